@@ -1,0 +1,25 @@
+# One line each: `make run` sets up and runs Simulation 1, `make test` sets up and passes the tests.
+PYTHON ?= python3
+VENV ?= .venv
+READY := $(VENV)/.ready
+
+.PHONY: run test check clean
+
+run: $(READY)
+	$(VENV)/bin/phalanx run unicycles
+
+test: $(READY)
+	$(VENV)/bin/python -m pytest -q
+
+check: $(READY)
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/ruff format --check .
+	$(VENV)/bin/mypy
+
+$(READY): pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[test]'
+	touch $(READY)
+
+clean:
+	rm -rf $(VENV)
