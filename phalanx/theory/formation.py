@@ -1,0 +1,87 @@
+"""Where agents want to be: a formation whose centre follows a Bezier path under a timing law."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Ge, Gt, MinLen
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Goal(NamedTuple):
+    """A desired position with its first two time derivatives, shapes (2,) or (3,)."""
+
+    position: Array
+    """p^d [m]"""
+    velocity: Array
+    """v^d [m/s]"""
+    acceleration: Array
+    """a^d [m/s²]"""
+
+
+@dataclass(frozen=True)
+class Formation:
+    """Slots on a circle whose centre runs along B(s(t)), s(t) = t / finish, then rests."""
+
+    path: Annotated[tuple[tuple[float, ...], ...], MinLen(2)]
+    """Control points of the Bezier curve [m], in 2-D or 3-D."""
+    finish: Annotated[float, Gt(0)]
+    """t_f [s]: when the centre reaches the last control point."""
+    radius: Annotated[float, Ge(0)]
+    """Radius of the circle of slots, in the xy plane [m]."""
+    slots: Annotated[int, Ge(1)]
+    """Number of slots; slot k is at the angle 2πk/slots."""
+
+    def __post_init__(self) -> None:
+        if len({len(point) for point in self.path}) != 1 or len(self.path[0]) not in (2, 3):
+            raise ValueError("path: expected control points that are all 2-D or all 3-D")
+
+    def center(self, t: float) -> Goal:
+        """The formation's centre at time t [s]."""
+        return self._at(t, self._path_polynomial)
+
+    def goal(self, slot: int, t: float) -> Goal:
+        """Where the agent in a slot wants to be at time t [s]."""
+        return self._at(t, self._slot_polynomials[slot])
+
+    def _at(self, t: float, polynomial: Array) -> Goal:
+        s = min(t / self.finish, 1.0)
+        powers = np.array([s**k for k in range(len(self.path))])
+        values = powers @ polynomial
+        d = len(self.path[0])
+        if t >= self.finish:
+            values[d:] = 0.0
+        return Goal(values[:d], values[d : 2 * d], values[2 * d :])
+
+    @cached_property
+    def _path_polynomial(self) -> Array:
+        """Coefficients of B(s) and its two time derivatives, shape (degree + 1, 3 d)."""
+        n = len(self.path) - 1
+        # Column k of `basis` is the Bernstein polynomial C(n, k) s^k (1-s)^(n-k).
+        basis = np.zeros((n + 1, n + 1))
+        for k in range(n + 1):
+            for j in range(n - k + 1):
+                basis[k + j, k] = math.comb(n, k) * math.comb(n - k, j) * (-1) ** j
+        derivative = np.diag(np.arange(1.0, n + 1), k=1) / self.finish
+        curve = basis @ np.array(self.path)
+        return np.hstack([curve, derivative @ curve, derivative @ derivative @ curve])
+
+    @cached_property
+    def _slot_polynomials(self) -> list[Array]:
+        """The path's polynomial with each slot's place on the circle added."""
+        shifted = []
+        for slot in range(self.slots):
+            angle = 2.0 * math.pi * slot / self.slots
+            polynomial = self._path_polynomial.copy()
+            polynomial[0, :2] += self.radius * math.cos(angle), self.radius * math.sin(angle)
+            shifted.append(polynomial)
+        return shifted
+
+
+def hold(position: Array) -> Goal:
+    """The goal of an agent that has none: stay here."""
+    return Goal(position, np.zeros_like(position), np.zeros_like(position))

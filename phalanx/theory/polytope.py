@@ -1,0 +1,110 @@
+"""Input polytopes U(x) = {u : A(x) u <= b(x)} and their linear programs, Eqs. (vLPs), (LPvminmax).
+
+A linear function on a compact polytope attains its extremes at vertices, and these polytopes are
+small (m <= 3), so the programs are solved exactly by looking at every vertex.
+"""
+
+from itertools import combinations
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_PARALLEL = 1e-12
+_SLACK = 1e-9
+
+
+class EmptyPolytopeError(ValueError):
+    """Assumption (Ui) fails: {u : A u <= b} has no vertex, so it is empty or unbounded."""
+
+
+class Box(NamedTuple):
+    """{u : low <= u <= high}, shapes (m,)."""
+
+    low: Array
+    high: Array
+
+
+class Polytope(NamedTuple):
+    """U(x) = {u : A u <= b} at one state."""
+
+    A: Array
+    """shape (r, m)"""
+    b: Array
+    """shape (r,)"""
+    corners: Array
+    """Its vertices, shape (v, m)."""
+    box: Box | None
+    """The same set as bounds on each input, if it is that simple."""
+
+
+def polytope(A: Array, b: Array) -> Polytope:
+    """{u : A u <= b} with its vertices; shapes (r, m), (r,). Raises EmptyPolytopeError."""
+    corners = vertices(A, b)
+    _require_bounded(A)
+    aligned = (np.count_nonzero(A, axis=1) == 1).all()
+    box = Box(corners.min(axis=0), corners.max(axis=0)) if aligned else None
+    return Polytope(A, b, corners, box)
+
+
+def vertices(A: Array, b: Array) -> Array:
+    """Vertices of {u : A u <= b}, shape (v, m), in a fixed order.
+
+    Args:
+        A: shape (r, m). b: shape (r,).
+
+    Raises:
+        EmptyPolytopeError: there is no vertex.
+    """
+    m = A.shape[1]
+    if len(b) < m:
+        raise EmptyPolytopeError(f"no vertex in {{u : A u <= b}} with {len(b)} rows in R^{m}")
+    candidates = np.array(list(combinations(range(len(b)), m)))
+    systems = A[candidates]
+    scale = np.prod(np.linalg.norm(systems, axis=2), axis=1)
+    regular = np.abs(np.linalg.det(systems)) > _PARALLEL * np.maximum(scale, 1e-300)
+    if not regular.any():
+        raise EmptyPolytopeError(f"no vertex in {{u : A u <= b}} with {len(b)} rows in R^{m}")
+    points = np.linalg.solve(systems[regular], b[candidates[regular]][..., None])[..., 0]
+    tolerance = _SLACK * (1.0 + np.abs(b))
+    inside = (points @ A.T <= b + tolerance).all(axis=1)
+    if not inside.any():
+        raise EmptyPolytopeError(f"no point satisfies all {len(b)} rows of A u <= b")
+    found: Array = np.unique(points[inside], axis=0)
+    return found
+
+
+def _require_bounded(A: Array) -> None:
+    """Raise EmptyPolytopeError if A u <= 0 has a solution besides zero: a way to infinity."""
+    rows, m = A.shape
+    within_box = np.vstack([A, np.eye(m), -np.eye(m)])
+    ways_out = vertices(within_box, np.concatenate([np.zeros(rows), np.ones(2 * m)]))
+    if np.abs(ways_out).max() > 10 * _SLACK:
+        raise EmptyPolytopeError(f"{{u : A u <= b}} with {rows} rows in R^{m} is unbounded")
+
+
+def extremes(c: Array, corners: Array) -> tuple[float, float]:
+    """min and max of cᵀu over the polytope with these vertices, Eq. (LPvminmax)."""
+    values = corners @ c
+    return float(values.min()), float(values.max())
+
+
+def minimiser(c: Array, corners: Array) -> Array:
+    """u^min = argmin cᵀu, shape (m,), Eq. (umin); the first vertex if several are equal."""
+    point: Array = corners[int(np.argmin(corners @ c))]
+    return point
+
+
+def maximiser(c: Array, corners: Array) -> Array:
+    """u^max = argmax cᵀu, shape (m,), Eq. (umax); the first vertex if several are equal."""
+    return minimiser(-c, corners)
+
+
+def constant_polytope(A: ca.SX, b: ca.SX) -> Polytope | None:
+    """The polytope as numbers if it does not depend on the state. Raises EmptyPolytopeError."""
+    if not (A.is_constant() and b.is_constant()):
+        return None
+    return polytope(np.array(ca.DM(A)), np.array(ca.DM(b))[:, 0])

@@ -1,0 +1,133 @@
+"""Agent i's row aᵀu_i <= bound: its part in keeping ψ_q^d + η <= 0.
+
+Each information model answers one question: what may agent i assume of the other normal
+agents' inputs? Adversaries count at their worst, γ_j^max, in every model.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.theory.terms import Terms
+
+Array = NDArray[np.float64]
+
+
+class Information(StrEnum):
+    """Information models of the row, and when each is sound.
+
+    An agent's row certifies the joint condition from its own update until the next update of any
+    normal agent, whose row then takes over. So what matters is that every input a row counts on
+    is the one in force when the row's own input takes effect.
+    """
+
+    PAPER = "paper"
+    """(QPdistributed) as printed: the last received û_l, whatever has become of it. Sound only if
+    every broadcast arrives before anyone else's next update, and no two agents update together;
+    the run checks it (fresh û)."""
+    IN_FLIGHT = "in-flight"
+    """û_l counts only while no newer input of l can be in force, t < t_l + Γ_l - δ_l^max, where
+    t_l is when û_l took effect; else γ_l^max. Sound for any delay and loss, if clocks keep their
+    bounds; checked too (fresh û, sampling gap)."""
+    SPLIT = "split"
+    """No û: each agent keeps its share of the joint condition. Sound for any delay and loss while
+    all normal agents compose the same h_tot (no neighbourhood). Shares are computed from different
+    samples: with `lse` Σ_i Lip(share_i) ε(Γ + δ) must be in η, which no margin here proves; with
+    `pairs` shares are constant, and each agent's own margin is enough."""
+    WORST_CASE = "worst-case"
+    """γ_l^max for everybody else. Sound always, feasible least often."""
+
+
+class Heard(NamedTuple):
+    """The newest broadcast that an agent has of another one."""
+
+    u: Array
+    """û_l, shape (m_l,)."""
+    since: float
+    """When it took effect [s]."""
+
+
+@dataclass(frozen=True)
+class Trust:
+    """Which received inputs a row may count on."""
+
+    information: Information
+    unchanged: Mapping[int, float]
+    """Γ_l - δ_l^max of each normal agent [s]: how long its input stays in force at least."""
+    silence: float
+    """A normal agent not heard of for longer [s] is counted like an adversary, at γ_l^max."""
+
+    def usable(self, heard: Mapping[int, Heard], t: float) -> dict[int, Array]:
+        """û_l by agent, of those that count for an input that takes effect at t [s]."""
+        if self.information not in (Information.PAPER, Information.IN_FLIGHT):
+            return {}
+        if self.information is Information.IN_FLIGHT:
+            return {l: h.u for l, h in heard.items() if t < h.since + self.unchanged[l] - _INSTANT}
+        return {l: h.u for l, h in heard.items() if t - h.since <= self.silence}
+
+    def sharing(self, i: int, heard: Mapping[int, Heard], t: float) -> list[int]:
+        """Normal agents that can be expected to keep their share at t [s], agent i with them."""
+        begun = t <= self.silence
+        alive = {l for l, h in heard.items() if t - h.since <= self.silence}
+        return [l for l in self.unchanged if l == i or begun or l in alive]
+
+
+_INSTANT = 1e-9
+"""Two times within this are one [s]: sums of periods round."""
+
+
+class Row(NamedTuple):
+    """aᵀu <= bound."""
+
+    a: Array
+    """L_{g_i} ψ_{q-1}^{x_i}, shape (m_i,)."""
+    bound: float
+
+
+class Rows(NamedTuple):
+    """a u <= bound, one row for each pair."""
+
+    a: Array
+    """shape (r, m_i)"""
+    bound: Array
+    """shape (r,)"""
+
+
+def paper_row(terms: Terms, i: int, received: Mapping[int, Array], eta: float) -> Row:
+    """The constraint of (QPdistributed) and (psiQPdistributed), as printed.
+
+    a = L_g ψ^{x_i} and bound = -(Σ_l drift_l + Σ_{l in N, l≠i} c_l û_l + Σ_{j in A} max c_j u
+    + α_q(ψ_{q-1}) + η). Sound only while û_l is what l applies.
+
+    Args:
+        terms: at agent i's sampled state.
+        i: the agent.
+        received: û_l, shape (m_l,), of normal agents; whoever is absent counts at γ_l^max.
+        eta: η(Γ_i + δ^max).
+    """
+    others = terms.unforced + eta
+    for l, most in enumerate(terms.most.tolist()):
+        if l in received:
+            others += float(terms.c[l] @ received[l])
+        elif l != i:
+            others += most
+    return Row(terms.c[i], -others)
+
+
+def split_row(terms: Terms, i: int, normal: Sequence[int], eta: float) -> Row:
+    """Agent i's share of the joint condition; needs nothing from the others.
+
+    With m_l = min over U_l of c_l u and T = Σ drift + Σ_N m_l + Σ_A max c_j u + α_q + η, agent i
+    keeps c_i u_i <= m_i + ω_i (-T), ω_i ∝ max c_i u - min c_i u. Summed over N this is the
+    condition of Eq. (KNx), and it is feasible whenever that is: when T <= 0.
+    """
+    least, most = terms.least.tolist(), terms.most.tolist()
+    total = terms.unforced + eta
+    total += sum(least[l] if l in normal else most[l] for l in range(len(least)))
+    spans = sum(most[l] - least[l] for l in normal)
+    weight = (most[i] - least[i]) / spans if spans > 0 else 1 / len(normal)
+    return Row(terms.c[i], least[i] - weight * total)

@@ -1,0 +1,66 @@
+"""Theorem 1: one QP for all normal agents, solved alike by each of them."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from phalanx.launch import launch, new_folder
+from phalanx.scenario.load import ScenarioError, load
+from phalanx.scenario.swarm import build_swarm
+from phalanx.theory.centralised import JointInput, joint_row
+from phalanx.theory.origin import Origin
+from phalanx.theory.terms import TermsFunction
+from phalanx.wire.session import free_endpoint
+
+SWARM = build_swarm(load("unicycles"))
+TERMS = TermsFunction(SWARM.chain)
+QP = JointInput([SWARM.members[l].dynamics for l in SWARM.normal])
+
+
+@given(seed=st.integers(0, 2**32 - 1), eta=st.floats(0.0, 9.0))
+@settings(max_examples=60, deadline=None)
+def test_the_joint_input_keeps_the_condition_of_theorem_1_whenever_any_input_does(seed, eta):
+    rng = np.random.default_rng(seed)
+    x = SWARM.start() + rng.uniform(-3, 3, 15)
+    terms, normal = TERMS(x), SWARM.normal
+    wanted = [rng.uniform(-5, 5, 2) for _ in normal]
+    decisions = QP.decide(terms, normal, wanted, eta)
+    joint = terms.unforced + eta + sum(terms.most[l] for l in (3, 4))
+    possible = joint + sum(terms.least[l] for l in normal) <= 0
+    forced = sum(float(terms.c[l] @ d.u) for l, d in zip(normal, decisions, strict=True))
+    assert (decisions[0].origin is Origin.QP) == possible
+    if possible:
+        assert joint + forced <= 1e-4
+        assert decisions[0].residual == pytest.approx(joint + forced, abs=1e-6)
+    else:
+        assert forced == pytest.approx(sum(terms.least[l] for l in normal))
+
+
+def test_it_changes_the_nominal_inputs_no_more_than_needed():
+    """If the nominal inputs keep the condition, they are what is applied."""
+    terms, normal = TERMS(SWARM.start()), SWARM.normal
+    wanted = [np.array([0.3, -0.1]), np.array([0.0, 0.2]), np.array([1.0, 0.0])]
+    row = joint_row(terms, normal, 0.0)
+    assert row.a @ np.concatenate(wanted) <= row.bound
+    for decision, u_nom in zip(QP.decide(terms, normal, wanted, 0.0), wanted, strict=True):
+        assert decision.u == pytest.approx(u_nom)
+
+
+def test_pairs_and_a_central_controller_exclude_each_other():
+    with pytest.raises(ScenarioError, match=r"safety\.composition: expected 'lse'"):
+        load("guaranteed", ["safety.control=centralised"])
+
+
+def unsynchronised(tmp_path, *overrides):
+    scenario = load("unicycles", ["duration=0.5", "safety.control=centralised", *overrides])
+    folder = new_folder(tmp_path, "central")
+    summary = launch(scenario, folder, free_endpoint(), lambda _: None)
+    return next(a.failed for a in summary.assumptions if a.name == "synchronous sampling")
+
+
+@pytest.mark.swarm
+def test_theorem_1_needs_synchronous_clocks_and_the_run_checks_it(tmp_path):
+    assert unsynchronised(tmp_path) > 0
+    synchronous = ["agents.0.clock.jitter=0.0", "agents.1.clock.jitter=0.0"]
+    assert unsynchronised(tmp_path, *synchronous) == 0
