@@ -1,0 +1,147 @@
+"""Read a scenario: a file or the name of one that ships, plus --set overrides."""
+
+import difflib
+import hashlib
+import tomllib
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from phalanx.scenario.model import ALTERNATIVES, Scenario
+
+
+class ScenarioError(ValueError):
+    """The scenario cannot be run; the message names file, field, expected and got."""
+
+
+def shipped() -> dict[str, Traversable]:
+    """The scenarios that come with Phalanx, by name."""
+    found = [f for f in files("scenarios").iterdir() if f.name.endswith(".toml")]
+    return {f.name.removesuffix(".toml"): f for f in sorted(found, key=lambda f: f.name)}
+
+
+def load(source: str, overrides: Sequence[str] = (), seed: int | None = None) -> Scenario:
+    """Read, override and validate.
+
+    Args:
+        source: path of a TOML file, or the name of a shipped scenario.
+        overrides: "path.to.field=value", the value as TOML; a bare word is a string.
+        seed: replaces the scenario's seed.
+
+    Raises:
+        ScenarioError: unreadable, not TOML, or not a valid scenario.
+    """
+    text = _read(source)
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError(f"{source}: not valid TOML: {error}") from error
+    for override in overrides:
+        apply_override(table, override)
+    if seed is not None:
+        table["seed"] = seed
+    return validate(table, source)
+
+
+def validate(table: Mapping[str, Any], source: str) -> Scenario:
+    """A scenario from its table. Raises ScenarioError that lists every problem found."""
+    try:
+        return Scenario.model_validate(table).scattered()
+    except ValidationError as error:
+        problems = [_describe(e["loc"], e["msg"], e["input"], e["type"]) for e in error.errors()]
+        raise ScenarioError("\n".join(f"{source}: {p}" for p in problems)) from error
+
+
+def digest(scenario: Scenario) -> str:
+    """A short fingerprint of the resolved scenario: two programs with the same one agree."""
+    return hashlib.blake2b(to_json(scenario).encode(), digest_size=8).hexdigest()
+
+
+def to_json(scenario: Scenario) -> str:
+    """The resolved scenario, every default spelled out."""
+    return scenario.model_dump_json(by_alias=True)
+
+
+def from_json(text: str) -> Scenario:
+    """Inverse of to_json. Raises ScenarioError as load does."""
+    try:
+        return Scenario.model_validate_json(text)
+    except ValidationError as error:
+        raise ScenarioError(f"recorded scenario: {error}") from error
+
+
+def apply_override(table: dict[str, Any], override: str) -> None:
+    """Set one field in place, for example "network.loss=0.3" or "agents.0.clock.period=0.02".
+
+    Raises ScenarioError if the path leads nowhere.
+    """
+    path, separator, text = override.partition("=")
+    keys = path.strip().split(".")
+    if not separator or not all(keys):
+        raise ScenarioError(f"--set {override}: expected path.to.field=value")
+    node: Any = table
+    for key in keys[:-1]:
+        node = _step(node, key, override)
+    if isinstance(node, list):
+        index = _index(node, keys[-1], override)
+        node[index] = _value(text)
+    else:
+        node[keys[-1]] = _value(text)
+
+
+def _step(node: Any, key: str, override: str) -> Any:
+    if isinstance(node, list):
+        return node[_index(node, key, override)]
+    child = node.setdefault(key, {})
+    if not isinstance(child, dict | list):
+        raise ScenarioError(f"--set {override}: {key} is a value, not a table")
+    return child
+
+
+def _index(node: list[Any], key: str, override: str) -> int:
+    if not key.isdecimal() or int(key) >= len(node):
+        last = len(node) - 1
+        raise ScenarioError(f"--set {override}: expected an index from 0 to {last}, got {key!r}")
+    return int(key)
+
+
+def _value(text: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def _read(source: str) -> str:
+    path = Path(source)
+    looks_like_path = path.suffix == ".toml" or "/" in source
+    if not looks_like_path and source in shipped():
+        return shipped()[source].read_text(encoding="utf-8")
+    if not looks_like_path and not path.exists():
+        close = difflib.get_close_matches(source, shipped(), n=1)
+        hint = f"; did you mean {close[0]!r}?" if close else ""
+        raise ScenarioError(f"{source}: no such scenario, one of {', '.join(shipped())}{hint}")
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ScenarioError(f"{source}: cannot be read: {error}") from error
+
+
+def _describe(location: tuple[int | str, ...], message: str, got: Any, kind: str) -> str:
+    parts = [str(part) for part in location if part not in ALTERNATIVES]
+    field = ".".join(parts) or "scenario"
+    expected = message.removeprefix("Value error, ").replace("Input should be", "expected")
+    if kind in ("missing", "missing_argument") or message == "Field required":
+        return f"{field}: expected a value, got nothing"
+    if kind == "extra_forbidden" or message == "Unexpected keyword argument":
+        return f"{field}: unknown field (misspelt?), got {_short(got)}"
+    return f"{field}: {expected}, got {_short(got)}"
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 80 else f"{text[:77]}..."

@@ -1,0 +1,102 @@
+"""Names in a scenario to classes: built-in short names, or a user's "package.module:Name"."""
+
+import dataclasses
+import importlib
+import inspect
+import sys
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pydantic
+
+from phalanx.theory.bicycle import KinematicBicycle
+from phalanx.theory.class_k import ClassK, Linear, Power
+from phalanx.theory.dynamics import Dynamics, SingleIntegrator, Unicycle
+from phalanx.theory.integrators import DoubleIntegrator, TripleIntegrator
+from phalanx.theory.laws import Law, Pursue, TrackVelocity, WorstCase
+from phalanx.theory.safe_set import SafeSetFunction, Separation
+from phalanx.theory.tracking import Chase, Track
+
+BUILT_IN: Mapping[type, Mapping[str, type]] = {
+    Dynamics: {
+        "unicycle": Unicycle,
+        "single-integrator": SingleIntegrator,
+        "double-integrator": DoubleIntegrator,
+        "triple-integrator": TripleIntegrator,
+        "bicycle": KinematicBicycle,
+    },
+    ClassK: {"linear": Linear, "power": Power},
+    SafeSetFunction: {"separation": Separation},
+    Law: {
+        "track-velocity": TrackVelocity,
+        "track": Track,
+        "pursue": Pursue,
+        "chase": Chase,
+        "worst": WorstCase,
+    },
+}
+
+
+def lookup(kind: type, name: str) -> type:
+    """The class that a scenario names.
+
+    Args:
+        kind: Dynamics, SafeSetFunction, ClassK or Law.
+        name: a built-in name, or "package.module:Name" of a dataclass, looked for in the
+            working directory too.
+
+    Raises:
+        ValueError: unknown name, module that does not import, or a class that is not of the kind.
+    """
+    known = BUILT_IN[kind]
+    if name in known:
+        return known[name]
+    if ":" not in name:
+        raise ValueError(f"expected one of {', '.join(known)} or package.module:Name")
+    found = _import(name)
+    missing = [m for m in _members(kind) if not hasattr(found, m) and m not in _fields(found)]
+    if not inspect.isclass(found) or not dataclasses.is_dataclass(found) or missing:
+        lacks = f"; it lacks {', '.join(missing)}" if missing else ""
+        raise ValueError(f"expected a dataclass that is a {kind.__name__}{lacks}")
+    return found
+
+
+def construct(kind: type, table: Mapping[str, Any]) -> Any:
+    """Build an object from its scenario table {type = "name", field = value, ...}.
+
+    Raises:
+        ValueError: as lookup. pydantic.ValidationError: a field is unknown, missing or wrong.
+    """
+    if "type" not in table:
+        raise ValueError(f"expected a field type, one of {', '.join(BUILT_IN[kind])}")
+    checked = _validated(lookup(kind, str(table["type"])))
+    return checked(**{key: value for key, value in table.items() if key != "type"})
+
+
+@cache
+def _validated(cls: type) -> Any:
+    """The same dataclass, its fields checked on construction."""
+    forbid = pydantic.ConfigDict(extra="forbid")
+    frozen = cls.__dataclass_params__.frozen  # type: ignore[attr-defined]
+    return pydantic.dataclasses.dataclass(cls, config=forbid, frozen=frozen)
+
+
+def _import(name: str) -> Any:
+    module, _, attribute = name.partition(":")
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.append(here)
+    try:
+        return getattr(importlib.import_module(module), attribute)
+    except Exception as error:  # a user's module may raise anything while it is imported
+        raise ValueError(f"cannot be imported ({type(error).__name__}: {error})") from error
+
+
+def _members(kind: type) -> list[str]:
+    return [m for m in vars(kind) if not m.startswith("_")]
+
+
+def _fields(cls: Any) -> set[str]:
+    return {f.name for f in dataclasses.fields(cls)} if dataclasses.is_dataclass(cls) else set()
