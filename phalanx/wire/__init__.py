@@ -1,0 +1,1 @@
+"""Keys, messages, sessions and link faults: the only place that imports zenoh."""

@@ -1,0 +1,165 @@
+"""Zenoh sessions: the plant's is the hub (a router), every other program is its client."""
+
+import json
+import os
+import socket
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import zenoh
+
+from phalanx.wire.messages import MAX_BYTES
+
+# Three threads instead of seven in a client, and a third less latency. Never in the hub: what
+# forwards would deadlock on its own back-pressure.
+_CLIENT_RUNTIME = (
+    "(rx: (handover: app), acc: (handover: app), tx: (handover: app), net: (handover: app), "
+    "app: (worker_threads: 1))"
+)
+
+Deliver = Callable[[str, bytes], None]
+Publisher = zenoh.Publisher
+
+
+class HubError(RuntimeError):
+    """The hub cannot listen, or cannot be reached; the message names the endpoint."""
+
+
+def free_endpoint() -> str:
+    """A TCP endpoint on loopback that is free now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+def open_hub(endpoint: str) -> zenoh.Session:
+    """Open the session that all programs of a run meet in. Raises HubError."""
+    config = {
+        **_common(),
+        "mode": "router",
+        "listen": {"endpoints": [endpoint]},
+    }
+    # Half-open connections must not keep agents out.
+    config["transport"]["unicast"] = {"accept_pending": 1000, "accept_timeout": 1000}
+    try:
+        return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+    except zenoh.ZError as error:
+        raise HubError(f"cannot listen on {endpoint}: {_reason(error)}") from error
+
+
+def open_client(endpoint: str, timeout: float) -> zenoh.Session:
+    """Join the hub, trying for `timeout` seconds. Raises HubError."""
+    os.environ.setdefault("ZENOH_RUNTIME", _CLIENT_RUNTIME)
+    config = {
+        **_common(),
+        "mode": "client",
+        "connect": {
+            "endpoints": [endpoint],
+            "timeout_ms": int(timeout * 1000),
+            "retry": {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 1.5},
+        },
+    }
+    try:
+        return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+    except zenoh.ZError as error:
+        raise HubError(f"no hub at {endpoint} within {timeout:g} s: {_reason(error)}") from error
+
+
+def _common() -> dict[str, Any]:
+    return {
+        "scouting": {
+            "multicast": {"enabled": False},
+            "gossip": {"enabled": False},
+            "delay": 0,
+        },
+        "transport": {
+            "shared_memory": {"enabled": False},
+            "link": {"rx": {"max_message_size": 4 * MAX_BYTES}},
+        },
+    }
+
+
+def publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
+    """A publisher whose messages are never dropped by a full queue: lockstep needs them all."""
+    return session.declare_publisher(
+        key,
+        congestion_control=zenoh.CongestionControl.BLOCK,
+        reliability=zenoh.Reliability.RELIABLE,
+    )
+
+
+def view_publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
+    """A publisher that drops what a slow listener cannot take: it never holds up the plant."""
+    return session.declare_publisher(
+        key,
+        congestion_control=zenoh.CongestionControl.DROP,
+        reliability=zenoh.Reliability.RELIABLE,
+        priority=zenoh.Priority.DATA_LOW,
+    )
+
+
+def answer(session: zenoh.Session, key: str, payload: bytes) -> None:
+    """Answer every query on the key with the same payload, until the close."""
+    session.declare_queryable(key, lambda query: query.reply(key, payload))
+
+
+def ask(session: zenoh.Session, key: str, timeout: float) -> bytes | None:
+    """The first answer to a query on the key, or None within `timeout` seconds."""
+    deadline = time.monotonic() + timeout
+    while True:
+        for reply in session.get(key, timeout=min(timeout, 1.0)):
+            if reply.ok is not None:
+                return reply.ok.payload.to_bytes()
+        if time.monotonic() > deadline:
+            return None
+        time.sleep(0.05)  # nobody has declared the key yet, so the query ended at once
+
+
+def wait_for_listener(publisher: zenoh.Publisher, timeout: float) -> None:
+    """Wait until somebody listens: messages put earlier are lost. Raises HubError."""
+    listener = threading.Event()
+
+    def on_match(status: zenoh.MatchingStatus) -> None:
+        if status.matching:
+            listener.set()
+
+    publisher.declare_matching_listener(zenoh.handlers.Callback(on_match, indirect=False))
+    matching: bool = publisher.matching_status.matching  # type: ignore[attr-defined]
+    if not matching and not listener.wait(timeout):
+        raise HubError(f"nobody listens to {publisher.key_expr} after {timeout:g} s")
+
+
+def subscribe(session: zenoh.Session, key: str, deliver: Deliver) -> None:
+    """Call deliver(key, payload) in Zenoh's own thread for every message, until the close.
+
+    deliver may put, but must not wait for another message.
+    """
+
+    def on_sample(sample: zenoh.Sample) -> None:
+        deliver(str(sample.key_expr), sample.payload.to_bytes())
+
+    session.declare_subscriber(key, zenoh.handlers.Callback(on_sample, indirect=False))
+
+
+def watch(session: zenoh.Session, key: str, changed: Callable[[str, bool], None]) -> None:
+    """Call changed(key, alive) whenever a liveliness token appears or disappears.
+
+    It is called in a thread of its own, so it may close things.
+    """
+
+    def on_token(sample: zenoh.Sample) -> None:
+        changed(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+    session.liveliness().declare_subscriber(key, on_token, history=True)
+
+
+def announce(session: zenoh.Session, key: str) -> zenoh.LivelinessToken:
+    """Declare a liveliness token; it disappears with the session, whatever ends it."""
+    return session.liveliness().declare_token(key)
+
+
+def _reason(error: Exception) -> str:
+    # Zenoh appends source places; a user needs the cause only.
+    return str(error).split(" at /")[0].rstrip(".")
