@@ -1,0 +1,1 @@
+"""One agent's process, normal or adversary: sample, decide, broadcast."""

@@ -1,0 +1,143 @@
+"""How an agent turns a wanted input into one to apply: its row or rows, its QP, its backup."""
+
+from collections.abc import Mapping
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.scenario.swarm import Swarm
+from phalanx.theory.centralised import JointInput
+from phalanx.theory.controller import Decision, decide, decide_pairs
+from phalanx.theory.laws import View
+from phalanx.theory.origin import Origin
+from phalanx.theory.pairs import pair_rows
+from phalanx.theory.qp import NearestInput
+from phalanx.theory.row import Heard, Information, paper_row, split_row
+from phalanx.theory.terms import Terms
+
+Array = NDArray[np.float64]
+
+
+class Moment(NamedTuple):
+    """What agent i knows when it decides."""
+
+    t: float
+    """When its input takes effect [s]."""
+    x: Array
+    """Stacked sampled state, shape (n̄,)."""
+    terms: Terms
+    wanted: Array
+    """What its law would like to apply, shape (m_i,)."""
+    heard: Mapping[int, Heard]
+
+
+class Controller(Protocol):
+    """One agent's decision."""
+
+    def __call__(self, now: Moment) -> tuple[Decision, list[int]]:
+        """The input, and the agents whose û_l counted for it."""
+
+
+def controller(swarm: Swarm, i: int) -> Controller:
+    """What the scenario asks of agent i."""
+    safety = swarm.scenario.safety
+    if swarm.members[i].adversary:
+        return Attack(swarm, i)
+    if safety.control == "centralised":
+        return Centralised(swarm, i)
+    return OneRowForEachPair(swarm, i) if safety.composition == "pairs" else OneRow(swarm, i)
+
+
+class Attack:
+    """An adversary's wanted input, projected onto U_j."""
+
+    def __init__(self, swarm: Swarm, i: int) -> None:
+        self._i, self._qp = i, _solver(swarm, i, 1)
+
+    def __call__(self, now: Moment) -> tuple[Decision, list[int]]:
+        u = self._qp.solve(now.wanted, now.terms.polytopes[self._i])
+        if u is None:
+            raise ArithmeticError(f"projection of {now.wanted} onto U_i failed at t = {now.t}")
+        return Decision(u, Origin.ATTACK, 0.0), []
+
+
+class OneRow:
+    """(psiQPdistributed): one row for h_tot."""
+
+    def __init__(self, swarm: Swarm, i: int) -> None:
+        safety = swarm.scenario.safety
+        self._i, self._qp, self._trust = i, _solver(swarm, i, 1), swarm.trust()
+        self._eta, self._scale = swarm.eta(i), safety.margin_scale
+        self._authority = safety.authority
+        self._split = safety.information is Information.SPLIT
+
+    def __call__(self, now: Moment) -> tuple[Decision, list[int]]:
+        terms, i = now.terms, self._i
+        eta = self._scale * (self._eta + terms.margin)
+        usable: dict[int, Array] = {}
+        if self._split:
+            row = split_row(terms, i, self._trust.sharing(i, now.heard, now.t), eta)
+        else:
+            usable = self._trust.usable(now.heard, now.t)
+            row = paper_row(terms, i, usable, eta)
+        decision = decide(terms, i, row, now.wanted, self._qp, self._authority)
+        return decision, [l for l in usable if terms.c[l].any()]
+
+
+class OneRowForEachPair:
+    """The same for each pair by itself."""
+
+    def __init__(self, swarm: Swarm, i: int) -> None:
+        safety = swarm.scenario.safety
+        self._i, self._trust = i, swarm.trust()
+        self._pairs, self._terms = swarm.own_pairs(i), swarm.pair_terms(i)
+        self._qp = _solver(swarm, i, len(self._pairs))
+        self._eta, self._scale = swarm.eta(i), safety.margin_scale
+        self._split = safety.information is Information.SPLIT
+
+    def __call__(self, now: Moment) -> tuple[Decision, list[int]]:
+        sharing = self._trust.sharing(self._i, now.heard, now.t) if self._split else []
+        usable = self._trust.usable(now.heard, now.t)
+        terms = self._terms(now.x)
+        rows = pair_rows(terms, self._pairs, usable, sharing, self._eta, self._scale)
+        inputs = now.terms.polytopes[self._i]
+        return decide_pairs(inputs, rows, now.wanted, self._qp), list(usable)
+
+
+class Centralised:
+    """(QPmultiple), solved alike by every normal agent, each of which applies its own part.
+
+    With synchronous sampling all of them see the same state at the same instant, and so solve the
+    same program: this is the one controller of Theorem 1, without a machine of its own to fail.
+    """
+
+    def __init__(self, swarm: Swarm, i: int) -> None:
+        safety = swarm.scenario.safety
+        self._i, self._normal = i, swarm.normal
+        self._eta, self._scale = swarm.eta(i), safety.margin_scale
+        self._laws = {l: swarm.law(l) for l in swarm.normal if l != i}
+        self._goals = {l: swarm.goal_of(l) for l in self._laws}
+        self._parts = swarm.chain.set.parts
+        self._latency = swarm.scenario.time.latency
+        self._qp = JointInput([swarm.members[l].dynamics for l in swarm.normal])
+
+    def __call__(self, now: Moment) -> tuple[Decision, list[int]]:
+        states = [now.x[part] for part in self._parts]
+        sampled = now.t - self._latency
+        wanted = []
+        for l in self._normal:
+            if l == self._i:
+                wanted.append(now.wanted)
+                continue
+            goal = self._goals[l](sampled, now.terms.positions[l])
+            wanted.append(self._laws[l].input(View(l, states, self._normal, goal, now.terms)))
+        eta = self._scale * (self._eta + now.terms.margin)
+        decisions = self._qp.decide(now.terms, self._normal, wanted, eta)
+        return decisions[self._normal.index(self._i)], []
+
+
+def _solver(swarm: Swarm, i: int, safety_rows: int) -> NearestInput:
+    dynamics, composed = swarm.members[i].dynamics, swarm.chain.set
+    rows = dynamics.input_polytope(composed.x[composed.parts[i]])[0].shape[0]
+    return NearestInput(dynamics.input_metric(), rows, safety_rows)

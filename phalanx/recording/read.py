@@ -1,0 +1,128 @@
+"""Read a recording, whole or cut short."""
+
+import struct
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from mcap.exceptions import EndOfFile, McapError
+from mcap.records import Attachment, Channel, Message, Metadata
+from mcap.stream_reader import CRCValidationError, StreamReader
+from numpy.typing import NDArray
+from zstandard import ZstdError
+
+from phalanx.recording.records import RECORDING, TOPICS, Control, Log, State, Step
+from phalanx.scenario.load import ScenarioError, from_json
+from phalanx.scenario.model import Scenario
+from phalanx.verdict import Summary
+
+Array = NDArray[np.float64]
+
+
+class UnreadableRecordingError(ValueError):
+    """Not a recording, or damaged before its first chunk ended; the message names the file."""
+
+
+@dataclass
+class Recording:
+    """A run as recorded."""
+
+    path: Path
+    scenario: Scenario
+    metadata: dict[str, str]
+    states: list[State] = field(default_factory=list)
+    steps: list[Step] = field(default_factory=list)
+    log: list[Log] = field(default_factory=list)
+    controls: list[Control] = field(default_factory=list)
+    summary: Summary | None = None
+    damage: str | None = None
+    """Why the recording ends early, in words; None if it is whole."""
+
+    @property
+    def times(self) -> Array:
+        """Times of the states [s], shape (s,)."""
+        return np.array([state.t for state in self.states])
+
+    @property
+    def x(self) -> Array:
+        """States, shape (s, n̄)."""
+        return np.array([state.x for state in self.states])
+
+    @property
+    def h_tot(self) -> Array:
+        """Largest h_tot up to each state since the one before, shape (s,)."""
+        return np.array([state.h_tot for state in self.states])
+
+
+def find(run: Path) -> Path:
+    """The recording file of a run folder, or the file itself. Raises UnreadableRecordingError."""
+    path = run / RECORDING if run.is_dir() else run
+    if not path.is_file():
+        raise UnreadableRecordingError(f"{path}: no such recording")
+    return path
+
+
+def read(run: Path) -> Recording:
+    """Read a run folder or a recording file.
+
+    A file that was cut short gives all records up to its last whole chunk, and says so.
+
+    Raises:
+        UnreadableRecordingError: no such file, not MCAP, or without a scenario.
+    """
+    path = find(run)
+    contents = _Contents()
+    with path.open("rb") as file:
+        damage = contents.collect(StreamReader(file, validate_crcs=True))
+    if contents.scenario is None:
+        raise UnreadableRecordingError(f"{path}: not a recording of a run ({damage or 'empty'})")
+    try:
+        scenario = from_json(contents.scenario)
+    except ScenarioError as error:
+        raise UnreadableRecordingError(f"{path}: {error}") from error
+    by_kind: dict[type, list[Any]] = contents.records
+    return Recording(
+        path, scenario, contents.metadata, by_kind[State], by_kind[Step], by_kind[Log],
+        by_kind[Control], contents.summary, damage,
+    )  # fmt: skip
+
+
+class _Contents:
+    def __init__(self) -> None:
+        self.scenario: str | None = None
+        self.summary: Summary | None = None
+        self.metadata: dict[str, str] = {}
+        self.records: dict[type, list[Any]] = {kind: [] for kind in TOPICS}
+
+    def collect(self, reader: StreamReader) -> str | None:
+        """Take every record there is; the damage in words, if there is any."""
+        kinds = {topic: kind for kind, topic in TOPICS.items()}
+        decoders: dict[int, msgspec.json.Decoder[Any]] = {}
+        try:
+            for record in reader.records:
+                if isinstance(record, Channel) and record.topic in kinds:
+                    decoders[record.id] = msgspec.json.Decoder(kinds[record.topic])
+                elif isinstance(record, Message) and record.channel_id in decoders:
+                    found = decoders[record.channel_id].decode(record.data)
+                    self.records[type(found)].append(found)
+                elif isinstance(record, Metadata) and record.name == "phalanx":
+                    self.metadata = record.metadata
+                elif isinstance(record, Attachment):
+                    self._attach(record)
+        except (EndOfFile, struct.error):
+            return f"cut short after {self._extent()}"
+        except (McapError, CRCValidationError, ZstdError, msgspec.DecodeError, ValueError) as error:
+            return f"damaged after {self._extent()}: {error}"
+        return None
+
+    def _attach(self, record: Attachment) -> None:
+        if record.name == "scenario.json":
+            self.scenario = record.data.decode()
+        elif record.name == "summary.json":
+            self.summary = msgspec.json.decode(record.data, type=Summary)
+
+    def _extent(self) -> str:
+        states = self.records[State]
+        return f"t = {states[-1].t:.3f} s" if states else "no state"

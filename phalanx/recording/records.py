@@ -1,0 +1,67 @@
+"""What a recording holds: JSON messages that Foxglove and other MCAP tools read as they are."""
+
+import msgspec
+
+RECORDING = "recording.mcap"
+SUMMARY = "summary.json"
+
+
+class State(msgspec.Struct):
+    """The world at an event: a sample taken or an input applied. Topic /state."""
+
+    t: float
+    """[s]"""
+    x: list[float]
+    """Stacked state, shape (n̄,)."""
+    h_tot: float
+    """Largest h_tot since the event before."""
+
+
+class Step(msgspec.Struct):
+    """One control step of one agent. Topic /step."""
+
+    agent: str
+    k: int
+    t: float
+    """t_i^k [s]."""
+    t_apply: float
+    """When the input took effect [s]."""
+    u: list[float]
+    """Native input, shape (m_i,)."""
+    origin: str
+    residual: float
+    solve_time: float
+    """Wall time [s]; not part of the trajectory."""
+    ages: list[float | None]
+    """Age of the û_l used, by agent [s]."""
+    fates: list[tuple[str, int, float]]
+    """(sender, sequence number, delay [s]) of broadcasts decided now; delay < 0: lost."""
+    wanted: list[float] = []
+    """The nominal input, or the attack before its projection onto U_i, shape (m_i,)."""
+
+
+class Log(msgspec.Struct):
+    """An event in words. Topic /log."""
+
+    t: float
+    text: str
+
+
+class Control(msgspec.Struct, frozen=True):
+    """An intervention from outside the scenario, obeyed at t. Topic /control."""
+
+    t: float
+    """[s]"""
+    kind: str
+    """One of phalanx.control.ControlKind."""
+    agent: str = ""
+    value: float = 0.0
+
+
+TOPICS: dict[type, str] = {State: "/state", Step: "/step", Log: "/log", Control: "/control"}
+
+
+def json_schema(kind: type) -> bytes:
+    """The JSON Schema of a record, its root inlined as MCAP readers expect."""
+    _, components = msgspec.json.schema_components([kind])
+    return msgspec.json.encode({"type": "object", **components[kind.__name__]})

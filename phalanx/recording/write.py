@@ -1,0 +1,106 @@
+"""Write a recording as the run goes."""
+
+import os
+import platform
+from importlib.metadata import version
+from pathlib import Path
+from typing import Self
+
+import msgspec
+from mcap.writer import Writer
+
+from phalanx.recording.records import TOPICS, Control, Log, State, Step, json_schema
+from phalanx.scenario.load import digest, to_json
+from phalanx.scenario.model import Scenario
+from phalanx.verdict import Summary
+
+_CHUNK_BYTES = 64 * 1024
+_VERSIONS = ("phalanx", "eclipse-zenoh", "osqp", "casadi", "numpy")
+
+Record = State | Step | Log | Control
+
+
+class RecordingError(OSError):
+    """The recording cannot go on: the disk is full, or the file is gone."""
+
+
+class RecordingWriter:
+    """One MCAP file; every finished chunk is on the disk, whole, before the next begins."""
+
+    def __init__(self, path: Path, scenario: Scenario, run_id: str) -> None:
+        """Create the file, with the resolved scenario and the versions first."""
+        self._file = _WholeWrites(path)
+        self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES, enable_data_crcs=True)  # type: ignore[arg-type]
+        self._writer.start(profile="", library=f"phalanx {version('phalanx')}")
+        self._encode = msgspec.json.Encoder().encode
+        self._writer.add_metadata(
+            "phalanx",
+            {
+                "run": run_id,
+                "seed": str(scenario.seed),
+                "scenario_digest": digest(scenario),
+                "python": platform.python_version(),
+                **{name: version(name) for name in _VERSIONS},
+            },
+        )
+        self._writer.add_attachment(
+            0, 0, "scenario.json", "application/json", to_json(scenario).encode()
+        )
+        self._channels = {}
+        for kind, topic in TOPICS.items():
+            schema = self._writer.register_schema(
+                f"phalanx.{kind.__name__}", "jsonschema", json_schema(kind)
+            )
+            self._channels[kind] = self._writer.register_channel(topic, "json", schema)
+
+    def write(self, record: Record) -> None:
+        """Append a record at its virtual time. Raises RecordingError."""
+        at = int(record.t * 1e9)
+        self._writer.add_message(self._channels[type(record)], at, self._encode(record), at)
+
+    def finish(self, summary: Summary) -> None:
+        """Append the summary and the index. Raises RecordingError."""
+        self._writer.add_attachment(
+            0, 0, "summary.json", "application/json", msgspec.json.encode(summary)
+        )
+        self._writer.finish()  # type: ignore[no-untyped-call]
+
+    def close(self) -> None:
+        """Close the file; what is in it stays readable."""
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class _WholeWrites:
+    """A file that takes each write whole or not at all, and keeps nothing back in memory."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._end = 0
+        try:
+            self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            raise RecordingError(error.errno, f"{error.strerror}: {path}") from error
+
+    def write(self, data: bytes) -> int:
+        rest = memoryview(data)
+        try:
+            while rest:
+                rest = rest[os.write(self._fd, rest) :]
+        except OSError as error:
+            # Half a chunk would hide the whole ones behind it from a strict reader.
+            os.ftruncate(self._fd, self._end)
+            raise RecordingError(error.errno, f"{error.strerror}: {self._path}") from error
+        self._end += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        return self._end
+
+    def close(self) -> None:
+        os.close(self._fd)

@@ -1,0 +1,1 @@
+"""The plant's process: the world, the clock, the hub and the truth."""

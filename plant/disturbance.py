@@ -1,0 +1,116 @@
+"""The disturbances φ_i(t): straight lines between knots, random or adverse."""
+
+import math
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.randomness import Draws
+from phalanx.scenario.model import Disturbance
+from phalanx.scenario.swarm import Swarm
+from phalanx.theory.compiled import CompiledFunction
+from phalanx.theory.psi import Chain
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Line:
+    """φ(t) = value + slope (t - begin) for t in [begin, end]."""
+
+    begin: float
+    end: float
+    value: Array
+    slope: Array
+
+    def at(self, t: float) -> Array:
+        """φ(t)."""
+        phi: Array = self.value + self.slope * (t - self.begin)
+        return phi
+
+
+class KnottedDisturbance:
+    """φ_i of one agent; locally Lipschitz, and ‖φ_i‖ <= φ_i^max everywhere.
+
+    Knots are uniform in the cube inscribed in the ball of radius φ_i^max; the ball is convex, so
+    the lines between knots stay inside.
+    """
+
+    def __init__(self, seed: int, agent: str, model: Disturbance, n: int) -> None:
+        """For a state of n components."""
+        self._draws = Draws(seed, "disturbance", agent, width=n)
+        self._half_width = model.bound / math.sqrt(n)
+        self._every = model.every
+
+    def line(self, t: float, _x: Array | None = None) -> Line:
+        """The line that holds from t [s] on."""
+        knot = _last_knot(t, self._every)
+        return _between(knot, self._every, self._knot(knot), self._knot(knot + 1))
+
+    def _knot(self, index: int) -> Array:
+        value: Array = self._half_width * (2.0 * self._draws[index] - 1.0)
+        return value
+
+
+class AdverseDisturbance:
+    """φ_i pushes ψ_{q-1} up as hard as it may: along its gradient, seen at each knot.
+
+    A knot's push is reached one knot later, so that φ_i is continuous.
+    """
+
+    def __init__(self, chain: Chain, i: int, model: Disturbance) -> None:
+        """For member i of the chain."""
+        composed = chain.set
+        gradient = ca.jacobian(chain.psi[-1], composed.x[composed.parts[i]])
+        self._gradient = CompiledFunction([composed.x], [composed.settle(gradient)])
+        self._bound, self._every = model.bound, model.every
+        self._line: Line | None = None
+
+    def line(self, t: float, x: Array) -> Line:
+        """The line that holds from t [s] on, given the stacked state x there, shape (n̄,)."""
+        if self._line is None or t >= self._line.end:
+            knot = _last_knot(t, self._every)
+            before = self._line.at(self._line.end) if self._line else self._push(x)
+            self._line = _between(knot, self._every, before, self._push(x))
+        return self._line
+
+    def _push(self, x: Array) -> Array:
+        gradient = self._gradient(x)[0]
+        size = float(np.linalg.norm(gradient))
+        push: Array = self._bound / size * gradient if size > 0.0 else 0.0 * gradient
+        return push
+
+
+def _last_knot(t: float, every: float) -> int:
+    knot = math.floor(t / every)
+    # If t is a knot, the division may have rounded down.
+    return knot + 1 if (knot + 1) * every <= t else knot
+
+
+def _between(knot: int, every: float, here: Array, there: Array) -> Line:
+    begin, end = knot * every, (knot + 1) * every
+    return Line(begin, end, here, (there - here) / (end - begin))
+
+
+class SwarmDisturbance:
+    """All φ_i, stacked as the state is, shape (n̄,)."""
+
+    def __init__(self, swarm: Swarm) -> None:
+        self._each = [self._disturbance(swarm, i) for i in range(len(swarm.members))]
+
+    @staticmethod
+    def _disturbance(swarm: Swarm, i: int) -> KnottedDisturbance | AdverseDisturbance:
+        model, member = swarm.group(i)[0].disturbance, swarm.members[i]
+        if model.kind == "adverse":
+            return AdverseDisturbance(swarm.chain, i, model)
+        states = len(member.dynamics.states)
+        return KnottedDisturbance(swarm.scenario.seed, member.name, model, states)
+
+    def line(self, t: float, x: Array) -> Line:
+        """The line of the stack from t [s], in state x there, to the first knot of any agent."""
+        lines = [each.line(t, x) for each in self._each]
+        value = np.concatenate([line.at(t) for line in lines])
+        slope = np.concatenate([line.slope for line in lines])
+        return Line(t, min(line.end for line in lines), value, slope)

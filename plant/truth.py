@@ -1,0 +1,82 @@
+"""The true h of every pair, at every integration step."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.theory.safe_set import ComposedSet
+from phalanx.verdict import Violation
+
+Array = NDArray[np.float64]
+
+
+class PairTruth:
+    """Running extremes of every pair's h and of h_tot."""
+
+    def __init__(self, composed: ComposedSet) -> None:
+        self._labels = [composed.label(pair) for pair in composed.pairs]
+        count = len(self._labels)
+        self._t = 0.0
+        self._worst = np.full(count, -np.inf)
+        self._worst_at = np.zeros(count)
+        self._first = np.full(count, np.inf)
+        self._duration = np.zeros(count)
+        self.worst_h_tot = -np.inf
+        """Largest h_tot so far."""
+        self.worst_at = 0.0
+        """When it was [s]."""
+        self._peak = -np.inf
+        self.largest = 0
+        """The pair whose h was largest at the last step."""
+        self.unsafe = False
+        """Whether some pair was outside its safe set at the last steps."""
+        self.h_tot = -np.inf
+        """At the last step."""
+
+    @property
+    def closest(self) -> str:
+        """The pair whose h was largest."""
+        return self._labels[int(np.argmax(self._worst))]
+
+    def add(self, times: Array, h: Array, h_tot: Array) -> None:
+        """After s integration steps: times [s], shape (s,), every pair's h (s, p), h_tot (s,)."""
+        if (h > self._worst).any():
+            highest, at = h.max(axis=0), times[h.argmax(axis=0)]
+            self._worst_at = np.where(highest > self._worst, at, self._worst_at)
+            self._worst = np.maximum(highest, self._worst)
+        self.largest, self.h_tot = int(h[-1].argmax()), float(h_tot[-1])
+        peak = float(h_tot.max())
+        if peak > self.worst_h_tot:
+            self.worst_h_tot, self.worst_at = peak, float(times[h_tot.argmax()])
+        self._peak = max(self._peak, peak)
+        # LSE is never below the largest h: with h_tot <= 0 no pair is unsafe. What is not a number
+        # is not safe either.
+        self.unsafe = False
+        if not peak <= 0.0:
+            self._add_unsafe(times, ~(h <= 0.0))
+        self._t = float(times[-1])
+
+    def _add_unsafe(self, times: Array, unsafe: NDArray[np.bool_]) -> None:
+        self.unsafe = bool(unsafe.any())
+        lengths = np.diff(times, prepend=self._t)
+        self._duration += lengths @ unsafe
+        first = np.where(unsafe.any(axis=0), times[unsafe.argmax(axis=0)], np.inf)
+        self._first = np.minimum(self._first, first)
+
+    def take_peak(self) -> float:
+        """Largest h_tot since this was last called, the value at that time included."""
+        peak, self._peak = self._peak, self.h_tot
+        return peak
+
+    def violations(self) -> list[Violation]:
+        """Pairs with h > 0 at some step, the deepest first."""
+        found = [
+            Violation(
+                self._labels[p],
+                float(self._first[p]),
+                float(self._worst[p]),
+                float(self._worst_at[p]),
+                float(self._duration[p]),
+            )
+            for p in np.flatnonzero(self._first < np.inf)
+        ]
+        return sorted(found, key=lambda v: -v.worst)

@@ -1,0 +1,93 @@
+"""Real runs: real processes, a real hub on a free port, and a hunt for orphans afterwards."""
+
+import os
+import subprocess
+import sys
+import time
+import uuid
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+import psutil
+
+T = TypeVar("T")
+MARK = "PHALANX_TEST_RUN"
+
+
+class Run:
+    """One `phalanx` command with everything it started."""
+
+    def __init__(self, folder: Path, *arguments: str, limit: Callable[[], None] | None = None):
+        self.parent = folder
+        self.mark = uuid.uuid4().hex
+        command = [sys.executable, "-m", "phalanx", *arguments]
+        if arguments[0] == "run":
+            command += ["--no-report", "--out", str(folder)]
+        self.process = subprocess.Popen(
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, MARK: self.mark, "COLUMNS": "200"},
+            start_new_session=True,
+            preexec_fn=limit,
+        )
+
+    @property
+    def folder(self) -> Path:
+        """The run's folder, once it is there."""
+        return wait_for(lambda: next(iter(self.parent.glob("*-[0-9]*")), None))
+
+    def finish(self, timeout: float = 90) -> tuple[int, str]:
+        """Exit status, and everything it printed."""
+        out, err = self.process.communicate(timeout=timeout)
+        return self.process.returncode, err + out
+
+    def programs(self) -> dict[str, psutil.Process]:
+        """The plant and the agents that run now, by the name that ps shows."""
+        found = {}
+        for process in self.descendants():
+            try:
+                if process.name().startswith("phx-"):
+                    found[process.name()] = process
+            except psutil.NoSuchProcess:
+                continue
+        return found
+
+    def descendants(self) -> list[psutil.Process]:
+        """Every living process that this command started, however far removed."""
+        found = []
+        for process in psutil.process_iter():
+            try:
+                alive = process.status() != psutil.STATUS_ZOMBIE
+                if alive and process.environ().get(MARK) == self.mark:
+                    found.append(process)
+            except (psutil.NoSuchProcess, psutil.AccessDenied):
+                continue
+        return found
+
+    def wait_until_running(self, agents: int = 5, bytes_recorded: int = 100_000) -> None:
+        """Return in the middle of the run: all programs there, and something recorded."""
+        wait_for(lambda: len(self.programs()) == agents + 1)
+        recording = self.folder / "recording.mcap"
+        wait_for(lambda: recording.exists() and recording.stat().st_size > bytes_recorded)
+
+    def wait_until_gone(self, seconds: float) -> None:
+        """Fail unless every process ends within this time."""
+        wait_for(lambda: not self.descendants(), seconds)
+
+    def kill_all(self) -> None:
+        """Leave nothing behind, whatever the test did."""
+        for process in self.descendants():
+            process.kill()
+        self.process.communicate()
+
+
+def wait_for(condition: Callable[[], T], seconds: float = 60) -> T:
+    """The condition's first truthy value; fails after `seconds`."""
+    deadline = time.monotonic() + seconds
+    while not (value := condition()):
+        assert time.monotonic() < deadline, "the condition did not come true in time"
+        time.sleep(0.02)
+    return value

@@ -1,0 +1,131 @@
+"""A run from its file to its verdict: processes, determinism, network."""
+
+import multiprocessing
+import re
+
+import psutil
+import pytest
+
+from phalanx.recording.read import read
+
+pytestmark = pytest.mark.swarm
+
+SHORT = ("run", "unicycles", "--set", "duration=1.0")
+
+
+def trajectory(run) -> str:
+    status, output = run.finish()
+    assert status == 0, output
+    summary = read(run.folder).summary
+    assert summary is not None
+    return summary.trajectory
+
+
+def test_the_plant_and_every_agent_is_a_process_of_its_own(phalanx):
+    run = phalanx("run", "unicycles")
+    run.wait_until_running()
+    programs = run.programs()
+    assert sorted(programs) == ["phx-agent-1", "phx-agent-2", "phx-agent-3", "phx-agent-4",
+                                "phx-agent-5", "phx-plant"]  # fmt: skip
+    assert len({process.pid for process in programs.values()}) == 6
+
+
+def test_a_run_ends_with_a_verdict_and_names_what_kept_it_from_a_guarantee(phalanx):
+    run = phalanx(*SHORT)
+    status, output = run.finish()
+    assert status == 0
+    assert "safe: h <= 0 throughout, but not guaranteed; failed: " in output
+    assert "proven margin" in output.splitlines()[-1]
+
+
+def test_strict_turns_safe_into_a_failure(phalanx):
+    status, _ = phalanx(*SHORT, "--strict").finish()
+    assert status == 1
+
+
+def test_without_a_margin_the_set_is_left_and_the_verdict_says_where(phalanx):
+    run = phalanx("run", "unicycles", "--set", "safety.eta=0", "--set", "duration=20")
+    status, output = run.finish()
+    assert status == 2
+    assert re.search(r"violated: \S+ left the safe set at t = [\d.]+ s, up to h = ", output)
+
+
+def test_the_same_seed_gives_the_same_trajectory_whatever_the_load(phalanx):
+    quiet = {trajectory(phalanx(*SHORT)) for _ in range(3)}
+    with busy_cores():
+        loaded = {trajectory(phalanx(*SHORT)) for _ in range(2)}
+    assert quiet == loaded
+    assert len(quiet) == 1
+
+
+def test_another_seed_gives_another_trajectory(phalanx):
+    assert trajectory(phalanx(*SHORT)) != trajectory(phalanx(*SHORT, "--seed", "1"))
+
+
+def test_loss_and_delay_are_what_the_scenario_says_and_the_same_every_time(phalanx):
+    lossy = ("--set", "network.loss=0.3", "--set", "network.delay=0.01")
+    runs = [phalanx("run", "unicycles", "--set", "duration=4.0", *lossy) for _ in range(2)]
+    fates = [all_fates(run) for run in runs]
+    assert fates[0] == fates[1]
+    delays = [delay for delay in fates[0].values() if delay >= 0]
+    assert set(delays) == {0.01}
+    share = 1 - len(delays) / len(fates[0])
+    assert share == pytest.approx(0.3, abs=0.04)  # 2400 draws: four standard deviations
+
+
+def test_agents_that_reach_the_same_plant_from_elsewhere_make_the_same_run(phalanx, tmp_path):
+    """Plant and agents started by hand, as on several hosts, give the launcher's trajectory."""
+    from phalanx.wire.session import free_endpoint
+
+    endpoint, out = free_endpoint(), tmp_path / "plant"
+    out.mkdir()
+    common = ("--scenario", "unicycles", "--set", "duration=0.5", "--run", "r", "--secret", "s")
+    plant = phalanx("plant", *common, "--listen", endpoint, "--out", str(out))
+    agents = [phalanx("agent", name, *common, "--connect", endpoint) for name in "12345"]
+    assert plant.finish()[0] == 0
+    assert [agent.finish()[0] for agent in agents] == [0] * 5
+    together = read(out).summary
+    alone = trajectory(phalanx("run", "unicycles", "--set", "duration=0.5"))
+    assert together is not None
+    assert together.trajectory == alone
+
+
+def test_an_agent_with_another_scenario_is_refused_by_name(phalanx, tmp_path):
+    from phalanx.wire.session import free_endpoint
+
+    endpoint = free_endpoint()
+    common = ("--scenario", "unicycles", "--run", "r")
+    plant = phalanx("plant", *common, "--listen", endpoint, "--out", str(tmp_path))
+    phalanx("agent", "3", *common, "--connect", endpoint, "--seed", "5")
+    status, output = plant.finish()
+    assert status == 3
+    assert "agent 3 runs another scenario: expected digest" in output
+
+
+def all_fates(run) -> dict[tuple[str, str, int], float]:
+    assert run.finish()[0] == 0
+    return {
+        (sender, step.agent, k): delay
+        for step in read(run.folder).steps
+        for sender, k, delay in step.fates
+    }
+
+
+class busy_cores:  # noqa: N801 - reads as a phrase after `with`
+    """Every core kept busy by other work."""
+
+    def __enter__(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._work = [context.Process(target=spin, daemon=True) for _ in range(psutil.cpu_count())]
+        for process in self._work:
+            process.start()
+
+    def __exit__(self, *_: object) -> None:
+        for process in self._work:
+            process.kill()
+            process.join()
+
+
+def spin() -> None:
+    while True:
+        pass

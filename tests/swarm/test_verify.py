@@ -1,0 +1,61 @@
+"""phalanx verify: bit-identical, or where it first differs."""
+
+import struct
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from phalanx.recording.read import Recording, read
+from phalanx.recording.write import RecordingWriter
+
+pytestmark = pytest.mark.swarm
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory) -> Recording:
+    from processes import Run
+
+    run = Run(tmp_path_factory.mktemp("verify"), "run", "unicycles", "--set", "duration=0.5")
+    assert run.finish()[0] == 0
+    return read(run.folder)
+
+
+def test_a_recording_verifies_against_a_second_run(phalanx, recorded):
+    status, output = phalanx("verify", str(recorded.path)).finish()
+    assert status == 0
+    assert "bit-identical: " in output
+
+
+def test_another_seed_departs_at_the_first_state(phalanx, recorded):
+    status, output = phalanx("verify", str(recorded.path), "--seed", "1").finish()
+    assert status == 1
+    assert "differs: state 0 at t = 0.000000 s: agent 1 x recorded" in output
+
+
+def test_one_flipped_bit_of_a_recorded_input_is_found_at_its_step_and_agent(
+    phalanx, recorded, tmp_path
+):
+    at = next(n for n, s in enumerate(recorded.steps) if s.agent == "3" and s.k == 17)
+    steps = [msgspec.structs.replace(step) for step in recorded.steps]
+    steps[at].u = [with_last_bit_flipped(steps[at].u[0]), steps[at].u[1]]
+    copy = rewritten(recorded, steps, tmp_path / "flipped.mcap")
+    status, output = phalanx("verify", str(copy)).finish()
+    assert status == 1
+    assert f"differs: step {at}, agent 3, k = 17, t = {steps[at].t:.6f} s: u.nu" in output
+    assert "(1 steps of float64 apart)" in output
+
+
+def with_last_bit_flipped(value: float) -> float:
+    (bits,) = struct.unpack("<Q", struct.pack("<d", value))
+    (flipped,) = struct.unpack("<d", struct.pack("<Q", bits ^ 1))
+    return flipped
+
+
+def rewritten(recorded: Recording, steps: list, path: Path) -> Path:
+    """The recording with other steps, written as a run writes it."""
+    with RecordingWriter(path, recorded.scenario, "copy") as writer:
+        for record in sorted([*recorded.states, *steps], key=lambda r: r.t):
+            writer.write(record)
+        writer.finish(recorded.summary)
+    return path

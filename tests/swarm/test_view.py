@@ -1,0 +1,47 @@
+"""phalanx run --view: the page is there during the run, and replays it afterwards."""
+
+import contextlib
+import signal
+import socket
+import urllib.request
+
+import pytest
+from processes import wait_for
+
+pytest.importorskip("viser", reason="needs the viewer extra")
+pytestmark = pytest.mark.swarm
+
+
+def test_a_run_shows_itself_and_then_its_replay_until_ctrl_c(phalanx):
+    port = free_port()
+    run = phalanx("run", "unicycles", "--set", "duration=40", "--view", "--port", str(port))
+    wait_for(lambda: "phx-viewer" in run.programs() and served(port))
+    wait_for(lambda: (run.folder / "summary.json").exists())
+    wait_for(lambda: not run.programs() and served(port))
+    run.process.send_signal(signal.SIGINT)
+    status, output = run.finish()
+    assert status == 0
+    assert "replaying on the same page" in output
+    run.wait_until_gone(5.0)
+
+
+def test_a_taken_port_is_an_error_that_names_it(phalanx):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        status, output = phalanx("run", "unicycles", "--view", "--port", port).finish()
+    assert status == 64
+    assert f"--port: cannot listen on 127.0.0.1:{port}" in output
+
+
+def served(port: int) -> bool:
+    with (
+        contextlib.suppress(OSError),
+        urllib.request.urlopen(f"http://127.0.0.1:{port}", timeout=5) as page,
+    ):
+        return page.status == 200
+    return False
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        return probe.getsockname()[1]
