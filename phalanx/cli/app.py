@@ -1,0 +1,50 @@
+"""phalanx: the command, its subcommands and its exit statuses."""
+
+import sys
+
+import typer
+
+from phalanx.cli import check, programs, recordings, run, viewing
+from phalanx.scenario.load import ScenarioError
+
+USAGE_ERROR = 64
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="rich",
+    help="""Robot swarms that stay safe over a bad network while some of their members attack.
+
+    [bold]phalanx run unicycles[/bold] runs a scenario: every agent, every adversary and the plant
+    is a process of its own, and they meet over Zenoh.
+
+    Exit status: 0 guaranteed or safe (1 for safe with --strict), 2 violated, 3 the run broke,
+    64 wrong usage or scenario, 130 stopped by Ctrl-C.
+    """,
+)
+run.register(app)
+check.register(app)
+recordings.register(app)
+programs.register(app)
+viewing.register(app)
+
+
+def main() -> None:
+    """Entry point of the command."""
+    sys.exit(status(sys.argv[1:]))
+
+
+def status(arguments: list[str]) -> int:
+    """Run the command and return its exit status; errors are one readable message."""
+    try:
+        return int(app(arguments, standalone_mode=False) or 0)
+    except typer.TyperException as error:
+        print(error.format_message(), file=sys.stderr)
+        print("See phalanx --help, or phalanx COMMAND --help.", file=sys.stderr)
+        return USAGE_ERROR
+    except ScenarioError as error:
+        print(error, file=sys.stderr)
+        return USAGE_ERROR
+    except (KeyboardInterrupt, typer.Abort):
+        print("stopped", file=sys.stderr)
+        return 130

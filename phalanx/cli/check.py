@@ -1,0 +1,109 @@
+"""phalanx check: what a scenario guarantees, before any run."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from phalanx.cli.options import Overrides, ScenarioArgument, Seed
+
+if TYPE_CHECKING:
+    from phalanx.check import CheckReport
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(check)
+
+
+def check(
+    scenario: ScenarioArgument,
+    seed: Seed = None,
+    overrides: Overrides = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(help="Save a picture of where the backup control still suffices (PNG)."),
+    ] = None,
+    strict: Annotated[
+        bool, typer.Option(help="Exit with 1 if no run of it could end guaranteed.")
+    ] = False,
+) -> int:
+    """Say what a scenario guarantees and what it does not, and what to change.
+
+    Examples:
+
+      phalanx check unicycles
+      phalanx check unicycles --set safety.margin=local --set safety.composition=pairs
+      phalanx check guaranteed --plot backup.png
+    """
+    from phalanx.check import check as examine
+    from phalanx.report.backup import backup_plate, backup_slice
+    from phalanx.scenario.load import load
+    from phalanx.scenario.swarm import build_swarm
+
+    resolved = load(scenario, overrides or (), seed)
+    report = examine(resolved)
+    _show(resolved.name, report)
+    if plot is not None:
+        found = backup_slice(build_swarm(resolved))
+        if found is None:
+            print("no picture: expected two agents with states x and y")
+        else:
+            backup_plate(found).figure.savefig(plot, dpi=110)
+            print(f"picture: {plot}")
+    return 1 if strict and not report.may_be_guaranteed else 0
+
+
+def _show(name: str, report: "CheckReport") -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(show_header=False, box=None, pad_edge=False)
+    table.add_column(style="dim")
+    table.add_column()
+    may = "[green]yes[/]" if report.may_be_guaranteed else "[yellow]no[/]"
+    table.add_row("scenario", name)
+    table.add_row("can end guaranteed", may)
+    table.add_row("relative degree q", str(report.relative_degree))
+    inside = "inside S_I" if report.worst_at_start <= 0 else "[red]outside S_I[/]"
+    table.add_row("start", f"{inside}, largest ψ {report.worst_at_start:.4g}")
+    stuck = [agent for agent, holds in report.rows_at_start.items() if not holds]
+    rows = f"[yellow]empty for {', '.join(stuck)}[/]" if stuck else "non-empty for every agent"
+    table.add_row("K_i at the start", rows)
+    for constant, found in report.constants.items():
+        how = "proven by intervals" if found.how == "interval" else "largest sampled"
+        table.add_row(f"constant {constant}", f"{found.value:.4g} ({how})")
+    table.add_row("η in force", _by_agent(report.eta_paper))
+    table.add_row("η by the formula", _number(report.eta_formula))
+    table.add_row("η corrected", _number(report.eta_corrected))
+    table.add_row("η local, at the start", _by_agent(report.eta_local))
+    table.add_row("Theorem 4", _theorem(report))
+    gap = "none" if report.largest_gap is None else f"{report.largest_gap * 1e3:.3g} ms"
+    table.add_row("largest sampling gap", f"{gap}, with proven rows at the start")
+    delay = "any" if math.isinf(report.largest_delay) else f"{report.largest_delay * 1e3:.3g} ms"
+    table.add_row("largest delay", f"{delay}, for what the rows count on")
+    Console().print(table)
+    for words in report.words:
+        print(f"- {words}")
+
+
+def _theorem(report: "CheckReport") -> str:
+    four = report.theorem_4
+    if four is None:
+        return "not asked: no workspace, or a start outside S_I"
+    said = "refuted" if four.holds is False else "not refuted"
+    return f"{said} at {four.states} boundary states, largest sum {four.worst:.4g}"
+
+
+def _number(value: float | None) -> str:
+    return "unknown: no workspace" if value is None else f"{value:.4g}"
+
+
+def _by_agent(values: "dict[str, float | None] | dict[str, float]") -> str:
+    known = {agent: value for agent, value in values.items() if value is not None}
+    if not known:
+        return "none given: local"
+    if len({round(value, 9) for value in known.values()}) == 1:
+        return f"{next(iter(known.values())):.4g}"
+    return ", ".join(f"{agent}: {value:.4g}" for agent, value in known.items())

@@ -1,0 +1,85 @@
+"""What a run looks like in a terminal: a progress bar, then a table."""
+
+import contextlib
+from collections.abc import Callable, Iterator
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from phalanx.scenario.model import Scenario
+from phalanx.verdict import Outcome, Summary
+from phalanx.wire.messages import Status
+
+_COLOUR = {
+    Outcome.GUARANTEED: "green",
+    Outcome.SAFE: "yellow",
+    Outcome.VIOLATED: "red",
+    Outcome.BROKEN: "red",
+    Outcome.STOPPED: "yellow",
+}
+
+
+@contextlib.contextmanager
+def progress(scenario: Scenario) -> Iterator[Callable[[Status], None]]:
+    """Show a progress bar while the block runs; gives the function to call with each status."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("t = {task.completed:.2f}/{task.total:g} s"),
+        TextColumn("{task.fields[factor]}"),
+        TextColumn("{task.fields[worst]}"),
+        TextColumn("{task.fields[backups]}"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("starting", total=scenario.duration, factor="", worst="", backups="")
+
+        def show(status: Status) -> None:
+            if status.waiting_for:
+                bar.update(task, description=f"waiting for {', '.join(status.waiting_for)}")
+                return
+            bar.update(
+                task,
+                description=scenario.name,
+                completed=status.t,
+                factor=f"{status.real_time_factor:.1f}x real time",
+                worst=f"worst h_tot {status.worst_h:.3g}",
+                backups=f"{status.backups} backups",
+            )
+
+        yield show
+
+
+def print_summary(summary: Summary) -> None:
+    """Print the table of a run's key figures."""
+    table = Table(show_header=False, box=None, pad_edge=False)
+    table.add_column(style="dim")
+    table.add_column()
+    colour = _COLOUR[summary.outcome]
+    table.add_row("verdict", f"[{colour} bold]{summary.outcome}[/]")
+    table.add_row("virtual time", f"{summary.t:.3f} s, seed {summary.seed}")
+    factor = f"real-time factor {summary.real_time_factor:.1f}"
+    table.add_row("wall time", f"{summary.wall_time:.2f} s, {factor}")
+    worst = f"{summary.worst_h_tot:.4g} at t = {summary.worst_at:.3f} s"
+    table.add_row("worst h_tot", f"{worst}, closest pair {summary.closest}")
+    table.add_row("control steps", _steps(summary))
+    for assumption in summary.assumptions:
+        table.add_row(assumption.name, _assumption(assumption.failed, assumption.checked))
+    for violation in summary.violations:
+        depth = f"h up to {violation.worst:.4g} at t = {violation.worst_at:.3f} s"
+        table.add_row("[red]violated[/]", f"{violation.pair}: {depth}, {violation.duration:.3f} s")
+    for reason, count in summary.rejected.items():
+        table.add_row("payloads dropped", f"{count} {reason}")
+    table.add_row("trajectory", summary.trajectory[:16])
+    Console().print(table)
+
+
+def _steps(summary: Summary) -> str:
+    total = sum(summary.origins.values())
+    shares = [f"{name} {count / total:.1%}" for name, count in summary.origins.items() if total]
+    return f"{summary.steps}; of normal agents: {', '.join(shares)}"
+
+
+def _assumption(failed: int, checked: int) -> str:
+    return "[green]held[/]" if not failed else f"[yellow]failed[/] {failed} of {checked}"

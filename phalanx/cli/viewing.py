@@ -1,0 +1,148 @@
+"""phalanx view, viewer and export: a run on a page, live or recorded, and as one file."""
+
+import pkgutil
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from phalanx.cli.options import Secret
+
+Connect = Annotated[
+    str,
+    typer.Option(
+        "--connect", envvar="PHALANX_CONNECT", help="Zenoh endpoint of the live run's hub."
+    ),
+]
+LiveRun = Annotated[str, typer.Option("--run", envvar="PHALANX_RUN", help="Name of the live run.")]
+Control = Annotated[
+    str,
+    typer.Option(
+        "--control",
+        envvar="PHALANX_CONTROL",
+        metavar="SECRET",
+        help="The live run's control secret: the page may then pause, kill and so on.",
+        show_default=False,
+    ),
+]
+Host = Annotated[str, typer.Option(envvar="PHALANX_HOST", help="Address to serve the page on.")]
+Port = Annotated[
+    int | None,
+    typer.Option(
+        envvar="PHALANX_PORT",
+        help="Port to serve the page on; by default 8080 or the next free one.",
+        show_default=False,
+    ),
+]
+Timeout = Annotated[float, typer.Option(help="How long to try to reach the live run [s].")]
+Origins = Annotated[
+    list[str] | None,
+    typer.Option("--origin", help="Another origin whose pages may connect, such as a proxy's."),
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.command()(view)
+    app.command()(export)
+    app.command(rich_help_panel="Programs of a run")(viewer)
+
+
+def view(
+    recording: Annotated[
+        Path | None,
+        typer.Argument(metavar="RUN", help="A run's folder or recording, to replay it."),
+    ] = None,
+    connect: Connect = "",
+    run: LiveRun = "",
+    secret: Secret = "",
+    control: Control = "",
+    host: Host = "127.0.0.1",
+    port: Port = None,
+    origins: Origins = None,
+    timeout: Timeout = 60.0,
+) -> int:
+    """Show a run on a page: a recording, or a live one over Zenoh. Ctrl-C ends it.
+
+    Examples:
+
+      phalanx view runs/unicycles-1
+      phalanx view --connect tcp/127.0.0.1:7447 --run r1
+    """
+    if (recording is None) != bool(connect and run):
+        raise typer.BadParameter("expected either RUN, or --connect and --run")
+    options = {"run_id": run, "endpoint": connect, "secret": secret, "control": control}
+    return _show(recording, options, host, port, origins, timeout)
+
+
+def viewer(
+    run: LiveRun,
+    connect: Connect = "tcp/127.0.0.1:7447",
+    secret: Secret = "",
+    control: Control = "",
+    host: Host = "127.0.0.1",
+    port: Port = None,
+    origins: Origins = None,
+    timeout: Timeout = 60.0,
+) -> int:
+    """Run the viewer alone, as plant and agents are run in containers and on many hosts."""
+    options = {"run_id": run, "endpoint": connect, "secret": secret, "control": control}
+    return _show(None, options, host, port, origins, timeout)
+
+
+def export(
+    run: Annotated[
+        Path, typer.Argument(metavar="RUN", help="The folder of a run, or its recording.mcap.")
+    ],
+    html: Annotated[
+        Path | None, typer.Option(help="Write one HTML file with scene and plots there.")
+    ] = None,
+    png: Annotated[Path | None, typer.Option(help="Write a picture there.")] = None,
+    at: Annotated[
+        float | None, typer.Option(help="Time of the picture [s]; by default the worst moment.")
+    ] = None,
+) -> int:
+    """Export a run to share it: HTML that plays without a server, or a picture at a time."""
+    from phalanx.launch import PROGRAMS
+    from phalanx.recording.read import UnreadableRecordingError
+
+    if html is None and png is None:
+        raise typer.BadParameter("expected --html FILE, --png FILE or both")
+    make = pkgutil.resolve_name(PROGRAMS["export"])
+    try:
+        for path in make(run, html=html, png=png, at=at):
+            print(path)
+    except (UnreadableRecordingError, ValueError, OSError) as error:
+        print(error, file=sys.stderr)
+        return 3
+    return 0
+
+
+def _show(
+    recording: Path | None,
+    texts: dict[str, str],
+    host: str,
+    port: int | None,
+    origins: list[str] | None,
+    timeout: float,
+) -> int:
+    from phalanx.launch import PROGRAMS, configure_logging
+
+    configure_logging()
+    secrets = {name: texts[name].encode() for name in ("secret", "control")}
+    show = pkgutil.resolve_name(PROGRAMS["viewer"])
+    try:
+        return int(
+            show(
+                recording=recording,
+                **{**texts, **secrets},
+                host=host,
+                port=port,
+                origins=tuple(origins or ()),
+                timeout=timeout,
+            )
+        )
+    except (RuntimeError, ValueError, OSError) as error:
+        print(error, file=sys.stderr)
+        return 3

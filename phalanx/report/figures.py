@@ -1,0 +1,172 @@
+"""Figures over time: safety, inputs, ages of received inputs; and solve times and losses."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from phalanx.recording.read import Recording
+from phalanx.recording.records import Step
+from phalanx.report.measures import (
+    LinkStatistics,
+    extremes_kept,
+    steps_by_agent,
+    worst,
+)
+from phalanx.report.style import LIMIT, MOST_NAMED, MUTED, PEAK, colours, legend, panels
+from phalanx.scenario.swarm import Swarm
+from phalanx.theory.origin import Origin
+from phalanx.theory.polytope import Box, constant_polytope
+
+Array = NDArray[np.float64]
+
+_MOST_LINKS = 40
+
+
+def safety(recording: Recording) -> Figure:
+    """h_tot over time with the zero line, and a closer look if it was crossed; needs a state."""
+    peak = worst(recording)
+    assert peak is not None
+    figure, rows = panels(2 if peak.h_tot > 0.0 else 1, 3.0)
+    kept = extremes_kept(recording.h_tot)
+    t, h = recording.times[kept], recording.h_tot[kept]
+    for axes in rows:
+        axes.plot(t, h, color="#1f5fbf", linewidth=1.2)
+        axes.axhline(0.0, color=LIMIT, linewidth=1.2)
+        axes.fill_between(t, h, 0.0, where=h > 0.0, interpolate=True, color=PEAK, alpha=0.5)
+        axes.plot([peak.t], [peak.h_tot], "o", color=PEAK, markersize=5)
+        axes.set_ylabel(r"$h_{tot}$ [unit of $h$]")
+        axes.margins(x=0.01)
+    rows[0].set_ylim(top=max(rows[0].get_ylim()[1], 0.06 * np.ptp(h), 0.1))
+    if peak.h_tot > 0.0:
+        rows[1].set_ylim(-2.0 * peak.h_tot, 1.3 * peak.h_tot)
+    words = f"worst {peak.h_tot:.4g} at {peak.t:.3f} s"
+    rows[0].set_title(words, loc="right", color=PEAK, fontsize=10)
+    rows[-1].set_xlabel("t [s]")
+    return figure
+
+
+def inputs(recording: Recording, swarm: Swarm, i: int) -> Figure:
+    """Agent i's inputs with their bounds, and a mark at every step whose K_i was empty."""
+    member = swarm.members[i]
+    steps = steps_by_agent(recording)[member.name]
+    figure, rows = panels(len(member.dynamics.inputs), 1.9)
+    box = input_box(swarm, i)
+    u, applied = np.array([s.u for s in steps]), np.array([s.t_apply for s in steps])
+    for c, axes in enumerate(rows):
+        kept = extremes_kept(u[:, c])
+        held_until = [max(recording.times[-1], applied[-1])]
+        axes.step(
+            [*applied[kept], *held_until],
+            [*u[kept, c], u[-1, c]],
+            where="post",
+            color=colours(recording.scenario)[member.name],
+            linewidth=0.9,
+        )
+        for bound in (box.low[c], box.high[c]) if box else ():
+            axes.axhline(bound, color=LIMIT, linestyle=":", linewidth=1.2)
+        _mark_fallbacks(axes, steps, c)
+        axes.set_ylabel(f"{member.dynamics.inputs[c]} [SI]")
+        axes.margins(x=0.01, y=0.12)
+    rows[-1].set_xlabel("t [s]")
+    legend(rows[0], f"agent {member.name}")
+    return figure
+
+
+def _mark_fallbacks(axes: Axes, steps: list[Step], c: int) -> None:
+    for origin, colour, size in (
+        (Origin.NO_AUTHORITY, "#f2a7a0", 14),
+        (Origin.BACKUP, "#e00000", 26),
+    ):
+        marked = [s for s in steps if s.origin == origin]
+        label = f"{origin} ({len(marked)} steps)"
+        places = [s.t_apply for s in marked], [s.u[c] for s in marked]
+        axes.scatter(
+            *places, marker="x", s=size, linewidths=1.0, color=colour, label=label, zorder=3
+        )
+
+
+def input_box(swarm: Swarm, i: int) -> Box | None:
+    """Agent i's bounds, if U_i is a box that does not depend on the state."""
+    composed = swarm.chain.set
+    A, b = swarm.members[i].dynamics.input_polytope(composed.x[composed.parts[i]])
+    known = constant_polytope(A, b)
+    return known.box if known else None
+
+
+def ages(recording: Recording) -> Figure | None:
+    """Ages of the û_l that each receiver had at its steps; None if nobody received anything."""
+    names = [name for name, _, _ in recording.scenario.roster()]
+    heard = {}
+    for receiver, steps in steps_by_agent(recording).items():
+        age = np.array([s.ages for s in steps], dtype=float).reshape(len(steps), -1)
+        if np.isfinite(age).any():
+            heard[receiver] = np.array([s.t for s in steps]), 1e3 * age
+    oldest = sorted(heard, key=lambda name: -np.nanmax(heard[name][1]))[:MOST_NAMED]
+    if not oldest:
+        return None
+    shown = [name for name in heard if name in oldest]
+    figure, rows = panels(len(shown), 1.7)
+    palette = colours(recording.scenario)
+    for receiver, axes in zip(shown, rows, strict=True):
+        t, age = heard[receiver]
+        senders = np.flatnonzero(np.isfinite(age).any(axis=0))
+        for l in sorted(senders, key=lambda l: -np.nanmax(age[:, l])):
+            kept = extremes_kept(age[:, l])
+            label = f"from {names[l]}, oldest {np.nanmax(age[:, l]):.3g} ms"
+            colour = palette[names[l]]
+            axes.plot(t[kept], age[kept, l], color=colour, linewidth=0.7, alpha=0.85, label=label)
+        axes.set_ylim(bottom=0.0)
+        axes.margins(x=0.01)
+        axes.set_ylabel("age of û [ms]")
+        legend(axes, f"received by {receiver}", most=7)
+    rows[-1].set_xlabel("t [s]")
+    return figure
+
+
+def solve_times(recording: Recording) -> Figure:
+    """Share of each agent's steps that took longer than a wall time; needs a step."""
+    figure, (axes,) = panels(1, 3.2)
+    palette = colours(recording.scenario)
+    for name, steps in steps_by_agent(recording).items():
+        if steps:
+            taken = np.sort([1e3 * s.solve_time for s in steps])
+            longer = 1.0 - np.arange(len(taken)) / len(taken)
+            middle, late = np.percentile(taken, [50, 99])
+            label = f"{name}: median {middle:.2g}, 99 % {late:.2g} ms"
+            axes.plot(taken, longer, color=palette[name], linewidth=1.3, label=label)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter(lambda share, _: f"{100 * share:g} %")
+    axes.xaxis.set_major_formatter(lambda ms, _: f"{ms:g}")
+    axes.set_xlabel("wall time of a step [ms]")
+    axes.set_ylabel("steps that took at least this long")
+    legend(axes, "agent")
+    return figure
+
+
+def losses(links: list[LinkStatistics]) -> Figure:
+    """Lost share of the links that lost most, next to the link model's; needs a link."""
+    figure, (axes,) = panels(1, 2.6)
+    chosen = set(map(id, sorted(links, key=lambda link: -link.loss)[:_MOST_LINKS]))
+    shown = [link for link in links if id(link) in chosen]
+    places = np.arange(len(shown))
+    asked = np.array([link.model.loss for link in shown])
+    spread = 2.0 * np.sqrt(asked * (1.0 - asked) / [link.decided for link in shown])
+    axes.bar(places, [100 * link.loss for link in shown], width=0.6, color=MUTED, label="lost")
+    axes.errorbar(
+        places,
+        100 * asked,
+        yerr=100 * spread,
+        fmt="_",
+        color=LIMIT,
+        markersize=14,
+        capsize=4,
+        label="link model, ±2 standard deviations",
+    )
+    axes.set_xticks(places, [f"{link.sender} → {link.receiver}" for link in shown])
+    axes.tick_params(axis="x", rotation=90 if len(shown) > 14 else 0, labelsize=8)
+    axes.set_ylim(0.0, max(1.0, 1.25 * axes.get_ylim()[1]))
+    axes.set_ylabel("lost broadcasts [%]")
+    axes.legend(fontsize=8, frameon=False, loc="upper right", ncols=2)
+    return figure

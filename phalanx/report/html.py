@@ -1,0 +1,243 @@
+"""The report's HTML: one page that fetches nothing. Every text of a table is escaped here."""
+
+import base64
+from collections.abc import Iterable, Sequence
+from html import escape
+from string import Template
+
+from phalanx.recording.read import Recording
+from phalanx.report.measures import LinkStatistics, origins, worst
+from phalanx.scenario.model import LinkModel, UniformDelay
+from phalanx.theory.origin import Origin
+from phalanx.verdict import Outcome, Summary
+
+_MOST_LINKS = 240
+
+_MEANING = {
+    Outcome.GUARANTEED: "Safe, as the theorem promises: all its assumptions held.",
+    Outcome.SAFE: "Never unsafe, but some assumption failed: safe by luck.",
+    Outcome.VIOLATED: "Some pair left the safe set.",
+    Outcome.BROKEN: "The run did not reach its end.",
+    Outcome.STOPPED: "The run was stopped by its user.",
+}
+
+_PAGE = Template("""<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
+<title>$title</title>
+<style>
+:root { --page: #fff; --text: #1d2127; --quiet: #5d6570; --line: #d9dde3; --stripe: #f5f6f8; }
+@media (prefers-color-scheme: dark) {
+  :root { --page: #16191d; --text: #e4e7eb; --quiet: #9aa3ae; --line: #353b43; --stripe: #1e2227; }
+}
+body { background: var(--page); color: var(--text); font: 15px/1.5 system-ui, sans-serif;
+  max-width: 64rem; margin: 2rem auto; padding: 0 1.2rem; }
+h1 { font-size: 1.6rem; margin: 0; }
+h2 { font-size: 1.15rem; margin: 2.2rem 0 .6rem; }
+p.quiet, figcaption, .none { color: var(--quiet); }
+p.quiet { margin: .2rem 0 1rem; }
+table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; }
+th, td { text-align: left; padding: .25rem .9rem .25rem .5rem; vertical-align: top;
+  border-bottom: 1px solid var(--line); overflow-wrap: anywhere; }
+thead th { color: var(--quiet); font-weight: 600; }
+tbody tr:nth-child(even) { background: var(--stripe); }
+.wide { overflow: auto; max-height: 34rem; }
+.verdict { border-left: .4rem solid var(--badge); background: var(--stripe); margin: 1.2rem 0;
+  padding: .7rem 1rem; }
+.verdict strong { background: var(--badge); color: #fff; border-radius: .3rem;
+  letter-spacing: .04em; padding: .15rem .6rem; margin-right: .6rem; text-transform: uppercase;
+  font-size: .85rem; }
+.verdict p { margin: .4rem 0 0; overflow-wrap: anywhere; }
+.guaranteed { --badge: #1a7f46; } .safe { --badge: #a86a00; } .violated { --badge: #c1121f; }
+.broken, .stopped, .unfinished { --badge: #5d6570; }
+figure { margin: 1.2rem 0; }
+figure img { background: #fff; border: 1px solid var(--line); border-radius: .3rem;
+  max-width: 100%; display: block; }
+figcaption { font-size: .9rem; margin-top: .3rem; }
+pre { background: var(--stripe); padding: .8rem; overflow: auto; font-size: .8rem; }
+</style>
+</head>
+<body>
+$body
+</body>
+</html>
+""")
+
+
+def page(
+    recording: Recording,
+    links: Sequence[LinkStatistics],
+    figures: Sequence[tuple[str, bytes]],
+    notes: Sequence[str],
+) -> str:
+    """The whole report; figures are (caption, PNG), notes say what is not drawn and why."""
+    title = f"{recording.scenario.name}, seed {recording.scenario.seed}"
+    parts = [
+        f"<h1>{escape(title)}</h1>",
+        f'<p class="quiet">{escape(recording.scenario.description)}</p>',
+        _verdict(recording),
+        _section("Key figures", _table((), _key_figures(recording))),
+        *_judgement(recording.summary),
+        _section("Links", _links(links)),
+        _section("Figures", "\n".join([*map(_figure, figures), *map(_note, notes)])),
+        _section("Events", _events(recording)),
+        _details(recording),
+    ]
+    return _PAGE.substitute(title=escape(title), body="\n".join(parts))
+
+
+def _verdict(recording: Recording) -> str:
+    summary = recording.summary
+    if summary is None:
+        kind, meaning = "unfinished", "No verdict: the recording ends before the run did."
+        reason = recording.damage or "it holds no summary"
+    else:
+        kind, meaning, reason = summary.outcome, _MEANING[summary.outcome], summary.reason
+    return (
+        f'<div class="verdict {kind}"><strong>{kind}</strong>{escape(meaning)}'
+        f"<p>{escape(reason)}</p></div>"
+    )
+
+
+def _key_figures(recording: Recording) -> list[tuple[str, str]]:
+    summary, peak = recording.summary, worst(recording)
+    counts = origins(recording)
+    steps, normal = len(recording.steps), sum(counts.values())
+    empty = normal - counts[Origin.QP]
+    share = f"{empty} of {normal} normal steps ({_percent(empty, normal)}): " if normal else ""
+    kinds = ", ".join(f"{counts[o]} {o}" for o in (Origin.BACKUP, Origin.NO_AUTHORITY))
+    reached = recording.states[-1].t if recording.states else 0.0
+    rows = [
+        ("Run", recording.metadata.get("run", "unknown")),
+        ("Seed", str(recording.scenario.seed)),
+        ("Virtual time", f"{reached:.3f} s of {recording.scenario.duration:g} s"),
+        ("Worst h_tot", f"{peak.h_tot:.6g} at t = {peak.t:.3f} s" if peak else "no state"),
+        ("Steps", f"{steps} recorded"),
+        ("Empty K_i", share + kinds),
+    ]
+    if summary:
+        rows += [
+            ("Closest pair", summary.closest),
+            ("Wall time", f"{summary.wall_time:.3f} s"),
+            ("Real-time factor", f"{summary.real_time_factor:.2f}"),
+            ("Trajectory, SHA-256", summary.trajectory),
+        ]
+    versions = {k: v for k, v in recording.metadata.items() if k not in ("run", "seed")}
+    return [*rows, ("Made with", ", ".join(f"{k} {v}" for k, v in versions.items()))]
+
+
+def _judgement(summary: Summary | None) -> list[str]:
+    """Assumptions, violations and rejected payloads, as far as there is a verdict."""
+    if summary is None:
+        return []
+    assumptions = [
+        (a.name, a.note, f"{a.failed} of {a.checked}", _time(a.first)) for a in summary.assumptions
+    ]
+    violations = [
+        (v.pair, _time(v.first), f"{v.worst:.6g}", _time(v.worst_at), _time(v.duration))
+        for v in summary.violations
+    ]
+    rejected = [(reason, str(count)) for reason, count in summary.rejected.items()]
+    return [
+        _section(
+            "Assumptions of the theorem",
+            _table(("assumption", "in words", "failed", "first failure"), assumptions),
+        ),
+        _section(
+            "Violations",
+            _table(("pair", "first", "worst h", "worst at", "time with h > 0"), violations),
+        ),
+        _section("Rejected payloads", _table(("by whom or why", "payloads"), rejected)),
+    ]
+
+
+def _links(links: Sequence[LinkStatistics]) -> str:
+    shown = sorted(links, key=lambda link: -link.loss) if len(links) > _MOST_LINKS else links
+    head = ("link", "sent", "decided", "lost", "loss", "scenario's loss",
+            "mean delay", "least", "most", "scenario's delay")  # fmt: skip
+    rows = [
+        (
+            f"{link.sender} → {link.receiver}",
+            str(link.sent),
+            str(link.decided),
+            str(link.lost),
+            _percent(link.lost, link.decided),
+            f"{100 * link.model.loss:g} %",
+            *_delays(link.delays),
+            _asked_delay(link.model),
+        )
+        for link in shown[:_MOST_LINKS]
+    ]
+    left = len(links) - len(rows)
+    more = _note(f"{left} links that lost a smaller share are left out.") if left else ""
+    return _table(head, rows) + more
+
+
+def _delays(delays: Sequence[float]) -> tuple[str, str, str]:
+    if not delays:
+        return ("none arrived",) * 3
+    mean = sum(delays) / len(delays)
+    return _milliseconds(mean), _milliseconds(min(delays)), _milliseconds(max(delays))
+
+
+def _asked_delay(model: LinkModel) -> str:
+    if isinstance(model.delay, UniformDelay):
+        return f"{1e3 * model.delay.low:g} to {_milliseconds(model.delay.high)}, uniform"
+    return _milliseconds(model.delay)
+
+
+def _events(recording: Recording) -> str:
+    return _table(("t", "event"), [(_time(event.t), event.text) for event in recording.log])
+
+
+def _details(recording: Recording) -> str:
+    text = escape(recording.scenario.model_dump_json(by_alias=True, indent=2))
+    title = "The scenario, every default spelled out"
+    return f"<details><summary>{title}</summary><pre>{text}</pre></details>"
+
+
+def _figure(figure: tuple[str, bytes]) -> str:
+    caption, png = figure
+    data = base64.b64encode(png).decode()
+    words = escape(caption)
+    return (
+        f'<figure><img alt="{words}" src="data:image/png;base64,{data}">'
+        f"<figcaption>{words}</figcaption></figure>"
+    )
+
+
+def _section(title: str, content: str) -> str:
+    return f"<h2>{escape(title)}</h2>\n{content}"
+
+
+def _note(text: str) -> str:
+    return f'<p class="none">{escape(text)}</p>'
+
+
+def _table(head: Iterable[str], rows: Sequence[Sequence[str]]) -> str:
+    if not rows:
+        return _note("None.")
+    titles = "".join(f'<th scope="col">{escape(title)}</th>' for title in head)
+    top = f"<thead><tr>{titles}</tr></thead>" if titles else ""
+    body = "\n".join(
+        f'<tr><th scope="row">{escape(first)}</th>'
+        + "".join(f"<td>{escape(cell)}</td>" for cell in rest)
+        + "</tr>"
+        for first, *rest in rows
+    )
+    return f'<div class="wide"><table>{top}<tbody>\n{body}\n</tbody></table></div>'
+
+
+def _time(t: float | None) -> str:
+    return "never" if t is None else f"{t:.3f} s"
+
+
+def _milliseconds(seconds: float) -> str:
+    return f"{1e3 * seconds:.4g} ms"
+
+
+def _percent(part: int, whole: int) -> str:
+    return f"{100 * part / whole:.2f} %" if whole else "0 %"

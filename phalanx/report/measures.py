@@ -1,0 +1,136 @@
+"""What the report says in numbers, taken from a recording and nothing else."""
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.recording.read import Recording
+from phalanx.recording.records import Step
+from phalanx.scenario.model import LinkModel
+from phalanx.scenario.swarm import Swarm
+from phalanx.theory.origin import Origin
+from phalanx.theory.safe_set import Pair
+
+Array = NDArray[np.float64]
+
+_POINTS = 1600
+"""Most points of a line: more than the pixels of a figure would show."""
+
+
+class Worst(NamedTuple):
+    """The largest h_tot of a run."""
+
+    h_tot: float
+    t: float
+    """[s]"""
+
+
+def worst(recording: Recording) -> Worst | None:
+    """The largest h_tot and when; None if there is no state. Without a summary, to an event."""
+    if not recording.states:
+        return None
+    if recording.summary:
+        return Worst(recording.summary.worst_h_tot, recording.summary.worst_at)
+    state = max(recording.states, key=lambda s: s.h_tot)
+    return Worst(state.h_tot, state.t)
+
+
+def steps_by_agent(recording: Recording) -> dict[str, list[Step]]:
+    """Each agent's steps in order, by name, in the scenario's order."""
+    found: dict[str, list[Step]] = {name: [] for name, _, _ in recording.scenario.roster()}
+    for step in recording.steps:
+        found[step.agent].append(step)
+    return found
+
+
+def origins(recording: Recording) -> dict[str, int]:
+    """Recorded steps of normal agents, by how their input was made."""
+    counts = {str(origin): 0 for origin in Origin if origin is not Origin.ATTACK}
+    for step in recording.steps:
+        if step.origin in counts:
+            counts[step.origin] += 1
+    return counts
+
+
+@dataclass
+class LinkStatistics:
+    """What became of the broadcasts on one link, next to what was asked for."""
+
+    sender: str
+    receiver: str
+    model: LinkModel
+    sent: int
+    """Broadcasts of the sender."""
+    lost: int = 0
+    delays: list[float] = field(default_factory=list)
+    """Of those not lost [s]."""
+
+    @property
+    def decided(self) -> int:
+        """Broadcasts whose fate the receiver decided before the run ended."""
+        return self.lost + len(self.delays)
+
+    @property
+    def loss(self) -> float:
+        """Lost share of the decided."""
+        return self.lost / self.decided
+
+
+def link_statistics(recording: Recording) -> list[LinkStatistics]:
+    """Every link on which a broadcast was decided, in the scenario's order of agents."""
+    steps = steps_by_agent(recording)
+    decided: dict[tuple[str, str], list[float]] = defaultdict(list)
+    for step in recording.steps:
+        for sender, _, delay in step.fates:
+            decided[sender, step.agent].append(delay)
+    found = []
+    for sender, receiver in ((a, b) for a in steps for b in steps if (a, b) in decided):
+        delays = decided[sender, receiver]
+        kept = [delay for delay in delays if delay >= 0.0]
+        model = recording.scenario.network.link(sender, receiver)
+        lost = len(delays) - len(kept)
+        found.append(LinkStatistics(sender, receiver, model, len(steps[sender]), lost, kept))
+    return found
+
+
+class Motion:
+    """Where everybody was."""
+
+    def __init__(self, recording: Recording, swarm: Swarm) -> None:
+        """For a recording with at least one state."""
+        composed = swarm.chain.set
+        x = recording.x
+        evaluate = ca.Function("p", [composed.x], [ca.vertcat(*composed.positions)])
+        stacked = np.array(evaluate.map(len(x))(x.T))
+        self.times = recording.times
+        """Of the states [s], shape (s,)."""
+        self.positions = stacked.T.reshape(len(x), len(composed.members), -1)
+        """Output positions [m], shape (s, N, 2) or (s, N, 3)."""
+        self.worst = int(np.argmax(recording.h_tot))
+        """Index of the state with the largest h_tot."""
+        self._obstacles = recording.scenario.obstacles
+
+    def distance(self, pair: Pair) -> Array:
+        """Distance between a pair's output points, or from a center or a wall [m], (s,)."""
+        own = self.positions[:, pair.a]
+        if pair.b is None:
+            return self._obstacles[pair.obstacle or 0].distances(own)
+        apart: Array = np.linalg.norm(own - self.positions[:, pair.b], axis=1)
+        return apart
+
+
+def extremes_kept(y: Array, points: int = _POINTS) -> NDArray[np.intp]:
+    """Indices that draw y, shape (s,), with fewer points yet show every peak; NaN is a gap."""
+    if len(y) <= points:
+        return np.arange(len(y))
+    size = -(-len(y) // (points // 2))
+    places = np.minimum(np.arange(-(-len(y) // size) * size), len(y) - 1).reshape(-1, size)
+    values = y[places]
+    rows = np.arange(len(places))
+    lowest = places[rows, np.where(np.isnan(values), np.inf, values).argmin(axis=1)]
+    highest = places[rows, np.where(np.isnan(values), -np.inf, values).argmax(axis=1)]
+    return np.unique(np.concatenate([[0], lowest, highest, [len(y) - 1]]))

@@ -1,0 +1,194 @@
+"""Figures of where agents were: their paths, and the distances of all pairs."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from matplotlib.ticker import LogLocator, NullFormatter
+from numpy.typing import NDArray
+
+from phalanx.recording.read import Recording
+from phalanx.report.measures import Motion, extremes_kept
+from phalanx.report.style import (
+    DASHES,
+    LIMIT,
+    MOST_NAMED,
+    MUTED,
+    PEAK,
+    colours,
+    dress,
+    legend,
+    panels,
+)
+from phalanx.scenario.model import Scenario
+from phalanx.scenario.swarm import Swarm
+from phalanx.theory.obstacles import Wall
+from phalanx.theory.safe_set import Pair
+
+Array = NDArray[np.float64]
+
+_PATH_POINTS = 3000
+_MOST_PAIRS = 60
+_WIDTH, _MARGIN = 9.0, 1.3
+
+
+def required_distance(scenario: Scenario) -> float | None:
+    """What agents keep apart [m], if the safe-set function has a radius."""
+    radius = getattr(scenario.safety.safe_set_function(), "radius", None)
+    return float(radius) if isinstance(radius, int | float) else None
+
+
+def paths(recording: Recording, motion: Motion) -> Figure:
+    """Paths in the plane; for 3-D positions, seen from above and from the side."""
+    planes = [(0, 1)] if motion.positions.shape[2] == 2 else [(0, 1), (0, 2)]
+    points = _outline(recording.scenario, motion)
+    margin = 0.04 * float(np.ptp(points, axis=0).max()) + 0.5
+    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
+    width = high[0] - low[0]
+    heights = [(_WIDTH - _MARGIN) * (high[v] - low[v]) / width for _, v in planes]
+    # A flat or tall scene would make a sliver or a tower of a figure.
+    heights = [min(max(h, 2.5), 8.5) for h in heights]
+    figure = Figure((_WIDTH, sum(heights) + 0.5), layout="constrained", facecolor="white")
+    rows = figure.subplots(len(planes), 1, squeeze=False, height_ratios=heights)[:, 0]
+    for axes, plane in zip(rows, planes, strict=True):
+        dress(axes)
+        _draw_plane(axes, recording, motion, plane)
+        axes.set_aspect("equal")
+        axes.set_xlim(low[plane[0]], high[plane[0]])
+        axes.set_ylim(low[plane[1]], high[plane[1]])
+        axes.set_xlabel(f"{'xyz'[plane[0]]} [m]")
+        axes.set_ylabel(f"{'xyz'[plane[1]]} [m]")
+    legend(rows[0])
+    return figure
+
+
+def _outline(scenario: Scenario, motion: Motion) -> Array:
+    """Points that the scene must contain [m], shape (k, d)."""
+    d = motion.positions.shape[2]
+    points = [motion.positions.reshape(-1, d)]
+    for obstacle in scenario.obstacles:
+        if isinstance(obstacle, Wall):
+            continue
+        center = np.array(obstacle.center)
+        points.append(np.array([center - obstacle.radius, center + obstacle.radius]))
+    return np.concatenate(points)
+
+
+def _draw_plane(axes: Axes, recording: Recording, motion: Motion, plane: tuple[int, int]) -> None:
+    scenario = recording.scenario
+    _draw_scene(axes, scenario, motion, plane)
+    keep = np.linspace(0, len(motion.times) - 1, min(len(motion.times), _PATH_POINTS)).astype(int)
+    radius = required_distance(scenario)
+    palette = colours(scenario)
+    many = len(palette) > 3 * MOST_NAMED
+    at_worst = motion.positions[motion.worst][:, plane]
+    label = f"worst, {motion.times[motion.worst]:.2f} s"
+    axes.plot(*at_worst.T, "x", color=PEAK, markersize=5, label=label, zorder=3)
+    for i, (name, group, _) in enumerate(scenario.roster()):
+        p = motion.positions[:, i][:, plane]
+        width = 0.6 if many else 1.3
+        label = f"{name} ({group.role})"
+        axes.plot(*p[keep].T, color=palette[name], linewidth=width, label=label)
+        axes.plot(*p[0], "o", color=palette[name], markerfacecolor="white", markersize=5)
+        axes.plot(*p[-1], "s", color=palette[name], markersize=5)
+        if not many:
+            axes.annotate(
+                name, p[-1], xytext=(6, 4), textcoords="offset points", color=palette[name]
+            )
+        if radius:
+            _add_circle(axes, p[-1], radius / 2, "-", palette[name])
+            _add_circle(axes, p[motion.worst], radius / 2, (0, (3, 1.5)), palette[name])
+
+
+def _draw_scene(axes: Axes, scenario: Scenario, motion: Motion, plane: tuple[int, int]) -> None:
+    """Obstacles, and the path of the formation's centre as far as time went."""
+    for k, obstacle in enumerate(scenario.obstacles):
+        if isinstance(obstacle, Wall):
+            _draw_wall(axes, obstacle, plane)
+            continue
+        center = obstacle.center[plane[0]], obstacle.center[plane[1]]
+        axes.add_patch(Circle(center, obstacle.radius, facecolor="#c9ccd1", edgecolor="#6b7078"))
+        axes.annotate(str(k), center, ha="center", va="center", fontsize=8, color="#33363b")
+    if scenario.formation:
+        times = np.linspace(0.0, motion.times[-1], 200)
+        path = np.array([scenario.formation.center(t).position for t in times])
+        # A planar formation of agents in space runs at height 0.
+        path = np.pad(path, ((0, 0), (0, motion.positions.shape[2] - path.shape[1])))
+        axes.plot(*path[:, plane].T, color=MUTED, linestyle="--", linewidth=1.2, label="formation")
+
+
+def _add_circle(axes: Axes, center: Array, radius: float, style: object, colour: str) -> None:
+    place = center[0], center[1]
+    axes.add_patch(Circle(place, radius, fill=False, ls=style, lw=0.9, edgecolor=colour))
+
+
+def distances(recording: Recording, swarm: Swarm, motion: Motion) -> Figure:
+    """Distances of all pairs over time, by kind of pair, with what is required."""
+    normal = set(swarm.normal)
+    pairs = swarm.chain.set.pairs
+    kinds = {
+        "normal–normal": [p for p in pairs if p.b in normal],
+        "normal–adversary": [p for p in pairs if p.b is not None and p.b not in normal],
+        "normal–obstacle": [p for p in pairs if p.b is None],
+    }
+    kinds = {kind: found for kind, found in kinds.items() if found}
+    figure, rows = panels(len(kinds), 2.4)
+    for axes, (kind, found) in zip(rows, kinds.items(), strict=True):
+        closest = _draw_pairs(axes, found, recording, swarm, motion)
+        for value in _required(found, recording.scenario):
+            axes.axhline(value, color=LIMIT, linestyle=":", linewidth=1.3)
+        axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_formatter(lambda d, _: f"{d:g}")
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.set_ylabel("distance [m]")
+        axes.margins(x=0.01)
+        shown = "" if len(found) == len(closest) else f", {len(closest)} closest of {len(found)}"
+        legend(axes, f"{kind}{shown}")
+    rows[-1].set_xlabel("t [s]")
+    return figure
+
+
+def _draw_wall(axes: Axes, wall: Wall, plane: tuple[int, int]) -> None:
+    """The wall's trace in the plane, unless it is parallel to it."""
+    n = wall.unit_normal[list(plane)]
+    if n.any():
+        x, y = (wall.offset * n / float(n @ n)).tolist()
+        axes.axline((x, y), (x - n[1], y + n[0]), color="#6b7078", linewidth=2.0)
+
+
+def _required(pairs: Sequence[Pair], scenario: Scenario) -> set[float]:
+    """Distances that some of these pairs must keep [m]."""
+    between = required_distance(scenario)
+    if between is None:
+        return set()
+    return {
+        between if pair.obstacle is None else scenario.obstacles[pair.obstacle].kept
+        for pair in pairs
+    }
+
+
+def _draw_pairs(
+    axes: Axes, pairs: Sequence[Pair], recording: Recording, swarm: Swarm, motion: Motion
+) -> list[Pair]:
+    """Draw the closest pairs, the closest first in the legend; returns them."""
+    least = {pair: float(motion.distance(pair).min()) for pair in pairs}
+    closest = sorted(least, key=lambda pair: least[pair])[:_MOST_PAIRS]
+    palette, label = colours(recording.scenario), swarm.chain.set.label
+    for place, pair in enumerate(closest):
+        distance = motion.distance(pair)
+        kept = extremes_kept(distance)
+        named = place < MOST_NAMED
+        other = pair.obstacle if pair.b is None else pair.b
+        axes.plot(
+            motion.times[kept],
+            distance[kept],
+            color=palette[swarm.names[pair.a]] if named else MUTED,
+            linestyle=DASHES[(other or 0) % len(DASHES)],
+            linewidth=1.1 if named else 0.5,
+            label=f"{label(pair)}, least {least[pair]:.3g} m",
+            zorder=2.5 if named else 2.0,
+        )
+    return closest

@@ -1,0 +1,66 @@
+"""How every figure looks: size, axes, legends, and one colour for each agent throughout."""
+
+from typing import NamedTuple
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from phalanx.scenario.model import Scenario
+
+_NORMAL = ("#1f5fbf", "#13a3b5", "#6a4fc4", "#0b3c6f", "#4aa8f0", "#1c8a6b")
+_ADVERSARY = ("#d62728", "#8f0f2a", "#f2684a", "#e0559a")
+DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)), (0, (9, 3)))
+LIMIT, PEAK, MUTED = "#333333", "#c1121f", "#8a8f98"
+MOST_NAMED = 12
+"""Most entries of a legend, and most agents with a panel of their own."""
+_WIDTH = 9.0
+
+
+class Plate(NamedTuple):
+    """One figure of the report."""
+
+    name: str
+    """Of its file, without the ending."""
+    caption: str
+    figure: Figure
+
+
+def colours(scenario: Scenario) -> dict[str, str]:
+    """Each agent's colour: normal agents blue, adversaries red, each its own shade."""
+    chosen: dict[str, str] = {}
+    for role, palette in (("normal", _NORMAL), ("adversary", _ADVERSARY)):
+        names = [name for name, group, _ in scenario.roster() if group.role == role]
+        chosen |= {name: palette[i % len(palette)] for i, name in enumerate(names)}
+    return chosen
+
+
+def panels(rows: int, height: float) -> tuple[Figure, list[Axes]]:
+    """A figure with one column of panels of this height [inch] that share their x axis."""
+    figure = Figure(figsize=(_WIDTH, rows * height + 0.3), layout="constrained", facecolor="white")
+    axes = list(figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0])
+    for each in axes:
+        dress(each)
+    return figure, axes
+
+
+def dress(axes: Axes) -> None:
+    """A light grid behind, no frame above and to the right."""
+    axes.grid(color="#000000", alpha=0.12, linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def legend(axes: Axes, title: str | None = None, most: int = MOST_NAMED) -> None:
+    """Name the first lines beside the panel, as many as fit."""
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        axes.legend(
+            handles[:most],
+            labels[:most],
+            title=title,
+            loc="upper left",
+            bbox_to_anchor=(1.0, 1.02),
+            fontsize=8,
+            title_fontsize=8,
+            frameon=False,
+        )

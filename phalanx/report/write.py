@@ -1,0 +1,123 @@
+"""Write the report of a run: its figures as PNG, and one HTML file."""
+
+import io
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from phalanx.recording.read import Recording, read
+from phalanx.report import figures, space
+from phalanx.report.html import page
+from phalanx.report.measures import LinkStatistics, Motion, link_statistics, steps_by_agent
+from phalanx.report.style import MOST_NAMED, Plate
+from phalanx.scenario.swarm import Swarm, build_swarm
+from phalanx.theory.origin import Origin
+from phalanx.theory.row import Information
+
+REPORT = "report.html"
+_DPI = 110
+
+
+def write_report(run: Path, progress: Callable[[str], None] | None = None) -> Path:
+    """Write report.html and figures/*.png next to a recording, whole or cut short.
+
+    Args:
+        run: a run's folder, or its recording.
+        progress: told the name of each figure before it is drawn.
+
+    Returns:
+        The path of report.html.
+
+    Raises:
+        UnreadableRecordingError: there is no recording to report on. OSError: cannot write.
+    """
+    recording = read(run)
+    folder = recording.path.parent
+    (folder / "figures").mkdir(exist_ok=True)
+    links = link_statistics(recording)
+    drawn = []
+    for plate in plates(recording, links):
+        if progress:
+            progress(plate.name)
+        image = io.BytesIO()
+        plate.figure.savefig(image, format="png", dpi=_DPI)
+        (folder / "figures" / f"{plate.name}.png").write_bytes(image.getvalue())
+        drawn.append((plate.caption, image.getvalue()))
+    report = folder / REPORT
+    report.write_text(page(recording, links, drawn, notes(recording)), encoding="utf-8")
+    return report
+
+
+def plates(recording: Recording, links: list[LinkStatistics]) -> Iterator[Plate]:
+    """The figures that the recording has data for, in the report's order."""
+    swarm = build_swarm(recording.scenario)
+    if recording.states:
+        motion = Motion(recording, swarm)
+        yield Plate("h_tot", _SAFETY, figures.safety(recording))
+        yield Plate("paths", _paths_caption(recording), space.paths(recording, motion))
+        yield Plate("distances", _DISTANCES, space.distances(recording, swarm, motion))
+    if recording.states and recording.steps:
+        yield from _inputs(recording, swarm)
+        if ages := figures.ages(recording):
+            yield Plate("ages", _ages_caption(recording), ages)
+        yield Plate("solve-times", _SOLVE_TIMES, figures.solve_times(recording))
+    if any(link.lost or link.model.loss for link in links):
+        yield Plate("losses", _LOSSES, figures.losses(links))
+
+
+def notes(recording: Recording) -> list[str]:
+    """What is not drawn, and why."""
+    if not recording.states:
+        return ["The recording holds no state: there is nothing to draw."]
+    normal = sum(group.role == "normal" for _, group, _ in recording.scenario.roster())
+    if normal > MOST_NAMED:
+        return [
+            f"Inputs are drawn for {MOST_NAMED} of {normal} normal agents: those whose K_i was "
+            "empty most often."
+        ]
+    return []
+
+
+def _inputs(recording: Recording, swarm: Swarm) -> Iterator[Plate]:
+    steps = steps_by_agent(recording)
+    empty = {
+        i: sum(step.origin != Origin.QP for step in steps[swarm.names[i]])
+        for i in swarm.normal
+        if steps[swarm.names[i]]
+    }
+    for i in sorted(sorted(empty, key=lambda i: -empty[i])[:MOST_NAMED]):
+        caption = (
+            f"Inputs of agent {swarm.names[i]}; bounds dotted. A cross marks each step whose K_i "
+            "was empty: dark if the backup input was applied, light if it had no authority."
+        )
+        yield Plate(f"inputs-{swarm.names[i]}", caption, figures.inputs(recording, swarm, i))
+
+
+_SAFETY = (
+    "h_tot over time, each value the largest since the event before. At or below zero every pair "
+    "is safe; h_tot lies a little above the largest h, so above zero a pair may still be safe."
+)
+_DISTANCES = (
+    "Distances between the output points of all pairs, and to obstacles' centres; dotted: the "
+    "distance required. The closest pairs come first."
+)
+_SOLVE_TIMES = (
+    "Wall time of control steps, from sample to input: the share of steps that took as long or "
+    "longer. It has no part in the trajectory."
+)
+_LOSSES = "Share of broadcasts lost on each link, next to what the scenario asks for."
+
+
+def _paths_caption(recording: Recording) -> str:
+    circles = (
+        " Circles have half the required distance as radius, so that two which overlap are too "
+        "close: solid at the end, dashed when h_tot was worst."
+        if space.required_distance(recording.scenario)
+        else ""
+    )
+    return "Paths of the output points: hollow mark at the start, filled mark at the end." + circles
+
+
+def _ages_caption(recording: Recording) -> str:
+    used = recording.scenario.safety.information is Information.PAPER
+    role = "that the rows used" if used else "received (no row uses them: information is split)"
+    return f"Age of the inputs û {role}, at each receiver's steps."
