@@ -1,0 +1,56 @@
+"""Viewer processes: started as a user would, found by the address they print, never left behind."""
+
+import contextlib
+import os
+import re
+import select
+import subprocess
+import sys
+import time
+import urllib.request
+from collections.abc import Iterator
+
+from runs import SECRET
+
+
+class Viewer:
+    """One `phalanx view` process."""
+
+    def __init__(self, *arguments: str, secret: bytes = SECRET, control: bytes = b"") -> None:
+        environment = {"PHALANX_SECRET": secret.decode(), "PHALANX_CONTROL": control.decode()}
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "phalanx", "view", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env={**os.environ, **environment},
+        )
+        self.url = self._printed_url(60.0)
+
+    def _printed_url(self, seconds: float) -> str:
+        assert self.process.stdout is not None
+        deadline, said = time.monotonic() + seconds, ""
+        while time.monotonic() < deadline:
+            ready, _, _ = select.select([self.process.stdout], [], [], 0.5)
+            line = self.process.stdout.readline() if ready else ""
+            said += line
+            if found := re.match(r"viewer: (http://\S+)", line):
+                return found.group(1)
+            assert line or self.process.poll() is None, said
+        raise AssertionError(f"the viewer printed no address: {said}")
+
+    def answers(self) -> bool:
+        """Whether the page is served."""
+        with urllib.request.urlopen(self.url, timeout=10) as page:
+            return page.status == 200
+
+
+@contextlib.contextmanager
+def viewer(*arguments: str, control: bytes = b"") -> Iterator[Viewer]:
+    """A viewer for the length of a block."""
+    started = Viewer(*arguments, control=control)
+    try:
+        yield started
+    finally:
+        started.process.kill()
+        started.process.communicate()
