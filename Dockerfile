@@ -1,0 +1,35 @@
+# One image for every program of a run: phalanx plant, phalanx agent NAME, phalanx viewer.
+ARG BASE=python:3.12-slim
+
+FROM ${BASE} AS build
+WORKDIR /src
+RUN python3 -m venv /opt/phalanx
+# What changes rarely first: a change of the code does not install the libraries again.
+COPY pyproject.toml constraints.txt README.md LICENSE ./
+RUN mkdir phalanx agent plant viewer scenarios \
+ && /opt/phalanx/bin/pip install --no-cache-dir --constraint constraints.txt '.[viewer]' \
+ && /opt/phalanx/bin/pip uninstall --yes phalanx
+# CasADi's solver plugins and headers, and the libraries' own tests: half of the image, unused.
+RUN cd /opt/phalanx/lib/python3*/site-packages \
+ && find casadi -mindepth 1 -maxdepth 1 \
+      ! -name '*.py' ! -name '_casadi.so' ! -name 'libcasadi.so*' -exec rm -rf {} + \
+ && find . -name tests -type d -prune -exec rm -rf {} +
+COPY phalanx phalanx
+COPY agent agent
+COPY plant plant
+COPY viewer viewer
+COPY scenarios scenarios
+RUN /opt/phalanx/bin/pip install --no-cache-dir --no-deps .
+
+FROM ${BASE}
+COPY --from=build /opt/phalanx /opt/phalanx
+RUN useradd --uid 10001 --no-create-home --shell /usr/sbin/nologin phalanx \
+ && install --directory --owner=phalanx /runs
+ENV PATH=/opt/phalanx/bin:$PATH \
+    OPENBLAS_NUM_THREADS=1 \
+    MPLCONFIGDIR=/tmp \
+    PYTHONUNBUFFERED=1
+USER phalanx
+WORKDIR /runs
+ENTRYPOINT ["phalanx"]
+CMD ["--help"]
