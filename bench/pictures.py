@@ -1,0 +1,52 @@
+"""The pictures of README.md and docs, from runs of the scenarios that ship.
+
+python bench/pictures.py
+"""
+
+import tempfile
+from pathlib import Path
+
+from PIL import Image
+
+from phalanx.launch import launch, new_folder
+from phalanx.report.write import write_report
+from phalanx.scenario.load import load
+from phalanx.wire.session import free_endpoint
+
+IMAGES = Path("docs/images")
+
+
+PICTURES = {
+    "unicycles": ("paths.png", "h_tot.png"),
+    "formation3d": ("paths.png", "h_tot.png", "inputs-2.png"),
+}
+"""Figures of the report by scenario."""
+
+
+def main() -> None:
+    """Run each scenario once and save its picture."""
+    IMAGES.mkdir(parents=True, exist_ok=True)
+    for name, figures in PICTURES.items():
+        with tempfile.TemporaryDirectory(prefix="phalanx-") as parent:
+            scenario = load(name)
+            folder = new_folder(Path(parent), scenario.name)
+            launch(scenario, folder, free_endpoint(), lambda _: None)
+            write_report(folder)
+            files = [folder / "figures" / figure for figure in figures]
+            above_each_other(files).save(IMAGES / f"{name}.png", optimize=True)
+
+
+def above_each_other(files: list[Path]) -> Image.Image:
+    """Pictures in one column, on white."""
+    pictures = [Image.open(file).convert("RGB") for file in files]
+    width, height = max(p.width for p in pictures), sum(p.height for p in pictures)
+    page = Image.new("RGB", (width, height), "white")
+    top = 0
+    for picture in pictures:
+        page.paste(picture, (0, top))
+        top += picture.height
+    return page
+
+
+if __name__ == "__main__":
+    main()
