@@ -122,12 +122,11 @@ def split_row(terms: Terms, i: int, normal: Sequence[int], eta: float) -> Row:
     """Agent i's share of the joint condition; needs nothing from the others.
 
     With m_l = min over U_l of c_l u and T = Σ drift + Σ_N m_l + Σ_A max c_j u + α_q + η, agent i
-    keeps c_i u_i <= m_i + ω_i (-T), ω_i ∝ max c_i u - min c_i u. Summed over N this is the
-    condition of Eq. (KNx), and it is feasible whenever that is: when T <= 0.
+    keeps c_i u_i <= m_i - T / |N|. Summed over N this is the condition of Eq. (KNx), and it is
+    feasible whenever that is: when T <= 0. Equal shares, not shares by authority, because agents
+    compute them from different samples: what does not vary with the state does not go stale.
     """
     least, most = terms.least.tolist(), terms.most.tolist()
     total = terms.unforced + eta
     total += sum(least[l] if l in normal else most[l] for l in range(len(least)))
-    spans = sum(most[l] - least[l] for l in normal)
-    weight = (most[i] - least[i]) / spans if spans > 0 else 1 / len(normal)
-    return Row(terms.c[i], least[i] - weight * total)
+    return Row(terms.c[i], least[i] - total / len(normal))
