@@ -10,6 +10,9 @@ from phalanx.cli.options import Overrides, ScenarioArgument, Seed
 
 if TYPE_CHECKING:
     from phalanx.check import CheckReport
+    from phalanx.formula import Formula
+
+_HOW = {"interval": "proven by intervals", "sampled": "largest sampled"}
 
 
 def register(app: typer.Typer) -> None:
@@ -71,12 +74,11 @@ def _show(name: str, report: "CheckReport") -> None:
     stuck = [agent for agent, holds in report.rows_at_start.items() if not holds]
     rows = f"[yellow]empty for {', '.join(stuck)}[/]" if stuck else "non-empty for every agent"
     table.add_row("K_i at the start", rows)
-    for constant, found in report.constants.items():
-        how = "proven by intervals" if found.how == "interval" else "largest sampled"
-        table.add_row(f"constant {constant}", f"{found.value:.4g} ({how})")
+    for constant, found in report.formula.constants.items() if report.formula else ():
+        table.add_row(f"constant {constant}", f"{found.value:.4g} ({_HOW[found.how]})")
     table.add_row("η in force", _by_agent(report.eta_paper))
-    table.add_row("η by the formula", _number(report.eta_formula))
-    table.add_row("η corrected", _number(report.eta_corrected))
+    table.add_row("η by the formula", _formula(report.formula))
+    table.add_row("- for the worst pair", _formula(report.pair_formula))
     table.add_row("η local, at the start", _by_agent(report.eta_local))
     table.add_row("Theorem 4", _theorem(report))
     gap = "none" if report.largest_gap is None else f"{report.largest_gap * 1e3:.3g} ms"
@@ -96,8 +98,11 @@ def _theorem(report: "CheckReport") -> str:
     return f"{said} at {four.states} boundary states, largest sum {four.worst:.4g}"
 
 
-def _number(value: float | None) -> str:
-    return "unknown: no workspace" if value is None else f"{value:.4g}"
+def _formula(found: "Formula | None") -> str:
+    if found is None:
+        return "unknown: no workspace"
+    how = _HOW["interval" if found.proven else "sampled"]
+    return f"{found.eta:.4g}, corrected {found.corrected:.4g} ({how})"
 
 
 def _by_agent(values: "dict[str, float | None] | dict[str, float]") -> str:

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from phalanx.check import check, rows_at_start
+from phalanx.check import check
+from phalanx.proven import rows_at_start
 from phalanx.scenario.load import load
 from phalanx.scenario.swarm import build_swarm
 from phalanx.theory.constants import constants, margin_constants
@@ -37,8 +38,14 @@ def test_a_start_outside_s_is_reported():
 
 def test_the_papers_margin_is_far_below_its_own_formula():
     assert PAPER.eta_paper == dict.fromkeys("123", 8.0566)
-    assert PAPER.eta_formula > 500
+    assert PAPER.formula.eta > 500
     assert any("a choice, not a bound" in word for word in PAPER.words)
+
+
+def test_the_worst_pair_needs_a_smaller_margin_than_all_pairs_composed_and_it_is_proven():
+    assert PAPER.pair_formula.proven
+    assert not PAPER.formula.proven
+    assert PAPER.pair_formula.eta < PAPER.formula.eta / 2
 
 
 def test_theorem_4_is_refuted_for_simulation_1():
@@ -82,8 +89,8 @@ def test_only_the_printed_information_model_minds_delay():
 
 def test_states_without_known_bounds_are_asked_for_by_name():
     report = check(load("disturbance-gap"))
-    assert report.constants == {}
+    assert report.formula is None
     assert any("vx, vy, vz in [workspace]" in word for word in report.words)
     bounded = ["workspace={vx=[-1.0,1.0],vy=[-1.0,1.0],vz=[-1.0,1.0]}"]
     known = check(load("disturbance-gap", bounded))
-    assert known.eta_corrected > known.eta_formula > 0.5
+    assert known.formula.corrected > known.formula.eta > 0.5
