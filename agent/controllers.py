@@ -7,9 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.scenario.swarm import Swarm
-from phalanx.theory.centralised import JointInput
 from phalanx.theory.controller import Decision, decide, decide_pairs
-from phalanx.theory.laws import View
 from phalanx.theory.origin import Origin
 from phalanx.theory.pairs import pair_rows
 from phalanx.theory.qp import NearestInput
@@ -40,12 +38,10 @@ class Controller(Protocol):
 
 
 def controller(swarm: Swarm, i: int) -> Controller:
-    """What the scenario asks of agent i."""
+    """What the scenario asks of agent i, alone."""
     safety = swarm.scenario.safety
     if swarm.members[i].adversary:
         return Attack(swarm, i)
-    if safety.control == "centralised":
-        return Centralised(swarm, i)
     return OneRowForEachPair(swarm, i) if safety.composition == "pairs" else OneRow(swarm, i)
 
 
@@ -103,38 +99,6 @@ class OneRowForEachPair:
         rows = pair_rows(terms, self._pairs, usable, sharing, self._eta, self._scale)
         inputs = now.terms.polytopes[self._i]
         return decide_pairs(inputs, rows, now.wanted, self._qp), list(usable)
-
-
-class Centralised:
-    """(QPmultiple), solved alike by every normal agent, each of which applies its own part.
-
-    With synchronous sampling all of them see the same state at the same instant, and so solve the
-    same program: this is the one controller of Theorem 1, without a machine of its own to fail.
-    """
-
-    def __init__(self, swarm: Swarm, i: int) -> None:
-        safety = swarm.scenario.safety
-        self._i, self._normal = i, swarm.normal
-        self._eta, self._scale = swarm.eta(i), safety.margin_scale
-        self._laws = {l: swarm.law(l) for l in swarm.normal if l != i}
-        self._goals = {l: swarm.goal_of(l) for l in self._laws}
-        self._parts = swarm.chain.set.parts
-        self._latency = swarm.scenario.time.latency
-        self._qp = JointInput([swarm.members[l].dynamics for l in swarm.normal])
-
-    def __call__(self, now: Moment) -> tuple[Decision, list[int]]:
-        states = [now.x[part] for part in self._parts]
-        sampled = now.t - self._latency
-        wanted = []
-        for l in self._normal:
-            if l == self._i:
-                wanted.append(now.wanted)
-                continue
-            goal = self._goals[l](sampled, now.terms.positions[l])
-            wanted.append(self._laws[l].input(View(l, states, self._normal, goal, now.terms)))
-        eta = self._scale * (self._eta + now.terms.margin)
-        decisions = self._qp.decide(now.terms, self._normal, wanted, eta)
-        return decisions[self._normal.index(self._i)], []
 
 
 def _solver(swarm: Swarm, i: int, safety_rows: int) -> NearestInput:

@@ -7,7 +7,7 @@ import signal
 import threading
 from collections.abc import Callable
 
-from agent.step import ControlStep
+from agent.step import ControlStep, control_steps
 from phalanx.scenario.load import digest
 from phalanx.scenario.model import Scenario
 from phalanx.scenario.swarm import build_swarm
@@ -21,11 +21,11 @@ log = logging.getLogger("phalanx.agent")
 def run(
     scenario: Scenario, name: str, *, run_id: str, endpoint: str, secret: bytes, timeout: float
 ) -> int:
-    """Run one agent until the plant leaves.
+    """Run one agent, or the controller of several, until the plant leaves.
 
     Args:
         scenario: resolved; its digest must be the plant's.
-        name: which of the scenario's agents to be.
+        name: which of the scenario's programs to be.
         run_id: the run to join.
         endpoint: the hub's Zenoh endpoint.
         secret: the run's secret, for the seal.
@@ -38,28 +38,38 @@ def run(
         HubError: the hub cannot be reached. Exception: whatever a control step raised.
     """
     swarm = build_swarm(scenario)
-    step = ControlStep(swarm, swarm.names.index(name))
+    steps = control_steps(swarm, name)
     keys, sealer = Keys(run_id), Sealer(secret)
     over = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: over.set())
     with wire.open_client(endpoint, timeout) as session:
-        publisher = wire.publisher(session, keys.input(name))
-        answering = Answering(
-            step, sealer, lambda i: publisher.put(sealer.seal(keys.input(name), i)), over.set
-        )
-        for other in step.listens_to:
-            wire.subscribe(session, keys.input(other), answering.on_broadcast)
-        wire.subscribe(session, keys.sample(name), answering.on_sample)
+        publishers = [wire.publisher(session, keys.input(step.name)) for step in steps]
+        answerings = [
+            Answering(step, sealer, _broadcast(publisher, sealer), over.set, alone=len(steps) == 1)
+            for step, publisher in zip(steps, publishers, strict=True)
+        ]
+        for step, answering in zip(steps, answerings, strict=True):
+            for other in step.listens_to:
+                wire.subscribe(session, keys.input(other), answering.on_broadcast)
+            wire.subscribe(session, keys.sample(step.name), answering.on_sample)
         wire.watch(session, keys.alive(PLANT), lambda _, alive: None if alive else over.set())
-        wire.wait_for_listener(publisher, timeout)
+        for publisher in publishers:
+            wire.wait_for_listener(publisher, timeout)
         gc.freeze()
-        _token = wire.announce(session, keys.alive(name, digest(scenario)))
+        known = digest(scenario)
+        _tokens = [wire.announce(session, keys.alive(step.name, known)) for step in steps]
         log.info("joined run %s at %s", run_id, endpoint)
         over.wait()
-    log.info("left; %d payloads were rejected", step.rejected)
-    if answering.error is not None:
-        raise answering.error
+    log.info("left; %d payloads were rejected", sum(step.rejected for step in steps))
+    for answering in answerings:
+        if answering.error is not None:
+            raise answering.error
     return 0
+
+
+def _broadcast(publisher: wire.Publisher, sealer: Sealer) -> Callable[[Input], None]:
+    key = str(publisher.key_expr)
+    return lambda message: publisher.put(sealer.seal(key, message))
 
 
 class Answering:
@@ -75,11 +85,14 @@ class Answering:
         sealer: Sealer,
         broadcast: Callable[[Input], None],
         give_up: Callable[[], None],
+        alone: bool = True,
     ) -> None:
+        """alone: whether this process is the agent, and dies with it when ordered to."""
         self.error: Exception | None = None
         """What ended the answering, if a control step did."""
         self._step, self._sealer = step, sealer
         self._broadcast, self._give_up = broadcast, give_up
+        self._alone = alone
         self._pending: Sample | None = None
 
     def on_sample(self, key: str, payload: bytes) -> None:
@@ -89,10 +102,11 @@ class Answering:
         except Malformed as reason:
             self._drop(key, reason)
         else:
-            if sample.orders and sample.orders.die:
+            if not (sample.orders and sample.orders.die):
+                self._pending = sample
+                self._answer_if_complete()
+            elif self._alone:
                 os.kill(os.getpid(), signal.SIGKILL)
-            self._pending = sample
-            self._answer_if_complete()
 
     def on_broadcast(self, key: str, payload: bytes) -> None:
         """Take another agent's broadcast."""

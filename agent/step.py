@@ -1,43 +1,34 @@
-"""One control step: sample -> wanted input -> row -> QP (or fallback) -> input."""
+"""One control step: a sample in, the input that answers it out."""
 
 import time
 
 import numpy as np
-from numpy.typing import NDArray
 
-from agent.controllers import Attack, Controller, Moment, controller
+from agent.alone import Alone, Mind
+from agent.together import Part, Together
+from phalanx.scenario.model import CONTROLLER
 from phalanx.scenario.swarm import Swarm
-from phalanx.theory.controller import Decision
-from phalanx.theory.laws import Law, View, WorstCase
 from phalanx.theory.row import Heard
 from phalanx.wire.inbox import BroadcastInbox
 from phalanx.wire.links import Link
 from phalanx.wire.messages import VERSION, Input, Malformed, Orders, Sample
 
-Array = NDArray[np.float64]
-
 
 class ControlStep:
-    """Agent i's controller: everything between a sample and the input that answers it."""
+    """Agent i's side of the wire: what may come, what it has heard, what it says."""
 
-    def __init__(self, swarm: Swarm, i: int) -> None:
-        """Compile agent i's own copy of the theory."""
-        scenario, composed = swarm.scenario, swarm.chain.set
+    def __init__(self, swarm: Swarm, i: int, mind: Mind | None = None) -> None:
+        """mind: agent i's own unless said otherwise."""
         self.swarm = swarm
         self.i = i
         self.name = swarm.names[i]
         self.inbox = BroadcastInbox(_links(swarm, i))
         self.rejected = 0
         self._next = 0
-        self._normal = swarm.normal
         self._orders: Orders | None = None
-        self._law: Law = swarm.law(i)
         self._clock = swarm.clock(i)
-        self._latency = scenario.time.latency
-        self._goal = swarm.goal_of(i)
-        self._parts = composed.parts
-        self._terms = swarm.terms(i)
-        self._controller: Controller = controller(swarm, i)
+        self._latency = swarm.scenario.time.latency
+        self._mind: Mind = mind or Alone(swarm, i)
 
     @property
     def listens_to(self) -> list[str]:
@@ -68,7 +59,12 @@ class ControlStep:
         self._obey(sample.orders)
         fates = self.inbox.advance(sample.latest, sample.t)
         x = np.frombuffer(sample.x, dtype="<f8")
-        decision, wanted, used = self._decide(x, sample.t)
+        heard = {
+            l: Heard(np.array(received.message.u), received.message.t_apply)
+            for l, received in self.inbox.received().items()
+        }
+        decision, wanted, used = self._mind(x, sample.t, heard)
+        ages = {l: sample.t - heard[l].since for l in used}
         return Input(
             version=VERSION,
             k=sample.k,
@@ -79,7 +75,7 @@ class ControlStep:
             origin=decision.origin,
             residual=decision.residual,
             solve_time=time.perf_counter() - began,
-            ages=tuple(used.get(j) for j in range(len(self.swarm.members))),
+            ages=tuple(ages.get(j) for j in range(len(self.swarm.members))),
             fates=fates,
             rejected=self.rejected,
             wanted=tuple(wanted.tolist()),
@@ -92,28 +88,20 @@ class ControlStep:
         self._orders = orders
         self.inbox.change_links(orders.loss, orders.delay)
         if turned:
-            self._law, self._controller = WorstCase(), Attack(self.swarm, self.i)
+            self._mind = self._mind.turned()
 
-    def _decide(self, x: Array, t: float) -> tuple[Decision, Array, dict[int, float]]:
-        """The input, what the law wanted, and the age of every û_l that counted for it [s]."""
-        terms = self._terms(x)
-        goal = self._goal(t, terms.positions[self.i])
-        wanted = self._law.input(View(self.i, self._states(x), self._normal, goal, terms))
-        heard = {
-            l: Heard(np.array(received.message.u), received.message.t_apply)
-            for l, received in self.inbox.received().items()
-        }
-        now = Moment(t + self._latency, x, terms, wanted, heard)
-        decision, used = self._controller(now)
-        return decision, wanted, {l: t - heard[l].since for l in used}
 
-    def _states(self, x: Array) -> list[Array]:
-        return [x[part] for part in self._parts]
+def control_steps(swarm: Swarm, name: str) -> list[ControlStep]:
+    """The steps of one process: an agent's own, or the controller's for every normal agent."""
+    if name != CONTROLLER:
+        return [ControlStep(swarm, swarm.names.index(name))]
+    together = Together(swarm)
+    return [ControlStep(swarm, i, Part(together, i)) for i in swarm.normal]
 
 
 def _links(swarm: Swarm, i: int) -> dict[int, Link]:
-    """The links on which agent i listens: from the other normal agents, if it is one itself."""
-    if swarm.members[i].adversary:
+    """The links on which agent i listens: to the other normal agents, if it counts on them."""
+    if swarm.members[i].adversary or swarm.scenario.safety.control == "centralised":
         return {}
     names, scenario = swarm.names, swarm.scenario
     return {

@@ -24,7 +24,7 @@ import msgspec
 from phalanx.control import UNSTEERED, Steering
 from phalanx.recording.records import SUMMARY
 from phalanx.scenario.load import from_json, to_json
-from phalanx.scenario.model import Scenario
+from phalanx.scenario.model import CONTROLLER, Scenario
 from phalanx.verdict import Outcome, Summary, exit_status
 from phalanx.wire.keys import Keys
 from phalanx.wire.messages import Ended, Malformed, Sealer, Status
@@ -33,6 +33,7 @@ from phalanx.wire.session import HubError, open_client, subscribe
 PROGRAMS = {
     "plant": "plant.main:run",
     "agent": "agent.main:run",
+    CONTROLLER: "agent.main:run",
     "viewer": "viewer.main:run",
     "export": "viewer.export:run",
 }
@@ -106,9 +107,10 @@ def launch(
     swarm = _Processes(scenario, folder / "logs")
     try:
         swarm.start("plant", "plant", interruptible=True, options=plant)
-        for name, _, _ in scenario.roster():
+        for name in scenario.programs():
+            program = CONTROLLER if name == CONTROLLER else "agent"
             options = {**common, "name": name, "timeout": timeout}
-            swarm.start("agent", name, interruptible=False, options=options)
+            swarm.start(program, name, interruptible=False, options=options)
         if viewer is not None:
             options = {**common, "control": steering.secret, **viewer}
             swarm.start("viewer", "viewer", interruptible=False, options=options)

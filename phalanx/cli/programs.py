@@ -78,6 +78,7 @@ def agent(
     """Run one agent alone, normal or adversary as the scenario says.
 
     Scenario, seed and overrides must be the plant's; it refuses an agent whose scenario differs.
+    Under centralised control one process, named controller, decides for all normal agents.
 
       phalanx agent 4 --scenario unicycles --run r1 --connect tcp/plant:7447
     """
@@ -100,7 +101,7 @@ def _run_here(
     from phalanx.wire.session import HubError
 
     scenario = load(source, overrides or (), seed)
-    names = [agent for agent, _, _ in scenario.roster()]
+    names = scenario.programs()
     if "name" in options and options["name"] not in names:
         expected = ", ".join(names)
         raise typer.BadParameter(f"agent: expected one of {expected}, got {options['name']!r}")

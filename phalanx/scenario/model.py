@@ -30,14 +30,17 @@ from phalanx.theory.row import Information
 from phalanx.theory.safe_set import SafeSetFunction
 
 MAX_AGENTS = 256
+_PLANT = "plant"
+CONTROLLER = "controller"
+"""The process that decides for all normal agents where safety.control is "centralised"."""
 _NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,31}")
 
 
 def _check_name(name: str) -> str:
     if not _NAME.fullmatch(name):
         raise ValueError("expected 1 to 32 of a-z 0-9 _ - (it becomes part of a key expression)")
-    if name == "plant":
-        raise ValueError("expected another name: this one is the plant's")
+    if name in (_PLANT, CONTROLLER):
+        raise ValueError(f"expected another name: this one is the {name}'s")
     return name
 
 
@@ -102,7 +105,8 @@ class Safety(Strict):
     alpha: Annotated[tuple[ClassKField, ...], Field(min_length=1)]
     """α_1, ..., α_q: the gain of a linear one [1/s], or { type = "power", gain, exponent }."""
     control: Literal["distributed", "centralised"] = "distributed"
-    """Each agent its own QP, or all the one of Theorem 1, which needs synchronous clocks."""
+    """Each agent its own QP, or one controller the QP of Theorem 1, which needs synchronous
+    clocks."""
     composition: Composition = "lse"
     """One row for h_tot = LSE of all pairs, as in the paper, or one row for each pair."""
     margin: Margin = "paper"
@@ -354,6 +358,12 @@ class Scenario(Strict):
         for group in self.agents:
             for place, name in enumerate(group.names):
                 yield name, group, place
+
+    def programs(self) -> list[str]:
+        """Names of the processes beside the plant: every agent, or the controller of several."""
+        if self.safety.control == "distributed":
+            return [name for name, _, _ in self.roster()]
+        return [CONTROLLER, *(n for n, group, _ in self.roster() if group.role == "adversary")]
 
 
 def _construct(field: str, kind: type, table: Table) -> Any:

@@ -1,17 +1,15 @@
-"""Theorem 1: one QP for all normal agents, solved alike by each of them."""
+"""Theorem 1: one QP for all normal agents."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phalanx.launch import launch, new_folder
 from phalanx.scenario.load import ScenarioError, load
 from phalanx.scenario.swarm import build_swarm
 from phalanx.theory.centralised import JointInput, joint_row
 from phalanx.theory.origin import Origin
 from phalanx.theory.terms import TermsFunction
-from phalanx.wire.session import free_endpoint
 
 SWARM = build_swarm(load("unicycles"))
 TERMS = TermsFunction(SWARM.chain)
@@ -50,17 +48,3 @@ def test_it_changes_the_nominal_inputs_no_more_than_needed():
 def test_pairs_and_a_central_controller_exclude_each_other():
     with pytest.raises(ScenarioError, match=r"safety\.composition: expected 'lse'"):
         load("guaranteed", ["safety.control=centralised"])
-
-
-def unsynchronised(tmp_path, *overrides):
-    scenario = load("unicycles", ["duration=0.5", "safety.control=centralised", *overrides])
-    folder = new_folder(tmp_path, "central")
-    summary = launch(scenario, folder, free_endpoint(), lambda _: None)
-    return next(a.failed for a in summary.assumptions if a.name == "synchronous sampling")
-
-
-@pytest.mark.swarm
-def test_theorem_1_needs_synchronous_clocks_and_the_run_checks_it(tmp_path):
-    assert unsynchronised(tmp_path) > 0
-    synchronous = ["agents.0.clock.jitter=0.0", "agents.1.clock.jitter=0.0"]
-    assert unsynchronised(tmp_path, *synchronous) == 0

@@ -1,0 +1,64 @@
+"""One agent's own thought: terms of the sample, wanted input, row, QP."""
+
+from collections.abc import Mapping
+from typing import NamedTuple, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.controllers import Attack, Controller, Moment, controller
+from phalanx.scenario.swarm import Swarm
+from phalanx.theory.controller import Decision
+from phalanx.theory.laws import Law, View, WorstCase
+from phalanx.theory.row import Heard
+
+Array = NDArray[np.float64]
+
+
+class Thought(NamedTuple):
+    """What came of a sample."""
+
+    decision: Decision
+    wanted: Array
+    """u_nom, shape (m_i,)."""
+    used: list[int]
+    """The agents whose û_l counted."""
+
+
+class Mind(Protocol):
+    """What turns one agent's samples into inputs."""
+
+    def __call__(self, x: Array, t: float, heard: Mapping[int, Heard]) -> Thought:
+        """Decide on the stacked state x, shape (n̄,), sampled at t [s]."""
+
+    def turned(self) -> "Mind":
+        """The same agent's as an adversary."""
+
+
+class Alone:
+    """A mind of the agent's own, as in the distributed problem and in every adversary."""
+
+    def __init__(self, swarm: Swarm, i: int) -> None:
+        """Compile agent i's own copy of the theory."""
+        self._swarm, self._i = swarm, i
+        self._normal, self._parts = swarm.normal, swarm.chain.set.parts
+        self._law: Law = swarm.law(i)
+        self._goal = swarm.goal_of(i)
+        self._terms = swarm.terms(i)
+        self._latency = swarm.scenario.time.latency
+        self._controller: Controller = controller(swarm, i)
+
+    def __call__(self, x: Array, t: float, heard: Mapping[int, Heard]) -> Thought:
+        """Decide on the stacked state x, shape (n̄,), sampled at t [s]."""
+        terms = self._terms(x)
+        goal = self._goal(t, terms.positions[self._i])
+        states = [x[part] for part in self._parts]
+        wanted = self._law.input(View(self._i, states, self._normal, goal, terms))
+        now = Moment(t + self._latency, x, terms, wanted, heard)
+        decision, used = self._controller(now)
+        return Thought(decision, wanted, used)
+
+    def turned(self) -> Self:
+        """It attacks from now on."""
+        self._law, self._controller = WorstCase(), Attack(self._swarm, self._i)
+        return self

@@ -1,0 +1,62 @@
+"""Theorem 1 as processes: one controller for all normal agents."""
+
+from pathlib import Path
+
+import pytest
+
+from phalanx.control import ControlKind, Steering
+from phalanx.launch import launch, new_folder
+from phalanx.recording.read import Recording, read
+from phalanx.recording.records import Control
+from phalanx.scenario.load import load
+from phalanx.theory.origin import Origin
+from phalanx.verdict import Outcome
+from phalanx.wire.session import free_endpoint
+
+pytestmark = pytest.mark.swarm
+
+CENTRALISED = ("--set", "safety.control=centralised")
+SYNCHRONOUS = ("agents.0.clock.jitter=0.0", "agents.1.clock.jitter=0.0")
+
+
+def centralised(tmp_path: Path, *overrides: str, schedule: tuple[Control, ...] = ()) -> Recording:
+    scenario = load("unicycles", ["duration=0.5", "safety.control=centralised", *overrides])
+    folder, steering = new_folder(tmp_path, "central"), Steering(schedule=schedule)
+    launch(scenario, folder, free_endpoint(), lambda _: None, steering=steering)
+    return read(folder)
+
+
+def failed(recording: Recording, assumption: str) -> int:
+    assert recording.summary is not None
+    return next(a.failed for a in recording.summary.assumptions if a.name == assumption)
+
+
+def test_one_process_controls_all_normal_agents(phalanx):
+    run = phalanx("run", "unicycles", *CENTRALISED)
+    run.wait_until_running(agents=3)
+    programs = ["phx-agent-4", "phx-agent-5", "phx-controller", "phx-plant"]
+    assert sorted(run.programs()) == programs
+    run.programs()["phx-controller"].kill()
+    status, output = run.finish()
+    run.wait_until_gone(5.0)
+    assert status == 3
+    assert "[phx-controller died (killed by SIGKILL)" in output
+
+
+def test_theorem_1_needs_synchronous_clocks_and_the_run_checks_it(tmp_path):
+    assert failed(centralised(tmp_path), "synchronous sampling") > 0
+    assert failed(centralised(tmp_path, *SYNCHRONOUS), "synchronous sampling") == 0
+
+
+def test_the_controller_outlives_an_agent_and_goes_on_without_one_that_turned(tmp_path):
+    schedule = (
+        Control(0.1, ControlKind.KILL, "1", 0.0),
+        Control(0.2, ControlKind.TURN, "2", 0.0),
+    )
+    recording = centralised(tmp_path, *SYNCHRONOUS, schedule=schedule)
+    assert recording.summary.outcome is Outcome.SAFE
+    last = {step.agent: step for step in recording.steps}
+    assert last["1"].t <= 0.1
+    assert last["2"].origin == Origin.ATTACK
+    assert last["3"].origin == Origin.QP
+    assert last["3"].t >= 0.48
