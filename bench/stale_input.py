@@ -4,8 +4,9 @@
 
 Every run is a real one. After each update the recording says which inputs are in force; with them
 J = Σ drift + Σ_N c_l u_l + Σ_A max c_j u + α_q(ψ_{q-1}) + η must not be above 0. An update is a
-false certificate if its own row held and J > 0. J <= η means that sampling and disturbance are
-left with less margin than asked for, but the condition itself held.
+false certificate if its row held and J > 0; where every agent keeps its share, if all their rows
+held. J <= η means that sampling and disturbance are left with less margin than asked for, but the
+condition itself held.
 """
 
 import argparse
@@ -20,6 +21,7 @@ from phalanx.launch import launch, new_folder
 from phalanx.recording.read import Recording, read
 from phalanx.scenario.load import load
 from phalanx.scenario.swarm import build_swarm
+from phalanx.theory.row import Information
 from phalanx.theory.terms import TermsFunction
 from phalanx.wire.session import free_endpoint
 
@@ -31,9 +33,11 @@ class Certificates(NamedTuple):
 
     updates: int
     certified: int
-    """Updates whose own row held."""
+    """Updates whose row held; with shares, after which every agent's row had held."""
     false: int
-    """Of these, jointly not held."""
+    """Of these, those with J > 0."""
+    short: int
+    """Of these, those with J > η."""
     worst: float
     """Largest J at a certified update."""
     worst_h: float
@@ -76,11 +80,14 @@ def certificates(recording: Recording) -> Certificates:
     evaluate, eta = TermsFunction(swarm.chain), swarm.eta(swarm.normal[0])
     names, in_force = swarm.names, {}
     states = {state.t: np.array(state.x) for state in recording.states}
-    updates = certified = false = 0
+    split = recording.scenario.safety.information is Information.SPLIT
+    held: dict[int, bool] = {}
+    updates = certified = false = short = 0
     worst = -np.inf
     for t, together in itertools.groupby(recording.steps, key=lambda step: step.t_apply):
         steps = [step for step in together if names.index(step.agent) in swarm.normal]
         in_force.update({names.index(step.agent): np.array(step.u) for step in steps})
+        held.update({names.index(step.agent): step.residual <= _ROUNDING for step in steps})
         if len(in_force) < len(swarm.normal):
             continue
         terms = evaluate(states[t])
@@ -89,11 +96,12 @@ def certificates(recording: Recording) -> Certificates:
             joint += float(terms.c[l] @ in_force[l]) if l in in_force else most
         for step in steps:
             updates += 1
-            if step.residual <= _ROUNDING:
+            if all(held.values()) if split else held[names.index(step.agent)]:
                 certified += 1
                 false += joint > _ROUNDING
+                short += joint > eta + _ROUNDING
                 worst = max(worst, joint)
-    return Certificates(updates, certified, false, worst, float(recording.h_tot.max()))
+    return Certificates(updates, certified, false, short, worst, float(recording.h_tot.max()))
 
 
 if __name__ == "__main__":

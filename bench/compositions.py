@@ -1,0 +1,119 @@
+"""One row for each pair against one row for h_tot = LSE of all pairs, on both simulations.
+
+    python bench/compositions.py [--seeds 20] [--out docs/compositions.md]
+
+First the margin that can be proven, by the paper's formula over the workspace and locally at the
+states of a run; then what the runs come to.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.progress import track
+from stale_input import run
+from variants import HEAD, measure, row
+
+from phalanx.check import check
+from phalanx.formula import Formula
+from phalanx.recording.read import Recording
+from phalanx.scenario.load import load
+from phalanx.scenario.model import Composition
+from phalanx.scenario.swarm import build_swarm
+from phalanx.theory.local_margin import UNKNOWN
+
+Array = NDArray[np.float64]
+
+SIMULATIONS = {"Simulation 1": "unicycles", "Simulation 2": "formation3d"}
+_SPLIT = ["safety.information=split"]
+_PAIRS = [*_SPLIT, "safety.composition=pairs"]
+VARIANTS = {
+    "lse, `paper`": [],
+    "lse, `split`": _SPLIT,
+    "pairs, `split`": _PAIRS,
+    "pairs, `split`, η local": [*_PAIRS, "safety.margin=local", "safety.eta=0"],
+}
+"""Overrides by name; η is the paper's number unless said."""
+
+
+def main() -> None:
+    """Run everything and write the page."""
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    arguments.add_argument("--seeds", type=int, default=20)
+    arguments.add_argument("--only", choices=SIMULATIONS.values(), action="append")
+    arguments.add_argument("--out", type=Path)
+    options = arguments.parse_args()
+    lines = [
+        "# One row for each pair, against one row for h_tot",
+        "",
+        f"Seeds 0 to {options.seeds - 1}. Every number on this page is printed by "
+        "`python bench/compositions.py`.",
+    ]
+    for title, name in SIMULATIONS.items():
+        if not options.only or name in options.only:
+            lines += ["", f"## {title}: `{name}`", "", *margins(name)]
+            lines += ["", *HEAD, *[runs(name, v, options.seeds) for v in VARIANTS]]
+    text = "\n".join(lines) + "\n"
+    print(text)
+    if options.out:
+        options.out.write_text(text)
+
+
+def runs(name: str, variant: str, seeds: int) -> str:
+    """The row of one variant, over all seeds."""
+    each = [
+        measure(run(name, [*VARIANTS[variant], f"seed={seed}"]))
+        for seed in track(range(seeds), f"{name}: {variant}")
+    ]
+    return row(variant, each)
+
+
+def margins(name: str) -> list[str]:
+    """A table of what can be proven for one scenario."""
+    report = check(load(name))
+    assert report.formula is not None
+    assert report.pair_formula is not None
+    recording = run(name, [])
+    of_all, of_pair = local_margins(recording, "lse"), local_margins(recording, "pairs")
+    return [
+        "| rows | η by formula over the workspace | η local: bounded at | median | p99 |",
+        "|---|---|---|---|---|",
+        f"| one for h_tot | {_formula(report.formula)} | {_local(of_all)} |",
+        f"| one for each pair | {_formula(report.pair_formula)} | {_local(of_pair)} |",
+    ]
+
+
+def local_margins(recording: Recording, composition: Composition) -> Array:
+    """The local margin at each sample of the first normal agent: of its one row, or of its closest
+    pair's.
+    """
+    scenario = recording.scenario
+    local = {"composition": composition, "margin": "local", "eta": 0.0}
+    safety = scenario.safety.model_copy(update=local)
+    swarm = build_swarm(scenario.model_copy(update={"safety": safety}))
+    i = swarm.normal[0]
+    states = {state.t: np.array(state.x) for state in recording.states}
+    sampled = [states[step.t] for step in recording.steps if step.agent == swarm.names[i]]
+    if composition == "lse":
+        one = swarm.terms(i)
+        return np.array([one(x).margin for x in sampled])
+    each = swarm.pair_terms(i)
+    return np.array([terms.margin[terms.psi[:, 0].argmax()] for terms in map(each, sampled)])
+
+
+def _formula(found: Formula) -> str:
+    how = "proven" if found.proven else "at least: some constants are sampled"
+    return f"{found.corrected:.0f} ({how})"
+
+
+def _local(margins: Array) -> str:
+    bounded = margins[margins < UNKNOWN]
+    if not len(bounded):
+        return "no sample | - | -"
+    median, high = np.percentile(bounded, [50, 99])
+    return f"{len(bounded) / len(margins):.0%} of samples | {median:.1f} | {high:.1f}"
+
+
+if __name__ == "__main__":
+    main()
