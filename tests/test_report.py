@@ -204,6 +204,16 @@ def test_inputs_are_drawn_between_the_bounds_of_their_polytope(recording: Record
         assert sorted(dotted) == pytest.approx([-bound, bound])
 
 
+def test_where_the_inputs_lie_in_a_cube_their_infinity_norm_is_drawn_first() -> None:
+    u = np.array([[0.5, -1.5, 1.0], [0.0, 0.2, -0.1]])
+    norm, *components = figures.input_curves(build_swarm(load("formation3d")), 0, u)
+    assert norm.label == "‖u‖∞ [SI]"
+    assert list(norm.values) == [1.5, 0.2]
+    assert norm.bounds == (2.0,)
+    assert len(components) == 3
+    assert len(figures.input_curves(build_swarm(load("unicycles")), 0, u[:, :2])) == 2
+
+
 def test_the_report_shows_the_verdict_and_its_evidence(reported: Path) -> None:
     html = reported.read_text()
     assert "<strong>violated</strong>" in html

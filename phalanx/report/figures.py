@@ -1,5 +1,7 @@
 """Figures over time: safety, inputs, ages of received inputs; and solve times and losses."""
 
+from typing import NamedTuple
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -46,41 +48,65 @@ def safety(recording: Recording) -> Figure:
     return figure
 
 
+class Curve(NamedTuple):
+    """One quantity of an agent's steps."""
+
+    label: str
+    values: Array
+    """shape (s,)"""
+    bounds: tuple[float, ...]
+
+
 def inputs(recording: Recording, swarm: Swarm, i: int) -> Figure:
     """Agent i's inputs with their bounds, and a mark at every step whose K_i was empty."""
-    member = swarm.members[i]
-    steps = steps_by_agent(recording)[member.name]
-    figure, rows = panels(len(member.dynamics.inputs), 1.9)
-    box = input_box(swarm, i)
-    u, applied = np.array([s.u for s in steps]), np.array([s.t_apply for s in steps])
-    for c, axes in enumerate(rows):
-        kept = extremes_kept(u[:, c])
-        held_until = [max(recording.times[-1], applied[-1])]
+    name = swarm.members[i].name
+    steps = steps_by_agent(recording)[name]
+    curves = input_curves(swarm, i, np.array([s.u for s in steps]))
+    figure, rows = panels(len(curves), 1.9)
+    applied = np.array([s.t_apply for s in steps])
+    held_until = max(recording.times[-1], applied[-1])
+    for curve, axes in zip(curves, rows, strict=True):
+        kept = extremes_kept(curve.values)
         axes.step(
-            [*applied[kept], *held_until],
-            [*u[kept, c], u[-1, c]],
+            [*applied[kept], held_until],
+            [*curve.values[kept], curve.values[-1]],
             where="post",
-            color=colours(recording.scenario)[member.name],
+            color=colours(recording.scenario)[name],
             linewidth=0.9,
         )
-        for bound in (box.low[c], box.high[c]) if box else ():
+        for bound in curve.bounds:
             axes.axhline(bound, color=LIMIT, linestyle=":", linewidth=1.2)
-        _mark_fallbacks(axes, steps, c)
-        axes.set_ylabel(f"{member.dynamics.inputs[c]} [SI]")
+        _mark_fallbacks(axes, steps, curve.values)
+        axes.set_ylabel(curve.label)
         axes.margins(x=0.01, y=0.12)
     rows[-1].set_xlabel("t [s]")
-    legend(rows[0], f"agent {member.name}")
+    legend(rows[0], f"agent {name}")
     return figure
 
 
-def _mark_fallbacks(axes: Axes, steps: list[Step], c: int) -> None:
+def input_curves(swarm: Swarm, i: int, u: Array) -> list[Curve]:
+    """Every component of agent i's inputs u, shape (s, m_i); before them ‖u‖_∞ if U_i is its ball.
+
+    The norm is what the paper plots of Simulation 2.
+    """
+    names, box = swarm.members[i].dynamics.inputs, input_box(swarm, i)
+    bounds = [(box.low[c], box.high[c]) if box else () for c in range(len(names))]
+    curves = [Curve(f"{n} [SI]", u[:, c], bounds[c]) for c, n in enumerate(names)]
+    radius = box.high[0] if box else np.nan
+    if box and len(names) > 1 and (box.high == radius).all() and (box.low == -radius).all():
+        curves.insert(0, Curve("‖u‖∞ [SI]", np.abs(u).max(axis=1), (radius,)))
+    return curves
+
+
+def _mark_fallbacks(axes: Axes, steps: list[Step], values: Array) -> None:
+    origins, applied = np.array([s.origin for s in steps]), np.array([s.t_apply for s in steps])
     for origin, colour, size in (
         (Origin.NO_AUTHORITY, "#f2a7a0", 14),
         (Origin.BACKUP, "#e00000", 26),
     ):
-        marked = [s for s in steps if s.origin == origin]
-        label = f"{origin} ({len(marked)} steps)"
-        places = [s.t_apply for s in marked], [s.u[c] for s in marked]
+        marked = origins == origin
+        label = f"{origin} ({marked.sum()} steps)"
+        places = applied[marked], values[marked]
         axes.scatter(
             *places, marker="x", s=size, linewidths=1.0, color=colour, label=label, zorder=3
         )
