@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from rich.progress import track
-from stale_input import run
+from runs import run
 from variants import HEAD, measure, row
 
 from phalanx.check import check
@@ -63,7 +63,7 @@ def main() -> None:
 def runs(name: str, variant: str, seeds: int) -> str:
     """The row of one variant, over all seeds."""
     each = [
-        measure(run(name, [*VARIANTS[variant], f"seed={seed}"]))
+        measure(run(name, VARIANTS[variant], seed))
         for seed in track(range(seeds), f"{name}: {variant}")
     ]
     return row(variant, each)
@@ -74,7 +74,7 @@ def margins(name: str) -> list[str]:
     report = check(load(name))
     assert report.formula is not None
     assert report.pair_formula is not None
-    recording = run(name, [])
+    recording = run(name)
     of_all, of_pair = local_margins(recording, "lse"), local_margins(recording, "pairs")
     return [
         "| rows | η by formula over the workspace | η local: bounded at | median | p99 |",

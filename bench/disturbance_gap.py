@@ -6,7 +6,7 @@
 """
 
 import numpy as np
-from stale_input import run
+from runs import run
 
 from phalanx.recording.read import Recording
 from phalanx.scenario.swarm import build_swarm

@@ -9,8 +9,8 @@ twice the disturbance.
 import argparse
 from collections import Counter
 
+from runs import outcome
 from simulation_1 import infeasible, spread
-from simulation_2 import run
 
 from phalanx.verdict import Summary
 
@@ -35,7 +35,7 @@ def main() -> None:
     )
     print("|---|---|---|---|")
     for name in options.only or VARIANTS:
-        runs = [run("guaranteed", seed, VARIANTS[name]) for seed in range(options.seeds)]
+        runs = [outcome("guaranteed", VARIANTS[name], seed) for seed in range(options.seeds)]
         print(line(name, runs), flush=True)
 
 

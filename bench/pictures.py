@@ -3,15 +3,12 @@
 python bench/pictures.py
 """
 
-import tempfile
 from pathlib import Path
 
 from PIL import Image
+from runs import finished
 
-from phalanx.launch import launch, new_folder
 from phalanx.report.write import write_report
-from phalanx.scenario.load import load
-from phalanx.wire.session import free_endpoint
 
 IMAGES = Path("docs/images")
 
@@ -27,10 +24,7 @@ def main() -> None:
     """Run each scenario once and save its picture."""
     IMAGES.mkdir(parents=True, exist_ok=True)
     for name, figures in PICTURES.items():
-        with tempfile.TemporaryDirectory(prefix="phalanx-") as parent:
-            scenario = load(name)
-            folder = new_folder(Path(parent), scenario.name)
-            launch(scenario, folder, free_endpoint(), lambda _: None)
+        with finished(name) as (folder, _):
             write_report(folder)
             files = [folder / "figures" / figure for figure in figures]
             above_each_other(files).save(IMAGES / f"{name}.png", optimize=True)

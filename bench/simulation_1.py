@@ -6,18 +6,15 @@ python bench/simulation_1.py --seeds 3 --out /dev/stdout
 
 import argparse
 import statistics
-import tempfile
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import track
+from runs import outcome
 
-from phalanx.launch import launch, new_folder
-from phalanx.scenario.load import load
 from phalanx.theory.origin import Origin
 from phalanx.verdict import Outcome, Summary
-from phalanx.wire.session import free_endpoint
 
 VARIANTS = {
     "paper": ["safety.information=paper"],
@@ -35,16 +32,8 @@ def main() -> None:
     jobs = [(name, seed) for seed in range(options.seeds) for name in VARIANTS]
     results: dict[str, list[Summary]] = {name: [] for name in VARIANTS}
     for name, seed in track(jobs, "running", console=Console(stderr=True)):
-        results[name].append(run(VARIANTS[name], seed))
+        results[name].append(outcome("unicycles", VARIANTS[name], seed))
     options.out.write_text(page(results))
-
-
-def run(overrides: list[str], seed: int) -> Summary:
-    """One run of `unicycles`."""
-    scenario = load("unicycles", overrides, seed)
-    with tempfile.TemporaryDirectory(prefix="phalanx-") as parent:
-        folder = new_folder(Path(parent), scenario.name)
-        return launch(scenario, folder, free_endpoint(), lambda _: None)
 
 
 def page(results: dict[str, list[Summary]]) -> str:

@@ -6,18 +6,14 @@ python bench/simulation_2.py --seeds 2 --out /dev/stdout
 
 import argparse
 import statistics
-import tempfile
-from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import track
+from runs import outcome
 from simulation_1 import infeasible, spread, with_authority
 
-from phalanx.launch import launch, new_folder
-from phalanx.scenario.load import load
 from phalanx.verdict import Outcome, Summary
-from phalanx.wire.session import free_endpoint
 
 SCENARIOS = {"formation3d": "β = 2/3", "formation3d-beta3": "β = 3"}
 
@@ -31,16 +27,8 @@ def main() -> None:
     jobs = [(name, seed) for name in SCENARIOS for seed in range(options.seeds)]
     results: dict[str, list[Summary]] = {name: [] for name in SCENARIOS}
     for name, seed in track(jobs, "running", console=Console(stderr=True)):
-        results[name].append(run(name, seed))
+        results[name].append(outcome(name, seed=seed))
     options.out.write_text(page(results))
-
-
-def run(name: str, seed: int, overrides: Sequence[str] = ()) -> Summary:
-    """One run of a scenario that ships."""
-    scenario = load(name, overrides, seed)
-    with tempfile.TemporaryDirectory(prefix="phalanx-") as parent:
-        folder = new_folder(Path(parent), scenario.name)
-        return launch(scenario, folder, free_endpoint(), lambda _: None)
 
 
 def page(results: dict[str, list[Summary]]) -> str:

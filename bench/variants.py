@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from stale_input import run
+from runs import run
 
 from phalanx.recording.read import Recording
 from phalanx.scenario.load import load
@@ -36,8 +36,8 @@ VARIANTS = {
 
 
 HEAD = (
-    "| variant | verdicts | max h_tot | empty K_i | cost | p50, p99 [µs] | real time |",
-    "|---|---|---|---|---|---|---|",
+    "| variant | verdicts | max h_tot | empty K_i | cost | p50, p99 [µs] |",
+    "|---|---|---|---|---|---|",
 )
 """Of the table that row() makes lines of."""
 
@@ -54,8 +54,6 @@ class Measured(NamedTuple):
     """Median [s]."""
     slowest: float
     """Its 99th percentile [s]."""
-    factor: float
-    """Real-time factor of the whole run."""
 
 
 def main() -> None:
@@ -71,10 +69,7 @@ def main() -> None:
     print(*HEAD, sep="\n")
     for name in options.only or VARIANTS:
         overrides = [*common, *VARIANTS[name]]
-        runs = [
-            measure(run(options.scenario, [*overrides, f"seed={seed}"]))
-            for seed in range(options.seeds)
-        ]
+        runs = [measure(run(options.scenario, overrides, seed)) for seed in range(options.seeds)]
         print(row(name, runs), flush=True)
 
 
@@ -83,13 +78,13 @@ def row(name: str, runs: Sequence[Measured]) -> str:
     outcomes = [r.outcome for r in runs]
     counts = ", ".join(f"{outcomes.count(o)} {o}" for o in sorted(set(outcomes)))
     highest = [r.worst_h for r in runs]
-    backup, cost, solve, slowest, factor = (
+    backup, cost, solve, slowest = (
         float(np.mean([getattr(r, field) for r in runs]))
-        for field in ("backup", "cost", "solve", "slowest", "factor")
+        for field in ("backup", "cost", "solve", "slowest")
     )
     return (
         f"| {name} | {counts} | {min(highest):.2f} to {max(highest):.2f} | {backup:.1%} "
-        f"| {cost:.2f} | {solve * 1e6:.0f}, {slowest * 1e6:.0f} | {factor:.1f} |"
+        f"| {cost:.2f} | {solve * 1e6:.0f}, {slowest * 1e6:.0f} |"
     )
 
 
@@ -107,9 +102,8 @@ def measure(recording: Recording) -> Measured:
             times[step.t, CONTROLLER if one else step.agent] += step.solve_time
     solve, slowest = np.percentile(list(times.values()), [50, 99]).tolist()
     backup = 1.0 - summary.origins["qp"] / steps
-    price, factor = cost(recording, swarm), summary.real_time_factor
-    worst = summary.worst_h_tot
-    return Measured(summary.outcome, worst, backup, price, solve, slowest, factor)
+    worst, price = summary.worst_h_tot, cost(recording, swarm)
+    return Measured(summary.outcome, worst, backup, price, solve, slowest)
 
 
 def cost(recording: Recording, swarm: Swarm) -> float:
