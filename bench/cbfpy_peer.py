@@ -68,7 +68,8 @@ class Problem(CBFConfig):  # type: ignore[misc]
             u_min=-limit,
             u_max=limit,
             relax_qp=backend == "elastiqp",
-            cbf_relaxation_penalty=1e6,  # finite: where the row's normal is small it still gives way
+            # elastiqp only knows soft rows; softer, they give way where the row's normal is small.
+            cbf_relaxation_penalty=1e6,
             control_relaxation_penalty=1e6,
             solver_tol=1e-6,
             backend=backend,
