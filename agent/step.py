@@ -6,7 +6,7 @@ import numpy as np
 
 from agent.alone import Alone, Mind
 from agent.together import Part, Together
-from phalanx.scenario.model import CONTROLLER
+from phalanx.scenario.fields import CONTROLLER
 from phalanx.scenario.swarm import Swarm
 from phalanx.theory.row import Heard
 from phalanx.wire.inbox import BroadcastInbox

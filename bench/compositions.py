@@ -19,7 +19,7 @@ from phalanx.check import check
 from phalanx.formula import Formula
 from phalanx.recording.read import Recording
 from phalanx.scenario.load import load
-from phalanx.scenario.model import Composition
+from phalanx.scenario.safety import Composition
 from phalanx.scenario.swarm import build_swarm
 from phalanx.theory.local_margin import UNKNOWN
 

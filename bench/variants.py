@@ -16,8 +16,9 @@ import numpy as np
 from runs import run
 
 from phalanx.recording.read import Recording
+from phalanx.scenario.fields import CONTROLLER
 from phalanx.scenario.load import load
-from phalanx.scenario.model import CONTROLLER, Scenario
+from phalanx.scenario.model import Scenario
 from phalanx.scenario.swarm import Swarm, build_swarm
 from phalanx.theory.laws import View
 from phalanx.theory.terms import TermsFunction

@@ -21,8 +21,9 @@ import numpy as np
 import psutil
 from numpy.typing import NDArray
 
+from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.load import validate
-from phalanx.scenario.model import AgentGroup, Scenario
+from phalanx.scenario.model import Scenario
 from phalanx.verdict import Summary
 from phalanx.viewing import Frame, Shown
 from phalanx.wire.messages import VERSION

@@ -23,8 +23,9 @@ import msgspec
 
 from phalanx.control import UNSTEERED, Steering
 from phalanx.recording.records import SUMMARY
+from phalanx.scenario.fields import CONTROLLER
 from phalanx.scenario.load import from_json, to_json
-from phalanx.scenario.model import CONTROLLER, Scenario
+from phalanx.scenario.model import Scenario
 from phalanx.verdict import Outcome, Summary, exit_status
 from phalanx.wire.keys import Keys
 from phalanx.wire.messages import Ended, Malformed, Sealer, Status

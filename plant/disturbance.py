@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.randomness import Draws
-from phalanx.scenario.model import Disturbance
+from phalanx.scenario.agents import Disturbance
 from phalanx.scenario.swarm import Swarm
 from phalanx.theory.compiled import CompiledFunction
 from phalanx.theory.psi import Chain

@@ -7,7 +7,7 @@ from string import Template
 
 from phalanx.recording.read import Recording
 from phalanx.report.measures import LinkStatistics, origins, worst
-from phalanx.scenario.model import LinkModel, UniformDelay
+from phalanx.scenario.network import LinkModel, UniformDelay
 from phalanx.theory.origin import Origin
 from phalanx.verdict import Outcome, Summary
 

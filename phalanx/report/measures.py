@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from phalanx.recording.read import Recording
 from phalanx.recording.records import Step
-from phalanx.scenario.model import LinkModel
+from phalanx.scenario.network import LinkModel
 from phalanx.scenario.swarm import Swarm
 from phalanx.theory.origin import Origin
 from phalanx.theory.safe_set import Pair

@@ -11,7 +11,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from phalanx.scenario.model import ALTERNATIVES, Scenario
+from phalanx.scenario.fields import ALTERNATIVES
+from phalanx.scenario.model import Scenario
 
 
 class ScenarioError(ValueError):

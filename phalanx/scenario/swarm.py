@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from phalanx.clock import SamplingClock
 from phalanx.randomness import Draws
+from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.load import ScenarioError
-from phalanx.scenario.model import AgentGroup, Scenario
+from phalanx.scenario.model import Scenario
 from phalanx.theory.compiled import CompiledFunction
 from phalanx.theory.formation import Goal, hold
 from phalanx.theory.laws import Law, TeamLaw

@@ -1,7 +1,7 @@
 """Link faults: the fate of every broadcast, a pure function of (seed, link, sequence number)."""
 
 from phalanx.randomness import Draws
-from phalanx.scenario.model import LinkModel, UniformDelay
+from phalanx.scenario.network import LinkModel, UniformDelay
 
 
 class Link:

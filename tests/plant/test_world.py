@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from phalanx.scenario.agents import Disturbance
 from phalanx.scenario.load import load
-from phalanx.scenario.model import Disturbance
 from phalanx.scenario.swarm import Swarm, build_swarm
 from plant.disturbance import KnottedDisturbance, SwarmDisturbance
 from plant.world import Knot, Truth, World

@@ -13,7 +13,7 @@ from phalanx.scenario.load import (
     shipped,
     to_json,
 )
-from phalanx.scenario.model import UniformDelay
+from phalanx.scenario.network import UniformDelay
 from phalanx.scenario.swarm import build_swarm
 from phalanx.theory.margin import MarginConstants
 from phalanx.theory.row import Information

@@ -7,7 +7,7 @@ import pytest
 
 from phalanx.launch import launch, new_folder
 from phalanx.scenario.load import ScenarioError, from_json, load, shipped, to_json
-from phalanx.scenario.model import Safety
+from phalanx.scenario.safety import Safety
 from phalanx.scenario.swarm import build_swarm
 from phalanx.theory.class_k import Linear
 from phalanx.theory.controller import decide

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.stats import kstest
 
 from phalanx.scenario.load import load
-from phalanx.scenario.model import LinkModel, UniformDelay
+from phalanx.scenario.network import LinkModel, UniformDelay
 from phalanx.scenario.swarm import build_swarm
 from phalanx.theory.origin import Origin
 from phalanx.wire.inbox import BroadcastInbox

@@ -1,0 +1,96 @@
+"""The [[agents]] tables: who takes part, with which dynamics, law, clock and disturbance."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, PrivateAttr, model_validator
+
+from phalanx.scenario.fields import (
+    Finite,
+    Name,
+    NonNegative,
+    Positive,
+    Strict,
+    Table,
+    built,
+    misplaced,
+)
+from phalanx.theory.dynamics import Dynamics
+from phalanx.theory.laws import Law
+
+
+class Clock(Strict):
+    """When agents sample."""
+
+    period: Positive
+    """Γ_i [s]."""
+    jitter: NonNegative = 0.0
+    """δ_i^max [s]."""
+
+    @model_validator(mode="after")
+    def _advances(self) -> Self:
+        if self.jitter >= self.period:
+            raise ValueError(f"expected jitter < period = {self.period}, got {self.jitter}")
+        return self
+
+
+class Disturbance(Strict):
+    """φ_i: straight lines between knots, ‖φ_i‖ <= bound everywhere."""
+
+    bound: NonNegative
+    """φ_i^max, on the Euclidean norm."""
+    every: Positive = 0.2
+    """Time between knots [s]."""
+    kind: Literal["random", "adverse"] = "random"
+    """Knots drawn uniformly in the cube inscribed in the ball; or along ∂ψ_{q-1}/∂x_i at full size,
+    one knot late: the worst that a disturbance can do to the safe set."""
+
+
+class AgentGroup(Strict):
+    """Agents that share everything but their name and start."""
+
+    names: Annotated[tuple[Name, ...], Field(min_length=1)]
+    role: Literal["normal", "adversary"]
+    dynamics: Table
+    """For example { type = "unicycle", speed = 4.0, turn_rate = 2.0 }."""
+    law: Table
+    """A normal agent's nominal law, or an adversary's attack."""
+    clock: Clock
+    disturbance: Disturbance = Disturbance(bound=0.0)
+    slots: tuple[Annotated[int, Field(ge=0)], ...] = ()
+    """The formation slot of each agent: its goal, and its start unless start is given."""
+    start: tuple[tuple[Finite, ...], ...] = ()
+    """Each agent's state at t = 0."""
+    spread: tuple[NonNegative, ...] = ()
+    """Half-widths of a uniform draw added to each component of the start."""
+
+    _dynamics: Dynamics = PrivateAttr()
+    _law: Law = PrivateAttr()
+
+    @model_validator(mode="after")
+    def _resolve(self) -> Self:
+        self._dynamics = built("dynamics", Dynamics, self.dynamics)
+        self._law = built("law", Law, self.law)
+        try:
+            self._law.prepare(self._dynamics)
+        except ValueError as error:
+            raise misplaced(("law",), str(error), self.law) from error
+        for field, per_agent in (("slots", self.slots), ("start", self.start)):
+            if per_agent and len(per_agent) != len(self.names):
+                message = f"expected one for each of the {len(self.names)} names"
+                raise misplaced((field,), message, per_agent)
+        if not self.slots and not self.start:
+            raise misplaced((), "expected slots or start, got neither", None)
+        states = self._dynamics.states
+        for field, vectors in (("start", self.start), ("spread", (self.spread,))):
+            if any(vector and len(vector) != len(states) for vector in vectors):
+                message = f"expected {len(states)} components {states}"
+                raise misplaced((field,), message, getattr(self, field))
+        return self
+
+    def dynamics_object(self) -> Dynamics:
+        """The dynamics that the table describes."""
+        return self._dynamics
+
+    def law_object(self) -> Law:
+        """The law that the table describes, prepared."""
+        return self._law

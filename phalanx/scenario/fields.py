@@ -1,0 +1,71 @@
+"""What the tables of a scenario are made of: names, numbers with bounds, errors with a place."""
+
+import re
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+from phalanx.scenario.registry import construct
+
+_PLANT = "plant"
+CONTROLLER = "controller"
+"""The process that decides for all normal agents where safety.control is "centralised"."""
+_NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,31}")
+
+
+def _check_name(name: str) -> str:
+    if not _NAME.fullmatch(name):
+        raise ValueError("expected 1 to 32 of a-z 0-9 _ - (it becomes part of a key expression)")
+    if name in (_PLANT, CONTROLLER):
+        raise ValueError(f"expected another name: this one is the {name}'s")
+    return name
+
+
+Name = Annotated[str, AfterValidator(_check_name)]
+Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
+Positive = Annotated[Finite, Field(gt=0)]
+NonNegative = Annotated[Finite, Field(ge=0)]
+Probability = Annotated[Finite, Field(ge=0, le=1)]
+Table = dict[str, Any]
+
+NUMBER, TABLE, SPHERE, WALL = "number", "table", "sphere", "wall"
+ALTERNATIVES = frozenset((NUMBER, TABLE, SPHERE, WALL))
+"""Names of alternatives in an error's place, where fields are not called so."""
+
+
+def number_or_table(value: Any) -> str:
+    """Which alternative a value is meant as."""
+    return NUMBER if isinstance(value, int | float | str | None) else TABLE
+
+
+class Strict(BaseModel):
+    """Unknown fields are errors; a scenario does not change once read."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+
+
+def built(field: str, kind: type, table: Table) -> Any:
+    """Build an object from its table; its errors become errors of this field."""
+    try:
+        return construct(kind, table)
+    except ValidationError as error:
+        lines = [
+            InitErrorDetails(
+                type=PydanticCustomError("value", "{msg}", {"msg": e["msg"]}),
+                loc=(field, *e["loc"]),
+                input=e["input"],
+            )
+            for e in error.errors()
+        ]
+        raise ValidationError.from_exception_data(field, lines) from error
+    except ValueError as error:
+        raise misplaced((field,), str(error), table.get("type")) from error
+
+
+def misplaced(where: tuple[str | int, ...], message: str, value: Any) -> ValidationError:
+    """A validation error at a place below the model that raises it."""
+    problem = PydanticCustomError("value", "{msg}", {"msg": message})
+    return ValidationError.from_exception_data(
+        "scenario", [InitErrorDetails(type=problem, loc=where, input=value)]
+    )

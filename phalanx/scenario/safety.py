@@ -1,0 +1,91 @@
+"""The [safety] table: the safe set and the controller's choices."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Discriminator, Field, PrivateAttr, Tag, model_validator
+
+from phalanx.scenario.fields import (
+    NUMBER,
+    TABLE,
+    NonNegative,
+    Positive,
+    Strict,
+    Table,
+    built,
+    misplaced,
+    number_or_table,
+)
+from phalanx.theory.class_k import ClassK, Linear
+from phalanx.theory.margin import MarginConstants
+from phalanx.theory.row import Information
+from phalanx.theory.safe_set import SafeSetFunction
+
+Composition = Literal["lse", "pairs"]
+Margin = Literal["paper", "corrected", "local"]
+ClassKField = Annotated[
+    Annotated[Positive, Tag(NUMBER)] | Annotated[Table, Tag(TABLE)],
+    Discriminator(number_or_table),
+]
+
+
+class Safety(Strict):
+    """The safe set and the controller's choices."""
+
+    function: Table
+    """h of pairs, for example { type = "separation", radius = 1.0 }."""
+    rho: Positive
+    """ρ of LSE."""
+    alpha: Annotated[tuple[ClassKField, ...], Field(min_length=1)]
+    """α_1, ..., α_q: the gain of a linear one [1/s], or { type = "power", gain, exponent }."""
+    control: Literal["distributed", "centralised"] = "distributed"
+    """Each agent its own QP, or one controller the QP of Theorem 1, which needs synchronous
+    clocks."""
+    composition: Composition = "lse"
+    """One row for h_tot = LSE of all pairs, as in the paper, or one row for each pair."""
+    margin: Margin = "paper"
+    """How η is made: as in the paper; corrected, with L_φ ψ_k for every k >= 1; or local, a bound
+    computed at each sample, which needs neither eta nor xi."""
+    margin_scale: Positive = 1.0
+    """What the margin is multiplied with; below 1 nothing is proven."""
+    eta: Annotated[
+        Annotated[NonNegative, Tag(NUMBER)] | Annotated[MarginConstants, Tag(TABLE)],
+        Discriminator(number_or_table),
+    ] = 0.0
+    """The margin η: a number as given, or the constants of Lemma (constants) to compute it."""
+    xi: NonNegative = 0.0
+    """ξ of Eq. (xi); used when q > 1 and the margin is not local."""
+    information: Information = Information.PAPER
+    """What an agent assumes of the other normal agents' inputs."""
+    silence: Positive = 1.0
+    """A normal agent not heard of for longer counts at γ_l^max, like an adversary [s]."""
+    neighbourhood: Positive | None = None
+    """An agent composes only what lies within this distance of it [m]; default: everything."""
+    authority: NonNegative = 0.01
+    """Below this span max c_i u - min c_i u an agent's backup is futile."""
+
+    _function: SafeSetFunction = PrivateAttr()
+    _alpha: tuple[ClassK, ...] = PrivateAttr()
+
+    @model_validator(mode="after")
+    def _resolve(self) -> Self:
+        if self.control == "centralised" and self.composition == "pairs":
+            message = "expected 'lse' where safety.control is 'centralised'"
+            raise misplaced(("composition",), message, self.composition)
+        if self.margin == "local" and self.eta:
+            raise misplaced(("eta",), "expected no value: margin = 'local' computes it", self.eta)
+        if self.margin != "local" and "eta" not in self.model_fields_set:
+            raise misplaced(("eta",), "expected a value, or margin = 'local'", None)
+        self._function = built("function", SafeSetFunction, self.function)
+        self._alpha = tuple(
+            built("alpha", ClassK, given) if isinstance(given, dict) else Linear(given)
+            for given in self.alpha
+        )
+        return self
+
+    def safe_set_function(self) -> SafeSetFunction:
+        """The safe-set function that the table describes."""
+        return self._function
+
+    def class_k(self) -> tuple[ClassK, ...]:
+        """α_1, ..., α_q as given or described by their tables."""
+        return self._alpha
