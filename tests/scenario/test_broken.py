@@ -163,6 +163,11 @@ BROKEN: list[tuple[str, Callable[[str], str], list[str]]] = [
         ["agents.1.names.1: expected another name", "got 'plant'"],
     ),
     (
+        "the controller's name",
+        replace('["4", "5"]', '["4", "controller"]'),
+        ["agents.1.names.1: expected another name", "got 'controller'"],
+    ),
+    (
         "adversaries only",
         replace('role = "normal"', 'role = "adversary"'),
         ["agents: expected at least one normal agent", "got 'adversaries only'"],
