@@ -7,10 +7,12 @@ states of a run; then what the runs come to.
 """
 
 import argparse
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.console import Console
 from rich.progress import track
 from runs import run
 from variants import HEAD, measure, row
@@ -36,35 +38,44 @@ VARIANTS = {
 }
 """Overrides by name; η is the paper's number unless said."""
 
+NOTES = (
+    "*η by formula*: Eq. (mainetadef) or (etaprimedef), corrected, with constants over the "
+    "workspace; for pairs, of the pair that needs most. *η local*: what is proven at each sample "
+    "of the first normal agent in a run of seed 0; for pairs, of its closest pair. *Cost*: mean "
+    "‖u - u_nom‖².",
+)
+
 
 def main() -> None:
     """Run everything and write the page."""
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     arguments.add_argument("--seeds", type=int, default=20)
     arguments.add_argument("--only", choices=SIMULATIONS.values(), action="append")
-    arguments.add_argument("--out", type=Path)
+    arguments.add_argument("--out", type=Path, default=Path("docs/compositions.md"))
     options = arguments.parse_args()
-    lines = [
-        "# One row for each pair, against one row for h_tot",
-        "",
-        f"Seeds 0 to {options.seeds - 1}. Every number on this page is printed by "
-        "`python bench/compositions.py`.",
-    ]
+    chosen = options.only or list(SIMULATIONS.values())
+    with options.out.open("w") as page:
+        for line in lines(chosen, options.seeds):
+            print(line, file=page, flush=True)
+
+
+def lines(chosen: Sequence[str], seeds: int) -> Iterator[str]:
+    """The page, as it comes."""
+    yield "# One row for each pair, against one row for h_tot"
+    yield ""
+    yield f"Seeds 0 to {seeds - 1}; `python bench/compositions.py` writes this page."
+    yield from ["", *NOTES]
     for title, name in SIMULATIONS.items():
-        if not options.only or name in options.only:
-            lines += ["", f"## {title}: `{name}`", "", *margins(name)]
-            lines += ["", *HEAD, *[runs(name, v, options.seeds) for v in VARIANTS]]
-    text = "\n".join(lines) + "\n"
-    print(text)
-    if options.out:
-        options.out.write_text(text)
+        if name in chosen:
+            yield from ["", f"## {title}: `{name}`", "", *margins(name), "", *HEAD]
+            yield from (runs(name, variant, seeds) for variant in VARIANTS)
 
 
 def runs(name: str, variant: str, seeds: int) -> str:
     """The row of one variant, over all seeds."""
     each = [
         measure(run(name, VARIANTS[variant], seed))
-        for seed in track(range(seeds), f"{name}: {variant}")
+        for seed in track(range(seeds), f"{name}: {variant}", console=Console(stderr=True))
     ]
     return row(variant, each)
 

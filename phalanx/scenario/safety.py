@@ -59,7 +59,8 @@ class Safety(Strict):
     silence: Positive = 1.0
     """A normal agent not heard of for longer counts at γ_l^max, like an adversary [s]."""
     neighbourhood: Positive | None = None
-    """An agent composes only what lies within this distance of it [m]; default: everything."""
+    """An agent composes only what lies within this distance of it [m]; default: everything, as a
+    centralised controller always does."""
     authority: NonNegative = 0.01
     """Below this span max c_i u - min c_i u an agent's backup is futile."""
 

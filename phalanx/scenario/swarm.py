@@ -53,9 +53,15 @@ class Swarm:
         """Indices of the normal agents."""
         return tuple(i for i, m in enumerate(self.members) if not m.adversary)
 
+    @property
+    def radius(self) -> float | None:
+        """Of the neighbourhood [m]; None if everything is composed, as one controller does."""
+        safety = self.scenario.safety
+        return safety.neighbourhood if safety.control == "distributed" else None
+
     def active(self, i: int) -> ca.SX | None:
         """Which pairs agent i composes, shape (p,), 0 or 1; None for all."""
-        radius = self.scenario.safety.neighbourhood
+        radius = self.radius
         return None if radius is None else self.chain.set.within(i, radius)
 
     def law(self, i: int) -> Law:
@@ -141,11 +147,11 @@ class Swarm:
 
     def invariants(self) -> CompiledFunction:
         """x -> all ψ_0 ... ψ_{q-1} that are not above 0 in S_I, as this scenario composes them."""
-        composed, safety = self.chain.set, self.scenario.safety
+        composed = self.chain.set
         if self.pair_chains:
             values = [psi for chain in self.pair_chains.values() for psi in chain.psi]
         else:
-            views = self.normal if safety.neighbourhood else self.normal[:1]
+            views = self.normal if self.radius else self.normal[:1]
             values = [composed.settle(psi, self.active(i)) for i in views for psi in self.chain.psi]
         return CompiledFunction([composed.x], [ca.vertcat(*values)])
 
@@ -163,9 +169,7 @@ class Swarm:
                 and safety.composition == "lse"
                 and safety.information is Information.SPLIT
             ),
-            "h_tot^i changes as pairs enter and leave the neighbourhood": (
-                safety.neighbourhood is not None
-            ),
+            "h_tot^i changes as pairs enter and leave the neighbourhood": (self.radius is not None),
             "no certified input is in force before the latency is over": (
                 self.scenario.time.latency > 0.0
             ),

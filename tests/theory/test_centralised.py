@@ -48,3 +48,14 @@ def test_it_changes_the_nominal_inputs_no_more_than_needed():
 def test_pairs_and_a_central_controller_exclude_each_other():
     with pytest.raises(ScenarioError, match=r"safety\.composition: expected 'lse'"):
         load("guaranteed", ["safety.control=centralised"])
+
+
+def test_the_one_controller_composes_what_no_agent_sees_alone():
+    near, all_ = ["safety.neighbourhood=1.0"], ["safety.control=centralised"]
+    alone, together = (
+        build_swarm(load("unicycles", near)),
+        build_swarm(load("unicycles", near + all_)),
+    )
+    x = alone.start()
+    assert together.terms(0)(x).psi == pytest.approx(TERMS(x).psi)
+    assert alone.terms(0)(x).psi < TERMS(x).psi
