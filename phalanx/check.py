@@ -131,9 +131,13 @@ def _given(swarm: Swarm) -> dict[str, float | None]:
 
 
 def _largest_delay(swarm: Swarm) -> float:
-    if swarm.scenario.safety.information is not Information.PAPER or len(swarm.normal) == 1:
-        return math.inf
-    return 0.0
+    return 0.0 if _leans_on_the_newest(swarm) else math.inf
+
+
+def _leans_on_the_newest(swarm: Swarm) -> bool:
+    """Whether rows count on the last received û, whatever has become of it."""
+    paper = swarm.scenario.safety.information is Information.PAPER
+    return paper and not swarm.joint and len(swarm.normal) > 1
 
 
 def _words(swarm: Swarm, report: CheckReport, unknown: list[str]) -> list[str]:
@@ -156,7 +160,7 @@ def _words(swarm: Swarm, report: CheckReport, unknown: list[str]) -> list[str]:
             "For a proven run set composition = 'pairs', margin = 'local', information = 'split', "
             "no neighbourhood and no latency."
         )
-    if safety.information is Information.PAPER and len(swarm.normal) > 1:
+    if _leans_on_the_newest(swarm):
         words.append(
             "information = 'paper' counts on the last received û: with any delay, or two updates "
             "at one instant, rows may hold that do not hold jointly. Take 'in-flight' or 'split'."

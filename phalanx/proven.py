@@ -48,16 +48,15 @@ def _feasible(swarm: Swarm, i: int, x: Array) -> bool:
     if swarm.pair_chains:
         return _pairs_feasible(swarm, i, swarm.pair_terms(i)(x), terms.polytopes[i])
     total = terms.unforced + safety.margin_scale * (swarm.eta(i) + terms.margin)
-    split = safety.information is Information.SPLIT
     for l in range(len(swarm.members)):
-        helps = l == i or (split and l in swarm.normal)
+        helps = l == i or (swarm.joint and l in swarm.normal)
         total += float(terms.least[l] if helps else terms.most[l])
     return total <= 0
 
 
 def _pairs_feasible(swarm: Swarm, i: int, terms: PairTerms, inputs: Polytope) -> bool:
     safety = swarm.scenario.safety
-    sharing = list(swarm.normal) if safety.information is Information.SPLIT else []
+    sharing = list(swarm.normal) if swarm.joint else []
     scale = safety.margin_scale
     rows = pair_rows(terms, swarm.own_pairs(i), {}, sharing, swarm.eta(i), scale)
     u = least_violation(inputs, rows)

@@ -59,6 +59,18 @@ class Swarm:
         safety = self.scenario.safety
         return safety.neighbourhood if safety.control == "distributed" else None
 
+    @property
+    def joint(self) -> bool:
+        """Whether normal agents count on one another's best effort: by shares, or by one mind."""
+        safety = self.scenario.safety
+        return safety.control == "centralised" or safety.information is Information.SPLIT
+
+    @property
+    def synchronous(self) -> bool:
+        """Whether all normal agents sample at the same instants, as Theorem 1 has it."""
+        clocks = [self.group(l)[0].clock for l in self.normal]
+        return all(c.jitter == 0.0 and c.period == clocks[0].period for c in clocks)
+
     def active(self, i: int) -> ca.SX | None:
         """Which pairs agent i composes, shape (p,), 0 or 1; None for all."""
         radius = self.radius
@@ -170,6 +182,9 @@ class Swarm:
                 and safety.information is Information.SPLIT
             ),
             "h_tot^i changes as pairs enter and leave the neighbourhood": (self.radius is not None),
+            "Theorem 1 needs agents that sample together, with one period and no jitter": (
+                safety.control == "centralised" and not self.synchronous
+            ),
             "no certified input is in force before the latency is over": (
                 self.scenario.time.latency > 0.0
             ),

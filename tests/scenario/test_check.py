@@ -87,6 +87,17 @@ def test_only_the_printed_information_model_minds_delay():
     assert GUARANTEED.largest_delay == math.inf
 
 
+def test_one_controller_minds_no_delay_and_has_a_solution_where_single_agents_have_none():
+    central = check(load("unicycles", ["safety.control=centralised"]))
+    assert central.largest_delay == math.inf
+    assert not PAPER.rows_at_start["3"]
+    assert all(central.rows_at_start.values())
+    assert any("sample together" in gap for gap in central.gaps)
+    together = [f"agents.{g}.clock.jitter=0.0" for g in (0, 1)]
+    synchronous = check(load("unicycles", ["safety.control=centralised", *together]))
+    assert not any("sample together" in gap for gap in synchronous.gaps)
+
+
 def test_states_without_known_bounds_are_asked_for_by_name():
     report = check(load("disturbance-gap"))
     assert report.formula is None
