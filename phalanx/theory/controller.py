@@ -71,7 +71,8 @@ def least_violation(polytope: Polytope, rows: Rows) -> Array:
     """
     residuals = rows.a @ polytope.corners.T - rows.bound[:, None]
     binding = residuals.max(axis=1) >= residuals.min(axis=1).max()
-    a, bound = rows.a[binding], rows.bound[binding]
+    # The least bound is put to zero, which moves s alone: beside 10¹² nothing else would count.
+    a, bound = rows.a[binding], rows.bound[binding] - rows.bound[binding].min()
     A = np.vstack([np.pad(a, ((0, 0), (0, 1)), constant_values=-1.0), np.pad(polytope.A, _NO_S)])
     corners = vertices(A, np.concatenate([bound, polytope.b]))
     best: Array = corners[int(np.argmin(corners[:, -1])), :-1]
