@@ -142,6 +142,8 @@ class Swarm:
         if self.scenario.safety.margin == "local":
             horizon = self.horizon(self.names.index(chain.set.members[own].name))
             return self.local_margin(chain, own, share, horizon, active)
+        if chain.relative_degree == 1:
+            return 0.0  # what the disturbance adds to h's rate is in η already
         return chain.disturbance * (1.0 if share is None else share)
 
     def local_margin(
@@ -198,7 +200,9 @@ class Swarm:
             return eta
         groups = [group for _, group, _ in self.scenario.roster()]
         longest = groups[i].clock.period + max(group.clock.jitter for group in groups)
-        return eta.eta(longest, sum(group.disturbance.bound for group in groups))
+        disturbances = sum(group.disturbance.bound for group in groups)
+        # For q > 1 Eq. (etaprimedef) has no term of theirs; corrected, D_q is added at each state.
+        return eta.eta(longest, disturbances if self.chain.relative_degree == 1 else 0.0)
 
     def start(self) -> Array:
         """x(0), shape (n̄,): each agent's start plus its spread, drawn by (seed, name)."""
@@ -251,6 +255,21 @@ def build_swarm(scenario: Scenario) -> Swarm:
         reason = str(error).strip().splitlines()[-1]
         raise ScenarioError(f"{scenario.name}: the safe set cannot be built: {reason}") from error
     return Swarm(scenario, chain, pair_chains)
+
+
+def require_rows(swarm: Swarm) -> None:
+    """Build the rows of the first normal agent, as its process will.
+
+    Raises:
+        ScenarioError: the scenario's margin or composition cannot take its expressions.
+    """
+    i = swarm.normal[0]
+    try:
+        if swarm.pair_chains:
+            swarm.pair_terms(i)
+        swarm.terms(i)
+    except ValueError as error:
+        raise ScenarioError(f"{swarm.scenario.name}: safety: {error}") from error
 
 
 def _chain(scenario: Scenario, composed: ComposedSet) -> Chain:

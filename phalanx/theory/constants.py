@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.theory.interval import Interval, UnboundedOperationError, extend
+from phalanx.theory.interval import Interval, UnboundedOperationError, continuous, extend
 from phalanx.theory.margin import MarginConstants
 from phalanx.theory.polytope import Polytope, constant_polytope
 from phalanx.theory.psi import Chain
@@ -53,8 +53,9 @@ def constants(
     normal = [l for l, m in enumerate(composed.members) if not m.adversary]
     largest_input = max(float(np.linalg.norm(polytopes[l].corners, axis=1).max()) for l in normal)
     found = {"u_max": Constant(largest_input, "interval")}
+    smooth = _smooth(chain, low, high)
     for name, expression in expressions.items():
-        bound = _by_interval(chain, expression, low, high)
+        bound = _by_interval(chain, expression, low, high) if smooth else None
         found[name] = bound or _by_samples(chain, expression, samples)
     return found
 
@@ -102,14 +103,27 @@ def _norm(matrix: ca.SX) -> ca.SX:
     return ca.sqrt(ca.sumsqr(matrix))
 
 
+def _smooth(chain: Chain, low: Array, high: Array) -> bool:
+    """Whether the gradients are bounds at all: across a kink of h they say nothing."""
+    parts = ca.vertcat(*map(ca.vec, chain.actuation), chain.drift)
+    settled, x = chain.set.settle(parts), chain.set.x
+    try:
+        return bool(continuous(ca.vertsplit(settled), ca.vertsplit(x), _box(low, high)))
+    except UnboundedOperationError:
+        return False
+
+
+def _box(low: Array, high: Array) -> list[Interval]:
+    return [Interval(ca.SX(a), ca.SX(b)) for a, b in zip(low.tolist(), high.tolist(), strict=True)]
+
+
 def _by_interval(chain: Chain, expression: ca.SX, low: Array, high: Array) -> Constant | None:
     settled, x = chain.set.settle(expression), chain.set.x
     function = ca.Function("size", [x], [settled])
     if function.n_instructions() > _MOST_INSTRUCTIONS:
         return None
-    box = [Interval(ca.SX(a), ca.SX(b)) for a, b in zip(low.tolist(), high.tolist(), strict=True)]
     try:
-        (bound,) = extend([settled], ca.vertsplit(x), box)
+        (bound,) = extend([settled], ca.vertsplit(x), _box(low, high))
     except UnboundedOperationError:
         return None
     value = float(bound.hi)

@@ -36,8 +36,29 @@ def extend(
         UnboundedOperationError: an operation has no rule here.
         RuntimeError: an expression contains other symbols (from CasADi).
     """
+    return _extend(expressions, symbols, box)[0]
+
+
+def continuous(
+    expressions: Sequence[ca.SX], symbols: Sequence[ca.SX], box: Sequence[Interval]
+) -> ca.SX:
+    """1 if no expression can jump in the box, else 0: whether every sign in them keeps its own.
+
+    A kink, such as that of |x|, is a jump of its derivative, which is what rows are made of.
+    """
+    kept = ca.SX(1)
+    for argument in _extend(expressions, symbols, box)[1]:
+        kept = ca.logic_and(kept, ca.logic_or(argument.lo > 0, argument.hi < 0))
+    return kept
+
+
+def _extend(
+    expressions: Sequence[ca.SX], symbols: Sequence[ca.SX], box: Sequence[Interval]
+) -> tuple[list[Interval], list[Interval]]:
+    """The bounds, and those of the arguments of every sign."""
     f = ca.Function("f", [ca.vertcat(*symbols)], [ca.densify(ca.vertcat(*expressions))])
     work: dict[int, Interval] = {}
+    signs: list[Interval] = []
     results = [point(0.0)] * len(expressions)
     for k in range(f.n_instructions()):
         op, sources, targets = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
@@ -49,9 +70,10 @@ def extend(
             results[targets[1]] = work[sources[0]]
         elif op in _RULES:
             work[targets[0]] = _RULES[op](*[work[s] for s in sources])
+            signs += [work[sources[0]]] if op == ca.OP_SIGN else []
         else:
             raise UnboundedOperationError(f"no interval rule for CasADi operation {op}")
-    return results
+    return results, signs
 
 
 def add(a: Interval, b: Interval) -> Interval:

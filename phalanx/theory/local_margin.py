@@ -15,6 +15,7 @@ import numpy as np
 from phalanx.theory.interval import (
     Interval,
     add,
+    continuous,
     extend,
     hull,
     inflate,
@@ -97,7 +98,11 @@ def local_margin(
     bound = horizon * ca.fmax(0, growth.hi) + disturbance.hi + outside
     # Comparisons are false for what is not a number, which max would pass over.
     known = ca.logic_and(growth.hi < UNKNOWN, disturbance.hi < UNKNOWN)
-    return ca.if_else(ca.logic_and(enclosed, known), bound, UNKNOWN)
+    # Where the row can jump, its rate does not bound it: h must be C^{1,1}, as in the paper. What
+    # α adds is continuous.
+    parts = [*map(ca.vec, chain.actuation), chain.drift]
+    smooth = continuous(_scalars(parts), symbols, intervals)
+    return ca.if_else(ca.logic_and(ca.logic_and(enclosed, known), smooth), bound, UNKNOWN)
 
 
 def _enclosure(

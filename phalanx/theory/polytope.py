@@ -42,7 +42,13 @@ class Polytope(NamedTuple):
 
 
 def polytope(A: Array, b: Array) -> Polytope:
-    """{u : A u <= b} with its vertices; shapes (r, m), (r,). Raises EmptyPolytopeError."""
+    """{u : A u <= b} with its vertices; shapes (r, m), (r,). Raises EmptyPolytopeError.
+
+    Rows are scaled to unit normals, which is what tolerances are meant for.
+    """
+    sizes = np.linalg.norm(A, axis=1)
+    sizes = np.where(sizes > 0.0, sizes, 1.0)
+    A, b = A / sizes[:, None], b / sizes
     corners = vertices(A, b)
     _require_bounded(A)
     aligned = (np.count_nonzero(A, axis=1) == 1).all()

@@ -6,8 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from phalanx.scenario.load import load
+from phalanx.scenario.swarm import build_swarm
 from phalanx.theory.bicycle import KinematicBicycle
 from phalanx.theory.compiled import CompiledFunction
+from phalanx.theory.constants import constants
 from phalanx.theory.controller import decide_pairs, least_violation
 from phalanx.theory.dynamics import SingleIntegrator, Unicycle
 from phalanx.theory.integrators import DoubleIntegrator
@@ -20,7 +23,7 @@ from phalanx.theory.polytope import constant_polytope, polytope
 from phalanx.theory.psi import build_chain
 from phalanx.theory.qp import TOLERANCE, NearestInput
 from phalanx.theory.row import Heard, Information, Rows, Trust
-from phalanx.theory.safe_set import Member, Separation, compose
+from phalanx.theory.safe_set import Body, Member, Separation, compose
 
 seeds = st.integers(0, 2**32 - 1)
 PHI = [0.4, 0.7, 0.2]
@@ -118,6 +121,26 @@ class Pair:
         margin = local_margin(chain, 0, self.horizon, PHI[:2], share)
         self.margin = CompiledFunction([self.set.x], [margin])
         self.field = field_of(members[0])
+
+
+class Kinked:
+    """h = 1 - d_y + |d_x|, with d = p_a - p_b: its gradient jumps where d_x = 0."""
+
+    def between(self, a: Body, b: Body) -> ca.SX:
+        apart = a.p - b.p
+        return 1.0 - apart[1] + ca.fabs(apart[0])
+
+
+def test_there_is_no_margin_where_a_kink_of_h_is_within_reach():
+    """Across it L_g h jumps, which no rate of it bounds."""
+    members = [Member(name, SingleIntegrator(1.0), False) for name in "ab"]
+    chain = build_chain(compose(members, [], Kinked(), 1.0), [1.0], None, [0.0, 0.0])
+    margin = CompiledFunction([chain.set.x], [local_margin(chain, 0, 0.1, [0.0, 0.0], HALF)])
+    assert margin(np.array([0.15, 0.0, 0.0, 0.0]))[0] == UNKNOWN
+    assert margin(np.array([0.35, 0.0, 0.0, 0.0]))[0] < 1.0
+    low, high = np.full(4, -1.0), np.full(4, 1.0)
+    found = constants(chain, low, high, [0.0, 0.0], np.zeros((1, 4)))
+    assert found["c_g"].how == "sampled"
 
 
 PAIRS = {(name, share): Pair(name, share) for name in CASES for share in (None, HALF)}
@@ -304,6 +327,51 @@ def test_with_no_solution_the_backup_has_the_least_worst_violation(seed):
     assert decision.residual <= ((others @ a.T) - rows.bound).max(axis=1).min() + 1e-9
 
 
+@given(seed=seeds)
+@settings(max_examples=200, deadline=None)
+def test_there_is_a_backup_even_where_no_margin_is_known(seed):
+    rng = np.random.default_rng(seed)
+    rows = Rows(rng.normal(size=(6, 2)) * 10, rng.uniform(-40, 40, 6) - UNKNOWN)
+    u = least_violation(SQUARE, rows)
+    others = rng.uniform(-1, 1, (50, 2))
+    best = ((others @ rows.a.T) - rows.bound).max(axis=1).min()
+    assert ((rows.a @ u) - rows.bound).max() <= best + 1e-3
+
+
 def test_the_backup_ignores_pairs_outside_the_neighbourhood():
     rows = Rows(np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([-5.0, np.inf]))
     assert least_violation(SQUARE, rows)[0] == pytest.approx(-1.0)
+
+
+def test_an_agents_rows_have_the_margin_of_its_own_place_until_it_samples_again():
+    """Γ_i + δ_i^max and the latency: for so long its input may be in force."""
+    late = ["time.latency=0.003", "agents.0.clock.jitter=0.001"]
+    swarm = build_swarm(load("guaranteed", late))
+    x = swarm.start()
+    bounds = [group.disturbance.bound for _, group, _ in swarm.scenario.roster()]
+    for i in swarm.normal:
+        clock = swarm.group(i)[0].clock
+        horizon = clock.period + 0.001 + 0.003
+        terms, pairs = swarm.pair_terms(i)(x), swarm.own_pairs(i)
+        for k, pair in enumerate(pairs):
+            members = [swarm.names.index(m.name) for m in pair.chain.set.members]
+            assert members[pair.own] == i
+            phi = [bounds[l] for l in members]
+            shares = [(None, terms.margin), *([(HALF, terms.half_margin)] if pair.shared else [])]
+            for share, found in shares:
+                own = local_margin(pair.chain, pair.own, horizon, phi, share)
+                state = np.concatenate([x[swarm.chain.set.parts[l]] for l in members])
+                expected = CompiledFunction([pair.chain.set.x], [own])(state)[0]
+                assert found[k] == pytest.approx(expected[0])
+
+
+def test_for_q_1_the_corrected_margin_is_the_papers_and_for_q_2_no_disturbance_counts_twice():
+    same = {
+        m: build_swarm(load("unicycles", [f"safety.margin={m}"])) for m in ("paper", "corrected")
+    }
+    x = same["paper"].start()
+    paper, corrected = (swarm.terms(0)(x) for swarm in same.values())
+    assert paper.margin == corrected.margin == 0.0
+    eta = "safety.eta={c_f=0.0, c_g=0.0, c_alpha=0.0, c_gamma=0.0, c_h=9.0, u_max=1.0, mu=1.0}"
+    assert build_swarm(load("unicycles", [eta])).eta(0) == pytest.approx(9.0 * 5 * 1.73)
+    assert build_swarm(load("formation3d", [eta])).eta(0) == 0.0

@@ -136,8 +136,9 @@ def test_terms_have_the_extremes_of_every_members_own_polytope_at_this_state(see
     for l, (A, b) in enumerate(expected):
         c = terms.c[l]
         found = terms.polytopes[l]
-        assert np.allclose(found.A, A)
-        assert np.allclose(found.b, b)
+        sizes = np.linalg.norm(A, axis=1)
+        assert np.allclose(found.A, A / sizes[:, None])
+        assert np.allclose(found.b, b / sizes)
         assert terms.least[l] == pytest.approx(program(c, A, b), rel=1e-6, abs=1e-7)
         assert terms.most[l] == pytest.approx(-program(-c, A, b), rel=1e-6, abs=1e-7)
 
