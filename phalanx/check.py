@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from phalanx.formula import Formula, Region, formula, worst_pair
 from phalanx.proven import ProvenRows, largest_gap, rigorous, rows_at_start
 from phalanx.scenario.model import Scenario
-from phalanx.scenario.swarm import Swarm, build_swarm
+from phalanx.scenario.swarm import Swarm, build_swarm, require_rows
 from phalanx.theory.row import Information
 from phalanx.theory.terms import TermsFunction
 from phalanx.workspace import boundary, states_inside, workspace
@@ -82,14 +82,24 @@ def check(scenario: Scenario) -> CheckReport:
     swarm = build_swarm(scenario)
     x = swarm.start()
     box = workspace(swarm)
+    require_rows(swarm)
+    unknown: list[str] = []
     of_all = of_pair = theorem = None
-    unknown = [] if isinstance(box, tuple) else box
+    proven: dict[int, ProvenRows] = {}
     if isinstance(box, tuple):
-        region = Region(*box, states_inside(swarm, x, *box, _SAMPLES))
-        of_all, of_pair = formula(swarm, swarm.chain, region), worst_pair(swarm, region)
         theorem = _theorem_four(swarm, x, *box)
-    provable = rigorous(swarm)
-    proven = {i: ProvenRows(provable, i, x) for i in swarm.normal}
+    else:
+        missing = ", ".join(box)
+        advice = f"for example {box[0]} = [-3.0, 3.0]"
+        unknown.append(f"No constants: give bounds for {missing} in [workspace], {advice}.")
+    try:
+        if isinstance(box, tuple):
+            region = Region(*box, states_inside(swarm, x, *box, _SAMPLES))
+            of_all, of_pair = formula(swarm, swarm.chain, region), worst_pair(swarm, region)
+        provable = rigorous(swarm)
+        proven = {i: ProvenRows(provable, i, x) for i in swarm.normal}
+    except ValueError as error:
+        unknown.append(f"No margin can be computed: {error}.")
     report = CheckReport(
         relative_degree=swarm.chain.relative_degree,
         worst_at_start=float(swarm.invariants()(x)[0].max()),
@@ -99,7 +109,7 @@ def check(scenario: Scenario) -> CheckReport:
         eta_local={swarm.names[i]: rows.margin(swarm.horizon(i)) for i, rows in proven.items()},
         rows_at_start=rows_at_start(swarm),
         theorem_4=theorem,
-        largest_gap=largest_gap(list(proven.values())),
+        largest_gap=largest_gap(list(proven.values())) if proven else None,
         largest_delay=_largest_delay(swarm),
         gaps=swarm.gaps_in_the_proof(),
     )
@@ -178,9 +188,5 @@ def _words(swarm: Swarm, report: CheckReport, unknown: list[str]) -> list[str]:
             f"Theorem 4 does not apply: on the boundary the best joint effort leaves "
             f"{report.theorem_4.worst:.4g} > 0, so the backup alone cannot keep S."
         )
-    if unknown:
-        words.append(
-            f"No constants: give bounds for {', '.join(unknown)} in [workspace], for example "
-            f"{unknown[0]} = [-3.0, 3.0]."
-        )
+    words += unknown
     return words or ["Nothing speaks against a guarantee; the run checks the rest."]

@@ -33,6 +33,7 @@ def rigorous(swarm: Swarm) -> Swarm:
     proven = {
         "composition": "pairs",
         "margin": "local",
+        "margin_scale": 1.0,
         "eta": 0.0,
         "information": Information.SPLIT,
         "neighbourhood": None,
@@ -67,7 +68,7 @@ class ProvenRows:
     """One agent's half rows for each pair with the local margin, at x(0), for any sampling gap."""
 
     def __init__(self, swarm: Swarm, i: int, x: Array) -> None:
-        """swarm: as _rigorous has it."""
+        """swarm: as rigorous() has it."""
         self._swarm, self._i, self._x = swarm, i, x
         pairs, gap = swarm.own_pairs(i), ca.SX.sym("gap")
         shares = [HALF if p.shared else None for p in pairs]

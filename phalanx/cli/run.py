@@ -60,12 +60,12 @@ def run(
     from phalanx.control import Steering
     from phalanx.launch import LaunchError, launch, new_folder, run_program
     from phalanx.scenario.load import load
-    from phalanx.scenario.swarm import build_swarm
+    from phalanx.scenario.swarm import build_swarm, require_rows
     from phalanx.verdict import exit_status
     from phalanx.wire.session import free_endpoint
 
     resolved = load(scenario, overrides or (), seed)
-    build_swarm(resolved)  # an impossible safe set is an error here, not in five log files
+    require_rows(build_swarm(resolved))  # what is impossible is said here, not in five log files
     try:
         folder = new_folder(out, resolved.name)
     except OSError as error:

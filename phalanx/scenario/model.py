@@ -80,6 +80,10 @@ class Scenario(Strict):
             raise misplaced(("agents",), "expected at least one normal agent", "adversaries only")
         for index, group in enumerate(self.agents):
             self._check_slots(index, group)
+            gap = group.clock.period - group.clock.jitter
+            if self.time.latency >= gap:
+                message = f"expected less than {gap:g} s, the shortest time between two samples"
+                raise misplaced(("time", "latency"), message, self.time.latency)
         for index, link in enumerate(self.network.links):
             for field, name in (("from", link.sender), ("to", link.receiver)):
                 if name != "*" and name not in names:

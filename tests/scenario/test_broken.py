@@ -163,6 +163,11 @@ BROKEN: list[tuple[str, Callable[[str], str], list[str]]] = [
         ["agents.1.names.1: expected another name", "got 'plant'"],
     ),
     (
+        "a latency as long as the shortest sampling gap",
+        under("duration = 24.0", "time = { latency = 0.008 }"),
+        ["time.latency: expected less than 0.008 s", "got 0.008"],
+    ),
+    (
         "the controller's name",
         replace('["4", "5"]', '["4", "controller"]'),
         ["agents.1.names.1: expected another name", "got 'controller'"],

@@ -82,6 +82,11 @@ def test_beyond_the_largest_gap_the_start_has_no_solution_and_below_it_has():
         assert all(rows_at_start(swarm).values()) is holds
 
 
+def test_the_largest_gap_does_not_grow_with_a_margin_that_proves_less():
+    scaled = check(load("guaranteed", ["safety.margin_scale=0.5"]))
+    assert scaled.largest_gap == GUARANTEED.largest_gap
+
+
 def test_only_the_printed_information_model_minds_delay():
     assert PAPER.largest_delay == 0.0
     assert GUARANTEED.largest_delay == math.inf

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from phalanx.check import check
 from phalanx.scenario.load import ScenarioError, load
-from phalanx.scenario.swarm import build_swarm
+from phalanx.scenario.swarm import build_swarm, require_rows
 from phalanx.theory.dynamics import Dynamics
 
 MODULE = '''
@@ -99,6 +100,15 @@ class Headless:
 class Faulty(Swimmer):
     def position(self, x):
         return x[7]
+
+
+@dataclass(frozen=True)
+class Tired(Swimmer):
+    """Slower, the farther it is from the shore."""
+
+    def input_polytope(self, x):
+        speed = self.speed / (1 + x[0] ** 2)
+        return box_polytope((speed, speed))
 
 
 A_NUMBER = 5
@@ -209,3 +219,24 @@ def test_an_expression_of_a_user_that_fails_is_a_scenario_error(own):
     scenario = load("own.toml", ["agents.0.dynamics.type=swimming_user:Faulty"])
     with pytest.raises(ScenarioError, match="own: the safe set cannot be built"):
         build_swarm(scenario)
+
+
+@pytest.mark.parametrize(
+    "proven",
+    [
+        ["safety.composition=pairs"],
+        ["safety.margin=local", "safety.eta=0"],
+        ["safety.composition=pairs", "safety.margin=local", "safety.eta=0"],
+    ],
+)
+def test_input_bounds_that_vary_are_refused_by_name_where_a_row_cannot_take_them(own, proven):
+    tired = "agents.0.dynamics.type=swimming_user:Tired"
+    with pytest.raises(ScenarioError, match=r"input bounds of [ab]\b"):
+        require_rows(build_swarm(load("own.toml", [tired, *proven])))
+
+
+def test_a_check_of_varying_input_bounds_says_what_it_cannot_compute(own):
+    report = check(load("own.toml", ["agents.0.dynamics.type=swimming_user:Tired"]))
+    assert report.formula is None
+    assert report.largest_gap is None
+    assert any("No margin can be computed" in words for words in report.words)
