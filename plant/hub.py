@@ -54,6 +54,7 @@ class Hub:
         self._joined: set[str] = set()
         self._expected: dict[int, Sample] = {}
         self._answers: dict[int, Input] = {}
+        self._heard: set[int] = set()
         self._dismissed: set[str] = set()
         self._session = wire.open_hub(endpoint)
         self._samples = [
@@ -129,11 +130,11 @@ class Hub:
 
     def _take_event(self, deadline: float, complaint: str) -> None:
         self._check_stop()
+        if time.monotonic() > deadline:
+            raise SwarmBrokenError(f"{complaint} within {self._timeout:g} s")
         try:
             key, content = self._events.get(timeout=_POLL)
         except queue.Empty:
-            if time.monotonic() > deadline:
-                raise SwarmBrokenError(f"{complaint} within {self._timeout:g} s") from None
             return
         if isinstance(content, bool):
             self._on_token(key, content)
@@ -164,6 +165,8 @@ class Hub:
         i = self._names.index(name)
         if len(message.u) != self._sizes[i] or len(message.ages) != len(self._names):
             raise Malformed("wrong size")
+        if any(age is not None and l not in self._heard for l, age in enumerate(message.ages)):
+            raise Malformed("unknown sender")
         if any(not 0 <= fate.sender < len(self._names) for fate in message.fates):
             raise Malformed("unknown sender")
         sample = self._expected.get(i)
@@ -174,6 +177,7 @@ class Hub:
         if not self._admissible(i, sample, message):
             raise Malformed("outside U")
         self._answers[i] = message
+        self._heard.add(i)
 
 
 class Viewers:

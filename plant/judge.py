@@ -36,6 +36,8 @@ class Judge:
         self._parts = [part.start for part in swarm.chain.set.parts]
         self._in_force: dict[int, Input] = {}
         self._sampled: dict[int, float] = {}
+        self._instants: dict[int, float] = {}
+        """When the first normal agent took its sample k [s], by k."""
         self._start = Assumption("start in S", note="x(0) lies in S_I: ψ_0 ... ψ_{q-1} <= 0")
         self._gap = Assumption("sampling gap", note="t_i^{k+1} - t_i^k <= Γ_i + δ^max")
         self._phi = Assumption("disturbance bound", note="‖φ_i‖ <= φ_i^max")
@@ -113,7 +115,7 @@ class Judge:
         elif i in self._swarm.normal:
             self.origins[message.origin] += 1
             self._rows.check(message.origin == Origin.QP, message.t)
-            together = len({self._sampled.get(l) for l in self._swarm.normal}) == 1
+            together = self._instants.setdefault(message.k, message.t) == message.t
             self._together.check(together, message.t)
             for other, age in enumerate(message.ages):
                 if age is not None:

@@ -4,6 +4,7 @@ Events are sampling instants and the instants at which inputs take effect. The w
 nothing: the plant waits for every input at the virtual time at which it is due.
 """
 
+import contextlib
 import time
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from phalanx.control import UNSTEERED, ControlKind, words
 from phalanx.faults import Faults
 from phalanx.recording.records import Control, Log, State, Step
-from phalanx.recording.write import RecordingWriter
+from phalanx.recording.write import RecordingError, RecordingWriter
 from phalanx.scenario.swarm import Swarm
 from phalanx.viewing import Condition
 from phalanx.wire.messages import VERSION, Input, Orders, Sample, Status
@@ -95,6 +96,16 @@ class Lockstep:
             SwarmBrokenError, RecordingError, DivergedError: an agent is dead or silent, the disk
                 is full, the state is no longer finite.
         """
+        try:
+            self._run()
+        except RecordingError:
+            raise
+        except Exception:
+            with contextlib.suppress(RecordingError):
+                self._write_down()  # what led here
+            raise
+
+    def _run(self) -> None:
         self._console.start()
         while (t := self._next_event()) < self._duration:
             controls = self._console.take(self.world.t, t, self._write_down)
@@ -132,15 +143,18 @@ class Lockstep:
         if i is None:
             return
         if not self._faults.silent(i):
-            self._next_sample[i] = min(self._next_sample[i], self._resume(control))
+            self._next_sample[i] = min(self._next_sample[i], self._resume(i, control))
             return
         self._judge.fell_silent(i, control.t)
         self._next_sample[i] = np.inf
         if control.kind == ControlKind.KILL and i not in self._due:
             self._kill(i)
 
-    def _resume(self, control: Control) -> float:
-        return control.t if control.kind == ControlKind.THAW else np.inf
+    def _resume(self, i: int, control: Control) -> float:
+        """When agent i may sample again [s]: not before its last input has taken effect."""
+        if control.kind != ControlKind.THAW:
+            return np.inf
+        return max(control.t, float(np.nextafter(self._due.get(i, -np.inf), np.inf)))
 
     def _kill(self, i: int) -> None:
         latest = tuple(-1 for _ in self._k)

@@ -180,6 +180,14 @@ def test_a_received_input_is_fresh_only_while_it_is_what_its_sender_applies():
     assert counted(judge, "fresh û") == (1, 3, 0.015)
 
 
+def test_normal_agents_sample_together_if_each_takes_its_kth_sample_at_the_same_instant():
+    judge = Judge(build_swarm(load("unicycles", ["safety.control=centralised"])))
+    for k, times in enumerate([(0.0, 0.0, 0.0), (0.01, 0.01, 0.012), (0.02, 0.02, 0.02)]):
+        for i, t in enumerate(times):
+            judge.applied(i, message(k=k, t=t))
+    assert counted(judge, "synchronous sampling") == (1, 9, 0.012)
+
+
 def test_freshness_is_no_assumption_of_a_row_that_needs_nothing_from_others():
     split: Swarm = build_swarm(load("unicycles", ["safety.information=split"]))
     assert "fresh û" not in [a.name for a in Judge(split).assumptions]

@@ -5,18 +5,23 @@ It even knows the run's secret, so what the seal would refuse is put to the chec
 
 import math
 import os
+import threading
 from collections import Counter
 from typing import Any
 
 import msgspec
 import pytest
+import zenoh
 from processes import wait_for
 
 from phalanx.recording.read import read
+from phalanx.scenario.load import load
+from phalanx.scenario.swarm import build_swarm
 from phalanx.theory.origin import Origin
 from phalanx.wire.keys import Keys
 from phalanx.wire.messages import MAX_BYTES, VERSION, Fate, Input, Sample, Sealer
 from phalanx.wire.session import announce, free_endpoint, open_client
+from plant.hub import Hub, SwarmBrokenError
 
 pytestmark = pytest.mark.swarm
 
@@ -136,3 +141,27 @@ def test_nothing_a_hostile_client_sends_changes_the_trajectory_and_all_of_it_is_
     expected[f"by agent {VICTIM}"] = TIMES_SENT * len(TO_AGENT)
     assert hostile.rejected == expected
     assert calm.rejected == {}
+
+
+def test_a_flood_of_rubbish_does_not_hold_off_the_end_of_a_wait():
+    """Not even one that comes faster than the plant looks up."""
+    swarm = build_swarm(load("unicycles", ["time.timeout=0.3"]))
+    endpoint, over = free_endpoint(), threading.Event()
+    with (
+        Hub(swarm, "unicycles-1", endpoint, SECRET.encode(), lambda: None) as hub,
+        open_client(endpoint, timeout=20) as session,
+    ):
+        flood = threading.Thread(target=put_until, args=(session, over), daemon=True)
+        flood.start()
+        try:
+            with pytest.raises(SwarmBrokenError, match=r"did not join within 0\.3 s"):
+                hub.wait_for_agents(lambda _: None)
+        finally:
+            over.set()
+            flood.join()
+        assert hub.rejected["truncated"] > 0
+
+
+def put_until(session: zenoh.Session, over: threading.Event) -> None:
+    while not over.wait(0.01):
+        session.put(KEY, b"?")

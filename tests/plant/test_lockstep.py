@@ -1,0 +1,81 @@
+"""Lockstep where it ends badly."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from phalanx.recording.read import read
+from phalanx.recording.write import RecordingWriter
+from phalanx.scenario.load import load
+from phalanx.scenario.swarm import build_swarm
+from phalanx.theory.origin import Origin
+from phalanx.verdict import Outcome, Summary
+from phalanx.wire.messages import VERSION, Input, Sample, Status
+from plant.judge import Judge
+from plant.lockstep import Lockstep
+from plant.world import DivergedError
+
+RUNAWAY = """
+from dataclasses import dataclass
+
+from phalanx.theory.dynamics import SingleIntegrator
+
+
+@dataclass(frozen=True)
+class Runaway(SingleIntegrator):
+    def drift(self, x):
+        return 1e2 * x**3
+"""
+SCENARIO = """
+name = "runaway"
+duration = 1.0
+safety = { function = { type = "separation", radius = 1.0 }, rho = 1.0, alpha = [1.0], eta = 0.0 }
+obstacles = [{ center = [0.0, 0.0], radius = 0.1 }]
+
+[[agents]]
+names = ["1"]
+role = "normal"
+dynamics = { type = "runaway_user:Runaway", speed = 1.0 }
+law = { type = "track-velocity", gain = 1.0 }
+clock = { period = 0.01 }
+start = [[0.5, 0.0]]
+"""
+
+
+class Coasting:
+    """An agent that wants nothing."""
+
+    def __init__(self) -> None:
+        self.asked = 0
+
+    def send_sample(self, i: int, sample: Sample) -> None:
+        self._sample = sample
+        self.asked += 1
+
+    def await_input(self, i: int) -> Input:
+        k, t = self._sample.k, self._sample.t
+        return Input(VERSION, k, t, t, t + 0.01, (0.0, 0.0), Origin.QP, 0.0, 0.0, (None,))
+
+    def publish_status(self, message: Status) -> None:
+        pass
+
+
+def test_the_input_before_a_breakdown_is_judged_and_recorded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "runaway_user.py").write_text(RUNAWAY)
+    (tmp_path / "runaway.toml").write_text(SCENARIO)
+    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
+    scenario = load(str(tmp_path / "runaway.toml"))
+    swarm, agents = build_swarm(scenario), Coasting()
+    judge, file = Judge(swarm), tmp_path / "runaway.mcap"
+    with RecordingWriter(file, scenario, "runaway") as recording:
+        lockstep = Lockstep(swarm, agents, judge, recording)
+        with pytest.raises(DivergedError) as found:
+            lockstep.run()
+        nothing = ("", 0.0, 0.0, "", 0, {}, [], [], {}, 0.0)
+        recording.finish(Summary(Outcome.BROKEN, str(found.value), lockstep.world.t, 0, *nothing))
+    assert agents.asked > 1
+    assert judge.steps == agents.asked
+    assert len(read(file).steps) == agents.asked
