@@ -12,8 +12,12 @@ from phalanx.recording.read import Recording, read
 from phalanx.recording.records import State, Step
 from phalanx.scenario.model import Scenario
 from phalanx.scenario.swarm import build_swarm
+from phalanx.verdict import Outcome
 from phalanx.wire.messages import Status
 from phalanx.wire.session import free_endpoint
+
+_INSTANT = 1e-9
+"""What makes an event at the very end happen again [s]."""
 
 
 def run_again(
@@ -24,6 +28,22 @@ def run_again(
         folder = new_folder(Path(parent), scenario.name)
         launch(scenario, folder, free_endpoint(), report, steering=steering)
         return read(folder)
+
+
+def cut_short(recorded: Recording) -> bool:
+    """Whether a recording ends before its scenario does: damaged, stopped or broken."""
+    summary = recorded.summary
+    ended = summary is not None and summary.outcome not in (Outcome.STOPPED, Outcome.BROKEN)
+    return recorded.damage is not None or not ended
+
+
+def as_far_as(recorded: Recording) -> Scenario:
+    """The recording's scenario, no longer than it lasted."""
+    scenario = recorded.scenario
+    if not (cut_short(recorded) and recorded.states):
+        return scenario
+    reached = min(scenario.duration, recorded.states[-1].t + _INSTANT)
+    return scenario.model_copy(update={"duration": reached})
 
 
 def first_difference(recorded: Recording, again: Recording) -> str | None:
@@ -39,7 +59,7 @@ def first_difference(recorded: Recording, again: Recording) -> str | None:
     ]
     if candidates:
         return min(candidates, key=lambda found: found[0])[1]
-    cut = recorded.damage is not None
+    cut = cut_short(recorded)
     if len(recorded.steps) != len(again.steps) and not cut:
         return f"{len(recorded.steps)} steps recorded, {len(again.steps)} the second time"
     if len(recorded.states) != len(again.states) and not cut:

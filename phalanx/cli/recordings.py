@@ -68,18 +68,19 @@ def verify(
     from phalanx.control import Steering
     from phalanx.launch import LaunchError
     from phalanx.recording.read import UnreadableRecordingError, read
-    from phalanx.verify import first_difference, run_again
+    from phalanx.verify import as_far_as, cut_short, first_difference, run_again
 
     try:
         recorded = read(run)
-        scenario = recorded.scenario.model_copy(update={} if seed is None else {"seed": seed})
+        scenario = as_far_as(recorded).model_copy(update={} if seed is None else {"seed": seed})
         with progress(scenario) as show:
             again = run_again(scenario, show, Steering(schedule=tuple(recorded.controls)))
     except (UnreadableRecordingError, LaunchError, OSError) as error:
         print(error, file=sys.stderr)
         return 3
-    if recorded.damage:
-        print(f"{recorded.path}: {recorded.damage}; comparing what there is")
+    if cut_short(recorded):
+        why = recorded.damage or (recorded.summary and recorded.summary.reason) or "no summary"
+        print(f"{recorded.path}: {why}; comparing what there is")
     if difference := first_difference(recorded, again):
         print(f"differs: {difference}")
         return 1

@@ -1,5 +1,7 @@
 """phalanx verify: bit-identical, or where it first differs."""
 
+import os
+import signal
 import struct
 from pathlib import Path
 
@@ -44,6 +46,16 @@ def test_one_flipped_bit_of_a_recorded_input_is_found_at_its_step_and_agent(
     assert status == 1
     assert f"differs: step {at}, agent 3, k = 17, t = {steps[at].t:.6f} s: u.nu" in output
     assert "(1 steps of float64 apart)" in output
+
+
+def test_a_stopped_run_is_compared_as_far_as_it_went(phalanx):
+    run = phalanx("run", "unicycles")
+    run.wait_until_running()
+    os.killpg(run.process.pid, signal.SIGINT)
+    assert run.finish()[0] == 130
+    status, output = phalanx("verify", str(run.folder)).finish()
+    assert status == 0, output
+    assert "stopped by the user; comparing what there is" in output
 
 
 def with_last_bit_flipped(value: float) -> float:
