@@ -60,8 +60,8 @@ class ControlStep:
         fates = self.inbox.advance(sample.latest, sample.t)
         x = np.frombuffer(sample.x, dtype="<f8")
         heard = {
-            l: Heard(np.array(received.message.u), received.message.t_apply)
-            for l, received in self.inbox.received().items()
+            l: Heard(np.array(newest.u), newest.t_apply)
+            for l, newest in self.inbox.received().items()
         }
         decision, wanted, used = self._mind(x, sample.t, heard)
         ages = {l: sample.t - heard[l].since for l in used}

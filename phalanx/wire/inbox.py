@@ -1,21 +1,9 @@
 """An agent's inbox for broadcasts: all that were sent arrive; the link rule says what it got."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from phalanx.wire.links import Link
 from phalanx.wire.messages import Fate, Input
-
-
-@dataclass(frozen=True)
-class Received:
-    """The most recently received input û_l of one sender."""
-
-    message: Input
-
-    def age(self, t: float) -> float:
-        """How long ago it was sent [s]."""
-        return t - self.message.t_apply
 
 
 class BroadcastInbox:
@@ -32,7 +20,7 @@ class BroadcastInbox:
         self._arrived: dict[int, dict[int, Input]] = {sender: {} for sender in links}
         self._decided = dict.fromkeys(links, -1)
         self._in_flight: dict[int, list[tuple[float, Input]]] = {sender: [] for sender in links}
-        self._latest: dict[int, Received] = {}
+        self._latest: dict[int, Input] = {}
 
     def change_links(self, loss: float | None, delay: float | None) -> None:
         """Replace loss and delay [s] of every link, where given."""
@@ -77,7 +65,7 @@ class BroadcastInbox:
             self._deliver(sender, t)
         return tuple(fates)
 
-    def received(self) -> Mapping[int, Received]:
+    def received(self) -> Mapping[int, Input]:
         """û_l by sender; a sender never heard is absent."""
         return self._latest
 
@@ -90,5 +78,5 @@ class BroadcastInbox:
         ]
         newest = max(due, key=lambda message: message.k)
         current = self._latest.get(sender)
-        if current is None or newest.k > current.message.k:
-            self._latest[sender] = Received(newest)
+        if current is None or newest.k > current.k:
+            self._latest[sender] = newest

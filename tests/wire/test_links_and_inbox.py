@@ -100,7 +100,7 @@ def inbox_of(model: LinkModel, senders: int = 1) -> BroadcastInbox:
 
 def newest(inbox: BroadcastInbox, sender: int = 0) -> int | None:
     received = inbox.received().get(sender)
-    return None if received is None else received.message.k
+    return None if received is None else received.k
 
 
 @given(st.permutations(range(20)))
@@ -153,7 +153,7 @@ def test_the_first_of_two_claims_to_one_number_counts():
     rival = Input(VERSION, 0, 0.0, 0.0, 0.01, (99.0, 0.0), Origin.QP, 0.0, 0.0)
     assert not inbox.put(0, rival)
     inbox.advance((0,), 1.0)
-    assert inbox.received()[0].message.u == (0.0, 0.0)
+    assert inbox.received()[0].u == (0.0, 0.0)
 
 
 def test_a_broadcast_that_came_early_counts_only_once_the_sample_says_it_exists():
@@ -166,7 +166,7 @@ def test_a_broadcast_that_came_early_counts_only_once_the_sample_says_it_exists(
     assert newest(inbox) == 2
 
 
-def test_a_delayed_broadcast_is_received_when_its_delay_is_over_and_ages_from_its_sending():
+def test_a_delayed_broadcast_is_received_when_its_delay_is_over():
     inbox = inbox_of(LinkModel(delay=0.025))
     inbox.put(0, broadcast(1))
     inbox.put(0, broadcast(0))
@@ -174,10 +174,8 @@ def test_a_delayed_broadcast_is_received_when_its_delay_is_over_and_ages_from_it
     assert newest(inbox) is None
     inbox.advance((1,), 0.025)
     assert newest(inbox) == 0
-    assert inbox.received()[0].age(0.03) == pytest.approx(0.03)
     inbox.advance((1,), 0.035)
     assert newest(inbox) == 1
-    assert inbox.received()[0].age(0.035) == pytest.approx(0.025)
 
 
 def test_a_lost_broadcast_leaves_the_one_before_in_place():
