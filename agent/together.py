@@ -22,6 +22,7 @@ class Together:
         safety, first = swarm.scenario.safety, swarm.normal[0]
         self.swarm, self._normal = swarm, swarm.normal
         self._eta, self._scale = swarm.eta(first), safety.margin_scale
+        self._authority = safety.authority
         self._laws = [swarm.law(l) for l in self._normal]
         self._goals = [swarm.goal_of(l) for l in self._normal]
         self._parts = swarm.chain.set.parts
@@ -48,7 +49,8 @@ class Together:
             law.input(View(l, states, normal, goal(t, terms.positions[l]), terms))
             for l, law, goal in zip(normal, self._laws, self._goals, strict=True)
         ]
-        decisions = self._qp.decide(terms, normal, wanted, self._scale * (self._eta + terms.margin))
+        eta = self._scale * (self._eta + terms.margin)
+        decisions = self._qp.decide(terms, normal, wanted, eta, self._authority)
         return {
             l: Thought(decision, u_nom, [])
             for l, decision, u_nom in zip(normal, decisions, wanted, strict=True)

@@ -167,8 +167,8 @@ def _words(swarm: Swarm, report: CheckReport, unknown: list[str]) -> list[str]:
     words += [f"No guarantee: {gap}." for gap in report.gaps]
     if report.gaps:
         words.append(
-            "For a proven run set composition = 'pairs', margin = 'local', information = 'split', "
-            "no neighbourhood and no latency."
+            "For a proven run set control = 'distributed', composition = 'pairs', "
+            "margin = 'local', information = 'split', no neighbourhood and no latency."
         )
     if _leans_on_the_newest(swarm):
         words.append(

@@ -62,7 +62,7 @@ class Safety(Strict):
     """An agent composes only what lies within this distance of it [m]; default: everything, as a
     centralised controller always does."""
     authority: NonNegative = 0.01
-    """Below this span max c_i u - min c_i u an agent's backup is futile."""
+    """Below this span max c_i u - min c_i u of the composed row an agent's backup is futile."""
 
     _function: SafeSetFunction = PrivateAttr()
     _alpha: tuple[ClassK, ...] = PrivateAttr()

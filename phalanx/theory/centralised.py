@@ -28,9 +28,17 @@ class JointInput:
         metric = tuple(weight for d in dynamics for weight in d.input_metric())
         self._rows = stacked_slices(shapes)
         self._qp = NearestInput(metric, sum(shapes))
+        self._alone = [
+            NearestInput(d.input_metric(), rows) for d, rows in zip(dynamics, shapes, strict=True)
+        ]
 
     def decide(
-        self, terms: Terms, normal: Sequence[int], wanted: Sequence[Array], eta: float
+        self,
+        terms: Terms,
+        normal: Sequence[int],
+        wanted: Sequence[Array],
+        eta: float,
+        authority: float = 0.0,
     ) -> list[Decision]:
         """Every normal agent's input; where K is empty, every agent's own u_i^min.
 
@@ -39,6 +47,7 @@ class JointInput:
             normal: the normal agents, in the order of their dynamics.
             wanted: their nominal inputs, shapes (m_i,).
             eta: η(Γ).
+            authority: as controller.decide has it.
         """
         row = joint_row(terms, normal, eta)
         least = sum(float(terms.least[l]) for l in normal)
@@ -49,13 +58,18 @@ class JointInput:
             residual = float(row.a @ u - row.bound)
             return [Decision(u[part], Origin.QP, residual) for part in self._parts]
         return [
-            Decision(
-                minimiser(terms.c[l], terms.polytopes[l].corners),
-                Origin.BACKUP,
-                least - row.bound,
-            )
-            for l in normal
+            self._backup(place, terms, l, wanted[place], least - row.bound, authority)
+            for place, l in enumerate(normal)
         ]
+
+    def _backup(
+        self, place: int, terms: Terms, l: int, u_nom: Array, residual: float, authority: float
+    ) -> Decision:
+        if terms.most[l] - terms.least[l] <= authority:
+            u = self._alone[place].solve(u_nom, terms.polytopes[l])
+            if u is not None:
+                return Decision(u, Origin.NO_AUTHORITY, residual)
+        return Decision(minimiser(terms.c[l], terms.polytopes[l].corners), Origin.BACKUP, residual)
 
     def _joint(self, terms: Terms, normal: Sequence[int]) -> Polytope:
         """U_N, the product of the U_i. Its corners are many, and nobody asks for them."""

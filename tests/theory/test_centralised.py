@@ -45,6 +45,15 @@ def test_it_changes_the_nominal_inputs_no_more_than_needed():
         assert decision.u == pytest.approx(u_nom)
 
 
+def test_without_a_solution_an_agent_without_authority_keeps_its_nominal_input():
+    terms, normal = TERMS(SWARM.start()), SWARM.normal
+    weak = terms._replace(most=terms.least + np.array([0.0, 5.0, 5.0, 0.0, 0.0]), unforced=1e3)
+    wanted = [np.array([0.3, -0.1]), np.array([0.0, 0.2]), np.array([1.0, 0.0])]
+    decisions = QP.decide(weak, normal, wanted, 0.0, authority=0.01)
+    assert [d.origin for d in decisions] == [Origin.NO_AUTHORITY, Origin.BACKUP, Origin.BACKUP]
+    assert decisions[0].u == pytest.approx(wanted[0])
+
+
 def test_pairs_and_a_central_controller_exclude_each_other():
     with pytest.raises(ScenarioError, match=r"safety\.composition: expected 'lse'"):
         load("guaranteed", ["safety.control=centralised"])
