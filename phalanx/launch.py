@@ -5,55 +5,22 @@ by itself: agents when the hub is gone, the plant when it is done, told to, or l
 """
 
 import contextlib
-import logging
-import multiprocessing
-import multiprocessing.connection
-import os
-import pkgutil
 import secrets
-import signal
-import sys
-import time
 from collections.abc import Callable, Iterator, Mapping
-from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from phalanx.control import UNSTEERED, Steering
+from phalanx.processes import Processes
 from phalanx.recording.records import SUMMARY
 from phalanx.scenario.fields import CONTROLLER
-from phalanx.scenario.load import from_json, to_json
 from phalanx.scenario.model import Scenario
-from phalanx.verdict import Outcome, Summary, exit_status
+from phalanx.verdict import Outcome, Summary
 from phalanx.wire.keys import Keys
 from phalanx.wire.messages import Ended, Malformed, Sealer, Status
 from phalanx.wire.session import HubError, open_client, subscribe
-
-PROGRAMS = {
-    "plant": "plant.main:run",
-    "agent": "agent.main:run",
-    CONTROLLER: "agent.main:run",
-    "viewer": "viewer.main:run",
-    "export": "viewer.export:run",
-}
-"""The programs by name; resolved where they run, so that nothing here imports them."""
-
-_PRELOAD = [
-    "casadi",
-    "mcap.writer",
-    "msgspec",
-    "numpy",
-    "osqp",
-    "pydantic",
-    "scipy.sparse",
-    "zenoh",
-]
-_GRACE = 4.0
-"""How long agents get to leave after the plant did [s]."""
-
-_VERDICTS = {exit_status(outcome) for outcome in Outcome}
 
 Report = Callable[[Status], None]
 
@@ -105,7 +72,7 @@ def launch(
     run_id, secret = folder.name, secret or secrets.token_bytes(16)
     common = {"run_id": run_id, "endpoint": endpoint, "secret": secret}
     plant = {**common, "folder": folder, "steering": steering}
-    swarm = _Processes(scenario, folder / "logs")
+    swarm = Processes(scenario, folder / "logs")
     try:
         swarm.start("plant", "plant", interruptible=True, options=plant)
         for name in scenario.programs():
@@ -129,106 +96,6 @@ def launch(
     return summary
 
 
-def start_program(
-    program: str, scenario: str, log_file: Path, interruptible: bool, options: dict[str, Any]
-) -> None:
-    """Run one program in this process until it ends; everything it prints goes to its log."""
-    with contextlib.suppress(OSError):
-        # What ps and top show; the kernel keeps 15 bytes.
-        Path("/proc/self/comm").write_text(multiprocessing.current_process().name)
-    log = os.open(log_file, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
-    os.dup2(log, sys.stdout.fileno())
-    os.dup2(log, sys.stderr.fileno())
-    os.close(log)
-    if not interruptible:
-        # Ctrl-C reaches the whole terminal; only the plant decides what it means.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-    configure_logging()
-    sys.exit(run_program(program, from_json(scenario), options))
-
-
-def run_program(program: str, scenario: Scenario, options: dict[str, Any]) -> int:
-    """Run one program in this process; its exit status."""
-    run = pkgutil.resolve_name(PROGRAMS[program])
-    status: int = run(scenario, **options)
-    return status
-
-
-def configure_logging() -> None:
-    """Log to standard error, each line with its wall time."""
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s")
-
-
-class _Processes:
-    """The programs of one run."""
-
-    def __init__(self, scenario: Scenario, logs: Path) -> None:
-        self._scenario = to_json(scenario)
-        self._logs = logs
-        self._logs.mkdir(exist_ok=True)
-        self._context = multiprocessing.get_context("forkserver")
-        self._context.set_forkserver_preload(_PRELOAD)
-        self._running: dict[str, BaseProcess] = {}
-        self._killed: set[str] = set()
-
-    def start(self, program: str, name: str, interruptible: bool, options: dict[str, Any]) -> None:
-        """Start a program; its log is <name>.log."""
-        process = self._context.Process(
-            target=start_program,
-            name=f"phx-{program}-{name}" if program != name else f"phx-{name}",
-            args=(program, self._scenario, self._log(name), interruptible, options),
-        )
-        process.start()
-        self._running[name] = process
-
-    @property
-    def plant_runs(self) -> bool:
-        """Whether the plant is alive."""
-        return self._running["plant"].is_alive()
-
-    def wait_for_plant(self) -> None:
-        """Return when the plant has ended. Ctrl-C asks it to stop, and waits on."""
-        plant = self._running["plant"]
-        while plant.is_alive():
-            try:
-                plant.join()
-            except KeyboardInterrupt:
-                plant.terminate()
-
-    def obituary(self) -> str:
-        """Which program died first, how, and the last line it wrote; empty if none died.
-
-        Those that were killed because they would not leave do not count.
-        """
-        for name, process in self._running.items():
-            code = process.exitcode
-            if code is None or code in _VERDICTS or name in self._killed:
-                continue
-            how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit status {code}"
-            log = self._log(name)
-            lines = log.read_text(errors="replace").strip().splitlines() if log.exists() else []
-            last = f": {lines[-1]}" if lines else ""
-            return f"{process.name} died ({how}){last}; log: {log}"
-        return ""
-
-    def end(self) -> None:
-        """Leave no process behind: give the agents time to notice, then kill."""
-        plant = self._running.get("plant")
-        if plant is not None and plant.is_alive():
-            plant.terminate()
-        deadline = time.monotonic() + _GRACE
-        for process in self._running.values():
-            process.join(max(0.0, deadline - time.monotonic()))
-        for name, process in self._running.items():
-            if process.is_alive():
-                self._killed.add(name)
-                process.kill()
-                process.join()
-
-    def _log(self, name: str) -> Path:
-        return self._logs / f"{name}.log"
-
-
 class _Verdict:
     """The plant's summary, as it comes: by message, and as a file unless the disk is full."""
 
@@ -248,7 +115,7 @@ def _listening(
     run_id: str,
     endpoint: str,
     secret: bytes,
-    swarm: _Processes,
+    swarm: Processes,
     report: Report,
     verdict: _Verdict,
 ) -> Iterator[None]:

@@ -19,7 +19,7 @@ from plant.console import Console
 from plant.hub import Hub, SwarmBrokenError
 from plant.judge import Judge
 from plant.lockstep import Lockstep, waiting_status
-from plant.stop import LauncherDiedError, StoppedError, StopRequest
+from plant.stop import AbandonedError, StoppedError, StopRequest
 from plant.world import DivergedError
 
 log = logging.getLogger("phalanx.plant")
@@ -90,7 +90,7 @@ def _run(
         outcome, reason = judge(verdict.truth.violations(), verdict.assumptions)
     except StoppedError as error:
         outcome, reason = Outcome.STOPPED, str(error)
-    except (SwarmBrokenError, LauncherDiedError, RecordingError, DivergedError) as error:
+    except (SwarmBrokenError, AbandonedError, RecordingError, DivergedError) as error:
         outcome, reason = Outcome.BROKEN, str(error)
     log.info("%s at t = %.3f s: %s", outcome, lockstep.world.t, reason)
     return _summary(lockstep, verdict, hub, outcome, reason, time.monotonic() - began)

@@ -96,7 +96,7 @@ def _run_here(
     seed: int | None,
     options: dict[str, object],
 ) -> int:
-    from phalanx.launch import configure_logging, run_program
+    from phalanx.programs import configure_logging, run_program
     from phalanx.scenario.load import load
     from phalanx.wire.session import HubError
 

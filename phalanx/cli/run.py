@@ -58,7 +58,8 @@ def run(
     """
     from phalanx.cli.display import print_summary, progress
     from phalanx.control import Steering
-    from phalanx.launch import LaunchError, launch, new_folder, run_program
+    from phalanx.launch import LaunchError, launch, new_folder
+    from phalanx.programs import run_program
     from phalanx.scenario.load import load
     from phalanx.scenario.swarm import build_swarm, require_rows
     from phalanx.verdict import exit_status

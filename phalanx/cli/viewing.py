@@ -104,7 +104,7 @@ def export(
     ] = None,
 ) -> int:
     """Export a run to share it: HTML that plays without a server, or a picture at a time."""
-    from phalanx.launch import PROGRAMS
+    from phalanx.programs import PROGRAMS
     from phalanx.recording.read import UnreadableRecordingError
 
     if html is None and png is None:
@@ -127,7 +127,7 @@ def _show(
     origins: list[str] | None,
     timeout: float,
 ) -> int:
-    from phalanx.launch import PROGRAMS, configure_logging
+    from phalanx.programs import PROGRAMS, configure_logging
 
     configure_logging()
     secrets = {name: texts[name].encode() for name in ("secret", "control")}

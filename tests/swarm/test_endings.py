@@ -126,3 +126,31 @@ class Faulty:
     def input(self, view):
         raise RuntimeError("no such sensor")
 """
+
+
+FAILING = """
+import multiprocessing
+
+from phalanx.theory.laws import Pursue as Base
+
+if multiprocessing.current_process().name == "phx-agent-2":
+    raise RuntimeError("no camera")
+
+
+class Pursue(Base):
+    pass
+"""
+
+
+def test_an_agent_that_fails_before_it_joins_ends_the_run_at_once_and_is_named(
+    phalanx, tmp_path, monkeypatch
+):
+    (tmp_path / "failing_user.py").write_text(FAILING)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    law = "agents.1.law={ type = 'failing_user:Pursue', gain = 5.0 }"
+    run = phalanx("run", "unicycles", "--set", law, "--set", "time.timeout=600")
+    status, output = run.finish()
+    run.wait_until_gone(ORPHAN_LIMIT)
+    assert status == 3
+    assert "broken: an agent failed [phx-agent-2 died (exit status 1)" in output
+    assert "no camera" in output
