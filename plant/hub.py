@@ -131,7 +131,9 @@ class Hub:
     def _take_event(self, deadline: float, complaint: str) -> None:
         self._check_stop()
         if time.monotonic() > deadline:
-            raise SwarmBrokenError(f"{complaint} within {self._timeout:g} s")
+            dropped = ", ".join(f"{n} {reason}" for reason, n in self.rejected.items())
+            because = f" (dropped payloads: {dropped})" if dropped else ""
+            raise SwarmBrokenError(f"{complaint} within {self._timeout:g} s{because}")
         try:
             key, content = self._events.get(timeout=_POLL)
         except queue.Empty:

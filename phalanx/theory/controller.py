@@ -9,6 +9,7 @@ from phalanx.theory.origin import Origin
 from phalanx.theory.polytope import Polytope, minimiser, vertices
 from phalanx.theory.qp import NearestInput
 from phalanx.theory.row import Row, Rows
+from phalanx.theory.safe_set import FAR
 from phalanx.theory.terms import Terms
 
 Array = NDArray[np.float64]
@@ -54,13 +55,12 @@ def decide(
 def decide_pairs(polytope: Polytope, rows: Rows, u_nom: Array, qp: NearestInput) -> Decision:
     """Solve agent i's QP with one row for each pair; fall back to the least worst violation.
 
-    The residual is that of the worst row.
+    The residual is that of the worst row; where no pair is near, so that no row binds, it is FAR.
     """
-    u = qp.solve(u_nom, polytope, rows)
-    if u is not None:
-        return Decision(u, Origin.QP, float((rows.a @ u - rows.bound).max()))
-    u = least_violation(polytope, rows)
-    return Decision(u, Origin.BACKUP, float((rows.a @ u - rows.bound).max()))
+    u, origin = qp.solve(u_nom, polytope, rows), Origin.QP
+    if u is None:
+        u, origin = least_violation(polytope, rows), Origin.BACKUP
+    return Decision(u, origin, float(np.maximum(rows.a @ u - rows.bound, FAR).max()))
 
 
 def least_violation(polytope: Polytope, rows: Rows) -> Array:

@@ -338,6 +338,14 @@ def test_there_is_a_backup_even_where_no_margin_is_known(seed):
     assert ((rows.a @ u) - rows.bound).max() <= best + 1e-3
 
 
+def test_where_no_pair_is_near_the_nominal_input_is_applied_and_every_number_is_finite():
+    rows = Rows(np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([np.inf, np.inf]))
+    u_nom = np.array([0.3, -0.2])
+    decision = decide_pairs(SQUARE, rows, u_nom, NearestInput((1.0, 1.0), 4, 2))
+    assert decision.u == pytest.approx(u_nom)
+    assert np.isfinite(decision.residual)
+
+
 def test_the_backup_ignores_pairs_outside_the_neighbourhood():
     rows = Rows(np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([-5.0, np.inf]))
     assert least_violation(SQUARE, rows)[0] == pytest.approx(-1.0)
