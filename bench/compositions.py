@@ -123,7 +123,7 @@ def _local(margins: Array) -> str:
     if not len(bounded):
         return "no sample | - | -"
     median, high = np.percentile(bounded, [50, 99])
-    return f"{len(bounded) / len(margins):.0%} of samples | {median:.1f} | {high:.1f}"
+    return f"{len(bounded) / len(margins):.0%} of samples | {median:.3g} | {high:.3g}"
 
 
 if __name__ == "__main__":
