@@ -39,7 +39,7 @@ def write_report(run: Path, progress: Callable[[str], None] | None = None) -> Pa
         if progress:
             progress(plate.name)
         image = io.BytesIO()
-        plate.figure.savefig(image, format="png", dpi=_DPI)
+        plate.figure.savefig(image, format="png", dpi=_DPI, bbox_inches="tight")
         (folder / "figures" / f"{plate.name}.png").write_bytes(image.getvalue())
         drawn.append((plate.caption, image.getvalue()))
     report = folder / REPORT
