@@ -145,7 +145,7 @@ def test_nothing_a_hostile_client_sends_changes_the_trajectory_and_all_of_it_is_
 
 def test_a_flood_of_rubbish_does_not_hold_off_the_end_of_a_wait():
     """Not even one that comes faster than the plant looks up."""
-    swarm = build_swarm(load("unicycles", ["time.timeout=0.3"]))
+    swarm = build_swarm(load("unicycles", ["time.timeout=1.0"]))
     endpoint, over = free_endpoint(), threading.Event()
     with (
         Hub(swarm, "unicycles-1", endpoint, SECRET.encode(), lambda: None) as hub,
@@ -154,7 +154,7 @@ def test_a_flood_of_rubbish_does_not_hold_off_the_end_of_a_wait():
         flood = threading.Thread(target=put_until, args=(session, over), daemon=True)
         flood.start()
         try:
-            with pytest.raises(SwarmBrokenError, match=r"did not join within 0\.3 s"):
+            with pytest.raises(SwarmBrokenError, match=r"did not join within 1 s"):
                 hub.wait_for_agents(lambda _: None)
         finally:
             over.set()
