@@ -4,11 +4,13 @@ from pathlib import Path
 
 import pytest
 
+from agent.together import Together
 from phalanx.control import ControlKind, Steering
 from phalanx.launch import launch, new_folder
 from phalanx.recording.read import Recording, read
 from phalanx.recording.records import Control
 from phalanx.scenario.load import load
+from phalanx.scenario.swarm import build_swarm
 from phalanx.theory.origin import Origin
 from phalanx.verdict import Outcome
 from phalanx.wire.session import free_endpoint
@@ -41,6 +43,15 @@ def test_one_process_controls_all_normal_agents(phalanx):
     run.wait_until_gone(5.0)
     assert status == 3
     assert "[phx-controller died (killed by SIGKILL)" in output
+
+
+def test_the_programme_is_solved_once_for_all_who_sample_together():
+    swarm = build_swarm(load("unicycles", ["safety.control=centralised"]))
+    together, x = Together(swarm), swarm.start()
+    first = together.at(x, 0.0)
+    assert together.at(x.copy(), 0.0) is first
+    assert together.at(x, 0.01) is not first
+    assert together.at(x + 0.1, 0.01)[0].decision.u != pytest.approx(first[0].decision.u)
 
 
 def test_theorem_1_needs_synchronous_clocks_and_the_run_checks_it(tmp_path):
