@@ -5,13 +5,16 @@ from pathlib import Path
 
 import pytest
 
+from phalanx.control import ControlKind, Steering
 from phalanx.recording.read import read
+from phalanx.recording.records import Control
 from phalanx.recording.write import RecordingWriter
 from phalanx.scenario.load import load
 from phalanx.scenario.swarm import build_swarm
 from phalanx.theory.origin import Origin
 from phalanx.verdict import Outcome, Summary
 from phalanx.wire.messages import VERSION, Input, Sample, Status
+from plant.console import Console
 from plant.judge import Judge
 from plant.lockstep import Lockstep
 from plant.world import DivergedError
@@ -79,3 +82,34 @@ def test_the_input_before_a_breakdown_is_judged_and_recorded(
     assert agents.asked > 1
     assert judge.steps == agents.asked
     assert len(read(file).steps) == agents.asked
+
+
+def test_an_agent_thawed_while_its_input_is_on_its_way_samples_after_that_took_effect(
+    tmp_path: Path,
+) -> None:
+    scenario = load("one-on-one", ["duration=0.2", "time.latency=0.004"])
+    swarm = build_swarm(scenario)
+    name, agents, judge = swarm.names[0], Remembering(0.004), Judge(swarm)
+    schedule = (Control(0.101, ControlKind.FREEZE, name), Control(0.102, ControlKind.THAW, name))
+    with RecordingWriter(tmp_path / "thaw.mcap", scenario, "thaw") as recording:
+        console = Console(Steering(schedule=schedule), swarm.names)
+        Lockstep(swarm, agents, judge, recording, console).run()
+    assert judge.steps == agents.asked
+
+
+class Remembering(Coasting):
+    """The same for several, with a latency."""
+
+    def __init__(self, latency: float) -> None:
+        super().__init__()
+        self._latency, self._open = latency, {}
+
+    def send_sample(self, i: int, sample: Sample) -> None:
+        self._open[i] = sample
+        self.asked += 1
+
+    def await_input(self, i: int) -> Input:
+        sample = self._open.pop(i)
+        due = sample.t + self._latency
+        nobody = (None,) * len(sample.latest)
+        return Input(VERSION, sample.k, sample.t, due, 0.0, (0.0, 0.0), Origin.QP, 0.0, 0.0, nobody)
