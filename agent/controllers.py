@@ -1,4 +1,4 @@
-"""How an agent turns a wanted input into one to apply: its row or rows, its QP, its backup."""
+"""How an agent turns a u_nom input into one to apply: its row or rows, its QP, its backup."""
 
 from collections.abc import Mapping
 from typing import NamedTuple, Protocol
@@ -6,13 +6,14 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.scenario.swarm import Swarm
-from phalanx.theory.controller import Decision, decide, decide_pairs
-from phalanx.theory.origin import Origin
-from phalanx.theory.pairs import pair_rows
-from phalanx.theory.qp import NearestInput
-from phalanx.theory.row import Heard, Information, paper_row, split_row
-from phalanx.theory.terms import Terms
+from phalanx.swarm.swarm import Swarm
+from phalanx.theory.rows.decision import Decision, decide, decide_pairs
+from phalanx.theory.rows.information import Information, ReceivedInput
+from phalanx.theory.rows.origin import Origin
+from phalanx.theory.rows.pairs import pair_rows
+from phalanx.theory.rows.qp import NearestInput
+from phalanx.theory.rows.row import paper_row, split_row
+from phalanx.theory.rows.terms import Terms
 
 Array = NDArray[np.float64]
 
@@ -25,9 +26,9 @@ class Moment(NamedTuple):
     x: Array
     """Stacked sampled state, shape (n̄,)."""
     terms: Terms
-    wanted: Array
+    u_nom: Array
     """What its law would like to apply, shape (m_i,)."""
-    heard: Mapping[int, Heard]
+    heard: Mapping[int, ReceivedInput]
 
 
 class Controller(Protocol):
@@ -46,15 +47,15 @@ def controller(swarm: Swarm, i: int) -> Controller:
 
 
 class Attack:
-    """An adversary's wanted input, projected onto U_j."""
+    """An adversary's u_nom input, projected onto U_j."""
 
     def __init__(self, swarm: Swarm, i: int) -> None:
         self._i, self._qp = i, _solver(swarm, i, 1)
 
     def __call__(self, now: Moment) -> tuple[Decision, list[int]]:
-        u = self._qp.solve(now.wanted, now.terms.polytopes[self._i])
+        u = self._qp.solve(now.u_nom, now.terms.polytopes[self._i])
         if u is None:
-            raise ArithmeticError(f"projection of {now.wanted} onto U_i failed at t = {now.t}")
+            raise ArithmeticError(f"projection of {now.u_nom} onto U_i failed at t = {now.t}")
         return Decision(u, Origin.ATTACK, 0.0), []
 
 
@@ -77,7 +78,7 @@ class OneRow:
         else:
             usable = self._trust.usable(now.heard, now.t)
             row = paper_row(terms, i, usable, eta)
-        decision = decide(terms, i, row, now.wanted, self._qp, self._authority)
+        decision = decide(terms, i, row, now.u_nom, self._qp, self._authority)
         return decision, [l for l in usable if terms.c[l].any()]
 
 
@@ -98,7 +99,7 @@ class OneRowForEachPair:
         terms = self._terms(now.x)
         rows = pair_rows(terms, self._pairs, usable, sharing, self._eta, self._scale)
         inputs = now.terms.polytopes[self._i]
-        return decide_pairs(inputs, rows, now.wanted, self._qp), list(usable)
+        return decide_pairs(inputs, rows, now.u_nom, self._qp), list(usable)
 
 
 def _solver(swarm: Swarm, i: int, safety_rows: int) -> NearestInput:

@@ -7,10 +7,10 @@ import signal
 import threading
 from collections.abc import Callable
 
-from agent.step import ControlStep, control_steps
+from phalanx.agent.step import ControlStep, control_steps
 from phalanx.scenario.load import digest
 from phalanx.scenario.model import Scenario
-from phalanx.scenario.swarm import build_swarm
+from phalanx.swarm.swarm import build_swarm
 from phalanx.wire import session as wire
 from phalanx.wire.keys import PLANT, Keys, sender
 from phalanx.wire.messages import Input, Malformed, Sample, Sealer

@@ -4,13 +4,13 @@ import time
 
 import numpy as np
 
-from agent.alone import Alone, Mind
-from agent.together import Part, Together
+from phalanx.agent.centralised import Part, Together
+from phalanx.agent.distributed import Alone, Mind
+from phalanx.network.inbox import BroadcastInbox
+from phalanx.network.link import Link
 from phalanx.scenario.fields import CONTROLLER
-from phalanx.scenario.swarm import Swarm
-from phalanx.theory.row import Heard
-from phalanx.wire.inbox import BroadcastInbox
-from phalanx.wire.links import Link
+from phalanx.swarm.swarm import Swarm
+from phalanx.theory.rows.information import ReceivedInput
 from phalanx.wire.messages import VERSION, Input, Malformed, Orders, Sample
 
 
@@ -60,10 +60,10 @@ class ControlStep:
         fates = self.inbox.advance(sample.latest, sample.t)
         x = np.frombuffer(sample.x, dtype="<f8")
         heard = {
-            l: Heard(np.array(newest.u), newest.t_apply)
+            l: ReceivedInput(np.array(newest.u), newest.t_apply)
             for l, newest in self.inbox.received().items()
         }
-        decision, wanted, used = self._mind(x, sample.t, heard)
+        decision, u_nom, used = self._mind(x, sample.t, heard)
         ages = {l: sample.t - heard[l].since for l in used}
         return Input(
             version=VERSION,
@@ -78,7 +78,7 @@ class ControlStep:
             ages=tuple(ages.get(j) for j in range(len(self.swarm.members))),
             fates=fates,
             rejected=self.rejected,
-            wanted=tuple(wanted.tolist()),
+            u_nom=tuple(u_nom.tolist()),
         )
 
     def _obey(self, orders: Orders | None) -> None:

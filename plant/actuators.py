@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from phalanx.scenario.swarm import Swarm
-from phalanx.theory.compiled import CompiledFunction
-from phalanx.theory.polytope import constant_polytope
+from phalanx.swarm.swarm import Swarm
+from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.models.polytope import constant_polytope
 from phalanx.wire.messages import Input, Sample
 
 _TOLERANCE = 1e-5

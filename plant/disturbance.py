@@ -7,11 +7,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.randomness import Draws
 from phalanx.scenario.agents import Disturbance
-from phalanx.scenario.swarm import Swarm
-from phalanx.theory.compiled import CompiledFunction
-from phalanx.theory.psi import Chain
+from phalanx.seeded.draws import Draws
+from phalanx.swarm.swarm import Swarm
+from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.safety.chain import Chain
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ class AdverseDisturbance:
         """For member i of the chain."""
         composed = chain.set
         gradient = ca.jacobian(chain.psi[-1], composed.x[composed.parts[i]])
-        self._gradient = CompiledFunction([composed.x], [composed.settle(gradient)])
+        self._gradient = CompiledFunction([composed.x], [composed.substitute(gradient)])
         self._bound, self._every = model.bound, model.every
         self._line: Line | None = None
 

@@ -7,13 +7,13 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Self
 
+from phalanx.plant.actuators import Actuators
 from phalanx.scenario.load import digest, to_json
-from phalanx.scenario.swarm import Swarm
-from phalanx.viewing import Setup
+from phalanx.swarm.swarm import Swarm
 from phalanx.wire import session as wire
+from phalanx.wire.frames import Setup
 from phalanx.wire.keys import PLANT, Keys, sender
 from phalanx.wire.messages import VERSION, Input, Malformed, Message, Sample, Sealer
-from plant.actuators import Actuators
 
 log = logging.getLogger("phalanx.plant")
 
@@ -106,9 +106,9 @@ class Hub:
             self._take_event(deadline, f"agent {self._names[i]} did not answer sample {k}")
         return self._answers.pop(i)
 
-    def open_view(self, steerable: bool) -> "Viewers":
+    def open_view(self, commandable: bool) -> "Viewers":
         """Answer viewers that ask for the scenario, and be ready to show them frames."""
-        setup = Setup(VERSION, to_json(self._scenario).encode(), steerable)
+        setup = Setup(VERSION, to_json(self._scenario).encode(), commandable)
         key = self._keys.scenario
         wire.answer(self._session, key, self._sealer.seal(key, setup))
         return Viewers(wire.view_publisher(self._session, self._keys.view), self._sealer)

@@ -6,13 +6,13 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.scenario.swarm import Swarm
-from phalanx.theory.origin import Origin
-from phalanx.theory.row import Information
-from phalanx.verdict import Assumption
+from phalanx.guarantee.verdict import Assumption
+from phalanx.plant.truth import PairExtremes
+from phalanx.plant.world import DisturbanceKnot, IntegrationSteps
+from phalanx.swarm.swarm import Swarm
+from phalanx.theory.rows.information import Information
+from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Input
-from plant.truth import PairTruth
-from plant.world import Knot, Truth
 
 Array = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ class Judge:
     """Sees the world at every event, every sample and every applied input."""
 
     def __init__(self, swarm: Swarm) -> None:
-        self.truth = PairTruth(swarm.chain.set)
+        self.truth = PairExtremes(swarm.chain.set)
         self.steps = 0
         """Inputs applied."""
         self.origins = {str(o): 0 for o in Origin if o is not Origin.ATTACK}
@@ -79,13 +79,13 @@ class Judge:
         if i in self._swarm.normal:
             self._faithful.check(False, t)
 
-    def saw(self, seen: Iterable[Truth | Knot]) -> None:
+    def saw(self, seen: Iterable[IntegrationSteps | DisturbanceKnot]) -> None:
         """What the world went through."""
         for piece in seen:
             self._saw(piece)
 
-    def _saw(self, seen: Truth | Knot) -> None:
-        if isinstance(seen, Knot):
+    def _saw(self, seen: IntegrationSteps | DisturbanceKnot) -> None:
+        if isinstance(seen, DisturbanceKnot):
             norms = np.sqrt(np.add.reduceat(seen.phi * seen.phi, self._parts))
             # Norms are convex: within the bound at the knots, within it on the line between.
             self._phi.check(bool((norms <= self._bounds * (1.0 + _ROUNDING)).all()), seen.t)
@@ -95,7 +95,9 @@ class Judge:
             self._start.check(inside, float(seen.times[0]))
         self.truth.add(*seen)
 
-    def at_event(self, t: float, x: Array, seen: Iterable[Truth | Knot]) -> None:
+    def at_event(
+        self, t: float, x: Array, seen: Iterable[IntegrationSteps | DisturbanceKnot]
+    ) -> None:
         """The world's stacked state, shape (n̄,), at t [s], and what was seen on the way there."""
         self.saw(seen)
         self._trajectory.update(np.float64(t).tobytes() + x.tobytes())

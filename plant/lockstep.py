@@ -12,18 +12,18 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.control import UNSTEERED, ControlKind, words
-from phalanx.faults import Faults
-from phalanx.recording.records import Control, Log, State, Step
+from phalanx.faults.commands import NO_COMMANDS, CommandKind, words
+from phalanx.faults.state import Faults
+from phalanx.plant.commands import CommandQueue
+from phalanx.plant.hub import Hub
+from phalanx.plant.judge import Judge
+from phalanx.plant.view import FrameAudience, View
+from phalanx.plant.world import DisturbanceKnot, IntegrationSteps, World
+from phalanx.recording.records import Command, Log, State, Step
 from phalanx.recording.write import RecordingError, RecordingWriter
-from phalanx.scenario.swarm import Swarm
-from phalanx.viewing import Condition
+from phalanx.swarm.swarm import Swarm
+from phalanx.wire.frames import Condition
 from phalanx.wire.messages import VERSION, Input, Orders, Sample, Status
-from plant.console import Console
-from plant.hub import Hub
-from plant.judge import Judge
-from plant.view import Audience, View
-from plant.world import Knot, Truth, World
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ class Moment(NamedTuple):
     """[s]"""
     x: Array
     """Stacked state, shape (n̄,)."""
-    seen: list[Truth | Knot]
+    seen: list[IntegrationSteps | DisturbanceKnot]
     """What integration showed since the event before."""
 
 
@@ -64,14 +64,14 @@ class Lockstep:
         agents: Agents,
         judge: Judge,
         recording: RecordingWriter,
-        console: Console | None = None,
-        audience: Audience | None = None,
+        commands: CommandQueue | None = None,
+        audience: FrameAudience | None = None,
     ) -> None:
         self.world = World(swarm)
         judge.saw(self.world.take_seen())
         self._faults = Faults(swarm.names)
-        self._console = console or Console(UNSTEERED, swarm.names)
-        self._view = View(audience, judge, self.world, self._console, self._faults)
+        self._commands = commands or CommandQueue(NO_COMMANDS, swarm.names)
+        self._view = View(audience, judge, self.world, self._commands, self._faults)
         self._swarm, self._agents = swarm, agents
         self._judge, self._recording = judge, recording
         self._duration = swarm.scenario.duration
@@ -106,12 +106,12 @@ class Lockstep:
             raise
 
     def _run(self) -> None:
-        self._console.start()
+        self._commands.start()
         while (t := self._next_event()) < self._duration:
-            controls = self._console.take(self.world.t, t, self._write_down)
+            commands = self._commands.take(self.world.t, t, self._write_down)
             self.world.advance(t)
             self._happened.append(self._state())
-            for control in controls:
+            for control in commands:
                 self._obey(control)
             self._sample(t)
             self._write_down()
@@ -133,9 +133,9 @@ class Lockstep:
         return {f"by agent {names[i]}": n for i, n in enumerate(self._rejected) if n}
 
     def _next_event(self) -> float:
-        return min([*self._next_sample, *self._due.values(), self._console.next])
+        return min([*self._next_sample, *self._due.values(), self._commands.next])
 
-    def _obey(self, control: Control) -> None:
+    def _obey(self, control: Command) -> None:
         """Let a control take effect, and record it."""
         self._recording.write(control)
         self._say(control.t, words(control))
@@ -147,12 +147,12 @@ class Lockstep:
             return
         self._judge.fell_silent(i, control.t)
         self._next_sample[i] = np.inf
-        if control.kind == ControlKind.KILL and i not in self._due:
+        if control.kind == CommandKind.KILL and i not in self._due:
             self._kill(i)
 
-    def _resume(self, i: int, control: Control) -> float:
+    def _resume(self, i: int, control: Command) -> float:
         """When agent i may sample again [s]: not before its last input has taken effect."""
-        if control.kind != ControlKind.THAW:
+        if control.kind != CommandKind.THAW:
             return np.inf
         return max(control.t, float(np.nextafter(self._due.get(i, -np.inf), np.inf)))
 
@@ -168,7 +168,7 @@ class Lockstep:
 
     def rejected_commands(self) -> dict[str, int]:
         """Commands that were refused, by reason."""
-        return dict(self._console.rejected)
+        return dict(self._commands.rejected)
 
     def _sample(self, t: float) -> None:
         """Hand a sample to every agent due at t; those due together do not hear each other."""
@@ -213,7 +213,7 @@ class Lockstep:
                 self._view.saw_state(peak)
                 truth = self._judge.truth
                 if truth.unsafe and not self._unsafe:
-                    self._say(happening.t, f"{truth.closest} left the safe set")
+                    self._say(happening.t, f"{truth.worst_pair} left the safe set")
                 self._unsafe = truth.unsafe
             else:
                 i, message = happening
@@ -237,7 +237,7 @@ class Lockstep:
             solve_time=message.solve_time,
             ages=list(message.ages),
             fates=[(names[fate.sender], fate.k, fate.delay) for fate in message.fates],
-            wanted=list(message.wanted),
+            u_nom=list(message.u_nom),
         )
 
     def _report_progress(self) -> None:

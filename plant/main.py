@@ -8,19 +8,19 @@ from pathlib import Path
 
 import msgspec
 
-from phalanx.control import UNSTEERED, Steering
+from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
+from phalanx.guarantee.verdict import Outcome, Summary, exit_status, judge
+from phalanx.plant.commands import CommandQueue
+from phalanx.plant.hub import Hub, SwarmBrokenError
+from phalanx.plant.judge import Judge
+from phalanx.plant.lockstep import Lockstep, waiting_status
+from phalanx.plant.stop import AbandonedError, StoppedError, StopRequest
+from phalanx.plant.world import DivergedError
 from phalanx.recording.records import RECORDING, SUMMARY
 from phalanx.recording.write import RecordingError, RecordingWriter
 from phalanx.scenario.model import Scenario
-from phalanx.scenario.swarm import Swarm, build_swarm
-from phalanx.verdict import Outcome, Summary, exit_status, judge
+from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.wire.messages import VERSION, Ended
-from plant.console import Console
-from plant.hub import Hub, SwarmBrokenError
-from plant.judge import Judge
-from plant.lockstep import Lockstep, waiting_status
-from plant.stop import AbandonedError, StoppedError, StopRequest
-from plant.world import DivergedError
 
 log = logging.getLogger("phalanx.plant")
 
@@ -32,7 +32,7 @@ def run(
     endpoint: str,
     secret: bytes,
     folder: Path,
-    steering: Steering = UNSTEERED,
+    policy: CommandPolicy = NO_COMMANDS,
 ) -> int:
     """Run the plant to the end of the scenario.
 
@@ -42,7 +42,7 @@ def run(
         endpoint: Zenoh endpoint to listen on.
         secret: the run's secret, for the seal.
         folder: where the recording and the summary go.
-        steering: who may interfere from outside the scenario, and what is to happen anyway.
+        policy: who may interfere from outside the scenario, and what is to happen anyway.
 
     Returns:
         The exit status of the verdict.
@@ -57,7 +57,7 @@ def run(
         RecordingWriter(folder / RECORDING, scenario, run_id) as recording,
         Hub(swarm, run_id, endpoint, secret, stop.check) as hub,
     ):
-        summary = _run(swarm, hub, recording, steering, stop.check)
+        summary = _run(swarm, hub, recording, policy, stop.check)
         hub.publish_verdict(Ended(VERSION, msgspec.json.encode(summary)))
         try:
             recording.finish(summary)
@@ -72,15 +72,15 @@ def _run(
     swarm: Swarm,
     hub: Hub,
     recording: RecordingWriter,
-    steering: Steering,
+    policy: CommandPolicy,
     check_stop: Callable[[], None],
 ) -> Summary:
     verdict = Judge(swarm)
-    console = Console(steering, swarm.names, check_stop)
-    if steering.secret:
-        hub.listen_for_commands(console.on_command)
-    viewers = hub.open_view(steerable=bool(steering.secret))
-    lockstep = Lockstep(swarm, hub, verdict, recording, console, viewers)
+    commands = CommandQueue(policy, swarm.names, check_stop)
+    if policy.secret:
+        hub.listen_for_commands(commands.on_command)
+    viewers = hub.open_view(commandable=bool(policy.secret))
+    lockstep = Lockstep(swarm, hub, verdict, recording, commands, viewers)
     began = time.monotonic()
     try:
         hub.wait_for_agents(waiting_status(hub))
@@ -108,7 +108,7 @@ def _summary(
         trajectory=verdict.trajectory,
         worst_h_tot=truth.worst_h_tot,
         worst_at=truth.worst_at,
-        closest=truth.closest,
+        worst_pair=truth.worst_pair,
         steps=verdict.steps,
         origins=verdict.origins,
         assumptions=verdict.assumptions,

@@ -3,13 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.theory.safe_set import ComposedSet
-from phalanx.verdict import Violation
+from phalanx.guarantee.verdict import Violation
+from phalanx.theory.safety.composition import ComposedSet
 
 Array = NDArray[np.float64]
 
 
-class PairTruth:
+class PairExtremes:
     """Running extremes of every pair's h and of h_tot."""
 
     def __init__(self, composed: ComposedSet) -> None:
@@ -33,7 +33,7 @@ class PairTruth:
         """At the last step."""
 
     @property
-    def closest(self) -> str:
+    def worst_pair(self) -> str:
         """The pair whose h was largest."""
         return self._labels[int(np.argmax(self._worst))]
 

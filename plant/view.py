@@ -6,13 +6,13 @@ from typing import Protocol
 
 import numpy as np
 
-from phalanx.faults import Faults
-from phalanx.theory.origin import Origin
-from phalanx.viewing import Condition, Frame, Line, Shown, Trouble, worse
+from phalanx.faults.state import Faults
+from phalanx.plant.commands import CommandQueue
+from phalanx.plant.judge import Judge
+from phalanx.plant.world import World
+from phalanx.theory.rows.origin import Origin
+from phalanx.wire.frames import AgentStatus, Condition, Frame, Line, LinkEvent, worse
 from phalanx.wire.messages import VERSION, Input
-from plant.console import Console
-from plant.judge import Judge
-from plant.world import World
 
 _EVERY = 1.0 / 30.0
 """Wall time between frames [s]."""
@@ -21,7 +21,7 @@ _TROUBLES = 256
 """Most links that a frame tells of: it has to stay a small message."""
 
 
-class Audience(Protocol):
+class FrameAudience(Protocol):
     """Whoever looks."""
 
     @property
@@ -37,14 +37,14 @@ class View:
 
     def __init__(
         self,
-        audience: Audience | None,
+        audience: FrameAudience | None,
         judge: Judge,
         world: World,
-        console: Console,
+        commands: CommandQueue,
         faults: Faults,
     ) -> None:
         self._audience, self._judge, self._world = audience, judge, world
-        self._console, self._faults = console, faults
+        self._commands, self._faults = commands, faults
         agents = faults.condition
         self._last: list[Input | None] = [None for _ in agents]
         self._backups = [0 for _ in agents]
@@ -95,27 +95,27 @@ class View:
             worst_h=truth.worst_h_tot,
             pair=truth.largest,
             agents=tuple(self._shown(i) for i in range(len(self._last))),
-            trouble=tuple(Trouble(*link, delay) for link, delay in self._trouble.items()),
+            trouble=tuple(LinkEvent(*link, delay) for link, delay in self._trouble.items()),
             steps=self._judge.steps,
             real_time_factor=self._real_time_factor(now),
             assumptions=tuple(self._judge.assumptions),
             violations=tuple(truth.violations()[:8]),
             log=tuple(self._log),
-            paused=self._console.paused,
-            speed=self._console.speed,
+            paused=self._commands.paused,
+            speed=self._commands.speed,
             loss=self._faults.loss,
             delay=self._faults.delay,
         )
 
-    def _shown(self, i: int) -> Shown:
+    def _shown(self, i: int) -> AgentStatus:
         message, condition = self._last[i], self._faults.condition[i]
         if message is None:
-            return Shown(Condition(condition))
+            return AgentStatus(Condition(condition))
         ages = [age for age in message.ages if age is not None]
-        return Shown(
+        return AgentStatus(
             condition=condition,
             u=message.u,
-            wanted=message.wanted,
+            u_nom=message.u_nom,
             origin=message.origin,
             backups=self._backups[i],
             residual=message.residual,

@@ -7,10 +7,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.scenario.swarm import Swarm
-from phalanx.theory.compiled import CompiledFunction
-from phalanx.theory.safe_set import stacked_slices
-from plant.disturbance import SwarmDisturbance
+from phalanx.plant.disturbance import SwarmDisturbance
+from phalanx.swarm.swarm import Swarm
+from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.safety.composition import stacked_slices
 
 Array = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ class DivergedError(ArithmeticError):
     """The true dynamics, or h along them, left the finite numbers."""
 
 
-class Truth(NamedTuple):
+class IntegrationSteps(NamedTuple):
     """What s integration steps showed."""
 
     times: Array
@@ -32,7 +32,7 @@ class Truth(NamedTuple):
     """shape (s,)"""
 
 
-class Knot(NamedTuple):
+class DisturbanceKnot(NamedTuple):
     """φ where its slope changes; between knots it is a line."""
 
     t: float
@@ -55,14 +55,14 @@ class World:
         self._line = self._disturbances.line(0.0, self.x)
         self._steps = _runge_kutta(swarm, _STEPS_AT_ONCE)
         composed = swarm.chain.set
-        truth = CompiledFunction([composed.x], [composed.h, composed.settle(composed.h_tot)])
+        truth = CompiledFunction([composed.x], [composed.h, composed.substitute(composed.h_tot)])
         h, h_tot = truth(self.x)
-        self._seen: list[Truth | Knot] = [
-            Knot(0.0, self._line.value),
-            Truth(np.zeros(1), h[None], h_tot),
+        self._seen: list[IntegrationSteps | DisturbanceKnot] = [
+            DisturbanceKnot(0.0, self._line.value),
+            IntegrationSteps(np.zeros(1), h[None], h_tot),
         ]
 
-    def take_seen(self) -> list[Truth | Knot]:
+    def take_seen(self) -> list[IntegrationSteps | DisturbanceKnot]:
         """What integration showed since this was last called, in order."""
         seen, self._seen = self._seen, []
         return seen
@@ -79,7 +79,7 @@ class World:
         while self.t < until:
             if self._line.end <= self.t:
                 self._line = self._disturbances.line(self.t, self.x)
-                self._seen.append(Knot(self.t, self._line.value))
+                self._seen.append(DisturbanceKnot(self.t, self._line.value))
             stop = min(until, self._line.end)
             count = min(math.ceil((stop - self.t) / self._longest), _STEPS_AT_ONCE)
             stop = min(stop, self.t + count * self._longest)
@@ -90,7 +90,7 @@ class World:
             if not (np.isfinite(self.x).all() and np.isfinite(h_tot).all()):
                 raise DivergedError(f"the state or h_tot is no longer finite at t = {stop:.3f} s")
             times = self.t + length * np.arange(1.0, count + 1)
-            self._seen.append(Truth(times, h.reshape(count, -1), h_tot))
+            self._seen.append(IntegrationSteps(times, h.reshape(count, -1), h_tot))
             self.t = stop
 
 
@@ -101,7 +101,7 @@ def _runge_kutta(swarm: Swarm, most: int) -> list[CompiledFunction]:
     """
     composed = swarm.chain.set
     field = _vector_field(swarm)
-    truth = ca.Function("h", [composed.x], [composed.h.T, composed.settle(composed.h_tot)])
+    truth = ca.Function("h", [composed.x], [composed.h.T, composed.substitute(composed.h_tot)])
     start, u = ca.SX.sym("x", composed.x.numel()), ca.SX.sym("u", field.numel_in(1))
     phi, slope = ca.SX.sym("phi", start.numel()), ca.SX.sym("slope", start.numel())
     dt = ca.SX.sym("dt")

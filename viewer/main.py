@@ -9,16 +9,16 @@ from pathlib import Path
 import viser
 
 from phalanx.scenario.model import Scenario
-from phalanx.viewing import Frame
-from viewer.controls import Controls
-from viewer.feed import Feed, Live
-from viewer.panels import Panels
-from viewer.picture import picture
-from viewer.plots import Plots
-from viewer.replay import Replay, open_replay
-from viewer.scene import Scene
-from viewer.server import choose_port, open_page
-from viewer.timeline import Timeline
+from phalanx.viewer.feeds.live import Feed, Live
+from phalanx.viewer.feeds.replay import Replay, open_replay
+from phalanx.viewer.page.commands import Controls
+from phalanx.viewer.page.panels import Panels
+from phalanx.viewer.page.plots import Plots
+from phalanx.viewer.page.server import choose_port, open_page
+from phalanx.viewer.page.timeline import Timeline
+from phalanx.viewer.scene.picture import picture
+from phalanx.viewer.scene.scene import Scene
+from phalanx.wire.frames import Frame
 
 log = logging.getLogger("phalanx.viewer")
 
@@ -71,7 +71,7 @@ def run(
         _show(Page(host, at, origins, replay, timeline=replay), stop)
         return 0
     with Live(endpoint, run_id, secret, control, timeout) as live:
-        if control and not live.steerable:
+        if control and not live.commandable:
             log.warning("the plant obeys no commands: it was started without a control secret")
         _show(Page(host, at, origins, live, live=live), stop)
     return 0
@@ -97,7 +97,7 @@ class Page:
         self._panels = Panels(self.server, cast, self.select)
         self._timeline = Timeline(self.server, timeline) if timeline else None
         self._controls = None
-        if live and live.steerable:
+        if live and live.commandable:
             self._controls = Controls(self.server, live, lambda: cast.names[self.selected])
         self._add_display()
         panel = self.server.gui.add_panel()

@@ -9,8 +9,8 @@ import typer
 from phalanx.cli.options import Overrides, ScenarioArgument, Seed
 
 if TYPE_CHECKING:
-    from phalanx.check import CheckReport
-    from phalanx.formula import Formula
+    from phalanx.guarantee.check import CheckReport
+    from phalanx.guarantee.formula import Formula
 
 _HOW = {"interval": "proven by intervals", "sampled": "largest sampled"}
 
@@ -40,10 +40,10 @@ def check(
       phalanx check unicycles --set safety.margin=local --set safety.composition=pairs
       phalanx check guaranteed --plot backup.png
     """
-    from phalanx.check import check as examine
+    from phalanx.guarantee.check import check as examine
     from phalanx.report.backup import backup_plate, backup_slice
     from phalanx.scenario.load import load
-    from phalanx.scenario.swarm import build_swarm
+    from phalanx.swarm.swarm import build_swarm
 
     resolved = load(scenario, overrides or (), seed)
     report = examine(resolved)

@@ -7,8 +7,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.scenario.model import Scenario
-from phalanx.verdict import Outcome, Summary
 from phalanx.wire.messages import Status
 
 _COLOUR = {
@@ -62,7 +62,7 @@ def print_summary(summary: Summary) -> None:
     factor = f"real-time factor {summary.real_time_factor:.1f}"
     table.add_row("wall time", f"{summary.wall_time:.2f} s, {factor}")
     worst = f"{summary.worst_h_tot:.4g} at t = {summary.worst_at:.3f} s"
-    table.add_row("worst h_tot", f"{worst}, closest pair {summary.closest}")
+    table.add_row("worst h_tot", f"{worst}, worst_pair pair {summary.worst_pair}")
     table.add_row("control steps", _steps(summary))
     for assumption in summary.assumptions:
         table.add_row(assumption.name, _assumption(assumption.failed, assumption.checked))

@@ -56,11 +56,11 @@ def plant(
 
       phalanx plant --scenario unicycles --run r1 --listen tcp/0.0.0.0:7447
     """
-    from phalanx.control import Steering
+    from phalanx.faults.commands import CommandPolicy
 
     options = {
         "run_id": run, "endpoint": listen, "secret": secret.encode(), "folder": out,
-        "steering": Steering(secret=control.encode(), speed=speed),
+        "policy": CommandPolicy(secret=control.encode(), speed=speed),
     }  # fmt: skip
     return _run_here("plant", scenario, overrides, seed, options)
 
@@ -96,7 +96,7 @@ def _run_here(
     seed: int | None,
     options: dict[str, object],
 ) -> int:
-    from phalanx.programs import configure_logging, run_program
+    from phalanx.launcher.programs import configure_logging, run_program
     from phalanx.scenario.load import load
     from phalanx.wire.session import HubError
 

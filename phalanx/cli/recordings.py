@@ -65,16 +65,16 @@ def verify(
     Exit status 0 if it is, 1 if it is not, 3 if the recording cannot be read or run.
     """
     from phalanx.cli.display import progress
-    from phalanx.control import Steering
-    from phalanx.launch import LaunchError
+    from phalanx.faults.commands import CommandPolicy
+    from phalanx.launcher.launch import LaunchError
+    from phalanx.launcher.verify import as_far_as, cut_short, first_difference, run_again
     from phalanx.recording.read import UnreadableRecordingError, read
-    from phalanx.verify import as_far_as, cut_short, first_difference, run_again
 
     try:
         recorded = read(run)
         scenario = as_far_as(recorded).model_copy(update={} if seed is None else {"seed": seed})
         with progress(scenario) as show:
-            again = run_again(scenario, show, Steering(schedule=tuple(recorded.controls)))
+            again = run_again(scenario, show, CommandPolicy(schedule=tuple(recorded.commands)))
     except (UnreadableRecordingError, LaunchError, OSError) as error:
         print(error, file=sys.stderr)
         return 3

@@ -57,12 +57,12 @@ def run(
       phalanx run unicycles --view --control
     """
     from phalanx.cli.display import print_summary, progress
-    from phalanx.control import Steering
-    from phalanx.launch import LaunchError, launch, new_folder
-    from phalanx.programs import run_program
+    from phalanx.faults.commands import CommandPolicy
+    from phalanx.guarantee.verdict import exit_status
+    from phalanx.launcher.launch import LaunchError, launch, new_folder
+    from phalanx.launcher.programs import run_program
     from phalanx.scenario.load import load
-    from phalanx.scenario.swarm import build_swarm, require_rows
-    from phalanx.verdict import exit_status
+    from phalanx.swarm.swarm import build_swarm, require_rows
     from phalanx.wire.session import free_endpoint
 
     resolved = load(scenario, overrides or (), seed)
@@ -72,7 +72,7 @@ def run(
     except OSError as error:
         raise typer.BadParameter(f"--out: cannot create a folder in {out}: {error}") from error
     page = _page(view, control, port)
-    steering = Steering(secret=secrets.token_bytes(16) if control else b"")
+    policy = CommandPolicy(secret=secrets.token_bytes(16) if control else b"")
     try:
         with progress(resolved) as show:
             summary = launch(
@@ -81,7 +81,7 @@ def run(
                 listen or free_endpoint(),
                 show,
                 secret.encode(),
-                steering=steering,
+                policy=policy,
                 viewer=page,
             )
     except LaunchError as error:
@@ -105,7 +105,7 @@ def _page(view: bool, control: bool, port: int | None) -> dict[str, Any] | None:
             raise typer.BadParameter("--control, --port: expected --view with them")
         return None
     try:
-        choose: Callable[..., int] = pkgutil.resolve_name("viewer.server:choose_port")
+        choose: Callable[..., int] = pkgutil.resolve_name("phalanx.viewer.page.server:choose_port")
         chosen = choose("127.0.0.1", port)
     except ImportError as error:
         raise typer.BadParameter(

@@ -16,7 +16,7 @@ Connect = Annotated[
     ),
 ]
 LiveRun = Annotated[str, typer.Option("--run", envvar="PHALANX_RUN", help="Name of the live run.")]
-Control = Annotated[
+Command = Annotated[
     str,
     typer.Option(
         "--control",
@@ -57,7 +57,7 @@ def view(
     connect: Connect = "",
     run: LiveRun = "",
     secret: Secret = "",
-    control: Control = "",
+    control: Command = "",
     host: Host = "127.0.0.1",
     port: Port = None,
     origins: Origins = None,
@@ -80,7 +80,7 @@ def viewer(
     run: LiveRun,
     connect: Connect = "tcp/127.0.0.1:7447",
     secret: Secret = "",
-    control: Control = "",
+    control: Command = "",
     host: Host = "127.0.0.1",
     port: Port = None,
     origins: Origins = None,
@@ -104,7 +104,7 @@ def export(
     ] = None,
 ) -> int:
     """Export a run to share it: HTML that plays without a server, or a picture at a time."""
-    from phalanx.programs import PROGRAMS
+    from phalanx.launcher.programs import PROGRAMS
     from phalanx.recording.read import UnreadableRecordingError
 
     if html is None and png is None:
@@ -127,7 +127,7 @@ def _show(
     origins: list[str] | None,
     timeout: float,
 ) -> int:
-    from phalanx.programs import PROGRAMS, configure_logging
+    from phalanx.launcher.programs import PROGRAMS, configure_logging
 
     configure_logging()
     secrets = {name: texts[name].encode() for name in ("secret", "control")}

@@ -13,10 +13,10 @@ from mcap.stream_reader import CRCValidationError, StreamReader
 from numpy.typing import NDArray
 from zstandard import ZstdError
 
-from phalanx.recording.records import RECORDING, TOPICS, Control, Log, State, Step
+from phalanx.guarantee.verdict import Summary
+from phalanx.recording.records import RECORDING, TOPICS, Command, Log, State, Step
 from phalanx.scenario.load import ScenarioError, from_json
 from phalanx.scenario.model import Scenario
-from phalanx.verdict import Summary
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ class Recording:
     states: list[State] = field(default_factory=list)
     steps: list[Step] = field(default_factory=list)
     log: list[Log] = field(default_factory=list)
-    controls: list[Control] = field(default_factory=list)
+    commands: list[Command] = field(default_factory=list)
     summary: Summary | None = None
     damage: str | None = None
     """Why the recording ends early, in words; None if it is whole."""
@@ -85,7 +85,7 @@ def read(run: Path) -> Recording:
     by_kind: dict[type, list[Any]] = contents.records
     return Recording(
         path, scenario, contents.metadata, by_kind[State], by_kind[Step], by_kind[Log],
-        by_kind[Control], contents.summary, damage,
+        by_kind[Command], contents.summary, damage,
     )  # fmt: skip
 
 

@@ -36,7 +36,7 @@ class Step(msgspec.Struct):
     """Age of the û_l used, by agent [s]."""
     fates: list[tuple[str, int, float]]
     """(sender, sequence number, delay [s]) of broadcasts decided now; delay < 0: lost."""
-    wanted: list[float] = []
+    u_nom: list[float] = []
     """The nominal input, or the attack before its projection onto U_i, shape (m_i,)."""
 
 
@@ -47,18 +47,18 @@ class Log(msgspec.Struct):
     text: str
 
 
-class Control(msgspec.Struct, frozen=True):
+class Command(msgspec.Struct, frozen=True):
     """An intervention from outside the scenario, obeyed at t. Topic /control."""
 
     t: float
     """[s]"""
     kind: str
-    """One of phalanx.control.ControlKind."""
+    """One of phalanx.control.CommandKind."""
     agent: str = ""
     value: float = 0.0
 
 
-TOPICS: dict[type, str] = {State: "/state", Step: "/step", Log: "/log", Control: "/control"}
+TOPICS: dict[type, str] = {State: "/state", Step: "/step", Log: "/log", Command: "/control"}
 
 
 def json_schema(kind: type) -> bytes:

@@ -9,15 +9,15 @@ from typing import Self
 import msgspec
 from mcap.writer import Writer
 
-from phalanx.recording.records import TOPICS, Control, Log, State, Step, json_schema
+from phalanx.guarantee.verdict import Summary
+from phalanx.recording.records import TOPICS, Command, Log, State, Step, json_schema
 from phalanx.scenario.load import digest, to_json
 from phalanx.scenario.model import Scenario
-from phalanx.verdict import Summary
 
 _CHUNK_BYTES = 64 * 1024
 _VERSIONS = ("phalanx", "eclipse-zenoh", "osqp", "casadi", "numpy")
 
-Record = State | Step | Log | Control
+Record = State | Step | Log | Command
 
 
 class RecordingError(OSError):

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from phalanx.report.style import Plate, dress
-from phalanx.scenario.swarm import Swarm
-from phalanx.theory.terms import TermsFunction
+from phalanx.report.style import ReportFigure, style_axes
+from phalanx.swarm.swarm import Swarm
+from phalanx.theory.rows.terms import TermsFunction
 
 Array = NDArray[np.float64]
 
@@ -68,11 +68,11 @@ def backup_slice(swarm: Swarm, reach: float | None = None) -> Slice | None:
     return Slice(swarm.names[a], swarm.names[b], (offsets, offsets), answers)
 
 
-def backup_plate(found: Slice) -> Plate:
+def backup_plate(found: Slice) -> ReportFigure:
     """The slice as a figure."""
     figure = Figure(figsize=(6.4, 5.2), layout="constrained", facecolor="white")
     axes = figure.subplots()
-    dress(axes)
+    style_axes(axes)
     colours = [_LOOKS[k][0] for k in sorted(_LOOKS)]
     axes.pcolormesh(*found.axes, found.answers, cmap=ListedColormap(colours), vmin=0, vmax=2)
     axes.plot(0, 0, marker="o", color="#1f5fbf")
@@ -86,7 +86,7 @@ def backup_plate(found: Slice) -> Plate:
         f"Where the backup control of agent {found.normal} still suffices against agent "
         f"{found.other}, the two of them alone; headings and velocities as at the start."
     )
-    return Plate("backup", caption, figure)
+    return ReportFigure("backup", caption, figure)
 
 
 def _answer(evaluate: TermsFunction, x: Array, swarm: Swarm, a: int, b: int) -> int:

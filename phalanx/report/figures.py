@@ -16,9 +16,9 @@ from phalanx.report.measures import (
     worst,
 )
 from phalanx.report.style import LIMIT, MOST_NAMED, MUTED, PEAK, colours, legend, panels
-from phalanx.scenario.swarm import Swarm
-from phalanx.theory.origin import Origin
-from phalanx.theory.polytope import Box, constant_polytope
+from phalanx.swarm.swarm import Swarm
+from phalanx.theory.models.polytope import Box, constant_polytope
+from phalanx.theory.rows.origin import Origin
 
 Array = NDArray[np.float64]
 

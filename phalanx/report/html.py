@@ -5,11 +5,11 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from string import Template
 
+from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.recording.read import Recording
 from phalanx.report.measures import LinkStatistics, origins, worst
 from phalanx.scenario.network import LinkModel, UniformDelay
-from phalanx.theory.origin import Origin
-from phalanx.verdict import Outcome, Summary
+from phalanx.theory.rows.origin import Origin
 
 _MOST_LINKS = 240
 
@@ -120,7 +120,7 @@ def _key_figures(recording: Recording) -> list[tuple[str, str]]:
     ]
     if summary:
         rows += [
-            ("Closest pair", summary.closest),
+            ("Closest pair", summary.worst_pair),
             ("Wall time", f"{summary.wall_time:.3f} s"),
             ("Real-time factor", f"{summary.real_time_factor:.2f}"),
             ("Trajectory, SHA-256", summary.trajectory),

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from phalanx.recording.read import Recording
 from phalanx.recording.records import Step
 from phalanx.scenario.network import LinkModel
-from phalanx.scenario.swarm import Swarm
-from phalanx.theory.origin import Origin
-from phalanx.theory.safe_set import Pair
+from phalanx.swarm.swarm import Swarm
+from phalanx.theory.rows.origin import Origin
+from phalanx.theory.safety.composition import Pair
 
 Array = NDArray[np.float64]
 

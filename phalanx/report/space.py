@@ -18,14 +18,14 @@ from phalanx.report.style import (
     MUTED,
     PEAK,
     colours,
-    dress,
     legend,
     panels,
+    style_axes,
 )
 from phalanx.scenario.model import Scenario
-from phalanx.scenario.swarm import Swarm
-from phalanx.theory.obstacles import Wall
-from phalanx.theory.safe_set import Pair
+from phalanx.swarm.swarm import Swarm
+from phalanx.theory.safety.composition import Pair
+from phalanx.theory.safety.obstacles import Wall
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ def paths(recording: Recording, motion: Motion) -> Figure:
     figure = Figure((_WIDTH, sum(heights) + 0.5), layout="constrained", facecolor="white")
     rows = figure.subplots(len(planes), 1, squeeze=False, height_ratios=heights)[:, 0]
     for axes, plane in zip(rows, planes, strict=True):
-        dress(axes)
+        style_axes(axes)
         _draw_plane(axes, recording, motion, plane)
         axes.set_aspect("equal")
         axes.set_xlim(low[plane[0]], high[plane[0]])
@@ -72,7 +72,7 @@ def _outline(scenario: Scenario, motion: Motion) -> Array:
         if isinstance(obstacle, Wall):
             continue
         center = np.array(obstacle.center)
-        points.append(np.array([center - obstacle.radius, center + obstacle.radius]))
+        points.append(np.array([center - obstacle.clearance, center + obstacle.clearance]))
     return np.concatenate(points)
 
 
@@ -109,7 +109,7 @@ def _draw_scene(axes: Axes, scenario: Scenario, motion: Motion, plane: tuple[int
             _draw_wall(axes, obstacle, plane)
             continue
         center = obstacle.center[plane[0]], obstacle.center[plane[1]]
-        axes.add_patch(Circle(center, obstacle.radius, facecolor="#c9ccd1", edgecolor="#6b7078"))
+        axes.add_patch(Circle(center, obstacle.clearance, facecolor="#c9ccd1", edgecolor="#6b7078"))
         axes.annotate(str(k), center, ha="center", va="center", fontsize=8, color="#33363b")
     if scenario.formation:
         times = np.linspace(0.0, motion.times[-1], 200)
@@ -165,7 +165,7 @@ def _required(pairs: Sequence[Pair], scenario: Scenario) -> set[float]:
     if between is None:
         return set()
     return {
-        between if pair.obstacle is None else scenario.obstacles[pair.obstacle].kept
+        between if pair.obstacle is None else scenario.obstacles[pair.obstacle].clearance
         for pair in pairs
     }
 

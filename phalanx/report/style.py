@@ -16,7 +16,7 @@ MOST_NAMED = 12
 _WIDTH = 9.0
 
 
-class Plate(NamedTuple):
+class ReportFigure(NamedTuple):
     """One figure of the report."""
 
     name: str
@@ -39,11 +39,11 @@ def panels(rows: int, height: float) -> tuple[Figure, list[Axes]]:
     figure = Figure(figsize=(_WIDTH, rows * height + 0.3), layout="constrained", facecolor="white")
     axes = list(figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0])
     for each in axes:
-        dress(each)
+        style_axes(each)
     return figure, axes
 
 
-def dress(axes: Axes) -> None:
+def style_axes(axes: Axes) -> None:
     """A light grid behind, no frame above and to the right."""
     axes.grid(color="#000000", alpha=0.12, linewidth=0.6)
     axes.set_axisbelow(True)

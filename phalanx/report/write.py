@@ -8,10 +8,10 @@ from phalanx.recording.read import Recording, read
 from phalanx.report import figures, space
 from phalanx.report.html import page
 from phalanx.report.measures import LinkStatistics, Motion, link_statistics, steps_by_agent
-from phalanx.report.style import MOST_NAMED, Plate
-from phalanx.scenario.swarm import Swarm, build_swarm
-from phalanx.theory.origin import Origin
-from phalanx.theory.row import Information
+from phalanx.report.style import MOST_NAMED, ReportFigure
+from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx.theory.rows.information import Information
+from phalanx.theory.rows.origin import Origin
 
 REPORT = "report.html"
 _DPI = 110
@@ -47,21 +47,21 @@ def write_report(run: Path, progress: Callable[[str], None] | None = None) -> Pa
     return report
 
 
-def plates(recording: Recording, links: list[LinkStatistics]) -> Iterator[Plate]:
+def plates(recording: Recording, links: list[LinkStatistics]) -> Iterator[ReportFigure]:
     """The figures that the recording has data for, in the report's order."""
     swarm = build_swarm(recording.scenario)
     if recording.states:
         motion = Motion(recording, swarm)
-        yield Plate("h_tot", _SAFETY, figures.safety(recording))
-        yield Plate("paths", _paths_caption(recording), space.paths(recording, motion))
-        yield Plate("distances", _DISTANCES, space.distances(recording, swarm, motion))
+        yield ReportFigure("h_tot", _SAFETY, figures.safety(recording))
+        yield ReportFigure("paths", _paths_caption(recording), space.paths(recording, motion))
+        yield ReportFigure("distances", _DISTANCES, space.distances(recording, swarm, motion))
     if recording.states and recording.steps:
         yield from _inputs(recording, swarm)
         if ages := figures.ages(recording):
-            yield Plate("ages", _ages_caption(recording), ages)
-        yield Plate("solve-times", _SOLVE_TIMES, figures.solve_times(recording))
+            yield ReportFigure("ages", _ages_caption(recording), ages)
+        yield ReportFigure("solve-times", _SOLVE_TIMES, figures.solve_times(recording))
     if any(link.lost or link.model.loss for link in links):
-        yield Plate("losses", _LOSSES, figures.losses(links))
+        yield ReportFigure("losses", _LOSSES, figures.losses(links))
 
 
 def notes(recording: Recording) -> list[str]:
@@ -77,7 +77,7 @@ def notes(recording: Recording) -> list[str]:
     return []
 
 
-def _inputs(recording: Recording, swarm: Swarm) -> Iterator[Plate]:
+def _inputs(recording: Recording, swarm: Swarm) -> Iterator[ReportFigure]:
     steps = steps_by_agent(recording)
     empty = {
         i: sum(step.origin != Origin.QP for step in steps[swarm.names[i]])
@@ -89,7 +89,7 @@ def _inputs(recording: Recording, swarm: Swarm) -> Iterator[Plate]:
             f"Inputs of agent {swarm.names[i]}; bounds dotted. A cross marks each step whose K_i "
             "was empty: dark if the backup input was applied, light if it had no authority."
         )
-        yield Plate(f"inputs-{swarm.names[i]}", caption, figures.inputs(recording, swarm, i))
+        yield ReportFigure(f"inputs-{swarm.names[i]}", caption, figures.inputs(recording, swarm, i))
 
 
 _SAFETY = (

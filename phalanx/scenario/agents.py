@@ -14,8 +14,8 @@ from phalanx.scenario.fields import (
     built,
     misplaced,
 )
-from phalanx.theory.dynamics import Dynamics
-from phalanx.theory.laws import Law
+from phalanx.theory.laws.law import Law
+from phalanx.theory.models.dynamics import Dynamics
 
 
 class Clock(Strict):

@@ -21,7 +21,7 @@ class ScenarioError(ValueError):
 
 def shipped() -> dict[str, Traversable]:
     """The scenarios that come with Phalanx, by name."""
-    found = [f for f in files("scenarios").iterdir() if f.name.endswith(".toml")]
+    found = [f for f in (files(__package__) / "shipped").iterdir() if f.name.endswith(".toml")]
     return {f.name.removesuffix(".toml"): f for f in sorted(found, key=lambda f: f.name)}
 
 

@@ -21,8 +21,8 @@ from phalanx.scenario.fields import (
 from phalanx.scenario.network import Network
 from phalanx.scenario.safety import Safety
 from phalanx.scenario.scatter import Scatter
-from phalanx.theory.formation import Formation
-from phalanx.theory.obstacles import Sphere, Wall
+from phalanx.theory.laws.formation import Formation
+from phalanx.theory.safety.obstacles import Sphere, Wall
 
 MAX_AGENTS = 256
 

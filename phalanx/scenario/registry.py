@@ -11,13 +11,17 @@ from typing import Any
 
 import pydantic
 
-from phalanx.theory.bicycle import KinematicBicycle
-from phalanx.theory.class_k import ClassK, Linear, Power
-from phalanx.theory.dynamics import Dynamics, SingleIntegrator, Unicycle
-from phalanx.theory.integrators import DoubleIntegrator, TripleIntegrator
-from phalanx.theory.laws import Law, Pursue, TrackVelocity, WorstCase
-from phalanx.theory.safe_set import SafeSetFunction, Separation
-from phalanx.theory.tracking import Chase, Track
+from phalanx.theory.laws.chase import Chase
+from phalanx.theory.laws.law import Law
+from phalanx.theory.laws.tracking import Track
+from phalanx.theory.laws.velocity import Pursue, TrackVelocity
+from phalanx.theory.laws.worst_case import WorstCase
+from phalanx.theory.models.bicycle import KinematicBicycle
+from phalanx.theory.models.dynamics import Dynamics
+from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
+from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.safety.class_k import ClassK, Linear, Power
+from phalanx.theory.safety.function import SafeSetFunction, Separation
 
 BUILT_IN: Mapping[type, Mapping[str, type]] = {
     Dynamics: {

@@ -15,10 +15,10 @@ from phalanx.scenario.fields import (
     misplaced,
     number_or_table,
 )
-from phalanx.theory.class_k import ClassK, Linear
-from phalanx.theory.margin import MarginConstants
-from phalanx.theory.row import Information
-from phalanx.theory.safe_set import SafeSetFunction
+from phalanx.theory.margins.paper import MarginConstants
+from phalanx.theory.rows.information import Information
+from phalanx.theory.safety.class_k import ClassK, Linear
+from phalanx.theory.safety.function import SafeSetFunction
 
 Composition = Literal["lse", "pairs"]
 Margin = Literal["paper", "corrected", "local"]

@@ -8,9 +8,9 @@ import numpy as np
 from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
-from phalanx.randomness import Draws
-from phalanx.theory.formation import Formation
-from phalanx.theory.obstacles import Sphere
+from phalanx.seeded.draws import Draws
+from phalanx.theory.laws.formation import Formation
+from phalanx.theory.safety.obstacles import Sphere
 
 Array = NDArray[np.float64]
 NonNegative = Annotated[float, Ge(0)]
@@ -23,7 +23,7 @@ class Scatter:
     """Spheres around the second half of a path, as in Simulation 2."""
 
     count: Annotated[int, Ge(1)]
-    radius: Annotated[float, Gt(0)]
+    clearance: Annotated[float, Gt(0)]
     """Of each [m]."""
     spread: tuple[NonNegative, ...]
     """Half-widths of the box around the path's point [m], one for each axis."""
@@ -58,7 +58,7 @@ class Scatter:
             if _clear(center, centers, self.apart) and _clear(center, starts, self.clear):
                 centers.append(center)
             if len(centers) == self.count:
-                return tuple(Sphere(tuple(c.tolist()), self.radius) for c in centers)
+                return tuple(Sphere(tuple(c.tolist()), self.clearance) for c in centers)
         raise ValueError(f"no room for {self.count} obstacles that far apart; found {len(centers)}")
 
 

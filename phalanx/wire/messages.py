@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import msgspec
 
-from phalanx.theory.origin import Origin
+from phalanx.theory.rows.origin import Origin
 
 VERSION = 1
 MAX_BYTES = 65_536
@@ -88,7 +88,7 @@ class Input(Message, frozen=True):
     """Fates of the broadcasts that this step was the first to know of."""
     rejected: int = 0
     """Payloads dropped by this agent so far."""
-    wanted: tuple[float, ...] = ()
+    u_nom: tuple[float, ...] = ()
     """The nominal input, or the attack before its projection onto U_i; only shown."""
 
 

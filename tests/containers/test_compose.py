@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from phalanx.launch import launch, new_folder
+from phalanx.launcher.launch import launch, new_folder
 from phalanx.scenario.load import load
 from phalanx.wire.session import free_endpoint
 

@@ -1,0 +1,127 @@
+"""False certificates: how often, and how far, a row held that did not hold jointly.
+
+    python bench/stale_input.py                                    # two agents, half a minute
+    python bench/stale_input.py --scenario unicycles --seeds 2     # Simulation 1, a quarter hour
+
+Every run is a real one. After each update the recording says which inputs are in force; with them
+J = Σ drift + Σ_N c_l u_l + Σ_A max c_j u + α_q(ψ_{q-1}) + η must not be above 0. An update is a
+false certificate if its row held and J > 0; where every agent keeps its share, if all their rows
+held. J <= η means that sampling and disturbance are left with less margin than asked for, but the
+condition itself held.
+
+The table has the worst J of certified updates by delay and information model, over all losses and
+seeds, and in parentheses how many certificates were false and how many of these had J > η.
+"""
+
+import argparse
+import itertools
+from collections import defaultdict
+from typing import NamedTuple
+
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from runs import run
+
+from phalanx.recording.read import Recording
+from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.rows.information import Information
+from phalanx.theory.rows.terms import TermsFunction
+
+_ROUNDING = 1e-4
+
+
+class Certificates(NamedTuple):
+    """What updates were worth."""
+
+    updates: int
+    certified: int
+    """Updates whose row held; with shares, after which every agent's row had held."""
+    false: int
+    """Of these, those with J > 0."""
+    short: int
+    """Of these, those with J > η."""
+    worst: float
+    """Largest J at a certified update."""
+
+    def joined(self, other: "Certificates") -> "Certificates":
+        """Those of both."""
+        return Certificates(
+            self.updates + other.updates,
+            self.certified + other.certified,
+            self.false + other.false,
+            self.short + other.short,
+            max(self.worst, other.worst),
+        )
+
+
+NONE = Certificates(0, 0, 0, 0, -np.inf)
+
+
+def main() -> None:
+    """Run every combination and print the table."""
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    arguments.add_argument("--scenario", default="stale-inputs")
+    arguments.add_argument("--models", default=",".join(Information))
+    arguments.add_argument("--delays", default="0.0,0.002,0.005,0.02,0.1", help="[s]")
+    arguments.add_argument("--losses", default="0.0,0.1,0.3")
+    arguments.add_argument("--seeds", type=int, default=1)
+    arguments.add_argument("--set", action="append", default=[], dest="overrides")
+    options = arguments.parse_args()
+    models, delays, losses = (
+        getattr(options, axis).split(",") for axis in ("models", "delays", "losses")
+    )
+    found: dict[tuple[str, str], Certificates] = defaultdict(lambda: NONE)
+    jobs = list(itertools.product(delays, models, losses, range(options.seeds)))
+    for delay, model, loss, seed in track(jobs, "running", console=Console(stderr=True)):
+        network = [f"network.delay={delay}", f"network.loss={loss}"]
+        overrides = [*options.overrides, f"safety.information={model}", *network]
+        of_run = certificates(run(options.scenario, overrides, seed))
+        found[delay, model] = found[delay, model].joined(of_run)
+    print(f"| delay [s] | {' | '.join(f'`{model}`' for model in models)} |")
+    print("|---" * (len(models) + 1) + "|")
+    for delay in delays:
+        print(f"| {delay} | {' | '.join(words(found[delay, model]) for model in models)} |")
+    print(f"\n{sum(c.updates for c in found.values())} updates of normal agents.")
+
+
+def words(found: Certificates) -> str:
+    """A cell of the table."""
+    if not found.certified:
+        return "nothing certified"
+    counts = f"{found.false} of {found.certified} false"
+    return f"{found.worst:.3f} ({counts}{f', {found.short} above η' if found.short else ''})"
+
+
+def certificates(recording: Recording) -> Certificates:
+    """Judge every update of the normal agents by the inputs that were in force after it."""
+    swarm = build_swarm(recording.scenario)
+    evaluate, eta = TermsFunction(swarm.chain), swarm.eta(swarm.normal[0])
+    names, in_force = swarm.names, {}
+    states = {state.t: np.array(state.x) for state in recording.states}
+    split = recording.scenario.safety.information is Information.SPLIT
+    held: dict[int, bool] = {}
+    updates = certified = false = short = 0
+    worst = -np.inf
+    for t, together in itertools.groupby(recording.steps, key=lambda step: step.t_apply):
+        steps = [step for step in together if names.index(step.agent) in swarm.normal]
+        in_force.update({names.index(step.agent): np.array(step.u) for step in steps})
+        held.update({names.index(step.agent): step.residual <= _ROUNDING for step in steps})
+        if len(in_force) < len(swarm.normal):
+            continue
+        terms = evaluate(states[t])
+        joint = terms.unforced + terms.margin + eta
+        for l, most in enumerate(terms.most.tolist()):
+            joint += float(terms.c[l] @ in_force[l]) if l in in_force else most
+        for step in steps:
+            updates += 1
+            if all(held.values()) if split else held[names.index(step.agent)]:
+                certified += 1
+                false += joint > _ROUNDING
+                short += joint > eta + _ROUNDING
+                worst = max(worst, joint)
+    return Certificates(updates, certified, false, short, worst)
+
+
+if __name__ == "__main__":
+    main()

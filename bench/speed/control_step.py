@@ -1,0 +1,155 @@
+"""One agent's control step, row and QP, at the states of a real run; beside cbfpy.
+
+    pip install -e '.[bench]' && python bench/control_step.py
+
+Both get the same sampled states, nominal inputs and û_l, one after the other in one process, and
+must give the same input. Only states whose K_i is non-empty count, since cbfpy has no backup.
+"""
+
+import os
+
+# As cbfpy recommends for its speed on a CPU; they count only before JAX is imported.
+os.environ |= {
+    "JAX_ENABLE_X64": "1",
+    "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false",
+    "OPENBLAS_NUM_THREADS": "1",
+}
+
+import argparse
+import time
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+from cbfpy_peer import Peer, push
+from numpy.typing import NDArray
+from runs import run
+
+from phalanx.agent.controllers import Moment, controller
+from phalanx.recording.read import Recording
+from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.rows.information import ReceivedInput
+from phalanx.theory.rows.origin import Origin
+
+Array = NDArray[np.float64]
+
+SIMULATIONS = {"unicycles": "Simulation 1", "formation3d": "Simulation 2"}
+WARM_UP = 20
+
+
+class Sampled(NamedTuple):
+    """A step of the run, as its agent saw it."""
+
+    t: float
+    x: Array
+    wanted: Array
+    heard: dict[int, ReceivedInput]
+    applied: Array
+    binding: bool
+    """Whether the row changed the nominal input."""
+
+
+def main() -> None:
+    """Measure both simulations and print a table."""
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    arguments.add_argument("--steps", type=int, default=2000, help="at most so many states")
+    arguments.add_argument("--backends", default="qpax,elastiqp", help="of cbfpy")
+    options = arguments.parse_args()
+    print("| | states | all: p50, p99 [µs] | row binds: p50, p99 [µs] | p50 / ours | largest Δu |")
+    print("|---|---|---|---|---|---|")
+    for name, title in SIMULATIONS.items():
+        swarm, steps = prepared(run(name), options.steps)
+        i = swarm.normal[0]
+        ours = measure(title, steps, our_step(swarm, i))
+        for backend in options.backends.split(","):
+            theirs = cbfpy_step(swarm, i, steps, backend)
+            measure(f"{title}, cbfpy with {backend}", steps, theirs, beside=ours)
+
+
+def prepared(recording: Recording, most: int) -> tuple[Swarm, list[Sampled]]:
+    """The run's swarm, and evenly chosen steps of its first normal agent that had a solution."""
+    swarm = build_swarm(recording.scenario)
+    steps = list(sampled(recording, swarm, swarm.normal[0]))
+    return swarm, steps[:: -(-len(steps) // most)]
+
+
+def sampled(recording: Recording, swarm: Swarm, i: int) -> Iterator[Sampled]:
+    """Agent i's steps with a non-empty K_i, with what it had heard by then."""
+    states = {state.t: np.array(state.x) for state in recording.states}
+    steps = sorted(recording.steps, key=lambda step: step.t)
+    newest: dict[int, list[ReceivedInput]] = {l: [] for l in swarm.normal if l != i}
+    for step in steps:
+        l = swarm.names.index(step.agent)
+        if l == i and step.origin == Origin.QP:
+            heard = {
+                k: next(h for h in reversed(past) if h.since < step.t)
+                for k, past in newest.items()
+                if past and past[0].since < step.t
+            }
+            u, wanted = np.array(step.u), np.array(step.u_nom)
+            binding = bool(step.residual > -1e-3)
+            yield Sampled(step.t, states[step.t], wanted, heard, u, binding)
+        elif l in newest:
+            newest[l].append(ReceivedInput(np.array(step.u), step.t_apply))
+
+
+def our_step(swarm: Swarm, i: int) -> Callable[[Sampled], Array]:
+    """Terms, row and QP, as agent i's process has them."""
+    terms, decide = swarm.terms(i), controller(swarm, i)
+
+    def step(now: Sampled) -> Array:
+        moment = Moment(now.t, now.x, terms(now.x), now.wanted, now.heard)
+        return decide(moment)[0].u
+
+    return step
+
+
+def cbfpy_step(
+    swarm: Swarm, i: int, steps: list[Sampled], backend: str
+) -> Callable[[Sampled], Array]:
+    """The same by cbfpy; what it has to be told is worked out beforehand, and not timed."""
+    peer, terms = Peer(swarm, i, backend), swarm.terms(i)
+    composed, active = swarm.chain.set, swarm.active(i)
+    chosen = ca.SX.ones(len(composed.pairs)) if active is None else active
+    near = CompiledFunction([composed.x], [chosen])
+    told = {
+        now.t: (
+            push(swarm, i, terms(now.x), {l: h.u for l, h in now.heard.items()}, now.x),
+            near(now.x)[0].ravel(),
+        )
+        for now in steps
+    }
+    return lambda now: peer(now.x, now.wanted, *told[now.t])
+
+
+def measure(
+    title: str, steps: list[Sampled], step: Callable[[Sampled], Array], beside: float = 0.0
+) -> float:
+    """Print one line; the median over all states [s]."""
+    for now in steps[:WARM_UP]:
+        step(now)
+    times, differences = np.empty(len(steps)), np.empty(len(steps))
+    for k, now in enumerate(steps):
+        began = time.perf_counter()
+        u = step(now)
+        times[k] = time.perf_counter() - began
+        differences[k] = np.abs(u - now.applied).max()
+    binding = np.array([now.binding for now in steps])
+    p50 = float(np.median(times))
+    ratio = f"{p50 / beside:.1f}" if beside else "1"
+    columns = [title, str(len(steps)), _quantiles(times), _quantiles(times[binding]), ratio]
+    print("|", " | ".join([*columns, f"{differences.max():.1e}"]), "|", flush=True)
+    return p50
+
+
+def _quantiles(times: Array) -> str:
+    if not len(times):
+        return "-"
+    p50, p99 = np.percentile(times, [50, 99]) * 1e6
+    return f"{p50:.0f}, {p99:.0f}"
+
+
+if __name__ == "__main__":
+    main()

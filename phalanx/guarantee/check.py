@@ -1,0 +1,192 @@
+"""What a scenario guarantees, before any run: q, S_I, constants, margins, Theorem 4, limits."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.guarantee.feasibility import ProvenRows, largest_gap, rigorous, rows_at_start
+from phalanx.guarantee.formula import Formula, Region, formula, worst_pair
+from phalanx.guarantee.workspace import boundary, states_inside, workspace
+from phalanx.scenario.model import Scenario
+from phalanx.swarm.swarm import Swarm, build_swarm, require_rows
+from phalanx.theory.rows.information import Information
+from phalanx.theory.rows.terms import TermsFunction
+
+Array = NDArray[np.float64]
+
+_SAMPLES = 2000
+_BOUNDARY_STATES = 200
+
+
+@dataclass(frozen=True)
+class TheoremFour:
+    """Eq. (asyncminmaxcondition), asked of sampled states on the boundary of S_I.
+
+    With margin = "local" η counts as 0, so that what is refuted here is refuted for any margin.
+    """
+
+    states: int
+    """How many were asked."""
+    worst: float
+    """Largest Σ γ_min + Σ γ_max + α + η; above 0 the condition fails there."""
+
+    @property
+    def holds(self) -> bool | None:
+        """False if refuted, None if not: samples cannot prove it."""
+        return False if self.worst > 0 else None
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """The answers, and in words what they mean."""
+
+    relative_degree: int
+    """q."""
+    worst_at_start: float
+    """Largest ψ_0 ... ψ_{q-1} at x(0); above 0 the start is outside S_I."""
+    eta_paper: dict[str, float | None]
+    """By normal agent: η(Γ + δ^max) in force with margin = "paper"; None if none is given."""
+    formula: Formula | None
+    """Of h_tot over the workspace; None if the workspace is not known."""
+    pair_formula: Formula | None
+    """Likewise of the pair that needs most."""
+    eta_local: dict[str, float]
+    """By normal agent: the largest local margin of its rows at x(0)."""
+    rows_at_start: dict[str, bool]
+    """By normal agent: whether K_i(x(0)) is non-empty, with nothing received yet."""
+    theorem_4: TheoremFour | None
+    largest_gap: float | None
+    """Longest time between samples for which every proven K_i(x(0)) (half rows for each pair, local
+    margin) is non-empty [s]; None if none is."""
+    largest_delay: float
+    """Longest delay for which what the rows count on is in force [s]; inf for any."""
+    gaps: list[str]
+    """What is missing for a guarantee whatever the run does; empty if nothing is."""
+    words: list[str] = field(default_factory=list)
+    """What all this means, and what to change."""
+
+    @property
+    def may_be_guaranteed(self) -> bool:
+        """Whether a run can end guaranteed: nothing known beforehand speaks against it."""
+        return not self.gaps and self.worst_at_start <= 0 and all(self.rows_at_start.values())
+
+
+def check(scenario: Scenario) -> CheckReport:
+    """Everything that can be said about a scenario without running it.
+
+    Raises:
+        ScenarioError: the safe set cannot be built, as when relative degrees are mixed.
+    """
+    swarm = build_swarm(scenario)
+    x = swarm.start()
+    box = workspace(swarm)
+    require_rows(swarm)
+    unknown: list[str] = []
+    of_all = of_pair = theorem = None
+    proven: dict[int, ProvenRows] = {}
+    if isinstance(box, tuple):
+        theorem = _theorem_four(swarm, x, *box)
+    else:
+        missing = ", ".join(box)
+        advice = f"for example {box[0]} = [-3.0, 3.0]"
+        unknown.append(f"No constants: give bounds for {missing} in [workspace], {advice}.")
+    try:
+        if isinstance(box, tuple):
+            region = Region(*box, states_inside(swarm, x, *box, _SAMPLES))
+            of_all, of_pair = formula(swarm, swarm.chain, region), worst_pair(swarm, region)
+        provable = rigorous(swarm)
+        proven = {i: ProvenRows(provable, i, x) for i in swarm.normal}
+    except ValueError as error:
+        unknown.append(f"No margin can be computed: {error}.")
+    report = CheckReport(
+        relative_degree=swarm.chain.relative_degree,
+        worst_at_start=float(swarm.invariants()(x)[0].max()),
+        eta_paper=_given(swarm),
+        formula=of_all,
+        pair_formula=of_pair,
+        eta_local={swarm.names[i]: rows.margin(swarm.horizon(i)) for i, rows in proven.items()},
+        rows_at_start=rows_at_start(swarm),
+        theorem_4=theorem,
+        largest_gap=largest_gap(list(proven.values())) if proven else None,
+        largest_delay=_largest_delay(swarm),
+        gaps=swarm.gaps_in_the_proof(),
+    )
+    report.words.extend(_words(swarm, report, unknown))
+    return report
+
+
+def _theorem_four(swarm: Swarm, x: Array, low: Array, high: Array) -> TheoremFour | None:
+    """Σ γ_min + Σ γ_max + α + η at states on the boundary of S_I."""
+    rng, inside = np.random.default_rng(1), swarm.invariants()
+    if (inside(x)[0] > 0).any():
+        return None
+    evaluate, eta = TermsFunction(swarm.chain), max(swarm.eta(i) for i in swarm.normal)
+    worst, asked = -math.inf, 0
+    for y in rng.uniform(low, high, (10 * _SAMPLES, len(low))):
+        if asked == _BOUNDARY_STATES or (inside(y)[0] <= 0).all():
+            continue
+        terms = evaluate(boundary(inside, x, y))
+        total = terms.unforced + terms.margin + eta
+        for l in range(len(swarm.members)):
+            total += float(terms.least[l] if l in swarm.normal else terms.most[l])
+        worst, asked = max(worst, total), asked + 1
+    return TheoremFour(asked, worst) if asked else None
+
+
+def _given(swarm: Swarm) -> dict[str, float | None]:
+    local = swarm.scenario.safety.margin == "local"
+    return {swarm.names[i]: None if local else swarm.eta(i) for i in swarm.normal}
+
+
+def _largest_delay(swarm: Swarm) -> float:
+    return 0.0 if _leans_on_the_newest(swarm) else math.inf
+
+
+def _leans_on_the_newest(swarm: Swarm) -> bool:
+    """Whether rows count on the last received û, whatever has become of it."""
+    paper = swarm.scenario.safety.information is Information.PAPER
+    return paper and not swarm.joint and len(swarm.normal) > 1
+
+
+def _words(swarm: Swarm, report: CheckReport, unknown: list[str]) -> list[str]:
+    safety = swarm.scenario.safety
+    words = []
+    if report.worst_at_start > 0:
+        words.append(
+            f"The start is outside S_I: some ψ_k is {report.worst_at_start:.4g} > 0. Start farther "
+            "apart or slower, or raise safety.alpha."
+        )
+    stuck = [name for name, holds in report.rows_at_start.items() if not holds]
+    if stuck:
+        words.append(
+            f"K_i is empty at the start for {', '.join(stuck)}: start farther apart, or lower the "
+            "margin's causes, the disturbance bound and the sampling period."
+        )
+    words += [f"No guarantee: {gap}." for gap in report.gaps]
+    if report.gaps:
+        words.append(
+            "For a proven run set control = 'distributed', composition = 'pairs', "
+            "margin = 'local', information = 'split', no neighbourhood and no latency."
+        )
+    if _leans_on_the_newest(swarm):
+        words.append(
+            "information = 'paper' counts on the last received û: with any delay, or two updates "
+            "at one instant, rows may hold that do not hold jointly. Take 'in-flight' or 'split'."
+        )
+    given = [eta for eta in report.eta_paper.values() if eta is not None]
+    if given and report.formula and max(given) < report.formula.eta:
+        words.append(
+            f"η = {max(given):.4g} is below the formula's {report.formula.eta:.4g} over the "
+            "workspace: it is a choice, not a bound."
+        )
+    if swarm.chain.relative_degree > 1 and safety.margin == "paper":
+        words.append("q > 1 and margin = 'paper': L_φ ψ_k for k >= 1 is not bounded. Correct it.")
+    if report.theorem_4 and report.theorem_4.holds is False:
+        words.append(
+            f"Theorem 4 does not apply: on the boundary the best joint effort leaves "
+            f"{report.theorem_4.worst:.4g} > 0, so the backup alone cannot keep S."
+        )
+    words += unknown
+    return words or ["Nothing speaks against a guarantee; the run checks the rest."]

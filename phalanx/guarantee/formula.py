@@ -1,0 +1,70 @@
+"""η by the paper's formula, from constants over the workspace: of h_tot, and of each pair alone."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.swarm.swarm import Swarm
+from phalanx.theory.margins.constants import Constant, constants, margin_constants
+from phalanx.theory.safety.chain import Chain
+
+Array = NDArray[np.float64]
+
+
+class Region(NamedTuple):
+    """Where the constants are to hold."""
+
+    low: Array
+    """shape (n̄,)"""
+    high: Array
+    samples: Array
+    """States in S_I, shape (s, n̄), for constants that interval arithmetic does not bound."""
+
+
+class Formula(NamedTuple):
+    """The margin of one row for as long as any agent's input may be in force."""
+
+    constants: dict[str, Constant]
+    eta: float
+    """Eq. (mainetadef), or (etaprimedef) for q > 1."""
+    corrected: float
+    """The same with L_φ ψ_{q-1} bounded over the workspace."""
+
+    @property
+    def proven(self) -> bool:
+        """Whether every constant is a bound."""
+        return all(constant.how == "interval" for constant in self.constants.values())
+
+
+def formula(swarm: Swarm, chain: Chain, region: Region) -> Formula:
+    """η from the constants of one chain: of h_tot, or of a pair.
+
+    Raises:
+        ValueError: a member's input polytope depends on its state.
+    """
+    composed = swarm.chain.set
+    places = [swarm.names.index(m.name) for m in chain.set.members]
+    own = np.concatenate([np.r_[composed.parts[l]] for l in places])
+    bounds = [swarm.group(l)[0].disturbance.bound for l in places]
+    low, high, samples = region.low[own], region.high[own], region.samples[:, own]
+    found = constants(chain, low, high, bounds, samples)
+    longest = max(swarm.horizon(i) for i in swarm.normal)
+    given = margin_constants(found)
+    sampling, whole = given.eta(longest, 0.0), given.eta(longest, sum(bounds))
+    return Formula(found, whole if chain.relative_degree == 1 else sampling, whole)
+
+
+def worst_pair(swarm: Swarm, region: Region) -> Formula:
+    """The pair that needs the largest margin, of those that normal agents keep rows for.
+
+    Pairs of members of the same two groups differ in nothing that counts.
+    """
+    composed, found = swarm.chain.set, {}
+    for number, pair in enumerate(composed.pairs):
+        groups = [id(swarm.group(l)[0]) for l in (pair.a, pair.b) if l is not None]
+        alike = (*groups, number if pair.b is None else None)
+        normal = any(l in swarm.normal for l in (pair.a, pair.b))
+        if normal and alike not in found:
+            found[alike] = formula(swarm, swarm.pair_chain(number), region)
+    return max(found.values(), key=lambda f: f.corrected)

@@ -1,0 +1,75 @@
+"""The workspace of a scenario as a box of states, and states of S_I within it."""
+
+import math
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.scenario.model import Scenario
+from phalanx.swarm.swarm import Swarm
+from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.safety.obstacles import Sphere
+
+Array = NDArray[np.float64]
+
+_BISECTIONS = 40
+_AROUND = 10.0
+"""How far the default workspace goes beyond starts, obstacles and path [m]."""
+_ANGLES = {"theta", "phi", "psi", "heading", "yaw"}
+
+
+def workspace(swarm: Swarm) -> tuple[Array, Array] | list[str]:
+    """The box, or the names of states that it lacks."""
+    given, scenario = swarm.scenario.workspace, swarm.scenario
+    composed = swarm.chain.set
+    p = CompiledFunction([composed.x], [ca.horzcat(*composed.positions).T])
+    points = [p(swarm.start())[0].reshape(len(swarm.members), -1)]
+    points += [np.array([o.center]) for o in scenario.obstacles if isinstance(o, Sphere)]
+    if scenario.formation:
+        reach = scenario.formation.radius
+        path = np.array([scenario.formation.center(t).position for t in _times(scenario)])
+        points += [path - reach, path + reach]
+    everywhere = np.concatenate(points)
+    axes = dict(zip("xyz", zip(everywhere.min(0), everywhere.max(0), strict=True), strict=False))
+    low, high, missing = [], [], []
+    for member in swarm.members:
+        for state in member.dynamics.states:
+            if state in given:
+                a, b = given[state]
+            elif state in axes:
+                a, b = axes[state][0] - _AROUND, axes[state][1] + _AROUND
+            elif state in _ANGLES:
+                a, b = -math.pi, math.pi
+            else:
+                missing.append(state)
+                continue
+            low.append(a)
+            high.append(b)
+    return sorted(set(missing)) if missing else (np.array(low), np.array(high))
+
+
+def _times(scenario: Scenario) -> Array:
+    return np.linspace(0.0, scenario.duration, 50)
+
+
+def states_inside(swarm: Swarm, x: Array, low: Array, high: Array, count: int) -> Array:
+    """x(0) and `count` states in S_I: what is drawn outside is moved to the boundary; (s, n̄)."""
+    rng = np.random.default_rng(0)
+    inside = swarm.invariants()
+    drawn = rng.uniform(low, high, (count, len(low)))
+    kept = [y for y in drawn if (inside(y)[0] <= 0).all()]
+    near = [boundary(inside, x, y) for y in drawn if (inside(y)[0] > 0).any()]
+    return np.array([x, *kept, *near])
+
+
+def boundary(inside: CompiledFunction, start: Array, outside: Array) -> Array:
+    """The last state in S_I found between one inside and one outside, by bisection."""
+    a, b = 0.0, 1.0
+    for _ in range(_BISECTIONS):
+        middle = (a + b) / 2
+        if (inside(start + middle * (outside - start))[0] <= 0).all():
+            a = middle
+        else:
+            b = middle
+    return start + a * (outside - start)

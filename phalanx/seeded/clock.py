@@ -1,0 +1,18 @@
+"""Sampling instants t_i^{k+1} = t_i^k + Γ_i + δ_i(k), Eq. (perturbedT)."""
+
+from phalanx.seeded.draws import Draws
+
+
+class SamplingClock:
+    """One agent's perturbed clock; the same in the plant and in the agent."""
+
+    def __init__(self, seed: int, agent: str, period: float, jitter: float) -> None:
+        """Γ_i = period [s]; δ_i(k) uniform in ±jitter, with jitter = δ_i^max < period [s]."""
+        self._period = period
+        self._jitter = jitter
+        self._draws = Draws(seed, "clock", agent)
+
+    def after(self, k: int, t: float) -> float:
+        """t_i^{k+1}, given that sample k was at t_i^k = t [s]."""
+        delta = self._jitter * (2.0 * float(self._draws[k][0]) - 1.0)
+        return t + self._period + delta

@@ -1,0 +1,92 @@
+"""The centralised QP of Theorem 1, Eq. (QPmultiple): all normal agents' inputs at once."""
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.theory.models.dynamics import Dynamics
+from phalanx.theory.models.polytope import Box, Polytope, minimiser
+from phalanx.theory.rows.decision import Decision
+from phalanx.theory.rows.origin import Origin
+from phalanx.theory.rows.qp import NearestInput
+from phalanx.theory.rows.row import Row
+from phalanx.theory.rows.terms import Terms
+from phalanx.theory.safety.composition import stacked_slices
+
+Array = NDArray[np.float64]
+
+
+class JointInput:
+    """argmin ‖u_N - u_nom‖² over U_N with Σ_N c_i u_i <= -(unforced + Σ_A max c_j u + η)."""
+
+    def __init__(self, dynamics: Sequence[Dynamics]) -> None:
+        """dynamics: of the normal agents, in order."""
+        self._parts = stacked_slices([len(d.inputs) for d in dynamics])
+        shapes = [d.input_polytope(ca.SX.sym("x", len(d.states)))[0].shape[0] for d in dynamics]
+        metric = tuple(weight for d in dynamics for weight in d.input_metric())
+        self._rows = stacked_slices(shapes)
+        self._qp = NearestInput(metric, sum(shapes))
+        self._alone = [
+            NearestInput(d.input_metric(), rows) for d, rows in zip(dynamics, shapes, strict=True)
+        ]
+
+    def decide(
+        self,
+        terms: Terms,
+        normal: Sequence[int],
+        wanted: Sequence[Array],
+        eta: float,
+        authority: float = 0.0,
+    ) -> list[Decision]:
+        """Every normal agent's input; where K is empty, every agent's own u_i^min.
+
+        Args:
+            terms: at the common sample.
+            normal: the normal agents, in the order of their dynamics.
+            wanted: their nominal inputs, shapes (m_i,).
+            eta: η(Γ).
+            authority: as controller.decide has it.
+        """
+        row = joint_row(terms, normal, eta)
+        least = sum(float(terms.least[l]) for l in normal)
+        u = None
+        if least <= row.bound:
+            u = self._qp.solve(np.concatenate(wanted), self._joint(terms, normal), row)
+        if u is not None:
+            residual = float(row.a @ u - row.bound)
+            return [Decision(u[part], Origin.QP, residual) for part in self._parts]
+        return [
+            self._backup(place, terms, l, wanted[place], least - row.bound, authority)
+            for place, l in enumerate(normal)
+        ]
+
+    def _backup(
+        self, place: int, terms: Terms, l: int, u_nom: Array, residual: float, authority: float
+    ) -> Decision:
+        if terms.most[l] - terms.least[l] <= authority:
+            u = self._alone[place].solve(u_nom, terms.polytopes[l])
+            if u is not None:
+                return Decision(u, Origin.NO_AUTHORITY, residual)
+        return Decision(minimiser(terms.c[l], terms.polytopes[l].corners), Origin.BACKUP, residual)
+
+    def _joint(self, terms: Terms, normal: Sequence[int]) -> Polytope:
+        """U_N, the product of the U_i. Its corners are many, and nobody asks for them."""
+        each = [terms.polytopes[l] for l in normal]
+        A = np.zeros((self._rows[-1].stop, self._parts[-1].stop))
+        for rows, part, own in zip(self._rows, self._parts, each, strict=True):
+            A[rows, part] = own.A
+        boxes = [own.box for own in each if own.box is not None]
+        box = None
+        if len(boxes) == len(each):
+            low, high = (np.concatenate(side) for side in zip(*boxes, strict=True))
+            box = Box(low, high)
+        return Polytope(A, np.concatenate([own.b for own in each]), np.zeros((0, A.shape[1])), box)
+
+
+def joint_row(terms: Terms, normal: Sequence[int], eta: float) -> Row:
+    """The condition of Eq. (KNx) on all normal agents' inputs, stacked."""
+    adversaries = [l for l in range(len(terms.c)) if l not in normal]
+    attack = sum(float(terms.most[l]) for l in adversaries)
+    return Row(np.concatenate([terms.c[l] for l in normal]), -(terms.unforced + attack + eta))

@@ -1,0 +1,82 @@
+"""What a normal agent applies: the QP's input, else the backup LP's, Section "maxpreserve"."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.theory.models.polytope import Polytope, minimiser, vertices
+from phalanx.theory.rows.origin import Origin
+from phalanx.theory.rows.qp import NearestInput
+from phalanx.theory.rows.row import Row, Rows
+from phalanx.theory.rows.terms import Terms
+from phalanx.theory.safety.composition import FAR
+
+Array = NDArray[np.float64]
+
+
+class Decision(NamedTuple):
+    """An agent's input and how it came about."""
+
+    u: Array
+    """shape (m_i,)"""
+    origin: Origin
+    residual: float
+    """aᵀu - bound; at most the solver's tolerance when the row holds."""
+
+
+def decide(
+    terms: Terms, i: int, row: Row, u_nom: Array, qp: NearestInput, authority: float
+) -> Decision:
+    """Solve agent i's QP; fall back to u_i^min, never to zero.
+
+    Whether K_i is empty is known exactly before solving: the least aᵀu over U_i is at a vertex.
+
+    Args:
+        terms: at agent i's sampled state.
+        row: the agent's row under its information model.
+        u_nom: nominal input, shape (m_i,).
+        authority: if max c_i u - min c_i u <= authority the backup could not help: an agent far
+            from every conflict would otherwise brake or bolt at full throttle for nothing.
+    """
+    polytope = terms.polytopes[i]
+    if terms.least[i] <= row.bound:
+        u = qp.solve(u_nom, polytope, row)
+        if u is not None:
+            return Decision(u, Origin.QP, float(row.a @ u - row.bound))
+    elif terms.most[i] - terms.least[i] <= authority:
+        u = qp.solve(u_nom, polytope)
+        if u is not None:
+            return Decision(u, Origin.NO_AUTHORITY, float(row.a @ u - row.bound))
+    u = minimiser(terms.c[i], polytope.corners)
+    return Decision(u, Origin.BACKUP, float(row.a @ u - row.bound))
+
+
+def decide_pairs(polytope: Polytope, rows: Rows, u_nom: Array, qp: NearestInput) -> Decision:
+    """Solve agent i's QP with one row for each pair; fall back to the least worst violation.
+
+    The residual is that of the worst row; where no pair is near, so that no row binds, it is FAR.
+    """
+    u, origin = qp.solve(u_nom, polytope, rows), Origin.QP
+    if u is None:
+        u, origin = least_violation(polytope, rows), Origin.BACKUP
+    return Decision(u, origin, float(np.maximum(rows.a @ u - rows.bound, FAR).max()))
+
+
+def least_violation(polytope: Polytope, rows: Rows) -> Array:
+    """argmin over U_i of max_r (a_r u - bound_r), shape (m,): Eq. (LPnormal) for several rows.
+
+    A linear program in (u, s) with s the worst violation, solved at its vertices. Rows that stay
+    below the least possible s wherever u is cannot bind, and are left out.
+    """
+    residuals = rows.a @ polytope.corners.T - rows.bound[:, None]
+    binding = residuals.max(axis=1) >= residuals.min(axis=1).max()
+    # The least bound is put to zero, which moves s alone: beside 10¹² nothing else would count.
+    a, bound = rows.a[binding], rows.bound[binding] - rows.bound[binding].min()
+    A = np.vstack([np.pad(a, ((0, 0), (0, 1)), constant_values=-1.0), np.pad(polytope.A, _NO_S)])
+    corners = vertices(A, np.concatenate([bound, polytope.b]))
+    best: Array = corners[int(np.argmin(corners[:, -1])), :-1]
+    return best
+
+
+_NO_S = ((0, 0), (0, 1))

@@ -1,0 +1,77 @@
+"""What an agent may assume of the other normal agents' inputs: the information models.
+
+Adversaries count at their worst, γ_j^max, in every model.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Information(StrEnum):
+    """Information models of the row, and when each is sound.
+
+    An agent's row certifies the joint condition from its own update until the next update of any
+    normal agent, whose row then takes over. So what matters is that every input a row counts on
+    is the one in force when the row's own input takes effect.
+    """
+
+    PAPER = "paper"
+    """(QPdistributed) as printed: the last received û_l, whatever has become of it. Sound only if
+    every broadcast arrives before anyone else's next update, and no two agents update together;
+    the run checks it (fresh û)."""
+    IN_FLIGHT = "in-flight"
+    """û_l counts only while no newer input of l can be in force, t < t_l + Γ_l - δ_l^max, where
+    t_l is when û_l took effect; else γ_l^max. Sound for any delay and loss, if clocks keep their
+    bounds; checked too (fresh û, sampling gap)."""
+    SPLIT = "split"
+    """No û: each agent keeps its share of the joint condition. Sound for any delay and loss while
+    all normal agents compose the same h_tot (no neighbourhood). Shares are computed from different
+    samples: with `lse` Σ_i Lip(share_i) ε(Γ + δ) must be in η, which no margin here proves; with
+    `pairs` shares are constant, and each agent's own margin is enough."""
+    WORST_CASE = "worst-case"
+    """γ_l^max for everybody else. Sound always, feasible least often."""
+
+
+class ReceivedInput(NamedTuple):
+    """The newest broadcast that an agent has of another one."""
+
+    u: Array
+    """û_l, shape (m_l,)."""
+    since: float
+    """When it took effect [s]."""
+
+
+@dataclass(frozen=True)
+class InformationModel:
+    """Which received inputs a row may count on."""
+
+    information: Information
+    unchanged: Mapping[int, float]
+    """Γ_l - δ_l^max of each normal agent [s]: how long its input stays in force at least."""
+    silence: float
+    """A normal agent not heard of for longer [s] is counted like an adversary, at γ_l^max."""
+
+    def usable(self, heard: Mapping[int, ReceivedInput], t: float) -> dict[int, Array]:
+        """û_l by agent, of those that count for an input that takes effect at t [s]."""
+        if self.information not in (Information.PAPER, Information.IN_FLIGHT):
+            return {}
+        if self.information is Information.IN_FLIGHT:
+            return {l: h.u for l, h in heard.items() if t < h.since + self.unchanged[l] - _INSTANT}
+        return {l: h.u for l, h in heard.items() if t - h.since <= self.silence}
+
+    def sharing(self, i: int, heard: Mapping[int, ReceivedInput], t: float) -> list[int]:
+        """Normal agents that can be expected to keep their share at t [s], agent i with them."""
+        begun = t <= self.silence
+        alive = {l for l, h in heard.items() if t - h.since <= self.silence}
+        return [l for l in self.unchanged if l == i or begun or l in alive]
+
+
+_INSTANT = 1e-9
+"""Two times within this are one [s]: sums of periods round."""

@@ -1,0 +1,123 @@
+"""The chain ψ_0^d, ..., ψ_q^d of Eq. (psifuncs), its relative degree q and its Lie derivatives."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+from phalanx.theory.safety.class_k import ClassK, Linear
+from phalanx.theory.safety.composition import ComposedSet
+
+_ROUNDED = 1e-4
+"""Norms are taken as sqrt(‖·‖² + this²), which is above them and smooth."""
+
+
+class RelativeDegreeError(ValueError):
+    """Assumption (relativedeg) fails: the inputs do not all appear at one relative degree."""
+
+
+@dataclass(frozen=True)
+class Chain:
+    """ψ_0^d ... ψ_{q-1}^d and the parts of ψ_q^d, as expressions of the stacked state."""
+
+    set: ComposedSet
+    psi: tuple[ca.SX, ...]
+    """ψ_0^d = h_tot to ψ_{q-1}^d, scalars; q = len(psi)."""
+    drift: ca.SX
+    """L_{f_l} ψ_{q-1}^{x_l} of each member l, shape (N,)."""
+    actuation: tuple[ca.SX, ...]
+    """L_{g_l} ψ_{q-1}^{x_l} of each member l, shapes (1, m_l)."""
+    alpha: ca.SX
+    """α_q(ψ_{q-1}^d), scalar."""
+    disturbance: ca.SX
+    """D_q = Σ_l ‖∂ψ_{q-1}/∂x_l‖ φ_l^max, scalar; 0 where the chain was built without bounds."""
+
+    @property
+    def relative_degree(self) -> int:
+        """q."""
+        return len(self.psi)
+
+
+def build_chain(
+    composed: ComposedSet,
+    alphas: Sequence[float | ClassK],
+    xi: float | None = 0.0,
+    bounds: Sequence[float] | None = None,
+) -> Chain:
+    """Differentiate h_tot along the drift until the inputs appear.
+
+    Eq. (psifuncs) as printed bounds the disturbance in ψ_1 only, yet each ψ̇_k contains L_φ ψ_k.
+    With `bounds` every ψ_{k+1} from ψ_2 on has D_{k+1} = Σ_l ‖∂ψ_k/∂x_l‖ φ_l^max too.
+
+    Args:
+        composed: the safe set.
+        alphas: α_1, ..., α_q, one for each degree; a number is the gain of a linear one [1/s].
+        xi: the constant ξ of Eq. (xi), which bounds L_φ h in ψ_1^d; unused when q = 1. None puts
+            D_1, its state-dependent value, in its place; needs bounds.
+        bounds: φ_l^max of each member, or None for the chain as printed.
+
+    Raises:
+        RelativeDegreeError: the members' inputs appear at different degrees, or the number of
+            alphas is not q.
+    """
+    psi = composed.h_tot
+    chain = [psi]
+    for degree, given in enumerate(alphas, start=1):
+        alpha = given if isinstance(given, ClassK) else Linear(given)
+        gradients = [ca.jacobian(psi, composed.x[part]) for part in composed.parts]
+        drifts, actuations = _lie_derivatives(composed, gradients)
+        appeared = [
+            m.name for m, a in zip(composed.members, actuations, strict=True) if a.nnz() > 0
+        ]
+        if appeared:
+            _require_common_degree(composed, appeared, degree, len(alphas))
+            last = _disturbance(gradients, bounds)
+            drift, alpha_q = ca.vertcat(*drifts), alpha.value(psi)
+            return Chain(composed, tuple(chain), drift, actuations, alpha_q, last)
+        disturbance = _disturbance(gradients, bounds)
+        if degree == 1 and xi is not None:
+            disturbance = ca.SX(xi)
+        psi = ca.sum1(ca.vertcat(*drifts)) + disturbance + alpha.value(psi)
+        chain.append(psi)
+    raise RelativeDegreeError(
+        f"safety.alpha: no input appears in ψ_{len(alphas)}; the relative degree q is above "
+        f"{len(alphas)}: give one for each of α_1 ... α_q"
+    )
+
+
+def _lie_derivatives(
+    composed: ComposedSet, gradients: Sequence[ca.SX]
+) -> tuple[list[ca.SX], tuple[ca.SX, ...]]:
+    drifts, actuations = [], []
+    for member, part, gradient in zip(composed.members, composed.parts, gradients, strict=True):
+        x = composed.x[part]
+        drifts.append(gradient @ member.dynamics.drift(x))
+        actuations.append(ca.sparsify(ca.simplify(gradient @ member.dynamics.actuation(x))))
+    return drifts, tuple(actuations)
+
+
+def _disturbance(gradients: Sequence[ca.SX], bounds: Sequence[float] | None) -> ca.SX:
+    """D = Σ_l ‖gradient_l‖ φ_l^max, rounded off at zero so that it can be differentiated."""
+    if bounds is None:
+        return ca.SX(0)
+    norms = [ca.sqrt(ca.sumsqr(g) + _ROUNDED**2) for g in gradients]
+    total = ca.SX(0)
+    for norm, bound in zip(norms, bounds, strict=True):
+        total += norm * bound
+    return total
+
+
+def _require_common_degree(
+    composed: ComposedSet, appeared: Sequence[str], degree: int, gains: int
+) -> None:
+    late = [m.name for m in composed.members if m.name not in appeared]
+    if late:
+        raise RelativeDegreeError(
+            f"Assumption (relativedeg): the inputs of {', '.join(appeared)} appear in ψ_{degree}, "
+            f"those of {', '.join(late)} only later; all agents need one relative degree"
+        )
+    if gains != degree:
+        raise RelativeDegreeError(
+            f"safety.alpha: the relative degree q is {degree}, so expected {degree} "
+            f"gains α_1 ... α_q, got {gains}"
+        )

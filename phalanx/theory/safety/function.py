@@ -1,0 +1,46 @@
+"""Safe-set functions h of two agents, or of an agent and an obstacle; safe is h <= 0."""
+
+from dataclasses import dataclass
+from typing import Annotated, Protocol, runtime_checkable
+
+import casadi as ca
+from annotated_types import Gt
+
+from phalanx.theory.safety.obstacles import Obstacle
+
+Positive = Annotated[float, Gt(0)]
+
+
+@dataclass(frozen=True)
+class Body:
+    """One agent as a safe-set function sees it."""
+
+    x: ca.SX
+    """State, shape (n,)."""
+    p: ca.SX
+    """Output position [m], shape (2,) or (3,)."""
+
+
+@runtime_checkable
+class SafeSetFunction(Protocol):
+    """h as CasADi expressions; a scenario names it ``package.module:Name``."""
+
+    def between(self, a: Body, b: Body) -> ca.SX:
+        """h_ab, scalar, of a normal agent a and any other agent b."""
+
+    def to_obstacle(self, a: Body, obstacle: Obstacle) -> ca.SX:
+        """h of a normal agent a and an obstacle, scalar."""
+
+
+@dataclass(frozen=True)
+class Separation:
+    """h = R² - ‖p_a - p_b‖²: the output points stay R apart."""
+
+    radius: Positive
+    """R between agents [m]; R_c + 2b in the paper's Simulation 1."""
+
+    def between(self, a: Body, b: Body) -> ca.SX:
+        return self.radius**2 - ca.sumsqr(a.p - b.p)
+
+    def to_obstacle(self, a: Body, obstacle: Obstacle) -> ca.SX:
+        return obstacle.intrusion(a.p)

@@ -1,0 +1,72 @@
+"""Static obstacles: a sphere or disc, and a wall."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import casadi as ca
+import numpy as np
+from annotated_types import Ge, Gt
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Positive = Annotated[float, Gt(0)]
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A static obstacle; a disc in the plane."""
+
+    center: tuple[float, ...]
+    """[m]"""
+    clearance: Positive
+    """Distance that an output point keeps from the center [m]."""
+
+    def intrusion(self, p: ca.SX) -> ca.SX:
+        """h = clearance² - ‖p - center‖² of an output point p [m]."""
+        return self.clearance**2 - ca.sumsqr(p - ca.DM(self.center))
+
+    def distance(self, p: ca.SX) -> ca.SX:
+        """Distance of p from the center [m]: what a neighbourhood is measured by."""
+        return ca.norm_2(p - ca.DM(self.center))
+
+    def distances(self, points: Array) -> Array:
+        """The same of points [m], shape (s, d); shape (s,)."""
+        apart: Array = np.linalg.norm(points - np.array(self.center), axis=1)
+        return apart
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A half-plane n·p >= offset that nobody may enter; n is a unit normal into it."""
+
+    normal: tuple[float, ...]
+    """n; its length does not matter."""
+    offset: float
+    """n·p of the wall's surface [m]."""
+    clearance: Annotated[float, Ge(0)] = 0.0
+    """Distance that an output point keeps from the surface [m]."""
+
+    def __post_init__(self) -> None:
+        if not any(self.normal):
+            raise ValueError("normal: expected a direction, got zeros only")
+
+    def intrusion(self, p: ca.SX) -> ca.SX:
+        """h = n·p + clearance - offset of an output point p [m]."""
+        return self.clearance - self.distance(p)
+
+    def distance(self, p: ca.SX) -> ca.SX:
+        """Signed distance of p from the surface [m]."""
+        return self.offset - ca.dot(ca.DM(self.unit_normal), p)
+
+    def distances(self, points: Array) -> Array:
+        """The same of points [m], shape (s, d); shape (s,)."""
+        return self.offset - points @ self.unit_normal
+
+    @property
+    def unit_normal(self) -> Array:
+        """n / ‖n‖, shape (d,)."""
+        n: Array = np.array(self.normal) / np.linalg.norm(self.normal)
+        return n
+
+
+Obstacle = Sphere | Wall

@@ -1,0 +1,121 @@
+"""Controls from outside the scenario: when they take effect, and how fast virtual time may go."""
+
+import logging
+import queue
+import time
+from collections import Counter, deque
+from collections.abc import Callable
+
+import msgspec
+import numpy as np
+
+from phalanx.faults.commands import CommandKind, CommandPolicy, changes_trajectory, check
+from phalanx.recording.records import Command
+from phalanx.wire.frames import CommandMessage
+from phalanx.wire.messages import Malformed, Sealer
+
+log = logging.getLogger("phalanx.plant")
+
+_GLANCE = 0.03
+"""How often a wait shows the run and looks whether it was stopped [s]."""
+
+
+class CommandQueue:
+    """Scheduled and live commands, in the order in which the run obeys them."""
+
+    def __init__(
+        self,
+        policy: CommandPolicy,
+        names: tuple[str, ...],
+        check_stop: Callable[[], None] = lambda: None,
+    ) -> None:
+        """check_stop is called at every wait and may raise to end the run."""
+        self.speed = policy.speed
+        self.rejected: Counter[str] = Counter()
+        self._schedule = deque(
+            sorted(filter(changes_trajectory, policy.schedule), key=lambda c: c.t)
+        )
+        self._names, self._check_stop = names, check_stop
+        self._live: queue.SimpleQueue[Command] = queue.SimpleQueue()
+        self._until = np.inf
+        """Virtual time stands still beyond it [s]."""
+        self._origin = (0.0, time.monotonic())
+        """Virtual and wall time from which the speed counts."""
+        self._latest = 0
+        self._sealer = Sealer(policy.secret)
+
+    @property
+    def next(self) -> float:
+        """When the next scheduled control takes effect [s]; infinite if none is left."""
+        return self._schedule[0].t if self._schedule else np.inf
+
+    @property
+    def paused(self) -> bool:
+        """Whether virtual time stands still, or is about to."""
+        return bool(self._until < np.inf)
+
+    def take(self, now: float, t: float, idle: Callable[[], None]) -> list[Command]:
+        """The commands to obey at the next event.
+
+        Args:
+            now: virtual time reached [s].
+            t: of the next event [s]; live commands take effect there.
+            idle: called while virtual time has to wait: for a resume, or for the wall clock.
+        """
+        taken = []
+        while self._schedule and self._schedule[0].t <= t:
+            taken.append(self._schedule.popleft())
+        while True:
+            wait = self._wait(t)
+            try:
+                control = self._live.get(wait > 0, timeout=max(0.0, min(wait, _GLANCE)))
+            except queue.Empty:
+                if wait <= 0:
+                    return taken
+                self._check_stop()
+                idle()
+                continue
+            self._set_pace(control, now)
+            taken.append(msgspec.structs.replace(control, t=t))
+
+    def _wait(self, t: float) -> float:
+        """How long to wait before the event at t [s of wall time]."""
+        if t > self._until:
+            return np.inf
+        if not self.speed:
+            return 0.0
+        virtual, wall = self._origin
+        return wall + (t - virtual) / self.speed - time.monotonic()
+
+    def start(self) -> None:
+        """The run begins: the wall clock counts from here."""
+        self._origin = (0.0, time.monotonic())
+
+    def _set_pace(self, control: Command, now: float) -> None:
+        match control.kind:
+            case CommandKind.PAUSE:
+                self._until = now
+            case CommandKind.RESUME:
+                self._until = np.inf
+            case CommandKind.STEP:
+                self._until = now + control.value
+            case CommandKind.SPEED:
+                self.speed = control.value
+            case _:
+                return
+        self._origin = (now, time.monotonic())
+
+    def on_command(self, key: str, payload: bytes) -> None:
+        """Take a command in, in whatever thread it comes; only what the secret sealed counts."""
+        try:
+            command = self._sealer.open(key, payload, CommandMessage)
+            if command.number <= self._latest:
+                raise Malformed("out of order")
+            if problem := check(command.control, self._names):
+                log.warning("a command cannot be obeyed: %s", problem)
+                raise Malformed("wrong command")
+        except Malformed as reason:
+            self.rejected[f"command: {reason}"] += 1
+            return
+        self._latest = command.number
+        self._live.put(command.control)

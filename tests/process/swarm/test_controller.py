@@ -1,0 +1,73 @@
+"""Theorem 1 as processes: one controller for all normal agents."""
+
+from pathlib import Path
+
+import pytest
+
+from phalanx.agent.centralised import Together
+from phalanx.faults.commands import CommandKind, CommandPolicy
+from phalanx.guarantee.verdict import Outcome
+from phalanx.launcher.launch import launch, new_folder
+from phalanx.recording.read import Recording, read
+from phalanx.recording.records import Command
+from phalanx.scenario.load import load
+from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.rows.origin import Origin
+from phalanx.wire.session import free_endpoint
+
+pytestmark = pytest.mark.swarm
+
+CENTRALISED = ("--set", "safety.control=centralised")
+SYNCHRONOUS = ("agents.0.clock.jitter=0.0", "agents.1.clock.jitter=0.0")
+
+
+def centralised(tmp_path: Path, *overrides: str, schedule: tuple[Command, ...] = ()) -> Recording:
+    scenario = load("unicycles", ["duration=0.5", "safety.control=centralised", *overrides])
+    folder, policy = new_folder(tmp_path, "central"), CommandPolicy(schedule=schedule)
+    launch(scenario, folder, free_endpoint(), lambda _: None, policy=policy)
+    return read(folder)
+
+
+def failed(recording: Recording, assumption: str) -> int:
+    assert recording.summary is not None
+    return next(a.failed for a in recording.summary.assumptions if a.name == assumption)
+
+
+def test_one_process_controls_all_normal_agents(phalanx):
+    run = phalanx("run", "unicycles", *CENTRALISED)
+    run.wait_until_running(agents=3)
+    programs = ["phx-agent-4", "phx-agent-5", "phx-controller", "phx-plant"]
+    assert sorted(run.programs()) == programs
+    run.programs()["phx-controller"].kill()
+    status, output = run.finish()
+    run.wait_until_gone(5.0)
+    assert status == 3
+    assert "[phx-controller died (killed by SIGKILL)" in output
+
+
+def test_the_programme_is_solved_once_for_all_who_sample_together():
+    swarm = build_swarm(load("unicycles", ["safety.control=centralised"]))
+    together, x = Together(swarm), swarm.start()
+    first = together.at(x, 0.0)
+    assert together.at(x.copy(), 0.0) is first
+    assert together.at(x, 0.01) is not first
+    assert together.at(x + 0.1, 0.01)[0].decision.u != pytest.approx(first[0].decision.u)
+
+
+def test_theorem_1_needs_synchronous_clocks_and_the_run_checks_it(tmp_path):
+    assert failed(centralised(tmp_path), "synchronous sampling") > 0
+    assert failed(centralised(tmp_path, *SYNCHRONOUS), "synchronous sampling") == 0
+
+
+def test_the_controller_outlives_an_agent_and_goes_on_without_one_that_turned(tmp_path):
+    schedule = (
+        Command(0.1, CommandKind.KILL, "1", 0.0),
+        Command(0.2, CommandKind.TURN, "2", 0.0),
+    )
+    recording = centralised(tmp_path, *SYNCHRONOUS, schedule=schedule)
+    assert recording.summary.outcome is Outcome.SAFE
+    last = {step.agent: step for step in recording.steps}
+    assert last["1"].t <= 0.1
+    assert last["2"].origin == Origin.ATTACK
+    assert last["3"].origin == Origin.QP
+    assert last["3"].t >= 0.48

@@ -1,0 +1,167 @@
+"""A hostile client inside the hub: every payload is dropped and counted, and changes nothing.
+
+It even knows the run's secret, so what the seal would refuse is put to the checks behind it.
+"""
+
+import math
+import os
+import threading
+from collections import Counter
+from typing import Any
+
+import msgspec
+import pytest
+import zenoh
+from processes import wait_for
+
+from phalanx.plant.hub import Hub, SwarmBrokenError
+from phalanx.recording.read import read
+from phalanx.scenario.load import load
+from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.rows.origin import Origin
+from phalanx.wire.keys import Keys
+from phalanx.wire.messages import MAX_BYTES, VERSION, Fate, Input, Sample, Sealer
+from phalanx.wire.session import announce, free_endpoint, open_client
+
+pytestmark = pytest.mark.swarm
+
+SECRET = "open sesame"
+VICTIM = "4"  # an adversary: the plant alone listens to its inputs
+AGENTS = 5
+SCENARIO = ("run", "unicycles", "--set", "duration=6.0")
+TIMES_SENT = 3
+
+KEYS = Keys("unicycles-1")
+KEY = KEYS.input(VICTIM)
+INSIDER = Sealer(SECRET.encode())
+
+
+def an_input(**changes: Any) -> Input:
+    message = Input(VERSION, 10**9, 1.0, 1.0, 1.01, (0.0, 0.0), Origin.ATTACK, 0.0, 0.0,
+                    ages=(None,) * AGENTS)  # fmt: skip
+    return msgspec.structs.replace(message, **changes)
+
+
+def sealed(body: bytes, key: str = KEY) -> bytes:
+    return INSIDER._mac(key, body) + body
+
+
+def fields(**changes: Any) -> list[Any]:
+    """An input as the list of its fields, some of them spoilt."""
+    message = an_input()
+    names = message.__struct_fields__
+    return [changes.get(name, getattr(message, name)) for name in names]
+
+
+def packed(value: Any) -> bytes:
+    return sealed(msgspec.msgpack.encode(value))
+
+
+GOOD = INSIDER.seal(KEY, an_input())
+NOBODY = KEYS.input("99")
+TO_PLANT = {
+    "nothing": (KEY, b"", "truncated"),
+    "one byte": (KEY, b"\x00", "truncated"),
+    "a seal without a body": (KEY, GOOD[:16], "truncated"),
+    "just too large": (KEY, bytes(MAX_BYTES + 1), "oversized"),
+    "far too large": (KEY, bytes(200_000), "oversized"),
+    "noise": (KEY, os.urandom(100), "bad seal"),
+    "text": (KEY, b"{'u': [1, 2]}" * 9, "bad seal"),
+    "a body cut short": (KEY, GOOD[:-5], "bad seal"),
+    "one flipped bit": (KEY, GOOD[:-1] + bytes([GOOD[-1] ^ 1]), "bad seal"),
+    "sealed with another secret": (KEY, Sealer(b"guess").seal(KEY, an_input()), "bad seal"),
+    "sealed without a secret": (KEY, Sealer().seal(KEY, an_input()), "bad seal"),
+    "meant for another agent": (KEY, INSIDER.seal(KEYS.input("5"), an_input()), "bad seal"),
+    "meant for another run": (
+        KEY, INSIDER.seal(Keys("other").input(VICTIM), an_input()), "bad seal"),
+    "not msgpack": (KEY, sealed(b"\xc1\xc1\xc1"), "not msgpack"),
+    "msgpack cut short": (KEY, sealed(msgspec.msgpack.encode(fields())[:-3]), "not msgpack"),
+    "nested beyond measure": (KEY, sealed(b"\x91" * 20_000), "wrong fields"),
+    "nil": (KEY, packed(None), "wrong fields"),
+    "a map": (KEY, packed({"k": 1}), "wrong fields"),
+    "too few fields": (KEY, packed(fields()[:5]), "wrong fields"),
+    "a field too many": (KEY, packed([*fields(), "more"]), "wrong fields"),
+    "a number as text": (KEY, packed(fields(k="7")), "wrong fields"),
+    "an unknown origin": (KEY, packed(fields(origin="divine")), "wrong fields"),
+    "a sample for an input": (
+        KEY, INSIDER.seal(KEY, Sample(VERSION, 0, 0.0, b"", ())), "wrong fields"),
+    "another version": (KEY, INSIDER.seal(KEY, an_input(version=99)), "other version"),
+    "a time that is no number": (KEY, INSIDER.seal(KEY, an_input(t=math.nan)), "not finite"),
+    "an infinite input": (KEY, INSIDER.seal(KEY, an_input(u=(math.inf, 0.0))), "not finite"),
+    "an input too many": (KEY, INSIDER.seal(KEY, an_input(u=(0.0,) * 3)), "wrong size"),
+    "no ages": (KEY, INSIDER.seal(KEY, an_input(ages=())), "wrong size"),
+    "fates of nobody's messages": (
+        KEY, INSIDER.seal(KEY, an_input(fates=(Fate(77, 0, 0.0),))), "unknown sender"),
+    "an agent that does not exist": (NOBODY, INSIDER.seal(NOBODY, an_input()), "unknown sender"),
+    "from the past": (KEY, INSIDER.seal(KEY, an_input(k=0)), "out of order"),
+    "from the future": (KEY, INSIDER.seal(KEY, an_input()), "out of order"),
+    "before the beginning": (KEY, INSIDER.seal(KEY, an_input(k=-1)), "out of order"),
+}  # fmt: skip
+
+SAMPLE = KEYS.sample(VICTIM)
+TO_AGENT = {
+    "noise": os.urandom(300),
+    "nothing": b"",
+    "an input for a sample": INSIDER.seal(SAMPLE, an_input()),
+    "a state of another size": INSIDER.seal(SAMPLE, Sample(VERSION, 10**6, 0.0, bytes(8), ())),
+    "an old sample": INSIDER.seal(
+        SAMPLE, Sample(VERSION, 0, 0.0, bytes(8 * 15), (-1,) * AGENTS)),
+}  # fmt: skip
+
+
+def test_nothing_a_hostile_client_sends_changes_the_trajectory_and_all_of_it_is_counted(phalanx):
+    assert len(TO_PLANT) >= 25
+    peaceful = phalanx(*SCENARIO)
+    assert peaceful.finish()[0] == 0
+    endpoint = free_endpoint()
+    run = phalanx(*SCENARIO, "--listen", endpoint, "--secret", SECRET)
+    wait_for(lambda: len(run.programs()) == AGENTS + 1)
+    with open_client(endpoint, timeout=20) as session:
+        recording = run.folder / "recording.mcap"
+        wait_for(lambda: recording.exists() and recording.stat().st_size > 100_000)
+        for _ in range(TIMES_SENT):
+            for key, payload, _ in TO_PLANT.values():
+                session.put(key, payload)
+            for payload in TO_AGENT.values():
+                session.put(SAMPLE, payload)
+            session.put("phalanx/unicycles-1/nonsense/1", b"?")
+            session.put(KEYS.verdict, b"violated!")
+            session.put(KEYS.status, GOOD)
+        session.delete(KEY)
+        with_token = announce(session, KEYS.alive(VICTIM, "0123456789abcdef"))
+        with_token.undeclare()
+        status, output = run.finish()
+    assert status == 0, output
+    hostile, calm = read(run.folder).summary, read(peaceful.folder).summary
+    assert hostile is not None
+    assert calm is not None
+    assert hostile.trajectory == calm.trajectory
+    expected = Counter(reason for _, _, reason in TO_PLANT.values() for _ in range(TIMES_SENT))
+    expected["truncated"] += 1  # a delete has no payload
+    expected[f"by agent {VICTIM}"] = TIMES_SENT * len(TO_AGENT)
+    assert hostile.rejected == expected
+    assert calm.rejected == {}
+
+
+def test_a_flood_of_rubbish_does_not_hold_off_the_end_of_a_wait():
+    """Not even one that comes faster than the plant looks up."""
+    swarm = build_swarm(load("unicycles", ["time.timeout=1.0"]))
+    endpoint, over = free_endpoint(), threading.Event()
+    with (
+        Hub(swarm, "unicycles-1", endpoint, SECRET.encode(), lambda: None) as hub,
+        open_client(endpoint, timeout=20) as session,
+    ):
+        flood = threading.Thread(target=put_until, args=(session, over), daemon=True)
+        flood.start()
+        try:
+            with pytest.raises(SwarmBrokenError, match=r"did not join within 1 s"):
+                hub.wait_for_agents(lambda _: None)
+        finally:
+            over.set()
+            flood.join()
+        assert hub.rejected["truncated"] > 0
+
+
+def put_until(session: zenoh.Session, over: threading.Event) -> None:
+    while not over.wait(0.01):
+        session.put(KEY, b"?")

@@ -1,0 +1,76 @@
+"""Live runs for the viewer's tests: the real launcher in a thread, commands from a real viewer."""
+
+import contextlib
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TypeVar
+
+import psutil
+
+from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
+from phalanx.guarantee.verdict import Summary
+from phalanx.launcher.launch import launch
+from phalanx.scenario.model import Scenario
+from phalanx.wire.messages import Status
+from phalanx.wire.session import free_endpoint
+
+T = TypeVar("T")
+SECRET, CONTROL = b"the run's secret", b"the control secret"
+
+
+class LiveRun:
+    """A launch under way."""
+
+    def __init__(self, scenario: Scenario, folder: Path, policy: CommandPolicy) -> None:
+        folder.mkdir()
+        self.folder, self.endpoint = folder, free_endpoint()
+        self.status: Status | None = None
+        self._summary: Summary | None = None
+        self._thread = threading.Thread(target=self._run, args=(scenario, policy), daemon=True)
+        self._thread.start()
+
+    def _run(self, scenario: Scenario, policy: CommandPolicy) -> None:
+        self._summary = launch(
+            scenario, self.folder, self.endpoint, self._keep, secret=SECRET, policy=policy
+        )
+
+    def _keep(self, status: Status) -> None:
+        self.status = status
+
+    def stop(self) -> None:
+        """Do not wait for a run that may stand still for ever."""
+        for process in psutil.Process().children(recursive=True):
+            if process.name() == "phx-plant":
+                process.terminate()
+        self._thread.join(30.0)
+
+    def summary(self, timeout: float = 120.0) -> Summary:
+        """Wait for the verdict."""
+        self._thread.join(timeout)
+        assert self._summary is not None, "the run came to no verdict"
+        return self._summary
+
+
+@contextlib.contextmanager
+def live_run(
+    scenario: Scenario, folder: Path, policy: CommandPolicy = NO_COMMANDS
+) -> Iterator[LiveRun]:
+    """A run in the background; whatever the test does, it is over at the end."""
+    run = LiveRun(scenario, folder, policy)
+    try:
+        yield run
+    except BaseException:
+        run.stop()
+        raise
+    run.summary()
+
+
+def wait_for(condition: Callable[[], T], seconds: float = 60.0) -> T:
+    """The condition's first truthy value; fails after `seconds`."""
+    deadline = time.monotonic() + seconds
+    while not (value := condition()):
+        assert time.monotonic() < deadline, "the condition did not come true in time"
+        time.sleep(0.01)
+    return value

@@ -1,0 +1,58 @@
+"""Viewers come and go; the run does not notice."""
+
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from pages import viewer
+from runs import live_run
+
+from phalanx.faults.commands import CommandPolicy
+from phalanx.scenario.load import load
+
+pytestmark = pytest.mark.swarm
+
+PACED = CommandPolicy(speed=0.5)
+
+
+def test_viewers_attached_killed_attached_again_and_stopped_leave_the_trajectory_as_it_is(
+    tmp_path: Path,
+) -> None:
+    scenario = load("unicycles", ["duration=6.0"])
+    with live_run(scenario, tmp_path / "alone") as alone:
+        unseen = alone.summary().trajectory
+    with live_run(scenario, tmp_path / "seen", PACED) as run:
+        address = ("--connect", run.endpoint, "--run", "seen")
+        with viewer(*address) as first:
+            assert first.answers()
+            first.process.kill()
+        with viewer(*address) as second:
+            assert second.answers()
+            second.process.send_signal(signal.SIGSTOP)
+            assert run.summary().trajectory == unseen
+            second.process.send_signal(signal.SIGCONT)
+
+
+def test_a_viewer_of_a_run_that_is_not_there_says_which(tmp_path: Path) -> None:
+    with live_run(load("unicycles", ["duration=4.0"]), tmp_path / "real", PACED) as run:
+        command = [sys.executable, "-m", "phalanx", "viewer", "--connect", run.endpoint]
+        asked = subprocess.run(
+            [*command, "--run", "imagined", "--timeout", "1"],
+            capture_output=True, text=True, timeout=60,
+        )  # fmt: skip
+    assert asked.returncode == 3
+    assert "knows no run 'imagined'" in asked.stderr
+
+
+def test_a_taken_port_is_an_error_that_names_it(tmp_path: Path) -> None:
+    with live_run(load("unicycles", ["duration=1.0"]), tmp_path / "done") as run:
+        run.summary()
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        command = [sys.executable, "-m", "phalanx", "view", str(run.folder), "--port", port]
+        refused = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert refused.returncode == 3
+    assert f"127.0.0.1:{port}" in refused.stderr

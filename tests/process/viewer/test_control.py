@@ -1,0 +1,131 @@
+"""Commands to a live run: obeyed with the control secret, recorded, and reproducible."""
+
+from pathlib import Path
+
+import psutil
+import pytest
+from runs import CONTROL, SECRET, live_run, wait_for
+
+from phalanx.faults.commands import CommandKind, CommandPolicy
+from phalanx.guarantee.verdict import Outcome
+from phalanx.recording.read import read
+from phalanx.scenario.load import load
+from phalanx.viewer.feeds.live import Live
+from phalanx.wire.frames import Condition, Frame
+
+pytestmark = pytest.mark.swarm
+
+SHORT = load("unicycles", ["duration=3.0"])
+
+
+class Watcher:
+    """A live viewer without a page."""
+
+    def __init__(self, live: Live) -> None:
+        self.live = live
+        self.frame: Frame | None = None
+
+    def until(self, holds: object, seconds: float = 60.0) -> Frame:
+        """The first frame for which `holds` is true."""
+        assert callable(holds)
+
+        def newest() -> bool:
+            self.frame = self.live.take() or self.frame
+            return self.frame is not None and holds(self.frame)
+
+        wait_for(newest, seconds)
+        assert self.frame is not None
+        return self.frame
+
+
+def processes() -> set[str]:
+    """The living programs that this test started, by name."""
+    mine = psutil.Process().children(recursive=True)
+    return {p.name() for p in mine if p.status() != psutil.STATUS_ZOMBIE}
+
+
+def commandable() -> CommandPolicy:
+    """Slow enough to watch."""
+    return CommandPolicy(secret=CONTROL, speed=1.0)
+
+
+def test_a_run_with_live_faults_is_recorded_and_replays_to_the_same_hash(tmp_path: Path) -> None:
+    with (
+        live_run(SHORT, tmp_path / "live", commandable()) as run,
+        Live(run.endpoint, "live", SECRET, CONTROL, 30.0) as live,
+    ):
+        watcher = Watcher(live)
+        watcher.until(lambda frame: frame.t > 0.1)
+        live.command(CommandKind.LOSS, value=0.4)
+        live.command(CommandKind.DELAY, value=0.02)
+        watcher.until(lambda frame: frame.loss == 0.4 and frame.delay == 0.02)
+        live.command(CommandKind.FREEZE, agent="2")
+        frozen = watcher.until(lambda frame: frame.agents[1].condition == Condition.FROZEN)
+        watcher.until(lambda frame: frame.t > frozen.t + 0.1)
+        live.command(CommandKind.THAW, agent="2")
+        live.command(CommandKind.TURN, agent="1")
+        watcher.until(lambda frame: frame.agents[0].condition == Condition.TURNED)
+        assert "phx-agent-5" in processes()
+        live.command(CommandKind.KILL, agent="5")
+        watcher.until(lambda frame: frame.agents[4].condition == Condition.DEAD)
+        wait_for(lambda: "phx-agent-5" not in processes())
+        assert "phx-agent-4" in processes()
+        assert watcher.frame is not None
+        assert watcher.frame.agents[1].condition == Condition.FINE
+        live.command(CommandKind.SPEED, value=0.0)
+        recorded = run.summary()
+    recording = read(tmp_path / "live")
+    kinds = [control.kind for control in recording.commands]
+    assert kinds == ["loss", "delay", "freeze", "thaw", "turn", "kill", "speed"]
+    assert recorded.outcome in (Outcome.SAFE, Outcome.VIOLATED)
+    assert "faithful agents" in {a.name for a in recorded.assumptions if a.failed}
+    steps_of_the_dead = [s.t for s in recording.steps if s.agent == "5"]
+    assert max(steps_of_the_dead) <= recording.commands[5].t
+
+    schedule = CommandPolicy(schedule=tuple(recording.commands))
+    with live_run(SHORT, tmp_path / "again", schedule) as again:
+        assert again.summary().trajectory == recorded.trajectory
+    with live_run(SHORT, tmp_path / "untouched") as untouched:
+        assert untouched.summary().trajectory != recorded.trajectory
+
+
+def test_pause_stops_virtual_time_and_step_moves_it_by_what_was_asked(tmp_path: Path) -> None:
+    with (
+        live_run(SHORT, tmp_path / "live", commandable()) as run,
+        Live(run.endpoint, "live", SECRET, CONTROL, 30.0) as live,
+    ):
+        watcher = Watcher(live)
+        watcher.until(lambda frame: frame.t > 0.05)
+        live.command(CommandKind.PAUSE)
+        stopped = watcher.until(lambda frame: frame.paused).t
+        for _ in range(5):  # frames go on while virtual time stands still
+            live.take()
+            assert watcher.until(lambda frame: frame.paused).t == stopped
+        live.command(CommandKind.STEP, value=0.5)
+        stepped = watcher.until(lambda frame: frame.t > stopped + 0.4)
+        watcher.until(lambda frame: frame.t > stopped + 0.45 and frame.paused)
+        assert stepped.t <= stopped + 0.5
+        live.command(CommandKind.SPEED, value=0.0)
+        live.command(CommandKind.RESUME)
+        assert run.summary().t == SHORT.duration
+
+
+@pytest.mark.parametrize("plant", ["with another control secret", "without one"])
+def test_a_viewer_without_the_control_secret_changes_nothing(tmp_path: Path, plant: str) -> None:
+    policy = (
+        CommandPolicy(secret=CONTROL, speed=2.0) if "another" in plant else CommandPolicy(speed=2.0)
+    )
+    with (
+        live_run(SHORT, tmp_path / "live", policy) as run,
+        Live(run.endpoint, "live", SECRET, b"guessed", 30.0) as live,
+    ):
+        watcher = Watcher(live)
+        watcher.until(lambda frame: frame.t > 0.05)
+        for kind in (CommandKind.PAUSE, CommandKind.LOSS):
+            live.command(kind, value=1.0)
+        live.command(CommandKind.KILL, agent="1")
+        summary = run.summary()
+    assert read(tmp_path / "live").commands == []
+    assert summary.t == SHORT.duration
+    refused = {} if plant == "without one" else {"command: bad seal": 3}
+    assert {k: n for k, n in summary.rejected.items() if k.startswith("command")} == refused

@@ -1,0 +1,58 @@
+"""A run exported to share: opened from disk, without a network."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import matplotlib.image
+import numpy as np
+import pytest
+from runs import wait_for
+
+from phalanx.viewer.export.html import run
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+    from playwright.sync_api import Page as Tab
+
+pytestmark = pytest.mark.swarm
+
+
+@pytest.fixture
+def offline(browser: "Browser") -> Iterator["Tab"]:
+    """A tab without a network; what it asked for is in `asked`."""
+    context = browser.new_context(offline=True, viewport={"width": 1400, "height": 900})
+    yield context.new_page()
+    context.close()
+
+
+@pytest.mark.browser
+def test_the_exported_page_plays_its_scene_and_moves_its_plots_offline(
+    offline: "Tab", finished: Path, tmp_path: Path
+) -> None:
+    asked: list[str] = []
+    offline.on("request", lambda request: asked.append(request.url))
+    html = tmp_path / "run.html"
+    assert run(finished, html=html) == [html]
+    offline.goto(html.as_uri())
+    offline.get_by_text("Smallest distance [m]").wait_for()
+    slider = offline.locator("#root [role=slider]").first
+    slider.wait_for(state="attached")
+    plot = offline.locator("#phalanx-plots canvas").first
+    before, started = plot.screenshot(), slider.get_attribute("aria-valuenow")
+    wait_for(lambda: slider.get_attribute("aria-valuenow") != started)
+    wait_for(lambda: plot.screenshot() != before)
+    offline.locator("#phalanx-agent").select_option("4")
+    assert offline.locator("#phalanx-plots canvas").count() == 6
+    assert not [url for url in asked if url.startswith(("http", "ws"))]
+
+
+def test_a_picture_at_a_time_differs_from_one_at_another(finished: Path, tmp_path: Path) -> None:
+    pictures = []
+    for at in (0.5, 3.5):
+        png = tmp_path / f"{at}.png"
+        run(finished, png=png, at=at)
+        pictures.append(matplotlib.image.imread(png))
+    first, second = pictures
+    assert first.shape == second.shape
+    assert np.mean(np.any(first != second, axis=2)) > 0.005

@@ -1,0 +1,197 @@
+"""What a visitor sees and does, in a real browser on real runs."""
+
+import contextlib
+import math
+import re
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from pages import viewer
+from runs import CONTROL, live_run, wait_for
+
+from phalanx.faults.commands import CommandPolicy
+from phalanx.recording.read import read
+from phalanx.scenario.load import load
+from phalanx.viewer.feeds.replay import Replay, open_replay
+from phalanx.viewer.main import Page
+from phalanx.viewer.page.server import choose_port
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Locator
+    from playwright.sync_api import Page as Tab
+
+pytestmark = [pytest.mark.browser, pytest.mark.swarm]
+
+STATUS = re.compile(r"t = ([\d.]+) s of")
+
+
+@pytest.fixture
+def tab(browser: "Browser") -> Iterator["Tab"]:
+    """A tab that fails the test if the page ever reached out to another host."""
+    opened = browser.new_page(viewport={"width": 1400, "height": 900})
+    opened.set_default_timeout(60_000)  # it draws in software, on whatever cores are left
+    foreign: list[str] = []
+    opened.on("request", lambda r: None if "//127.0.0.1" in r.url else foreign.append(r.url))
+    yield opened
+    opened.close()
+    assert [url for url in foreign if url.startswith("http")] == []
+
+
+def time_shown(tab: "Tab") -> float:
+    """The virtual time that the page tells."""
+    found = STATUS.search(tab.locator("body").inner_text())
+    return float(found.group(1)) if found else math.nan
+
+
+def number_beside(tab: "Tab", label: str) -> "Locator":
+    """The number field of a labelled slider."""
+    row = tab.locator("label", has_text=label).locator(
+        "xpath=ancestor::div[contains(@class, 'mantine-Flex-root')][1]"
+    )
+    return row.locator("input[inputmode=decimal]").first
+
+
+def enter(field: "Locator", value: str) -> None:
+    """Type a number and leave the field."""
+    field.fill(value)
+    field.press("Enter")
+    field.blur()
+
+
+@contextlib.contextmanager
+def served(replay: Replay) -> Iterator[Page]:
+    """The page of a replay, kept up to date by a thread of the test's own process."""
+    page = Page("127.0.0.1", choose_port("127.0.0.1", 0), (), replay, timeline=replay)
+    over = threading.Event()
+
+    def serve() -> None:
+        while not over.wait(0.03):
+            page.tick()
+
+    server = threading.Thread(target=serve, daemon=True)
+    server.start()
+    try:
+        yield page
+    finally:
+        over.set()
+        server.join()
+        page.server.stop()
+
+
+def test_a_replay_tells_of_its_agents_scrubs_plays_and_jumps(tab: "Tab", finished: Path) -> None:
+    with viewer(str(finished)) as page:
+        tab.goto(page.url)
+        tab.get_by_text("5 agents (2 adversaries)").wait_for()
+        wait_for(lambda: time_shown(tab) == 0.0)
+        plot = tab.locator(".uplot").first
+        before = plot.screenshot()
+
+        enter(number_beside(tab, "t [s]"), "2.5")
+        wait_for(lambda: abs(time_shown(tab) - 2.5) < 0.02)
+        wait_for(lambda: plot.screenshot() != before)
+
+        tab.get_by_role("button", name="+10", exact=True).click()
+        wait_for(lambda: 2.5 < time_shown(tab) < 2.6)
+
+        tab.get_by_role("button", name="Play", exact=True).click()
+        wait_for(lambda: time_shown(tab) > 3.0)
+        tab.get_by_role("button", name="Pause", exact=True).click()
+
+        tab.get_by_role("button", name="Jump", exact=True).click()
+        recording = read(finished)
+        worst = float(recording.times[int(np.argmax(recording.h_tot))])
+        wait_for(lambda: abs(time_shown(tab) - worst) < 0.002)
+        assert tab.get_by_text("Command", exact=True).count() == 0
+
+
+def test_a_click_selects_the_agent_under_it(tab: "Tab", finished: Path) -> None:
+    replay = open_replay(finished)
+    with served(replay) as page:
+        tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
+        tab.get_by_text("5 agents").wait_for()
+        wait_for(lambda: page.server.get_clients())
+        tab.get_by_text("h_tot (safe: at most 0)").wait_for()
+        camera = page.server.initial_camera
+        x = replay.cast.places(np.frombuffer(replay.frame(0.0).x)).positions[3]
+        canvas = tab.locator("canvas").nth(1).bounding_box()
+        assert canvas is not None
+        offset = x - np.asarray(camera.look_at)
+        distance = np.asarray(camera.position)[2] - x[2]
+        pixels = canvas["height"] / 2.0 / (distance * math.tan(camera.fov / 2.0))
+        across = canvas["x"] + canvas["width"] / 2.0 + offset[0] * pixels
+        down = canvas["y"] + canvas["height"] / 2.0 - offset[1] * pixels
+
+        def clicked() -> bool:  # the first frames are slow in software
+            tab.mouse.click(across, down)
+            return page.selected == 3
+
+        wait_for(clicked)
+        tab.get_by_text("Agent 4: nu").wait_for()
+
+
+def test_a_page_says_that_the_run_is_over_long_after_its_last_frame(
+    tab: "Tab", finished: Path
+) -> None:
+    replay = open_replay(finished)
+    with served(replay) as page:
+        tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
+        tab.get_by_text("· paused").wait_for()
+        replay.over = True
+        tab.get_by_text("the run is over").wait_for()
+
+
+def test_a_controlling_page_changes_the_loss_and_pauses_the_swarm(
+    tab: "Tab", tmp_path: Path
+) -> None:
+    scenario = load("unicycles", ["duration=12.0"])
+    policy = CommandPolicy(secret=CONTROL, speed=0.5)
+    with (
+        live_run(scenario, tmp_path / "live", policy) as run,
+        viewer("--connect", run.endpoint, "--run", "live", control=CONTROL) as page,
+    ):
+        tab.goto(page.url)
+        tab.get_by_text("Command", exact=True).wait_for()
+        plot = tab.locator(".uplot").first
+        before = plot.screenshot()
+        wait_for(lambda: plot.screenshot() != before)
+
+        enter(number_beside(tab, "Loss [%]"), "50")
+        tab.get_by_text("network by hand: loss 50%").wait_for()
+
+        tab.get_by_role("button", name="Pause", exact=True).click()
+        tab.get_by_text("· paused").wait_for()
+        stopped = time_shown(tab)
+        tab.get_by_role("button", name="Step", exact=True).click()
+        wait_for(lambda: time_shown(tab) > stopped)
+        assert time_shown(tab) <= stopped + 0.01 + 1e-3
+
+        tab.get_by_role("button", name="Kill", exact=True).click()
+        tab.get_by_role("button", name="Resume", exact=True).click()
+        tab.get_by_text("agent 1 killed").first.wait_for()
+        tab.get_by_text("the run is over").wait_for()
+        run.summary()
+    recording = read(tmp_path / "live")
+    at = next(c.t for c in recording.commands if c.kind == "loss")
+    early = [fate[2] for s in recording.steps if s.t < at for fate in s.fates]
+    late = [fate[2] for s in recording.steps if s.t >= at for fate in s.fates]
+    assert min(early) >= 0.0
+    assert 0.4 < float(np.mean(np.array(late) < 0.0)) < 0.6
+
+
+def test_a_read_only_page_of_a_live_run_offers_no_control(tab: "Tab", tmp_path: Path) -> None:
+    scenario, policy = load("unicycles", ["duration=3.0"]), CommandPolicy(secret=CONTROL, speed=0.5)
+    with (
+        live_run(scenario, tmp_path / "live", policy) as run,
+        viewer("--connect", run.endpoint, "--run", "live") as page,
+    ):
+        tab.goto(page.url)
+        tab.get_by_text("× real time").wait_for()
+        for name in ("Pause", "Kill", "Turn"):
+            assert tab.get_by_role("button", name=name).count() == 0
+        tab.get_by_text("the run is over").wait_for()
+        run.summary()
+    assert read(tmp_path / "live").commands == []

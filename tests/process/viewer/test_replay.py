@@ -1,0 +1,88 @@
+"""A recording shows what the live run showed."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from runs import CONTROL, SECRET, live_run, wait_for
+
+from phalanx.faults.commands import CommandKind, CommandPolicy
+from phalanx.recording.read import read
+from phalanx.scenario.load import load
+from phalanx.viewer.feeds.live import Live
+from phalanx.viewer.feeds.replay import Replay, open_replay
+from phalanx.viewer.scene.picture import picture
+from phalanx.wire.frames import Frame
+
+pytestmark = pytest.mark.swarm
+
+
+@pytest.fixture(scope="module")
+def replay(finished: Path) -> Replay:
+    return open_replay(finished)
+
+
+def test_a_replay_shows_what_was_seen_live(tmp_path: Path) -> None:
+    policy = CommandPolicy(secret=CONTROL, speed=1.0)
+    with (
+        live_run(load("unicycles", ["duration=2.0"]), tmp_path / "live", policy) as run,
+        Live(run.endpoint, "live", SECRET, CONTROL, 30.0) as live,
+    ):
+        seen: list[Frame] = []
+
+        def paused() -> bool:
+            seen.extend(frame for frame in [live.take()] if frame)
+            return bool(seen) and seen[-1].paused
+
+        wait_for(lambda: live.take())
+        live.command(CommandKind.FREEZE, agent="4")
+        live.command(CommandKind.PAUSE)
+        wait_for(paused)
+        live.command(CommandKind.SPEED)
+        live.command(CommandKind.RESUME)
+        summary = run.summary()
+    live_frame, again = seen[-1], open_replay(tmp_path / "live").frame(seen[-1].t)
+    assert again.t == live_frame.t
+    assert again.x == live_frame.x
+    assert again.agents == live_frame.agents
+    assert again.pair == live_frame.pair
+    assert again.worst_h == live_frame.worst_h
+    assert read(tmp_path / "live").summary == summary
+
+
+def test_stepping_goes_from_state_to_state(replay: Replay) -> None:
+    replay.seek(1.0)
+    before = replay.t
+    replay.step(1)
+    stepped = replay.t
+    assert stepped > before
+    assert stepped == replay.times[np.searchsorted(replay.times, before, side="right")]
+    replay.step(-1)
+    assert replay.t <= before
+
+
+def test_what_an_agent_applied_is_what_the_recording_says(replay: Replay, finished: Path) -> None:
+    steps = [step for step in read(finished).steps if step.agent == "2"]
+    for step, following in pairwise(steps[50:61]):
+        between = (step.t_apply + following.t_apply) / 2.0
+        assert list(replay.frame(between).agents[1].u) == step.u
+
+
+def test_lost_and_late_broadcasts_are_drawn_as_links(replay: Replay) -> None:
+    pictures = [picture(replay.cast, replay.frame(t)) for t in np.arange(0.5, 3.5, 0.1)]
+    lost = np.concatenate([shown.trouble_lost for shown in pictures])
+    assert sum(len(shown.trouble) for shown in pictures) == len(lost)
+    assert 0.2 < lost.mean() < 0.95  # the others were late
+
+
+def test_the_marks_lead_to_the_worst_moment_and_the_first_backup(
+    replay: Replay, finished: Path
+) -> None:
+    marks = {mark.text.split(",")[0]: mark.t for mark in replay.marks}
+    worst = replay.frame(marks["worst moment"])
+    assert worst.h_tot == worst.worst_h == max(read(finished).h_tot)
+    first = marks["first backup"]
+    assert sum(a.backups for a in replay.frame(first).agents) >= 1
+    backups = [s.t_apply for s in read(finished).steps if s.origin in ("backup", "no-authority")]
+    assert first == min(backups)

@@ -1,0 +1,282 @@
+"""Recordings: exact, readable after any cut, honest about damage."""
+
+import contextlib
+import io
+import os
+import resource
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap.records import Chunk, Message
+from mcap.stream_reader import StreamReader, breakup_chunk
+
+from phalanx.guarantee.verdict import Assumption, Outcome, Summary, Violation
+from phalanx.recording.read import Recording, UnreadableRecordingError, read
+from phalanx.recording.records import RECORDING, Log, State, Step
+from phalanx.recording.write import RecordingError, RecordingWriter
+from phalanx.scenario.load import digest, load
+
+SCENARIO = load("unicycles", seed=5)
+SUMMARY = Summary(
+    outcome=Outcome.VIOLATED,
+    reason="1-4 left the safe set",
+    t=2.0,
+    seed=5,
+    trajectory="ab" * 32,
+    worst_h_tot=0.25,
+    worst_at=1.5,
+    worst_pair="1-4",
+    steps=900,
+    origins={"qp": 900},
+    assumptions=[Assumption("fresh û", 1, 2, 0.5)],
+    violations=[Violation("1-4", 1.4, 0.25, 1.5, 0.2)],
+    rejected={},
+    wall_time=0.3,
+)
+COUNT = 900
+
+
+def records(count: int = COUNT) -> list[State | Step | Log]:
+    rng = np.random.default_rng(1)
+    found: list[State | Step | Log] = []
+    for k in range(count):
+        t = 0.002 * k + float(rng.uniform(0, 1e-3))
+        found.append(State(t, rng.normal(size=15).tolist(), float(rng.normal())))
+        u = rng.normal(size=2).tolist()
+        fates = [("2", k, -1.0), ("3", k, float(rng.uniform()))]
+        ages = [None, float(rng.uniform()), None]
+        found.append(Step("1", k, t, t, u, "qp", -1e-9, 1e-4, ages, fates))
+    found.append(Log(0.002 * count, "agent 3 said ψ"))
+    return found
+
+
+RECORDS = records()
+
+
+def write(path: Path, finish: bool = True) -> Path:
+    with RecordingWriter(path, SCENARIO, "run-1") as writer:
+        for record in RECORDS:
+            writer.write(record)
+        if finish:
+            writer.finish(SUMMARY)
+    return path
+
+
+class Whole(bytes):
+    """The bytes of a recording, which a failing test shall not print."""
+
+    def __repr__(self) -> str:
+        return f"<{len(self)} bytes>"
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Whole:
+    """A finished recording of several chunks."""
+    return Whole(write(tmp_path_factory.mktemp("whole") / RECORDING).read_bytes())
+
+
+def spans(recording: bytes) -> list[tuple[int, int, int]]:
+    """(opcode, begin, end) of every record in the file."""
+    at, found = 8, []
+    while at < len(recording) - 8:
+        end = at + 9 + int.from_bytes(recording[at + 1 : at + 9], "little")
+        found.append((recording[at], at, end))
+        at = end
+    return found
+
+
+CHUNK, DATA_END = 0x06, 0x0F
+
+
+def chunks(recording: bytes) -> list[tuple[int, int]]:
+    return [(begin, end) for opcode, begin, end in spans(recording) if opcode == CHUNK]
+
+
+def reread(folder: Path, content: bytes) -> Recording:
+    path = folder / "again.mcap"
+    path.write_bytes(content)
+    return read(path)
+
+
+def assert_is_a_beginning(found: Recording) -> None:
+    """Every record is one that was written, and they are the first ones."""
+    states = [r for r in RECORDS if isinstance(r, State)]
+    steps = [r for r in RECORDS if isinstance(r, Step)]
+    assert found.states == states[: len(found.states)]
+    assert found.steps == steps[: len(found.steps)]
+
+
+def test_what_was_written_is_read_bit_for_bit(whole, tmp_path):
+    assert len(chunks(whole)) >= 4
+    found = reread(tmp_path, whole)
+    assert found.damage is None
+    assert found.scenario == SCENARIO
+    assert found.metadata["seed"] == "5"
+    assert found.metadata["run"] == "run-1"
+    assert found.metadata["scenario_digest"] == digest(SCENARIO)
+    assert found.summary == SUMMARY
+    assert found.log == [r for r in RECORDS if isinstance(r, Log)]
+    assert (len(found.states), len(found.steps)) == (COUNT, COUNT)
+    assert_is_a_beginning(found)
+    written = np.array([r.x for r in RECORDS if isinstance(r, State)])
+    assert found.x.tobytes() == written.tobytes()
+    assert found.x.shape == (COUNT, 15)
+    assert len(found.times) == len(found.h_tot) == COUNT
+
+
+def test_a_run_folder_is_read_as_its_recording(tmp_path):
+    write(tmp_path / RECORDING)
+    assert read(tmp_path).summary == SUMMARY
+
+
+def test_mcaps_own_reader_reads_it(whole, tmp_path):
+    path = tmp_path / RECORDING
+    path.write_bytes(whole)
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        topics = [channel.topic for _, channel, _ in reader.iter_messages()]
+        schemas = {s.name: s.encoding for s in reader.get_summary().schemas.values()}
+        attached = {a.name for a in reader.iter_attachments()}
+    assert (topics.count("/state"), topics.count("/step"), topics.count("/log")) == (900, 900, 1)
+    kinds = ("phalanx.State", "phalanx.Step", "phalanx.Log", "phalanx.Command")
+    assert schemas == dict.fromkeys(kinds, "jsonschema")
+    assert attached == {"scenario.json", "summary.json"}
+
+
+@given(share=st.floats(0.0, 1.0, exclude_max=True))
+@settings(max_examples=40)
+def test_a_file_cut_anywhere_gives_all_of_its_whole_chunks_and_says_so(whole, tmp_path, share):
+    cut = int(share * len(whole))
+    first_chunk = chunks(whole)[0][0]
+    if cut < first_chunk:
+        assert_damaged(tmp_path, whole[:cut])
+        return
+    found = reread(tmp_path, whole[:cut])
+    assert found.damage is not None
+    assert "cut short" in found.damage
+    assert_is_a_beginning(found)
+    kept = len(found.states) + len(found.steps) + len(found.log)
+    assert kept == messages_before(whole, cut)
+    if found.states:
+        assert f"t = {found.states[-1].t:.3f} s" in found.damage
+
+
+def messages_before(whole: bytes, cut: int) -> int:
+    """How many messages the whole chunks before the cut hold, by their indexes in the file."""
+    reader, count = StreamReader(io.BytesIO(whole), emit_chunks=True), 0
+    for (_, end), record in zip(
+        chunks(whole), (r for r in reader.records if isinstance(r, Chunk)), strict=True
+    ):
+        if end <= cut:
+            count += sum(isinstance(r, Message) for r in breakup_chunk(record))
+    return count
+
+
+bits = st.integers(0, 7)
+shares = st.floats(0.0, 1.0, exclude_max=True)
+CHUNK_HEAD = 9 + 8 + 8 + 8
+"""Bytes of a chunk before its checksum and data: opcode, length, first and last time, size."""
+
+
+def flipped(whole: bytes, at: int, bit: int) -> bytes:
+    found = bytearray(whole)
+    found[at] ^= 1 << bit
+    return bytes(found)
+
+
+@given(chunk=st.integers(0, 3), share=shares, bit=bits)
+@settings(max_examples=50)
+def test_a_flipped_bit_inside_a_chunk_is_damage_and_none_of_its_data_is_taken(
+    whole, tmp_path, chunk, share, bit
+):
+    begin, end = chunks(whole)[chunk]
+    at = begin + CHUNK_HEAD + int(share * (end - begin - CHUNK_HEAD))
+    found = reread(tmp_path, flipped(whole, at, bit))
+    assert found.damage is not None
+    assert_is_a_beginning(found)
+    kept = len(found.states) + len(found.steps) + len(found.log)
+    assert kept == messages_before(whole, begin)
+
+
+@given(share=shares, bit=bits)
+@settings(max_examples=30)
+def test_a_flipped_bit_anywhere_in_the_data_is_never_silently_accepted(whole, tmp_path, share, bit):
+    """The index behind the data is a convenience: nothing is read from it."""
+    data_end = next(begin for opcode, begin, _ in spans(whole) if opcode == DATA_END)
+    assert_damaged(tmp_path, flipped(whole, int(share * data_end), bit))
+
+
+@pytest.mark.parametrize("byte", range(9))
+@pytest.mark.parametrize("bit", [0, 3, 7])
+def test_a_flipped_bit_in_the_head_of_a_chunk_does_not_hide_the_chunk(whole, tmp_path, byte, bit):
+    """An unknown opcode makes a reader skip the record."""
+    assert_damaged(tmp_path, flipped(whole, chunks(whole)[2][0] + byte, bit))
+
+
+def assert_damaged(folder: Path, content: bytes) -> None:
+    """It is either no recording at all, or one that says what is wrong."""
+    with contextlib.suppress(UnreadableRecordingError):
+        assert reread(folder, content).damage is not None
+
+
+def test_a_run_that_was_killed_leaves_a_recording_without_summary(tmp_path):
+    found = read(write(tmp_path / RECORDING, finish=False))
+    assert found.summary is None
+    assert found.damage is not None
+    assert "cut short" in found.damage
+    assert len(found.states) > COUNT // 2
+
+
+def test_what_is_no_recording_is_refused_by_name(tmp_path):
+    (tmp_path / "noise.mcap").write_bytes(os.urandom(100))
+    (tmp_path / "empty.mcap").write_bytes(b"")
+    for name in ("noise.mcap", "empty.mcap", "absent.mcap"):
+        with pytest.raises(UnreadableRecordingError, match=name):
+            read(tmp_path / name)
+
+
+def test_a_recording_is_never_written_over(tmp_path):
+    path = write(tmp_path / RECORDING)
+    before = path.read_bytes()
+    with pytest.raises(RecordingError, match=r"recording\.mcap"):
+        RecordingWriter(path, SCENARIO, "run-2")
+    assert path.read_bytes() == before
+
+
+def test_a_folder_that_is_gone_is_named(tmp_path):
+    with pytest.raises(RecordingError, match="gone"):
+        RecordingWriter(tmp_path / "gone" / RECORDING, SCENARIO, "run-1")
+
+
+@pytest.mark.parametrize("share", [0.4, 0.7, 0.9])
+def test_a_full_disk_is_an_error_that_names_the_file_and_leaves_it_readable(whole, tmp_path, share):
+    """A forked child whose files may not grow beyond a limit: its write fails half way."""
+    path, limit = tmp_path / RECORDING, int(share * len(whole))
+    child = os.fork()
+    if child == 0:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+        try:
+            write(path)
+        except RecordingError as error:
+            os._exit(7 if str(path) in str(error) else 8)
+        except BaseException:
+            os._exit(9)
+        os._exit(0)
+    _, status = os.waitpid(child, 0)
+    assert os.waitstatus_to_exitcode(status) == 7
+    assert path.stat().st_size <= limit
+    found = read(path)
+    assert found.scenario == SCENARIO
+    assert found.damage is not None
+    assert "cut short" in found.damage
+    assert_is_a_beginning(found)
+    assert spans(path.read_bytes() + bytes(8))[-1][2] == path.stat().st_size, "half a record"
+    whole_chunks = [end for _, end in chunks(whole) if end <= limit]
+    assert path.stat().st_size >= whole_chunks[-1]
+    assert len(found.states) > 0

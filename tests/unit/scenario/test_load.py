@@ -1,0 +1,178 @@
+"""Scenario files that load, and what --set makes of them."""
+
+import tomllib
+
+import pytest
+
+from phalanx.scenario.load import (
+    ScenarioError,
+    apply_override,
+    digest,
+    from_json,
+    load,
+    shipped,
+    to_json,
+)
+from phalanx.scenario.network import UniformDelay
+from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.margins.paper import MarginConstants
+from phalanx.theory.rows.information import Information
+
+
+def test_every_shipped_scenario_loads_and_resolves():
+    assert "unicycles" in shipped()
+    for name in shipped():
+        assert build_swarm(load(name)).start().size > 0
+
+
+def test_unicycles_is_simulation_1_of_the_paper():
+    scenario = load("unicycles")
+    swarm = build_swarm(scenario)
+    assert swarm.names == ("1", "2", "3", "4", "5")
+    assert swarm.normal == (0, 1, 2)
+    assert swarm.chain.relative_degree == 1
+    assert len(swarm.chain.set.pairs) == 3 + 3 * 2 + 3 * 3
+    assert [swarm.eta(i) for i in range(5)] == [8.0566] * 5
+    assert scenario.safety.information is Information.PAPER
+
+
+def test_agents_start_within_their_spread_of_their_slot():
+    scenario = load("unicycles")
+    swarm = build_swarm(scenario)
+    assert scenario.formation is not None
+    for i, (_, group, place) in enumerate(scenario.roster()):
+        x = swarm.start()[swarm.chain.set.parts[i]]
+        slot = scenario.formation.goal(group.slots[place], 0.0).position
+        assert abs(x[:2] - slot).max() <= 0.2
+        assert abs(x[2]) <= 0.3
+
+
+def test_another_seed_starts_elsewhere_and_the_same_seed_at_the_same_place():
+    starts = {seed: build_swarm(load("unicycles", seed=seed)).start() for seed in (0, 1)}
+    assert (starts[0] != starts[1]).any()
+    assert (starts[0] == build_swarm(load("unicycles", seed=0)).start()).all()
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        [],
+        ["network.delay={ low = 0.001, high = 0.02 }", "network.loss=0.25"],
+        ["safety.eta={c_f=1,c_g=2,c_alpha=3,c_gamma=4,c_h=5,u_max=6,mu=7}"],
+        ['network.links=[{ from = "1", to = "*", loss = 1.0 }]'],
+    ],
+)
+def test_json_round_trip_keeps_the_scenario_and_its_digest(overrides):
+    scenario = load("unicycles", overrides)
+    again = from_json(to_json(scenario))
+    assert again == scenario
+    assert digest(again) == digest(scenario)
+    assert to_json(again) == to_json(scenario)
+
+
+def test_scenarios_that_differ_anywhere_have_different_digests():
+    variants = [[], ["safety.rho=5.5"], ["network.loss=0.1"], ["agents.1.law.gain=5.1"]]
+    assert len({digest(load("unicycles", v)) for v in variants}) == len(variants)
+    assert digest(load("unicycles", seed=1)) != digest(load("unicycles", seed=2))
+
+
+def test_a_recorded_scenario_that_is_not_one_is_refused():
+    with pytest.raises(ScenarioError, match="recorded scenario"):
+        from_json('{"name": "x"}')
+
+
+def test_set_reaches_values_tables_lists_and_makes_missing_tables():
+    scenario = load(
+        "unicycles",
+        [
+            "duration=3.5",
+            "network.loss=0.3",
+            "network.delay.low=0.001",
+            "network.delay.high=0.002",
+            "agents.1.clock.period=0.02",
+            "obstacles.0.center.1=-9.5",
+            "safety.alpha.0=3.0",
+            "formation.path=[[0.0, 0.0], [1.0, 1.0]]",
+        ],
+    )
+    assert scenario.duration == 3.5
+    assert scenario.network.loss == 0.3
+    assert scenario.network.delay == UniformDelay(low=0.001, high=0.002)
+    assert scenario.agents[1].clock.period == 0.02
+    assert scenario.agents[0].clock.period == 0.01
+    assert scenario.obstacles[0].center == (14.0, -9.5)
+    assert scenario.safety.alpha == (3.0,)
+    assert scenario.formation is not None
+    assert len(scenario.formation.path) == 2
+
+
+def test_set_takes_a_bare_word_as_a_string_and_the_last_of_several_wins():
+    scenario = load("unicycles", ["safety.information=paper", "safety.information=split"])
+    assert scenario.safety.information is Information.SPLIT
+
+
+def test_set_takes_toml_values():
+    table = tomllib.loads("a = 1")
+    for override in ["b=true", "c=[1, 2]", 'd="x=y"', "e.f={ g = 1.5 }", "h=1979-05-27", "i="]:
+        apply_override(table, override)
+    assert table["b"] is True
+    assert table["c"] == [1, 2]
+    assert table["d"] == "x=y"
+    assert table["e"] == {"f": {"g": 1.5}}
+    assert table["i"] == ""
+
+
+def test_set_can_turn_the_margin_into_constants_and_back():
+    eta = "safety.eta={c_f=1,c_g=2,c_alpha=3,c_gamma=4,c_h=5,u_max=6,mu=7}"
+    swarm = build_swarm(load("unicycles", [eta]))
+    assert isinstance(swarm.scenario.safety.eta, MarginConstants)
+    by_hand = (1 + 2 * 6 + 3 + 4) * 7 * 0.012 + 5 * 5 * 1.73
+    assert swarm.eta(0) == pytest.approx(by_hand)
+    assert build_swarm(load("unicycles", [eta, "safety.eta=0"])).eta(0) == 0.0
+
+
+def test_the_seed_option_outranks_set():
+    assert load("unicycles", ["seed=4"], seed=7).seed == 7
+
+
+@pytest.mark.parametrize(
+    ("override", "fragments"),
+    [
+        ("network.loss", ["network.loss", "expected path.to.field=value"]),
+        ("=3", ["expected path.to.field=value"]),
+        ("a..b=3", ["expected path.to.field=value"]),
+        ("agents.7.role=normal", ["index from 0 to 1", "'7'"]),
+        ("agents.-1.role=normal", ["index from 0 to 1", "'-1'"]),
+        ("agents.first.role=normal", ["index from 0 to 1", "'first'"]),
+        ("agents.².role=normal", ["index from 0 to 1", "'²'"]),
+        ("safety.alpha.3=1.0", ["index from 0 to 0", "'3'"]),
+        ("duration.x=3", ["duration is a value, not a table"]),
+        ("network.los=0.3", ["network.los: unknown field", "0.3"]),
+        ("network.loss=1.3", ["network.loss: expected less than or equal to 1", "got 1.3"]),
+        ("network.loss=often", ["network.loss: expected a valid number", "got 'often'"]),
+        ("safety.information=all", ["safety.information", "'paper'", "'split'", "got 'all'"]),
+    ],
+)
+def test_a_wrong_set_says_what_was_expected_and_got(override, fragments):
+    with pytest.raises(ScenarioError) as error:
+        load("unicycles", [override])
+    for fragment in fragments:
+        assert fragment in str(error.value)
+
+
+def test_links_take_the_last_override_that_matches():
+    links = """network.links=[
+        { from = "1", loss = 0.1 },
+        { to = "2", loss = 0.2 },
+        { from = "3", to = "1", loss = 0.3, delay = 0.01 },
+    ]""".replace("\n", "")
+    network = load("unicycles", [links, "network.loss=0.5"]).network
+    expected = {
+        ("1", "3"): 0.1,
+        ("1", "2"): 0.2,
+        ("3", "2"): 0.2,
+        ("3", "1"): 0.3,
+        ("2", "1"): 0.5,
+    }
+    assert {link: network.link(*link).loss for link in expected} == expected
+    assert network.link("3", "1").delay == 0.01

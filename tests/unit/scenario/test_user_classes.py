@@ -1,0 +1,243 @@
+"""A user's own dynamics, safe-set functions and laws, named "module:Name"."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from phalanx.guarantee.check import check
+from phalanx.scenario.load import ScenarioError, load
+from phalanx.swarm.swarm import build_swarm, require_rows
+from phalanx.theory.models.dynamics import Dynamics
+
+MODULE = '''
+from dataclasses import dataclass
+from typing import Annotated
+
+import casadi as ca
+from annotated_types import Gt
+
+from phalanx.theory.models.integrators import SingleIntegrator
+from phalanx.theory.models.dynamics import box_polytope
+
+
+@dataclass(frozen=True)
+class Swimmer:
+    """A point in a current."""
+
+    speed: Annotated[float, Gt(0)]
+    current: float = 0.5
+    states = ("x", "y")
+    inputs = ("vx", "vy")
+
+    def drift(self, x):
+        return ca.vertcat(self.current * ca.sin(x[1]), 0)
+
+    def actuation(self, x):
+        return ca.SX.eye(2)
+
+    def position(self, x):
+        return x
+
+    def input_polytope(self, x):
+        return box_polytope((self.speed, self.speed))
+
+    def input_metric(self):
+        return (1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Diamond:
+    """|D_1| + |D_2| >= size."""
+
+    size: float
+
+    def between(self, a, b):
+        return self.size - ca.fabs(a.p[0] - b.p[0]) - ca.fabs(a.p[1] - b.p[1])
+
+    def to_obstacle(self, a, obstacle):
+        return obstacle.clearance - ca.fabs(a.p[0] - obstacle.center[0])
+
+
+@dataclass
+class Rest:
+    """Wants to stay."""
+
+    def prepare(self, dynamics):
+        self.m = len(dynamics.inputs)
+
+    def input(self, view):
+        import numpy as np
+        return np.zeros(self.m)
+
+
+class Plain(SingleIntegrator):
+    def __init__(self):
+        pass
+
+
+class Undecorated:
+    states = inputs = ()
+    def drift(self, x): ...
+    def actuation(self, x): ...
+    def position(self, x): ...
+    def input_polytope(self, x): ...
+    def input_metric(self): ...
+
+
+@dataclass(frozen=True)
+class Headless:
+    """Has no position, no input_metric."""
+
+    states = ("x",)
+    inputs = ("u",)
+
+    def drift(self, x): ...
+    def actuation(self, x): ...
+    def input_polytope(self, x): ...
+
+
+@dataclass(frozen=True)
+class Faulty(Swimmer):
+    def position(self, x):
+        return x[7]
+
+
+@dataclass(frozen=True)
+class Tired(Swimmer):
+    """Slower, the farther it is from the shore."""
+
+    def input_polytope(self, x):
+        speed = self.speed / (1 + x[0] ** 2)
+        return box_polytope((speed, speed))
+
+
+A_NUMBER = 5
+'''
+
+
+SCENARIO = """
+name = "own"
+duration = 1.0
+
+[safety]
+function = { type = "swimming_user:Diamond", size = 1.0 }
+rho = 5.0
+alpha = [1.0]
+eta = 0.3
+
+[[agents]]
+names = ["a", "b"]
+role = "normal"
+dynamics = { type = "swimming_user:Swimmer", speed = 2.0 }
+law = { type = "swimming_user:Rest" }
+clock = { period = 0.01 }
+start = [[0.0, 0.0], [5.0, 0.0]]
+"""
+
+
+@pytest.fixture
+def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a user's module and scenario, which is the working directory."""
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    (tmp_path / "swimming_user.py").write_text(MODULE)
+    (tmp_path / "broken_user.py").write_text("import no_such_module_at_all\n")
+    (tmp_path / "raising_user.py").write_text("raise RuntimeError('not today')\n")
+    (tmp_path / "unparsable_user.py").write_text("def\n")
+    (tmp_path / "own.toml").write_text(SCENARIO)
+    monkeypatch.chdir(tmp_path)
+    yield tmp_path
+    for name in ("swimming_user", "broken_user", "raising_user", "unparsable_user"):
+        sys.modules.pop(name, None)
+
+
+def test_a_users_classes_in_the_working_directory_make_a_swarm(own):
+    scenario = load("own.toml", ["agents.0.dynamics.current=0.7"])
+    swarm = build_swarm(scenario)
+    dynamics = swarm.members[0].dynamics
+    assert isinstance(dynamics, Dynamics)
+    assert (type(dynamics).__name__, dynamics.speed, dynamics.current) == ("Swimmer", 2.0, 0.7)
+    assert swarm.chain.relative_degree == 1
+
+
+@pytest.mark.parametrize(
+    ("override", "fragments"),
+    [
+        ("agents.0.dynamics.speed=-2.0", ["agents.0.dynamics.speed", "greater than 0", "-2.0"]),
+        ("agents.0.dynamics.depth=1.0", ["agents.0.dynamics.depth: unknown field", "1.0"]),
+        ("safety.function.size=big", ["safety.function.size", "valid number", "'big'"]),
+        (
+            "agents.0.dynamics.type=absent_user:Swimmer",
+            ["agents.0.dynamics: cannot be imported (ModuleNotFoundError", "absent_user:Swimmer"],
+        ),
+        (
+            "agents.0.dynamics.type=broken_user:Swimmer",
+            ["agents.0.dynamics: cannot be imported", "no_such_module_at_all"],
+        ),
+        ("agents.0.dynamics.type=raising_user:X", ["cannot be imported (RuntimeError: not today"]),
+        ("agents.0.dynamics.type=unparsable_user:X", ["cannot be imported (SyntaxError"]),
+        (
+            "agents.0.dynamics.type=swimming_user:Typo",
+            ["cannot be imported (AttributeError", "Typo"],
+        ),
+        ("agents.0.dynamics.type=:Typo", ["agents.0.dynamics: cannot be imported"]),
+        ("agents.0.dynamics.type=swimming_user:", ["agents.0.dynamics: "]),
+        (
+            "agents.0.dynamics={ type = 'swimming_user:Headless' }",
+            [
+                "agents.0.dynamics: expected a dataclass that is a Dynamics",
+                "position, input_metric",
+            ],
+        ),
+        (
+            "agents.0.dynamics={ type = 'swimming_user:Undecorated' }",
+            ["agents.0.dynamics: expected a dataclass that is a Dynamics"],
+        ),
+        (
+            "agents.0.dynamics={ type = 'swimming_user:A_NUMBER' }",
+            ["agents.0.dynamics: expected a dataclass that is a Dynamics"],
+        ),
+        (
+            "agents.0.law={ type = 'swimming_user:Swimmer', speed = 1.0 }",
+            ["agents.0.law: expected a dataclass that is a Law", "prepare", "input"],
+        ),
+        (
+            "safety.function={ type = 'swimming_user:Rest' }",
+            ["safety.function: expected a dataclass that is a SafeSetFunction", "between"],
+        ),
+        ("agents.0.dynamics.type=5", ["agents.0.dynamics: expected one of unicycle"]),
+    ],
+)
+def test_a_broken_class_of_a_user_is_refused_with_its_field_and_cause(own, override, fragments):
+    with pytest.raises(ScenarioError) as error:
+        load("own.toml", [override])
+    for fragment in fragments:
+        assert fragment in str(error.value)
+    assert str(error.value).startswith("own.toml: ")
+
+
+def test_an_expression_of_a_user_that_fails_is_a_scenario_error(own):
+    scenario = load("own.toml", ["agents.0.dynamics.type=swimming_user:Faulty"])
+    with pytest.raises(ScenarioError, match="own: the safe set cannot be built"):
+        build_swarm(scenario)
+
+
+@pytest.mark.parametrize(
+    "proven",
+    [
+        ["safety.composition=pairs"],
+        ["safety.margin=local", "safety.eta=0"],
+        ["safety.composition=pairs", "safety.margin=local", "safety.eta=0"],
+    ],
+)
+def test_input_bounds_that_vary_are_refused_by_name_where_a_row_cannot_take_them(own, proven):
+    tired = "agents.0.dynamics.type=swimming_user:Tired"
+    with pytest.raises(ScenarioError, match=r"input bounds of [ab]\b"):
+        require_rows(build_swarm(load("own.toml", [tired, *proven])))
+
+
+def test_a_check_of_varying_input_bounds_says_what_it_cannot_compute(own):
+    report = check(load("own.toml", ["agents.0.dynamics.type=swimming_user:Tired"]))
+    assert report.formula is None
+    assert report.largest_gap is None
+    assert any("No margin can be computed" in words for words in report.words)

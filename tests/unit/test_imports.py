@@ -1,0 +1,204 @@
+"""The law of the house: which room may import which, read off the syntax of every file."""
+
+import ast
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PROGRAMS = ("agent", "plant", "viewer")
+
+
+def rooms(text: str, *above: set[str]) -> set[str]:
+    """Names of rooms below `phalanx`, written short, and those of rooms above."""
+    return {f"phalanx.{name}" for name in text.split()}.union(*above)
+
+
+THEORY = rooms(
+    "theory.expressions theory.models theory.safety theory.margins theory.rows theory.laws"
+)
+SCENARIO = rooms("seeded network faults scenario", THEORY)
+SWARM = rooms("swarm", SCENARIO)
+GUARANTEE = rooms("guarantee", SWARM)
+WIRE = rooms("wire", GUARANTEE)
+RECORDING = rooms("recording", WIRE)
+REPORT = rooms("report", RECORDING)
+LAUNCHER = rooms("launcher", REPORT)
+VIEWER = rooms("viewer.scene viewer.feeds viewer.page viewer.export")
+
+# The rooms that each may import from, besides itself. A folder that is not listed is an offence.
+MAY_IMPORT: Mapping[str, set[str]] = {
+    "phalanx.theory": set(),
+    "phalanx.theory.expressions": set(),
+    "phalanx.theory.models": rooms("theory.expressions"),
+    "phalanx.theory.safety": rooms("theory.expressions theory.models"),
+    "phalanx.theory.margins": rooms("theory.expressions theory.models theory.safety"),
+    "phalanx.theory.rows": THEORY - rooms("theory.laws"),
+    "phalanx.theory.laws": THEORY,
+    "phalanx.seeded": set(),
+    "phalanx.network": THEORY | rooms("seeded"),
+    "phalanx.faults": rooms("network seeded"),
+    "phalanx.scenario": SCENARIO,
+    "phalanx.swarm": SWARM,
+    "phalanx.guarantee": GUARANTEE,
+    "phalanx.wire": WIRE,
+    "phalanx.recording": RECORDING,
+    "phalanx.report": REPORT,
+    # The in-process engine is where agents and plant are put together without a wire.
+    "phalanx.launcher": LAUNCHER | rooms("agent plant"),
+    "phalanx.cli": rooms("cli", LAUNCHER) | {"phalanx"},
+    "phalanx": LAUNCHER | rooms("cli"),
+    "phalanx.agent": WIRE,
+    "phalanx.plant": RECORDING,
+    "phalanx.viewer": REPORT | VIEWER,
+    "phalanx.viewer.scene": RECORDING,
+    "phalanx.viewer.feeds": RECORDING | rooms("viewer.scene"),
+    "phalanx.viewer.page": RECORDING | rooms("viewer.scene viewer.feeds"),
+    "phalanx.viewer.export": REPORT | rooms("viewer.scene viewer.feeds"),
+}
+THEORY_MAY_USE = {"numpy", "casadi", "osqp", "scipy", "annotated_types"}
+ONLY_IN_WIRE = {"zenoh"}
+
+
+def imported(tree: ast.AST, module: str) -> Iterator[str]:
+    """Every module that a syntax tree imports, at any depth, as an absolute name."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                base = ".".join([*module.split(".")[: -node.level], *filter(None, [node.module])])
+            yield from (f"{base}.{alias.name}" for alias in node.names)
+
+
+def room_of(name: str) -> str:
+    """The room that a module or a name in it belongs to: the longest that is its prefix."""
+    parts = name.split(".")
+    prefixes = (".".join(parts[:n]) for n in range(len(parts), 0, -1))
+    return next((prefix for prefix in prefixes if prefix in MAY_IMPORT), parts[0])
+
+
+def offences(source: str, module: str) -> list[str]:
+    """What a module with this source imports against the table."""
+    home, found = room_of(module), []
+    for name in imported(ast.parse(source), module):
+        top = name.split(".")[0]
+        if top == "phalanx":
+            if room_of(name) not in MAY_IMPORT[home] | {home}:
+                found.append(f"{module} may not import {name}")
+        elif top in PROGRAMS:
+            found.append(f"{module} may not import {name}: its name is phalanx.{name}")
+        elif top in ONLY_IN_WIRE and home != "phalanx.wire":
+            found.append(f"{module} may not import {name}: only phalanx.wire does")
+        elif home in THEORY and top not in THEORY_MAY_USE | sys.stdlib_module_names:
+            found.append(f"{module} may not import {name}: theory is numpy, CasADi and OSQP alone")
+    return found
+
+
+def modules() -> list[tuple[str, Path]]:
+    """Every module of the project, by dotted name."""
+    found = []
+    for top in ("phalanx", *PROGRAMS):
+        for file in sorted((ROOT / top).rglob("*.py")):
+            parts = file.relative_to(ROOT).with_suffix("").parts
+            name = ".".join(parts if top == "phalanx" else ("phalanx", *parts))
+            found.append((name.removesuffix(".__init__"), file))
+    return found
+
+
+def test_no_module_imports_what_the_table_forbids():
+    wrong = [o for name, file in modules() for o in offences(file.read_text("utf-8"), name)]
+    assert wrong == []
+
+
+def test_the_table_lists_every_folder_and_no_other():
+    folders = {n if f.name == "__init__.py" else n.rpartition(".")[0] for n, f in modules()}
+    assert folders == set(MAY_IMPORT)
+
+
+def test_nothing_lies_loose_at_the_top():
+    loose = {f.name for f in (ROOT / "phalanx").iterdir() if f.is_file()}
+    assert loose == {"__init__.py", "__main__.py", "py.typed"}
+
+
+def test_no_two_modules_import_one_another_even_by_way_of_others():
+    names = {name for name, _ in modules()}
+    graph = {
+        name: {
+            own
+            for target in imported(ast.parse(file.read_text("utf-8")), name)
+            if (own := target if target in names else target.rpartition(".")[0]) in names
+            and own not in (name, "phalanx")
+        }
+        for name, file in modules()
+    }
+    assert cycle(graph) is None
+    assert sum(map(len, graph.values())) > 50
+
+
+def cycle(graph: Mapping[str, set[str]]) -> list[str] | None:
+    """A cycle of a graph, if there is one."""
+    done: set[str] = set()
+
+    def visit(node: str, path: list[str]) -> list[str] | None:
+        if node in path:
+            return [*path[path.index(node) :], node]
+        if node in done:
+            return None
+        for target in sorted(graph.get(node, ())):
+            if found := visit(target, [*path, node]):
+                return found
+        done.add(node)
+        return None
+
+    return next((found for node in sorted(graph) if (found := visit(node, []))), None)
+
+
+@pytest.mark.parametrize(
+    ("module", "source"),
+    [
+        ("phalanx.agent.step", "import phalanx.plant"),
+        ("phalanx.agent.step", "import agent.main"),
+        ("phalanx.agent.step", "from phalanx.plant.world import World"),
+        ("phalanx.plant.main", "from phalanx.agent import step"),
+        ("phalanx.viewer.main", "import phalanx.agent.main as program"),
+        ("phalanx.cli.run", "from phalanx.plant.main import run"),
+        ("phalanx.theory.rows.row", "from phalanx.theory.laws.law import View"),
+        ("phalanx.theory.safety.chain", "from phalanx.scenario.model import Scenario"),
+        ("phalanx.theory.safety.chain", "from phalanx.seeded.draws import Draws"),
+        ("phalanx.theory.safety.chain", "import pydantic"),
+        ("phalanx.theory.safety.chain", "from ...wire import keys"),
+        ("phalanx.theory.rows.qp", "def f():\n    import zenoh"),
+        ("phalanx.scenario.model", "from phalanx.wire.messages import Sample"),
+        ("phalanx.scenario.model", "from phalanx.launcher import run"),
+        ("phalanx.network.link", "from phalanx.recording.read import read"),
+        ("phalanx.seeded.clock", "import phalanx.network.link"),
+        ("phalanx.recording.read", "import zenoh"),
+        ("phalanx.agent.main", "if True:\n    from zenoh import Session"),
+        ("phalanx.cli.run", "import phalanx.viewer"),
+    ],
+)
+def test_a_forbidden_import_is_found_wherever_it_stands(module, source):
+    assert len(offences(source, module)) == 1
+
+
+@pytest.mark.parametrize(
+    ("module", "source"),
+    [
+        ("phalanx.agent.step", "from phalanx.theory.rows.qp import NearestInput\nimport numpy"),
+        ("phalanx.theory.rows.qp", "import osqp\nfrom scipy import sparse\nfrom .row import Row"),
+        ("phalanx.wire.session", "import zenoh"),
+        ("phalanx.swarm.swarm", "from phalanx.seeded.clock import SamplingClock"),
+        ("phalanx.launcher.launch", "from phalanx.wire.keys import Keys"),
+    ],
+)
+def test_an_allowed_import_is_not_an_offence(module, source):
+    assert offences(source, module) == []
+
+
+def test_a_cycle_is_found():
+    assert cycle({"a": {"b"}, "b": {"c"}, "c": {"a"}}) == ["a", "b", "c", "a"]
+    assert cycle({"a": {"b", "c"}, "b": {"c"}, "c": set()}) is None

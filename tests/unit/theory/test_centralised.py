@@ -1,0 +1,70 @@
+"""Theorem 1: one QP for all normal agents."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from phalanx.scenario.load import ScenarioError, load
+from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.rows.centralised import JointInput, joint_row
+from phalanx.theory.rows.origin import Origin
+from phalanx.theory.rows.terms import TermsFunction
+
+SWARM = build_swarm(load("unicycles"))
+TERMS = TermsFunction(SWARM.chain)
+QP = JointInput([SWARM.members[l].dynamics for l in SWARM.normal])
+
+
+@given(seed=st.integers(0, 2**32 - 1), eta=st.floats(0.0, 9.0))
+@settings(max_examples=60, deadline=None)
+def test_the_joint_input_keeps_the_condition_of_theorem_1_whenever_any_input_does(seed, eta):
+    rng = np.random.default_rng(seed)
+    x = SWARM.start() + rng.uniform(-3, 3, 15)
+    terms, normal = TERMS(x), SWARM.normal
+    wanted = [rng.uniform(-5, 5, 2) for _ in normal]
+    decisions = QP.decide(terms, normal, wanted, eta)
+    joint = terms.unforced + eta + sum(terms.most[l] for l in (3, 4))
+    possible = joint + sum(terms.least[l] for l in normal) <= 0
+    forced = sum(float(terms.c[l] @ d.u) for l, d in zip(normal, decisions, strict=True))
+    assert (decisions[0].origin is Origin.QP) == possible
+    if possible:
+        assert joint + forced <= 1e-4
+        assert decisions[0].residual == pytest.approx(joint + forced, abs=1e-6)
+    else:
+        assert forced == pytest.approx(sum(terms.least[l] for l in normal))
+
+
+def test_it_changes_the_nominal_inputs_no_more_than_needed():
+    """If the nominal inputs keep the condition, they are what is applied."""
+    terms, normal = TERMS(SWARM.start()), SWARM.normal
+    wanted = [np.array([0.3, -0.1]), np.array([0.0, 0.2]), np.array([1.0, 0.0])]
+    row = joint_row(terms, normal, 0.0)
+    assert row.a @ np.concatenate(wanted) <= row.bound
+    for decision, u_nom in zip(QP.decide(terms, normal, wanted, 0.0), wanted, strict=True):
+        assert decision.u == pytest.approx(u_nom)
+
+
+def test_without_a_solution_an_agent_without_authority_keeps_its_nominal_input():
+    terms, normal = TERMS(SWARM.start()), SWARM.normal
+    weak = terms._replace(most=terms.least + np.array([0.0, 5.0, 5.0, 0.0, 0.0]), unforced=1e3)
+    wanted = [np.array([0.3, -0.1]), np.array([0.0, 0.2]), np.array([1.0, 0.0])]
+    decisions = QP.decide(weak, normal, wanted, 0.0, authority=0.01)
+    assert [d.origin for d in decisions] == [Origin.NO_AUTHORITY, Origin.BACKUP, Origin.BACKUP]
+    assert decisions[0].u == pytest.approx(wanted[0])
+
+
+def test_pairs_and_a_central_controller_exclude_each_other():
+    with pytest.raises(ScenarioError, match=r"safety\.composition: expected 'lse'"):
+        load("guaranteed", ["safety.control=centralised"])
+
+
+def test_the_one_controller_composes_what_no_agent_sees_alone():
+    near, all_ = ["safety.neighbourhood=1.0"], ["safety.control=centralised"]
+    alone, together = (
+        build_swarm(load("unicycles", near)),
+        build_swarm(load("unicycles", near + all_)),
+    )
+    x = alone.start()
+    assert together.terms(0)(x).psi == pytest.approx(TERMS(x).psi)
+    assert alone.terms(0)(x).psi < TERMS(x).psi

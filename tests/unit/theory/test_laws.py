@@ -1,0 +1,103 @@
+"""Nominal laws and attacks."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from users_own import Draggy, Drifter, Jerky, OutputUnicycle, along, swarm_of
+
+from phalanx.theory.laws.formation import Goal, hold
+from phalanx.theory.laws.law import View
+from phalanx.theory.laws.velocity import OutputVelocity, Pursue, TrackVelocity
+from phalanx.theory.laws.worst_case import WorstCase
+from phalanx.theory.models.integrators import SingleIntegrator
+from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.rows.terms import TermsFunction
+from phalanx.theory.safety.chain import build_chain
+
+seeds = st.integers(0, 2**32 - 1)
+FLEET = swarm_of([Unicycle(4.0, 2.0)] * 2 + [SingleIntegrator(1.0)] + [Unicycle(2.0, 1.0)])
+TERMS = TermsFunction(build_chain(FLEET.composed, [1.0]))
+NORMAL = (0, 1, 2)
+
+
+def view(x: np.ndarray, i: int, goal: Goal) -> View:
+    states = [x[part] for part in FLEET.composed.parts]
+    return View(i, states, NORMAL, goal, TERMS(x))
+
+
+def output_velocity(x: np.ndarray, i: int, u: np.ndarray) -> np.ndarray:
+    """dp_i/dt under u, by finite differences of the numpy twin."""
+    twin = FLEET.twin
+    rate = twin.f(i, x) + twin.g(i, x) @ u
+    axes = range(len(twin.position(i, x)))
+    return np.array([along(lambda y, a=a: twin.position(i, y)[a], x, rate) for a in axes])
+
+
+@pytest.mark.parametrize(
+    "dynamics", [Unicycle(1.0, 1.0, 0.3), OutputUnicycle(), Drifter(), SingleIntegrator(1.0, 3)]
+)
+@given(seed=seeds)
+@settings(max_examples=20)
+def test_output_velocity_inverts_the_dynamics(dynamics, seed):
+    """J (f + g u) = v, the left side by finite differences."""
+    rng = np.random.default_rng(seed)
+    case = swarm_of([dynamics, dynamics], obstacles=())
+    n = len(dynamics.states)
+    x = rng.uniform(-2, 2, 2 * n)
+    v = rng.uniform(-3, 3, len(case.twin.position(0, x)))
+    if isinstance(dynamics, Drifter) and abs(np.linalg.det(dynamics.g(x[:3])[:2])) < 0.1:
+        return
+    u = OutputVelocity(dynamics)(x[:n], v)
+    rate = case.twin.f(0, x) + case.twin.g(0, x) @ u
+    moved = [along(lambda y, a=a: case.twin.position(0, y)[a], x, rate) for a in range(len(v))]
+    assert moved == pytest.approx(v, rel=1e-5, abs=1e-5)
+
+
+@pytest.mark.parametrize("dynamics", [Draggy(), Jerky()])
+def test_dynamics_whose_inputs_do_not_act_on_the_velocity_are_refused_by_name(dynamics):
+    with pytest.raises(ValueError, match=f"{type(dynamics).__name__}: expected as many inputs"):
+        OutputVelocity(dynamics)
+
+
+@given(seed=seeds)
+@settings(max_examples=20)
+def test_tracking_gives_the_output_the_goals_velocity_and_pulls_it_in(seed):
+    rng = np.random.default_rng(seed)
+    x = rng.uniform(-3, 3, 11)
+    for i in NORMAL:
+        goal = Goal(rng.uniform(-5, 5, 2), rng.uniform(-1, 1, 2), np.zeros(2))
+        law = TrackVelocity(gain=1.5)
+        law.prepare(FLEET.composed.members[i].dynamics)
+        u = law.input(view(x, i, goal))
+        wanted = goal.velocity + 1.5 * (goal.position - FLEET.twin.position(i, x))
+        assert output_velocity(x, i, u) == pytest.approx(wanted, rel=1e-5, abs=1e-5)
+
+
+@given(seed=seeds)
+@settings(max_examples=20)
+def test_a_pursuer_heads_for_the_nearest_normal_agent(seed):
+    x = np.random.default_rng(seed).uniform(-6, 6, 11)
+    law = Pursue(gain=5.0)
+    law.prepare(FLEET.composed.members[3].dynamics)
+    u = law.input(view(x, 3, hold(np.zeros(2))))
+    here = FLEET.twin.position(3, x)
+    gaps = [FLEET.twin.position(n, x) - here for n in NORMAL]
+    nearest = min(gaps, key=np.linalg.norm)
+    assert output_velocity(x, 3, u) == pytest.approx(5.0 * nearest, rel=1e-5, abs=1e-5)
+
+
+@given(seed=seeds)
+@settings(max_examples=40)
+def test_no_input_in_the_polytope_pushes_harder_than_the_worst_case(seed):
+    rng = np.random.default_rng(seed)
+    x = rng.uniform(-3, 3, 11)
+    u = WorstCase().input(view(x, 3, hold(np.zeros(2))))
+    rows = TERMS(x).polytopes[3]
+    assert (rows.A @ u <= rows.b + 1e-9).all()
+
+    def push(u: np.ndarray) -> float:
+        return along(FLEET.twin.h_tot, x, FLEET.twin.g(3, x) @ u)
+
+    others = rng.uniform([-2.0, -1.0], [2.0, 1.0], (40, 2))
+    assert push(u) >= max(push(other) for other in others) - 1e-6

@@ -1,0 +1,172 @@
+"""γ^min, γ^max, u^min, u^max of Eqs. (vLPs), (LPvminmax), (umin), against a linear program."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import linprog
+from users_own import Drifter, OutputUnicycle, Rail, swarm_of
+
+from phalanx.theory.models.integrators import SingleIntegrator
+from phalanx.theory.models.polytope import (
+    EmptyPolytopeError,
+    extremes,
+    maximiser,
+    minimiser,
+    polytope,
+    vertices,
+)
+from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.rows.terms import TermsFunction
+from phalanx.theory.safety.chain import build_chain
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def random_polytope(rng: np.random.Generator, m: int) -> tuple[np.ndarray, np.ndarray]:
+    """A box cut by half-spaces that keep its centre, anywhere, rows of any length."""
+    cuts = rng.normal(size=(rng.integers(0, 5), m))
+    A = np.vstack([np.eye(m), -np.eye(m), cuts])
+    b = rng.uniform(0.1, 3.0, len(A)) * np.linalg.norm(A, axis=1)
+    b += A @ rng.uniform(-2, 2, m)
+    scale = 10.0 ** rng.uniform(-2, 2, len(A))
+    order = rng.permutation(len(A))
+    return (A * scale[:, None])[order], (b * scale)[order]
+
+
+def program(c: np.ndarray, A: np.ndarray, b: np.ndarray) -> float:
+    """min cᵀu by a linear program, its numbers scaled to what HiGHS likes."""
+    size, rows = np.linalg.norm(c), np.linalg.norm(A, axis=1)
+    found = linprog(c / size, A_ub=A / rows[:, None], b_ub=b / rows, bounds=(None, None))
+    assert found.status == 0, found.message
+    return float(size * found.fun)
+
+
+@given(seed=seeds, m=st.integers(1, 3))
+def test_extremes_and_their_points_are_those_of_the_linear_program(seed, m):
+    rng = np.random.default_rng(seed)
+    A, b = random_polytope(rng, m)
+    c, corners = rng.normal(size=m) * 10.0 ** rng.uniform(-3, 3), vertices(A, b)
+    least, most = program(c, A, b), -program(-c, A, b)
+    near = {"rel": 1e-6, "abs": 1e-6 * np.abs(c).max()}
+    assert extremes(c, corners) == pytest.approx((least, most), **near)
+    assert c @ minimiser(c, corners) == pytest.approx(least, **near)
+    assert c @ maximiser(c, corners) == pytest.approx(most, **near)
+
+
+@given(seed=seeds, m=st.integers(1, 3))
+def test_every_vertex_lies_in_the_polytope_on_as_many_rows_as_there_are_inputs(seed, m):
+    A, b = random_polytope(np.random.default_rng(seed), m)
+    size = np.linalg.norm(A, axis=1)
+    for corner in vertices(A, b):
+        slack = (b - A @ corner) / size
+        assert slack.min() > -1e-7
+        assert np.sum(slack < 1e-7) >= m
+
+
+@given(seed=seeds, m=st.integers(1, 3))
+def test_an_axis_aligned_polytope_knows_that_it_is_a_box_and_a_cut_one_that_it_is_not(seed, m):
+    rng = np.random.default_rng(seed)
+    low = rng.uniform(-3, 1, m)
+    high = low + rng.uniform(0.1, 3, m)
+    A, b = np.vstack([np.eye(m), -np.eye(m)]), np.concatenate([high, -low])
+    box = polytope(A, b).box
+    assert box is not None
+    assert box.low == pytest.approx(low)
+    assert box.high == pytest.approx(high)
+    if m > 1:
+        cut = polytope(np.vstack([A, np.ones(m)]), np.append(b, (low + high).sum() / 2))
+        assert cut.box is None
+
+
+EMPTY = {
+    "contradiction": ([[1, 0], [-1, 0], [0, 1], [0, -1]], [-1, -1, 1, 1]),
+    "three half-planes apart": ([[1, 0], [0, 1], [-1, -1]], [-1, -1, 1]),
+    "on a line": ([[1], [-1]], [-2, 1]),
+}
+UNBOUNDED = {
+    "half-plane": ([[1, 0]], [1]),
+    "strip": ([[1, 0], [-1, 0]], [1, 1]),
+    "quadrant": ([[1, 0], [0, 1]], [1, 1]),
+    "half-strip": ([[1, 0], [-1, 0], [0, 1]], [1, 1, 1]),
+    "slanted wedge": ([[1, 1], [1, -1]], [1, 1]),
+    "ray": ([[1]], [1]),
+    "prism": ([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1]], [1, 1, 1, 1, 1]),
+}
+
+
+@pytest.mark.parametrize("name", EMPTY)
+def test_an_empty_polytope_is_refused(name):
+    A, b = (np.array(a, dtype=float) for a in EMPTY[name])
+    with pytest.raises(EmptyPolytopeError):
+        polytope(A, b)
+
+
+@pytest.mark.parametrize("name", UNBOUNDED)
+def test_an_unbounded_polytope_is_refused(name):
+    """Assumption (Ui): U_i is compact; otherwise γ^max does not exist."""
+    A, b = (np.array(a, dtype=float) for a in UNBOUNDED[name])
+    with pytest.raises(EmptyPolytopeError):
+        polytope(A, b)
+
+
+def paper_polytope(theta: float, speed: float, turn: float, b: float) -> tuple:
+    """Eq. (IOcontrolbounds)."""
+    cos, sin = np.cos(theta), np.sin(theta)
+    A = [[cos, sin], [-cos, -sin], [-sin / b, cos / b], [sin / b, -cos / b]]
+    return np.array(A), np.array([speed, speed, turn, turn])
+
+
+MIXED = swarm_of([OutputUnicycle(), Drifter(), Unicycle(3.0, 1.5), OutputUnicycle(2.0, 1.0)])
+MIXED_TERMS = TermsFunction(build_chain(MIXED.composed, [1.0]))
+
+
+@given(seed=seeds)
+@settings(max_examples=30)
+def test_terms_have_the_extremes_of_every_members_own_polytope_at_this_state(seed):
+    x = np.random.default_rng(seed).uniform(-2, 2, 12)
+    terms = MIXED_TERMS(x)
+    native = (np.vstack([np.eye(2), -np.eye(2)]), np.array([3.0, 1.5, 3.0, 1.5]))
+    triangle = (np.array([[-1, 0], [0, -1], [1, 1]]), np.array([1, 1, 2.0 + np.tanh(x[3])]))
+    expected = [
+        paper_polytope(x[2], 4.0, 2.0, 0.25),
+        triangle,
+        native,
+        paper_polytope(x[11], 2.0, 1.0, 0.25),
+    ]
+    for l, (A, b) in enumerate(expected):
+        c = terms.c[l]
+        found = terms.polytopes[l]
+        sizes = np.linalg.norm(A, axis=1)
+        assert np.allclose(found.A, A / sizes[:, None])
+        assert np.allclose(found.b, b / sizes)
+        assert terms.least[l] == pytest.approx(program(c, A, b), rel=1e-6, abs=1e-7)
+        assert terms.most[l] == pytest.approx(-program(-c, A, b), rel=1e-6, abs=1e-7)
+
+
+@given(seed=seeds)
+@settings(max_examples=10)
+def test_a_single_input_may_have_a_polytope_that_depends_on_the_state(seed):
+    carts = swarm_of([Rail(), Rail()], adversaries=0, obstacles=())
+    x = np.random.default_rng(seed).uniform(-2, 2, 4)
+    terms = TermsFunction(build_chain(carts.composed, [1.0]))(x)
+    bounds = 1.0 / (1.0 + x[::2] ** 2)
+    assert terms.most == pytest.approx(
+        [abs(c[0]) * b for c, b in zip(terms.c, bounds, strict=True)]
+    )
+    assert terms.least == pytest.approx(-terms.most)
+
+
+def test_a_polytope_that_becomes_empty_at_some_state_is_refused_there():
+    """The triangle {u_1 >= -1, u_2 >= -1, u_1 + u_2 <= t + tanh x} is empty for small t."""
+    case = swarm_of([Drifter(thrust=-2.0), Drifter()])
+    terms = TermsFunction(build_chain(case.composed, [1.0]))
+    terms(np.array([3.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    with pytest.raises(EmptyPolytopeError):
+        terms(np.array([-3.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+
+
+def test_an_empty_constant_polytope_is_refused_when_the_chain_is_compiled():
+    case = swarm_of([SingleIntegrator(-1.0), SingleIntegrator(1.0)])
+    with pytest.raises(EmptyPolytopeError):
+        TermsFunction(build_chain(case.composed, [1.0]))

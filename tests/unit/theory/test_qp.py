@@ -1,0 +1,155 @@
+"""The agent's QP against an exact solver: every set of active rows tried in turn."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import minimize
+from test_polytope import random_polytope
+
+from phalanx.theory.models.polytope import Polytope, extremes, polytope
+from phalanx.theory.rows.qp import TOLERANCE, NearestInput
+from phalanx.theory.rows.row import Row
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def nearest_by_active_sets(u_nom, weights, A, b) -> np.ndarray | None:
+    """The point of {A u <= b} nearest to u_nom in the metric: the only one that fulfils KKT."""
+    size = np.linalg.norm(A, axis=1)
+    A, b = A / size[:, None], b / size
+    best, best_cost = None, np.inf
+    for count in range(len(u_nom) + 1):
+        for rows in map(list, combinations(range(len(b)), count)):
+            B = A[rows] / weights
+            if count and np.linalg.cond(B @ A[rows].T) > 1e10:
+                continue
+            u = u_nom - B.T @ np.linalg.solve(B @ A[rows].T, A[rows] @ u_nom - b[rows])
+            cost = weights @ (u - u_nom) ** 2
+            if (A @ u <= b + 1e-9).all() and cost < best_cost:
+                best, best_cost = u, cost
+    return best
+
+
+def drawn(seed: int, m: int) -> tuple[np.random.Generator, Polytope, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    A, b = random_polytope(rng, m)
+    unit = np.linalg.norm(A, axis=1)
+    u_set = polytope(A / unit[:, None], b / unit)
+    return rng, u_set, rng.uniform(0.05, 2.0, m), rng.uniform(-6, 6, m)
+
+
+def cutting_row(rng: np.random.Generator, u_set: Polytope, size: float, share: float) -> Row:
+    """A row of norm `size` that leaves that share of the polytope's width."""
+    a = rng.normal(size=u_set.A.shape[1])
+    a *= size / np.linalg.norm(a)
+    least, most = extremes(a, u_set.corners)
+    return Row(a, least + share * (most - least))
+
+
+@given(seed=seeds, m=st.integers(1, 3), log_size=st.floats(-6, 3), share=st.floats(0.02, 1.2))
+@settings(max_examples=150)
+def test_the_qp_finds_the_nearest_input_that_satisfies_the_row(seed, m, log_size, share):
+    rng, u_set, weights, u_nom = drawn(seed, m)
+    row = cutting_row(rng, u_set, 10.0**log_size, share)
+    u = NearestInput(tuple(weights), len(u_set.b)).solve(u_nom, u_set, row)
+    exact = nearest_by_active_sets(
+        u_nom, weights, np.vstack([u_set.A, row.a]), np.append(u_set.b, row.bound)
+    )
+    assert u is not None
+    assert exact is not None
+    assert u == pytest.approx(exact, abs=2e-5)
+    assert row.a @ u - row.bound <= TOLERANCE * np.linalg.norm(row.a) * 1.001
+    assert (u_set.A @ u <= u_set.b + TOLERANCE).all()
+
+
+@given(seed=seeds, m=st.integers(1, 3))
+def test_without_a_row_the_qp_projects_onto_the_polytope(seed, m):
+    _, u_set, weights, u_nom = drawn(seed, m)
+    u = NearestInput(tuple(weights), len(u_set.b)).solve(u_nom, u_set)
+    assert u == pytest.approx(nearest_by_active_sets(u_nom, weights, u_set.A, u_set.b), abs=2e-5)
+
+
+@given(seed=seeds)
+@settings(max_examples=20)
+def test_the_qp_agrees_with_a_general_purpose_solver(seed):
+    rng, u_set, weights, u_nom = drawn(seed, 2)
+    row = cutting_row(rng, u_set, 1.0, 0.4)
+    u = NearestInput(tuple(weights), len(u_set.b)).solve(u_nom, u_set, row)
+    A, b = np.vstack([u_set.A, row.a]), np.append(u_set.b, row.bound)
+    other = minimize(
+        lambda v: weights @ (v - u_nom) ** 2,
+        u_set.corners.mean(axis=0),
+        jac=lambda v: 2 * weights * (v - u_nom),
+        constraints={"type": "ineq", "fun": lambda v: b - A @ v, "jac": lambda _: -A},
+        method="SLSQP",
+        options={"ftol": 1e-12},
+    )
+    assert u is not None
+    assert weights @ (u - u_nom) ** 2 == pytest.approx(other.fun, rel=1e-4, abs=1e-5)
+
+
+@given(seed=seeds, m=st.integers(1, 3), log_size=st.floats(-6, 3), gap=st.floats(0.01, 3.0))
+@settings(max_examples=40)
+def test_an_infeasible_row_gives_none(seed, m, log_size, gap):
+    rng, u_set, weights, u_nom = drawn(seed, m)
+    row = cutting_row(rng, u_set, 10.0**log_size, -gap)
+    assert NearestInput(tuple(weights), len(u_set.b)).solve(u_nom, u_set, row) is None
+
+
+@pytest.mark.parametrize(("bound", "feasible"), [(0.0, True), (1.0, True), (-1e-9, False)])
+def test_a_row_without_authority_holds_for_all_inputs_or_for_none(bound, feasible):
+    u_set = polytope(np.array([[1.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]), np.ones(3))
+    u = NearestInput((1.0, 1.0), 3).solve(np.zeros(2), u_set, Row(np.zeros(2), bound))
+    assert (u is not None) is feasible
+
+
+@given(seed=seeds, m=st.integers(1, 3))
+@settings(max_examples=15)
+def test_a_solver_updated_many_times_answers_bit_for_bit_as_a_fresh_one(seed, m):
+    """Adaptive ρ and warm starts would carry memory from one step into the next."""
+    rng, u_set, weights, _ = drawn(seed, m)
+    kept = NearestInput(tuple(weights), len(u_set.b))
+    for _ in range(12):
+        u_nom = rng.uniform(-9, 9, m)
+        row = cutting_row(rng, u_set, 10.0 ** rng.uniform(-6, 3), rng.uniform(-0.3, 0.9))
+        moved = polytope(u_set.A, u_set.b + rng.uniform(0, 1, len(u_set.b)))
+        fresh = NearestInput(tuple(weights), len(u_set.b)).solve(u_nom, moved, row)
+        again = kept.solve(u_nom, moved, row)
+        assert (fresh is None) is (again is None)
+        if fresh is not None and again is not None:
+            assert again.tobytes() == fresh.tobytes()
+
+
+@given(seed=seeds)
+@settings(max_examples=30)
+def test_zeros_in_the_polytope_do_not_upset_the_kept_solver(seed):
+    """A zero that vanished from the sparsity pattern would shift all coefficients after it."""
+    rng, _, weights, _ = drawn(seed, 2)
+    kept = NearestInput(tuple(weights), 3)
+    triangles = [[[-1, 0], [0, -1], [1, 1]], [[0.6, 0.8], [-1, 0.2], [0.1, -1]]]
+    for A in triangles * 2:
+        u_set, u_nom = polytope(np.array(A, dtype=float), np.ones(3)), rng.uniform(-4, 4, 2)
+        row = cutting_row(rng, u_set, 1.0, 0.5)
+        exact = nearest_by_active_sets(
+            u_nom, weights, np.vstack([u_set.A, row.a]), np.append(u_set.b, row.bound)
+        )
+        assert kept.solve(u_nom, u_set, row) == pytest.approx(exact, abs=2e-5)
+
+
+def test_an_answer_is_the_callers_to_keep():
+    u_set = polytope(np.array([[1.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]), np.ones(3))
+    qp = NearestInput((1.0, 1.0), 3)
+    first = qp.solve(np.array([5.0, 0.0]), u_set)
+    assert first is not None
+    before = first.copy()
+    qp.solve(np.array([-5.0, -5.0]), u_set)
+    assert (first == before).all()
+
+
+def test_the_exact_solver_used_here_is_itself_right_on_a_known_answer():
+    A, b = np.vstack([np.eye(2), -np.eye(2), [[1.0, 1.0]]]), np.array([1.0, 1, 1, 1, 1])
+    u = nearest_by_active_sets(np.array([3.0, 3.0]), np.array([1.0, 1.0]), A, b)
+    assert u == pytest.approx([0.5, 0.5])

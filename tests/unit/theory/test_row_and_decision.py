@@ -1,0 +1,161 @@
+"""Rows of both information models, and what an agent makes of them."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from users_own import Drifter, OutputUnicycle, Oval, along, swarm_of
+
+from phalanx.theory.models.integrators import SingleIntegrator
+from phalanx.theory.models.polytope import maximiser, minimiser
+from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.rows.decision import decide
+from phalanx.theory.rows.origin import Origin
+from phalanx.theory.rows.qp import NearestInput
+from phalanx.theory.rows.row import Row, paper_row, split_row
+from phalanx.theory.rows.terms import TermsFunction
+from phalanx.theory.safety.chain import build_chain
+
+ALPHA, ETA = 1.3, 0.8
+SWARM = swarm_of(
+    [Unicycle(4.0, 2.0), Drifter(), SingleIntegrator(1.5), OutputUnicycle(), Unicycle(2.0, 1.0)],
+    adversaries=2,
+    function=Oval(),
+)
+NORMAL, ADVERSARIES = (0, 1, 2), (3, 4)
+TERMS = TermsFunction(build_chain(SWARM.composed, [ALPHA]))
+METRICS = [m.dynamics.input_metric() for m in SWARM.composed.members]
+SIZE = SWARM.composed.x.numel()
+seeds = st.integers(0, 2**32 - 1)
+
+
+def joint_condition(x: np.ndarray, u: dict[int, np.ndarray]) -> float:
+    """Left-hand side of Eq. (KNx), with ḣ_tot by finite differences and adversaries at worst."""
+    twin, terms = SWARM.twin, TERMS(x)
+    u = u | {j: maximiser(terms.c[j], terms.polytopes[j].corners) for j in ADVERSARIES}
+    rate = sum(twin.f(l, x) + twin.g(l, x) @ u[l] for l in range(5))
+    return along(twin.h_tot, x, rate) + ALPHA * twin.h_tot(x) + ETA
+
+
+def drawn(seed: int) -> tuple[np.random.Generator, np.ndarray, dict[int, np.ndarray]]:
+    rng = np.random.default_rng(seed)
+    x = rng.uniform(-2.5, 2.5, SIZE)
+    polytopes = TERMS(x).polytopes
+    inputs = {}
+    for l in NORMAL:
+        corners = polytopes[l].corners
+        inputs[l] = rng.dirichlet(np.ones(len(corners))) @ corners
+    return rng, x, inputs
+
+
+@given(seed=seeds, i=st.sampled_from(NORMAL))
+def test_with_true_inputs_the_papers_row_is_the_joint_condition(seed, i):
+    _, x, u = drawn(seed)
+    row = paper_row(TERMS(x), i, {l: u[l] for l in NORMAL if l != i}, ETA)
+    assert row.a @ u[i] - row.bound == pytest.approx(joint_condition(x, u), rel=1e-4, abs=1e-4)
+
+
+@given(seed=seeds, i=st.sampled_from(NORMAL), silent=st.sampled_from(NORMAL))
+def test_who_was_never_heard_counts_at_its_worst(seed, i, silent):
+    _, x, u = drawn(seed)
+    terms = TERMS(x)
+    heard = {l: u[l] for l in NORMAL if l not in (i, silent)}
+    worst = u | {l: maximiser(terms.c[l], terms.polytopes[l].corners) for l in {silent} - {i}}
+    row = paper_row(terms, i, heard, ETA)
+    assert row.a @ u[i] - row.bound == pytest.approx(joint_condition(x, worst), rel=1e-4, abs=1e-4)
+
+
+@given(seed=seeds)
+def test_shares_of_all_normal_agents_add_up_to_the_joint_condition(seed):
+    _, x, u = drawn(seed)
+    rows = {i: split_row(TERMS(x), i, NORMAL, ETA) for i in NORMAL}
+    shares = sum(rows[i].a @ u[i] - rows[i].bound for i in NORMAL)
+    assert shares == pytest.approx(joint_condition(x, u), rel=1e-4, abs=1e-4)
+
+
+def best_joint_condition(x: np.ndarray) -> float:
+    """T: the joint condition when every normal agent does its best."""
+    terms = TERMS(x)
+    best = {i: minimiser(terms.c[i], terms.polytopes[i].corners) for i in NORMAL}
+    return joint_condition(x, best)
+
+
+@given(seed=seeds, offset=st.floats(-3, 3).filter(lambda o: abs(o) > 1e-3))
+def test_shares_are_feasible_exactly_when_the_joint_condition_is(seed, offset):
+    """η is chosen so that T = offset, on either side of zero."""
+    _, x, _ = drawn(seed)
+    terms = TERMS(x)
+    eta = ETA - best_joint_condition(x) + offset
+    for i in NORMAL:
+        feasible = terms.least[i] <= split_row(terms, i, NORMAL, eta).bound
+        assert feasible == (offset <= 0)
+
+
+@given(seed=seeds)
+def test_every_normal_agent_gets_the_same_part_of_what_is_left(seed):
+    terms = TERMS(drawn(seed)[1])
+    left = [split_row(terms, i, NORMAL, ETA).bound - terms.least[i] for i in NORMAL]
+    assert left == pytest.approx([left[0]] * len(NORMAL))
+
+
+def solver(i: int, rows: int) -> NearestInput:
+    return NearestInput(METRICS[i], rows)
+
+
+@given(seed=seeds, i=st.sampled_from(NORMAL), share=st.floats(0.01, 1.5))
+def test_a_qp_input_is_in_the_safety_preserving_set(seed, i, share):
+    rng, x, _ = drawn(seed)
+    terms = TERMS(x)
+    row = Row(terms.c[i], terms.least[i] + share * (terms.most[i] - terms.least[i]))
+    polytope = terms.polytopes[i]
+    wanted = rng.uniform(-9, 9, 2)
+    decision = decide(terms, i, row, wanted, solver(i, len(polytope.b)), 0.0)
+    assert decision.origin == Origin.QP
+    assert (polytope.A @ decision.u <= polytope.b + 1e-5).all()
+    assert row.a @ decision.u <= row.bound + 2e-6 * max(1.0, np.linalg.norm(row.a))
+    assert decision.residual == pytest.approx(row.a @ decision.u - row.bound)
+
+
+@given(seed=seeds, i=st.sampled_from(NORMAL), gap=st.floats(0.01, 5.0))
+def test_without_solution_the_agent_does_what_helps_most(seed, i, gap):
+    rng, x, _ = drawn(seed)
+    terms = TERMS(x)
+    row = Row(terms.c[i], terms.least[i] - gap)
+    polytope = terms.polytopes[i]
+    decision = decide(terms, i, row, rng.uniform(-9, 9, 2), solver(i, len(polytope.b)), 0.0)
+    assert decision.origin == Origin.BACKUP
+    assert terms.c[i] @ decision.u == pytest.approx(terms.least[i])
+    assert (polytope.A @ decision.u <= polytope.b + 1e-8).all()
+    assert decision.residual == pytest.approx(gap)
+
+
+@given(seed=seeds, i=st.sampled_from(NORMAL))
+def test_an_agent_that_cannot_help_goes_on_as_it_wants_within_its_bounds(seed, i):
+    rng, x, _ = drawn(seed)
+    terms = TERMS(x)
+    span = terms.most[i] - terms.least[i]
+    row, polytope = Row(terms.c[i], terms.least[i] - 1.0), terms.polytopes[i]
+    wanted = rng.uniform(-9, 9, 2)
+    decision = decide(terms, i, row, wanted, solver(i, len(polytope.b)), 1.001 * span)
+    assert decision.origin == Origin.NO_AUTHORITY
+    projected = solver(i, len(polytope.b)).solve(wanted, polytope)
+    assert projected is not None
+    assert decision.u == pytest.approx(projected)
+    busier = decide(terms, i, row, wanted, solver(i, len(polytope.b)), 0.999 * span)
+    assert busier.origin == Origin.BACKUP
+
+
+@given(seed=seeds)
+@settings(max_examples=30)
+def test_no_decision_is_zero_or_the_raw_wish_when_that_is_outside(seed):
+    rng, x, _ = drawn(seed)
+    terms = TERMS(x)
+    wanted = rng.uniform(5, 9, 2)  # outside every polytope here but a stretched triangle
+    for i in (0, 2):
+        rows = len(terms.polytopes[i].b)
+        for bound in (terms.least[i] - 1.0, terms.least[i] + 0.1, 1e6):
+            for authority in (0.0, 1e9):
+                row = Row(terms.c[i], bound)
+                u = decide(terms, i, row, wanted, solver(i, rows), authority).u
+                assert np.abs(u).max() > 1e-6
+                assert np.abs(u - wanted).max() > 0.1

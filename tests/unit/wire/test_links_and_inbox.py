@@ -1,0 +1,231 @@
+"""What the network does to broadcasts, and what an agent has received by t."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import kstest
+
+from phalanx.network.inbox import BroadcastInbox
+from phalanx.network.link import Link
+from phalanx.scenario.load import load
+from phalanx.scenario.network import LinkModel, UniformDelay
+from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.rows.origin import Origin
+from phalanx.wire.messages import VERSION, Fate, Input
+
+LOSSY = LinkModel(loss=0.3, delay=UniformDelay(low=0.002, high=0.05))
+MANY = 4000
+
+
+def fates(link: Link, ks: "range | list[int]" = range(MANY)) -> list[float | None]:
+    return [link.fate(k) for k in ks]
+
+
+@given(st.permutations(range(600)))
+def test_a_fate_depends_on_seed_link_and_number_alone_not_on_the_order_of_asking(order):
+    once = dict(zip(range(600), fates(Link(3, "a", "b", LOSSY), range(600)), strict=True))
+    link = Link(3, "a", "b", LOSSY)
+    assert {k: link.fate(k) for k in order} == once
+
+
+def test_links_in_each_direction_and_seeds_have_fates_of_their_own():
+    drawn = [
+        tuple(fates(Link(seed, *ends, LOSSY), range(50)))
+        for seed, *ends in [
+            (0, "a", "b"),
+            (0, "b", "a"),
+            (0, "a", "c"),
+            (0, "c", "b"),
+            (1, "a", "b"),
+        ]
+    ]
+    assert len(set(drawn)) == 5
+
+
+@pytest.mark.parametrize("loss", [0.05, 0.3, 0.9])
+def test_the_share_of_losses_is_the_models(loss):
+    lost = sum(f is None for f in fates(Link(0, "a", "b", LinkModel(loss=loss))))
+    assert lost / MANY == pytest.approx(loss, abs=4 * np.sqrt(loss * (1 - loss) / MANY))
+
+
+def test_loss_zero_loses_nothing_and_loss_one_everything():
+    assert None not in fates(Link(0, "a", "b", LinkModel(loss=0.0, delay=LOSSY.delay)))
+    assert set(fates(Link(0, "a", "b", LinkModel(loss=1.0)))) == {None}
+
+
+def test_losses_are_independent_of_one_another():
+    lost = np.array([f is None for f in fates(Link(0, "a", "b", LOSSY))], dtype=float)
+    assert abs(np.corrcoef(lost[1:], lost[:-1])[0, 1]) < 4 / np.sqrt(MANY)
+
+
+def test_a_constant_delay_is_that_delay():
+    assert set(fates(Link(0, "a", "b", LinkModel(delay=0.01)))) == {0.01}
+    delays = set(fates(Link(0, "a", "b", LinkModel(delay=0.01, loss=0.5))))
+    assert delays == {None, 0.01}
+
+
+def test_a_uniform_delay_fills_its_range_evenly_whatever_is_lost():
+    delays = np.array([f for f in fates(Link(0, "a", "b", LOSSY)) if f is not None])
+    assert delays.min() >= 0.002
+    assert delays.max() <= 0.05
+    assert kstest(delays, "uniform", args=(0.002, 0.048)).pvalue > 0.01
+
+
+def test_an_override_governs_its_links_and_no_others():
+    scenario = load(
+        "unicycles", ['network.links=[{ from = "1", to = "2", loss = 1.0 }]', "network.delay=0.01"]
+    )
+    names = build_swarm(scenario).names
+    for one in names:
+        for other in names:
+            if one != other:
+                link = Link(0, one, other, scenario.network.link(one, other))
+                assert link.fate(5) == (None if (one, other) == ("1", "2") else 0.01)
+
+
+# The inbox. Broadcast k is sent at k/100 s.
+
+
+def broadcast(k: int) -> Input:
+    return Input(VERSION, k, k / 100, k / 100, (k + 1) / 100, (float(k), 0.0), Origin.QP, 0.0, 0.0)
+
+
+def inbox_of(model: LinkModel, senders: int = 1) -> BroadcastInbox:
+    """The inbox of agent 9, which listens to senders 0, 1, ..."""
+    return BroadcastInbox({s: Link(0, f"s{s}", "me", model) for s in range(senders)})
+
+
+def newest(inbox: BroadcastInbox, sender: int = 0) -> int | None:
+    received = inbox.received().get(sender)
+    return None if received is None else received.k
+
+
+@given(st.permutations(range(20)))
+def test_what_was_received_does_not_depend_on_the_order_of_arrival(order):
+    inbox = inbox_of(LOSSY)
+    assert all(inbox.put(0, broadcast(k)) for k in order)
+    for now in range(20):
+        inbox.advance((now,), now / 100)
+        arrived = [
+            k
+            for k in range(now + 1)
+            if (delay := Link(0, "s0", "me", LOSSY).fate(k)) is not None
+            and k / 100 + delay <= now / 100
+        ]
+        assert newest(inbox) == max(arrived, default=None)
+
+
+def test_a_broadcast_is_missing_until_it_is_here_and_not_again_after_it_was_decided():
+    inbox = inbox_of(LinkModel(), senders=2)
+    assert not inbox.missing((-1, -1))
+    assert inbox.missing((0, -1))
+    inbox.put(0, broadcast(0))
+    assert not inbox.missing((0, -1))
+    assert inbox.missing((0, 0))
+    assert inbox.missing((1, -1))
+    inbox.put(0, broadcast(2))
+    assert inbox.missing((2, -1))
+    inbox.put(0, broadcast(1))
+    assert not inbox.missing((2, -1))
+    inbox.advance((2, -1), 1.0)
+    assert not inbox.missing((2, -1))
+    assert inbox.missing((3, -1))
+
+
+def test_duplicates_and_replays_are_refused_and_change_nothing():
+    inbox = inbox_of(LinkModel())
+    assert inbox.put(0, broadcast(0))
+    assert not inbox.put(0, broadcast(0))
+    inbox.put(0, broadcast(1))
+    inbox.advance((1,), 1.0)
+    for old in (0, 1, -1):
+        assert not inbox.put(0, broadcast(old))
+    assert newest(inbox) == 1
+    assert inbox.put(0, broadcast(2))
+
+
+def test_the_first_of_two_claims_to_one_number_counts():
+    inbox = inbox_of(LinkModel())
+    inbox.put(0, broadcast(0))
+    rival = Input(VERSION, 0, 0.0, 0.0, 0.01, (99.0, 0.0), Origin.QP, 0.0, 0.0)
+    assert not inbox.put(0, rival)
+    inbox.advance((0,), 1.0)
+    assert inbox.received()[0].u == (0.0, 0.0)
+
+
+def test_a_broadcast_that_came_early_counts_only_once_the_sample_says_it_exists():
+    inbox = inbox_of(LinkModel())
+    for k in range(3):
+        inbox.put(0, broadcast(k))
+    inbox.advance((0,), 1.0)
+    assert newest(inbox) == 0
+    inbox.advance((2,), 1.0)
+    assert newest(inbox) == 2
+
+
+def test_a_delayed_broadcast_is_received_when_its_delay_is_over():
+    inbox = inbox_of(LinkModel(delay=0.025))
+    inbox.put(0, broadcast(1))
+    inbox.put(0, broadcast(0))
+    inbox.advance((1,), 0.02)
+    assert newest(inbox) is None
+    inbox.advance((1,), 0.025)
+    assert newest(inbox) == 0
+    inbox.advance((1,), 0.035)
+    assert newest(inbox) == 1
+
+
+def test_a_lost_broadcast_leaves_the_one_before_in_place():
+    inbox = inbox_of(LinkModel(loss=0.5))
+    link = Link(0, "s0", "me", LinkModel(loss=0.5))
+    kept = None
+    for k in range(40):
+        inbox.put(0, broadcast(k))
+        inbox.advance((k,), k / 100)
+        kept = kept if link.fate(k) is None else k
+        assert newest(inbox) == kept
+    assert kept is not None
+
+
+def test_an_overtaken_broadcast_does_not_replace_the_newer_one():
+    wild = LinkModel(delay=UniformDelay(low=0.0, high=0.2))
+    inbox, link = inbox_of(wild), Link(0, "s0", "me", wild)
+    due = [k / 100 + link.fate(k) for k in range(60)]
+    assert any(a > b for a, b in itertools.pairwise(due)), "no overtaking to test"
+    for k in range(60):
+        inbox.put(0, broadcast(k))
+    seen = []
+    for t in np.arange(0.0, 1.0, 0.003):
+        latest = min(59, int(t * 100))
+        inbox.advance((latest,), t)
+        expected = max((k for k in range(latest + 1) if due[k] <= t), default=None)
+        assert newest(inbox) == expected
+        seen.append(expected)
+    assert seen[-1] == 59
+
+
+def test_each_fate_is_told_once_with_its_delay_and_a_negative_one_for_a_loss():
+    inbox = inbox_of(LOSSY, senders=2)
+    links = [Link(0, f"s{s}", "me", LOSSY) for s in (0, 1)]
+    for s in (0, 1):
+        for k in range(30):
+            inbox.put(s, broadcast(k))
+    told = [*inbox.advance((9, 4), 0.1), *inbox.advance((9, 4), 0.2), *inbox.advance((29, 4), 0.3)]
+    expected = []
+    for s, count in ((0, 30), (1, 5)):
+        for k in range(count):
+            delay = links[s].fate(k)
+            expected.append(Fate(s, k, -1.0 if delay is None else delay))
+    assert sorted(told, key=lambda f: (f.sender, f.k)) == expected
+    assert any(f.delay < 0 for f in told)
+
+
+def test_senders_do_not_disturb_one_another():
+    inbox = inbox_of(LinkModel(), senders=3)
+    inbox.put(1, broadcast(0))
+    inbox.advance((-1, 0, -1), 1.0)
+    assert set(inbox.received()) == {1}
+    assert inbox.senders == [0, 1, 2]
