@@ -1,12 +1,13 @@
-"""The one controller of Theorem 1: (QPmultiple), solved once for all normal agents."""
+"""The centralised controller of Theorem 1: (QPmultiple), solved once for all normal agents."""
 
 from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.agent.distributed import Alone, Thought
-from phalanx.swarm.swarm import Swarm
+from phalanx.agent.controller import StepResult
+from phalanx.agent.distributed import DistributedController
+from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.laws.law import View
 from phalanx.theory.rows.centralised import JointInput
 from phalanx.theory.rows.information import ReceivedInput
@@ -14,24 +15,24 @@ from phalanx.theory.rows.information import ReceivedInput
 Array = NDArray[np.float64]
 
 
-class Together:
+class CentralisedController:
     """What all normal agents do at one sampled state."""
 
-    def __init__(self, swarm: Swarm) -> None:
+    def __init__(self, rows: SafetyRows) -> None:
         """Compile the theory once for all."""
-        safety, first = swarm.scenario.safety, swarm.normal[0]
-        self.swarm, self._normal = swarm, swarm.normal
-        self._eta, self._scale = swarm.eta(first), safety.margin_scale
-        self._authority = safety.authority
+        swarm = rows.swarm
+        first = swarm.normal[0]
+        self.rows, self._normal = rows, swarm.normal
+        self._authority = swarm.scenario.safety.authority
         self._laws = [swarm.law(l) for l in self._normal]
-        self._goals = [swarm.goal_of(l) for l in self._normal]
-        self._parts = swarm.chain.set.parts
-        self._terms = swarm.terms(first)
+        self._goals = [swarm.goal(l) for l in self._normal]
+        self._parts = swarm.safe_set.parts
+        self._terms = rows.terms(first)
         self._qp = JointInput([swarm.members[l].dynamics for l in self._normal])
         self._sampled: tuple[float, bytes] | None = None
-        self._thoughts: dict[int, Thought] = {}
+        self._results: dict[int, StepResult] = {}
 
-    def at(self, x: Array, t: float) -> dict[int, Thought]:
+    def at(self, x: Array, t: float) -> dict[int, StepResult]:
         """Every normal agent's input for the state x, shape (n̄,), sampled at t [s].
 
         Agents that sample together share one solution; those that do not, as Theorem 1 would
@@ -39,34 +40,33 @@ class Together:
         """
         sampled = t, x.tobytes()
         if sampled != self._sampled:
-            self._sampled, self._thoughts = sampled, self._decide(x, t)
-        return self._thoughts
+            self._sampled, self._results = sampled, self._decide(x, t)
+        return self._results
 
-    def _decide(self, x: Array, t: float) -> dict[int, Thought]:
+    def _decide(self, x: Array, t: float) -> dict[int, StepResult]:
         terms, normal = self._terms(x), self._normal
         states = [x[part] for part in self._parts]
         u_nom = [
             law.input(View(l, states, normal, goal(t, terms.positions[l]), terms))
             for l, law, goal in zip(normal, self._laws, self._goals, strict=True)
         ]
-        eta = self._scale * (self._eta + terms.margin)
-        decisions = self._qp.decide(terms, normal, u_nom, eta, self._authority)
+        decisions = self._qp.decide(terms, normal, u_nom, self._authority)
         return {
-            l: Thought(decision, u_nom, [])
-            for l, decision, u_nom in zip(normal, decisions, u_nom, strict=True)
+            l: StepResult(decision, nominal, [])
+            for l, decision, nominal in zip(normal, decisions, u_nom, strict=True)
         }
 
 
-class Part:
-    """One agent's mind, which is the controller's."""
+class CentralisedPart:
+    """One agent's part of the centralised controller."""
 
-    def __init__(self, together: Together, i: int) -> None:
-        self._together, self._i = together, i
+    def __init__(self, whole: CentralisedController, i: int) -> None:
+        self._whole, self._i = whole, i
 
-    def __call__(self, x: Array, t: float, heard: Mapping[int, ReceivedInput]) -> Thought:
+    def __call__(self, x: Array, t: float, received: Mapping[int, ReceivedInput]) -> StepResult:
         """Decide on the stacked state x, shape (n̄,), sampled at t [s]."""
-        return self._together.at(x, t)[self._i]
+        return self._whole.at(x, t)[self._i]
 
-    def turned(self) -> Alone:
+    def turned(self) -> DistributedController:
         """It leaves the controller, which goes on counting on it."""
-        return Alone(self._together.swarm, self._i).turned()
+        return DistributedController(self._whole.rows, self._i).turned()

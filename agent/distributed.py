@@ -1,65 +1,46 @@
-"""One agent's own thought: terms of the sample, u_nom input, row, QP."""
+"""The distributed controller: an agent's own law, row and QP, as in (QPdistributed)."""
 
 from collections.abc import Mapping
-from typing import NamedTuple, Protocol, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.agent.controllers import Attack, Controller, Moment, controller
-from phalanx.swarm.swarm import Swarm
+from phalanx.agent.controller import StepResult
+from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.laws.law import Law, View
 from phalanx.theory.laws.worst_case import WorstCase
-from phalanx.theory.rows.decision import Decision
 from phalanx.theory.rows.information import ReceivedInput
+from phalanx.theory.rows.safety_filter import Situation
 
 Array = NDArray[np.float64]
 
 
-class Thought(NamedTuple):
-    """What came of a sample."""
+class DistributedController:
+    """One agent's controller, normal or adversary, which asks nobody."""
 
-    decision: Decision
-    u_nom: Array
-    """u_nom, shape (m_i,)."""
-    used: list[int]
-    """The agents whose û_l counted."""
-
-
-class Mind(Protocol):
-    """What turns one agent's samples into inputs."""
-
-    def __call__(self, x: Array, t: float, heard: Mapping[int, ReceivedInput]) -> Thought:
-        """Decide on the stacked state x, shape (n̄,), sampled at t [s]."""
-
-    def turned(self) -> "Mind":
-        """The same agent's as an adversary."""
-
-
-class Alone:
-    """A mind of the agent's own, as in the distributed problem and in every adversary."""
-
-    def __init__(self, swarm: Swarm, i: int) -> None:
+    def __init__(self, rows: SafetyRows, i: int) -> None:
         """Compile agent i's own copy of the theory."""
-        self._swarm, self._i = swarm, i
-        self._normal, self._parts = swarm.normal, swarm.chain.set.parts
+        swarm = rows.swarm
+        self._rows, self._i = rows, i
+        self._normal, self._parts = swarm.normal, swarm.safe_set.parts
         self._law: Law = swarm.law(i)
-        self._goal = swarm.goal_of(i)
-        self._terms = swarm.terms(i)
+        self._goal = swarm.goal(i)
+        self._terms = rows.terms(i)
+        self._filter = rows.filter(i)
         self._latency = swarm.scenario.time.latency
-        self._controller: Controller = controller(swarm, i)
 
-    def __call__(self, x: Array, t: float, heard: Mapping[int, ReceivedInput]) -> Thought:
+    def __call__(self, x: Array, t: float, received: Mapping[int, ReceivedInput]) -> StepResult:
         """Decide on the stacked state x, shape (n̄,), sampled at t [s]."""
         terms = self._terms(x)
         goal = self._goal(t, terms.positions[self._i])
         states = [x[part] for part in self._parts]
         u_nom = self._law.input(View(self._i, states, self._normal, goal, terms))
-        now = Moment(t + self._latency, x, terms, u_nom, heard)
-        decision, used = self._controller(now)
-        return Thought(decision, u_nom, used)
+        now = Situation(t + self._latency, x, terms, u_nom, received)
+        decision, used = self._filter(now)
+        return StepResult(decision, u_nom, used)
 
     def turned(self) -> Self:
-        """It attacks from now on."""
-        self._law, self._controller = WorstCase(), Attack(self._swarm, self._i)
+        """It attacks from now on, and keeps no row."""
+        self._law, self._filter = WorstCase(), self._rows.unfiltered(self._i)
         return self

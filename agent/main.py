@@ -2,34 +2,29 @@
 
 import gc
 import logging
-import os
 import signal
 import threading
-from collections.abc import Callable
 
-from phalanx.agent.step import ControlStep, control_steps
+from phalanx.agent.answering import SampleAnswering
+from phalanx.agent.step import Answer, ControlStep, control_steps
 from phalanx.scenario.load import digest
 from phalanx.scenario.model import Scenario
+from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire import session as wire
-from phalanx.wire.keys import PLANT, Keys, sender
-from phalanx.wire.messages import Input, Malformed, Sample, Sealer
+from phalanx.wire.keys import PLANT, Keys
+from phalanx.wire.membership import Membership
+from phalanx.wire.seal import Sealer
 
 log = logging.getLogger("phalanx.agent")
 
 
-def run(
-    scenario: Scenario, name: str, *, run_id: str, endpoint: str, secret: bytes, timeout: float
-) -> int:
+def run(scenario: Scenario, membership: Membership) -> int:
     """Run one agent, or the controller of several, until the plant leaves.
 
     Args:
         scenario: resolved; its digest must be the plant's.
-        name: which of the scenario's programs to be.
-        run_id: the run to join.
-        endpoint: the hub's Zenoh endpoint.
-        secret: the run's secret, for the seal.
-        timeout: how long to try to reach the hub [s of wall time].
+        membership: of the run; its identity says which of the scenario's programs to be.
 
     Returns:
         Exit status 0.
@@ -37,28 +32,29 @@ def run(
     Raises:
         HubError: the hub cannot be reached. Exception: whatever a control step raised.
     """
-    swarm = build_swarm(scenario)
-    steps = control_steps(swarm, name)
-    keys, sealer = Keys(run_id), Sealer(secret)
+    steps = control_steps(build_rows(build_swarm(scenario)), membership.identity)
+    keys, sealer = membership.keys, membership.sealer
     over = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: over.set())
-    with wire.open_client(endpoint, timeout) as session:
-        publishers = [wire.publisher(session, keys.input(step.name)) for step in steps]
+    with wire.open_client(membership.endpoint, membership.timeout) as session:
+        senders = [_Sender(session, keys, sealer, step) for step in steps]
         answerings = [
-            Answering(step, sealer, _broadcast(publisher, sealer), over.set, alone=len(steps) == 1)
-            for step, publisher in zip(steps, publishers, strict=True)
+            SampleAnswering(step, sealer, sender, over.set, owns_process=len(steps) == 1)
+            for step, sender in zip(steps, senders, strict=True)
         ]
         for step, answering in zip(steps, answerings, strict=True):
             for other in step.listens_to:
-                wire.subscribe(session, keys.input(other), answering.on_broadcast)
+                wire.subscribe(session, keys.broadcast(other), answering.on_broadcast)
             wire.subscribe(session, keys.sample(step.name), answering.on_sample)
         wire.watch(session, keys.alive(PLANT), lambda _, alive: None if alive else over.set())
-        for publisher in publishers:
-            wire.wait_for_listener(publisher, timeout)
+        for sender in senders:
+            sender.wait_for_listeners(membership.timeout)
+        # What was built so far lives as long as the process: the collector need not look at it
+        # again in the middle of a step.
         gc.freeze()
         known = digest(scenario)
         _tokens = [wire.announce(session, keys.alive(step.name, known)) for step in steps]
-        log.info("joined run %s at %s", run_id, endpoint)
+        log.info("joined run %s at %s", membership.run, membership.endpoint)
         over.wait()
     log.info("left; %d payloads were rejected", sum(step.rejected for step in steps))
     for answering in answerings:
@@ -67,68 +63,29 @@ def run(
     return 0
 
 
-def _broadcast(publisher: wire.Publisher, sealer: Sealer) -> Callable[[Input], None]:
-    key = str(publisher.key_expr)
-    return lambda message: publisher.put(sealer.seal(key, message))
-
-
-class Answering:
-    """Answers each sample in Zenoh's own thread, the shortest way from a sample to its input.
-
-    A sample is answered once every broadcast that it counts is here. What cannot be a message of
-    this run is dropped and counted.
-    """
+class _Sender:
+    """Puts one agent's answers on the wire, what is waited for most first."""
 
     def __init__(
-        self,
-        step: ControlStep,
-        sealer: Sealer,
-        broadcast: Callable[[Input], None],
-        give_up: Callable[[], None],
-        alone: bool = True,
+        self, session: wire.Session, keys: Keys, sealer: Sealer, step: ControlStep
     ) -> None:
-        """alone: whether this process is the agent, and dies with it when ordered to."""
-        self.error: Exception | None = None
-        """What ended the answering, if a control step did."""
-        self._step, self._sealer = step, sealer
-        self._broadcast, self._give_up = broadcast, give_up
-        self._alone = alone
-        self._pending: Sample | None = None
+        name, self._sealer = step.name, sealer
+        # Whom one agent hears, it is heard by.
+        self._has_peers = bool(step.listens_to)
+        self._actuation = wire.publisher(session, keys.actuation(name))
+        self._broadcast = wire.publisher(session, keys.broadcast(name))
+        self._telemetry = wire.publisher(session, keys.telemetry(name))
+        # A key expression's text is made anew each time it is asked for.
+        self._keys = [keys.actuation(name), keys.broadcast(name), keys.telemetry(name)]
 
-    def on_sample(self, key: str, payload: bytes) -> None:
-        """Take a sample."""
-        try:
-            sample = self._step.accept_sample(self._sealer.open(key, payload, Sample))
-        except Malformed as reason:
-            self._drop(key, reason)
-        else:
-            if not (sample.orders and sample.orders.die):
-                self._pending = sample
-                self._answer_if_complete()
-            elif self._alone:
-                os.kill(os.getpid(), signal.SIGKILL)
+    def __call__(self, answer: Answer) -> None:
+        publishers = (self._actuation, self._broadcast, self._telemetry)
+        for publisher, key, message in zip(publishers, self._keys, answer, strict=True):
+            publisher.put(self._sealer.seal(key, message))
 
-    def on_broadcast(self, key: str, payload: bytes) -> None:
-        """Take another agent's broadcast."""
-        try:
-            message = self._sealer.open(key, payload, Input)
-            self._step.accept_broadcast(sender(key), message)
-        except Malformed as reason:
-            self._drop(key, reason)
-        else:
-            self._answer_if_complete()
-
-    def _answer_if_complete(self) -> None:
-        sample = self._pending
-        if sample is None or self._step.inbox.missing(sample.latest):
-            return
-        self._pending = None
-        try:
-            self._broadcast(self._step(sample))
-        except Exception as error:  # a user's law may raise anything, and Zenoh would swallow it
-            self.error = error
-            self._give_up()
-
-    def _drop(self, key: str, reason: Malformed) -> None:
-        self._step.rejected += 1
-        log.warning("dropped a payload on %s: %s", key, reason)
+    def wait_for_listeners(self, timeout: float) -> None:
+        """Return when the plant and a peer listen: what is put earlier is lost. Raises HubError."""
+        wire.wait_for_listener(self._actuation, timeout)
+        wire.wait_for_listener(self._telemetry, timeout)
+        if self._has_peers:
+            wire.wait_for_listener(self._broadcast, timeout)

@@ -1,7 +1,97 @@
-"""Phalanx: adversarially resilient robot swarms as a real networked system.
+"""Phalanx: robot swarms that stay safe over a bad network while some of their members attack.
 
-Implements Usevitch & Panagou, *Adversarial Resilience for Sampled-Data Systems under
+    import phalanx
+
+    scenario = phalanx.load("unicycles", seed=7, overrides={"network.loss": 0.3})
+    run = phalanx.run(scenario, engine="in-process")
+    print(run.verdict, run.summary.worst_h_tot)
+    run.states  # a data frame: t, h_tot, and every agent's states
+
+It implements Usevitch & Panagou, *Adversarial Resilience for Sampled-Data Systems under
 High-Relative-Degree Safety Constraints*. Safe is ``h <= 0`` throughout.
 """
 
-__version__ = "0.1.0"
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from phalanx.faults.commands import Command, CommandKind, CommandPolicy
+    from phalanx.guarantee.check import CheckReport, check
+    from phalanx.guarantee.verdict import Assumption, Outcome, Summary, Violation
+    from phalanx.launcher.engine import Engine, EngineError
+    from phalanx.launcher.run import Run
+    from phalanx.launcher.run import open_run as open
+    from phalanx.launcher.run import verify_run as verify
+    from phalanx.launcher.start import run
+    from phalanx.launcher.verify import Verification
+    from phalanx.recording.read import UnreadableRecordingError
+    from phalanx.scenario.load import ScenarioError, load, shipped
+    from phalanx.scenario.model import Scenario
+    from phalanx.wire.messages import Status
+
+__version__ = "0.2.0"
+
+_HOMES = {
+    "Assumption": "phalanx.guarantee.verdict",
+    "CheckReport": "phalanx.guarantee.check",
+    "Command": "phalanx.faults.commands",
+    "CommandKind": "phalanx.faults.commands",
+    "CommandPolicy": "phalanx.faults.commands",
+    "Engine": "phalanx.launcher.engine",
+    "EngineError": "phalanx.launcher.engine",
+    "Outcome": "phalanx.guarantee.verdict",
+    "Run": "phalanx.launcher.run",
+    "Scenario": "phalanx.scenario.model",
+    "ScenarioError": "phalanx.scenario.load",
+    "Status": "phalanx.wire.messages",
+    "Summary": "phalanx.guarantee.verdict",
+    "UnreadableRecordingError": "phalanx.recording.read",
+    "Verification": "phalanx.launcher.verify",
+    "Violation": "phalanx.guarantee.verdict",
+    "check": "phalanx.guarantee.check",
+    "load": "phalanx.scenario.load",
+    "open": "phalanx.launcher.run:open_run",
+    "run": "phalanx.launcher.start",
+    "shipped": "phalanx.scenario.load",
+    "verify": "phalanx.launcher.run:verify_run",
+}
+"""Where each public name lives. They are imported when first used: the libraries behind some of
+them take a second to load, and most programs need few of them."""
+
+__all__ = [  # noqa: RUF022 - in the order in which one meets them
+    "load",
+    "check",
+    "run",
+    "open",
+    "verify",
+    "Run",
+    "Scenario",
+    "ScenarioError",
+    "shipped",
+    "CheckReport",
+    "Engine",
+    "EngineError",
+    "Status",
+    "Outcome",
+    "Summary",
+    "Assumption",
+    "Violation",
+    "Verification",
+    "UnreadableRecordingError",
+    "Command",
+    "CommandKind",
+    "CommandPolicy",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module, _, attribute = _HOMES[name].partition(":")
+    value = getattr(importlib.import_module(module), attribute or name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOMES])

@@ -1,4 +1,4 @@
-"""Controls from outside the scenario: when they take effect, and how fast virtual time may go."""
+"""Commands from outside the scenario: when they take effect, and how fast virtual time may go."""
 
 import logging
 import queue
@@ -9,10 +9,9 @@ from collections.abc import Callable
 import msgspec
 import numpy as np
 
-from phalanx.faults.commands import CommandKind, CommandPolicy, changes_trajectory, check
-from phalanx.recording.records import Command
+from phalanx.faults.commands import Command, CommandKind, CommandPolicy, refusal
 from phalanx.wire.frames import CommandMessage
-from phalanx.wire.messages import Malformed, Sealer
+from phalanx.wire.seal import Malformed, Sealer
 
 log = logging.getLogger("phalanx.plant")
 
@@ -33,7 +32,7 @@ class CommandQueue:
         self.speed = policy.speed
         self.rejected: Counter[str] = Counter()
         self._schedule = deque(
-            sorted(filter(changes_trajectory, policy.schedule), key=lambda c: c.t)
+            sorted((c for c in policy.schedule if c.changes_trajectory), key=lambda c: c.t)
         )
         self._names, self._check_stop = names, check_stop
         self._live: queue.SimpleQueue[Command] = queue.SimpleQueue()
@@ -68,15 +67,15 @@ class CommandQueue:
         while True:
             wait = self._wait(t)
             try:
-                control = self._live.get(wait > 0, timeout=max(0.0, min(wait, _GLANCE)))
+                command = self._live.get(wait > 0, timeout=max(0.0, min(wait, _GLANCE)))
             except queue.Empty:
                 if wait <= 0:
                     return taken
                 self._check_stop()
                 idle()
                 continue
-            self._set_pace(control, now)
-            taken.append(msgspec.structs.replace(control, t=t))
+            self._set_pace(command, now)
+            taken.append(msgspec.structs.replace(command, t=t))
 
     def _wait(self, t: float) -> float:
         """How long to wait before the event at t [s of wall time]."""
@@ -91,16 +90,16 @@ class CommandQueue:
         """The run begins: the wall clock counts from here."""
         self._origin = (0.0, time.monotonic())
 
-    def _set_pace(self, control: Command, now: float) -> None:
-        match control.kind:
+    def _set_pace(self, command: Command, now: float) -> None:
+        match command.kind:
             case CommandKind.PAUSE:
                 self._until = now
             case CommandKind.RESUME:
                 self._until = np.inf
             case CommandKind.STEP:
-                self._until = now + control.value
+                self._until = now + command.value
             case CommandKind.SPEED:
-                self.speed = control.value
+                self.speed = command.value
             case _:
                 return
         self._origin = (now, time.monotonic())
@@ -108,14 +107,14 @@ class CommandQueue:
     def on_command(self, key: str, payload: bytes) -> None:
         """Take a command in, in whatever thread it comes; only what the secret sealed counts."""
         try:
-            command = self._sealer.open(key, payload, CommandMessage)
-            if command.number <= self._latest:
+            message = self._sealer.open(key, payload, CommandMessage)
+            if message.number <= self._latest:
                 raise Malformed("out of order")
-            if problem := check(command.control, self._names):
+            if problem := refusal(message.command, self._names):
                 log.warning("a command cannot be obeyed: %s", problem)
                 raise Malformed("wrong command")
         except Malformed as reason:
             self.rejected[f"command: {reason}"] += 1
             return
-        self._latest = command.number
-        self._live.put(command.control)
+        self._latest = message.number
+        self._live.put(message.command)

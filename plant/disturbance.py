@@ -97,14 +97,15 @@ def _between(knot: int, every: float, here: Array, there: Array) -> Line:
 class SwarmDisturbance:
     """All φ_i, stacked as the state is, shape (n̄,)."""
 
-    def __init__(self, swarm: Swarm) -> None:
-        self._each = [self._disturbance(swarm, i) for i in range(len(swarm.members))]
+    def __init__(self, swarm: Swarm, chain: Chain) -> None:
+        """chain: of h_tot, which adverse disturbances push up."""
+        self._each = [self._disturbance(swarm, chain, i) for i in range(len(swarm.members))]
 
     @staticmethod
-    def _disturbance(swarm: Swarm, i: int) -> KnottedDisturbance | AdverseDisturbance:
-        model, member = swarm.group(i)[0].disturbance, swarm.members[i]
+    def _disturbance(swarm: Swarm, chain: Chain, i: int) -> KnottedDisturbance | AdverseDisturbance:
+        model, member = swarm.groups[i].disturbance, swarm.members[i]
         if model.kind == "adverse":
-            return AdverseDisturbance(swarm.chain, i, model)
+            return AdverseDisturbance(chain, i, model)
         states = len(member.dynamics.states)
         return KnottedDisturbance(swarm.scenario.seed, member.name, model, states)
 

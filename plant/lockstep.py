@@ -5,41 +5,19 @@ nothing: the plant waits for every input at the virtual time at which it is due.
 """
 
 import contextlib
-import time
-from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from collections import deque
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from phalanx.faults.commands import NO_COMMANDS, CommandKind, words
-from phalanx.faults.state import Faults
+from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind
+from phalanx.faults.state import Condition, FaultState, Orders
 from phalanx.plant.commands import CommandQueue
-from phalanx.plant.hub import Hub
-from phalanx.plant.judge import Judge
-from phalanx.plant.view import FrameAudience, View
-from phalanx.plant.world import DisturbanceKnot, IntegrationSteps, World
-from phalanx.recording.records import Command, Log, State, Step
-from phalanx.recording.write import RecordingError, RecordingWriter
-from phalanx.swarm.swarm import Swarm
-from phalanx.wire.frames import Condition
-from phalanx.wire.messages import VERSION, Input, Orders, Sample, Status
-
-Array = NDArray[np.float64]
-
-_STATUS_EVERY = 0.1
-"""Wall time between status messages [s]."""
-
-
-class Moment(NamedTuple):
-    """The world at an event."""
-
-    t: float
-    """[s]"""
-    x: Array
-    """Stacked state, shape (n̄,)."""
-    seen: list[IntegrationSteps | DisturbanceKnot]
-    """What integration showed since the event before."""
+from phalanx.plant.events import CommandObeyed, Event, InputApplied, Sampled, StateReached
+from phalanx.plant.schedule import Schedule
+from phalanx.plant.world import World
+from phalanx.recording.write import RecordingError
+from phalanx.wire.messages import Actuation, Sample
 
 
 class Agents(Protocol):
@@ -48,11 +26,18 @@ class Agents(Protocol):
     def send_sample(self, i: int, sample: Sample) -> None:
         """Hand agent i its sample."""
 
-    def await_input(self, i: int) -> Input:
-        """Agent i's answer."""
+    def await_actuation(self, i: int) -> Actuation:
+        """What agent i's actuator gets for its sample."""
 
-    def publish_status(self, message: Status) -> None:
-        """Tell whoever watches how far the run is."""
+
+class Witness(Protocol):
+    """Whoever is told what happened, while there is time."""
+
+    def witness(self, event: Event) -> None:
+        """Take the next event."""
+
+    def idle(self) -> None:
+        """Called when all events so far were taken."""
 
 
 class Lockstep:
@@ -60,208 +45,113 @@ class Lockstep:
 
     def __init__(
         self,
-        swarm: Swarm,
+        world: World,
+        schedule: Schedule,
         agents: Agents,
-        judge: Judge,
-        recording: RecordingWriter,
+        scribe: Witness,
+        faults: FaultState,
         commands: CommandQueue | None = None,
-        audience: FrameAudience | None = None,
     ) -> None:
-        self.world = World(swarm)
-        judge.saw(self.world.take_seen())
-        self._faults = Faults(swarm.names)
-        self._commands = commands or CommandQueue(NO_COMMANDS, swarm.names)
-        self._view = View(audience, judge, self.world, self._commands, self._faults)
-        self._swarm, self._agents = swarm, agents
-        self._judge, self._recording = judge, recording
-        self._duration = swarm.scenario.duration
-        self._latency = swarm.scenario.time.latency
-        everyone = range(len(swarm.members))
-        self._clocks = [swarm.clock(i) for i in everyone]
-        self._k = [0 for _ in everyone]
-        self._next_sample = [0.0 for _ in everyone]
-        self._due: dict[int, float] = {}
-        """When each awaited input takes effect [s], by agent."""
-        self._broadcast: list[list[tuple[float, int]]] = [[(-np.inf, -1)] for _ in everyone]
-        """For each agent, (time, sequence number) of its broadcasts that may still be news."""
-        self._began = self._status_at = time.monotonic()
-        self._rejected = [0 for _ in everyone]
-        self._unsafe = False
-        self._happened: list[Moment | tuple[int, Input]] = []
+        self.world = world
+        self._schedule, self._agents, self._scribe = schedule, agents, scribe
+        self._faults = faults
+        self._commands = commands or CommandQueue(NO_COMMANDS, ())
+        self._sampled_at: dict[int, float] = {}
+        self._happened: deque[Event] = deque()
 
-    def run(self) -> None:
-        """Run to the scenario's duration.
+    def run(self, duration: float) -> None:
+        """Run to `duration` [s].
 
         Raises:
             SwarmBrokenError, RecordingError, DivergedError: an agent is dead or silent, the disk
                 is full, the state is no longer finite.
         """
+        self._commands.start()
         try:
-            self._run()
+            while (t := self._next_event()) < duration:
+                self._event_at(t)
+            self.world.advance(duration)
+            self._reached()
+            self._write_down()
         except RecordingError:
             raise
-        except Exception:
+        except (Exception, KeyboardInterrupt):
+            # What led to the failure is worth as much as the rest.
             with contextlib.suppress(RecordingError):
-                self._write_down()  # what led here
+                self._write_down()
             raise
 
-    def _run(self) -> None:
-        self._commands.start()
-        while (t := self._next_event()) < self._duration:
-            commands = self._commands.take(self.world.t, t, self._write_down)
-            self.world.advance(t)
-            self._happened.append(self._state())
-            for control in commands:
-                self._obey(control)
-            self._sample(t)
-            self._write_down()
-            self._apply(t)
-            self._report_progress()
-        self.world.advance(self._duration)
-        self._happened.append(self._state())
-        self._write_down()
-        self._view.show(last=True)
-
-    @property
-    def seed(self) -> int:
-        """The scenario's seed."""
-        return self._swarm.scenario.seed
-
-    def rejected_by_agents(self) -> dict[str, int]:
-        """Payloads that agents dropped, by agent; agents that dropped none are left out."""
-        names = self._swarm.names
-        return {f"by agent {names[i]}": n for i, n in enumerate(self._rejected) if n}
-
     def _next_event(self) -> float:
-        return min([*self._next_sample, *self._due.values(), self._commands.next])
+        return min(self._schedule.next_event(), self._commands.next)
 
-    def _obey(self, control: Command) -> None:
-        """Let a control take effect, and record it."""
-        self._recording.write(control)
-        self._say(control.t, words(control))
-        i = self._faults.obey(control)
-        if i is None:
-            return
-        if not self._faults.silent(i):
-            self._next_sample[i] = min(self._next_sample[i], self._resume(i, control))
-            return
-        self._judge.fell_silent(i, control.t)
-        self._next_sample[i] = np.inf
-        if control.kind == CommandKind.KILL and i not in self._due:
-            self._kill(i)
+    def _event_at(self, t: float) -> None:
+        commands = self._commands.take(self.world.t, t, self._write_down)
+        self.world.advance(t)
+        self._reached()
+        for command in commands:
+            self._obey(command)
+        self._sample(t)
+        # The agents compute now: writing down costs no time while it takes less than they do.
+        self._write_down()
+        self._apply(t)
 
-    def _resume(self, i: int, control: Command) -> float:
-        """When agent i may sample again [s]: not before its last input has taken effect."""
-        if control.kind != CommandKind.THAW:
-            return np.inf
-        return max(control.t, float(np.nextafter(self._due.get(i, -np.inf), np.inf)))
+    def _reached(self) -> None:
+        self._happened.append(StateReached(self.world.t, self.world.x, self.world.take_seen()))
+
+    def _obey(self, command: Command) -> None:
+        """Let a command take effect."""
+        i = self._faults.obey(command)
+        silenced = i if i is not None and self._faults.silent(i) else None
+        self._happened.append(CommandObeyed(command, silenced))
+        if silenced is not None:
+            self._schedule.silence(silenced)
+            if command.kind == CommandKind.KILL and not self._schedule.awaits(silenced):
+                self._kill(silenced)
+        elif i is not None and command.kind == CommandKind.THAW:
+            self._schedule.resume(i, command.t)
 
     def _kill(self, i: int) -> None:
-        latest = tuple(-1 for _ in self._k)
-        x = self.world.x.astype("<f8").tobytes()
-        last = Sample(VERSION, self._k[i], self.world.t, x, latest, Orders(die=True))
-        self._agents.send_sample(i, last)
-
-    def _say(self, t: float, text: str) -> None:
-        self._recording.write(Log(t, text))
-        self._view.say(t, text)
-
-    def rejected_commands(self) -> dict[str, int]:
-        """Commands that were refused, by reason."""
-        return dict(self._commands.rejected)
+        """Tell agent i to die; the order travels in a sample that it does not answer."""
+        nothing = tuple(-1 for _ in self._faults.condition)
+        self._agents.send_sample(
+            i,
+            Sample(
+                k=self._schedule.next_number(i),
+                t=self.world.t,
+                x=self._state(),
+                latest=nothing,
+                orders=Orders(die=True),
+            ),
+        )
 
     def _sample(self, t: float) -> None:
         """Hand a sample to every agent due at t; those due together do not hear each other."""
-        x = self.world.x.astype("<f8").tobytes()
-        latest = tuple(self._latest_before(i, t) for i in range(len(self._k)))
-        for i, due in enumerate(self._next_sample):
-            if due == t:
-                self._judge.sampled(i, t)
-                orders = self._faults.orders(i)
-                sample = Sample(VERSION, self._k[i], t, x, latest, orders)
-                self._agents.send_sample(i, sample)
-                self._next_sample[i] = self._clocks[i].after(self._k[i], t)
-                self._k[i] += 1
-                self._due[i] = t + self._latency
+        due = self._schedule.sampling_at(t)
+        if not due:
+            return
+        x, latest = self._state(), self._schedule.latest_before(t)
+        for i in due:
+            orders = self._faults.orders(i)
+            k = self._schedule.sampled(i, t)
+            self._sampled_at[i] = t
+            self._happened.append(Sampled(i, t))
+            self._agents.send_sample(i, Sample(k=k, t=t, x=x, latest=latest, orders=orders))
 
     def _apply(self, t: float) -> None:
         """Await and apply every input that takes effect at t."""
-        for i in sorted(i for i, due in self._due.items() if due == t):
-            message = self._agents.await_input(i)
-            del self._due[i]
-            self._rejected[i] = message.rejected
+        for i in self._schedule.applying_at(t):
+            message = self._agents.await_actuation(i)
+            self._schedule.applied(i, t, message.k)
             self.world.apply(i, np.array(message.u))
-            self._broadcast[i] = [*self._broadcast[i][-1:], (t, message.k)]
-            self._happened.append((i, message))
+            sampled = self._sampled_at[i]
+            self._happened.append(InputApplied(i, message.k, sampled, message.t_apply, message.u))
             if self._faults.condition[i] == Condition.DEAD:
                 self._kill(i)
 
-    def _latest_before(self, i: int, t: float) -> int:
-        """Sequence number of agent i's last broadcast before t; -1 if none."""
-        return max(k for sent, k in self._broadcast[i] if sent < t)
-
-    def _state(self) -> Moment:
-        return Moment(self.world.t, self.world.x, self.world.take_seen())
+    def _state(self) -> bytes:
+        return self.world.x.astype("<f8").tobytes()
 
     def _write_down(self) -> None:
-        """Judge, record and show what has happened, while the agents compute or time waits."""
-        for happening in self._happened:
-            if isinstance(happening, Moment):
-                self._judge.at_event(happening.t, happening.x, happening.seen)
-                peak = self._judge.truth.take_peak()
-                self._recording.write(State(happening.t, happening.x.tolist(), peak))
-                self._view.saw_state(peak)
-                truth = self._judge.truth
-                if truth.unsafe and not self._unsafe:
-                    self._say(happening.t, f"{truth.worst_pair} left the safe set")
-                self._unsafe = truth.unsafe
-            else:
-                i, message = happening
-                self._judge.applied(i, message)
-                if self._view.saw_input(i, message):
-                    self._say(message.t_apply, f"agent {self._swarm.names[i]}: first backup")
-                self._recording.write(self._step_record(*happening))
-        self._happened.clear()
-        self._view.show()
-
-    def _step_record(self, i: int, message: Input) -> Step:
-        names = self._swarm.names
-        return Step(
-            agent=names[i],
-            k=message.k,
-            t=message.t,
-            t_apply=message.t_apply,
-            u=list(message.u),
-            origin=message.origin,
-            residual=message.residual,
-            solve_time=message.solve_time,
-            ages=list(message.ages),
-            fates=[(names[fate.sender], fate.k, fate.delay) for fate in message.fates],
-            u_nom=list(message.u_nom),
-        )
-
-    def _report_progress(self) -> None:
-        now = time.monotonic()
-        if now < self._status_at:
-            return
-        self._status_at = now + _STATUS_EVERY
-        judge = self._judge
-        self._agents.publish_status(
-            Status(
-                version=VERSION,
-                t=self.world.t,
-                real_time_factor=self.world.t / (now - self._began),
-                worst_h=judge.truth.worst_h_tot,
-                steps=judge.steps,
-                backups=judge.backups,
-            )
-        )
-
-
-def waiting_status(hub: Hub) -> Callable[[tuple[str, ...]], None]:
-    """A reporter for Hub.wait_for_agents."""
-
-    def report(missing: tuple[str, ...]) -> None:
-        hub.publish_status(Status(VERSION, 0.0, 0.0, -np.inf, 0, 0, missing))
-
-    return report
+        while self._happened:
+            self._scribe.witness(self._happened.popleft())
+        self._scribe.idle()

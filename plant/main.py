@@ -2,35 +2,31 @@
 
 import gc
 import logging
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
 
 from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
-from phalanx.guarantee.verdict import Outcome, Summary, exit_status, judge
+from phalanx.guarantee.verdict import exit_status
 from phalanx.plant.commands import CommandQueue
-from phalanx.plant.hub import Hub, SwarmBrokenError
-from phalanx.plant.judge import Judge
-from phalanx.plant.lockstep import Lockstep, waiting_status
-from phalanx.plant.stop import AbandonedError, StoppedError, StopRequest
-from phalanx.plant.world import DivergedError
+from phalanx.plant.hub import Hub
+from phalanx.plant.run import PlantRun
+from phalanx.plant.stop import StopRequest
 from phalanx.recording.records import RECORDING, SUMMARY
-from phalanx.recording.write import RecordingError, RecordingWriter
+from phalanx.recording.write import RecordingWriter
 from phalanx.scenario.model import Scenario
-from phalanx.swarm.swarm import Swarm, build_swarm
-from phalanx.wire.messages import VERSION, Ended
+from phalanx.swarm.rows import build_rows
+from phalanx.swarm.swarm import build_swarm
+from phalanx.wire.membership import Membership
+from phalanx.wire.messages import Ended, Status
 
 log = logging.getLogger("phalanx.plant")
 
 
 def run(
     scenario: Scenario,
+    membership: Membership,
     *,
-    run_id: str,
-    endpoint: str,
-    secret: bytes,
     folder: Path,
     policy: CommandPolicy = NO_COMMANDS,
 ) -> int:
@@ -38,11 +34,9 @@ def run(
 
     Args:
         scenario: resolved.
-        run_id: part of every key expression.
-        endpoint: Zenoh endpoint to listen on.
-        secret: the run's secret, for the seal.
+        membership: of the run; the plant listens on its endpoint.
         folder: where the recording and the summary go.
-        policy: who may interfere from outside the scenario, and what is to happen anyway.
+        policy: who may command the run, and which commands are scheduled.
 
     Returns:
         The exit status of the verdict.
@@ -52,13 +46,23 @@ def run(
         RecordingError: the recording cannot be begun.
     """
     stop = StopRequest()
-    swarm = build_swarm(scenario)
+    rows = build_rows(build_swarm(scenario))
     with (
-        RecordingWriter(folder / RECORDING, scenario, run_id) as recording,
-        Hub(swarm, run_id, endpoint, secret, stop.check) as hub,
+        RecordingWriter(folder / RECORDING, scenario, membership.run) as recording,
+        Hub(rows.swarm, membership, stop.check) as hub,
     ):
-        summary = _run(swarm, hub, recording, policy, stop.check)
-        hub.publish_verdict(Ended(VERSION, msgspec.json.encode(summary)))
+        commands = CommandQueue(policy, rows.swarm.names, stop.check)
+        if policy.secret:
+            hub.listen_for_commands(commands.on_command)
+        viewers = hub.open_view(commandable=bool(policy.secret))
+        plant = PlantRun(rows, hub, recording, commands, viewers)
+
+        def join() -> None:
+            hub.wait_for_agents(lambda missing: hub.publish_status(Status(waiting_for=missing)))
+            gc.freeze()
+
+        summary = plant.run(prepare=join, rejected=lambda: hub.rejected)
+        hub.publish_verdict(Ended(summary=msgspec.json.encode(summary)))
         try:
             recording.finish(summary)
             (folder / SUMMARY).write_bytes(msgspec.json.encode(summary))
@@ -66,53 +70,3 @@ def run(
             log.error("the summary could not be written: %s", error)
     log.info("%s: %s", summary.outcome, summary.reason)
     return exit_status(summary.outcome)
-
-
-def _run(
-    swarm: Swarm,
-    hub: Hub,
-    recording: RecordingWriter,
-    policy: CommandPolicy,
-    check_stop: Callable[[], None],
-) -> Summary:
-    verdict = Judge(swarm)
-    commands = CommandQueue(policy, swarm.names, check_stop)
-    if policy.secret:
-        hub.listen_for_commands(commands.on_command)
-    viewers = hub.open_view(commandable=bool(policy.secret))
-    lockstep = Lockstep(swarm, hub, verdict, recording, commands, viewers)
-    began = time.monotonic()
-    try:
-        hub.wait_for_agents(waiting_status(hub))
-        gc.freeze()
-        began = time.monotonic()
-        lockstep.run()
-        outcome, reason = judge(verdict.truth.violations(), verdict.assumptions)
-    except StoppedError as error:
-        outcome, reason = Outcome.STOPPED, str(error)
-    except (SwarmBrokenError, AbandonedError, RecordingError, DivergedError) as error:
-        outcome, reason = Outcome.BROKEN, str(error)
-    log.info("%s at t = %.3f s: %s", outcome, lockstep.world.t, reason)
-    return _summary(lockstep, verdict, hub, outcome, reason, time.monotonic() - began)
-
-
-def _summary(
-    lockstep: Lockstep, verdict: Judge, hub: Hub, outcome: Outcome, reason: str, wall: float
-) -> Summary:
-    truth = verdict.truth
-    return Summary(
-        outcome=outcome,
-        reason=reason,
-        t=lockstep.world.t,
-        seed=lockstep.seed,
-        trajectory=verdict.trajectory,
-        worst_h_tot=truth.worst_h_tot,
-        worst_at=truth.worst_at,
-        worst_pair=truth.worst_pair,
-        steps=verdict.steps,
-        origins=verdict.origins,
-        assumptions=verdict.assumptions,
-        violations=truth.violations(),
-        rejected={**hub.rejected, **lockstep.rejected_commands(), **lockstep.rejected_by_agents()},
-        wall_time=wall,
-    )

@@ -14,6 +14,10 @@ class AbandonedError(Exception):
     """The process that launched the run is gone, or says that an agent is."""
 
 
+class SwarmBrokenError(RuntimeError):
+    """An agent is missing, dead or silent; the message names it."""
+
+
 class StopRequest:
     """Takes signals, and watches the launcher if there is one.
 
@@ -27,6 +31,8 @@ class StopRequest:
             signal.signal(number, lambda *_: self._set(StoppedError("stopped by the user")))
         failed = AbandonedError("an agent failed")
         signal.signal(signal.SIGUSR1, lambda *_: self._set(failed))
+        # Held back by the launcher until now, when it can be answered.
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         if parent := multiprocessing.parent_process():
             threading.Thread(target=self._watch, args=(parent.sentinel,), daemon=True).start()
 

@@ -27,8 +27,7 @@ class PairExtremes:
         self._peak = -np.inf
         self.largest = 0
         """The pair whose h was largest at the last step."""
-        self.unsafe = False
-        """Whether some pair was outside its safe set at the last steps."""
+        self._unsafe: set[int] = set()
         self.h_tot = -np.inf
         """At the last step."""
 
@@ -36,6 +35,10 @@ class PairExtremes:
     def worst_pair(self) -> str:
         """The pair whose h was largest."""
         return self._labels[int(np.argmax(self._worst))]
+
+    def label(self, pair: int) -> str:
+        """A pair in words, by its index."""
+        return self._labels[pair]
 
     def add(self, times: Array, h: Array, h_tot: Array) -> None:
         """After s integration steps: times [s], shape (s,), every pair's h (s, p), h_tot (s,)."""
@@ -50,13 +53,12 @@ class PairExtremes:
         self._peak = max(self._peak, peak)
         # LSE is never below the largest h: with h_tot <= 0 no pair is unsafe. What is not a number
         # is not safe either.
-        self.unsafe = False
         if not peak <= 0.0:
             self._add_unsafe(times, ~(h <= 0.0))
         self._t = float(times[-1])
 
     def _add_unsafe(self, times: Array, unsafe: NDArray[np.bool_]) -> None:
-        self.unsafe = bool(unsafe.any())
+        self._unsafe.update(np.flatnonzero(unsafe.any(axis=0)).tolist())
         lengths = np.diff(times, prepend=self._t)
         self._duration += lengths @ unsafe
         first = np.where(unsafe.any(axis=0), times[unsafe.argmax(axis=0)], np.inf)
@@ -66,6 +68,11 @@ class PairExtremes:
         """Largest h_tot since this was last called, the value at that time included."""
         peak, self._peak = self._peak, self.h_tot
         return peak
+
+    def take_unsafe(self) -> set[int]:
+        """The pairs that were outside their safe sets since this was last called."""
+        unsafe, self._unsafe = self._unsafe, set()
+        return unsafe
 
     def violations(self) -> list[Violation]:
         """Pairs with h > 0 at some step, the deepest first."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.plant.disturbance import SwarmDisturbance
+from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.safety.composition import stacked_slices
@@ -44,17 +45,18 @@ class DisturbanceKnot(NamedTuple):
 class World:
     """State of all agents and the inputs they hold, Eq. (generalsystem)."""
 
-    def __init__(self, swarm: Swarm) -> None:
+    def __init__(self, rows: SafetyRows) -> None:
         """Start at the scenario's x(0), with every actuator at zero."""
+        swarm = rows.swarm
         self.t = 0.0
         self.x = swarm.start()
         self._inputs = stacked_slices([len(m.dynamics.inputs) for m in swarm.members])
         self._u = np.zeros(self._inputs[-1].stop)
         self._longest = swarm.scenario.time.integration_step
-        self._disturbances = SwarmDisturbance(swarm)
+        self._disturbances = SwarmDisturbance(swarm, rows.chain)
         self._line = self._disturbances.line(0.0, self.x)
         self._steps = _runge_kutta(swarm, _STEPS_AT_ONCE)
-        composed = swarm.chain.set
+        composed = swarm.safe_set
         truth = CompiledFunction([composed.x], [composed.h, composed.substitute(composed.h_tot)])
         h, h_tot = truth(self.x)
         self._seen: list[IntegrationSteps | DisturbanceKnot] = [
@@ -99,7 +101,7 @@ def _runge_kutta(swarm: Swarm, most: int) -> list[CompiledFunction]:
 
     φ is the disturbance at the first step's begin; it goes on along its line.
     """
-    composed = swarm.chain.set
+    composed = swarm.safe_set
     field = _vector_field(swarm)
     truth = ca.Function("h", [composed.x], [composed.h.T, composed.substitute(composed.h_tot)])
     start, u = ca.SX.sym("x", composed.x.numel()), ca.SX.sym("u", field.numel_in(1))
@@ -126,7 +128,7 @@ def _runge_kutta(swarm: Swarm, most: int) -> list[CompiledFunction]:
 
 def _vector_field(swarm: Swarm) -> ca.Function:
     """f(x) + g(x) u of all agents, stacked."""
-    composed = swarm.chain.set
+    composed = swarm.safe_set
     dynamics = [m.dynamics for m in swarm.members]
     inputs = stacked_slices([len(d.inputs) for d in dynamics])
     u = ca.SX.sym("u", inputs[-1].stop)

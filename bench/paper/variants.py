@@ -113,7 +113,7 @@ def cost(recording: Recording, swarm: Swarm) -> float:
     states = {state.t: np.array(state.x) for state in recording.states}
     evaluate = TermsFunction(swarm.chain)
     laws = {i: swarm.law(i) for i in swarm.normal}
-    goals = {i: swarm.goal_of(i) for i in swarm.normal}
+    goals = {i: swarm.goal(i) for i in swarm.normal}
     total, count = 0.0, 0
     for step in recording.steps:
         i = swarm.names.index(step.agent)
@@ -121,7 +121,7 @@ def cost(recording: Recording, swarm: Swarm) -> float:
             continue
         x = states[step.t]
         terms = evaluate(x)
-        each = [x[part] for part in swarm.chain.set.parts]
+        each = [x[part] for part in swarm.safe_set.parts]
         goal = goals[i](step.t, terms.positions[i])
         wanted = laws[i].input(View(i, each, swarm.normal, goal, terms))
         weights = np.array(swarm.members[i].dynamics.input_metric())

@@ -48,7 +48,7 @@ class Problem(CBFConfig):  # type: ignore[misc]
     """h = -h_tot of Simulation 1 (q = 1) or 2 (q = 2); safe where it is not below 0."""
 
     def __init__(self, swarm: Swarm, i: int, backend: str) -> None:
-        composed, self._i = swarm.chain.set, i
+        composed, self._i = swarm.safe_set, i
         self._degree = swarm.chain.relative_degree
         self._alphas = [float(a) for a in swarm.scenario.safety.alpha if isinstance(a, float)]
         self._rho = swarm.scenario.safety.rho
@@ -132,7 +132,7 @@ class Problem(CBFConfig):  # type: ignore[misc]
 def push(swarm: Swarm, i: int, terms: Terms, heard: dict[int, Array], x: Array) -> Array:
     """Σ_{l≠i} g_l w_l, shape (n̄,): w_l = û_l where heard, else what attains γ_l^max."""
     total = np.zeros(len(x))
-    for l, (member, part) in enumerate(zip(swarm.members, swarm.chain.set.parts, strict=True)):
+    for l, (member, part) in enumerate(zip(swarm.members, swarm.safe_set.parts, strict=True)):
         if l == i:
             continue
         _, actuation = _limits(member.dynamics)

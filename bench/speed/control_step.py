@@ -24,9 +24,9 @@ import casadi as ca
 import numpy as np
 from cbfpy_peer import Peer, push
 from numpy.typing import NDArray
+from phalanx.agent.controllers import Moment, controller
 from runs import run
 
-from phalanx.agent.controllers import Moment, controller
 from phalanx.recording.read import Recording
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
@@ -111,7 +111,7 @@ def cbfpy_step(
 ) -> Callable[[Sampled], Array]:
     """The same by cbfpy; what it has to be told is worked out beforehand, and not timed."""
     peer, terms = Peer(swarm, i, backend), swarm.terms(i)
-    composed, active = swarm.chain.set, swarm.active(i)
+    composed, active = swarm.safe_set, swarm.active(i)
     chosen = ca.SX.ones(len(composed.pairs)) if active is None else active
     near = CompiledFunction([composed.x], [chosen])
     told = {

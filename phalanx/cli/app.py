@@ -1,10 +1,11 @@
 """phalanx: the command, its subcommands and its exit statuses."""
 
 import sys
+from typing import Annotated
 
 import typer
 
-from phalanx.cli import check, programs, recordings, run, viewing
+from phalanx.cli import check, programs, recordings, run, tap, viewing
 from phalanx.scenario.load import ScenarioError
 
 USAGE_ERROR = 64
@@ -25,13 +26,23 @@ app = typer.Typer(
 run.register(app)
 check.register(app)
 recordings.register(app)
+tap.register(app)
 programs.register(app)
 viewing.register(app)
 
 
-def main() -> None:
-    """Entry point of the command."""
-    sys.exit(status(sys.argv[1:]))
+@app.callback()
+def version(
+    show: Annotated[
+        bool, typer.Option("--version", help="Print the version and exit.", is_eager=True)
+    ] = False,
+) -> None:
+    """Answer --version."""
+    if show:
+        from phalanx import __version__
+
+        print(f"phalanx {__version__}")
+        raise typer.Exit
 
 
 def status(arguments: list[str]) -> int:

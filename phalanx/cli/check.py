@@ -40,16 +40,16 @@ def check(
       phalanx check unicycles --set safety.margin=local --set safety.composition=pairs
       phalanx check guaranteed --plot backup.png
     """
-    from phalanx.guarantee.check import check as examine
+    import phalanx
     from phalanx.report.backup import backup_plate, backup_slice
-    from phalanx.scenario.load import load
+    from phalanx.swarm.rows import build_rows
     from phalanx.swarm.swarm import build_swarm
 
-    resolved = load(scenario, overrides or (), seed)
-    report = examine(resolved)
+    resolved = phalanx.load(scenario, overrides or (), seed)
+    report = phalanx.check(resolved)
     _show(resolved.name, report)
     if plot is not None:
-        found = backup_slice(build_swarm(resolved))
+        found = backup_slice(build_rows(build_swarm(resolved)))
         if found is None:
             print("no picture: expected two agents with states x and y")
         else:

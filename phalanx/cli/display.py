@@ -44,7 +44,7 @@ def progress(scenario: Scenario) -> Iterator[Callable[[Status], None]]:
                 description=scenario.name,
                 completed=status.t,
                 factor=f"{status.real_time_factor:.1f}x real time",
-                worst=f"worst h_tot {status.worst_h:.3g}",
+                worst="" if status.worst_h is None else f"worst h_tot {status.worst_h:.3g}",
                 backups=f"{status.backups} backups",
             )
 
@@ -62,7 +62,7 @@ def print_summary(summary: Summary) -> None:
     factor = f"real-time factor {summary.real_time_factor:.1f}"
     table.add_row("wall time", f"{summary.wall_time:.2f} s, {factor}")
     worst = f"{summary.worst_h_tot:.4g} at t = {summary.worst_at:.3f} s"
-    table.add_row("worst h_tot", f"{worst}, worst_pair pair {summary.worst_pair}")
+    table.add_row("worst h_tot", f"{worst}, worst pair {summary.worst_pair}")
     table.add_row("control steps", _steps(summary))
     for assumption in summary.assumptions:
         table.add_row(assumption.name, _assumption(assumption.failed, assumption.checked))

@@ -2,11 +2,15 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from phalanx.cli.options import Overrides, RunId, ScenarioOption, Secret, Seed
+
+if TYPE_CHECKING:
+    from phalanx.scenario.model import Scenario
+    from phalanx.wire.membership import Membership
 
 Endpoint = Annotated[
     str,
@@ -34,10 +38,10 @@ def plant(
     seed: Seed = None,
     overrides: Overrides = None,
     secret: Secret = "",
-    control: Annotated[
+    command_secret: Annotated[
         str,
         typer.Option(
-            envvar="PHALANX_CONTROL",
+            envvar="PHALANX_COMMAND_SECRET",
             metavar="SECRET",
             help="Who has it may command the run; without one nobody may.",
             show_default=False,
@@ -57,12 +61,13 @@ def plant(
       phalanx plant --scenario unicycles --run r1 --listen tcp/0.0.0.0:7447
     """
     from phalanx.faults.commands import CommandPolicy
+    from phalanx.wire.keys import PLANT
+    from phalanx.wire.membership import Membership
 
-    options = {
-        "run_id": run, "endpoint": listen, "secret": secret.encode(), "folder": out,
-        "policy": CommandPolicy(secret=control.encode(), speed=speed),
-    }  # fmt: skip
-    return _run_here("plant", scenario, overrides, seed, options)
+    policy = CommandPolicy(secret=command_secret.encode(), speed=speed)
+    membership = Membership(run, listen, secret.encode(), PLANT)
+    options = {"folder": out, "policy": policy}
+    return _run_here("plant", _load(scenario, overrides, seed), membership, options)
 
 
 def agent(
@@ -82,32 +87,31 @@ def agent(
 
       phalanx agent 4 --scenario unicycles --run r1 --connect tcp/plant:7447
     """
-    options = {
-        "name": name, "run_id": run, "endpoint": connect, "secret": secret.encode(),
-        "timeout": timeout,
-    }  # fmt: skip
-    return _run_here("agent", scenario, overrides, seed, options)
+    from phalanx.wire.membership import Membership
+
+    resolved = _load(scenario, overrides, seed)
+    names = resolved.programs()
+    if name not in names:
+        raise typer.BadParameter(f"agent: expected one of {', '.join(names)}, got {name!r}")
+    membership = Membership(run, connect, secret.encode(), name, timeout)
+    return _run_here("agent", resolved, membership, {})
+
+
+def _load(source: str, overrides: list[str] | None, seed: int | None) -> "Scenario":
+    from phalanx.scenario.load import load
+
+    return load(source, overrides or (), seed)
 
 
 def _run_here(
-    program: str,
-    source: str,
-    overrides: list[str] | None,
-    seed: int | None,
-    options: dict[str, object],
+    program: str, scenario: "Scenario", membership: "Membership", options: dict[str, Any]
 ) -> int:
     from phalanx.launcher.programs import configure_logging, run_program
-    from phalanx.scenario.load import load
     from phalanx.wire.session import HubError
 
-    scenario = load(source, overrides or (), seed)
-    names = scenario.programs()
-    if "name" in options and options["name"] not in names:
-        expected = ", ".join(names)
-        raise typer.BadParameter(f"agent: expected one of {expected}, got {options['name']!r}")
     configure_logging()
     try:
-        return run_program(program, scenario, options)
+        return run_program(program, scenario, membership, options)
     except (HubError, OSError) as error:
         print(error, file=sys.stderr)
         return 3

@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -43,12 +43,11 @@ def report(run: RunArgument) -> int:
 
     A recording that was cut short gives a report of what there is.
     """
-    from phalanx.recording.read import UnreadableRecordingError
-    from phalanx.report.write import write_report
+    import phalanx
 
     try:
-        print(write_report(run))
-    except (UnreadableRecordingError, OSError) as error:
+        print(phalanx.open(run).report())
+    except (phalanx.UnreadableRecordingError, OSError) as error:
         print(error, file=sys.stderr)
         return 3
     return 0
@@ -59,30 +58,28 @@ def verify(
     seed: Annotated[
         int | None, typer.Option(help="Run again with another seed, to see where it departs.")
     ] = None,
+    engine: Annotated[
+        Literal["processes", "in-process"], typer.Option(help="Which engine to run it on.")
+    ] = "processes",
 ) -> int:
     """Run a recording's scenario again and say whether the trajectory is bit-identical.
 
     Exit status 0 if it is, 1 if it is not, 3 if the recording cannot be read or run.
     """
+    import phalanx
     from phalanx.cli.display import progress
-    from phalanx.faults.commands import CommandPolicy
-    from phalanx.launcher.launch import LaunchError
-    from phalanx.launcher.verify import as_far_as, cut_short, first_difference, run_again
-    from phalanx.recording.read import UnreadableRecordingError, read
+    from phalanx.launcher.verify import cut_short
 
     try:
-        recorded = read(run)
-        scenario = as_far_as(recorded).model_copy(update={} if seed is None else {"seed": seed})
-        with progress(scenario) as show:
-            again = run_again(scenario, show, CommandPolicy(schedule=tuple(recorded.commands)))
-    except (UnreadableRecordingError, LaunchError, OSError) as error:
+        recorded = phalanx.open(run)
+        with progress(recorded.scenario) as show:
+            verification = recorded.verify(engine=engine, seed=seed, progress=show)
+    except (phalanx.UnreadableRecordingError, phalanx.EngineError, OSError) as error:
         print(error, file=sys.stderr)
         return 3
-    if cut_short(recorded):
-        why = recorded.damage or (recorded.summary and recorded.summary.reason) or "no summary"
-        print(f"{recorded.path}: {why}; comparing what there is")
-    if difference := first_difference(recorded, again):
-        print(f"differs: {difference}")
-        return 1
-    print(f"bit-identical: {len(recorded.steps)} steps and {len(recorded.states)} states")
-    return 0
+    if cut_short(recorded.recording):
+        summary = recorded.summary
+        why = recorded.recording.damage or (summary and summary.reason) or "no summary"
+        print(f"{recorded.recording.path}: {why}; comparing what there is")
+    print(verification)
+    return 0 if verification else 1

@@ -1,15 +1,16 @@
 """phalanx run: a scenario from its file to its verdict, on this machine."""
 
-import pkgutil
 import secrets
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from phalanx.cli.options import Overrides, ScenarioArgument, Secret, Seed
+
+if TYPE_CHECKING:
+    from phalanx import Run
 
 
 def register(app: typer.Typer) -> None:
@@ -21,6 +22,13 @@ def run(
     scenario: ScenarioArgument,
     seed: Seed = None,
     overrides: Overrides = None,
+    engine: Annotated[
+        Literal["processes", "in-process"],
+        typer.Option(
+            help="processes: every program a process of its own, over Zenoh. in-process: the same "
+            "control steps called directly, faster; the trajectory is the same to the last bit.",
+        ),
+    ] = "processes",
     out: Annotated[Path, typer.Option(help="Folder for the folders of runs.")] = Path("runs"),
     listen: Annotated[
         str | None,
@@ -34,16 +42,20 @@ def run(
     view: Annotated[
         bool, typer.Option("--view", help="Show the run on a page, and replay it when it is over.")
     ] = False,
-    control: Annotated[
+    commands: Annotated[
         bool,
         typer.Option(
-            "--control",
+            "--commands",
             help="With --view: the page may pause, step, change the network, kill and so on.",
         ),
     ] = False,
     port: Annotated[
         int | None,
-        typer.Option(help="With --view: of the page; by default 8080 or the next free one."),
+        typer.Option(
+            min=1,
+            max=65535,
+            help="With --view: of the page; by default 8080 or the next free one.",
+        ),
     ] = None,
 ) -> int:
     """Run a scenario: plant and agents, each in its own process, to a verdict.
@@ -53,75 +65,74 @@ def run(
       phalanx run unicycles
       phalanx run unicycles --seed 7 --set safety.eta=0
       phalanx run unicycles --set network.loss=0.3 --set network.delay=0.01
+      phalanx run unicycles --engine in-process --no-report
       phalanx run my-scenario.toml --out /data/runs --strict
-      phalanx run unicycles --view --control
+      phalanx run unicycles --view --commands
     """
+    import phalanx
     from phalanx.cli.display import print_summary, progress
-    from phalanx.faults.commands import CommandPolicy
     from phalanx.guarantee.verdict import exit_status
-    from phalanx.launcher.launch import LaunchError, launch, new_folder
-    from phalanx.launcher.programs import run_program
-    from phalanx.scenario.load import load
-    from phalanx.swarm.swarm import build_swarm, require_rows
-    from phalanx.wire.session import free_endpoint
 
-    resolved = load(scenario, overrides or (), seed)
-    require_rows(build_swarm(resolved))  # what is impossible is said here, not in five log files
-    try:
-        folder = new_folder(out, resolved.name)
-    except OSError as error:
-        raise typer.BadParameter(f"--out: cannot create a folder in {out}: {error}") from error
-    page = _page(view, control, port)
-    policy = CommandPolicy(secret=secrets.token_bytes(16) if control else b"")
+    if engine == "in-process" and (view or listen or secret):
+        raise typer.BadParameter("--engine in-process: expected no --view, --listen or --secret")
+    resolved = phalanx.load(scenario, overrides or (), seed)
+    page = _page(view, commands, port)
+    policy = phalanx.CommandPolicy(secret=secrets.token_bytes(16) if commands else b"")
     try:
         with progress(resolved) as show:
-            summary = launch(
+            finished = phalanx.run(
                 resolved,
-                folder,
-                listen or free_endpoint(),
-                show,
-                secret.encode(),
-                policy=policy,
+                engine=engine,
+                out=out,
+                progress=show,
+                commands=policy,
+                listen=listen,
+                secret=secret.encode(),
                 viewer=page,
             )
-    except LaunchError as error:
+    except phalanx.EngineError as error:
         print(f"broken: {error}", file=sys.stderr)
-        print(f"what was recorded: {folder}", file=sys.stderr)
         return 3
+    except OSError as error:
+        raise typer.BadParameter(f"--out: cannot create a folder in {out}: {error}") from error
+    summary = finished.summary
+    assert summary is not None
     print_summary(summary)
     if report:
-        _write_report(folder)
-    print(f"{summary.outcome}: {summary.reason} ({folder})")
+        _write_report(finished)
+    print(f"{summary.outcome}: {summary.reason} ({finished.folder})")
     if page is not None:
-        print("replaying on the same page; Ctrl-C ends it")
-        run_program("viewer", resolved, {"recording": folder, **page})
+        _replay(finished.folder, page)
     return exit_status(summary.outcome, strict)
 
 
-def _page(view: bool, control: bool, port: int | None) -> dict[str, Any] | None:
+def _page(view: bool, commands: bool, port: int | None) -> dict[str, Any] | None:
     """Options of the viewer, its port chosen beforehand: live and replay share the page."""
     if not view:
-        if control or port is not None:
-            raise typer.BadParameter("--control, --port: expected --view with them")
+        if commands or port is not None:
+            raise typer.BadParameter("--commands, --port: expected --view with them")
         return None
+    import pkgutil
+
     try:
-        choose: Callable[..., int] = pkgutil.resolve_name("phalanx.viewer.page.server:choose_port")
-        chosen = choose("127.0.0.1", port)
-    except ImportError as error:
-        raise typer.BadParameter(
-            f"--view needs: pip install 'phalanx[viewer]' ({error})"
-        ) from error
+        chosen = pkgutil.resolve_name("phalanx.viewer.page.server:choose_port")("127.0.0.1", port)
     except OSError as error:
         raise typer.BadParameter(f"--port: {error}") from error
     print(f"viewer: http://127.0.0.1:{chosen}")
     return {"port": chosen}
 
 
-def _write_report(folder: Path) -> None:
-    from phalanx.recording.read import UnreadableRecordingError
-    from phalanx.report.write import write_report
+def _replay(folder: Path, page: dict[str, Any]) -> None:
+    import pkgutil
+
+    print("replaying on the same page; Ctrl-C ends it")
+    pkgutil.resolve_name("phalanx.viewer.main:run_replay")(folder, **page)
+
+
+def _write_report(finished: "Run") -> None:
+    from phalanx import UnreadableRecordingError
 
     try:
-        print(f"report: {write_report(folder)}")
+        print(f"report: {finished.report()}")
     except (UnreadableRecordingError, OSError) as error:
         print(f"no report: {error}", file=sys.stderr)

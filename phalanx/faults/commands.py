@@ -1,13 +1,13 @@
-"""What somebody may do to a run while it runs, and how it is asked for."""
+"""Commands: what a person may do to a run while it runs, live or at scheduled times."""
 
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from phalanx.recording.records import Command
+import msgspec
 
 
 class CommandKind(StrEnum):
-    """One kind of intervention; `value` and `agent` mean what its text says."""
+    """One kind of command; `value` and `agent` mean what its text says."""
 
     PAUSE = "pause"
     """Virtual time stands still."""
@@ -30,56 +30,32 @@ class CommandKind(StrEnum):
     """`agent` applies u_i^max of Eq. (adversarialu) from now on, and still broadcasts."""
 
 
+class Command(msgspec.Struct, frozen=True):
+    """One command, obeyed at t; recorded under the topic /command."""
+
+    t: float
+    """[s]"""
+    kind: str
+    """One of CommandKind; a text here, so that what a stranger sends can be refused in words."""
+    agent: str = ""
+    value: float = 0.0
+
+    @property
+    def changes_trajectory(self) -> bool:
+        """Whether agents or links are affected; the other commands only change the pace."""
+        return self.kind in ON_AGENTS | ON_LINKS
+
+
 ON_AGENTS = frozenset({CommandKind.KILL, CommandKind.FREEZE, CommandKind.THAW, CommandKind.TURN})
 ON_LINKS = frozenset({CommandKind.LOSS, CommandKind.DELAY})
 
 
-def changes_trajectory(control: Command) -> bool:
-    """Whether it changes the trajectory; the others only change the pace."""
-    return control.kind in ON_AGENTS | ON_LINKS
-
-
-def check(control: Command, names: tuple[str, ...]) -> str | None:
-    """What is wrong with it, in words; None if it can be obeyed."""
-    if control.kind not in set(CommandKind):
-        return f"kind: expected one of {', '.join(CommandKind)}, got {control.kind!r}"
-    if control.kind in ON_AGENTS and control.agent not in names:
-        return f"agent: expected one of {', '.join(names)}, got {control.agent!r}"
-    highest = 1.0 if control.kind == CommandKind.LOSS else 1e6
-    if not 0.0 <= control.value <= highest:
-        return f"value: expected 0 to {highest:g}, got {control.value}"
-    return None
-
-
-def words(control: Command) -> str:
-    """The control as a line of the log."""
-    match control.kind:
-        case CommandKind.LOSS:
-            return f"every link loses {control.value:.0%}"
-        case CommandKind.DELAY:
-            return f"every link takes {1e3 * control.value:g} ms"
-        case CommandKind.SPEED:
-            return f"speed {control.value:g}" if control.value else "speed: as fast as possible"
-        case CommandKind.STEP:
-            return f"step by {control.value:g} s"
-        case CommandKind.KILL:
-            return f"agent {control.agent} killed"
-        case CommandKind.FREEZE:
-            return f"agent {control.agent} frozen"
-        case CommandKind.THAW:
-            return f"agent {control.agent} thawed"
-        case CommandKind.TURN:
-            return f"agent {control.agent} turned adversary"
-        case _:
-            return control.kind
-
-
 @dataclass(frozen=True)
 class CommandPolicy:
-    """How a run may be steered. By default, not at all."""
+    """Who may command a run, and which commands are scheduled. By default nobody, and none."""
 
     schedule: tuple[Command, ...] = ()
-    """Controls at their virtual times: those of a recording make the same run again."""
+    """Commands at their virtual times: those of a recording make the same run again."""
     secret: bytes = field(default=b"", repr=False)
     """Who has it may command the run; empty: nobody may."""
     speed: float = 0.0
@@ -87,4 +63,39 @@ class CommandPolicy:
 
 
 NO_COMMANDS = CommandPolicy()
-"""Nobody interferes, and nothing was scheduled."""
+"""Nobody may command the run, and nothing is scheduled."""
+
+
+def refusal(command: Command, names: tuple[str, ...]) -> str | None:
+    """Why a command cannot be obeyed in a swarm of these agents, in words; None if it can."""
+    if command.kind not in set(CommandKind):
+        return f"kind: expected one of {', '.join(CommandKind)}, got {command.kind!r}"
+    if command.kind in ON_AGENTS and command.agent not in names:
+        return f"agent: expected one of {', '.join(names)}, got {command.agent!r}"
+    highest = 1.0 if command.kind == CommandKind.LOSS else 1e6
+    if not 0.0 <= command.value <= highest:
+        return f"value: expected 0 to {highest:g}, got {command.value}"
+    return None
+
+
+def described(command: Command) -> str:
+    """The command as a line of the event log."""
+    match command.kind:
+        case CommandKind.LOSS:
+            return f"every link loses {command.value:.0%}"
+        case CommandKind.DELAY:
+            return f"every link takes {1e3 * command.value:g} ms"
+        case CommandKind.SPEED:
+            return f"speed {command.value:g}" if command.value else "speed: as fast as possible"
+        case CommandKind.STEP:
+            return f"step by {command.value:g} s"
+        case CommandKind.KILL:
+            return f"agent {command.agent} killed"
+        case CommandKind.FREEZE:
+            return f"agent {command.agent} frozen"
+        case CommandKind.THAW:
+            return f"agent {command.agent} thawed"
+        case CommandKind.TURN:
+            return f"agent {command.agent} turned adversary"
+        case _:
+            return command.kind

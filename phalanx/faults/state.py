@@ -1,24 +1,50 @@
-"""Which agents are frozen, dead or turned, and what the network does by a control."""
+"""The state that commands leave behind: who is frozen, dead or turned, and what links do."""
 
-from phalanx.faults.commands import CommandKind
-from phalanx.recording.records import Command
-from phalanx.wire.frames import Condition
-from phalanx.wire.messages import Orders
+from enum import StrEnum
 
-_POSSIBLE: dict[str, set[Condition]] = {
+import msgspec
+
+from phalanx.faults.commands import Command, CommandKind
+
+
+class Condition(StrEnum):
+    """How an agent does."""
+
+    FINE = "fine"
+    FROZEN = "frozen"
+    DEAD = "dead"
+    TURNED = "turned"
+    """A normal agent that became an adversary in the run."""
+
+
+class Orders(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """What commands ask of an agent, in every sample from then on."""
+
+    loss: float | None = None
+    """Replaces the scenario's loss on every link to this agent."""
+    delay: float | None = None
+    """Replaces the scenario's delay [s] on every link to this agent."""
+    adversary: bool = False
+    """Attack from now on."""
+    die: bool = False
+    """End at once, without an answer."""
+
+
+_LEADS_ON_FROM: dict[str, set[Condition]] = {
     CommandKind.KILL: {Condition.FINE, Condition.TURNED, Condition.FROZEN},
     CommandKind.FREEZE: {Condition.FINE, Condition.TURNED},
     CommandKind.THAW: {Condition.FROZEN},
     CommandKind.TURN: {Condition.FINE},
 }
-"""From which conditions a control can lead on; elsewhere it does nothing."""
+"""In which conditions a command has an effect; in others it has none."""
 
 
-class Faults:
-    """The state that commands leave behind."""
+class FaultState:
+    """Every agent's condition, and what commands made of the links."""
 
     def __init__(self, names: tuple[str, ...]) -> None:
-        self.condition = dict.fromkeys(range(len(names)), Condition.FINE)
+        """names: of all agents, in the scenario's order."""
+        self.condition = [Condition.FINE for _ in names]
         self.loss: float | None = None
         self.delay: float | None = None
         self._names = names
@@ -28,19 +54,19 @@ class Faults:
         """Whether agent i neither samples nor answers."""
         return self.condition[i] in (Condition.FROZEN, Condition.DEAD)
 
-    def obey(self, control: Command) -> int | None:
-        """Take a control in. Returns the agent whose condition it changed, if it did."""
-        match control.kind:
+    def obey(self, command: Command) -> int | None:
+        """Take a command in. Returns the agent whose condition it changed, if it did."""
+        match command.kind:
             case CommandKind.LOSS:
-                self.loss = control.value
+                self.loss = command.value
             case CommandKind.DELAY:
-                self.delay = control.value
+                self.delay = command.value
             case CommandKind.KILL | CommandKind.FREEZE | CommandKind.THAW | CommandKind.TURN:
-                return self._change(self._names.index(control.agent), control.kind)
+                return self._change(self._names.index(command.agent), command.kind)
         return None
 
     def _change(self, i: int, kind: str) -> int | None:
-        if self.condition[i] not in _POSSIBLE[kind]:
+        if self.condition[i] not in _LEADS_ON_FROM[kind]:
             return None
         if kind == CommandKind.TURN:
             self._turned.add(i)
@@ -53,7 +79,7 @@ class Faults:
         return i
 
     def orders(self, i: int) -> Orders | None:
-        """What agent i's samples have to tell it; None while there was no control."""
+        """What agent i's samples have to tell it; None while no command concerns it."""
         if self.loss is None and self.delay is None and i not in self._turned:
             return None
-        return Orders(self.loss, self.delay, i in self._turned)
+        return Orders(loss=self.loss, delay=self.delay, adversary=i in self._turned)

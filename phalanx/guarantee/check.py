@@ -3,15 +3,19 @@
 import math
 from dataclasses import dataclass, field
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.guarantee.feasibility import ProvenRows, largest_gap, rigorous, rows_at_start
 from phalanx.guarantee.formula import Formula, Region, formula, worst_pair
+from phalanx.guarantee.gaps import gaps_in_the_proof
 from phalanx.guarantee.workspace import boundary, states_inside, workspace
 from phalanx.scenario.model import Scenario
-from phalanx.swarm.swarm import Swarm, build_swarm, require_rows
+from phalanx.swarm.rows import SafetyRows, build_rows, require_runnable
+from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.rows.information import Information
+from phalanx.theory.rows.row import joint_sum
 from phalanx.theory.rows.terms import TermsFunction
 
 Array = NDArray[np.float64]
@@ -80,64 +84,72 @@ def check(scenario: Scenario) -> CheckReport:
         ScenarioError: the safe set cannot be built, as when relative degrees are mixed.
     """
     swarm = build_swarm(scenario)
-    x = swarm.start()
-    box = workspace(swarm)
-    require_rows(swarm)
+    require_runnable(swarm)
+    rows, x, box = build_rows(swarm), swarm.start(), workspace(swarm)
     unknown: list[str] = []
     of_all = of_pair = theorem = None
     proven: dict[int, ProvenRows] = {}
     if isinstance(box, tuple):
-        theorem = _theorem_four(swarm, x, *box)
+        theorem = _theorem_four(rows, x, *box)
     else:
         missing = ", ".join(box)
         advice = f"for example {box[0]} = [-3.0, 3.0]"
         unknown.append(f"No constants: give bounds for {missing} in [workspace], {advice}.")
     try:
         if isinstance(box, tuple):
-            region = Region(*box, states_inside(swarm, x, *box, _SAMPLES))
-            of_all, of_pair = formula(swarm, swarm.chain, region), worst_pair(swarm, region)
+            region = Region(*box, states_inside(rows.invariants(), x, *box, _SAMPLES))
+            of_all, of_pair = formula(rows, rows.chain, region), worst_pair(rows, region)
         provable = rigorous(swarm)
         proven = {i: ProvenRows(provable, i, x) for i in swarm.normal}
     except ValueError as error:
         unknown.append(f"No margin can be computed: {error}.")
     report = CheckReport(
-        relative_degree=swarm.chain.relative_degree,
-        worst_at_start=float(swarm.invariants()(x)[0].max()),
-        eta_paper=_given(swarm),
+        relative_degree=rows.chain.relative_degree,
+        worst_at_start=float(rows.invariants()(x)[0].max()),
+        eta_paper=_given(rows),
         formula=of_all,
         pair_formula=of_pair,
-        eta_local={swarm.names[i]: rows.margin(swarm.horizon(i)) for i, rows in proven.items()},
-        rows_at_start=rows_at_start(swarm),
+        eta_local={swarm.names[i]: proof.margin(swarm.horizon(i)) for i, proof in proven.items()},
+        rows_at_start=rows_at_start(rows),
         theorem_4=theorem,
         largest_gap=largest_gap(list(proven.values())) if proven else None,
         largest_delay=_largest_delay(swarm),
-        gaps=swarm.gaps_in_the_proof(),
+        gaps=gaps_in_the_proof(swarm),
     )
     report.words.extend(_words(swarm, report, unknown))
     return report
 
 
-def _theorem_four(swarm: Swarm, x: Array, low: Array, high: Array) -> TheoremFour | None:
+def _theorem_four(rows: SafetyRows, x: Array, low: Array, high: Array) -> TheoremFour | None:
     """Σ γ_min + Σ γ_max + α + η at states on the boundary of S_I."""
-    rng, inside = np.random.default_rng(1), swarm.invariants()
+    rng, inside = np.random.default_rng(1), rows.invariants()
     if (inside(x)[0] > 0).any():
         return None
-    evaluate, eta = TermsFunction(swarm.chain), max(swarm.eta(i) for i in swarm.normal)
+    evaluate = TermsFunction(rows.chain, margin=_largest_margin(rows))
     worst, asked = -math.inf, 0
     for y in rng.uniform(low, high, (10 * _SAMPLES, len(low))):
         if asked == _BOUNDARY_STATES or (inside(y)[0] <= 0).all():
             continue
-        terms = evaluate(boundary(inside, x, y))
-        total = terms.unforced + terms.margin + eta
-        for l in range(len(swarm.members)):
-            total += float(terms.least[l] if l in swarm.normal else terms.most[l])
+        total = joint_sum(evaluate(boundary(inside, x, y)), rows.swarm.normal)
         worst, asked = max(worst, total), asked + 1
     return TheoremFour(asked, worst) if asked else None
 
 
-def _given(swarm: Swarm) -> dict[str, float | None]:
-    local = swarm.scenario.safety.margin == "local"
-    return {swarm.names[i]: None if local else swarm.eta(i) for i in swarm.normal}
+def _largest_margin(rows: SafetyRows) -> ca.SX:
+    """Of any normal agent's row for h_tot; 0 where it is local."""
+    margins = [rows.margin(i) for i in rows.swarm.normal]
+    if margins[0].kind == "local":
+        return ca.SX(0)
+    own = zip(rows.swarm.normal, margins, strict=True)
+    return ca.mmax(ca.vertcat(*[margin.of(rows.chain, i) for i, margin in own]))
+
+
+def _given(rows: SafetyRows) -> dict[str, float | None]:
+    margins = {rows.swarm.names[i]: rows.margin(i) for i in rows.swarm.normal}
+    return {
+        name: None if margin.kind == "local" else margin.scale * margin.eta
+        for name, margin in margins.items()
+    }
 
 
 def _largest_delay(swarm: Swarm) -> float:
@@ -181,7 +193,7 @@ def _words(swarm: Swarm, report: CheckReport, unknown: list[str]) -> list[str]:
             f"η = {max(given):.4g} is below the formula's {report.formula.eta:.4g} over the "
             "workspace: it is a choice, not a bound."
         )
-    if swarm.chain.relative_degree > 1 and safety.margin == "paper":
+    if report.relative_degree > 1 and safety.margin == "paper":
         words.append("q > 1 and margin = 'paper': L_φ ψ_k for k >= 1 is not bounded. Correct it.")
     if report.theorem_4 and report.theorem_4.holds is False:
         words.append(

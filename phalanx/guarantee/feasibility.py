@@ -2,18 +2,19 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
-from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.polytope import Polytope
 from phalanx.theory.rows.decision import least_violation
 from phalanx.theory.rows.information import Information
-from phalanx.theory.rows.pairs import HALF, PairTerms, PairTermsFunction, pair_rows
-from phalanx.theory.rows.terms import TermsFunction
+from phalanx.theory.rows.pairs import PairTerms, pair_rows
+from phalanx.theory.rows.row import joint_sum
 
 Array = NDArray[np.float64]
 
@@ -21,14 +22,15 @@ _SHORTEST, _LONGEST, _BISECTIONS = 1e-6, 10.0, 20
 """The sampling gaps that are looked among [s], and how closely."""
 
 
-def rows_at_start(swarm: Swarm) -> dict[str, bool]:
+def rows_at_start(rows: SafetyRows) -> dict[str, bool]:
     """By normal agent: whether K_i(x(0)) is non-empty, with nothing received yet."""
+    swarm = rows.swarm
     x = swarm.start()
-    return {swarm.names[i]: _feasible(swarm, i, x) for i in swarm.normal}
+    return {swarm.names[i]: _feasible(rows, i, x) for i in swarm.normal}
 
 
-def rigorous(swarm: Swarm) -> Swarm:
-    """The same scenario with half rows for each pair and the local margin."""
+def rigorous(swarm: Swarm) -> SafetyRows:
+    """The same scenario's rows as a proof needs them: half rows for each pair, local margin."""
     scenario = swarm.scenario
     proven = {
         "composition": "pairs",
@@ -39,58 +41,43 @@ def rigorous(swarm: Swarm) -> Swarm:
         "neighbourhood": None,
     }
     safety = scenario.safety.model_copy(update=proven)
-    return build_swarm(scenario.model_copy(update={"safety": safety}))
+    return build_rows(build_swarm(scenario.model_copy(update={"safety": safety})))
 
 
-def _feasible(swarm: Swarm, i: int, x: Array) -> bool:
+def _feasible(rows: SafetyRows, i: int, x: Array) -> bool:
     """Whether K_i(x) is non-empty, with nothing received."""
-    safety = swarm.scenario.safety
-    terms = swarm.terms(i)(x)
-    if swarm.pair_chains:
-        return _pairs_feasible(swarm, i, swarm.pair_terms(i)(x), terms.polytopes[i])
-    total = terms.unforced + safety.margin_scale * (swarm.eta(i) + terms.margin)
-    for l in range(len(swarm.members)):
-        helps = l == i or (swarm.joint and l in swarm.normal)
-        total += float(terms.least[l] if helps else terms.most[l])
-    return total <= 0
+    swarm, terms = rows.swarm, rows.terms(i)(x)
+    if rows.pair_chains:
+        return _pairs_feasible(rows, i, rows.pair_terms(i)(x), terms.polytopes[i])
+    return joint_sum(terms, swarm.normal if swarm.joint else (i,)) <= 0
 
 
-def _pairs_feasible(swarm: Swarm, i: int, terms: PairTerms, inputs: Polytope) -> bool:
-    safety = swarm.scenario.safety
-    sharing = list(swarm.normal) if swarm.joint else []
-    scale = safety.margin_scale
-    rows = pair_rows(terms, swarm.own_pairs(i), {}, sharing, swarm.eta(i), scale)
-    u = least_violation(inputs, rows)
-    return bool((rows.a @ u <= rows.bound).all())
+def _pairs_feasible(rows: SafetyRows, i: int, terms: PairTerms, inputs: Polytope) -> bool:
+    sharing = rows.swarm.normal if rows.swarm.joint else ()
+    at_start = pair_rows(terms, rows.own_pairs(i), {}, sharing)
+    u = least_violation(inputs, at_start)
+    return bool((at_start.a @ u <= at_start.bound).all())
 
 
 class ProvenRows:
     """One agent's half rows for each pair with the local margin, at x(0), for any sampling gap."""
 
-    def __init__(self, swarm: Swarm, i: int, x: Array) -> None:
-        """swarm: as rigorous() has it."""
-        self._swarm, self._i, self._x = swarm, i, x
-        pairs, gap = swarm.own_pairs(i), ca.SX.sym("gap")
-        shares = [HALF if p.shared else None for p in pairs]
-        margins = [
-            swarm.local_margin(p.chain, p.own, share, gap)
-            for p, share in zip(pairs, shares, strict=True)
-        ]
-        composed = swarm.chain.set
-        self._margins = CompiledFunction([composed.x, gap], [ca.vertcat(*margins)])
-        zero = [(0.0, 0.0)] * len(pairs)
-        self._terms = PairTermsFunction(composed, pairs, zero, None)(x)
-        self._inputs = TermsFunction(swarm.chain)(x).polytopes[i]
+    def __init__(self, rows: SafetyRows, i: int, x: Array) -> None:
+        """rows: as rigorous() has them."""
+        self._rows, self._i, self._x = rows, i, x
+        margin = replace(rows.margin(i), horizon=ca.SX.sym("gap"))
+        self._terms = rows.pair_terms_with(i, margin)
+        self._shared = np.array([pair.shared for pair in rows.own_pairs(i)])
+        self._inputs = rows.terms(i)(x).polytopes[i]
 
     def margin(self, gap: float) -> float:
         """The largest margin of any row."""
-        return float(self._margins(self._x, gap)[0].max())
+        terms = self._terms(self._x, gap)
+        return float(np.where(self._shared, terms.half_margin, terms.margin).max())
 
     def feasible(self, gap: float) -> bool:
         """Whether K_i(x(0)) is non-empty."""
-        margins = self._margins(self._x, gap)[0]
-        terms = self._terms._replace(margin=margins, half_margin=margins)
-        return _pairs_feasible(self._swarm, self._i, terms, self._inputs)
+        return _pairs_feasible(self._rows, self._i, self._terms(self._x, gap), self._inputs)
 
 
 def largest_gap(rows: Sequence[ProvenRows]) -> float | None:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.swarm.swarm import Swarm
+from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.margins.constants import Constant, constants, margin_constants
 from phalanx.theory.safety.chain import Chain
 
@@ -37,16 +37,16 @@ class Formula(NamedTuple):
         return all(constant.how == "interval" for constant in self.constants.values())
 
 
-def formula(swarm: Swarm, chain: Chain, region: Region) -> Formula:
+def formula(rows: SafetyRows, chain: Chain, region: Region) -> Formula:
     """η from the constants of one chain: of h_tot, or of a pair.
 
     Raises:
         ValueError: a member's input polytope depends on its state.
     """
-    composed = swarm.chain.set
+    swarm, composed = rows.swarm, rows.swarm.safe_set
     places = [swarm.names.index(m.name) for m in chain.set.members]
     own = np.concatenate([np.r_[composed.parts[l]] for l in places])
-    bounds = [swarm.group(l)[0].disturbance.bound for l in places]
+    bounds = [swarm.disturbance_bounds[m.name] for m in chain.set.members]
     low, high, samples = region.low[own], region.high[own], region.samples[:, own]
     found = constants(chain, low, high, bounds, samples)
     longest = max(swarm.horizon(i) for i in swarm.normal)
@@ -55,16 +55,16 @@ def formula(swarm: Swarm, chain: Chain, region: Region) -> Formula:
     return Formula(found, whole if chain.relative_degree == 1 else sampling, whole)
 
 
-def worst_pair(swarm: Swarm, region: Region) -> Formula:
+def worst_pair(rows: SafetyRows, region: Region) -> Formula:
     """The pair that needs the largest margin, of those that normal agents keep rows for.
 
     Pairs of members of the same two groups differ in nothing that counts.
     """
-    composed, found = swarm.chain.set, {}
-    for number, pair in enumerate(composed.pairs):
-        groups = [id(swarm.group(l)[0]) for l in (pair.a, pair.b) if l is not None]
+    swarm, found = rows.swarm, {}
+    for number, pair in enumerate(swarm.safe_set.pairs):
+        groups = [id(swarm.groups[l]) for l in (pair.a, pair.b) if l is not None]
         alike = (*groups, number if pair.b is None else None)
         normal = any(l in swarm.normal for l in (pair.a, pair.b))
         if normal and alike not in found:
-            found[alike] = formula(swarm, swarm.pair_chain(number), region)
+            found[alike] = formula(rows, rows.pair_chain(number), region)
     return max(found.values(), key=lambda f: f.corrected)

@@ -22,7 +22,7 @@ _ANGLES = {"theta", "phi", "psi", "heading", "yaw"}
 def workspace(swarm: Swarm) -> tuple[Array, Array] | list[str]:
     """The box, or the names of states that it lacks."""
     given, scenario = swarm.scenario.workspace, swarm.scenario
-    composed = swarm.chain.set
+    composed = swarm.safe_set
     p = CompiledFunction([composed.x], [ca.horzcat(*composed.positions).T])
     points = [p(swarm.start())[0].reshape(len(swarm.members), -1)]
     points += [np.array([o.center]) for o in scenario.obstacles if isinstance(o, Sphere)]
@@ -53,10 +53,9 @@ def _times(scenario: Scenario) -> Array:
     return np.linspace(0.0, scenario.duration, 50)
 
 
-def states_inside(swarm: Swarm, x: Array, low: Array, high: Array, count: int) -> Array:
+def states_inside(inside: CompiledFunction, x: Array, low: Array, high: Array, count: int) -> Array:
     """x(0) and `count` states in S_I: what is drawn outside is moved to the boundary; (s, n̄)."""
     rng = np.random.default_rng(0)
-    inside = swarm.invariants()
     drawn = rng.uniform(low, high, (count, len(low)))
     kept = [y for y in drawn if (inside(y)[0] <= 0).all()]
     near = [boundary(inside, x, y) for y in drawn if (inside(y)[0] > 0).any()]

@@ -1,33 +1,63 @@
 """Run a recording's scenario again, and find the first place where two trajectories differ."""
 
 import tempfile
-from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
+from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Outcome
-from phalanx.launcher.launch import launch, new_folder
+from phalanx.launcher.engine import Engine, Progress, silent
+from phalanx.launcher.execute import execute
 from phalanx.recording.read import Recording, read
 from phalanx.recording.records import State, Step
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import build_swarm
-from phalanx.wire.messages import Status
-from phalanx.wire.session import free_endpoint
 
 _INSTANT = 1e-9
 """What makes an event at the very end happen again [s]."""
 
 
-def run_again(
-    scenario: Scenario, report: Callable[[Status], None], policy: CommandPolicy = NO_COMMANDS
-) -> Recording:
-    """Run a scenario in a folder that does not stay. Raises LaunchError."""
-    with tempfile.TemporaryDirectory(prefix="phalanx-") as parent:
-        folder = new_folder(Path(parent), scenario.name)
-        launch(scenario, folder, free_endpoint(), report, policy=policy)
-        return read(folder)
+@dataclass(frozen=True)
+class Verification:
+    """What came of running a recording's scenario again; true if the trajectory is the same."""
+
+    difference: str | None
+    """Where the two first differ, in words; None if they are bit-identical."""
+    steps: int
+    """Control steps compared."""
+    states: int
+    """States compared."""
+
+    def __bool__(self) -> bool:
+        return self.difference is None
+
+    def __str__(self) -> str:
+        if self.difference is not None:
+            return f"differs: {self.difference}"
+        return f"bit-identical: {self.steps} steps and {self.states} states"
+
+
+def verify(
+    recorded: Recording,
+    *,
+    engine: Engine = "processes",
+    seed: int | None = None,
+    progress: Progress = silent,
+) -> Verification:
+    """Run a recording's scenario and commands again, as far as it goes, and compare.
+
+    Raises:
+        EngineError: it cannot be run again.
+    """
+    scenario = as_far_as(recorded).model_copy(update={} if seed is None else {"seed": seed})
+    commands = CommandPolicy(schedule=tuple(recorded.commands))
+    with tempfile.TemporaryDirectory(prefix="phalanx-") as folder:
+        execute(scenario, Path(folder), engine=engine, progress=progress, commands=commands)
+        again = read(Path(folder))
+    difference = first_difference(recorded, again)
+    return Verification(difference, len(recorded.steps), len(recorded.states))
 
 
 def cut_short(recorded: Recording) -> bool:
@@ -52,11 +82,8 @@ def first_difference(recorded: Recording, again: Recording) -> str | None:
     What does not belong to the trajectory (solve times, run names) is not compared. A recording
     that was cut short is compared as far as it goes.
     """
-    candidates = [
-        found
-        for found in (_state_difference(recorded, again), _step_difference(recorded, again))
-        if found
-    ]
+    compared = (_state_difference(recorded, again), _step_difference(recorded, again))
+    candidates = [found for found in compared if found]
     if candidates:
         return min(candidates, key=lambda found: found[0])[1]
     cut = cut_short(recorded)

@@ -13,8 +13,9 @@ from mcap.stream_reader import CRCValidationError, StreamReader
 from numpy.typing import NDArray
 from zstandard import ZstdError
 
+from phalanx.faults.commands import Command
 from phalanx.guarantee.verdict import Summary
-from phalanx.recording.records import RECORDING, TOPICS, Command, Log, State, Step
+from phalanx.recording.records import RECORDING, TOPICS, Log, State, Step
 from phalanx.scenario.load import ScenarioError, from_json
 from phalanx.scenario.model import Scenario
 

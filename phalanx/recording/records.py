@@ -2,6 +2,8 @@
 
 import msgspec
 
+from phalanx.faults.commands import Command
+
 RECORDING = "recording.mcap"
 SUMMARY = "summary.json"
 
@@ -47,18 +49,7 @@ class Log(msgspec.Struct):
     text: str
 
 
-class Command(msgspec.Struct, frozen=True):
-    """An intervention from outside the scenario, obeyed at t. Topic /control."""
-
-    t: float
-    """[s]"""
-    kind: str
-    """One of phalanx.control.CommandKind."""
-    agent: str = ""
-    value: float = 0.0
-
-
-TOPICS: dict[type, str] = {State: "/state", Step: "/step", Log: "/log", Command: "/control"}
+TOPICS: dict[type, str] = {State: "/state", Step: "/step", Log: "/log", Command: "/command"}
 
 
 def json_schema(kind: type) -> bytes:

@@ -9,8 +9,9 @@ from typing import Self
 import msgspec
 from mcap.writer import Writer
 
+from phalanx.faults.commands import Command
 from phalanx.guarantee.verdict import Summary
-from phalanx.recording.records import TOPICS, Command, Log, State, Step, json_schema
+from phalanx.recording.records import TOPICS, Log, State, Step, json_schema
 from phalanx.scenario.load import digest, to_json
 from phalanx.scenario.model import Scenario
 

@@ -9,8 +9,10 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from phalanx.report.style import ReportFigure, style_axes
+from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.rows.terms import TermsFunction
+from phalanx.theory.rows.row import joint_sum
+from phalanx.theory.rows.terms import Terms, TermsFunction
 
 Array = NDArray[np.float64]
 
@@ -34,28 +36,30 @@ class Slice(NamedTuple):
     """_UNSAFE, _TOO_LATE or _SUFFICES, shape (c, c), rows by Δy."""
 
 
-def backup_slice(swarm: Swarm, reach: float | None = None) -> Slice | None:
+def backup_slice(rows: SafetyRows, reach: float | None = None) -> Slice | None:
     """Move one agent around another and ask whether Σ γ_min + Σ γ_max + α_q + η <= 0.
 
     The other agent is the nearest adversary, or the nearest normal agent if there is none; all
     else, headings and velocities among it, is as at the start.
 
     Args:
-        swarm: of the scenario.
+        rows: of the scenario.
         reach: half-width of the slice [m]; by default four times the distance at which h = 0
             along the line between the two.
 
     Returns:
         None if the swarm has no second agent with states x and y.
     """
+    swarm = rows.swarm
     pair = _nearest_pair(swarm)
     if pair is None:
         return None
-    a, b = swarm.chain.set.pairs[pair].a, swarm.chain.set.pairs[pair].b
+    a, b = swarm.safe_set.pairs[pair].a, swarm.safe_set.pairs[pair].b
     assert b is not None
-    chain = swarm.pair_chain(pair)
-    start = np.concatenate([swarm.start()[swarm.chain.set.parts[l]] for l in (a, b)])
-    evaluate = TermsFunction(chain, None, swarm.margin_of(chain))
+    chain = rows.pair_chain(pair)
+    start = np.concatenate([swarm.start()[swarm.safe_set.parts[l]] for l in (a, b)])
+    evaluate = TermsFunction(chain, margin=rows.margin(a).of(chain, 0))
+    helping = (0,) if swarm.members[b].adversary else (0, 1)
     place = [chain.set.parts[1].start + swarm.members[b].dynamics.states.index(s) for s in "xy"]
     half = reach or 4.0 * _required_distance(evaluate, start, place)
     offsets = np.linspace(-half, half, _CELLS)
@@ -64,7 +68,7 @@ def backup_slice(swarm: Swarm, reach: float | None = None) -> Slice | None:
     for row, dy in enumerate(offsets):
         for column, dx in enumerate(offsets):
             x[place] = start[:2] + np.array([dx, dy])
-            answers[row, column] = _answer(evaluate, x, swarm, a, b)
+            answers[row, column] = _answer(evaluate(x), helping)
     return Slice(swarm.names[a], swarm.names[b], (offsets, offsets), answers)
 
 
@@ -89,17 +93,14 @@ def backup_plate(found: Slice) -> ReportFigure:
     return ReportFigure("backup", caption, figure)
 
 
-def _answer(evaluate: TermsFunction, x: Array, swarm: Swarm, a: int, b: int) -> int:
-    terms = evaluate(x)
+def _answer(terms: Terms, helping: tuple[int, ...]) -> int:
     if (terms.psi > 0).any():
         return _UNSAFE
-    other = terms.most[1] if swarm.members[b].adversary else terms.least[1]
-    total = terms.unforced + terms.least[0] + other + terms.margin + swarm.eta(a)
-    return _SUFFICES if total <= 0 else _TOO_LATE
+    return _SUFFICES if joint_sum(terms, helping) <= 0 else _TOO_LATE
 
 
 def _nearest_pair(swarm: Swarm) -> int | None:
-    composed, start = swarm.chain.set, swarm.start()
+    composed, start = swarm.safe_set, swarm.start()
     candidates = []
     for index, pair in enumerate(composed.pairs):
         if pair.b is None:

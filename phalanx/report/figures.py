@@ -114,7 +114,7 @@ def _mark_fallbacks(axes: Axes, steps: list[Step], values: Array) -> None:
 
 def input_box(swarm: Swarm, i: int) -> Box | None:
     """Agent i's bounds, if U_i is a box that does not depend on the state."""
-    composed = swarm.chain.set
+    composed = swarm.safe_set
     A, b = swarm.members[i].dynamics.input_polytope(composed.x[composed.parts[i]])
     known = constant_polytope(A, b)
     return known.box if known else None

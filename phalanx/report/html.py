@@ -6,9 +6,9 @@ from html import escape
 from string import Template
 
 from phalanx.guarantee.verdict import Outcome, Summary
+from phalanx.network.link import LinkModel, UniformDelay
 from phalanx.recording.read import Recording
 from phalanx.report.measures import LinkStatistics, origins, worst
-from phalanx.scenario.network import LinkModel, UniformDelay
 from phalanx.theory.rows.origin import Origin
 
 _MOST_LINKS = 240

@@ -8,9 +8,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.network.link import LinkModel
 from phalanx.recording.read import Recording
 from phalanx.recording.records import Step
-from phalanx.scenario.network import LinkModel
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.safety.composition import Pair
@@ -102,7 +102,7 @@ class Motion:
 
     def __init__(self, recording: Recording, swarm: Swarm) -> None:
         """For a recording with at least one state."""
-        composed = swarm.chain.set
+        composed = swarm.safe_set
         x = recording.x
         evaluate = ca.Function("p", [composed.x], [ca.vertcat(*composed.positions)])
         stacked = np.array(evaluate.map(len(x))(x.T))

@@ -127,7 +127,7 @@ def _add_circle(axes: Axes, center: Array, radius: float, style: object, colour:
 def distances(recording: Recording, swarm: Swarm, motion: Motion) -> Figure:
     """Distances of all pairs over time, by kind of pair, with what is required."""
     normal = set(swarm.normal)
-    pairs = swarm.chain.set.pairs
+    pairs = swarm.safe_set.pairs
     kinds = {
         "normal–normal": [p for p in pairs if p.b in normal],
         "normal–adversary": [p for p in pairs if p.b is not None and p.b not in normal],
@@ -176,7 +176,7 @@ def _draw_pairs(
     """Draw the closest pairs, the closest first in the legend; returns them."""
     least = {pair: float(motion.distance(pair).min()) for pair in pairs}
     closest = sorted(least, key=lambda pair: least[pair])[:_MOST_PAIRS]
-    palette, label = colours(recording.scenario), swarm.chain.set.label
+    palette, label = colours(recording.scenario), swarm.safe_set.label
     for place, pair in enumerate(closest):
         distance = motion.distance(pair)
         kept = extremes_kept(distance)

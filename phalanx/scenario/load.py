@@ -25,24 +25,34 @@ def shipped() -> dict[str, Traversable]:
     return {f.name.removesuffix(".toml"): f for f in sorted(found, key=lambda f: f.name)}
 
 
-def load(source: str, overrides: Sequence[str] = (), seed: int | None = None) -> Scenario:
-    """Read, override and validate.
+def load(
+    source: str | Path,
+    overrides: Sequence[str] | Mapping[str, Any] = (),
+    seed: int | None = None,
+) -> Scenario:
+    """Read a scenario, override some of its fields, and validate it.
 
     Args:
         source: path of a TOML file, or the name of a shipped scenario.
-        overrides: "path.to.field=value", the value as TOML; a bare word is a string.
+        overrides: values by "path.to.field", or texts "path.to.field=value" with the value as
+            TOML, in which a bare word is a string.
         seed: replaces the scenario's seed.
 
     Raises:
         ScenarioError: unreadable, not TOML, or not a valid scenario.
     """
+    source = str(source)
     text = _read(source)
     try:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ScenarioError(f"{source}: not valid TOML: {error}") from error
-    for override in overrides:
-        apply_override(table, override)
+    if isinstance(overrides, Mapping):
+        for path, value in overrides.items():
+            set_field(table, path, value)
+    else:
+        for override in overrides:
+            apply_override(table, override)
     if seed is not None:
         table["seed"] = seed
     return validate(table, source)
@@ -81,17 +91,23 @@ def apply_override(table: dict[str, Any], override: str) -> None:
     Raises ScenarioError if the path leads nowhere.
     """
     path, separator, text = override.partition("=")
-    keys = path.strip().split(".")
-    if not separator or not all(keys):
+    if not separator:
         raise ScenarioError(f"--set {override}: expected path.to.field=value")
+    set_field(table, path.strip(), _value(text))
+
+
+def set_field(table: dict[str, Any], path: str, value: Any) -> None:
+    """Set one field in place by its path. Raises ScenarioError if the path leads nowhere."""
+    keys = path.split(".")
+    if not all(keys):
+        raise ScenarioError(f"--set {path}: expected path.to.field")
     node: Any = table
     for key in keys[:-1]:
-        node = _step(node, key, override)
+        node = _step(node, key, path)
     if isinstance(node, list):
-        index = _index(node, keys[-1], override)
-        node[index] = _value(text)
+        node[_index(node, keys[-1], path)] = value
     else:
-        node[keys[-1]] = _value(text)
+        node[keys[-1]] = value
 
 
 def _step(node: Any, key: str, override: str) -> Any:

@@ -1,23 +1,12 @@
-"""What the plant shows to viewers, and what those with the control secret may ask of it."""
-
-from enum import StrEnum
+"""What the plant shows to viewers, and what those with the command secret may ask of it."""
 
 import msgspec
 
+from phalanx.faults.commands import Command
+from phalanx.faults.state import Condition
 from phalanx.guarantee.verdict import Assumption, Violation
-from phalanx.recording.records import Command
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Message
-
-
-class Condition(StrEnum):
-    """How an agent does."""
-
-    FINE = "fine"
-    FROZEN = "frozen"
-    DEAD = "dead"
-    TURNED = "turned"
-    """A normal agent that became an adversary in the run."""
 
 
 class AgentStatus(msgspec.Struct, array_like=True, frozen=True):
@@ -30,7 +19,9 @@ class AgentStatus(msgspec.Struct, array_like=True, frozen=True):
     """The nominal input it was made from, shape (m_i,)."""
     origin: Origin = Origin.QP
     backups: int = 0
-    """Its steps so far whose K_i was empty."""
+    """Its steps so far at which u_i^min was applied."""
+    without_authority: int = 0
+    """Its steps so far with empty K_i that kept the nominal input."""
     residual: float = 0.0
     solve_time: float = 0.0
     """Wall time [s]."""
@@ -52,7 +43,7 @@ def worse(a: float, b: float) -> float:
     return min(a, b) if min(a, b) < 0.0 else max(a, b)
 
 
-class Line(msgspec.Struct, array_like=True, frozen=True):
+class LogLine(msgspec.Struct, array_like=True, frozen=True):
     """A line of the event log."""
 
     t: float
@@ -60,7 +51,7 @@ class Line(msgspec.Struct, array_like=True, frozen=True):
     text: str
 
 
-class Frame(Message, frozen=True):
+class Frame(Message, frozen=True, kw_only=True):
     """The run at t; at most some thirty of them a second, and only while somebody looks."""
 
     t: float
@@ -74,23 +65,23 @@ class Frame(Message, frozen=True):
     pair: int
     """The pair whose h is largest at t: an index into the composed set's pairs."""
     agents: tuple[AgentStatus, ...]
-    trouble: tuple[LinkEvent, ...]
+    link_events: tuple[LinkEvent, ...]
     steps: int
     real_time_factor: float
     assumptions: tuple[Assumption, ...]
     violations: tuple[Violation, ...]
-    log: tuple[Line, ...]
+    log: tuple[LogLine, ...]
     """The last lines."""
     paused: bool
     speed: float
-    """As phalanx.control.CommandKind.SPEED."""
+    """As phalanx.faults.commands.CommandKind.SPEED."""
     loss: float | None
-    """Set by a control; null while the scenario's holds."""
+    """Set by a command; null while the scenario's holds."""
     delay: float | None
     """[s], likewise."""
 
 
-class Setup(Message, frozen=True):
+class Setup(Message, frozen=True, kw_only=True):
     """The answer to a viewer that knows the endpoint and the run alone."""
 
     scenario: bytes
@@ -99,10 +90,10 @@ class Setup(Message, frozen=True):
     """Whether the plant obeys commands."""
 
 
-class CommandMessage(Message, frozen=True):
-    """A viewer to the plant, sealed with the control secret; obeyed at the next event."""
+class CommandMessage(Message, frozen=True, kw_only=True):
+    """A viewer to the plant, sealed with the command secret; obeyed at the next event."""
 
     number: int
     """Larger than that of every command before: a replayed one is refused."""
-    control: Command
+    command: Command
     """Its t is ignored."""

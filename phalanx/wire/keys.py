@@ -1,4 +1,4 @@
-"""Key expressions: phalanx/<run>/<kind>/<agent>, every chunk at a fixed depth."""
+"""Key expressions: phalanx/<run>/<kind>/<name>, every chunk at a fixed depth."""
 
 from dataclasses import dataclass
 
@@ -8,48 +8,65 @@ PLANT = "plant"
 
 @dataclass(frozen=True)
 class Keys:
-    """The key expressions of one run."""
+    """The key expressions of one run; "*" as a name stands for all agents."""
 
     run: str
 
+    def _key(self, kind: str, name: str = PLANT) -> str:
+        return f"phalanx/{self.run}/{kind}/{name}"
+
     def sample(self, agent: str) -> str:
         """Plant to one agent: its sampled state."""
-        return f"phalanx/{self.run}/sample/{agent}"
+        return self._key("sample", agent)
 
-    def input(self, agent: str) -> str:
-        """One agent to everyone: its broadcast input; "*" for all agents."""
-        return f"phalanx/{self.run}/input/{agent}"
+    def actuation(self, agent: str) -> str:
+        """One agent to its actuator in the plant: the input it applies."""
+        return self._key("actuation", agent)
+
+    def broadcast(self, agent: str) -> str:
+        """One agent to its peers: the input it says it applies."""
+        return self._key("broadcast", agent)
+
+    def telemetry(self, agent: str) -> str:
+        """One agent to the plant: how its input was made."""
+        return self._key("telemetry", agent)
 
     def alive(self, name: str, digest: str = "*") -> str:
         """Liveliness token of a program, with the digest of the scenario it runs."""
-        return f"phalanx/{self.run}/alive/{name}/{digest}"
+        return f"{self._key('alive', name)}/{digest}"
 
     @property
     def status(self) -> str:
         """Plant to everyone: progress."""
-        return f"phalanx/{self.run}/status/{PLANT}"
+        return self._key("status")
 
     @property
-    def view(self) -> str:
+    def frames(self) -> str:
         """Plant to viewers: the run as it goes."""
-        return f"phalanx/{self.run}/view/{PLANT}"
+        return self._key("frame")
 
     @property
     def scenario(self) -> str:
         """Asked of the plant: the resolved scenario."""
-        return f"phalanx/{self.run}/scenario/{PLANT}"
+        return self._key("scenario")
 
     @property
-    def control(self) -> str:
-        """Whoever has the control secret to the plant: a command."""
-        return f"phalanx/{self.run}/control/{PLANT}"
+    def command(self) -> str:
+        """Whoever has the command secret to the plant: a command."""
+        return self._key("command")
 
     @property
     def verdict(self) -> str:
         """Plant to everyone: the end of the run."""
-        return f"phalanx/{self.run}/verdict/{PLANT}"
+        return self._key("verdict")
+
+    @property
+    def everything(self) -> str:
+        """Whatever is put in the run."""
+        return f"phalanx/{self.run}/**"
 
 
-def sender(key: str) -> str:
-    """The agent in a key of kind sample, input or alive."""
-    return key.split("/")[3]
+def kind_and_name(key: str) -> tuple[str, str]:
+    """The kind of a run's key expression and the name in it; two empty texts if it is no such."""
+    chunks = key.split("/")
+    return (chunks[2], chunks[3]) if len(chunks) >= 4 and chunks[0] == "phalanx" else ("", "")

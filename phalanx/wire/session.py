@@ -21,6 +21,7 @@ _CLIENT_RUNTIME = (
 
 Deliver = Callable[[str, bytes], None]
 Publisher = zenoh.Publisher
+Session = zenoh.Session
 
 
 class HubError(RuntimeError):

@@ -95,14 +95,13 @@ class _Team:
     ) -> None:
         self._who = [j for j, m in enumerate(members) if m.adversary]
         self._self = self._who.index(i)
-        self._eta = guard.eta
         team = [Member(members[j].name, members[j].dynamics, False) for j in self._who]
         around = [
             Sphere(o.center, guard.obstacle_clearance) if isinstance(o, Sphere) else o
             for o in obstacles
         ]
         composed = compose(team, around, Separation(guard.radius), guard.rho)
-        self._terms = TermsFunction(build_chain(composed, guard.alpha, guard.xi))
+        self._terms = TermsFunction(build_chain(composed, guard.alpha, guard.xi), margin=guard.eta)
         dynamics = members[i].dynamics
         own = composed.x[composed.parts[self._self]]
         rows = dynamics.input_polytope(own)[0].shape[0]
@@ -111,7 +110,7 @@ class _Team:
     def guarded(self, x: Sequence[Array], wanted: Array) -> Array:
         """The nearest input that keeps the team's safe set, shape (m_i,)."""
         terms = self._terms(np.concatenate([x[j] for j in self._who]))
-        row = split_row(terms, self._self, range(len(self._who)), self._eta)
+        row = split_row(terms, self._self, range(len(self._who)))
         return decide(terms, self._self, row, wanted, self._qp, _FUTILE).u
 
 

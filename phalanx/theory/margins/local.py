@@ -23,6 +23,7 @@ from phalanx.theory.expressions.interval import (
     multiply,
     point,
 )
+from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.safety.chain import Chain
 from phalanx.theory.safety.composition import Member
@@ -41,21 +42,17 @@ def local_margin(
     i: int,
     horizon: float | ca.SX,
     bounds: Sequence[float],
-    share: float | None,
+    part: RowPart,
     active: ca.SX | None = None,
 ) -> ca.SX:
     """Bound on the growth of agent i's row, scalar, an expression of the sampled state.
-
-    With share = None the row is Σ drift + c_i u_i + Σ_{l≠i} c_l w_l + α_q, every w_l some fixed
-    input in U_l: it serves û_l in force as well as the worst case. With a share κ it is
-    c_i u_i + κ (Σ drift + α_q), agent i's part of a joint condition whose parts sum to one.
 
     Args:
         chain: of one pair or of a composed set, its D_q included.
         i: the member whose row it is.
         horizon: τ = Γ_i + δ_i^max and the latency [s].
         bounds: φ_l^max of each member.
-        share: κ, or None.
+        part: which row, as RowPart writes them out.
         active: which pairs count, as ComposedSet.substitute has it.
 
     Raises:
@@ -69,9 +66,9 @@ def local_margin(
     inputs = [_input_box(m) for m in members]
     phi = [Interval(ca.SX(-b), ca.SX(b)) for b in bounds]
 
-    part = 1.0 if share is None else share
-    row = chain.actuation[i] @ fixed[i] + part * (ca.sum1(chain.drift) + chain.alpha)
-    if share is None:
+    share = part.value
+    row = chain.actuation[i] @ fixed[i] + share * (ca.sum1(chain.drift) + chain.alpha)
+    if part is RowPart.WHOLE:
         for l, c in enumerate(chain.actuation):
             row += 0 if l == i else c @ fixed[l]
     slope = ca.jacobian(row, x)
@@ -92,7 +89,7 @@ def local_margin(
     at_sample = [point(chain.set.substitute(s, active)) for s in _scalars(kept)]
     symbols = _scalars([x, *motion, *others, *disturbances, *kept])
     intervals = [*box, *_flat(inputs), *_flat(other_boxes), *pushed, *at_sample]
-    growth, disturbance = extend([slope @ rates, part * chain.disturbance], symbols, intervals)
+    growth, disturbance = extend([slope @ rates, share * chain.disturbance], symbols, intervals)
     forces = [chain.set.substitute(c, active) for c in chain.actuation]
     outside = ACTUATION * ca.sum1(ca.vertcat(*[ca.norm_1(c.T) for c in forces]))
     bound = horizon * ca.fmax(0, growth.hi) + disturbance.hi + outside
@@ -129,9 +126,9 @@ def _enclosure(
 
     starts = [point(component) for component in ca.vertsplit(x)]
     box = starts
-    for share in (0.2, 0.1):
+    for extra in (0.2, 0.1):
         reached = [hull(a, b) for a, b in zip(starts, moved(box), strict=True)]
-        box = [inflate(reach, share, _LEAST) for reach in reached]
+        box = [inflate(reach, extra, _LEAST) for reach in reached]
     final = moved(box)
     certain = ca.SX(1)
     for a, b in zip(final, box, strict=True):

@@ -36,8 +36,7 @@ class JointInput:
         self,
         terms: Terms,
         normal: Sequence[int],
-        wanted: Sequence[Array],
-        eta: float,
+        u_nom: Sequence[Array],
         authority: float = 0.0,
     ) -> list[Decision]:
         """Every normal agent's input; where K is empty, every agent's own u_i^min.
@@ -45,20 +44,19 @@ class JointInput:
         Args:
             terms: at the common sample.
             normal: the normal agents, in the order of their dynamics.
-            wanted: their nominal inputs, shapes (m_i,).
-            eta: η(Γ).
+            u_nom: their nominal inputs, shapes (m_i,).
             authority: as controller.decide has it.
         """
-        row = joint_row(terms, normal, eta)
+        row = joint_row(terms, normal)
         least = sum(float(terms.least[l]) for l in normal)
         u = None
         if least <= row.bound:
-            u = self._qp.solve(np.concatenate(wanted), self._joint(terms, normal), row)
+            u = self._qp.solve(np.concatenate(u_nom), self._joint(terms, normal), row)
         if u is not None:
             residual = float(row.a @ u - row.bound)
             return [Decision(u[part], Origin.QP, residual) for part in self._parts]
         return [
-            self._backup(place, terms, l, wanted[place], least - row.bound, authority)
+            self._backup(place, terms, l, u_nom[place], least - row.bound, authority)
             for place, l in enumerate(normal)
         ]
 
@@ -85,8 +83,10 @@ class JointInput:
         return Polytope(A, np.concatenate([own.b for own in each]), np.zeros((0, A.shape[1])), box)
 
 
-def joint_row(terms: Terms, normal: Sequence[int], eta: float) -> Row:
+def joint_row(terms: Terms, normal: Sequence[int]) -> Row:
     """The condition of Eq. (KNx) on all normal agents' inputs, stacked."""
     adversaries = [l for l in range(len(terms.c)) if l not in normal]
     attack = sum(float(terms.most[l]) for l in adversaries)
-    return Row(np.concatenate([terms.c[l] for l in normal]), -(terms.unforced + attack + eta))
+    return Row(
+        np.concatenate([terms.c[l] for l in normal]), -(terms.unforced + attack + terms.margin)
+    )

@@ -52,24 +52,26 @@ class ReceivedInput(NamedTuple):
 class InformationModel:
     """Which received inputs a row may count on."""
 
-    information: Information
+    kind: Information
     unchanged: Mapping[int, float]
     """Γ_l - δ_l^max of each normal agent [s]: how long its input stays in force at least."""
     silence: float
     """A normal agent not heard of for longer [s] is counted like an adversary, at γ_l^max."""
 
-    def usable(self, heard: Mapping[int, ReceivedInput], t: float) -> dict[int, Array]:
+    def usable(self, received: Mapping[int, ReceivedInput], t: float) -> dict[int, Array]:
         """û_l by agent, of those that count for an input that takes effect at t [s]."""
-        if self.information not in (Information.PAPER, Information.IN_FLIGHT):
+        if self.kind not in (Information.PAPER, Information.IN_FLIGHT):
             return {}
-        if self.information is Information.IN_FLIGHT:
-            return {l: h.u for l, h in heard.items() if t < h.since + self.unchanged[l] - _INSTANT}
-        return {l: h.u for l, h in heard.items() if t - h.since <= self.silence}
+        if self.kind is Information.IN_FLIGHT:
+            return {
+                l: h.u for l, h in received.items() if t < h.since + self.unchanged[l] - _INSTANT
+            }
+        return {l: h.u for l, h in received.items() if t - h.since <= self.silence}
 
-    def sharing(self, i: int, heard: Mapping[int, ReceivedInput], t: float) -> list[int]:
+    def sharing(self, i: int, received: Mapping[int, ReceivedInput], t: float) -> list[int]:
         """Normal agents that can be expected to keep their share at t [s], agent i with them."""
         begun = t <= self.silence
-        alive = {l for l, h in heard.items() if t - h.since <= self.silence}
+        alive = {l for l, h in received.items() if t - h.since <= self.silence}
         return [l for l in self.unchanged if l == i or begun or l in alive]
 
 

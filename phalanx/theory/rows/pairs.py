@@ -15,15 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.rows.row import Rows
 from phalanx.theory.safety.chain import Chain
 from phalanx.theory.safety.composition import ComposedSet
 
 Array = NDArray[np.float64]
-
-HALF = 0.5
-"""Each normal agent's share of a pair of two normal agents."""
 
 
 class OwnPair(NamedTuple):
@@ -53,9 +51,9 @@ class PairTerms(NamedTuple):
     most: Array
     """max over U_l of c_l u of the other member; 0 for an obstacle."""
     margin: Array
-    """State-dependent part of the margin of a whole row."""
+    """Of the whole row, as margins.margin.Margin sums it."""
     half_margin: Array
-    """The same of agent i's half."""
+    """Of agent i's half of a pair of two normal agents; 0 for other pairs."""
     near: Array
     """1 within the neighbourhood, else 0."""
     others: list[Array]
@@ -82,10 +80,19 @@ class PairTermsFunction:
         self,
         composed: ComposedSet,
         pairs: Sequence[OwnPair],
-        margins: Sequence[tuple[ca.SX | float, ca.SX | float]],
-        active: ca.SX | None,
+        margins: Sequence[tuple[ca.SX, ca.SX]],
+        active: ca.SX | None = None,
+        parameters: Sequence[ca.SX] = (),
     ) -> None:
-        """margins: of the whole row and of the half, for each pair. active: of each pair."""
+        """Compile.
+
+        Args:
+            composed: the safe set that the pairs belong to.
+            pairs: agent i's own.
+            margins: of the whole row and of the half, for each pair.
+            active: which pairs count at a state, as ComposedSet.substitute has it.
+            parameters: symbols in the margins beside the state.
+        """
         columns = [
             ca.vertcat(ca.sum1(p.chain.drift) + p.chain.alpha, _most(p), whole, half)
             for p, (whole, half) in zip(pairs, margins, strict=True)
@@ -102,11 +109,11 @@ class PairTermsFunction:
         self._shape = (len(pairs), len(pairs[0].chain.psi))
         self._inputs = pairs[0].chain.actuation[pairs[0].own].numel()
         self._with_member = [k for k, p in enumerate(pairs) if p.other is not None]
-        self._evaluate = CompiledFunction([composed.x], outputs)
+        self._evaluate = CompiledFunction([composed.x, *parameters], outputs)
 
-    def __call__(self, x: Array) -> PairTerms:
-        """Evaluate at a stacked state x, shape (n̄,)."""
-        psi, a, columns, near, *members = self._evaluate(x)
+    def __call__(self, x: Array, *parameters: float) -> PairTerms:
+        """Evaluate at a stacked state x, shape (n̄,), and the parameters' values."""
+        psi, a, columns, near, *members = self._evaluate(x, *parameters)
         unforced, most, whole, half = columns.reshape(4, -1)
         others = [np.zeros(0)] * self._shape[0]
         for k, c in zip(self._with_member, members, strict=True):
@@ -120,8 +127,6 @@ def pair_rows(
     pairs: Sequence[OwnPair],
     received: Mapping[int, Array],
     sharing: Sequence[int],
-    eta: float,
-    scale: float = 1.0,
 ) -> Rows:
     """Agent i's rows.
 
@@ -130,14 +135,11 @@ def pair_rows(
         pairs: the same that terms were compiled for.
         received: û_l, shape (m_l,), of normal agents that count; others count at γ_l^max.
         sharing: normal agents that keep their half; empty unless the model is split.
-        eta: the margin of a whole row, beside the state-dependent part.
-        scale: what the margin is multiplied with; below 1 it is a bound no more.
     """
-    bound = -(terms.unforced + terms.most + scale * (terms.margin + eta))
+    bound = -(terms.unforced + terms.most + terms.margin)
     for k, pair in enumerate(pairs):
         if pair.shared and pair.other in sharing:
-            half = HALF * (terms.unforced[k] + scale * eta) + scale * terms.half_margin[k]
-            bound[k] = -half
+            bound[k] = -(RowPart.HALF.value * terms.unforced[k] + terms.half_margin[k])
         elif pair.other is not None and (u := received.get(pair.other)) is not None:
             bound[k] += terms.most[k] - float(terms.others[k] @ u)
     bound[terms.near == 0.0] = np.inf

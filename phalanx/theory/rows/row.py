@@ -32,7 +32,7 @@ class Rows(NamedTuple):
     """shape (r,)"""
 
 
-def paper_row(terms: Terms, i: int, received: Mapping[int, Array], eta: float) -> Row:
+def paper_row(terms: Terms, i: int, received: Mapping[int, Array]) -> Row:
     """The constraint of (QPdistributed) and (psiQPdistributed), as printed.
 
     a = L_g ψ^{x_i} and bound = -(Σ_l drift_l + Σ_{l in N, l≠i} c_l û_l + Σ_{j in A} max c_j u
@@ -42,9 +42,8 @@ def paper_row(terms: Terms, i: int, received: Mapping[int, Array], eta: float) -
         terms: at agent i's sampled state.
         i: the agent.
         received: û_l, shape (m_l,), of normal agents; whoever is absent counts at γ_l^max.
-        eta: η(Γ_i + δ^max).
     """
-    others = terms.unforced + eta
+    others = terms.unforced + terms.margin
     for l, most in enumerate(terms.most.tolist()):
         if l in received:
             others += float(terms.c[l] @ received[l])
@@ -53,7 +52,7 @@ def paper_row(terms: Terms, i: int, received: Mapping[int, Array], eta: float) -
     return Row(terms.c[i], -others)
 
 
-def split_row(terms: Terms, i: int, normal: Sequence[int], eta: float) -> Row:
+def split_row(terms: Terms, i: int, normal: Sequence[int]) -> Row:
     """Agent i's share of the joint condition; needs nothing from the others.
 
     With m_l = min over U_l of c_l u and T = Σ drift + Σ_N m_l + Σ_A max c_j u + α_q + η, agent i
@@ -61,7 +60,18 @@ def split_row(terms: Terms, i: int, normal: Sequence[int], eta: float) -> Row:
     feasible whenever that is: when T <= 0. Equal shares, not shares by authority, because agents
     compute them from different samples: what does not vary with the state does not go stale.
     """
+    return Row(terms.c[i], float(terms.least[i]) - joint_sum(terms, normal) / len(normal))
+
+
+def joint_sum(terms: Terms, helping: Sequence[int]) -> float:
+    """T = Σ drift + α_q + η + Σ_l min or max over U_l of c_l u: the joint condition is T <= 0.
+
+    With all normal agents helping it is the condition of Eq. (asyncminmaxcondition).
+
+    Args:
+        terms: at a state.
+        helping: agents that count at their best, γ_l^min; all others count at γ_l^max.
+    """
     least, most = terms.least.tolist(), terms.most.tolist()
-    total = terms.unforced + eta
-    total += sum(least[l] if l in normal else most[l] for l in range(len(least)))
-    return Row(terms.c[i], least[i] - total / len(normal))
+    extremes: float = sum(least[l] if l in helping else most[l] for l in range(len(least)))
+    return terms.unforced + terms.margin + extremes

@@ -34,7 +34,7 @@ class Terms(NamedTuple):
     positions: list[Array]
     """Output positions by member [m]."""
     margin: float = 0.0
-    """The part of the margin that depends on the state; η is added to it."""
+    """η with all that is added to it at this state, as margins.margin.Margin sums it."""
 
 
 class TermsFunction:
@@ -52,7 +52,7 @@ class TermsFunction:
         Args:
             chain: of the composed set.
             active: which pairs count at a state, as ComposedSet.substitute has it.
-            margin: the state-dependent part of the margin, scalar.
+            margin: of the row that the terms are for, scalar.
 
         Raises:
             EmptyPolytopeError: a constant input polytope is empty or unbounded.

@@ -5,19 +5,22 @@ from collections import deque
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from phalanx.faults.state import Faults
+from phalanx.faults.state import FaultState
 from phalanx.plant.commands import CommandQueue
+from phalanx.plant.events import InputApplied, StateReached
 from phalanx.plant.judge import Judge
-from phalanx.plant.world import World
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.frames import AgentStatus, Condition, Frame, Line, LinkEvent, worse
-from phalanx.wire.messages import VERSION, Input
+from phalanx.wire.frames import AgentStatus, Frame, LinkEvent, LogLine, worse
+from phalanx.wire.messages import Telemetry
+
+Array = NDArray[np.float64]
 
 _EVERY = 1.0 / 30.0
 """Wall time between frames [s]."""
 _LINES = 30
-_TROUBLES = 256
+_LINK_EVENTS = 256
 """Most links that a frame tells of: it has to stay a small message."""
 
 
@@ -32,47 +35,52 @@ class FrameAudience(Protocol):
         """Hand everybody a frame; lost on those who are slow."""
 
 
-class View:
+class FramePublisher:
     """Publishes the run; it reads everything and changes nothing."""
 
     def __init__(
         self,
         audience: FrameAudience | None,
         judge: Judge,
-        world: World,
         commands: CommandQueue,
-        faults: Faults,
+        faults: FaultState,
+        start: Array,
     ) -> None:
-        self._audience, self._judge, self._world = audience, judge, world
+        """start: x(0), shape (n̄,)."""
+        self._audience, self._judge = audience, judge
         self._commands, self._faults = commands, faults
+        self._t, self._x = 0.0, start
         agents = faults.condition
-        self._last: list[Input | None] = [None for _ in agents]
+        self._last: list[tuple[InputApplied, Telemetry] | None] = [None for _ in agents]
         self._backups = [0 for _ in agents]
-        self._log: deque[Line] = deque(maxlen=_LINES)
-        self._trouble: dict[tuple[int, int], float] = {}
+        self._without_authority = [0 for _ in agents]
+        self._log: deque[LogLine] = deque(maxlen=_LINES)
+        self._link_events: dict[tuple[int, int], float] = {}
         self._peak = -np.inf
         self._due = 0.0
         self._pace = (time.monotonic(), 0.0, 0.0)
         """Wall time, virtual time and real-time factor when that was last measured."""
 
-    def saw_state(self, peak: float) -> None:
-        """Largest h_tot since the event before."""
+    def saw_state(self, event: StateReached, peak: float) -> None:
+        """The world at an event, and the largest h_tot since the one before."""
+        self._t, self._x = event.t, event.x
         self._peak = max(self._peak, peak)
 
-    def saw_input(self, i: int, message: Input) -> bool:
-        """Agent i's input took effect. Returns whether it was the agent's first backup."""
-        self._last[i] = message
-        for fate in message.fates:
+    def saw_input(self, event: InputApplied, telemetry: Telemetry) -> None:
+        """An agent's input took effect."""
+        i = event.i
+        self._last[i] = event, telemetry
+        self._backups[i] += telemetry.origin == Origin.BACKUP
+        self._without_authority[i] += telemetry.origin == Origin.NO_AUTHORITY
+        for fate in telemetry.fates:
             link = fate.sender, i
-            if fate.delay != 0.0 and (link in self._trouble or len(self._trouble) < _TROUBLES):
-                self._trouble[link] = worse(self._trouble.get(link, 0.0), fate.delay)
-        backup = message.origin in (Origin.BACKUP, Origin.NO_AUTHORITY)
-        self._backups[i] += backup
-        return backup and self._backups[i] == 1
+            known = link in self._link_events
+            if fate.delay != 0.0 and (known or len(self._link_events) < _LINK_EVENTS):
+                self._link_events[link] = worse(self._link_events.get(link, 0.0), fate.delay)
 
     def say(self, t: float, text: str) -> None:
         """Add a line to the event log."""
-        self._log.append(Line(t, text))
+        self._log.append(LogLine(t, text))
 
     def show(self, last: bool = False) -> None:
         """Publish a frame if one is due and somebody looks; the last one is always due."""
@@ -82,20 +90,19 @@ class View:
         self._due = now + _EVERY
         if self._audience.present:
             self._audience.show(self._frame(now))
-        self._trouble.clear()
+        self._link_events.clear()
         self._peak = -np.inf
 
     def _frame(self, now: float) -> Frame:
-        truth, world = self._judge.truth, self._world
+        truth = self._judge.truth
         return Frame(
-            version=VERSION,
-            t=world.t,
-            x=world.x.astype("<f8").tobytes(),
+            t=self._t,
+            x=self._x.astype("<f8").tobytes(),
             h_tot=max(self._peak, truth.h_tot),
             worst_h=truth.worst_h_tot,
             pair=truth.largest,
-            agents=tuple(self._shown(i) for i in range(len(self._last))),
-            trouble=tuple(LinkEvent(*link, delay) for link, delay in self._trouble.items()),
+            agents=tuple(self._status(i) for i in range(len(self._last))),
+            link_events=tuple(LinkEvent(*at, delay) for at, delay in self._link_events.items()),
             steps=self._judge.steps,
             real_time_factor=self._real_time_factor(now),
             assumptions=tuple(self._judge.assumptions),
@@ -107,25 +114,27 @@ class View:
             delay=self._faults.delay,
         )
 
-    def _shown(self, i: int) -> AgentStatus:
-        message, condition = self._last[i], self._faults.condition[i]
-        if message is None:
-            return AgentStatus(Condition(condition))
-        ages = [age for age in message.ages if age is not None]
+    def _status(self, i: int) -> AgentStatus:
+        last, condition = self._last[i], self._faults.condition[i]
+        if last is None:
+            return AgentStatus(condition)
+        applied, telemetry = last
+        ages = [age for age in telemetry.ages if age is not None]
         return AgentStatus(
             condition=condition,
-            u=message.u,
-            u_nom=message.u_nom,
-            origin=message.origin,
+            u=applied.u,
+            u_nom=telemetry.u_nom,
+            origin=telemetry.origin,
             backups=self._backups[i],
-            residual=message.residual,
-            solve_time=message.solve_time,
+            without_authority=self._without_authority[i],
+            residual=telemetry.residual,
+            solve_time=telemetry.solve_time,
             age=max(ages, default=None),
         )
 
     def _real_time_factor(self, now: float) -> float:
         wall, virtual, factor = self._pace
         if now - wall >= 0.5:
-            factor = (self._world.t - virtual) / (now - wall)
-            self._pace = (now, self._world.t, factor)
+            factor = (self._t - virtual) / (now - wall)
+            self._pace = (now, self._t, factor)
         return factor

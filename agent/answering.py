@@ -1,0 +1,78 @@
+"""Answers each sample in Zenoh's own thread, the shortest way from a sample to its input."""
+
+import logging
+import os
+import signal
+from collections.abc import Callable
+
+from phalanx.agent.step import Answer, ControlStep
+from phalanx.wire.keys import kind_and_name
+from phalanx.wire.messages import Broadcast, Sample
+from phalanx.wire.seal import Malformed, Sealer
+
+log = logging.getLogger("phalanx.agent")
+
+
+class SampleAnswering:
+    """One agent's answers: a sample is answered once every broadcast that it counts is here.
+
+    What cannot be a message of this run is dropped and counted.
+    """
+
+    def __init__(
+        self,
+        step: ControlStep,
+        sealer: Sealer,
+        send: Callable[[Answer], None],
+        give_up: Callable[[], None],
+        owns_process: bool,
+    ) -> None:
+        """owns_process: whether this process is the agent, and dies with it when ordered to."""
+        self.error: Exception | None = None
+        """What ended the answering, if a control step did."""
+        self._step, self._sealer = step, sealer
+        self._send, self._give_up = send, give_up
+        self._owns_process = owns_process
+        self._pending: Sample | None = None
+
+    def on_sample(self, key: str, payload: bytes) -> None:
+        """Take a sample."""
+        try:
+            sample = self._step.accept_sample(self._sealer.open(key, payload, Sample))
+        except Malformed as reason:
+            self._drop(key, reason)
+            return
+        if sample.orders and sample.orders.die:
+            if self._owns_process:
+                # A crash as it would be: no clean-up, no goodbye.
+                os.kill(os.getpid(), signal.SIGKILL)
+            return
+        self._pending = sample
+        self._answer_if_complete()
+
+    def on_broadcast(self, key: str, payload: bytes) -> None:
+        """Take another agent's broadcast."""
+        try:
+            message = self._sealer.open(key, payload, Broadcast)
+            self._step.accept_broadcast(kind_and_name(key)[1], message)
+        except Malformed as reason:
+            self._drop(key, reason)
+        else:
+            self._answer_if_complete()
+
+    def _answer_if_complete(self) -> None:
+        # Broadcasts come from other sessions than samples do: nothing orders the two, so a sample
+        # may be here before a broadcast that it counts.
+        sample = self._pending
+        if sample is None or self._step.inbox.missing(sample.latest):
+            return
+        self._pending = None
+        try:
+            self._send(self._step(sample))
+        except Exception as error:  # a user's law may raise anything, and Zenoh would swallow it
+            self.error = error
+            self._give_up()
+
+    def _drop(self, key: str, reason: Malformed) -> None:
+        self._step.rejected += 1
+        log.warning("dropped a payload on %s: %s", key, reason)

@@ -1,0 +1,32 @@
+"""What turns one agent's samples into inputs."""
+
+from collections.abc import Mapping
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.theory.rows.decision import Decision
+from phalanx.theory.rows.information import ReceivedInput
+
+Array = NDArray[np.float64]
+
+
+class StepResult(NamedTuple):
+    """What came of a sample."""
+
+    decision: Decision
+    u_nom: Array
+    """The nominal input, or the attack before its projection, shape (m_i,)."""
+    used: list[int]
+    """The agents whose û_l counted."""
+
+
+class Controller(Protocol):
+    """One agent's controller: its own, or its part of the centralised one."""
+
+    def __call__(self, x: Array, t: float, received: Mapping[int, ReceivedInput]) -> StepResult:
+        """Decide on the stacked state x, shape (n̄,), sampled at t [s]."""
+
+    def turned(self) -> "Controller":
+        """The same agent's as an adversary."""

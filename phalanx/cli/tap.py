@@ -1,0 +1,64 @@
+"""phalanx tap: a run's traffic as it goes."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(tap)
+
+
+def tap(
+    run: Annotated[
+        str, typer.Argument(metavar="RUN", help="The folder of a run that goes on, or its name.")
+    ],
+    connect: Annotated[
+        str,
+        typer.Option(
+            envvar="PHALANX_CONNECT", help="Zenoh endpoint of its hub, where RUN is a name."
+        ),
+    ] = "",
+    kind: Annotated[
+        str,
+        typer.Option(
+            help="Only messages of this kind: sample, actuation, broadcast, telemetry, frame, "
+            "status, verdict; by default all."
+        ),
+    ] = "*",
+    count: Annotated[
+        int, typer.Option(min=0, help="End after so many messages; 0: with the run.")
+    ] = 0,
+) -> int:
+    """Print what the programs of a run tell one another, one message a line, until it is over.
+
+    Each line is a JSON array: the key expression, then the message's fields in the order of
+    docs/wire.md. Messages are decoded generically, as any program in any language could do it.
+
+    Examples:
+
+      phalanx tap runs/unicycles-1
+      phalanx tap r1 --connect tcp/127.0.0.1:7447 --kind broadcast
+    """
+    from phalanx.launcher.live import find_live
+    from phalanx.wire.session import HubError
+    from phalanx.wire.tap import tapped
+
+    if not connect:
+        found = find_live(Path(run))
+        if found is None:
+            raise typer.BadParameter(f"{run}: no run goes on there; or give its name and --connect")
+        run, connect = found.run, found.endpoint
+    try:
+        for number, (key, fields) in enumerate(tapped(run, connect, kind), start=1):
+            print(json.dumps([key, fields], default=repr), flush=True)
+            if number == count:
+                break
+    except HubError as error:
+        print(error, file=sys.stderr)
+        return 3
+    return 0

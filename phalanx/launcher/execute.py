@@ -1,0 +1,44 @@
+"""Execute a scenario in a folder with the engine asked for."""
+
+import secrets
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
+from phalanx.guarantee.verdict import Summary
+from phalanx.launcher.engine import Engine, Progress, silent
+from phalanx.scenario.model import Scenario
+
+
+def execute(
+    scenario: Scenario,
+    folder: Path,
+    *,
+    engine: Engine = "processes",
+    progress: Progress = silent,
+    commands: CommandPolicy = NO_COMMANDS,
+    listen: str | None = None,
+    secret: bytes = b"",
+    viewer: Mapping[str, Any] | None = None,
+) -> Summary:
+    """Run a scenario to its summary; arguments as phalanx.run has them.
+
+    Raises:
+        EngineError: the run could not begin, or ended without a verdict.
+    """
+    # An engine brings its own libraries; who uses one need not load the other's.
+    if engine == "in-process":
+        from phalanx.launcher.in_process_engine import run_in_process
+
+        return run_in_process(scenario, folder, commands, progress)
+    from phalanx.launcher.process_engine import run_processes
+    from phalanx.wire.membership import Membership
+    from phalanx.wire.session import free_endpoint
+
+    membership = Membership(
+        run=folder.name,
+        endpoint=listen or free_endpoint(),
+        secret=secret or secrets.token_bytes(16),
+    )
+    return run_processes(scenario, folder, membership, commands, progress, viewer)

@@ -1,0 +1,91 @@
+"""The in-process engine: the same control steps called directly, nothing sealed or sent.
+
+For studies of thousands of runs. World, clock, judge, inbox and control steps are those of the
+processes engine, so a trajectory is the same to the last bit.
+"""
+
+from pathlib import Path
+
+import msgspec
+
+from phalanx.agent.step import ControlStep, control_steps
+from phalanx.faults.commands import CommandPolicy
+from phalanx.guarantee.verdict import Summary
+from phalanx.launcher.engine import Progress
+from phalanx.plant.commands import CommandQueue
+from phalanx.plant.run import PlantRun
+from phalanx.plant.stop import SwarmBrokenError
+from phalanx.recording.records import RECORDING, SUMMARY
+from phalanx.recording.write import RecordingWriter
+from phalanx.scenario.model import Scenario
+from phalanx.swarm.rows import SafetyRows, build_rows
+from phalanx.swarm.swarm import build_swarm
+from phalanx.wire.messages import Actuation, Sample, Status, Telemetry
+
+
+def run_in_process(
+    scenario: Scenario, folder: Path, policy: CommandPolicy, progress: Progress
+) -> Summary:
+    """Run a scenario to its verdict in this process.
+
+    Args:
+        scenario: resolved.
+        folder: of the run; recording and summary go there.
+        policy: which commands are scheduled; nobody can command such a run live.
+        progress: called with the run's status, in this thread.
+    """
+    rows = build_rows(build_swarm(scenario))
+    with RecordingWriter(folder / RECORDING, scenario, folder.name) as recording:
+        agents = DirectAgents(rows, progress)
+        plant = PlantRun(rows, agents, recording, CommandQueue(policy, rows.swarm.names))
+        summary = plant.run()
+        recording.finish(summary)
+    (folder / SUMMARY).write_bytes(msgspec.json.encode(summary))
+    return summary
+
+
+class DirectAgents:
+    """The agents of one run, in the plant's own process and thread."""
+
+    def __init__(self, rows: SafetyRows, progress: Progress) -> None:
+        self._names = rows.swarm.names
+        steps = [s for name in rows.swarm.scenario.programs() for s in control_steps(rows, name)]
+        self._steps = {step.i: step for step in steps}
+        self._listeners: dict[str, list[ControlStep]] = {
+            name: [step for step in steps if name in step.listens_to] for name in self._names
+        }
+        self._actuations: dict[int, Actuation] = {}
+        self._telemetry: dict[tuple[int, int], Telemetry] = {}
+        self._progress = progress
+
+    def send_sample(self, i: int, sample: Sample) -> None:
+        """Have agent i answer its sample; one that is to die answers none.
+
+        Raises SwarmBrokenError if its control step does.
+        """
+        if sample.orders and sample.orders.die:
+            return
+        step, name = self._steps[i], self._names[i]
+        try:
+            answer = step(step.accept_sample(sample))
+        except Exception as error:  # a user's law may raise anything
+            problem = f"{type(error).__name__}: {error}"
+            raise SwarmBrokenError(
+                f"agent {name} failed at sample {sample.k}: {problem}"
+            ) from error
+        self._actuations[i] = answer.actuation
+        self._telemetry[i, sample.k] = answer.telemetry
+        for listener in self._listeners[name]:
+            listener.accept_broadcast(name, answer.broadcast)
+
+    def await_actuation(self, i: int) -> Actuation:
+        """What agent i's actuator gets for its last sample."""
+        return self._actuations.pop(i)
+
+    def await_telemetry(self, i: int, k: int) -> Telemetry:
+        """How agent i made its input for sample k."""
+        return self._telemetry.pop((i, k))
+
+    def publish_status(self, message: Status) -> None:
+        """Tell whoever watches how far the run is."""
+        self._progress(message)

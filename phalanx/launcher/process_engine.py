@@ -1,0 +1,110 @@
+"""The processes engine: the plant and every agent, each a process of its own, over Zenoh.
+
+The launcher only starts and watches. Programs talk to each other over Zenoh alone, and each stops
+by itself: agents when the hub is gone, the plant when it is done, told to, or left alone.
+"""
+
+import contextlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from phalanx.faults.commands import CommandPolicy
+from phalanx.guarantee.verdict import Outcome, Summary
+from phalanx.launcher.engine import EngineError, Progress
+from phalanx.launcher.live import announced
+from phalanx.launcher.processes import Processes
+from phalanx.recording.records import SUMMARY
+from phalanx.scenario.fields import CONTROLLER
+from phalanx.scenario.model import Scenario
+from phalanx.wire.keys import PLANT
+from phalanx.wire.membership import Membership
+from phalanx.wire.messages import Ended, Status
+from phalanx.wire.seal import Malformed
+from phalanx.wire.session import HubError, open_client, subscribe
+
+
+def run_processes(
+    scenario: Scenario,
+    folder: Path,
+    membership: Membership,
+    policy: CommandPolicy,
+    progress: Progress,
+    viewer: Mapping[str, Any] | None = None,
+) -> Summary:
+    """Run a scenario to its verdict.
+
+    Args:
+        scenario: resolved.
+        folder: of the run; logs, recording and summary go there.
+        membership: of the run; the plant will listen on its endpoint.
+        policy: who may command the run, and which commands are scheduled.
+        progress: called with the plant's status, in a thread of Zenoh's.
+        viewer: start one too, with these options of the viewer's program; it ends with the run.
+
+    Raises:
+        EngineError: the plant died and there is no verdict.
+    """
+    processes = Processes(scenario, membership, folder / "logs")
+    try:
+        processes.start(PLANT, PLANT, {"folder": folder, "policy": policy})
+        for name in scenario.programs():
+            processes.start(CONTROLLER if name == CONTROLLER else "agent", name)
+        if viewer is not None:
+            processes.start("viewer", "viewer", {"command_secret": policy.secret, **viewer})
+        verdict = _Verdict(folder)
+        with announced(folder, membership), _listening(membership, processes, progress, verdict):
+            processes.wait_for_plant()
+    finally:
+        processes.end()
+    summary = verdict.read()
+    failure = processes.first_failure()
+    if summary is None:
+        raise EngineError(failure or "the plant ended without a verdict")
+    if summary.outcome is Outcome.BROKEN and failure:
+        summary.reason = f"{summary.reason} [{failure}]"
+    return summary
+
+
+class _Verdict:
+    """The plant's summary, as it comes: by message, and as a file unless the disk is full."""
+
+    def __init__(self, folder: Path) -> None:
+        self._file = folder / SUMMARY
+        self.message: bytes | None = None
+
+    def read(self) -> Summary | None:
+        """The summary, if there is one."""
+        with contextlib.suppress(OSError, msgspec.DecodeError):
+            return msgspec.json.decode(self._file.read_bytes(), type=Summary)
+        return msgspec.json.decode(self.message, type=Summary) if self.message else None
+
+
+@contextlib.contextmanager
+def _listening(
+    membership: Membership, processes: Processes, progress: Progress, verdict: _Verdict
+) -> Iterator[None]:
+    """Hand the plant's status and verdict messages on, while the block runs."""
+    keys, sealer = membership.keys, membership.sealer
+
+    def on_status(key: str, payload: bytes) -> None:
+        with contextlib.suppress(Malformed):
+            progress(sealer.open(key, payload, Status))
+
+    def on_verdict(key: str, payload: bytes) -> None:
+        with contextlib.suppress(Malformed):
+            verdict.message = sealer.open(key, payload, Ended).summary
+
+    session = None
+    while session is None and processes.plant_runs:
+        with contextlib.suppress(HubError):
+            session = open_client(membership.endpoint, timeout=0.5)
+    if session is None:
+        yield
+        return
+    with session:
+        subscribe(session, keys.status, on_status)
+        subscribe(session, keys.verdict, on_verdict)
+        yield

@@ -1,0 +1,187 @@
+"""A run that has ended: what it came to, its tables, and what one can do with it."""
+
+import tempfile
+from collections.abc import Callable
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from phalanx.guarantee.verdict import Outcome, Summary
+from phalanx.launcher.engine import Engine, Progress, silent
+from phalanx.recording.read import Recording, read
+from phalanx.scenario.model import Scenario
+from phalanx.swarm.swarm import Swarm, build_swarm
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from phalanx.launcher.page import ViewerPage
+    from phalanx.launcher.verify import Verification
+
+
+class Run:
+    """One finished run; tables are read from its recording when they are first asked for."""
+
+    def __init__(
+        self,
+        folder: Path,
+        summary: Summary | None,
+        temporary: "tempfile.TemporaryDirectory[str] | None" = None,
+        recording: Recording | None = None,
+    ) -> None:
+        """temporary: removes the folder when this object is gone. recording: if read already."""
+        self.folder = folder
+        """Recording, summary, logs and report lie here."""
+        self.summary = summary
+        """The plant's key figures; None if the run broke before it had any."""
+        self._temporary = temporary
+        self._recording = recording
+
+    @property
+    def verdict(self) -> Outcome | None:
+        """guaranteed, safe, violated, broken or stopped; None without a summary."""
+        return self.summary.outcome if self.summary else None
+
+    @property
+    def recording(self) -> Recording:
+        """Everything that was recorded. Raises UnreadableRecordingError."""
+        if self._recording is None:
+            self._recording = read(self.folder)
+        return self._recording
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario as it ran, every default spelled out."""
+        return self.recording.scenario
+
+    @cached_property
+    def states(self) -> "pl.DataFrame":
+        """Every agent's states at every event, and h_tot; t in seconds."""
+        from phalanx.recording.tables import states_table
+
+        return states_table(self.recording, self._swarm)
+
+    @cached_property
+    def h(self) -> "pl.DataFrame":
+        """Every pair's h at every event; safe is h <= 0."""
+        from phalanx.recording.tables import h_table
+
+        return h_table(self.recording, self._swarm)
+
+    @cached_property
+    def inputs(self) -> "pl.DataFrame":
+        """Every control step: the input applied, the nominal one, and how it was made."""
+        from phalanx.recording.tables import inputs_table
+
+        return inputs_table(self.recording, self._swarm)
+
+    @cached_property
+    def links(self) -> "pl.DataFrame":
+        """What the network did to every broadcast."""
+        from phalanx.recording.tables import links_table
+
+        return links_table(self.recording)
+
+    @cached_property
+    def events(self) -> "pl.DataFrame":
+        """The event log."""
+        from phalanx.recording.tables import events_table
+
+        return events_table(self.recording)
+
+    def report(self, progress: Callable[[str], None] | None = None) -> Path:
+        """Write report.html and its figures into the run's folder; the path of report.html.
+
+        progress is told the name of each figure before it is drawn.
+        """
+        from phalanx.report.write import write_report
+
+        return write_report(self.folder, progress)
+
+    def view(self, port: int | None = None) -> "ViewerPage":
+        """Replay the run on a page; it is served until the returned object is closed.
+
+        Args:
+            port: of the page; by default 8080 or the next free one.
+        """
+        from phalanx.launcher.page import ViewerPage
+
+        return ViewerPage(self.folder, port)
+
+    def verify(
+        self, *, engine: Engine = "processes", seed: int | None = None, progress: Progress = silent
+    ) -> "Verification":
+        """Run it again and compare the trajectories, bit by bit.
+
+        Args:
+            engine: which engine to run it on.
+            seed: another one, to see where the trajectories depart.
+            progress: as run takes it.
+
+        Raises:
+            EngineError: it cannot be run again.
+        """
+        from phalanx.launcher.verify import verify
+
+        return verify(self.recording, engine=engine, seed=seed, progress=progress)
+
+    @cached_property
+    def _swarm(self) -> Swarm:
+        return build_swarm(self.scenario)
+
+    def __repr__(self) -> str:
+        return f"Run({str(self.folder)!r}, verdict={self.verdict and str(self.verdict)!r})"
+
+    def _repr_html_(self) -> str:
+        """The key figures, as a notebook shows them."""
+        if self.summary is None:
+            return f"<p>{escape(str(self.folder))}: no verdict</p>"
+        rows = "".join(
+            f"<tr><th style='text-align:left'>{escape(name)}</th><td>{escape(value)}</td></tr>"
+            for name, value in _key_figures(self.summary)
+        )
+        return f"<table>{rows}</table><p>{escape(self.summary.reason)}</p>"
+
+
+def open_run(folder: str | Path) -> Run:
+    """A run from its folder or its recording file, whole or cut short.
+
+    Raises:
+        UnreadableRecordingError: there is no recording, or none that can be read.
+    """
+    recording = read(Path(folder))
+    return Run(recording.path.parent, recording.summary, recording=recording)
+
+
+def verify_run(
+    run: Run | str | Path, *, engine: Engine = "processes", progress: Progress = silent
+) -> "Verification":
+    """Run a recording's scenario again and compare the trajectories, bit by bit.
+
+    Args:
+        run: a finished run, or its folder.
+        engine: which engine to run it on.
+        progress: as run takes it.
+
+    Raises:
+        UnreadableRecordingError: there is no recording, or none that can be read.
+        EngineError: it cannot be run again.
+    """
+    finished = run if isinstance(run, Run) else open_run(run)
+    return finished.verify(engine=engine, progress=progress)
+
+
+def _key_figures(summary: Summary) -> list[tuple[str, str]]:
+    steps = ", ".join(f"{count} {name}" for name, count in summary.origins.items())
+    failed = ", ".join(a.name for a in summary.assumptions if a.failed) or "none"
+    return [
+        ("verdict", str(summary.outcome)),
+        ("virtual time", f"{summary.t:.3f} s, seed {summary.seed}"),
+        ("worst h_tot", f"{summary.worst_h_tot:.4g} at t = {summary.worst_at:.3f} s"),
+        ("worst pair", summary.worst_pair),
+        ("control steps of normal agents", steps),
+        ("assumptions that failed", failed),
+        ("real-time factor", f"{summary.real_time_factor:.1f}"),
+        ("trajectory", summary.trajectory[:16]),
+    ]

@@ -1,0 +1,82 @@
+"""Run a scenario, and hand back the finished run."""
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
+from phalanx.launcher.engine import Engine, Progress, silent
+from phalanx.launcher.execute import execute
+from phalanx.launcher.run import Run
+from phalanx.scenario.load import load
+from phalanx.scenario.model import Scenario
+from phalanx.swarm.rows import require_runnable
+from phalanx.swarm.swarm import build_swarm
+
+
+def run(
+    scenario: Scenario | str | Path,
+    *,
+    engine: Engine = "processes",
+    out: str | Path | None = None,
+    progress: Progress = silent,
+    commands: CommandPolicy = NO_COMMANDS,
+    listen: str | None = None,
+    secret: bytes = b"",
+    viewer: Mapping[str, Any] | None = None,
+) -> Run:
+    """Run a scenario to its verdict.
+
+    Args:
+        scenario: as load gives it, or what load takes.
+        engine: "processes", every program a process of its own over Zenoh, or "in-process", the
+            same control steps called directly; both give the same trajectory to the last bit.
+        out: folder in which the run gets a folder of its own; by default one that goes away with
+            the returned object.
+        progress: called a few times a second with how far the run is, perhaps in another thread.
+        commands: who may command the run while it goes on, and what is scheduled.
+        listen: Zenoh endpoint of the hub; by default a free port on 127.0.0.1.
+        secret: seals the run's messages; drawn at random unless given.
+        viewer: show the run on a page while it goes on; options of the viewer's program.
+
+    Returns:
+        The finished run, also if it was stopped by Ctrl-C or broke on the way: see its verdict.
+
+    Raises:
+        ScenarioError: the scenario cannot be run.
+        EngineError: the run could not begin, or ended without a verdict.
+        ValueError: an option that the engine does not take.
+        OSError: no folder can be made.
+    """
+    if not isinstance(scenario, Scenario):
+        scenario = load(scenario)
+    if engine == "in-process" and (listen or secret or viewer is not None or commands.secret):
+        raise ValueError("engine 'in-process' has no hub to listen on, to watch or to command")
+    require_runnable(build_swarm(scenario))  # what is impossible is said here, not in a log file
+    temporary = tempfile.TemporaryDirectory(prefix="phalanx-") if out is None else None
+    parent = Path(temporary.name if temporary else out or "")
+    folder = new_folder(parent, scenario.name)
+    summary = execute(
+        scenario,
+        folder,
+        engine=engine,
+        progress=progress,
+        commands=commands,
+        listen=listen,
+        secret=secret,
+        viewer=viewer,
+    )
+    return Run(folder, summary, temporary)
+
+
+def new_folder(parent: Path, name: str) -> Path:
+    """Create the next free folder <parent>/<name>-<n>. Raises OSError."""
+    parent.mkdir(parents=True, exist_ok=True)
+    n = 1
+    while True:
+        try:
+            (folder := parent / f"{name}-{n}").mkdir()
+            return folder
+        except FileExistsError:
+            n += 1

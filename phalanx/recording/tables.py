@@ -1,0 +1,95 @@
+"""A recording as data frames with named columns, one for each question one asks of a run."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import polars as pl
+
+from phalanx.recording.read import Recording
+from phalanx.swarm.swarm import Swarm
+from phalanx.theory.expressions.compiled import CompiledFunction
+
+
+def states_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
+    """One row for each event: t [s], h_tot, and every agent's states as "<agent>.<state>"."""
+    names = [f"{m.name}.{state}" for m in swarm.members for state in m.dynamics.states]
+    x = recording.x.reshape(len(recording.states), len(names))
+    return pl.DataFrame(
+        {"t": recording.times, "h_tot": recording.h_tot}
+        | {name: x[:, column] for column, name in enumerate(names)},
+        schema=dict.fromkeys(("t", "h_tot", *names), pl.Float64),
+    )
+
+
+def h_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
+    """One row for each event: t [s], and every pair's h as "<agent>-<agent>"; safe is h <= 0."""
+    composed = swarm.safe_set
+    labels = [composed.label(pair) for pair in composed.pairs]
+    evaluate = CompiledFunction([composed.x], [composed.h])
+    h = np.array([evaluate(x)[0] for x in recording.x]).reshape(-1, len(labels))
+    return pl.DataFrame(
+        {"t": recording.times} | {label: h[:, column] for column, label in enumerate(labels)},
+        schema=dict.fromkeys(("t", *labels), pl.Float64),
+    )
+
+
+def inputs_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
+    """One row for each control step of each agent.
+
+    Columns: agent, k, t and t_apply [s], origin, residual, solve_time [s], oldest_input (the age of
+    the oldest û its row used [s], null if none); then "u.<input>" as applied and
+    "nominal.<input>" as the law wanted it, null where the agent's dynamics have no such input.
+    """
+    names = list(dict.fromkeys(n for m in swarm.members for n in m.dynamics.inputs))
+    inputs = {m.name: m.dynamics.inputs for m in swarm.members}
+    steps = recording.steps
+    ages = [[age for age in step.ages if age is not None] for step in steps]
+    columns: dict[str, Sequence[object]] = {
+        "agent": [step.agent for step in steps],
+        "k": [step.k for step in steps],
+        "t": [step.t for step in steps],
+        "t_apply": [step.t_apply for step in steps],
+        "origin": [step.origin for step in steps],
+        "residual": [step.residual for step in steps],
+        "solve_time": [step.solve_time for step in steps],
+        "oldest_input": [max(known, default=None) for known in ages],
+    }
+    for name in names:
+        columns[f"u.{name}"] = [_component(s.u, inputs[s.agent], name) for s in steps]
+    for name in names:
+        columns[f"nominal.{name}"] = [_component(s.u_nom, inputs[s.agent], name) for s in steps]
+    kinds = {"agent": pl.String, "k": pl.Int64, "origin": pl.String}
+    return pl.DataFrame(columns, schema={c: kinds.get(c, pl.Float64) for c in columns})
+
+
+def links_table(recording: Recording) -> pl.DataFrame:
+    """One row for each broadcast whose fate a receiver decided.
+
+    Columns: sender, receiver, k (the broadcast's number), t (when it was decided [s]), lost, and
+    delay [s], null if it was lost.
+    """
+    rows = [
+        (sender, step.agent, k, step.t, delay < 0.0, None if delay < 0.0 else delay)
+        for step in recording.steps
+        for sender, k, delay in step.fates
+    ]
+    schema = {
+        "sender": pl.String,
+        "receiver": pl.String,
+        "k": pl.Int64,
+        "t": pl.Float64,
+        "lost": pl.Boolean,
+        "delay": pl.Float64,
+    }
+    return pl.DataFrame(rows, schema=schema, orient="row")
+
+
+def events_table(recording: Recording) -> pl.DataFrame:
+    """One row for each line of the event log: t [s] and the text."""
+    rows = [(line.t, line.text) for line in recording.log]
+    return pl.DataFrame(rows, schema={"t": pl.Float64, "text": pl.String}, orient="row")
+
+
+def _component(values: Sequence[float], names: Sequence[str], name: str) -> float | None:
+    """The component of that name, or None if the agent has none."""
+    return values[names.index(name)] if name in names and values else None

@@ -1,0 +1,115 @@
+"""Safety filters: from what an agent would like to apply to what it may apply.
+
+A filter is a row or rows, a QP and a backup put together. Which inputs of the others its rows count
+on is the information model's to say.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.theory.rows.decision import Decision, decide, decide_pairs
+from phalanx.theory.rows.information import Information, InformationModel, ReceivedInput
+from phalanx.theory.rows.origin import Origin
+from phalanx.theory.rows.pairs import OwnPair, PairTermsFunction, pair_rows
+from phalanx.theory.rows.qp import NearestInput
+from phalanx.theory.rows.row import paper_row, split_row
+from phalanx.theory.rows.terms import Terms
+
+Array = NDArray[np.float64]
+
+
+class Situation(NamedTuple):
+    """What agent i knows when it decides."""
+
+    t: float
+    """When its input takes effect [s]."""
+    x: Array
+    """Stacked sampled state, shape (n̄,)."""
+    terms: Terms
+    """Of h_tot at that state."""
+    u_nom: Array
+    """What its law would like to apply, shape (m_i,)."""
+    received: Mapping[int, ReceivedInput]
+    """û_l by agent."""
+
+
+class Filtered(NamedTuple):
+    """An input, and what it counted on."""
+
+    decision: Decision
+    used: list[int]
+    """The agents whose û_l counted for it."""
+
+
+class SafetyFilter(Protocol):
+    """What makes one agent's inputs safe."""
+
+    def __call__(self, now: Situation) -> Filtered:
+        """The input to apply."""
+
+
+class ComposedFilter:
+    """One row for h_tot, (QPdistributed) and (psiQPdistributed)."""
+
+    def __init__(
+        self, i: int, information: InformationModel, qp: NearestInput, authority: float
+    ) -> None:
+        """authority: as decide has it."""
+        self._i, self._information = i, information
+        self._qp, self._authority = qp, authority
+        self._split = information.kind is Information.SPLIT
+
+    def __call__(self, now: Situation) -> Filtered:
+        """The input to apply."""
+        terms, i = now.terms, self._i
+        counted: dict[int, Array] = {}
+        if self._split:
+            row = split_row(terms, i, self._information.sharing(i, now.received, now.t))
+        else:
+            counted = self._information.usable(now.received, now.t)
+            row = paper_row(terms, i, counted)
+        decision = decide(terms, i, row, now.u_nom, self._qp, self._authority)
+        return Filtered(decision, [l for l in counted if terms.c[l].any()])
+
+
+class PairwiseFilter:
+    """One row for each pair of the agent's own."""
+
+    def __init__(
+        self,
+        i: int,
+        information: InformationModel,
+        qp: NearestInput,
+        pairs: Sequence[OwnPair],
+        terms: PairTermsFunction,
+    ) -> None:
+        """terms: of these pairs."""
+        self._i, self._information, self._qp = i, information, qp
+        self._pairs, self._terms = pairs, terms
+        self._split = information.kind is Information.SPLIT
+
+    def __call__(self, now: Situation) -> Filtered:
+        """The input to apply."""
+        information, i = self._information, self._i
+        sharing = information.sharing(i, now.received, now.t) if self._split else []
+        counted = information.usable(now.received, now.t)
+        rows = pair_rows(self._terms(now.x), self._pairs, counted, sharing)
+        decision = decide_pairs(now.terms.polytopes[i], rows, now.u_nom, self._qp)
+        return Filtered(decision, list(counted))
+
+
+class Unfiltered:
+    """An adversary's input, only projected onto U_j: it keeps nobody's safety."""
+
+    def __init__(self, i: int, qp: NearestInput) -> None:
+        self._i, self._qp = i, qp
+
+    def __call__(self, now: Situation) -> Filtered:
+        """The input to apply. Raises ArithmeticError if the projection fails."""
+        u = self._qp.solve(now.u_nom, now.terms.polytopes[self._i])
+        if u is None:
+            raise ArithmeticError(f"projection of {now.u_nom} onto U_i failed at t = {now.t}")
+        return Filtered(Decision(u, Origin.ATTACK, 0.0), [])

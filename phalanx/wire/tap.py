@@ -1,0 +1,43 @@
+"""Listen to a run without taking part: every message, decoded without knowing its kind."""
+
+import queue
+from collections.abc import Iterator
+from typing import Any
+
+import msgpack
+
+from phalanx.wire.keys import PLANT, Keys
+from phalanx.wire.seal import SEAL_BYTES
+from phalanx.wire.session import open_client, subscribe, watch
+
+
+def tapped(run: str, endpoint: str, kind: str = "*", timeout: float = 10.0) -> Iterator[Any]:
+    """(key expression, fields) of each message put in a run from now on, until the plant leaves.
+
+    What is not msgpack under a seal comes as its bytes.
+
+    Args:
+        run: its name.
+        endpoint: the hub's Zenoh endpoint.
+        kind: of the messages, as it stands in their key expressions; "*" for all.
+        timeout: how long to try to reach the hub [s].
+
+    Raises:
+        HubError: the hub cannot be reached.
+    """
+    keys = Keys(run)
+    arrived: queue.SimpleQueue[tuple[str, bytes] | None] = queue.SimpleQueue()
+    with open_client(endpoint, timeout) as session:
+        every = keys.everything if kind == "*" else f"phalanx/{run}/{kind}/*"
+        subscribe(session, every, lambda key, payload: arrived.put((key, payload)))
+        watch(session, keys.alive(PLANT), lambda _, alive: None if alive else arrived.put(None))
+        while (message := arrived.get()) is not None:
+            key, payload = message
+            yield key, _fields(payload)
+
+
+def _fields(payload: bytes) -> Any:
+    try:
+        return msgpack.unpackb(payload[SEAL_BYTES:])
+    except (ValueError, msgpack.UnpackException):
+        return payload

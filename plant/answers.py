@@ -1,0 +1,68 @@
+"""What agents may answer, and what they did: every answer is checked against its sample."""
+
+from collections import defaultdict
+
+from phalanx.plant.actuators import Actuators
+from phalanx.swarm.swarm import Swarm
+from phalanx.wire.messages import Actuation, Sample, Telemetry
+from phalanx.wire.seal import Malformed
+
+
+class Answers:
+    """The newest sample of each agent, and its answers until they are taken."""
+
+    def __init__(self, swarm: Swarm) -> None:
+        self._admissible = Actuators(swarm).admissible
+        self._agents = len(swarm.names)
+        self._sizes = [len(m.dynamics.inputs) for m in swarm.members]
+        self._latency = swarm.scenario.time.latency
+        self._samples: dict[int, Sample] = {}
+        self._actuations: dict[int, Actuation] = {}
+        self._answered = dict.fromkeys(range(self._agents), -1)
+        """For each agent, the last sample that it answered."""
+        self._telemetry: dict[int, dict[int, Telemetry]] = defaultdict(dict)
+        """By agent and sequence number, until it is taken."""
+        self._reported = dict.fromkeys(range(self._agents), -1)
+        """For each agent, the last sample that it reported on."""
+
+    def expect(self, i: int, sample: Sample) -> None:
+        """Agent i is about to answer this sample."""
+        self._samples[i] = sample
+
+    def expected(self, i: int) -> int:
+        """The number of the sample that agent i has to answer; -1 before the first."""
+        return self._samples[i].k if i in self._samples else -1
+
+    def take_actuation(self, i: int) -> Actuation | None:
+        """Agent i's input for its newest sample, if it has come."""
+        return self._actuations.pop(i, None)
+
+    def take_telemetry(self, i: int, k: int) -> Telemetry | None:
+        """Agent i's report on its sample k, if it has come."""
+        return self._telemetry[i].pop(k, None)
+
+    def on_actuation(self, i: int, message: Actuation) -> None:
+        """Agent i's input came. Raises Malformed unless it answers the newest sample within U."""
+        if len(message.u) != self._sizes[i]:
+            raise Malformed("wrong size")
+        sample = self._samples.get(i)
+        if sample is None or message.k != sample.k or message.k <= self._answered[i]:
+            raise Malformed("out of order")
+        if message.t_apply != sample.t + self._latency:
+            raise Malformed("wrong time")
+        if not self._admissible(i, sample, message):
+            raise Malformed("outside U")
+        self._answered[i] = message.k
+        self._actuations[i] = message
+
+    def on_telemetry(self, i: int, message: Telemetry) -> None:
+        """Agent i's report came. Raises Malformed unless it is the first on a sample of its."""
+        if len(message.ages) != self._agents or len(message.u_nom) != self._sizes[i]:
+            raise Malformed("wrong size")
+        if any(not 0 <= fate.sender < self._agents for fate in message.fates):
+            raise Malformed("unknown sender")
+        # The actuation alone is waited for, so a report may come after the next sample was sent.
+        if not self._reported[i] < message.k <= self.expected(i):
+            raise Malformed("out of order")
+        self._reported[i] = message.k
+        self._telemetry[i][message.k] = message

@@ -1,0 +1,53 @@
+"""What happens in a run, in the order in which it is judged, recorded and shown."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.faults.commands import Command
+from phalanx.plant.world import DisturbanceKnot, IntegrationSteps
+
+Array = NDArray[np.float64]
+
+
+class StateReached(NamedTuple):
+    """The world at an event of the schedule."""
+
+    t: float
+    """[s]"""
+    x: Array
+    """Stacked state, shape (n̄,)."""
+    seen: list[IntegrationSteps | DisturbanceKnot]
+    """What integration showed since the event before."""
+
+
+class Sampled(NamedTuple):
+    """An agent took a sample."""
+
+    i: int
+    t: float
+    """[s]"""
+
+
+class CommandObeyed(NamedTuple):
+    """A command took effect; `silenced` is the agent that neither samples nor answers after it."""
+
+    command: Command
+    silenced: int | None
+
+
+class InputApplied(NamedTuple):
+    """An actuator took the input that answers sample k."""
+
+    i: int
+    k: int
+    t: float
+    """t_i^k of the sample [s]."""
+    t_apply: float
+    """[s]"""
+    u: tuple[float, ...]
+    """Native input, shape (m_i,)."""
+
+
+Event = StateReached | Sampled | CommandObeyed | InputApplied

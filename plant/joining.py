@@ -1,0 +1,38 @@
+"""Who has joined a run, and who has left it: what the programs' liveliness tokens mean."""
+
+from phalanx.scenario.load import digest
+from phalanx.swarm.swarm import Swarm
+from phalanx.wire.keys import kind_and_name
+
+
+class Joining:
+    """The agents of one run, as their tokens come and go."""
+
+    def __init__(self, swarm: Swarm) -> None:
+        self.digest = digest(swarm.scenario)
+        """Of the scenario; an agent that runs another one cannot take part."""
+        self._names = swarm.names
+        self._joined: set[str] = set()
+        self._dismissed: set[str] = set()
+
+    def missing(self) -> tuple[str, ...]:
+        """Agents that have not joined yet."""
+        return tuple(name for name in self._names if name not in self._joined)
+
+    def dismiss(self, name: str) -> None:
+        """An agent that was told to die is not missed."""
+        self._dismissed.add(name)
+
+    def on_token(self, key: str, alive: bool) -> str | None:
+        """A token appeared or disappeared; what that breaks, in words, or None."""
+        (_, name), found = kind_and_name(key), key.rsplit("/", 1)[-1]
+        if name not in self._names:
+            return None
+        if name in self._joined:
+            gone = not alive and found == self.digest and name not in self._dismissed
+            return f"agent {name} died" if gone else None
+        if alive and found != self.digest:
+            return f"agent {name} runs another scenario: expected digest {self.digest}, got {found}"
+        if alive:
+            self._joined.add(name)
+        return None

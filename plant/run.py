@@ -1,0 +1,112 @@
+"""One run of the plant, whoever its agents are: world, clock, judge and scribe put together."""
+
+import logging
+import time
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+from phalanx.faults.state import FaultState
+from phalanx.guarantee.verdict import Outcome, Summary, judge
+from phalanx.plant.commands import CommandQueue
+from phalanx.plant.frames import FrameAudience, FramePublisher
+from phalanx.plant.judge import Judge
+from phalanx.plant.lockstep import Agents, Lockstep
+from phalanx.plant.schedule import Schedule
+from phalanx.plant.scribe import RunScribe
+from phalanx.plant.stop import AbandonedError, StoppedError, SwarmBrokenError
+from phalanx.plant.world import DivergedError, World
+from phalanx.recording.write import RecordingError, RecordingWriter
+from phalanx.swarm.rows import SafetyRows
+from phalanx.wire.messages import Status, Telemetry
+
+log = logging.getLogger("phalanx.plant")
+
+
+class ReportingAgents(Agents, Protocol):
+    """Agents that also say how they made their inputs, and somebody to tell of progress."""
+
+    def await_telemetry(self, i: int, k: int) -> Telemetry:
+        """How agent i made its input for sample k."""
+
+    def publish_status(self, message: Status) -> None:
+        """Tell whoever watches how far the run is."""
+
+
+class PlantRun:
+    """A run from its first sample to its summary."""
+
+    def __init__(
+        self,
+        rows: SafetyRows,
+        agents: ReportingAgents,
+        recording: RecordingWriter,
+        commands: CommandQueue,
+        audience: FrameAudience | None = None,
+    ) -> None:
+        swarm = rows.swarm
+        self._scenario = swarm.scenario
+        self._world = World(rows)
+        self._judge = Judge(rows)
+        self._judge.saw(self._world.take_seen())
+        self._commands = commands
+        faults = FaultState(swarm.names)
+        self._frames = FramePublisher(audience, self._judge, commands, faults, self._world.x)
+        self._scribe = RunScribe(
+            swarm.names,
+            self._judge,
+            recording,
+            self._frames,
+            agents.await_telemetry,
+            agents.publish_status,
+        )
+        clocks = [swarm.clock(i) for i in range(len(swarm.members))]
+        schedule = Schedule(clocks, swarm.scenario.time.latency)
+        self._lockstep = Lockstep(self._world, schedule, agents, self._scribe, faults, commands)
+
+    def run(
+        self,
+        prepare: Callable[[], None] = lambda: None,
+        rejected: Callable[[], Mapping[str, int]] = dict,
+    ) -> Summary:
+        """Run to the end of the scenario, or as far as it goes.
+
+        Args:
+            prepare: called first; waits for the agents.
+            rejected: payloads that were dropped on the way, by reason.
+        """
+        began = time.monotonic()
+        try:
+            prepare()
+            began = time.monotonic()
+            self._lockstep.run(self._scenario.duration)
+            self._frames.show(last=True)
+            outcome, reason = judge(self._judge.truth.violations(), self._judge.assumptions)
+        except (StoppedError, KeyboardInterrupt) as error:
+            outcome, reason = Outcome.STOPPED, str(error) or "stopped by the user"
+        except (SwarmBrokenError, AbandonedError, RecordingError, DivergedError) as error:
+            outcome, reason = Outcome.BROKEN, str(error)
+        log.info("%s at t = %.3f s: %s", outcome, self._world.t, reason)
+        wall = time.monotonic() - began
+        dropped = {**rejected(), **self._commands.rejected, **self._scribe.rejected_by_agents}
+        return self._summary(outcome, reason, dropped, wall)
+
+    def _summary(
+        self, outcome: Outcome, reason: str, rejected: dict[str, int], wall: float
+    ) -> Summary:
+        truth = self._judge.truth
+        return Summary(
+            outcome=outcome,
+            reason=reason,
+            t=self._world.t,
+            seed=self._scenario.seed,
+            trajectory=self._scribe.trajectory.hexadecimal,
+            worst_h_tot=truth.worst_h_tot,
+            worst_at=truth.worst_at,
+            worst_pair=truth.worst_pair,
+            steps=self._judge.steps,
+            origins=self._judge.origins,
+            assumptions=self._judge.assumptions,
+            violations=truth.violations(),
+            rejected=rejected,
+            wall_time=wall,
+        )

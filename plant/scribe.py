@@ -1,0 +1,129 @@
+"""The scribe: has every event judged, recorded and shown, while the agents compute."""
+
+import time
+from collections.abc import Callable
+
+from phalanx.faults.commands import described
+from phalanx.plant.events import CommandObeyed, Event, InputApplied, Sampled, StateReached
+from phalanx.plant.frames import FramePublisher
+from phalanx.plant.judge import Judge
+from phalanx.plant.trajectory import TrajectoryHash
+from phalanx.recording.records import Log, State, Step
+from phalanx.recording.write import RecordingWriter
+from phalanx.theory.rows.origin import Origin
+from phalanx.wire.messages import Status, Telemetry
+
+_STATUS_EVERY = 0.1
+"""Wall time between status messages [s]."""
+
+
+class RunScribe:
+    """Judges, records and shows one run."""
+
+    def __init__(
+        self,
+        names: tuple[str, ...],
+        judge: Judge,
+        recording: RecordingWriter,
+        frames: FramePublisher,
+        telemetry: Callable[[int, int], Telemetry],
+        publish_status: Callable[[Status], None],
+    ) -> None:
+        """telemetry: agent i's of its sample k, waited for if need be."""
+        self._names, self._judge = names, judge
+        self._recording, self._frames = recording, frames
+        self._telemetry, self._publish_status = telemetry, publish_status
+        self.trajectory = TrajectoryHash()
+        self._rejected = [0 for _ in names]
+        self._backed_up: set[int] = set()
+        self._unsafe: set[int] = set()
+        """Pairs whose h is above zero."""
+        self._began = self._status_at = time.monotonic()
+        self._t = 0.0
+
+    @property
+    def rejected_by_agents(self) -> dict[str, int]:
+        """Payloads that agents dropped, by agent; agents that dropped none are left out."""
+        counts = zip(self._names, self._rejected, strict=True)
+        return {f"by agent {name}": n for name, n in counts if n}
+
+    def witness(self, event: Event) -> None:
+        """Take the next event. Raises RecordingError."""
+        match event:
+            case StateReached():
+                self._on_state(event)
+            case Sampled():
+                self._judge.sampled(event)
+            case CommandObeyed():
+                self._on_command(event)
+            case InputApplied():
+                self._on_input(event)
+
+    def idle(self) -> None:
+        """Show what is due to be shown."""
+        self._frames.show()
+        now = time.monotonic()
+        if now < self._status_at:
+            return
+        self._status_at = now + _STATUS_EVERY
+        judge = self._judge
+        self._publish_status(
+            Status(
+                t=self._t,
+                real_time_factor=self._t / max(now - self._began, 1e-9),
+                worst_h=judge.truth.worst_h_tot,
+                steps=judge.steps,
+                backups=judge.backups,
+            )
+        )
+
+    def _on_state(self, event: StateReached) -> None:
+        self._t = event.t
+        self._judge.reached(event)
+        self.trajectory.add(event)
+        peak = self._judge.truth.take_peak()
+        self._recording.write(State(event.t, event.x.tolist(), peak))
+        self._frames.saw_state(event, peak)
+        unsafe = self._judge.truth.take_unsafe()
+        for pair in sorted(unsafe - self._unsafe):
+            self._say(event.t, f"{self._judge.truth.label(pair)} left the safe set")
+        self._unsafe = unsafe
+
+    def _on_command(self, event: CommandObeyed) -> None:
+        command = event.command
+        self._recording.write(command)
+        self._say(command.t, described(command))
+        if event.silenced is not None:
+            self._judge.fell_silent(event.silenced, command.t)
+
+    def _on_input(self, event: InputApplied) -> None:
+        i, name = event.i, self._names[event.i]
+        telemetry = self._telemetry(i, event.k)
+        self._rejected[i] = telemetry.rejected
+        self._judge.applied(event, telemetry)
+        self.trajectory.add(event)
+        self._frames.saw_input(event, telemetry)
+        if telemetry.origin == Origin.BACKUP and i not in self._backed_up:
+            self._backed_up.add(i)
+            self._say(event.t_apply, f"agent {name}: first backup")
+        self._recording.write(self._step(event, telemetry))
+
+    def _say(self, t: float, text: str) -> None:
+        self._recording.write(Log(t, text))
+        self._frames.say(t, text)
+
+    def _step(self, event: InputApplied, telemetry: Telemetry) -> Step:
+        names = self._names
+        return Step(
+            agent=names[event.i],
+            k=event.k,
+            t=event.t,
+            t_apply=event.t_apply,
+            u=list(event.u),
+            origin=telemetry.origin,
+            residual=telemetry.residual,
+            solve_time=telemetry.solve_time,
+            ages=list(telemetry.ages),
+            fates=[(names[fate.sender], fate.k, fate.delay) for fate in telemetry.fates],
+            u_nom=list(telemetry.u_nom),
+        )
