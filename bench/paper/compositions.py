@@ -1,6 +1,6 @@
 """One row for each pair against one row for h_tot = LSE of all pairs, on both simulations.
 
-    python bench/compositions.py [--seeds 20] [--out docs/compositions.md]
+    python bench/paper/compositions.py [--seeds 20] [--out docs/compositions.md]
 
 First the margin that can be proven, by the paper's formula over the workspace and locally at the
 states of a run; then what the runs come to.
@@ -14,14 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
-from runs import run
-from variants import HEAD, measure, row
+from variants import HEAD, measure, row, simulated
 
-from phalanx.guarantee.check import check
+import phalanx
 from phalanx.guarantee.formula import Formula
 from phalanx.recording.read import Recording
-from phalanx.scenario.load import load
 from phalanx.scenario.safety import Composition
+from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.margins.local import UNKNOWN
 
@@ -63,7 +62,7 @@ def lines(chosen: Sequence[str], seeds: int) -> Iterator[str]:
     """The page, as it comes."""
     yield "# One row for each pair, against one row for h_tot"
     yield ""
-    yield f"Seeds 0 to {seeds - 1}; `python bench/compositions.py` writes this page."
+    yield f"Seeds 0 to {seeds - 1}; `python bench/paper/compositions.py` writes this page."
     yield from ["", *NOTES]
     for title, name in SIMULATIONS.items():
         if name in chosen:
@@ -74,7 +73,7 @@ def lines(chosen: Sequence[str], seeds: int) -> Iterator[str]:
 def runs(name: str, variant: str, seeds: int) -> str:
     """The row of one variant, over all seeds."""
     each = [
-        measure(run(name, VARIANTS[variant], seed))
+        measure(simulated(name, VARIANTS[variant], seed))
         for seed in track(range(seeds), f"{name}: {variant}", console=Console(stderr=True))
     ]
     return row(variant, each)
@@ -82,10 +81,10 @@ def runs(name: str, variant: str, seeds: int) -> str:
 
 def margins(name: str) -> list[str]:
     """A table of what can be proven for one scenario."""
-    report = check(load(name))
+    report = phalanx.check(phalanx.load(name))
     assert report.formula is not None
     assert report.pair_formula is not None
-    recording = run(name)
+    recording = simulated(name).recording
     of_all, of_pair = local_margins(recording, "lse"), local_margins(recording, "pairs")
     return [
         "| rows | η by formula over the workspace | η local: bounded at | median | p99 |",
@@ -102,14 +101,15 @@ def local_margins(recording: Recording, composition: Composition) -> Array:
     scenario = recording.scenario
     local = {"composition": composition, "margin": "local", "eta": 0.0}
     safety = scenario.safety.model_copy(update=local)
-    swarm = build_swarm(scenario.model_copy(update={"safety": safety}))
+    rows = build_rows(build_swarm(scenario.model_copy(update={"safety": safety})))
+    swarm = rows.swarm
     i = swarm.normal[0]
     states = {state.t: np.array(state.x) for state in recording.states}
     sampled = [states[step.t] for step in recording.steps if step.agent == swarm.names[i]]
     if composition == "lse":
-        one = swarm.terms(i)
+        one = rows.terms(i)
         return np.array([one(x).margin for x in sampled])
-    each = swarm.pair_terms(i)
+    each = rows.pair_terms(i)
     return np.array([terms.margin[terms.psi[:, 0].argmax()] for terms in map(each, sampled)])
 
 

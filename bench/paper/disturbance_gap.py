@@ -1,14 +1,15 @@
 """The disturbance gap for q > 1: the same run with the margin as printed, and corrected.
 
-    python bench/disturbance_gap.py
+    python bench/paper/disturbance_gap.py
 
 ψ_1 is what the theorem says stays at or below 0 while every K_i is non-empty.
 """
 
 import numpy as np
-from runs import run
 
+import phalanx
 from phalanx.recording.read import Recording
+from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.terms import TermsFunction
 
@@ -25,12 +26,12 @@ def main() -> None:
     print("| margin | max ψ_1 | max h | empty K_i | verdict |")
     print("|---|---|---|---|---|")
     for name, overrides in _VARIANTS.items():
-        recording = run("disturbance-gap", overrides)
-        assert recording.summary is not None
-        summary = recording.summary
+        run = phalanx.run(phalanx.load("disturbance-gap", overrides), engine="in-process")
+        assert run.summary is not None
+        summary = run.summary
         empty = sum(summary.origins.values()) - summary.origins["qp"]
         print(
-            f"| {name} | {largest_psi_1(recording):.2f} | {summary.worst_h_tot:.2f} | {empty} "
+            f"| {name} | {largest_psi_1(run.recording):.2f} | {summary.worst_h_tot:.2f} | {empty} "
             f"| {summary.outcome} |",
             flush=True,
         )
@@ -38,7 +39,7 @@ def main() -> None:
 
 def largest_psi_1(recording: Recording) -> float:
     """The largest ψ_1 at any event of a run."""
-    evaluate = TermsFunction(build_swarm(recording.scenario).chain)
+    evaluate = TermsFunction(build_rows(build_swarm(recording.scenario)).chain)
     return float(np.max([evaluate(np.array(state.x)).psi[1] for state in recording.states]))
 
 

@@ -1,6 +1,6 @@
 """The proven scenario over many seeds, as shipped and with its proof taken away.
 
-    python bench/guaranteed.py [--seeds 20] [--only shipped]
+    python bench/paper/guaranteed.py [--seeds 20] [--only shipped]
 
 `guaranteed` must be the verdict of every seed as shipped, and of none with half the margin or
 twice the disturbance.
@@ -9,8 +9,7 @@ twice the disturbance.
 import argparse
 from collections import Counter
 
-from runs import outcome
-from simulation_1 import infeasible, spread
+from simulation_1 import infeasible, outcome, spread
 
 from phalanx.guarantee.verdict import Summary
 

@@ -1,14 +1,13 @@
 """The pictures of README.md and docs, from runs of the scenarios that ship.
 
-python bench/pictures.py
+python bench/paper/pictures.py
 """
 
 from pathlib import Path
 
 from PIL import Image
-from runs import finished
 
-from phalanx.report.write import write_report
+import phalanx
 
 IMAGES = Path("docs/images")
 
@@ -24,10 +23,10 @@ def main() -> None:
     """Run each scenario once and save its picture."""
     IMAGES.mkdir(parents=True, exist_ok=True)
     for name, figures in PICTURES.items():
-        with finished(name) as (folder, _):
-            write_report(folder)
-            files = [folder / "figures" / figure for figure in figures]
-            above_each_other(files).save(IMAGES / f"{name}.png", optimize=True)
+        run = phalanx.run(name, engine="in-process")
+        folder = run.report().parent / "figures"
+        pictures = above_each_other([folder / figure for figure in figures])
+        pictures.save(IMAGES / f"{name}.png", optimize=True)
 
 
 def above_each_other(files: list[Path]) -> Image.Image:

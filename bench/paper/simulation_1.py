@@ -1,18 +1,18 @@
 """Simulation 1 over many seeds: writes the table of docs/simulation-1.md.
 
-python bench/simulation_1.py             # seeds 0 to 19, about ten minutes on two cores
-python bench/simulation_1.py --seeds 3 --out /dev/stdout
+python bench/paper/simulation_1.py             # seeds 0 to 19, about ten minutes on two cores
+python bench/paper/simulation_1.py --seeds 3 --out /dev/stdout
 """
 
 import argparse
 import statistics
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import track
-from runs import outcome
 
+import phalanx
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.theory.rows.origin import Origin
 
@@ -36,6 +36,13 @@ def main() -> None:
     options.out.write_text(page(results))
 
 
+def outcome(name: str, overrides: Sequence[str] = (), seed: int | None = None) -> Summary:
+    """What a run of a shipped scenario came to."""
+    run = phalanx.run(phalanx.load(name, overrides, seed), engine="in-process")
+    assert run.summary is not None
+    return run.summary
+
+
 def page(results: dict[str, list[Summary]]) -> str:
     """docs/simulation-1.md."""
     seeds = len(results["paper"])
@@ -44,7 +51,7 @@ def page(results: dict[str, list[Summary]]) -> str:
             "# Simulation 1: five unicycles, two of them pursuing",
             "",
             f"`scenarios/unicycles.toml`, seeds 0 to {seeds - 1}, 24 s each; every number on this "
-            "page is printed by `python bench/simulation_1.py`.",
+            "page is printed by `python bench/paper/simulation_1.py`.",
             "",
             *overview(results),
             "",

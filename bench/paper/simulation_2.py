@@ -1,7 +1,7 @@
 """Simulation 2 over many seeds: writes the table of docs/simulation-2.md.
 
-python bench/simulation_2.py             # seeds 0 to 19, 140 s each
-python bench/simulation_2.py --seeds 2 --out /dev/stdout
+python bench/paper/simulation_2.py             # seeds 0 to 19, 140 s each
+python bench/paper/simulation_2.py --seeds 2 --out /dev/stdout
 """
 
 import argparse
@@ -10,8 +10,7 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.progress import track
-from runs import outcome
-from simulation_1 import infeasible, spread, with_authority
+from simulation_1 import infeasible, outcome, spread, with_authority
 
 from phalanx.guarantee.verdict import Outcome, Summary
 
@@ -38,7 +37,7 @@ def page(results: dict[str, list[Summary]]) -> str:
         "# Simulation 2: eight double integrators in 3-D, four of them attacking",
         "",
         f"`scenarios/formation3d.toml` and `formation3d-beta3.toml`, seeds 0 to {seeds - 1}, 140 s "
-        "each; every number on this page is printed by `python bench/simulation_2.py`.",
+        "each; every number on this page is printed by `python bench/paper/simulation_2.py`.",
         "",
         "![Simulation 2: paths, h_tot, and the inputs of a normal agent](images/formation3d.png)",
         "",

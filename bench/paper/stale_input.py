@@ -1,9 +1,9 @@
 """False certificates: how often, and how far, a row held that did not hold jointly.
 
-    python bench/stale_input.py                                    # two agents, half a minute
-    python bench/stale_input.py --scenario unicycles --seeds 2     # Simulation 1, a quarter hour
+    python bench/paper/stale_input.py                                  # two agents
+    python bench/paper/stale_input.py --scenario unicycles --seeds 2   # Simulation 1
 
-Every run is a real one. After each update the recording says which inputs are in force; with them
+After each update the recording says which inputs are in force; with them
 J = Σ drift + Σ_N c_l u_l + Σ_A max c_j u + α_q(ψ_{q-1}) + η must not be above 0. An update is a
 false certificate if its row held and J > 0; where every agent keeps its share, if all their rows
 held. J <= η means that sampling and disturbance are left with less margin than asked for, but the
@@ -21,9 +21,10 @@ from typing import NamedTuple
 import numpy as np
 from rich.console import Console
 from rich.progress import track
-from runs import run
+from variants import simulated
 
 from phalanx.recording.read import Recording
+from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.terms import TermsFunction
@@ -76,7 +77,7 @@ def main() -> None:
     for delay, model, loss, seed in track(jobs, "running", console=Console(stderr=True)):
         network = [f"network.delay={delay}", f"network.loss={loss}"]
         overrides = [*options.overrides, f"safety.information={model}", *network]
-        of_run = certificates(run(options.scenario, overrides, seed))
+        of_run = certificates(simulated(options.scenario, overrides, seed).recording)
         found[delay, model] = found[delay, model].joined(of_run)
     print(f"| delay [s] | {' | '.join(f'`{model}`' for model in models)} |")
     print("|---" * (len(models) + 1) + "|")
@@ -95,9 +96,11 @@ def words(found: Certificates) -> str:
 
 def certificates(recording: Recording) -> Certificates:
     """Judge every update of the normal agents by the inputs that were in force after it."""
-    swarm = build_swarm(recording.scenario)
-    evaluate, eta = TermsFunction(swarm.chain), swarm.eta(swarm.normal[0])
-    names, in_force = swarm.names, {}
+    rows = build_rows(build_swarm(recording.scenario))
+    swarm, first = rows.swarm, rows.swarm.normal[0]
+    margin = rows.margin(first)
+    evaluate = TermsFunction(rows.chain, margin=margin.of(rows.chain, first))
+    names, in_force, eta = swarm.names, {}, margin.scale * margin.eta
     states = {state.t: np.array(state.x) for state in recording.states}
     split = recording.scenario.safety.information is Information.SPLIT
     held: dict[int, bool] = {}
@@ -110,7 +113,7 @@ def certificates(recording: Recording) -> Certificates:
         if len(in_force) < len(swarm.normal):
             continue
         terms = evaluate(states[t])
-        joint = terms.unforced + terms.margin + eta
+        joint = terms.unforced + terms.margin
         for l, most in enumerate(terms.most.tolist()):
             joint += float(terms.c[l] @ in_force[l]) if l in in_force else most
         for step in steps:

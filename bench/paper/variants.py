@@ -1,10 +1,10 @@
 """Information models, and the one controller, side by side: verdicts, backups, cost, solve time.
 
-    python bench/variants.py unicycles --seeds 5 [--only centralised]
+    python bench/paper/variants.py unicycles --seeds 5 [--only centralised]
 
 Cost is the mean of ‖u - u_nom‖² over the normal agents' steps, in the QP's metric. Solve time is
 an agent's whole step, without the wire; of a centralised controller, all its steps of an instant.
-Every run is a real one.
+Runs are of the in-process engine, whose trajectories are those of the processes to the last bit.
 """
 
 import argparse
@@ -15,15 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from rich.console import Console
 from rich.progress import track
-from runs import run
 
+import phalanx
 from phalanx.recording.read import Recording
 from phalanx.scenario.fields import CONTROLLER
-from phalanx.scenario.load import load
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import Swarm, build_swarm
-from phalanx.theory.laws.law import View
-from phalanx.theory.rows.terms import TermsFunction
 
 VARIANTS = {
     "paper": [],
@@ -65,12 +62,15 @@ def main() -> None:
     arguments.add_argument("--synchronous", action="store_true", help="clocks without jitter")
     arguments.add_argument("--set", action="append", default=[], dest="overrides")
     options = arguments.parse_args()
-    common = [*options.overrides, *_synchronous(load(options.scenario), options.synchronous)]
+    common = [
+        *options.overrides,
+        *_synchronous(phalanx.load(options.scenario), options.synchronous),
+    ]
     print(f"{HEAD[0]} p50, p99 [µs] |\n{HEAD[1]}---|")
     for name in options.only or VARIANTS:
         overrides = [*common, *VARIANTS[name]]
         seeds = track(range(options.seeds), name, console=Console(stderr=True))
-        runs = [measure(run(options.scenario, overrides, seed)) for seed in seeds]
+        runs = [measure(simulated(options.scenario, overrides, seed)) for seed in seeds]
         print(row(name, runs), times(runs), flush=True)
 
 
@@ -90,9 +90,14 @@ def times(runs: Sequence[Measured]) -> str:
     return f"{solve * 1e6:.0f}, {slowest * 1e6:.0f} |"
 
 
-def measure(recording: Recording) -> Measured:
-    """What a recorded run came to."""
-    summary = recording.summary
+def simulated(name: str, overrides: Sequence[str] = (), seed: int | None = None) -> phalanx.Run:
+    """A finished run of a scenario."""
+    return phalanx.run(phalanx.load(name, overrides, seed), engine="in-process")
+
+
+def measure(run: phalanx.Run) -> Measured:
+    """What a run came to."""
+    recording, summary = run.recording, run.summary
     assert summary is not None
     swarm = build_swarm(recording.scenario)
     steps = sum(summary.origins.values())
@@ -109,25 +114,16 @@ def measure(recording: Recording) -> Measured:
 
 
 def cost(recording: Recording, swarm: Swarm) -> float:
-    """Mean ‖u - u_nom‖² of the normal agents, u_nom computed anew from the recorded states."""
-    states = {state.t: np.array(state.x) for state in recording.states}
-    evaluate = TermsFunction(swarm.chain)
-    laws = {i: swarm.law(i) for i in swarm.normal}
-    goals = {i: swarm.goal(i) for i in swarm.normal}
-    total, count = 0.0, 0
-    for step in recording.steps:
-        i = swarm.names.index(step.agent)
-        if i not in laws:
-            continue
-        x = states[step.t]
-        terms = evaluate(x)
-        each = [x[part] for part in swarm.safe_set.parts]
-        goal = goals[i](step.t, terms.positions[i])
-        wanted = laws[i].input(View(i, each, swarm.normal, goal, terms))
-        weights = np.array(swarm.members[i].dynamics.input_metric())
-        total += float(weights @ (np.array(step.u) - wanted) ** 2)
-        count += 1
-    return total / count
+    """Mean ‖u - u_nom‖² of the normal agents, in the QP's metric."""
+    weights = {
+        swarm.names[i]: np.array(swarm.members[i].dynamics.input_metric()) for i in swarm.normal
+    }
+    costs = [
+        weights[step.agent] @ (np.array(step.u) - np.array(step.u_nom)) ** 2
+        for step in recording.steps
+        if step.agent in weights
+    ]
+    return float(np.mean(costs))
 
 
 def _synchronous(scenario: Scenario, wanted: bool) -> list[str]:

@@ -12,6 +12,7 @@ import numpy as np
 from cbfpy import CBF, CBFConfig
 from numpy.typing import NDArray
 
+from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.models.integrators import DoubleIntegrator
 from phalanx.theory.models.unicycle import Unicycle
@@ -24,12 +25,11 @@ Array = NDArray[np.float64]
 class Peer:
     """cbfpy's safety filter of one agent."""
 
-    def __init__(self, swarm: Swarm, i: int, backend: str) -> None:
+    def __init__(self, rows: SafetyRows, i: int, backend: str) -> None:
         """backend: "qpax" or "elastiqp"."""
-        self._problem = Problem(swarm, i, backend)
+        self._problem = Problem(rows, i, backend)
         self._filter = CBF.from_config(self._problem)
-        safety = swarm.scenario.safety
-        self._constants = (swarm.eta(i), safety.xi)
+        self._constants = (rows.margin(i).eta, rows.swarm.scenario.safety.xi)
 
     def __call__(self, x: Array, wanted: Array, push: Array, active: Array) -> Array:
         """The nearest input, shape (m_i,).
@@ -47,9 +47,10 @@ class Peer:
 class Problem(CBFConfig):  # type: ignore[misc]
     """h = -h_tot of Simulation 1 (q = 1) or 2 (q = 2); safe where it is not below 0."""
 
-    def __init__(self, swarm: Swarm, i: int, backend: str) -> None:
+    def __init__(self, rows: SafetyRows, i: int, backend: str) -> None:
+        swarm = rows.swarm
         composed, self._i = swarm.safe_set, i
-        self._degree = swarm.chain.relative_degree
+        self._degree = rows.chain.relative_degree
         self._alphas = [float(a) for a in swarm.scenario.safety.alpha if isinstance(a, float)]
         self._rho = swarm.scenario.safety.rho
         self._dynamics = swarm.members[i].dynamics

@@ -1,6 +1,6 @@
 """One agent's control step, row and QP, at the states of a real run; beside cbfpy.
 
-    pip install -e '.[bench]' && python bench/control_step.py
+    pip install -e '.[bench]' && python bench/speed/control_step.py
 
 Both get the same sampled states, nominal inputs and û_l, one after the other in one process, and
 must give the same input. Only states whose K_i is non-empty count, since cbfpy has no backup.
@@ -24,14 +24,15 @@ import casadi as ca
 import numpy as np
 from cbfpy_peer import Peer, push
 from numpy.typing import NDArray
-from phalanx.agent.controllers import Moment, controller
-from runs import run
 
+import phalanx
 from phalanx.recording.read import Recording
+from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.theory.rows.origin import Origin
+from phalanx.theory.rows.safety_filter import Situation
 
 Array = NDArray[np.float64]
 
@@ -44,8 +45,8 @@ class Sampled(NamedTuple):
 
     t: float
     x: Array
-    wanted: Array
-    heard: dict[int, ReceivedInput]
+    u_nom: Array
+    received: dict[int, ReceivedInput]
     applied: Array
     binding: bool
     """Whether the row changed the nominal input."""
@@ -60,19 +61,19 @@ def main() -> None:
     print("| | states | all: p50, p99 [µs] | row binds: p50, p99 [µs] | p50 / ours | largest Δu |")
     print("|---|---|---|---|---|---|")
     for name, title in SIMULATIONS.items():
-        swarm, steps = prepared(run(name), options.steps)
-        i = swarm.normal[0]
-        ours = measure(title, steps, our_step(swarm, i))
+        rows, steps = prepared(phalanx.run(name, engine="in-process").recording, options.steps)
+        i = rows.swarm.normal[0]
+        ours = measure(title, steps, our_step(rows, i))
         for backend in options.backends.split(","):
-            theirs = cbfpy_step(swarm, i, steps, backend)
+            theirs = cbfpy_step(rows, i, steps, backend)
             measure(f"{title}, cbfpy with {backend}", steps, theirs, beside=ours)
 
 
-def prepared(recording: Recording, most: int) -> tuple[Swarm, list[Sampled]]:
-    """The run's swarm, and evenly chosen steps of its first normal agent that had a solution."""
-    swarm = build_swarm(recording.scenario)
-    steps = list(sampled(recording, swarm, swarm.normal[0]))
-    return swarm, steps[:: -(-len(steps) // most)]
+def prepared(recording: Recording, most: int) -> tuple[SafetyRows, list[Sampled]]:
+    """The run's rows, and evenly chosen steps of its first normal agent that had a solution."""
+    rows = build_rows(build_swarm(recording.scenario))
+    steps = list(sampled(recording, rows.swarm, rows.swarm.normal[0]))
+    return rows, steps[:: -(-len(steps) // most)]
 
 
 def sampled(recording: Recording, swarm: Swarm, i: int) -> Iterator[Sampled]:
@@ -83,45 +84,46 @@ def sampled(recording: Recording, swarm: Swarm, i: int) -> Iterator[Sampled]:
     for step in steps:
         l = swarm.names.index(step.agent)
         if l == i and step.origin == Origin.QP:
-            heard = {
+            received = {
                 k: next(h for h in reversed(past) if h.since < step.t)
                 for k, past in newest.items()
                 if past and past[0].since < step.t
             }
-            u, wanted = np.array(step.u), np.array(step.u_nom)
+            u, u_nom = np.array(step.u), np.array(step.u_nom)
             binding = bool(step.residual > -1e-3)
-            yield Sampled(step.t, states[step.t], wanted, heard, u, binding)
+            yield Sampled(step.t, states[step.t], u_nom, received, u, binding)
         elif l in newest:
             newest[l].append(ReceivedInput(np.array(step.u), step.t_apply))
 
 
-def our_step(swarm: Swarm, i: int) -> Callable[[Sampled], Array]:
+def our_step(rows: SafetyRows, i: int) -> Callable[[Sampled], Array]:
     """Terms, row and QP, as agent i's process has them."""
-    terms, decide = swarm.terms(i), controller(swarm, i)
+    terms, decide = rows.terms(i), rows.filter(i)
 
     def step(now: Sampled) -> Array:
-        moment = Moment(now.t, now.x, terms(now.x), now.wanted, now.heard)
-        return decide(moment)[0].u
+        situation = Situation(now.t, now.x, terms(now.x), now.u_nom, now.received)
+        return decide(situation).decision.u
 
     return step
 
 
 def cbfpy_step(
-    swarm: Swarm, i: int, steps: list[Sampled], backend: str
+    rows: SafetyRows, i: int, steps: list[Sampled], backend: str
 ) -> Callable[[Sampled], Array]:
     """The same by cbfpy; what it has to be told is worked out beforehand, and not timed."""
-    peer, terms = Peer(swarm, i, backend), swarm.terms(i)
-    composed, active = swarm.safe_set, swarm.active(i)
-    chosen = ca.SX.ones(len(composed.pairs)) if active is None else active
+    swarm, peer, terms = rows.swarm, Peer(rows, i, backend), rows.terms(i)
+    composed, radius = swarm.safe_set, swarm.radius
+    everything = ca.SX.ones(len(composed.pairs))
+    chosen = everything if radius is None else composed.within(i, radius)
     near = CompiledFunction([composed.x], [chosen])
     told = {
         now.t: (
-            push(swarm, i, terms(now.x), {l: h.u for l, h in now.heard.items()}, now.x),
+            push(swarm, i, terms(now.x), {l: h.u for l, h in now.received.items()}, now.x),
             near(now.x)[0].ravel(),
         )
         for now in steps
     }
-    return lambda now: peer(now.x, now.wanted, *told[now.t])
+    return lambda now: peer(now.x, now.u_nom, *told[now.t])
 
 
 def measure(

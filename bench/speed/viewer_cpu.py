@@ -1,7 +1,7 @@
 """Server CPU of the viewer at 30 updates a second, for a small and for a large swarm.
 
-python bench/viewer_cpu.py              # nobody looks
-python bench/viewer_cpu.py --page       # a headless Chromium looks on, on a core of its own
+python bench/speed/viewer_cpu.py              # nobody looks
+python bench/speed/viewer_cpu.py --page       # a headless Chromium looks on, on a core of its own
 
 Agents drift along circles, and every frame goes through the code of a live run: history, scene,
 texts and plots. CPU is that of the server's process alone, as a share of one core.
@@ -88,7 +88,7 @@ class Carousel:
         ]
         frame = Frame(
             version=VERSION, t=t, x=(self._start + np.sin(t + self._phases)).tobytes(),
-            h_tot=-1.0, worst_h=-1.0, pair=self._frames % 9, agents=tuple(shown), trouble=(),
+            h_tot=-1.0, worst_h=-1.0, pair=self._frames % 9, agents=tuple(shown), link_events=(),
             steps=self._frames, real_time_factor=1.0, assumptions=(), violations=(), log=(),
             paused=False, speed=0.0, loss=None, delay=None,
         )  # fmt: skip

@@ -1,0 +1,50 @@
+"""Agent steps per second of both engines, side by side, for every scenario that ships.
+
+    python bench/speed/engines.py [unicycles formation3d …] [--rounds 3] [--duration 12]
+
+The engines take turns, so that a machine whose speed drifts is as kind to the one as to the other.
+Each pair of runs must give the same trajectory, to the last bit.
+"""
+
+import argparse
+import statistics
+from typing import get_args
+
+import phalanx
+from phalanx.launcher.engine import Engine
+
+
+def main() -> None:
+    """Measure every scenario asked for and print a table."""
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    arguments.add_argument("scenarios", nargs="*", default=list(phalanx.shipped()))
+    arguments.add_argument("--rounds", type=int, default=3)
+    arguments.add_argument("--duration", type=float, default=12.0, help="virtual time, at most [s]")
+    options = arguments.parse_args()
+    print("| scenario | agents | processes [steps/s] | in-process [steps/s] | ratio | trajectory |")
+    print("|---|---|---|---|---|---|")
+    for name in options.scenarios:
+        print(line(name, options.duration, options.rounds), flush=True)
+
+
+def line(name: str, duration: float, rounds: int) -> str:
+    """One line of the table: medians over the rounds."""
+    shipped = phalanx.load(name)
+    scenario = phalanx.load(name, {"duration": min(duration, shipped.duration)})
+    rates: dict[Engine, list[float]] = {engine: [] for engine in get_args(Engine)}
+    hashes = set()
+    for _ in range(rounds):
+        for engine, found in rates.items():
+            summary = phalanx.run(scenario, engine=engine).summary
+            assert summary is not None
+            found.append(summary.steps / summary.wall_time)
+            hashes.add(summary.trajectory)
+    processes, in_process = (statistics.median(found) for found in rates.values())
+    agents = sum(len(group.names) for group in scenario.agents)
+    same = "same" if len(hashes) == 1 else "DIFFERENT"
+    ratio = in_process / processes
+    return f"| {name} | {agents} | {processes:.0f} | {in_process:.0f} | {ratio:.1f} | {same} |"
+
+
+if __name__ == "__main__":
+    main()
