@@ -1,5 +1,6 @@
 """Read a scenario: a file or the name of one that ships, plus --set overrides."""
 
+import copy
 import difflib
 import hashlib
 import tomllib
@@ -26,14 +27,14 @@ def shipped() -> dict[str, Traversable]:
 
 
 def load(
-    source: str | Path,
+    source: str | Path | Mapping[str, Any],
     overrides: Sequence[str] | Mapping[str, Any] = (),
     seed: int | None = None,
 ) -> Scenario:
     """Read a scenario, override some of its fields, and validate it.
 
     Args:
-        source: path of a TOML file, or the name of a shipped scenario.
+        source: path of a TOML file, the name of a shipped scenario, or a scenario's table.
         overrides: values by "path.to.field", or texts "path.to.field=value" with the value as
             TOML, in which a bare word is a string.
         seed: replaces the scenario's seed.
@@ -41,12 +42,11 @@ def load(
     Raises:
         ScenarioError: unreadable, not TOML, or not a valid scenario.
     """
-    source = str(source)
-    text = _read(source)
-    try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(f"{source}: not valid TOML: {error}") from error
+    if isinstance(source, Mapping):
+        where, table = "scenario", copy.deepcopy(dict(source))
+    else:
+        where = str(source)
+        table = _parsed(where)
     if isinstance(overrides, Mapping):
         for path, value in overrides.items():
             set_field(table, path, value)
@@ -55,7 +55,7 @@ def load(
             apply_override(table, override)
     if seed is not None:
         table["seed"] = seed
-    return validate(table, source)
+    return validate(table, where)
 
 
 def validate(table: Mapping[str, Any], source: str) -> Scenario:
@@ -131,6 +131,13 @@ def _value(text: str) -> Any:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         return text
+
+
+def _parsed(source: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(_read(source))
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError(f"{source}: not valid TOML: {error}") from error
 
 
 def _read(source: str) -> str:

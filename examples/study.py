@@ -1,0 +1,24 @@
+"""A parameter study: how much margin does Simulation 1 need, on how bad a network?
+
+python examples/study.py
+
+The in-process engine calls the very control steps that the processes run, so its trajectories are
+theirs, to the last bit.
+"""
+
+import itertools
+
+import phalanx
+
+MARGINS, LOSSES, SEEDS = (0.0, 2.0, 8.0566), (0.0, 0.5), range(2)
+
+print("   η   loss   unsafe   worst h_tot")
+for eta, loss in itertools.product(MARGINS, LOSSES):
+    overrides = {"duration": 6.0, "safety.eta": eta, "network.loss": loss}
+    runs = [
+        phalanx.run(phalanx.load("unicycles", overrides, seed), engine="in-process")
+        for seed in SEEDS
+    ]
+    unsafe = sum(run.verdict == phalanx.Outcome.VIOLATED for run in runs)
+    worst = max(run.summary.worst_h_tot for run in runs)
+    print(f"{eta:5.1f}  {loss:5.1f}   {unsafe} of {len(runs)}   {worst:10.2f}", flush=True)

@@ -1,0 +1,40 @@
+"""Every example does what its first line says, run as anybody would: from elsewhere."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+MOST_LINES = 60
+SAYS = {
+    "commands.py": "agent 2 killed",
+    "first_run.py": "h_tot",
+    "own_law.py": "safe - largest h -",
+    "plot.py": "worst pair",
+    "study.py": "worst h_tot",
+    "verify.py": "bit-identical",
+}
+"""What each prints at least."""
+WITH_A_TEST_OF_ITS_OWN = {"follow_broadcasts.py"}
+
+
+def test_there_is_a_test_for_every_example():
+    assert {f.name for f in EXAMPLES.glob("*.py")} == set(SAYS) | WITH_A_TEST_OF_ITS_OWN
+
+
+@pytest.mark.parametrize("example", sorted(EXAMPLES.glob("*.py")), ids=lambda f: f.name)
+def test_an_example_is_a_page(example: Path) -> None:
+    assert len(example.read_text().splitlines()) < MOST_LINES
+
+
+@pytest.mark.swarm
+@pytest.mark.parametrize("name", SAYS)
+def test_an_example_runs(name: str, tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, EXAMPLES / name], cwd=tmp_path, capture_output=True, text=True, timeout=170
+    )
+    assert done.returncode == 0, done.stderr
+    assert SAYS[name] in done.stdout
+    assert "Traceback" not in done.stderr
