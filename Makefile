@@ -1,9 +1,10 @@
-# One line each: `make run` sets up and runs Simulation 1, `make test` sets up and passes the tests.
+# `make run` sets up and runs Simulation 1, `make test` sets up and passes the tests, `make docs`
+# builds the pages into build/site.
 PYTHON ?= python3
 VENV ?= .venv
 READY := $(VENV)/.ready
 
-.PHONY: run test check clean
+.PHONY: run test check docs clean
 
 run: $(READY)
 	$(VENV)/bin/phalanx run unicycles
@@ -16,9 +17,12 @@ check: $(READY)
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/mypy
 
+docs: $(READY)
+	NO_MKDOCS_2_WARNING=1 $(VENV)/bin/mkdocs build --strict --quiet -f docs/site/mkdocs.yml
+
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[test]'
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[test,docs]'
 	touch $(READY)
 
 clean:

@@ -45,7 +45,8 @@ def constants(
 
     Args:
         chain: of h_tot.
-        low, high: the workspace box of the stacked state, shapes (n̄,).
+        low: least values of the stacked state in the workspace box, shape (n̄,).
+        high: the largest.
         bounds: φ_l^max of each member.
         samples: states in S_I to fall back on, shape (s, n̄).
 

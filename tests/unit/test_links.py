@@ -1,0 +1,56 @@
+"""Every link in the project's pages leads somewhere, and every path that they name exists.
+
+The docs site checks its own links when it is built; this needs neither site nor network, and takes
+in the pages at the top.
+"""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
+FENCE = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+PATH = re.compile(
+    r"`((?:agent|bench|docs|examples|phalanx|plant|scenarios|tests|viewer)/[\w./-]*)`"
+)
+
+
+def anchors(page: Path) -> set[str]:
+    """The ids of a page's headings, as the site and code hosts make them."""
+    text = FENCE.sub("", page.read_text(encoding="utf-8"))
+    titles = re.findall(r"^#+ (.*)$", text, flags=re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).strip().replace(" ", "-") for title in titles}
+
+
+def broken(page: Path) -> list[str]:
+    """Links of a page to files or headings that do not exist."""
+    found = []
+    for target in LINK.findall(FENCE.sub("", page.read_text(encoding="utf-8"))):
+        if "://" in target:
+            continue
+        name, _, anchor = target.partition("#")
+        file = page.parent / name if name else page
+        if not file.exists() or (anchor and anchor not in anchors(file)):
+            found.append(target)
+    return found
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_link_leads_somewhere(page):
+    assert broken(page) == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_path_that_a_page_names_exists(page):
+    named = PATH.findall(page.read_text(encoding="utf-8"))
+    assert [name for name in named if not (ROOT / name).exists()] == []
+
+
+def test_a_broken_link_is_found(tmp_path):
+    (tmp_path / "a.md").write_text("# One, two\n[here](#one-two) [file](b.md) [gone](#three)\n")
+    (tmp_path / "b.md").write_text("[back](a.md#one-two) [gone](a.md#two)\n```\n[x](y)\n```\n")
+    assert broken(tmp_path / "a.md") == ["#three"]
+    assert broken(tmp_path / "b.md") == ["a.md#two"]
