@@ -1,0 +1,88 @@
+"""docs/wire.md says what the messages are: they are written and read here as the page has it."""
+
+import re
+from pathlib import Path
+
+import msgpack
+import pytest
+
+from phalanx.wire import frames, messages
+from phalanx.wire.keys import Keys
+from phalanx.wire.messages import VERSION, Message
+from phalanx.wire.seal import Sealer
+
+PAGE = (Path(__file__).parents[3] / "docs" / "wire.md").read_text(encoding="utf-8")
+SECRET = b"secret"
+OF_TYPE = {
+    "int": 7,
+    "float": 0.25,
+    "float or null": None,
+    "floats": [1.5, -2.0],
+    "ints": [3, -1],
+    "text": "qp",
+    "texts": ["4", "5"],
+    "bytes": b"\x00\x01",
+    "bool": True,
+}
+# What the page says in words: arrays in arrays, and maps.
+OF_FIELD = {
+    "version": VERSION,
+    "orders": [0.1, None, True, False],
+    "ages": [0.01, None],
+    "fates": [[1, 6, -1.0]],
+    "agents": [["fine", [1.0], [2.0], "backup", 3, 1, 0.5, 1e-4, None]],
+    "link_events": [[0, 1, 0.02]],
+    "assumptions": [{"name": "a", "failed": 1, "checked": 2, "first": 0.5, "note": "n"}],
+    "violations": [{"pair": "1-4", "first": 1.0, "worst": 0.1, "worst_at": 1.1, "duration": 0.2}],
+    "log": [[0.5, "agent 4 killed"]],
+    "command": {"t": 0.0, "kind": "pause", "agent": "", "value": 0.0},
+}
+
+
+def tables() -> dict[str, list[tuple[str, str]]]:
+    """(field, type) of every message, as the page's tables have them."""
+    sections = re.findall(r"^### (\w+)\n(.*?)(?=^##|\Z)", PAGE, re.DOTALL | re.MULTILINE)
+    row = re.compile(r"^\| (\w+) \| ([\w ]+) \|", re.MULTILINE)
+    return {name: row.findall(body)[1:] for name, body in sections}
+
+
+def kinds() -> dict[str, type[Message]]:
+    """Every message that there is."""
+    return {
+        name: found
+        for module in (messages, frames)
+        for name, found in vars(module).items()
+        if isinstance(found, type) and issubclass(found, Message) and found is not Message
+    }
+
+
+def sealed(key: str, fields: list[object]) -> bytes:
+    """A payload, made by the function that the page shows."""
+    scope: dict[str, object] = {}
+    exec(re.search(r"```python\n(.*?)```", PAGE, re.DOTALL).group(1), scope)
+    return scope["sealed"](key, fields, SECRET)
+
+
+def test_the_page_has_every_message_and_no_other():
+    assert set(tables()) == set(kinds())
+    assert f"now **{VERSION}**" in PAGE
+
+
+@pytest.mark.parametrize("name", sorted(tables()))
+def test_a_message_written_from_the_page_is_read_and_read_back(name):
+    table, kind, key = tables()[name], kinds()[name], f"phalanx/r/{name}/4"
+    assert [field for field, _ in table] == list(kind.__struct_fields__)
+    fields = [OF_FIELD[f] if f in OF_FIELD else OF_TYPE[type_] for f, type_ in table]
+    payload = sealed(key, fields)
+    message = Sealer(SECRET).open(key, payload, kind)
+    again = Sealer(SECRET).seal(key, message)
+    assert again[:16] == sealed(key, msgpack.unpackb(again[16:]))[:16]
+    assert msgpack.unpackb(again[16:]) == fields
+
+
+def test_the_keys_of_the_page_are_those_of_the_code():
+    keys = Keys("RUN")
+    of_agents = (keys.sample, keys.actuation, keys.broadcast, keys.telemetry)
+    of_plant = {keys.status, keys.verdict, keys.frames, keys.scenario, keys.command}
+    made = {key("AGENT") for key in of_agents} | of_plant | {keys.alive("NAME", "DIGEST")}
+    assert set(re.findall(r"^\| (phalanx/\S+)", PAGE, re.MULTILINE)) == made
