@@ -1,7 +1,7 @@
 """Follow a live run and print every broadcast, with nothing but zenoh, msgpack and docs/wire.md.
 
-    python examples/follow_broadcasts.py tcp/127.0.0.1:7447 --secret s &
-    phalanx run unicycles --listen tcp/127.0.0.1:7447 --secret s
+python examples/follow_broadcasts.py tcp/127.0.0.1:7447 --secret s &
+phalanx run unicycles --listen tcp/127.0.0.1:7447 --secret s
 """
 
 import argparse
