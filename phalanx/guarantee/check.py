@@ -94,7 +94,10 @@ def check(scenario: Scenario) -> CheckReport:
     else:
         missing = ", ".join(box)
         advice = f"for example {box[0]} = [-3.0, 3.0]"
-        unknown.append(f"No constants: give bounds for {missing} in [workspace], {advice}.")
+        unknown.append(
+            "The constants of the paper's formula and Theorem 4 are unknown: give bounds for "
+            f"{missing} in [workspace], {advice}."
+        )
     try:
         if isinstance(box, tuple):
             region = Region(*box, states_inside(rows.invariants(), x, *box, _SAMPLES))
@@ -167,38 +170,49 @@ def _words(swarm: Swarm, report: CheckReport, unknown: list[str]) -> list[str]:
     words = []
     if report.worst_at_start > 0:
         words.append(
-            f"The start is outside S_I: some ψ_k is {report.worst_at_start:.4g} > 0. Start farther "
-            "apart or slower, or raise safety.alpha."
+            "The start is outside S_I, the states from which the safe set can be kept: ψ is up to "
+            f"{report.worst_at_start:.4g}, where 0 is allowed. Let agents start farther apart or "
+            "slower, or raise safety.alpha."
         )
     stuck = [name for name, holds in report.rows_at_start.items() if not holds]
     if stuck:
         words.append(
-            f"K_i is empty at the start for {', '.join(stuck)}: start farther apart, or lower the "
-            "margin's causes, the disturbance bound and the sampling period."
+            f"At the start no input satisfies the rows of {', '.join(stuck)} (K_i is empty). Let "
+            "agents start farther apart, or lower what makes the margin large: disturbance.bound "
+            "and clock.period."
         )
     words += [f"No guarantee: {gap}." for gap in report.gaps]
     if report.gaps:
         words.append(
-            "For a proven run set control = 'distributed', composition = 'pairs', "
-            "margin = 'local', information = 'split', no neighbourhood and no latency."
+            "For a run that can end guaranteed set safety.control = 'distributed', "
+            "safety.composition = 'pairs', safety.margin = 'local' and safety.information = "
+            "'split', and leave out safety.neighbourhood and time.latency."
         )
     if _leans_on_the_newest(swarm):
         words.append(
-            "information = 'paper' counts on the last received û: with any delay, or two updates "
-            "at one instant, rows may hold that do not hold jointly. Take 'in-flight' or 'split'."
+            "safety.information = 'paper' counts on the last input received of each neighbour. "
+            "With any delay or loss, or where two agents sample at one instant, the neighbour may "
+            "apply another one, and rows may hold that do not hold jointly. Take 'in-flight' or "
+            "'split'."
         )
     given = [eta for eta in report.eta_paper.values() if eta is not None]
     if given and report.formula and max(given) < report.formula.eta:
         words.append(
-            f"η = {max(given):.4g} is below the formula's {report.formula.eta:.4g} over the "
-            "workspace: it is a choice, not a bound."
+            f"The margin η = {max(given):.4g} is below the {report.formula.eta:.4g} that the "
+            "paper's formula asks for over the workspace: it is a choice, not a bound. Take "
+            "safety.margin = 'local' for one that is."
         )
     if report.relative_degree > 1 and safety.margin == "paper":
-        words.append("q > 1 and margin = 'paper': L_φ ψ_k for k >= 1 is not bounded. Correct it.")
+        words.append(
+            "The relative degree q is above 1, and safety.margin = 'paper' leaves out what the "
+            "disturbance does to ψ_1 and those after it. Take 'corrected' or 'local'."
+        )
     if report.theorem_4 and report.theorem_4.holds is False:
         words.append(
-            f"Theorem 4 does not apply: on the boundary the best joint effort leaves "
-            f"{report.theorem_4.worst:.4g} > 0, so the backup alone cannot keep S."
+            "Theorem 4 does not apply: at some state on the boundary the best joint effort of the "
+            f"normal agents leaves {report.theorem_4.worst:.4g}, where 0 is allowed, so the backup "
+            "alone cannot keep the safe set. Give normal agents more authority, or adversaries and "
+            "the disturbance less."
         )
     words += unknown
     return words or ["Nothing speaks against a guarantee; the run checks the rest."]

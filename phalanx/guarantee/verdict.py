@@ -108,12 +108,16 @@ def judge(violations: list[Violation], assumptions: list[Assumption]) -> tuple[O
             for a in failed
             if a.first is not None and a.first <= worst.first
         ]
-        before = f"; failed before: {', '.join(earlier)}" if earlier else ""
+        before = f"; assumptions that had failed: {', '.join(earlier)}" if earlier else ""
         return Outcome.VIOLATED, (
             f"{worst.pair} left the safe set at t = {worst.first:.3f} s, "
-            f"up to h = {worst.worst:.4g}, for {worst.duration:.3f} s{before}"
+            f"up to h = {worst.worst:.4g} where 0 is allowed, for {worst.duration:.3f} s{before}"
         )
     if failed:
-        what = ", ".join(f"{a.name} ({a.failed} of {a.checked})" for a in failed)
-        return Outcome.SAFE, f"h <= 0 throughout, but not guaranteed; failed: {what}"
-    return Outcome.GUARANTEED, "h <= 0 throughout, and every assumption held"
+        what = ", ".join(f"{a.name} ({a.failed} of {a.checked} checks)" for a in failed)
+        return Outcome.SAFE, (
+            f"no pair left the safe set, but not guaranteed; assumptions that failed: {what}"
+        )
+    return Outcome.GUARANTEED, (
+        "no pair left the safe set, and every assumption of the theorem held"
+    )

@@ -34,7 +34,9 @@ def test_a_run_ends_with_a_verdict_and_names_what_kept_it_from_a_guarantee(phala
     run = phalanx(*SHORT)
     status, output = run.finish()
     assert status == 0
-    assert "safe: h <= 0 throughout, but not guaranteed; failed: " in output
+    assert (
+        "safe: no pair left the safe set, but not guaranteed; assumptions that failed: " in output
+    )
     assert "proven margin" in output.splitlines()[-1]
 
 
