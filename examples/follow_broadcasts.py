@@ -17,9 +17,9 @@ VERSION = 2
 
 def opened(key: str, payload: bytes, secret: str) -> list | None:
     """The fields of a sealed message, or None if it was not made with the secret for this key."""
-    secret_key = hashlib.blake2b(secret.encode(), digest_size=32).digest()
-    seal = hashlib.blake2b(key.encode() + payload[16:], key=secret_key, digest_size=16)
-    if payload[:16] != seal.digest():
+    mac_key = hashlib.blake2b(secret.encode(), digest_size=32).digest()
+    seal = hashlib.blake2b(key.encode() + payload[16:], key=mac_key, digest_size=16).digest()
+    if payload[:16] != seal:
         return None
     fields = msgpack.unpackb(payload[16:])
     return fields if fields[0] == VERSION else None
@@ -32,7 +32,8 @@ def main() -> None:
     parser.add_argument("--run", default="*", help="name of the run; any, if there is one only")
     parser.add_argument("--secret", default="", help="the run's secret")
     options = parser.parse_args()
-    connect = {"endpoints": [options.endpoint], "timeout_ms": -1}  # for as long as it takes
+    retry = {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 1.5}
+    connect = {"endpoints": [options.endpoint], "timeout_ms": -1, "retry": retry}  # until it is up
     config = {"mode": "client", "connect": connect, "scouting": {"multicast": {"enabled": False}}}
     arrived: queue.SimpleQueue[zenoh.Sample] = queue.SimpleQueue()
     handler = zenoh.handlers.Callback(arrived.put, indirect=False)
@@ -42,15 +43,14 @@ def main() -> None:
         session.liveliness().declare_subscriber(f"{run}/alive/plant/*", handler, history=True)
         while (sample := arrived.get()).kind == zenoh.SampleKind.PUT:
             key = str(sample.key_expr)
-            _, _, kind, agent, *_ = key.split("/")
-            if kind != "broadcast":
-                continue  # the plant is there
-            fields = opened(key, sample.payload.to_bytes(), options.secret)
-            if fields is None:
+            _, name, kind, agent, *_ = key.split("/")
+            if kind == "alive":
+                print(f"following run {name}", flush=True)
+            elif (fields := opened(key, sample.payload.to_bytes(), options.secret)) is None:
                 print(f"{key}: not of this run, or of another version")
-                continue
-            _, k, t_apply, u = fields
-            print(f"agent {agent}  k {k}  from {t_apply:.4f} s  u {u}", flush=True)
+            else:
+                _, k, t_apply, u = fields
+                print(f"agent {agent}  k {k}  from {t_apply:.4f} s  u {u}")
     print("the run is over")
 
 
