@@ -62,7 +62,10 @@ def lines(chosen: Sequence[str], seeds: int) -> Iterator[str]:
     """The page, as it comes."""
     yield "# One row for each pair, against one row for h_tot"
     yield ""
-    yield f"Seeds 0 to {seeds - 1}; `python bench/paper/compositions.py` writes this page."
+    yield (
+        f"Seeds 0 to {seeds - 1}; `python bench/paper/compositions.py` writes this page. Words and "
+        "symbols are in the [glossary](glossary.md)."
+    )
     yield from ["", *NOTES]
     for title, name in SIMULATIONS.items():
         if name in chosen:

@@ -51,14 +51,15 @@ def page(results: dict[str, list[Summary]]) -> str:
             "# Simulation 1: five unicycles, two of them pursuing",
             "",
             f"`scenarios/unicycles.toml`, seeds 0 to {seeds - 1}, 24 s each; every number on this "
-            "page is printed by `python bench/paper/simulation_1.py`.",
+            "page is printed by `python bench/paper/simulation_1.py`. Words and symbols are in the "
+            "[glossary](glossary.md).",
             "",
             *overview(results),
             "",
-            "*Infeasible*: updates of normal agents whose K_i was empty. *With authority*: those "
-            "where the backup LP could change ψ̇; the others kept their nominal input (the agent "
-            "stood far from every conflict). With `split`, a row is infeasible only when the "
-            "centralised problem (QPmultiple) at that sample is.",
+            "*Infeasible*: updates of normal agents for which no input satisfied the row (empty "
+            "K_i). *With authority*: those at which the backup could help; the others kept their "
+            "nominal input (the agent stood far from every conflict). With `split`, a row is "
+            "infeasible only when all normal agents together could not satisfy it either.",
             "",
             *by_seed(results),
             "",

@@ -37,7 +37,8 @@ def page(results: dict[str, list[Summary]]) -> str:
         "# Simulation 2: eight double integrators in 3-D, four of them attacking",
         "",
         f"`scenarios/formation3d.toml` and `formation3d-beta3.toml`, seeds 0 to {seeds - 1}, 140 s "
-        "each; every number on this page is printed by `python bench/paper/simulation_2.py`.",
+        "each; every number on this page is printed by `python bench/paper/simulation_2.py`. "
+        "Words and symbols are in the [glossary](glossary.md).",
         "",
         "![Simulation 2: paths, h_tot, and the inputs of a normal agent](images/formation3d.png)",
         "",
