@@ -1,1 +1,1 @@
-"""Keys, messages, sessions and link faults: the only place that imports zenoh."""
+"""Keys, messages, seal and sessions: the only place that imports zenoh."""

@@ -1,0 +1,1 @@
+"""CasADi expressions: compiled to functions, and bounded over boxes."""

@@ -1,0 +1,1 @@
+"""Dynamics, output points and input polytopes."""

@@ -1,0 +1,1 @@
+"""The safe set: h of pairs, its composition, and the chain of its derivatives."""
