@@ -1,1 +1,1 @@
-"""A scenario's theory objects."""
+"""The facts of a scenario, and the one builder of its rows."""
