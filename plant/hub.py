@@ -132,7 +132,8 @@ class Hub:
         if time.monotonic() > deadline:
             dropped = ", ".join(f"{n} {reason}" for reason, n in self.rejected.items())
             because = f" (dropped payloads: {dropped})" if dropped else ""
-            raise SwarmBrokenError(f"{complaint} within {self._timeout:g} s{because}")
+            hint = "see its log, or raise time.timeout"
+            raise SwarmBrokenError(f"{complaint} within {self._timeout:g} s{because}: {hint}")
         try:
             key, content = self._events.get(timeout=_POLL)
         except queue.Empty:

@@ -30,9 +30,12 @@ class Joining:
             return None
         if name in self._joined:
             gone = not alive and found == self.digest and name not in self._dismissed
-            return f"agent {name} died" if gone else None
+            return f"agent {name} died: see its log" if gone else None
         if alive and found != self.digest:
-            return f"agent {name} runs another scenario: expected digest {self.digest}, got {found}"
+            return (
+                f"agent {name} runs another scenario, seed or version (digest {found}, here "
+                f"{self.digest}): start it with the plant's --scenario, --seed and --set"
+            )
         if alive:
             self._joined.add(name)
         return None

@@ -37,11 +37,21 @@ class Judge:
         self._sampled: dict[int, float] = {}
         self._instants: dict[int, float] = {}
         """When the first normal agent took its sample k [s], by k."""
-        self._start = Assumption("start in S", note="x(0) lies in S_I: ψ_0 ... ψ_{q-1} <= 0")
-        self._gap = Assumption("sampling gap", note="t_i^{k+1} - t_i^k <= Γ_i + δ^max")
-        self._phi = Assumption("disturbance bound", note="‖φ_i‖ <= φ_i^max")
-        self._rows = Assumption("non-empty K_i", note="every normal agent's row had a solution")
-        self._fresh = Assumption("fresh û", note="every û_l that a row used was in force")
+        self._start = Assumption(
+            "start in S", note="every agent starts where the safe set can be kept (S_I)"
+        )
+        self._gap = Assumption(
+            "sampling gap", note="no sample came later than clock.period + clock.jitter"
+        )
+        self._phi = Assumption(
+            "disturbance bound", note="no disturbance was larger than disturbance.bound"
+        )
+        self._rows = Assumption(
+            "non-empty K_i", note="at every step of every normal agent some input kept its rows"
+        )
+        self._fresh = Assumption(
+            "fresh û", note="every received input that a row counted on was being applied"
+        )
         self._faithful = Assumption("faithful agents", note="no normal agent fell silent or turned")
         self._together = Assumption(
             "synchronous sampling", note="all normal agents sample at the same instants"

@@ -51,7 +51,7 @@ def check(
     if plot is not None:
         found = backup_slice(build_rows(build_swarm(resolved)))
         if found is None:
-            print("no picture: expected two agents with states x and y")
+            print("no picture: it needs two agents with states x and y; this scenario has others")
         else:
             backup_plate(found).figure.savefig(plot, dpi=110)
             print(f"picture: {plot}")
@@ -69,17 +69,21 @@ def _show(name: str, report: "CheckReport") -> None:
     table.add_row("scenario", name)
     table.add_row("can end guaranteed", may)
     table.add_row("relative degree q", str(report.relative_degree))
-    inside = "inside S_I" if report.worst_at_start <= 0 else "[red]outside S_I[/]"
+    inside = (
+        "inside the set that can be kept (S_I)"
+        if report.worst_at_start <= 0
+        else "[red]outside the set that can be kept (S_I)[/]"
+    )
     table.add_row("start", f"{inside}, largest ψ {report.worst_at_start:.4g}")
     stuck = [agent for agent, holds in report.rows_at_start.items() if not holds]
     rows = f"[yellow]empty for {', '.join(stuck)}[/]" if stuck else "non-empty for every agent"
-    table.add_row("K_i at the start", rows)
+    table.add_row("inputs that keep the rows at the start (K_i)", rows)
     for constant, found in report.formula.constants.items() if report.formula else ():
         table.add_row(f"constant {constant}", f"{found.value:.4g} ({_HOW[found.how]})")
-    table.add_row("η in force", _by_agent(report.eta_paper))
-    table.add_row("η by the formula", _formula(report.formula))
+    table.add_row("margin η in force", _by_agent(report.eta_paper))
+    table.add_row("margin η by the paper's formula", _formula(report.formula))
     table.add_row("- for the worst pair", _formula(report.pair_formula))
-    table.add_row("η local, at the start", _by_agent(report.eta_local))
+    table.add_row("margin η as a local bound, at the start", _by_agent(report.eta_local))
     table.add_row("Theorem 4", _theorem(report))
     gap = "none" if report.largest_gap is None else f"{report.largest_gap * 1e3:.3g} ms"
     table.add_row("largest sampling gap", f"{gap}, with proven rows at the start")
@@ -93,7 +97,7 @@ def _show(name: str, report: "CheckReport") -> None:
 def _theorem(report: "CheckReport") -> str:
     four = report.theorem_4
     if four is None:
-        return "not asked: no workspace, or a start outside S_I"
+        return "not asked: give [workspace], and start inside"
     said = "refuted" if four.holds is False else "not refuted"
     return f"{said} at {four.states} boundary states, largest sum {four.worst:.4g}"
 

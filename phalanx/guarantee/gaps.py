@@ -11,18 +11,23 @@ def gaps_in_the_proof(swarm: Swarm) -> list[str]:
     """
     safety = swarm.scenario.safety
     gaps = {
-        "η is given or from given constants, not a bound": safety.margin != "local",
-        "the margin is scaled down": safety.margin_scale < 1.0,
-        "shares of h_tot computed from different samples are not bounded: use pairs": (
+        "the margin η is a given number, not a bound: set safety.margin = 'local'": safety.margin
+        != "local",
+        "safety.margin_scale is below 1, so the margin is less than its bound": (
+            safety.margin_scale < 1.0
+        ),
+        "agents compute their shares of one row for all pairs from different samples: set "
+        "safety.composition = 'pairs'": (
             safety.control == "distributed"
             and safety.composition == "lse"
             and safety.information is Information.SPLIT
         ),
-        "h_tot^i changes as pairs enter and leave the neighbourhood": swarm.radius is not None,
-        "Theorem 1 needs agents that sample together, with one period and no jitter": (
+        "with safety.neighbourhood each agent's condition changes as others come and go: leave it "
+        "out": swarm.radius is not None,
+        "one controller needs agents that sample together: one clock.period, no clock.jitter": (
             safety.control == "centralised" and not swarm.synchronous
         ),
-        "no certified input is in force before the latency is over": (
+        "until time.latency is over no certified input is in force: leave it out": (
             swarm.scenario.time.latency > 0.0
         ),
     }

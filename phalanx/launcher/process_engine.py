@@ -62,7 +62,9 @@ def run_processes(
     summary = verdict.read()
     failure = processes.first_failure()
     if summary is None:
-        raise EngineError(failure or "the plant ended without a verdict")
+        raise EngineError(
+            failure or f"the plant ended without a verdict: see {folder / 'logs' / 'plant.log'}"
+        )
     if summary.outcome is Outcome.BROKEN and failure:
         summary.reason = f"{summary.reason} [{failure}]"
     return summary

@@ -111,5 +111,8 @@ class Unfiltered:
         """The input to apply. Raises ArithmeticError if the projection fails."""
         u = self._qp.solve(now.u_nom, now.terms.polytopes[self._i])
         if u is None:
-            raise ArithmeticError(f"projection of {now.u_nom} onto U_i failed at t = {now.t}")
+            raise ArithmeticError(
+                f"its input {now.u_nom} at t = {now.t:g} cannot be brought within its input polytope: "
+                "check input_polytope"
+            )
         return Filtered(Decision(u, Origin.ATTACK, 0.0), [])
