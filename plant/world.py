@@ -91,8 +91,8 @@ class World:
             self.x, h, h_tot = steps(self.x, self._u, phi, self._line.slope, length)
             if not (np.isfinite(self.x).all() and np.isfinite(h_tot).all()):
                 raise DivergedError(
-                    f"the state or h_tot is no longer finite at t = {stop:.3f} s: check dynamics and laws "
-                    "for divisions by zero and unbounded growth"
+                    f"the state or h_tot is no longer finite at t = {stop:.3f} s: check dynamics "
+                    "and laws for divisions by zero and unbounded growth"
                 )
             times = self.t + length * np.arange(1.0, count + 1)
             self._seen.append(IntegrationSteps(times, h.reshape(count, -1), h_tot))

@@ -112,7 +112,7 @@ class Unfiltered:
         u = self._qp.solve(now.u_nom, now.terms.polytopes[self._i])
         if u is None:
             raise ArithmeticError(
-                f"its input {now.u_nom} at t = {now.t:g} cannot be brought within its input polytope: "
-                "check input_polytope"
+                f"its input {now.u_nom} at t = {now.t:g} cannot be brought within its input "
+                "polytope: check input_polytope"
             )
         return Filtered(Decision(u, Origin.ATTACK, 0.0), [])
