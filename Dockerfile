@@ -7,7 +7,7 @@ RUN python3 -m venv /opt/phalanx
 # What changes rarely first: a change of the code does not install the libraries again.
 COPY pyproject.toml constraints.txt README.md LICENSE ./
 RUN mkdir phalanx agent plant viewer scenarios \
- && /opt/phalanx/bin/pip install --no-cache-dir --constraint constraints.txt '.[viewer]' \
+ && /opt/phalanx/bin/pip install --no-cache-dir --constraint constraints.txt . \
  && /opt/phalanx/bin/pip uninstall --yes phalanx
 # CasADi's solver plugins and headers, and the libraries' own tests: half of the image, unused.
 RUN cd /opt/phalanx/lib/python3*/site-packages \

@@ -25,8 +25,8 @@ from phalanx.guarantee.verdict import Summary
 from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.load import validate
 from phalanx.scenario.model import Scenario
-from phalanx.viewer.feeds.history import Gathered
-from phalanx.viewer.main import Page
+from phalanx.viewer.feeds.live_history import LiveHistory
+from phalanx.viewer.page.page import Page
 from phalanx.viewer.page.server import choose_port
 from phalanx.viewer.scene.model import scene_model
 from phalanx.wire.frames import AgentStatus, Frame
@@ -65,18 +65,18 @@ class Carousel:
     """A feed with a new frame at every call."""
 
     def __init__(self, count: int) -> None:
-        self.cast = scene_model(crowd(count))
-        self._past = Gathered(self.cast)
+        self.model = scene_model(crowd(count))
+        self._past = LiveHistory(self.model)
         self.history = self._past.history
         self.summary: Summary | None = None
         self.over = False
-        self._start = self.cast.swarm.start()
+        self._start = self.model.swarm.start()
         self._phases = np.repeat(np.arange(count), 2) + np.tile([0.0, np.pi / 2.0], count)
         self._frames = 0
 
-    def past(self, t: float) -> NDArray[np.float64]:
+    def recent_paths(self, t: float) -> NDArray[np.float64]:
         """Positions on the way here."""
-        return self._past.trail.positions
+        return self._past.recent_paths.positions
 
     def take(self) -> Frame:
         """The next frame."""
@@ -112,7 +112,7 @@ def serve(count: int, port: int, ready: Event, over: Event) -> None:
 def cpu_share(count: int, seconds: float, watched: bool) -> float:
     """Share of one core that the server takes."""
     context = multiprocessing.get_context("spawn")
-    ready, over, port = context.Event(), context.Event(), choose_port(HOST, 0)
+    ready, over, port = context.Event(), context.Event(), choose_port(HOST, None)
     server = context.Process(target=serve, args=(count, port, ready, over))
     server.start()
     if not ready.wait(120.0):

@@ -30,6 +30,8 @@ Host = Annotated[str, typer.Option(envvar="PHALANX_HOST", help="Address to serve
 Port = Annotated[
     int | None,
     typer.Option(
+        min=1,
+        max=65535,
         envvar="PHALANX_PORT",
         help="Port to serve the page on; by default 8080 or the next free one.",
         show_default=False,
@@ -72,7 +74,7 @@ def view(
     """
     if (recording is None) != bool(connect and run):
         raise typer.BadParameter("expected either RUN, or --connect and --run")
-    options = {"run_id": run, "endpoint": connect, "secret": secret, "control": control}
+    options = {"run_id": run, "endpoint": connect, "secret": secret, "command_secret": control}
     return _show(recording, options, host, port, origins, timeout)
 
 
@@ -87,7 +89,7 @@ def viewer(
     timeout: Timeout = 60.0,
 ) -> int:
     """Run the viewer alone, as plant and agents are run in containers and on many hosts."""
-    options = {"run_id": run, "endpoint": connect, "secret": secret, "control": control}
+    options = {"run_id": run, "endpoint": connect, "secret": secret, "command_secret": control}
     return _show(None, options, host, port, origins, timeout)
 
 
@@ -130,7 +132,7 @@ def _show(
     from phalanx.launcher.programs import PROGRAMS, configure_logging
 
     configure_logging()
-    secrets = {name: texts[name].encode() for name in ("secret", "control")}
+    secrets = {name: texts[name].encode() for name in ("secret", "command_secret")}
     show = pkgutil.resolve_name(PROGRAMS["viewer"])
     try:
         return int(

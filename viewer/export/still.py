@@ -6,12 +6,14 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from phalanx.viewer.feeds.replay import Replay
 from phalanx.viewer.scene.model import SceneModel
-from phalanx.viewer.scene.picture import COLOURS, Picture, Role, picture
+from phalanx.viewer.scene.picture import Picture, picture
+from phalanx.viewer.scene.roles import COLOURS, Role
 
 Array = NDArray[np.float64]
 
@@ -20,56 +22,58 @@ _GREEN = "#22a05e"
 
 def draw(replay: Replay, t: float, path: Path) -> None:
     """Write the picture at t [s] as PNG. Raises OSError."""
-    cast, frame = replay.cast, replay.frame(t)
-    shown, past = picture(cast, frame), replay.past(t)
+    model, frame = replay.model, replay.frame(t)
+    shown, past = picture(model, frame), replay.recent_paths(t)
     figure = Figure(figsize=(9.0, 8.0), layout="constrained")
     grid = figure.add_gridspec(2, 1, height_ratios=[3.2, 1.0])
-    scene = figure.add_subplot(grid[0], projection=None if cast.flat else "3d")
-    (_flat if cast.flat else _spatial)(scene, cast, shown, past)
-    scene.set_title(f"{cast.scenario.name}, t = {frame.t:.3f} s; closest: {shown.closest_text}")
+    scene = figure.add_subplot(grid[0], projection=None if model.flat else "3d")
+    (_draw_in_plane if model.flat else _draw_in_space)(scene, model, shown, past)
+    scene.set_title(
+        f"{model.scenario.name}, t = {frame.t:.3f} s; worst pair {shown.worst_pair_text}"
+    )
     scene.legend(handles=_legend(shown), loc="upper left", fontsize="small")
-    _margin_plot(figure.add_subplot(grid[1]), replay, frame.t)
+    _h_tot_plot(figure.add_subplot(grid[1]), replay, frame.t)
     figure.savefig(path, dpi=150)
 
 
-def _flat(axes: Any, cast: SceneModel, shown: Picture, past: Array) -> None:
+def _draw_in_plane(axes: Any, model: SceneModel, shown: Picture, past: Array) -> None:
     axes.set_aspect("equal", adjustable="datalim")
-    axes.plot(*cast.path.T[:2], color=_GREEN, linewidth=1.5)
+    axes.plot(*model.surroundings.path.T[:2], color=_GREEN, linewidth=1.5)
     axes.plot(past[:, :, 0], past[:, :, 1], color="#cbd5e1", linewidth=1.0)
-    for center, radius in cast.obstacles:
+    for center, radius in model.surroundings.spheres:
         axes.add_patch(Circle(tuple(center[:2]), radius, color="#64748b"))
-    for point, normal in cast.walls:
+    for point, normal in model.surroundings.walls:
         along = point[:2] + np.array([-normal[1], normal[0]])
         axes.axline(point[:2], along, color="#64748b", linewidth=3.0)
     for position, colour in zip(shown.positions, _rgb(shown), strict=True):
-        axes.add_patch(Circle(tuple(position[:2]), cast.radius, color=colour, alpha=0.2))
-    ends = np.array(shown.closest)
+        axes.add_patch(Circle(tuple(position[:2]), model.radius, color=colour, alpha=0.2))
+    ends = np.array(shown.worst_pair)
     axes.plot(ends[:, 0], ends[:, 1], color=_GREEN, linewidth=2.0)
     x, y, _ = shown.positions.T
     axes.quiver(x, y, *shown.u_nom.T[:2], color="#a0aec0", angles="xy", width=0.002)
     axes.quiver(x, y, *shown.applied.T[:2], color="#1e293b", angles="xy", width=0.002)
     axes.scatter(x, y, c=_rgb(shown), s=26.0, zorder=3)
-    for name, position in zip(cast.names, shown.positions, strict=True):
+    for name, position in zip(model.names, shown.positions, strict=True):
         axes.annotate(name, position[:2], xytext=(6, 6), textcoords="offset points")
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
 
 
-def _spatial(axes: Any, cast: SceneModel, shown: Picture, past: Array) -> None:
-    axes.plot(*cast.path.T, color=_GREEN, linewidth=1.5)
+def _draw_in_space(axes: Any, model: SceneModel, shown: Picture, past: Array) -> None:
+    axes.plot(*model.surroundings.path.T, color=_GREEN, linewidth=1.5)
     for agent in range(past.shape[1]):
         axes.plot(*past[:, agent].T, color="#cbd5e1", linewidth=1.0)
-    for center, radius in cast.obstacles:
+    for center, radius in model.surroundings.spheres:
         axes.plot_surface(*_sphere(center, radius), color="#64748b", alpha=0.4)
-    axes.plot(*np.array(shown.closest).T, color=_GREEN, linewidth=2.0)
+    axes.plot(*np.array(shown.worst_pair).T, color=_GREEN, linewidth=2.0)
     axes.scatter(*shown.positions.T, c=_rgb(shown), s=26.0)
-    for name, position in zip(cast.names, shown.positions, strict=True):
+    for name, position in zip(model.names, shown.positions, strict=True):
         axes.text(*position, name)
     axes.set_aspect("equal")
     axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
 
 
-def _margin_plot(axes: Axes, replay: Replay, t: float) -> None:
+def _h_tot_plot(axes: Axes, replay: Replay, t: float) -> None:
     rows = replay.history.swarm.rows
     axes.plot(rows[:, 0], rows[:, 1], color="#2563eb", linewidth=1.0)
     axes.axhline(0.0, color="#94a3b8", linestyle="--")
@@ -79,8 +83,6 @@ def _margin_plot(axes: Axes, replay: Replay, t: float) -> None:
 
 
 def _legend(shown: Picture) -> list[Any]:
-    from matplotlib.lines import Line2D
-
     present = [role for role in Role if role in shown.roles]
     return [
         Line2D([], [], marker="o", linestyle="", color=np.array(COLOURS[role]) / 255.0, label=role)

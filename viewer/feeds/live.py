@@ -2,8 +2,9 @@
 
 import logging
 import queue
+import threading
 import time
-from typing import Protocol, Self
+from typing import Self
 
 import msgspec
 import numpy as np
@@ -13,8 +14,8 @@ from phalanx.faults.commands import CommandKind
 from phalanx.guarantee.verdict import Summary
 from phalanx.recording.records import Command
 from phalanx.scenario.load import from_json
-from phalanx.viewer.feeds.history import Gathered, History
-from phalanx.viewer.scene.model import SceneModel, scene_model
+from phalanx.viewer.feeds.live_history import LiveHistory
+from phalanx.viewer.scene.model import scene_model
 from phalanx.wire import session as wire
 from phalanx.wire.frames import CommandMessage, Frame, Setup
 from phalanx.wire.keys import PLANT, Keys
@@ -29,28 +30,11 @@ class NoRunError(RuntimeError):
     """No plant answers for this run; the message names endpoint and run."""
 
 
-class Feed(Protocol):
-    """Where frames come from: a live run or a recording."""
-
-    cast: SceneModel
-    history: History
-    summary: Summary | None
-    """The verdict, once there is one."""
-    over: bool
-    """Whether a live run's plant has left; never of a recording."""
-
-    def take(self) -> Frame | None:
-        """The newest frame, unless it was taken before."""
-
-    def past(self, t: float) -> Array:
-        """Positions on the way to t [s], shape (s, N, 3)."""
-
-
 class Live:
     """A run that goes on now."""
 
     def __init__(
-        self, endpoint: str, run_id: str, secret: bytes, control: bytes, timeout: float
+        self, endpoint: str, run_id: str, secret: bytes, command_secret: bytes, timeout: float
     ) -> None:
         """Join as a listener.
 
@@ -58,7 +42,7 @@ class Live:
             endpoint: the hub's.
             run_id: the run's name.
             secret: the run's.
-            control: the run's control secret; empty for a viewer that only looks.
+            command_secret: that of those who may command the run; empty: only look.
             timeout: how long to try [s].
 
         Raises:
@@ -67,20 +51,19 @@ class Live:
         self.summary: Summary | None = None
         self.over = False
         self._keys, self._sealer = Keys(run_id), Sealer(secret)
-        self._commands = Sealer(control)
+        self._command_sealer, self._commanding = Sealer(command_secret), threading.Lock()
+        # Frames come in a thread of Zenoh's, which must be free again at once, and are added to the
+        # history in the page's thread, where the plots read it.
         self._frames: queue.SimpleQueue[Frame] = queue.SimpleQueue()
         self._session = wire.open_client(endpoint, timeout)
         try:
             setup = self._ask_for_setup(endpoint, run_id, timeout)
-            self.cast = scene_model(from_json(setup.scenario.decode()))
-            self._past = Gathered(self.cast)
+            self.model = scene_model(from_json(setup.scenario.decode()))
+            self._past = LiveHistory(self.model)
             self.history = self._past.history
-            self.commandable = setup.commandable and bool(control)
+            self.commandable = setup.commandable and bool(command_secret)
             """Whether the plant will obey this viewer."""
-            self._control = wire.publisher(self._session, self._keys.control)
-            wire.subscribe(self._session, self._keys.view, self._on_frame)
-            wire.subscribe(self._session, self._keys.verdict, self._on_verdict)
-            wire.watch(self._session, self._keys.alive(PLANT), self._on_plant)
+            self._listen()
         except BaseException:
             self._session.close()  # type: ignore[no-untyped-call]
             raise
@@ -93,15 +76,19 @@ class Live:
             self._past.add(newest)
         return newest
 
-    def past(self, t: float) -> Array:
+    def recent_paths(self, t: float) -> Array:
         """Positions on the way here, shape (s, N, 3)."""
-        return self._past.trail.positions
+        return self._past.recent_paths.positions
 
     def command(self, kind: CommandKind, agent: str = "", value: float = 0.0) -> None:
-        """Ask the plant for a control. It refuses without the control secret."""
-        control = Command(0.0, kind, agent, value)
-        message = CommandMessage(VERSION, time.time_ns(), control)
-        self._control.put(self._commands.seal(self._keys.control, message))
+        """Send the plant a command. Without the command secret it refuses."""
+        key = self._keys.control
+        # The plant refuses a number that is not above the last one. viser calls from many threads:
+        # of two commands at once, the later number must not overtake the earlier. The wall clock
+        # numbers the commands of several viewers, and of one that was started anew.
+        with self._commanding:
+            message = CommandMessage(VERSION, time.time_ns(), Command(0.0, kind, agent, value))
+            self._commands.put(self._command_sealer.seal(key, message))
 
     def __enter__(self) -> Self:
         return self
@@ -120,6 +107,13 @@ class Live:
             raise NoRunError(f"run {run_id!r} at {endpoint}: {reason}; is the secret right?") from (
                 reason
             )
+
+    def _listen(self) -> None:
+        """Everything is ready for what comes: Zenoh's threads call from here on."""
+        self._commands = wire.publisher(self._session, self._keys.control)
+        wire.subscribe(self._session, self._keys.view, self._on_frame)
+        wire.subscribe(self._session, self._keys.verdict, self._on_verdict)
+        wire.watch(self._session, self._keys.alive(PLANT), self._on_plant)
 
     def _on_frame(self, key: str, payload: bytes) -> None:
         try:

@@ -1,4 +1,4 @@
-"""Commands to a live run: pause and pace, the network, and what befalls the chosen agent."""
+"""The command panel: pause and pace, the network, and what befalls the selected agent."""
 
 from collections.abc import Callable
 from typing import Any
@@ -12,56 +12,61 @@ from phalanx.wire.frames import Frame
 _SPEEDS = {"as fast as possible": 0.0, **{f"{s:g} ×": s for s in (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)}}
 
 
-class Controls:
-    """Only there for a viewer with the control secret; the plant refuses all others anyway."""
+class CommandPanel:
+    """Commands to a live run; only on pages of a viewer that the plant obeys."""
 
-    def __init__(self, server: viser.ViserServer, live: Live, chosen: Callable[[], str]) -> None:
-        """chosen tells the name of the agent that kill, freeze, thaw and turn are meant for."""
+    def __init__(self, server: viser.ViserServer, live: Live, selected: Callable[[], str]) -> None:
+        """selected tells the name of the agent that kill, freeze, thaw and turn are meant for."""
         gui = server.gui
-        self._live, self._chosen = live, chosen
+        self._live, self._selected = live, selected
         with gui.add_folder("Command", order=10):
             self._pause = gui.add_button_group("Run", ("Pause", "Resume", "Step"))
             self._step = gui.add_number("Step [s]", 0.01, min=0.001, max=10.0, step=0.001)
             self._speed = gui.add_dropdown("Speed", tuple(_SPEEDS))
             self._loss = gui.add_slider("Loss [%]", min=0, max=100, step=1, initial_value=0)
             self._delay = gui.add_slider("Delay [ms]", min=0, max=500, step=1, initial_value=0)
-            self._fate = gui.add_button_group("Agent", ("Kill", "Freeze", "Thaw", "Turn"))
-        self._pause.on_click(lambda _: self._on_pause())
-        self._fate.on_click(lambda _: self._on_fate())
-        self._speed.on_update(self._by_hand(self._on_speed))
-        self._loss.on_update(self._by_hand(self._on_loss))
-        self._delay.on_update(self._by_hand(self._on_delay))
+            self._agent = gui.add_button_group("Agent", ("Kill", "Freeze", "Thaw", "Turn"))
+        self._shown: tuple[float | None, float | None] = None, None
+        """Loss and delay as the plant last told them."""
+        self._pause.on_click(lambda _: self._command_pace())
+        self._agent.on_click(lambda _: self._command_agent())
+        self._speed.on_update(_by_visitors(self._command_speed))
+        self._loss.on_update(_by_visitors(self._command_loss))
+        self._delay.on_update(_by_visitors(self._command_delay))
 
     def show(self, frame: Frame) -> None:
         """Let the sliders say what the plant does, whoever asked for it."""
-        if frame.loss is not None:
+        # Only what changed: else a slider that a visitor has just moved would be put back before
+        # his command is on its way, and the command would carry the old value.
+        loss, delay = self._shown
+        if frame.loss is not None and frame.loss != loss:
             self._loss.value = round(100.0 * frame.loss)  # type: ignore[misc]
-        if frame.delay is not None:
+        if frame.delay is not None and frame.delay != delay:
             self._delay.value = round(1000.0 * frame.delay)  # type: ignore[misc]
+        self._shown = frame.loss, frame.delay
 
-    def _by_hand(self, act: Callable[[], None]) -> Callable[[viser.GuiEvent[Any]], None]:
-        def on_update(event: viser.GuiEvent[Any]) -> None:
-            if event.client is not None:  # not our own show()
-                act()
-
-        return on_update
-
-    def _on_pause(self) -> None:
-        kind = {
-            "Pause": CommandKind.PAUSE,
-            "Resume": CommandKind.RESUME,
-            "Step": CommandKind.STEP,
-        }[self._pause.value]
+    def _command_pace(self) -> None:
+        kind = CommandKind(self._pause.value.lower())
         self._live.command(kind, value=self._step.value if kind == CommandKind.STEP else 0.0)
 
-    def _on_fate(self) -> None:
-        self._live.command(CommandKind(self._fate.value.lower()), agent=self._chosen())
+    def _command_agent(self) -> None:
+        self._live.command(CommandKind(self._agent.value.lower()), agent=self._selected())
 
-    def _on_speed(self) -> None:
+    def _command_speed(self) -> None:
         self._live.command(CommandKind.SPEED, value=_SPEEDS[self._speed.value])
 
-    def _on_loss(self) -> None:
+    def _command_loss(self) -> None:
         self._live.command(CommandKind.LOSS, value=self._loss.value / 100.0)
 
-    def _on_delay(self) -> None:
+    def _command_delay(self) -> None:
         self._live.command(CommandKind.DELAY, value=self._delay.value / 1000.0)
+
+
+def _by_visitors(act: Callable[[], None]) -> Callable[[viser.GuiEvent[Any]], None]:
+    """Act on what visitors do alone: viser also calls back when show() sets a value."""
+
+    def on_update(event: viser.GuiEvent[Any]) -> None:
+        if event.client is not None:
+            act()
+
+    return on_update

@@ -1,36 +1,17 @@
-"""What one frame looks like: places, colours and arrows; the same for the page and for a PNG."""
+"""What one frame looks like: poses, roles, arrows and lines; the same for page, file and PNG."""
 
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.theory.rows.origin import Origin
-from phalanx.viewer.scene.model import SceneModel, unit
-from phalanx.wire.frames import AgentStatus, Condition, Frame
+from phalanx.viewer.scene.geometry import unit
+from phalanx.viewer.scene.model import SceneModel
+from phalanx.viewer.scene.roles import COLOURS, Role, role
+from phalanx.wire.frames import Frame
 
 Array = NDArray[np.float64]
 Colours = NDArray[np.uint8]
-
-
-class Role(StrEnum):
-    """How an agent is coloured."""
-
-    NORMAL = "normal"
-    ADVERSARY = "adversary"
-    BACKUP = "backup"
-    NO_AUTHORITY = "no authority"
-    SILENT = "silent or dead"
-
-
-COLOURS: dict[Role, tuple[int, int, int]] = {
-    Role.NORMAL: (37, 99, 235),
-    Role.ADVERSARY: (220, 38, 38),
-    Role.BACKUP: (245, 158, 11),
-    Role.NO_AUTHORITY: (192, 132, 252),
-    Role.SILENT: (148, 163, 184),
-}
 
 
 @dataclass(frozen=True)
@@ -47,14 +28,14 @@ class Picture:
     """Where the applied inputs point, shape (N, 3)."""
     u_nom: Array
     """Where the nominal inputs point, shape (N, 3)."""
-    closest: tuple[Array, Array]
-    """The ends of the pair closest to violation, shapes (3,)."""
-    closest_text: str
+    worst_pair: tuple[Array, Array]
+    """The ends of the pair whose h is largest, shapes (3,)."""
+    worst_pair_text: str
     goals: Array
     """Formation centre and goals, shape (1 + g, 3)."""
-    trouble: Array
+    links: Array
     """Links that lost or delayed a broadcast, shape (l, 2, 3)."""
-    trouble_lost: NDArray[np.bool_]
+    lost: NDArray[np.bool_]
     """Which of them lost it, shape (l,)."""
 
     @property
@@ -63,47 +44,40 @@ class Picture:
         return np.array([COLOURS[role] for role in self.roles], dtype=np.uint8)
 
 
-def picture(cast: SceneModel, frame: Frame) -> Picture:
+def picture(model: SceneModel, frame: Frame) -> Picture:
     """Work out what a frame looks like."""
     x = np.frombuffer(frame.x, dtype="<f8")
-    places = cast.places(x)
-    p = places.positions
-    a, _ = cast.ends(frame.pair)
-    ends = p[a], cast.other_end(frame.pair, p)
-    h, distance = cast.h(frame.pair, x), float(np.linalg.norm(ends[0] - ends[1]))
-    links = [(p[link.sender], p[link.receiver]) for link in frame.trouble]
-    applied = cast.arrows(x, _stack(cast, [s.u for s in frame.agents]))
-    faces = places.headings.any(axis=1, keepdims=True)
+    poses = model.kinematics.poses(x)
+    p = poses.positions
+    applied = _arrows(model, x, [status.u for status in frame.agents])
+    has_heading = poses.headings.any(axis=1, keepdims=True)
+    links = [(p[event.sender], p[event.receiver]) for event in frame.link_events]
     return Picture(
         t=frame.t,
         positions=p,
-        headings=np.where(faces, places.headings, unit(applied)),
-        roles=[role(s, bool(bad)) for s, bad in zip(frame.agents, cast.adversary, strict=True)],
+        headings=np.where(has_heading, poses.headings, unit(applied)),
+        roles=[role(s, bool(bad)) for s, bad in zip(frame.agents, model.adversary, strict=True)],
         applied=applied,
-        u_nom=cast.arrows(x, _stack(cast, [s.u_nom for s in frame.agents])),
-        closest=ends,
-        closest_text=f"{cast.label(frame.pair)}: {distance:.2f} m, h = {h:.3g}",
-        goals=cast.goals(frame.t),
-        trouble=np.array(links).reshape(-1, 2, 3),
-        trouble_lost=np.array([link.delay < 0.0 for link in frame.trouble], dtype=bool),
+        u_nom=_arrows(model, x, [status.u_nom for status in frame.agents]),
+        worst_pair=model.ends(frame.pair, p),
+        worst_pair_text=_told(model, frame.pair, x, p),
+        goals=model.surroundings.goals(frame.t),
+        links=np.array(links).reshape(-1, 2, 3),
+        lost=np.array([event.delay < 0.0 for event in frame.link_events], dtype=bool),
     )
 
 
-def role(shown: AgentStatus, adversary: bool) -> Role:
-    """How to colour an agent."""
-    if shown.condition in (Condition.DEAD, Condition.FROZEN):
-        return Role.SILENT
-    if adversary or shown.condition == Condition.TURNED:
-        return Role.ADVERSARY
-    if shown.origin == Origin.BACKUP:
-        return Role.BACKUP
-    return Role.NO_AUTHORITY if shown.origin == Origin.NO_AUTHORITY else Role.NORMAL
+def _told(model: SceneModel, pair: int, x: Array, positions: Array) -> str:
+    a, b = model.ends(pair, positions)
+    h = model.values.h(pair, x)
+    return f"{model.label(pair)}: {np.linalg.norm(a - b):.2f} m, h = {h:.3g}"
 
 
-def _stack(cast: SceneModel, inputs: list[tuple[float, ...]]) -> Array:
-    """All inputs as one vector; zero for an agent without one."""
-    u = np.zeros(cast.inputs[-1].stop)
-    for held, given in zip(cast.inputs, inputs, strict=True):
+def _arrows(model: SceneModel, x: Array, inputs: list[tuple[float, ...]]) -> Array:
+    """Where each agent's input points, shape (N, 3); an agent without one has no arrow."""
+    parts = model.kinematics.inputs
+    u = np.zeros(parts[-1].stop)
+    for own, given in zip(parts, inputs, strict=True):
         if given:
-            u[held] = given
-    return u
+            u[own] = given
+    return model.kinematics.effects(x, u)

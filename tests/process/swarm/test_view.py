@@ -8,7 +8,6 @@ import urllib.request
 import pytest
 from processes import wait_for
 
-pytest.importorskip("viser", reason="needs the viewer extra")
 pytestmark = pytest.mark.swarm
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from runs import wait_for
 
-from phalanx.viewer.export.html import run
+from phalanx.viewer.export.write import run
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

@@ -17,8 +17,7 @@ from phalanx.faults.commands import CommandPolicy
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
 from phalanx.viewer.feeds.replay import Replay, open_replay
-from phalanx.viewer.main import Page
-from phalanx.viewer.page.server import choose_port
+from phalanx.viewer.page.page import Page
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator
@@ -65,7 +64,7 @@ def enter(field: "Locator", value: str) -> None:
 @contextlib.contextmanager
 def served(replay: Replay) -> Iterator[Page]:
     """The page of a replay, kept up to date by a thread of the test's own process."""
-    page = Page("127.0.0.1", choose_port("127.0.0.1", 0), (), replay, timeline=replay)
+    page = Page("127.0.0.1", None, (), replay, replay=replay)
     over = threading.Event()
 
     def serve() -> None:
@@ -116,7 +115,7 @@ def test_a_click_selects_the_agent_under_it(tab: "Tab", finished: Path) -> None:
         wait_for(lambda: page.server.get_clients())
         tab.get_by_text("h_tot (safe: at most 0)").wait_for()
         camera = page.server.initial_camera
-        x = replay.cast.places(np.frombuffer(replay.frame(0.0).x)).positions[3]
+        x = replay.model.kinematics.poses(np.frombuffer(replay.frame(0.0).x)).positions[3]
         canvas = tab.locator("canvas").nth(1).bounding_box()
         assert canvas is not None
         offset = x - np.asarray(camera.look_at)
@@ -160,7 +159,7 @@ def test_a_controlling_page_changes_the_loss_and_pauses_the_swarm(
         wait_for(lambda: plot.screenshot() != before)
 
         enter(number_beside(tab, "Loss [%]"), "50")
-        tab.get_by_text("network by hand: loss 50%").wait_for()
+        tab.get_by_text("network by command: loss 50%").wait_for()
 
         tab.get_by_role("button", name="Pause", exact=True).click()
         tab.get_by_text("· paused").wait_for()

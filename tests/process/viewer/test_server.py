@@ -1,4 +1,4 @@
-"""The page's server: a page of another origin cannot connect."""
+"""The page's server: its port, and that a page of another origin cannot connect."""
 
 from collections.abc import Iterator
 
@@ -8,17 +8,18 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
-from phalanx.viewer.page.server import PageServer, choose_port, open_page
+from phalanx.viewer.page.server import PortTakenError, choose_port, open_page
+from phalanx.viewer.scene.server import SceneServer
 
 
 @pytest.fixture
-def server() -> Iterator[PageServer]:
-    opened = open_page("127.0.0.1", choose_port("127.0.0.1", 0), "test", ("https://ours.example",))
+def server() -> Iterator[SceneServer]:
+    opened = open_page("127.0.0.1", None, "test", ("https://ours.example",))
     yield opened
     opened.stop()
 
 
-def hello(server: PageServer, origin: str | None) -> bool:
+def hello(server: SceneServer, origin: str | None) -> bool:
     """Whether a client that comes from a page of this origin is let in."""
     with connect(
         f"ws://127.0.0.1:{server.get_port()}",
@@ -28,13 +29,31 @@ def hello(server: PageServer, origin: str | None) -> bool:
         return bool(socket.recv(timeout=10))
 
 
-def test_its_own_pages_and_those_named_may_connect(server: PageServer) -> None:
+def test_its_own_pages_and_those_named_may_connect(server: SceneServer) -> None:
     port = server.get_port()
     for origin in (f"http://127.0.0.1:{port}", f"http://localhost:{port}", "https://ours.example"):
         assert hello(server, origin)
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1"])
-def test_a_foreign_page_is_refused(server: PageServer, origin: str) -> None:
+def test_a_foreign_page_is_refused(server: SceneServer, origin: str) -> None:
     with pytest.raises(InvalidStatus, match="403"):
         hello(server, origin)
+
+
+def test_two_pages_without_a_port_asked_for_get_one_each(server: SceneServer) -> None:
+    other = open_page("127.0.0.1", None, "other")
+    other.stop()
+    assert other.get_port() != server.get_port()
+
+
+def test_a_port_that_is_taken_is_refused(server: SceneServer) -> None:
+    port = server.get_port()
+    with pytest.raises(PortTakenError, match=f"127.0.0.1:{port}"):
+        open_page("127.0.0.1", port, "other")
+
+
+@pytest.mark.parametrize("port", [-1, 0, 65536, 99999])
+def test_a_number_that_no_port_has_is_refused_with_the_range(port: int) -> None:
+    with pytest.raises(ValueError, match=f"expected 1 to 65535, got {port}"):
+        choose_port("127.0.0.1", port)

@@ -194,7 +194,7 @@ def test_freshness_is_no_assumption_of_a_row_that_needs_nothing_from_others():
     assert "fresh û" in [a.name for a in Judge(SWARM).assumptions]
 
 
-def test_steps_are_counted_by_origin_and_a_backup_is_an_empty_set():
+def test_steps_are_counted_by_origin_and_without_authority_there_is_no_backup():
     judge = Judge(SWARM)
     origins = [Origin.QP, Origin.BACKUP, Origin.NO_AUTHORITY, Origin.QP]
     for k, origin in enumerate(origins):
@@ -202,7 +202,7 @@ def test_steps_are_counted_by_origin_and_a_backup_is_an_empty_set():
     judge.applied(4, message(origin=Origin.ATTACK))
     assert judge.steps == 5
     assert judge.origins == {"qp": 2, "backup": 1, "no-authority": 1}
-    assert judge.backups == 2
+    assert judge.backups == 1
     assert counted(judge, "non-empty K_i") == (2, 4, 0.01)
 
 

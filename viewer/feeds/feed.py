@@ -1,0 +1,30 @@
+"""What the page asks of a feed, be it a live run or a recording."""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.guarantee.verdict import Summary
+from phalanx.viewer.feeds.history import History
+from phalanx.viewer.scene.model import SceneModel
+from phalanx.wire.frames import Frame
+
+Array = NDArray[np.float64]
+
+
+class Feed(Protocol):
+    """Where frames come from."""
+
+    model: SceneModel
+    history: History
+    summary: Summary | None
+    """The verdict, once there is one."""
+    over: bool
+    """Whether a live run's plant has left; never of a recording."""
+
+    def take(self) -> Frame | None:
+        """The newest frame, unless it was taken before."""
+
+    def recent_paths(self, t: float) -> Array:
+        """Positions on the way to t [s], shape (s, N, 3)."""

@@ -1,0 +1,115 @@
+"""The frames of a recording: the same that viewers were shown while the run went on."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.faults.state import Faults
+from phalanx.recording.read import Recording
+from phalanx.viewer.feeds.agent_steps import AgentSteps
+from phalanx.viewer.feeds.history import History, TimeSeries
+from phalanx.viewer.scene.model import scene_model
+from phalanx.wire.frames import Frame, Line, LinkEvent, worse
+from phalanx.wire.messages import VERSION
+
+Array = NDArray[np.float64]
+
+_EVENT_SHOWN = 0.05
+"""How long a lost or late broadcast stays in sight [s]."""
+
+
+class Mark(NamedTuple):
+    """A moment worth jumping to."""
+
+    t: float
+    text: str
+
+
+class RecordedRun:
+    """A recording, asked by time."""
+
+    def __init__(self, recording: Recording) -> None:
+        """Raises ScenarioError if its scenario cannot be built, ValueError if it has no state."""
+        if not recording.states:
+            raise ValueError(f"{recording.path}: the recording holds no state")
+        self.model = scene_model(recording.scenario)
+        self.summary = recording.summary
+        self.times = recording.times
+        self._x, self._h_tot = recording.x, recording.h_tot
+        self._worst = np.maximum.accumulate(self._h_tot)
+        self._log, self._commands = recording.log, recording.commands
+        steps = [[s for s in recording.steps if s.agent == n] for n in self.model.names]
+        self._agents = [AgentSteps(of_agent) for of_agent in steps]
+        self._applied = np.sort([s.t_apply for s in recording.steps])
+        poses = [self.model.kinematics.poses(x) for x in self._x]
+        self.positions = np.array([p.positions for p in poses])
+        """Output points at every state [m], shape (s, N, 3)."""
+
+    @property
+    def worst_at(self) -> float:
+        """When h_tot was largest [s]."""
+        return float(self.times[int(np.argmax(self._h_tot))])
+
+    @property
+    def marks(self) -> list[Mark]:
+        """The worst moment, the first backup, and every line of the log."""
+        backups = np.concatenate([agent.backups for agent in self._agents])
+        found = [Mark(self.worst_at, f"worst moment, h_tot = {self._h_tot.max():.4g}")]
+        found += [Mark(float(backups.min()), "first backup")] if len(backups) else []
+        return found + [Mark(line.t, line.text) for line in self._log]
+
+    def index_at(self, t: float) -> int:
+        """The last state that is not after t [s], by its index."""
+        return max(int(np.searchsorted(self.times, t, side="right")) - 1, 0)
+
+    def frame(self, t: float) -> Frame:
+        """The run as it was at t [s], standing still."""
+        index = self.index_at(t)
+        x, faults = self._x[index], self._faults(t)
+        assumptions = self.summary.assumptions if self.summary else []
+        violations = self.summary.violations if self.summary else []
+        return Frame(
+            version=VERSION,
+            t=float(self.times[index]),
+            x=x.tobytes(),
+            h_tot=float(self._h_tot[index]),
+            worst_h=float(self._worst[index]),
+            pair=self.model.values.worst_pair(x),
+            agents=tuple(a.status(t, faults.condition[i]) for i, a in enumerate(self._agents)),
+            link_events=self._link_events(t),
+            steps=int(np.searchsorted(self._applied, t, side="right")),
+            real_time_factor=0.0,
+            assumptions=tuple(a for a in assumptions if a.first is not None and a.first <= t),
+            violations=tuple(v for v in violations if v.first <= t),
+            log=tuple(Line(line.t, line.text) for line in self._log if line.t <= t),
+            paused=True,
+            speed=0.0,
+            loss=faults.loss,
+            delay=faults.delay,
+        )
+
+    def history(self) -> History:
+        """The whole run, for the plots."""
+        distances = [self.model.smallest_distance(positions) for positions in self.positions]
+        psi = np.array([self.model.values.higher_psi(x) for x in self._x])
+        swarm = np.column_stack([self.times, self._h_tot, distances, psi])
+        rows = [agent.rows() for agent in self._agents]
+        return History(TimeSeries(swarm.shape[1], swarm), rows.__getitem__)
+
+    def _faults(self, t: float) -> Faults:
+        faults = Faults(self.model.names)
+        for command in self._commands:
+            if command.t <= t:
+                faults.obey(command)
+        return faults
+
+    def _link_events(self, t: float) -> tuple[LinkEvent, ...]:
+        found: dict[tuple[int, int], float] = {}
+        for receiver, agent in enumerate(self._agents):
+            for step in agent.applied_within(t - _EVENT_SHOWN, t):
+                for sender, _, delay in step.fates:
+                    if delay != 0.0:
+                        link = self.model.names.index(sender), receiver
+                        found[link] = worse(found.get(link, 0.0), delay)
+        return tuple(LinkEvent(*link, delay) for link, delay in found.items())
