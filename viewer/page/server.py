@@ -48,16 +48,17 @@ def open_page(
     Raises:
         ValueError, PortTakenError: as choose_port does.
     """
-    while True:
+    names = dict.fromkeys((host, "127.0.0.1", "localhost"))
+    for _ in range(_TRIED):
         chosen = choose_port(host, port)
-        own = [
-            f"http://{name}:{chosen}" for name in dict.fromkeys((host, "127.0.0.1", "localhost"))
-        ]
+        own = [f"http://{name}:{chosen}" for name in names]
         server = serve_scene(host, chosen, title, (*own, *origins))
         if server.get_port() == chosen:
-            break
+            server.gui.configure_theme(
+                show_logo=False, show_share_button=False, control_width="medium"
+            )
+            return server
         # Somebody took it since it was chosen, such as a viewer started at the same time. viser
-        # moved on in silence to a port whose pages would be strangers: choose again.
+        # moved on in silence to a port whose own pages it would refuse: choose again.
         server.stop()
-    server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
-    return server
+    raise PortTakenError(f"cannot listen on {host}: each port was taken as soon as it was chosen")

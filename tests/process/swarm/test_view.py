@@ -15,13 +15,13 @@ def test_a_run_shows_itself_and_then_its_replay_until_ctrl_c(phalanx):
     port = free_port()
     run = phalanx("run", "unicycles", "--set", "duration=40", "--view", "--port", str(port))
     wait_for(lambda: "phx-viewer" in run.programs() and served(port))
-    wait_for(lambda: (run.folder / "summary.json").exists())
+    wait_for(lambda: (run.folder / "summary.json").exists(), 150)
     wait_for(lambda: not run.programs() and served(port))
     run.process.send_signal(signal.SIGINT)
     status, output = run.finish()
     assert status == 0
     assert "replaying on the same page" in output
-    run.wait_until_gone(5.0)
+    run.wait_until_gone(60.0)
 
 
 def test_a_taken_port_is_an_error_that_names_it(phalanx):

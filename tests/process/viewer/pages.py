@@ -16,8 +16,13 @@ from runs import SECRET
 class Viewer:
     """One `phalanx view` process."""
 
-    def __init__(self, *arguments: str, secret: bytes = SECRET, control: bytes = b"") -> None:
-        environment = {"PHALANX_SECRET": secret.decode(), "PHALANX_CONTROL": control.decode()}
+    def __init__(
+        self, *arguments: str, secret: bytes = SECRET, command_secret: bytes = b""
+    ) -> None:
+        environment = {
+            "PHALANX_SECRET": secret.decode(),
+            "PHALANX_CONTROL": command_secret.decode(),
+        }
         self.process = subprocess.Popen(
             [sys.executable, "-m", "phalanx", "view", *arguments],
             stdout=subprocess.PIPE,
@@ -25,7 +30,7 @@ class Viewer:
             text=True,
             env={**os.environ, **environment},
         )
-        self.url = self._printed_url(60.0)
+        self.url = self._printed_url(120.0)
 
     def _printed_url(self, seconds: float) -> str:
         assert self.process.stdout is not None
@@ -41,14 +46,14 @@ class Viewer:
 
     def answers(self) -> bool:
         """Whether the page is served."""
-        with urllib.request.urlopen(self.url, timeout=10) as page:
+        with urllib.request.urlopen(self.url, timeout=60) as page:
             return page.status == 200
 
 
 @contextlib.contextmanager
-def viewer(*arguments: str, control: bytes = b"") -> Iterator[Viewer]:
+def viewer(*arguments: str, command_secret: bytes = b"") -> Iterator[Viewer]:
     """A viewer for the length of a block."""
-    started = Viewer(*arguments, control=control)
+    started = Viewer(*arguments, command_secret=command_secret)
     try:
         yield started
     finally:

@@ -9,15 +9,20 @@ from typing import TypeVar
 
 import psutil
 
-from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
+from phalanx.faults.commands import NO_COMMANDS, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher.launch import launch
 from phalanx.scenario.model import Scenario
+from phalanx.viewer.feeds.live import Live
 from phalanx.wire.messages import Status
 from phalanx.wire.session import free_endpoint
 
 T = TypeVar("T")
-SECRET, CONTROL = b"the run's secret", b"the control secret"
+SECRET, COMMAND_SECRET = b"the run's secret", b"the command secret"
+HELD = CommandPolicy(secret=COMMAND_SECRET, speed=0.005)
+"""So slow that a run is not over before the slowest browser has come; then LiveRun.set_speed."""
+PACED = CommandPolicy(secret=COMMAND_SECRET, speed=0.2)
+"""Slow enough for commands to come in time."""
 
 
 class LiveRun:
@@ -38,6 +43,16 @@ class LiveRun:
 
     def _keep(self, status: Status) -> None:
         self.status = status
+
+    def watch(self, command_secret: bytes = COMMAND_SECRET) -> Live:
+        """A viewer without a page; with the command secret it may command the run."""
+        return Live(self.endpoint, self.folder.name, SECRET, command_secret, 60.0)
+
+    def set_speed(self, speed: float) -> None:
+        """Change the pace; returns when the run goes at it."""
+        with self.watch() as live:
+            live.command(CommandKind.SPEED, value=speed)
+            wait_for(lambda: (frame := live.take()) and frame.speed == speed)
 
     def stop(self) -> None:
         """Do not wait for a run that may stand still for ever."""
@@ -67,7 +82,7 @@ def live_run(
     run.summary()
 
 
-def wait_for(condition: Callable[[], T], seconds: float = 60.0) -> T:
+def wait_for(condition: Callable[[], T], seconds: float = 120.0) -> T:
     """The condition's first truthy value; fails after `seconds`."""
     deadline = time.monotonic() + seconds
     while not (value := condition()):

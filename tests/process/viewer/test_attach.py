@@ -8,14 +8,11 @@ from pathlib import Path
 
 import pytest
 from pages import viewer
-from runs import live_run
+from runs import HELD, live_run
 
-from phalanx.faults.commands import CommandPolicy
 from phalanx.scenario.load import load
 
 pytestmark = pytest.mark.swarm
-
-PACED = CommandPolicy(speed=0.5)
 
 
 def test_viewers_attached_killed_attached_again_and_stopped_leave_the_trajectory_as_it_is(
@@ -24,7 +21,7 @@ def test_viewers_attached_killed_attached_again_and_stopped_leave_the_trajectory
     scenario = load("unicycles", ["duration=6.0"])
     with live_run(scenario, tmp_path / "alone") as alone:
         unseen = alone.summary().trajectory
-    with live_run(scenario, tmp_path / "seen", PACED) as run:
+    with live_run(scenario, tmp_path / "seen", HELD) as run:
         address = ("--connect", run.endpoint, "--run", "seen")
         with viewer(*address) as first:
             assert first.answers()
@@ -32,17 +29,19 @@ def test_viewers_attached_killed_attached_again_and_stopped_leave_the_trajectory
         with viewer(*address) as second:
             assert second.answers()
             second.process.send_signal(signal.SIGSTOP)
+            run.set_speed(0.5)
             assert run.summary().trajectory == unseen
             second.process.send_signal(signal.SIGCONT)
 
 
 def test_a_viewer_of_a_run_that_is_not_there_says_which(tmp_path: Path) -> None:
-    with live_run(load("unicycles", ["duration=4.0"]), tmp_path / "real", PACED) as run:
+    with live_run(load("unicycles", ["duration=4.0"]), tmp_path / "real", HELD) as run:
         command = [sys.executable, "-m", "phalanx", "viewer", "--connect", run.endpoint]
         asked = subprocess.run(
             [*command, "--run", "imagined", "--timeout", "1"],
             capture_output=True, text=True, timeout=60,
         )  # fmt: skip
+        run.set_speed(0.0)
     assert asked.returncode == 3
     assert "knows no run 'imagined'" in asked.stderr
 

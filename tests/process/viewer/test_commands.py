@@ -1,10 +1,10 @@
-"""Commands to a live run: obeyed with the control secret, recorded, and reproducible."""
+"""Commands to a live run: obeyed with the command secret, recorded, and reproducible."""
 
 from pathlib import Path
 
 import psutil
 import pytest
-from runs import CONTROL, SECRET, live_run, wait_for
+from runs import COMMAND_SECRET, PACED, live_run, wait_for
 
 from phalanx.faults.commands import CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Outcome
@@ -25,7 +25,7 @@ class Watcher:
         self.live = live
         self.frame: Frame | None = None
 
-    def until(self, holds: object, seconds: float = 60.0) -> Frame:
+    def until(self, holds: object, seconds: float = 120.0) -> Frame:
         """The first frame for which `holds` is true."""
         assert callable(holds)
 
@@ -44,15 +44,10 @@ def processes() -> set[str]:
     return {p.name() for p in mine if p.status() != psutil.STATUS_ZOMBIE}
 
 
-def commandable() -> CommandPolicy:
-    """Slow enough to watch."""
-    return CommandPolicy(secret=CONTROL, speed=1.0)
-
-
 def test_a_run_with_live_faults_is_recorded_and_replays_to_the_same_hash(tmp_path: Path) -> None:
     with (
-        live_run(SHORT, tmp_path / "live", commandable()) as run,
-        Live(run.endpoint, "live", SECRET, CONTROL, 30.0) as live,
+        live_run(SHORT, tmp_path / "live", PACED) as run,
+        run.watch() as live,
     ):
         watcher = Watcher(live)
         watcher.until(lambda frame: frame.t > 0.1)
@@ -75,7 +70,7 @@ def test_a_run_with_live_faults_is_recorded_and_replays_to_the_same_hash(tmp_pat
         live.command(CommandKind.SPEED, value=0.0)
         recorded = run.summary()
     recording = read(tmp_path / "live")
-    kinds = [control.kind for control in recording.commands]
+    kinds = [command.kind for command in recording.commands]
     assert kinds == ["loss", "delay", "freeze", "thaw", "turn", "kill", "speed"]
     assert recorded.outcome in (Outcome.SAFE, Outcome.VIOLATED)
     assert "faithful agents" in {a.name for a in recorded.assumptions if a.failed}
@@ -91,8 +86,8 @@ def test_a_run_with_live_faults_is_recorded_and_replays_to_the_same_hash(tmp_pat
 
 def test_pause_stops_virtual_time_and_step_moves_it_by_what_was_asked(tmp_path: Path) -> None:
     with (
-        live_run(SHORT, tmp_path / "live", commandable()) as run,
-        Live(run.endpoint, "live", SECRET, CONTROL, 30.0) as live,
+        live_run(SHORT, tmp_path / "live", PACED) as run,
+        run.watch() as live,
     ):
         watcher = Watcher(live)
         watcher.until(lambda frame: frame.t > 0.05)
@@ -110,14 +105,13 @@ def test_pause_stops_virtual_time_and_step_moves_it_by_what_was_asked(tmp_path: 
         assert run.summary().t == SHORT.duration
 
 
-@pytest.mark.parametrize("plant", ["with another control secret", "without one"])
-def test_a_viewer_without_the_control_secret_changes_nothing(tmp_path: Path, plant: str) -> None:
-    policy = (
-        CommandPolicy(secret=CONTROL, speed=2.0) if "another" in plant else CommandPolicy(speed=2.0)
-    )
+@pytest.mark.parametrize("plant", ["with another command secret", "without one"])
+def test_a_viewer_without_the_command_secret_changes_nothing(tmp_path: Path, plant: str) -> None:
+    secret = COMMAND_SECRET if plant == "with another command secret" else b""
+    policy = CommandPolicy(secret=secret, speed=0.3)
     with (
         live_run(SHORT, tmp_path / "live", policy) as run,
-        Live(run.endpoint, "live", SECRET, b"guessed", 30.0) as live,
+        run.watch(b"guessed") as live,
     ):
         watcher = Watcher(live)
         watcher.until(lambda frame: frame.t > 0.05)

@@ -22,7 +22,9 @@ pytestmark = pytest.mark.swarm
 def offline(browser: "Browser") -> Iterator["Tab"]:
     """A tab without a network; what it asked for is in `asked`."""
     context = browser.new_context(offline=True, viewport={"width": 1400, "height": 900})
-    yield context.new_page()
+    opened = context.new_page()
+    opened.set_default_timeout(120_000)  # it draws in software, on whatever cores are left
+    yield opened
     context.close()
 
 

@@ -5,12 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from runs import CONTROL, SECRET, live_run, wait_for
+from runs import PACED, live_run, wait_for
 
-from phalanx.faults.commands import CommandKind, CommandPolicy
+from phalanx.faults.commands import CommandKind
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
-from phalanx.viewer.feeds.live import Live
 from phalanx.viewer.feeds.replay import Replay, open_replay
 from phalanx.viewer.scene.picture import picture
 from phalanx.wire.frames import Frame
@@ -24,10 +23,9 @@ def replay(finished: Path) -> Replay:
 
 
 def test_a_replay_shows_what_was_seen_live(tmp_path: Path) -> None:
-    policy = CommandPolicy(secret=CONTROL, speed=1.0)
     with (
-        live_run(load("unicycles", ["duration=2.0"]), tmp_path / "live", policy) as run,
-        Live(run.endpoint, "live", SECRET, CONTROL, 30.0) as live,
+        live_run(load("unicycles", ["duration=2.0"]), tmp_path / "live", PACED) as run,
+        run.watch() as live,
     ):
         seen: list[Frame] = []
 
