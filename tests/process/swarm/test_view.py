@@ -32,6 +32,18 @@ def test_a_taken_port_is_an_error_that_names_it(phalanx):
     assert f"--port: cannot listen on 127.0.0.1:{port}" in output
 
 
+@pytest.mark.parametrize("command", [("run", "unicycles", "--view"), ("view", "no-such-run")])
+def test_a_port_out_of_range_is_an_error_that_names_the_option_and_leaves_no_folder(
+    phalanx, command
+):
+    refused = phalanx(*command, "--port", "99999")
+    status, output = refused.finish()
+    assert status == 64
+    assert "--port" in output.splitlines()[0]
+    assert "1<=x<=65535" in output.splitlines()[0]
+    assert not refused.parent.exists()
+
+
 def served(port: int) -> bool:
     with (
         contextlib.suppress(OSError),

@@ -21,7 +21,7 @@ pytestmark = pytest.mark.swarm
 @pytest.fixture
 def offline(browser: "Browser") -> Iterator["Tab"]:
     """A tab without a network; what it asked for is in `asked`."""
-    context = browser.new_context(offline=True, viewport={"width": 1400, "height": 900})
+    context = browser.new_context(offline=True, viewport={"width": 900, "height": 600})
     opened = context.new_page()
     opened.set_default_timeout(120_000)  # it draws in software, on whatever cores are left
     yield opened

@@ -60,6 +60,17 @@ def test_stepping_goes_from_state_to_state(replay: Replay) -> None:
     assert replay.t <= before
 
 
+def test_a_replay_says_whether_it_plays(replay: Replay) -> None:
+    replay.seek(0.0)
+    replay.play(True)
+    wait_for(lambda: (frame := replay.take()) and not frame.paused)
+    replay.play(False)
+    stopped = replay.take()
+    assert stopped is not None
+    assert stopped.paused
+    assert replay.take() is None
+
+
 def test_what_an_agent_applied_is_what_the_recording_says(replay: Replay, finished: Path) -> None:
     steps = [step for step in read(finished).steps if step.agent == "2"]
     for step, following in pairwise(steps[50:61]):
