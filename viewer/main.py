@@ -10,6 +10,7 @@ from phalanx.viewer.feeds.live import Live
 from phalanx.viewer.feeds.replay import open_replay
 from phalanx.viewer.page.page import Page
 from phalanx.viewer.page.server import choose_port
+from phalanx.wire.membership import Membership
 
 log = logging.getLogger("phalanx.viewer")
 
@@ -17,54 +18,67 @@ _TICK = 1.0 / 30.0
 """Wall time between two looks at the feed [s]."""
 
 
-def run(
-    scenario: Scenario | None = None,
+def run_live(
+    _scenario: Scenario | None,
+    membership: Membership,
     *,
-    recording: Path | None = None,
-    run_id: str = "",
-    endpoint: str = "",
-    secret: bytes = b"",
     command_secret: bytes = b"",
     host: str = "127.0.0.1",
     port: int | None = None,
     origins: tuple[str, ...] = (),
-    timeout: float = 60.0,
 ) -> int:
-    """Show a run until SIGINT or SIGTERM.
+    """Show a run that goes on, until SIGINT or SIGTERM.
 
     Args:
-        scenario: as every program of a run gets it; a live viewer asks the plant instead.
-        recording: a run folder or recording file to replay; without one, the run is live.
-        run_id: of the live run.
-        endpoint: the hub's Zenoh endpoint.
-        secret: the run's secret, for the seal.
+        _scenario: as every program of a run gets it; a viewer asks the plant, from wherever it is.
+        membership: of the run.
         command_secret: that of viewers that may command the run; empty: read-only.
         host: address to serve the page on.
         port: to serve the page on; None takes 8080 or the next free one, and says which.
         origins: further origins whose pages may connect; needed behind a proxy only.
-        timeout: how long to try to reach the hub [s of wall time].
 
     Returns:
         Exit status 0.
 
     Raises:
-        HubError, NoRunError: there is no such live run.
-        UnreadableRecordingError, ValueError: nothing to replay, or no port has this number.
-        PortTakenError: the page cannot be served there.
+        HubError, NoRunError: there is no such run.
+        ValueError, PortTakenError: the page cannot be served there.
     """
-    stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
-    choose_port(host, port)  # a port that cannot be had is said before a long recording is read
-    if recording is not None:
-        replay = open_replay(recording)
-        _show(Page(host, port, origins, replay, replay=replay), stop)
-        return 0
-    with Live(endpoint, run_id, secret, command_secret, timeout) as live:
+    stop = _told_to_stop()
+    choose_port(host, port)  # a port that cannot be had is said before a run is waited for
+    with Live(membership, command_secret) as live:
         if command_secret and not live.commandable:
             log.warning("the plant obeys no commands: it was started without a command secret")
         _show(Page(host, port, origins, live, live=live), stop)
     return 0
+
+
+def run_replay(
+    recording: Path,
+    *,
+    host: str = "127.0.0.1",
+    port: int | None = None,
+    origins: tuple[str, ...] = (),
+) -> int:
+    """Show a run folder or recording file, until SIGINT or SIGTERM; options as of run_live.
+
+    Raises:
+        UnreadableRecordingError, ValueError: nothing to replay, or no port has this number.
+        PortTakenError: the page cannot be served there.
+    """
+    stop = _told_to_stop()
+    choose_port(host, port)  # a port that cannot be had is said before a long recording is read
+    replay = open_replay(recording)
+    _show(Page(host, port, origins, replay, replay=replay), stop)
+    return 0
+
+
+def _told_to_stop() -> threading.Event:
+    """Set by SIGINT and SIGTERM from now on."""
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    return stop
 
 
 def _show(page: Page, stop: threading.Event) -> None:

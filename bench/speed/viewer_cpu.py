@@ -30,7 +30,6 @@ from phalanx.viewer.page.page import Page
 from phalanx.viewer.page.server import choose_port
 from phalanx.viewer.scene.model import scene_model
 from phalanx.wire.frames import AgentStatus, Frame
-from phalanx.wire.messages import VERSION
 
 SIZES = (10, 100, 300)
 RATE = 30.0
@@ -87,7 +86,7 @@ class Carousel:
             AgentStatus(u=tuple(v), u_nom=tuple(v)) for v in velocities.reshape(-1, 2).tolist()
         ]
         frame = Frame(
-            version=VERSION, t=t, x=(self._start + np.sin(t + self._phases)).tobytes(),
+            t=t, x=(self._start + np.sin(t + self._phases)).tobytes(),
             h_tot=-1.0, worst_h=-1.0, pair=self._frames % 9, agents=tuple(shown), link_events=(),
             steps=self._frames, real_time_factor=1.0, assumptions=(), violations=(), log=(),
             paused=False, speed=0.0, loss=None, delay=None,

@@ -3,7 +3,7 @@
 import pkgutil
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -16,13 +16,12 @@ Connect = Annotated[
     ),
 ]
 LiveRun = Annotated[str, typer.Option("--run", envvar="PHALANX_RUN", help="Name of the live run.")]
-Command = Annotated[
+CommandSecret = Annotated[
     str,
     typer.Option(
-        "--control",
-        envvar="PHALANX_CONTROL",
+        envvar="PHALANX_COMMAND_SECRET",
         metavar="SECRET",
-        help="The live run's control secret: the page may then pause, kill and so on.",
+        help="The live run's command secret: the page may then pause, kill and so on.",
         show_default=False,
     ),
 ]
@@ -59,7 +58,7 @@ def view(
     connect: Connect = "",
     run: LiveRun = "",
     secret: Secret = "",
-    control: Command = "",
+    command_secret: CommandSecret = "",
     host: Host = "127.0.0.1",
     port: Port = None,
     origins: Origins = None,
@@ -74,23 +73,25 @@ def view(
     """
     if (recording is None) != bool(connect and run):
         raise typer.BadParameter("expected either RUN, or --connect and --run")
-    options = {"run_id": run, "endpoint": connect, "secret": secret, "command_secret": control}
-    return _show(recording, options, host, port, origins, timeout)
+    page = {"host": host, "port": port, "origins": tuple(origins or ())}
+    if recording is not None:
+        return _show("run_replay", recording, **page)
+    return _show_live(run, connect, secret, command_secret, timeout, page)
 
 
 def viewer(
     run: LiveRun,
     connect: Connect = "tcp/127.0.0.1:7447",
     secret: Secret = "",
-    control: Command = "",
+    command_secret: CommandSecret = "",
     host: Host = "127.0.0.1",
     port: Port = None,
     origins: Origins = None,
     timeout: Timeout = 60.0,
 ) -> int:
     """Run the viewer alone, as plant and agents are run in containers and on many hosts."""
-    options = {"run_id": run, "endpoint": connect, "secret": secret, "command_secret": control}
-    return _show(None, options, host, port, origins, timeout)
+    page = {"host": host, "port": port, "origins": tuple(origins or ())}
+    return _show_live(run, connect, secret, command_secret, timeout, page)
 
 
 def export(
@@ -106,12 +107,11 @@ def export(
     ] = None,
 ) -> int:
     """Export a run to share it: HTML that plays without a server, or a picture at a time."""
-    from phalanx.launcher.programs import PROGRAMS
     from phalanx.recording.read import UnreadableRecordingError
 
     if html is None and png is None:
         raise typer.BadParameter("expected --html FILE, --png FILE or both")
-    make = pkgutil.resolve_name(PROGRAMS["export"])
+    make = pkgutil.resolve_name("phalanx.viewer.export.write:run")
     try:
         for path in make(run, html=html, png=png, at=at):
             print(path)
@@ -121,30 +121,22 @@ def export(
     return 0
 
 
-def _show(
-    recording: Path | None,
-    texts: dict[str, str],
-    host: str,
-    port: int | None,
-    origins: list[str] | None,
-    timeout: float,
+def _show_live(
+    run: str, connect: str, secret: str, command_secret: str, timeout: float, page: dict[str, Any]
 ) -> int:
-    from phalanx.launcher.programs import PROGRAMS, configure_logging
+    from phalanx.wire.membership import Membership
+
+    membership = Membership(run=run, endpoint=connect, secret=secret.encode(), timeout=timeout)
+    return _show("run_live", None, membership, command_secret=command_secret.encode(), **page)
+
+
+def _show(program: str, *arguments: object, **options: object) -> int:
+    """Run one of the viewer's programs; a failure is one line."""
+    from phalanx.launcher.programs import configure_logging
 
     configure_logging()
-    secrets = {name: texts[name].encode() for name in ("secret", "command_secret")}
-    show = pkgutil.resolve_name(PROGRAMS["viewer"])
     try:
-        return int(
-            show(
-                recording=recording,
-                **{**texts, **secrets},
-                host=host,
-                port=port,
-                origins=tuple(origins or ()),
-                timeout=timeout,
-            )
-        )
+        return int(pkgutil.resolve_name(f"phalanx.viewer.main:{program}")(*arguments, **options))
     except (RuntimeError, ValueError, OSError) as error:
         print(error, file=sys.stderr)
         return 3

@@ -3,10 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.faults.state import Condition
 from phalanx.recording.records import Step
 from phalanx.theory.rows.origin import Origin
 from phalanx.viewer.feeds.history import nan_if_none
-from phalanx.wire.frames import AgentStatus, Condition
+from phalanx.wire.frames import AgentStatus
 
 Array = NDArray[np.float64]
 

@@ -10,16 +10,17 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.faults.commands import CommandKind
+from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Summary
-from phalanx.recording.records import Command
 from phalanx.scenario.load import from_json
 from phalanx.viewer.feeds.live_history import LiveHistory
 from phalanx.viewer.scene.model import scene_model
 from phalanx.wire import session as wire
 from phalanx.wire.frames import CommandMessage, Frame, Setup
-from phalanx.wire.keys import PLANT, Keys
-from phalanx.wire.messages import VERSION, Ended, Malformed, Sealer
+from phalanx.wire.keys import PLANT
+from phalanx.wire.membership import Membership
+from phalanx.wire.messages import Ended
+from phalanx.wire.seal import Malformed, Sealer
 
 Array = NDArray[np.float64]
 
@@ -33,31 +34,26 @@ class NoRunError(RuntimeError):
 class Live:
     """A run that goes on now."""
 
-    def __init__(
-        self, endpoint: str, run_id: str, secret: bytes, command_secret: bytes, timeout: float
-    ) -> None:
+    def __init__(self, membership: Membership, command_secret: bytes = b"") -> None:
         """Join as a listener.
 
         Args:
-            endpoint: the hub's.
-            run_id: the run's name.
-            secret: the run's.
+            membership: of the run.
             command_secret: that of those who may command the run; empty: only look.
-            timeout: how long to try [s].
 
         Raises:
             HubError: nobody listens at the endpoint. NoRunError: it knows no such run.
         """
         self.summary: Summary | None = None
         self.over = False
-        self._keys, self._sealer = Keys(run_id), Sealer(secret)
+        self._keys, self._sealer = membership.keys, membership.sealer
         self._command_sealer, self._commanding = Sealer(command_secret), threading.Lock()
         # Frames come in a thread of Zenoh's, which must be free again at once, and are added to the
         # history in the page's thread, where the plots read it.
         self._frames: queue.SimpleQueue[Frame] = queue.SimpleQueue()
-        self._session = wire.open_client(endpoint, timeout)
+        self._session = wire.open_client(membership.endpoint, membership.timeout)
         try:
-            setup = self._ask_for_setup(endpoint, run_id, timeout)
+            setup = self._ask_for_setup(membership)
             self.model = scene_model(from_json(setup.scenario.decode()))
             self._past = LiveHistory(self.model)
             self.history = self._past.history
@@ -82,12 +78,13 @@ class Live:
 
     def command(self, kind: CommandKind, agent: str = "", value: float = 0.0) -> None:
         """Send the plant a command. Without the command secret it refuses."""
-        key = self._keys.control
+        key = self._keys.command
         # The plant refuses a number that is not above the last one. viser calls from many threads:
         # of two commands at once, the later number must not overtake the earlier. The wall clock
         # numbers the commands of several viewers, and of one that was started anew.
         with self._commanding:
-            message = CommandMessage(VERSION, time.time_ns(), Command(0.0, kind, agent, value))
+            command = Command(t=0.0, kind=kind, agent=agent, value=value)
+            message = CommandMessage(number=time.time_ns(), command=command)
             self._commands.put(self._command_sealer.seal(key, message))
 
     def __enter__(self) -> Self:
@@ -96,22 +93,21 @@ class Live:
     def __exit__(self, *_: object) -> None:
         self._session.close()  # type: ignore[no-untyped-call]
 
-    def _ask_for_setup(self, endpoint: str, run_id: str, timeout: float) -> Setup:
+    def _ask_for_setup(self, to: Membership) -> Setup:
         key = self._keys.scenario
-        answer = wire.ask(self._session, key, timeout)
+        answer = wire.ask(self._session, key, to.timeout)
         if answer is None:
-            raise NoRunError(f"{endpoint} knows no run {run_id!r} (after {timeout:g} s)")
+            raise NoRunError(f"{to.endpoint} knows no run {to.run!r} (after {to.timeout:g} s)")
         try:
             return self._sealer.open(key, answer, Setup)
         except Malformed as reason:
-            raise NoRunError(f"run {run_id!r} at {endpoint}: {reason}; is the secret right?") from (
-                reason
-            )
+            what = f"run {to.run!r} at {to.endpoint}"
+            raise NoRunError(f"{what}: {reason}; is the secret right?") from reason
 
     def _listen(self) -> None:
         """Everything is ready for what comes: Zenoh's threads call from here on."""
-        self._commands = wire.publisher(self._session, self._keys.control)
-        wire.subscribe(self._session, self._keys.view, self._on_frame)
+        self._commands = wire.publisher(self._session, self._keys.command)
+        wire.subscribe(self._session, self._keys.frames, self._on_frame)
         wire.subscribe(self._session, self._keys.verdict, self._on_verdict)
         wire.watch(self._session, self._keys.alive(PLANT), self._on_plant)
 

@@ -5,13 +5,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.faults.state import Faults
+from phalanx.faults.state import FaultState
 from phalanx.recording.read import Recording
 from phalanx.viewer.feeds.agent_steps import AgentSteps
 from phalanx.viewer.feeds.history import History, TimeSeries
 from phalanx.viewer.scene.model import scene_model
-from phalanx.wire.frames import Frame, Line, LinkEvent, worse
-from phalanx.wire.messages import VERSION
+from phalanx.wire.frames import Frame, LinkEvent, LogLine, worse
 
 Array = NDArray[np.float64]
 
@@ -70,7 +69,6 @@ class RecordedRun:
         assumptions = self.summary.assumptions if self.summary else []
         violations = self.summary.violations if self.summary else []
         return Frame(
-            version=VERSION,
             t=float(self.times[index]),
             x=x.tobytes(),
             h_tot=float(self._h_tot[index]),
@@ -82,7 +80,7 @@ class RecordedRun:
             real_time_factor=0.0,
             assumptions=tuple(a for a in assumptions if a.first is not None and a.first <= t),
             violations=tuple(v for v in violations if v.first <= t),
-            log=tuple(Line(line.t, line.text) for line in self._log if line.t <= t),
+            log=tuple(LogLine(line.t, line.text) for line in self._log if line.t <= t),
             paused=True,
             speed=0.0,
             loss=faults.loss,
@@ -97,8 +95,8 @@ class RecordedRun:
         rows = [agent.rows() for agent in self._agents]
         return History(TimeSeries(swarm.shape[1], swarm), rows.__getitem__)
 
-    def _faults(self, t: float) -> Faults:
-        faults = Faults(self.model.names)
+    def _faults(self, t: float) -> FaultState:
+        faults = FaultState(self.model.names)
         for command in self._commands:
             if command.t <= t:
                 faults.obey(command)

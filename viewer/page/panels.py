@@ -4,10 +4,11 @@ from collections.abc import Callable
 
 import viser
 
+from phalanx.faults.state import Condition
 from phalanx.guarantee.verdict import Summary
 from phalanx.viewer.scene.model import SceneModel
 from phalanx.viewer.scene.roles import COLOURS, Role
-from phalanx.wire.frames import Condition, Frame
+from phalanx.wire.frames import Frame
 
 _LOG_LINES = 12
 _SAME_TIME = 1e-9

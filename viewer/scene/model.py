@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from phalanx.scenario.model import Scenario
+from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.models.polytope import constant_polytope
 from phalanx.viewer.scene.kinematics import Kinematics
@@ -21,7 +22,12 @@ Array = NDArray[np.float64]
 class SceneModel:
     """A scenario as the viewer needs it; agents and pairs go by their indices in the swarm."""
 
-    swarm: Swarm
+    rows: SafetyRows
+
+    @property
+    def swarm(self) -> Swarm:
+        """Who takes part, with what."""
+        return self.rows.swarm
 
     @property
     def scenario(self) -> Scenario:
@@ -41,7 +47,7 @@ class SceneModel:
     @cached_property
     def flat(self) -> bool:
         """Whether the swarm lives in the plane."""
-        return bool(self.swarm.chain.set.positions[0].numel() == 2)
+        return bool(self.swarm.safe_set.positions[0].numel() == 2)
 
     @cached_property
     def radius(self) -> float:
@@ -62,17 +68,17 @@ class SceneModel:
     @cached_property
     def kinematics(self) -> Kinematics:
         """From state and inputs to poses and arrows."""
-        return Kinematics(self.swarm.chain.set)
+        return Kinematics(self.swarm.safe_set)
 
     @cached_property
     def values(self) -> SafetyValues:
         """h of pairs, and ψ_1 ... ψ_{q-1}."""
-        return SafetyValues(self.swarm.chain)
+        return SafetyValues(self.rows.chain)
 
     @property
     def psi_levels(self) -> range:
         """The k of ψ_1 ... ψ_{q-1}."""
-        return range(1, len(self.swarm.chain.psi))
+        return range(1, len(self.rows.chain.psi))
 
     def input_names(self, i: int) -> tuple[str, ...]:
         """The names of agent i's inputs."""
@@ -82,15 +88,15 @@ class SceneModel:
     def input_bounds(self) -> list[tuple[Array, Array] | None]:
         """Each agent's least and largest inputs, shapes (m_i,); None where they vary."""
         found: list[tuple[Array, Array] | None] = []
-        for m, part in zip(self.swarm.members, self.swarm.chain.set.parts, strict=True):
-            known = constant_polytope(*m.dynamics.input_polytope(self.swarm.chain.set.x[part]))
+        for m, part in zip(self.swarm.members, self.swarm.safe_set.parts, strict=True):
+            known = constant_polytope(*m.dynamics.input_polytope(self.swarm.safe_set.x[part]))
             corners = None if known is None else known.corners
             found.append(None if corners is None else (corners.min(axis=0), corners.max(axis=0)))
         return found
 
     def ends(self, pair: int, positions: Array) -> tuple[Array, Array]:
         """Where a pair's two sides are [m], shapes (3,); positions has shape (N, 3)."""
-        found = self.swarm.chain.set.pairs[pair]
+        found = self.swarm.safe_set.pairs[pair]
         first = positions[found.a]
         if found.b is not None:
             return first, positions[found.b]
@@ -99,7 +105,7 @@ class SceneModel:
 
     def label(self, pair: int) -> str:
         """A pair in words."""
-        composed = self.swarm.chain.set
+        composed = self.swarm.safe_set
         return composed.label(composed.pairs[pair])
 
     def smallest_distance(self, positions: Array) -> float:
@@ -109,5 +115,5 @@ class SceneModel:
 
 
 def scene_model(scenario: Scenario) -> SceneModel:
-    """Build the swarm to draw. Raises ScenarioError."""
-    return SceneModel(build_swarm(scenario))
+    """Build the swarm to draw, and its chain. Raises ScenarioError."""
+    return SceneModel(build_rows(build_swarm(scenario)))

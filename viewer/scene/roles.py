@@ -2,8 +2,9 @@
 
 from enum import StrEnum
 
+from phalanx.faults.state import Condition
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.frames import AgentStatus, Condition
+from phalanx.wire.frames import AgentStatus
 
 
 class Role(StrEnum):

@@ -2,6 +2,7 @@
 
 import contextlib
 import functools
+import io
 from collections.abc import Iterator
 
 import viser
@@ -10,7 +11,19 @@ from websockets.typing import Origin
 
 
 class SceneServer(viser.ViserServer):
-    """viser without its public share link, which any visitor could ask for."""
+    """viser without its public share link, which any visitor could ask for, and without greetings.
+
+    Standard output is for what the command has to say; other programs read it.
+    """
+
+    def __init__(self, host: str, port: int, title: str) -> None:
+        with contextlib.redirect_stdout(io.StringIO()):
+            super().__init__(host=host, port=port, label=title, verbose=False)
+
+    def stop(self) -> None:
+        """Stop serving."""
+        with contextlib.redirect_stdout(io.StringIO()):
+            super().stop()
 
     def request_share_url(self, verbose: bool = True) -> str | None:
         """Refuse: a run is shown where its user wants it, and nowhere else."""
@@ -28,7 +41,7 @@ def serve_scene(host: str, port: int, title: str, origins: tuple[str, ...] = ())
             program that is no browser says no origin, and may connect.
     """
     with _only_from([None, *map(Origin, origins)]):
-        return SceneServer(host=host, port=port, label=title, verbose=False)
+        return SceneServer(host, port, title)
 
 
 @contextlib.contextmanager

@@ -21,7 +21,7 @@ class Viewer:
     ) -> None:
         environment = {
             "PHALANX_SECRET": secret.decode(),
-            "PHALANX_CONTROL": command_secret.decode(),
+            "PHALANX_COMMAND_SECRET": command_secret.decode(),
         }
         self.process = subprocess.Popen(
             [sys.executable, "-m", "phalanx", "view", *arguments],

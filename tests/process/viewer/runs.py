@@ -11,9 +11,10 @@ import psutil
 
 from phalanx.faults.commands import NO_COMMANDS, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Summary
-from phalanx.launcher.launch import launch
+from phalanx.launcher.execute import execute
 from phalanx.scenario.model import Scenario
 from phalanx.viewer.feeds.live import Live
+from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Status
 from phalanx.wire.session import free_endpoint
 
@@ -37,8 +38,13 @@ class LiveRun:
         self._thread.start()
 
     def _run(self, scenario: Scenario, policy: CommandPolicy) -> None:
-        self._summary = launch(
-            scenario, self.folder, self.endpoint, self._keep, secret=SECRET, policy=policy
+        self._summary = execute(
+            scenario,
+            self.folder,
+            progress=self._keep,
+            commands=policy,
+            listen=self.endpoint,
+            secret=SECRET,
         )
 
     def _keep(self, status: Status) -> None:
@@ -46,7 +52,7 @@ class LiveRun:
 
     def watch(self, command_secret: bytes = COMMAND_SECRET) -> Live:
         """A viewer without a page; with the command secret it may command the run."""
-        return Live(self.endpoint, self.folder.name, SECRET, command_secret, 60.0)
+        return Live(Membership(self.folder.name, self.endpoint, SECRET), command_secret)
 
     def set_speed(self, speed: float) -> None:
         """Change the pace; returns when the run goes at it."""

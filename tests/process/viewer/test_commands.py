@@ -7,11 +7,12 @@ import pytest
 from runs import COMMAND_SECRET, PACED, live_run, wait_for
 
 from phalanx.faults.commands import CommandKind, CommandPolicy
+from phalanx.faults.state import Condition
 from phalanx.guarantee.verdict import Outcome
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
 from phalanx.viewer.feeds.live import Live
-from phalanx.wire.frames import Condition, Frame
+from phalanx.wire.frames import Frame
 
 pytestmark = pytest.mark.swarm
 
