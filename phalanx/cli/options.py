@@ -48,3 +48,10 @@ Secret = Annotated[
         show_default=False,
     ),
 ]
+
+
+def require_port(port: int | None) -> int | None:
+    """Refuse a number that no TCP port has."""
+    if port is not None and not 1 <= port <= 65535:
+        raise typer.BadParameter(f"expected 1 to 65535, got {port}")
+    return port

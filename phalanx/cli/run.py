@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from phalanx.cli.options import Overrides, ScenarioArgument, Secret, Seed
+from phalanx.cli.options import Overrides, ScenarioArgument, Secret, Seed, require_port
 
 if TYPE_CHECKING:
     from phalanx import Run
@@ -52,8 +52,7 @@ def run(
     port: Annotated[
         int | None,
         typer.Option(
-            min=1,
-            max=65535,
+            callback=require_port,
             help="With --view: of the page; by default 8080 or the next free one.",
         ),
     ] = None,

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from phalanx.cli.options import Secret
+from phalanx.cli.options import Secret, require_port
 
 Connect = Annotated[
     str,
@@ -29,8 +29,7 @@ Host = Annotated[str, typer.Option(envvar="PHALANX_HOST", help="Address to serve
 Port = Annotated[
     int | None,
     typer.Option(
-        min=1,
-        max=65535,
+        callback=require_port,
         envvar="PHALANX_PORT",
         help="Port to serve the page on; by default 8080 or the next free one.",
         show_default=False,
