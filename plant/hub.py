@@ -139,8 +139,8 @@ class Hub:
         except queue.Empty:
             return
         if isinstance(content, bool):
-            if trouble := self._joining.on_token(key, content):
-                raise SwarmBrokenError(trouble)
+            if broken := self._joining.on_token(key, content):
+                raise SwarmBrokenError(broken)
             return
         try:
             self._on_message(key, content)

@@ -38,7 +38,7 @@ def inputs_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
 
     Columns: agent, k, t and t_apply [s], origin, residual, solve_time [s], oldest_input (the age of
     the oldest û its row used [s], null if none); then "u.<input>" as applied and
-    "nominal.<input>" as the law wanted it, null where the agent's dynamics have no such input.
+    "nominal.<input>" as its law would have it, null where the agent's dynamics have no such input.
     """
     names = list(dict.fromkeys(n for m in swarm.members for n in m.dynamics.inputs))
     inputs = {m.name: m.dynamics.inputs for m in swarm.members}

@@ -123,19 +123,19 @@ def input_box(swarm: Swarm, i: int) -> Box | None:
 def ages(recording: Recording) -> Figure | None:
     """Ages of the û_l that each receiver had at its steps; None if nobody received anything."""
     names = [name for name, _, _ in recording.scenario.roster()]
-    heard = {}
+    received = {}
     for receiver, steps in steps_by_agent(recording).items():
         age = np.array([s.ages for s in steps], dtype=float).reshape(len(steps), -1)
         if np.isfinite(age).any():
-            heard[receiver] = np.array([s.t for s in steps]), 1e3 * age
-    oldest = sorted(heard, key=lambda name: -np.nanmax(heard[name][1]))[:MOST_NAMED]
+            received[receiver] = np.array([s.t for s in steps]), 1e3 * age
+    oldest = sorted(received, key=lambda name: -np.nanmax(received[name][1]))[:MOST_NAMED]
     if not oldest:
         return None
-    shown = [name for name in heard if name in oldest]
+    shown = [name for name in received if name in oldest]
     figure, rows = panels(len(shown), 1.7)
     palette = colours(recording.scenario)
     for receiver, axes in zip(shown, rows, strict=True):
-        t, age = heard[receiver]
+        t, age = received[receiver]
         senders = np.flatnonzero(np.isfinite(age).any(axis=0))
         for l in sorted(senders, key=lambda l: -np.nanmax(age[:, l])):
             kept = extremes_kept(age[:, l])

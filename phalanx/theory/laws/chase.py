@@ -79,8 +79,8 @@ class Chase:
         there = np.zeros_like(here)
         known = self._outputs[target](view.x[target])[: len(here)]
         there[: len(known)] = known
-        wanted = self._output.input_for(x, self.gains @ (there - here))
-        return wanted if self._team is None else self._team.guarded(view.x, wanted)
+        u_nom = self._output.input_for(x, self.gains @ (there - here))
+        return u_nom if self._team is None else self._team.guarded(view.x, u_nom)
 
     def _nearest(self, view: View) -> int:
         here = view.positions[view.i]
@@ -107,11 +107,11 @@ class _Team:
         rows = dynamics.input_polytope(own)[0].shape[0]
         self._qp = NearestInput(dynamics.input_metric(), rows)
 
-    def guarded(self, x: Sequence[Array], wanted: Array) -> Array:
+    def guarded(self, x: Sequence[Array], u_nom: Array) -> Array:
         """The nearest input that keeps the team's safe set, shape (m_i,)."""
         terms = self._terms(np.concatenate([x[j] for j in self._who]))
         row = split_row(terms, self._self, range(len(self._who)))
-        return decide(terms, self._self, row, wanted, self._qp, _FUTILE).u
+        return decide(terms, self._self, row, u_nom, self._qp, _FUTILE).u
 
 
 _FUTILE = 0.01

@@ -48,7 +48,7 @@ class Law(Protocol):
         """
 
     def input(self, view: View) -> Array:
-        """The wanted input, shape (m_i,)."""
+        """What the agent would like to apply, shape (m_i,)."""
 
 
 @runtime_checkable
