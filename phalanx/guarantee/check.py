@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from phalanx.guarantee.feasibility import ProvenRows, largest_gap, rigorous, rows_at_start
 from phalanx.guarantee.formula import Formula, Region, formula, worst_pair
 from phalanx.guarantee.gaps import gaps_in_the_proof
-from phalanx.guarantee.workspace import boundary, states_inside, workspace
+from phalanx.guarantee.workspace import boundary, drawn_states, states_inside, workspace
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows, build_rows, require_runnable
 from phalanx.swarm.swarm import Swarm, build_swarm
@@ -100,7 +100,8 @@ def check(scenario: Scenario) -> CheckReport:
         )
     try:
         if isinstance(box, tuple):
-            region = Region(*box, states_inside(rows.invariants(), x, *box, _SAMPLES))
+            drawn = drawn_states(scenario.seed, "inside", *box, _SAMPLES)
+            region = Region(*box, states_inside(rows.invariants(), x, drawn))
             of_all, of_pair = formula(rows, rows.chain, region), worst_pair(rows, region)
         provable = rigorous(swarm)
         proven = {i: ProvenRows(provable, i, x) for i in swarm.normal}
@@ -125,13 +126,16 @@ def check(scenario: Scenario) -> CheckReport:
 
 def _theorem_four(rows: SafetyRows, x: Array, low: Array, high: Array) -> TheoremFour | None:
     """Σ γ_min + Σ γ_max + α + η at states on the boundary of S_I."""
-    rng, inside = np.random.default_rng(1), rows.invariants()
+    inside = rows.invariants()
     if (inside(x)[0] > 0).any():
         return None
     evaluate = TermsFunction(rows.chain, margin=_largest_margin(rows))
     worst, asked = -math.inf, 0
-    for y in rng.uniform(low, high, (10 * _SAMPLES, len(low))):
-        if asked == _BOUNDARY_STATES or (inside(y)[0] <= 0).all():
+    seed = rows.swarm.scenario.seed
+    for y in drawn_states(seed, "boundary", low, high, 10 * _SAMPLES):
+        if asked == _BOUNDARY_STATES:
+            break
+        if (inside(y)[0] <= 0).all():
             continue
         total = joint_sum(evaluate(boundary(inside, x, y)), rows.swarm.normal)
         worst, asked = max(worst, total), asked + 1

@@ -1,12 +1,14 @@
 """The workspace of a scenario as a box of states, and states of S_I within it."""
 
 import math
+from collections.abc import Iterable, Iterator
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.scenario.model import Scenario
+from phalanx.seeded.draws import Draws
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.safety.obstacles import Sphere
@@ -53,13 +55,16 @@ def _times(scenario: Scenario) -> Array:
     return np.linspace(0.0, scenario.duration, 50)
 
 
-def states_inside(inside: CompiledFunction, x: Array, low: Array, high: Array, count: int) -> Array:
-    """x(0) and `count` states in S_I: what is drawn outside is moved to the boundary; (s, n̄)."""
-    rng = np.random.default_rng(0)
-    drawn = rng.uniform(low, high, (count, len(low)))
-    kept = [y for y in drawn if (inside(y)[0] <= 0).all()]
-    near = [boundary(inside, x, y) for y in drawn if (inside(y)[0] > 0).any()]
-    return np.array([x, *kept, *near])
+def drawn_states(seed: int, purpose: str, low: Array, high: Array, count: int) -> Iterator[Array]:
+    """States of the box, each of shape (n̄,), evenly drawn: others for each seed and purpose."""
+    draws = Draws(seed, "check", purpose, width=len(low))
+    return (low + (high - low) * draws[index] for index in range(count))
+
+
+def states_inside(inside: CompiledFunction, x: Array, drawn: Iterable[Array]) -> Array:
+    """x(0) and drawn states, those outside S_I moved to its boundary; shape (s, n̄)."""
+    found = (y if (inside(y)[0] <= 0).all() else boundary(inside, x, y) for y in drawn)
+    return np.array([x, *found])
 
 
 def boundary(inside: CompiledFunction, start: Array, outside: Array) -> Array:
