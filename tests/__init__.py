@@ -1,0 +1,1 @@
+"""Tests: unit (no process, no socket), process (real runs), containers (a whole stack)."""
