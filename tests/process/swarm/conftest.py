@@ -4,7 +4,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from processes import Run
+
+from tests.process.swarm.processes import Run
 
 
 @pytest.fixture

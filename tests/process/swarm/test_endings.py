@@ -5,10 +5,10 @@ import resource
 import signal
 
 import pytest
-from processes import wait_for
 
 from phalanx.guarantee.verdict import Outcome
 from phalanx.recording.read import read
+from tests.process.swarm.processes import wait_for
 
 pytestmark = pytest.mark.swarm
 

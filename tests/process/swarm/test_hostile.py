@@ -12,7 +12,6 @@ from typing import Any
 import msgspec
 import pytest
 import zenoh
-from processes import wait_for
 
 from phalanx.plant.hub import Hub, SwarmBrokenError
 from phalanx.recording.read import read
@@ -22,6 +21,7 @@ from phalanx.theory.rows.origin import Origin
 from phalanx.wire.keys import Keys
 from phalanx.wire.messages import MAX_BYTES, VERSION, Fate, Input, Sample, Sealer
 from phalanx.wire.session import announce, free_endpoint, open_client
+from tests.process.swarm.processes import wait_for
 
 pytestmark = pytest.mark.swarm
 

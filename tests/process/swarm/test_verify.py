@@ -16,7 +16,7 @@ pytestmark = pytest.mark.swarm
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory) -> Recording:
-    from processes import Run
+    from tests.process.swarm.processes import Run
 
     run = Run(tmp_path_factory.mktemp("verify"), "run", "unicycles", "--set", "duration=0.5")
     assert run.finish()[0] == 0

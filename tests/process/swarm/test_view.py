@@ -6,7 +6,8 @@ import socket
 import urllib.request
 
 import pytest
-from processes import wait_for
+
+from tests.process.swarm.processes import wait_for
 
 pytestmark = pytest.mark.swarm
 

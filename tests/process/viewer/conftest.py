@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from runs import live_run
 
 from phalanx.scenario.load import load
+from tests.process.runs import live_run
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

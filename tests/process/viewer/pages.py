@@ -10,7 +10,7 @@ import time
 import urllib.request
 from collections.abc import Iterator
 
-from runs import SECRET
+from tests.process.runs import SECRET
 
 
 class Viewer:

@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from pages import viewer
-from runs import HELD, live_run
+from tests.process.viewer.pages import viewer
+from tests.process.runs import HELD, live_run
 
 from phalanx.scenario.load import load
 

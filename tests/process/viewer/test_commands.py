@@ -4,7 +4,7 @@ from pathlib import Path
 
 import psutil
 import pytest
-from runs import COMMAND_SECRET, PACED, live_run, wait_for
+from tests.process.runs import COMMAND_SECRET, PACED, live_run, wait_for
 
 from phalanx.faults.commands import CommandKind, CommandPolicy
 from phalanx.faults.state import Condition

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import matplotlib.image
 import numpy as np
 import pytest
-from runs import wait_for
+from tests.process.runs import wait_for
 
 from phalanx.viewer.export.write import run
 

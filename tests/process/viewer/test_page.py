@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from pages import viewer
-from runs import COMMAND_SECRET, HELD, live_run, wait_for
+from tests.process.viewer.pages import viewer
+from tests.process.runs import COMMAND_SECRET, HELD, live_run, wait_for
 
 from phalanx.recording.read import read
 from phalanx.scenario.load import load

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from runs import PACED, live_run, wait_for
+from tests.process.runs import PACED, live_run, wait_for
 
 from phalanx.faults.commands import CommandKind
 from phalanx.recording.read import read

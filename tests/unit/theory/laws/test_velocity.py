@@ -1,10 +1,11 @@
-"""Nominal laws and attacks."""
+"""Nominal laws and attacks of agents whose inputs are velocities."""
+
+from functools import cache
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from users_own import Draggy, Drifter, Jerky, OutputUnicycle, along, swarm_of
 
 from phalanx.theory.laws.formation import Goal, hold
 from phalanx.theory.laws.law import View
@@ -14,21 +15,38 @@ from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.unicycle import Unicycle
 from phalanx.theory.rows.terms import TermsFunction
 from phalanx.theory.safety.chain import build_chain
+from tests.unit.theory.users_own import (
+    Case,
+    Draggy,
+    Drifter,
+    Jerky,
+    OutputUnicycle,
+    along,
+    swarm_of,
+)
 
 seeds = st.integers(0, 2**32 - 1)
-FLEET = swarm_of([Unicycle(4.0, 2.0)] * 2 + [SingleIntegrator(1.0)] + [Unicycle(2.0, 1.0)])
-TERMS = TermsFunction(build_chain(FLEET.composed, [1.0]))
 NORMAL = (0, 1, 2)
 
 
+@cache
+def fleet() -> Case:
+    return swarm_of([Unicycle(4.0, 2.0)] * 2 + [SingleIntegrator(1.0)] + [Unicycle(2.0, 1.0)])
+
+
+@cache
+def terms_function() -> TermsFunction:
+    return TermsFunction(build_chain(fleet().composed, [1.0]))
+
+
 def view(x: np.ndarray, i: int, goal: Goal) -> View:
-    states = [x[part] for part in FLEET.composed.parts]
-    return View(i, states, NORMAL, goal, TERMS(x))
+    states = [x[part] for part in fleet().composed.parts]
+    return View(i, states, NORMAL, goal, terms_function()(x))
 
 
 def output_velocity(x: np.ndarray, i: int, u: np.ndarray) -> np.ndarray:
     """dp_i/dt under u, by finite differences of the numpy twin."""
-    twin = FLEET.twin
+    twin = fleet().twin
     rate = twin.f(i, x) + twin.g(i, x) @ u
     axes = range(len(twin.position(i, x)))
     return np.array([along(lambda y, a=a: twin.position(i, y)[a], x, rate) for a in axes])
@@ -68,9 +86,9 @@ def test_tracking_gives_the_output_the_goals_velocity_and_pulls_it_in(seed):
     for i in NORMAL:
         goal = Goal(rng.uniform(-5, 5, 2), rng.uniform(-1, 1, 2), np.zeros(2))
         law = TrackVelocity(gain=1.5)
-        law.prepare(FLEET.composed.members[i].dynamics)
+        law.prepare(fleet().composed.members[i].dynamics)
         u = law.input(view(x, i, goal))
-        wanted = goal.velocity + 1.5 * (goal.position - FLEET.twin.position(i, x))
+        wanted = goal.velocity + 1.5 * (goal.position - fleet().twin.position(i, x))
         assert output_velocity(x, i, u) == pytest.approx(wanted, rel=1e-5, abs=1e-5)
 
 
@@ -79,10 +97,10 @@ def test_tracking_gives_the_output_the_goals_velocity_and_pulls_it_in(seed):
 def test_a_pursuer_heads_for_the_nearest_normal_agent(seed):
     x = np.random.default_rng(seed).uniform(-6, 6, 11)
     law = Pursue(gain=5.0)
-    law.prepare(FLEET.composed.members[3].dynamics)
+    law.prepare(fleet().composed.members[3].dynamics)
     u = law.input(view(x, 3, hold(np.zeros(2))))
-    here = FLEET.twin.position(3, x)
-    gaps = [FLEET.twin.position(n, x) - here for n in NORMAL]
+    here = fleet().twin.position(3, x)
+    gaps = [fleet().twin.position(n, x) - here for n in NORMAL]
     nearest = min(gaps, key=np.linalg.norm)
     assert output_velocity(x, 3, u) == pytest.approx(5.0 * nearest, rel=1e-5, abs=1e-5)
 
@@ -93,11 +111,11 @@ def test_no_input_in_the_polytope_pushes_harder_than_the_worst_case(seed):
     rng = np.random.default_rng(seed)
     x = rng.uniform(-3, 3, 11)
     u = WorstCase().input(view(x, 3, hold(np.zeros(2))))
-    rows = TERMS(x).polytopes[3]
+    rows = terms_function()(x).polytopes[3]
     assert (rows.A @ u <= rows.b + 1e-9).all()
 
     def push(u: np.ndarray) -> float:
-        return along(FLEET.twin.h_tot, x, FLEET.twin.g(3, x) @ u)
+        return along(fleet().twin.h_tot, x, fleet().twin.g(3, x) @ u)
 
     others = rng.uniform([-2.0, -1.0], [2.0, 1.0], (40, 2))
     assert push(u) >= max(push(other) for other in others) - 1e-6

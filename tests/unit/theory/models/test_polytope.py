@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
-from users_own import Drifter, OutputUnicycle, Rail, swarm_of
 
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.polytope import (
@@ -19,19 +18,10 @@ from phalanx.theory.models.polytope import (
 from phalanx.theory.models.unicycle import Unicycle
 from phalanx.theory.rows.terms import TermsFunction
 from phalanx.theory.safety.chain import build_chain
+from tests.unit.theory.polytopes import random_polytope
+from tests.unit.theory.users_own import Drifter, OutputUnicycle, Rail, swarm_of
 
 seeds = st.integers(0, 2**32 - 1)
-
-
-def random_polytope(rng: np.random.Generator, m: int) -> tuple[np.ndarray, np.ndarray]:
-    """A box cut by half-spaces that keep its centre, anywhere, rows of any length."""
-    cuts = rng.normal(size=(rng.integers(0, 5), m))
-    A = np.vstack([np.eye(m), -np.eye(m), cuts])
-    b = rng.uniform(0.1, 3.0, len(A)) * np.linalg.norm(A, axis=1)
-    b += A @ rng.uniform(-2, 2, m)
-    scale = 10.0 ** rng.uniform(-2, 2, len(A))
-    order = rng.permutation(len(A))
-    return (A * scale[:, None])[order], (b * scale)[order]
 
 
 def program(c: np.ndarray, A: np.ndarray, b: np.ndarray) -> float:
@@ -117,15 +107,17 @@ def paper_polytope(theta: float, speed: float, turn: float, b: float) -> tuple:
     return np.array(A), np.array([speed, speed, turn, turn])
 
 
-MIXED = swarm_of([OutputUnicycle(), Drifter(), Unicycle(3.0, 1.5), OutputUnicycle(2.0, 1.0)])
-MIXED_TERMS = TermsFunction(build_chain(MIXED.composed, [1.0]))
+@pytest.fixture(scope="module")
+def mixed() -> TermsFunction:
+    dynamics = [OutputUnicycle(), Drifter(), Unicycle(3.0, 1.5), OutputUnicycle(2.0, 1.0)]
+    return TermsFunction(build_chain(swarm_of(dynamics).composed, [1.0]))
 
 
 @given(seed=seeds)
 @settings(max_examples=30)
-def test_terms_have_the_extremes_of_every_members_own_polytope_at_this_state(seed):
+def test_terms_have_the_extremes_of_every_members_own_polytope_at_this_state(mixed, seed):
     x = np.random.default_rng(seed).uniform(-2, 2, 12)
-    terms = MIXED_TERMS(x)
+    terms = mixed(x)
     native = (np.vstack([np.eye(2), -np.eye(2)]), np.array([3.0, 1.5, 3.0, 1.5]))
     triangle = (np.array([[-1, 0], [0, -1], [1, 1]]), np.array([1, 1, 2.0 + np.tanh(x[3])]))
     expected = [
@@ -144,12 +136,17 @@ def test_terms_have_the_extremes_of_every_members_own_polytope_at_this_state(see
         assert terms.most[l] == pytest.approx(-program(-c, A, b), rel=1e-6, abs=1e-7)
 
 
+@pytest.fixture(scope="module")
+def carts() -> TermsFunction:
+    case = swarm_of([Rail(), Rail()], adversaries=0, obstacles=())
+    return TermsFunction(build_chain(case.composed, [1.0]))
+
+
 @given(seed=seeds)
 @settings(max_examples=10)
-def test_a_single_input_may_have_a_polytope_that_depends_on_the_state(seed):
-    carts = swarm_of([Rail(), Rail()], adversaries=0, obstacles=())
+def test_a_single_input_may_have_a_polytope_that_depends_on_the_state(carts, seed):
     x = np.random.default_rng(seed).uniform(-2, 2, 4)
-    terms = TermsFunction(build_chain(carts.composed, [1.0]))(x)
+    terms = carts(x)
     bounds = 1.0 / (1.0 + x[::2] ** 2)
     assert terms.most == pytest.approx(
         [abs(c[0]) * b for c, b in zip(terms.c, bounds, strict=True)]

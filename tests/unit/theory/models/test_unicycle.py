@@ -5,33 +5,48 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from users_own import OutputUnicycle
 
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.polytope import constant_polytope, polytope
 from phalanx.theory.models.unicycle import Unicycle
+from tests.unit.theory.users_own import OutputUnicycle
 
 NATIVE, PRINTED = Unicycle(4.0, 2.0, 0.25), OutputUnicycle(4.0, 2.0, 0.25)
-X = ca.SX.sym("x", 3)
-PRINTED_POLYTOPE = CompiledFunction([X], list(PRINTED.input_polytope(X)))
-FIELDS = CompiledFunction([X], [NATIVE.actuation(X), PRINTED.actuation(X)])
 angles = st.floats(-10.0, 10.0)
 
 
+@pytest.fixture(scope="module")
+def printed_polytope() -> CompiledFunction:
+    """(A, b) of the paper's polytope at a state."""
+    x = ca.SX.sym("x", 3)
+    return CompiledFunction([x], list(PRINTED.input_polytope(x)))
+
+
+@pytest.fixture(scope="module")
+def fields() -> CompiledFunction:
+    """g natively and as the paper prints it."""
+    x = ca.SX.sym("x", 3)
+    return CompiledFunction([x], [NATIVE.actuation(x), PRINTED.actuation(x)])
+
+
 @given(angles)
-def test_the_native_box_is_the_papers_polytope_seen_through_the_transformation(theta):
-    box = constant_polytope(*NATIVE.input_polytope(X))
+def test_the_native_box_is_the_papers_polytope_seen_through_the_transformation(
+    printed_polytope, theta
+):
+    box = constant_polytope(*NATIVE.input_polytope(ca.SX.sym("x", 3)))
     assert box is not None
-    printed = polytope(*PRINTED_POLYTOPE(np.array([1.0, 2.0, theta])))
+    printed = polytope(*printed_polytope(np.array([1.0, 2.0, theta])))
     images = (PRINTED.native(theta) @ printed.corners.T).T
     assert sorted(map(tuple, images.round(6) + 0.0)) == sorted(map(tuple, box.corners))
 
 
 @given(angles, st.floats(-9, 9), st.floats(-9, 9))
-def test_an_input_is_admissible_natively_just_when_the_paper_admits_it(theta, nu, omega):
+def test_an_input_is_admissible_natively_just_when_the_paper_admits_it(
+    printed_polytope, theta, nu, omega
+):
     u = np.linalg.inv(PRINTED.native(theta)) @ [nu, omega]
-    A, b = PRINTED_POLYTOPE(np.array([0.0, 0.0, theta]))
+    A, b = printed_polytope(np.array([0.0, 0.0, theta]))
     inside = abs(nu) <= 4.0 + 1e-9 and abs(omega) <= 2.0 + 1e-9
     assert (A @ u <= b + 2e-9).all() == inside or min(abs(abs(nu) - 4), abs(abs(omega) - 2)) < 1e-8
 
@@ -44,8 +59,8 @@ def test_the_native_metric_is_the_distance_of_output_inputs(theta, nu, omega):
 
 
 @given(angles, st.floats(-4, 4), st.floats(-2, 2))
-def test_both_forms_move_the_unicycle_alike_and_the_output_by_u(theta, nu, omega):
-    g, g_printed = FIELDS(np.array([0.3, -0.7, theta]))
+def test_both_forms_move_the_unicycle_alike_and_the_output_by_u(fields, theta, nu, omega):
+    g, g_printed = fields(np.array([0.3, -0.7, theta]))
     native = np.array([nu, omega])
     u = np.linalg.inv(PRINTED.native(theta)) @ native
     assert g @ native == pytest.approx(g_printed @ u, abs=1e-9)

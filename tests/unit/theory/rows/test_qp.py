@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
-from test_polytope import random_polytope
 
 from phalanx.theory.models.polytope import Polytope, extremes, polytope
 from phalanx.theory.rows.qp import TOLERANCE, NearestInput
 from phalanx.theory.rows.row import Row
+from tests.unit.theory.polytopes import random_polytope
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -1,10 +1,11 @@
 """Rows of both information models, and what an agent makes of them."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from users_own import Drifter, OutputUnicycle, Oval, along, swarm_of
 
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.polytope import maximiser, minimiser
@@ -15,23 +16,28 @@ from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Row, paper_row, split_row
 from phalanx.theory.rows.terms import TermsFunction
 from phalanx.theory.safety.chain import build_chain
+from tests.unit.theory.users_own import Case, Drifter, OutputUnicycle, Oval, along, swarm_of
 
 ALPHA, ETA = 1.3, 0.8
-SWARM = swarm_of(
-    [Unicycle(4.0, 2.0), Drifter(), SingleIntegrator(1.5), OutputUnicycle(), Unicycle(2.0, 1.0)],
-    adversaries=2,
-    function=Oval(),
-)
 NORMAL, ADVERSARIES = (0, 1, 2), (3, 4)
-TERMS = TermsFunction(build_chain(SWARM.composed, [ALPHA]))
-METRICS = [m.dynamics.input_metric() for m in SWARM.composed.members]
-SIZE = SWARM.composed.x.numel()
 seeds = st.integers(0, 2**32 - 1)
+
+
+@cache
+def swarm() -> Case:
+    dynamics = [Unicycle(4.0, 2.0), Drifter(), SingleIntegrator(1.5)]
+    attackers = [OutputUnicycle(), Unicycle(2.0, 1.0)]
+    return swarm_of([*dynamics, *attackers], adversaries=2, function=Oval())
+
+
+@cache
+def terms_function() -> TermsFunction:
+    return TermsFunction(build_chain(swarm().composed, [ALPHA]))
 
 
 def joint_condition(x: np.ndarray, u: dict[int, np.ndarray]) -> float:
     """Left-hand side of Eq. (KNx), with ḣ_tot by finite differences and adversaries at worst."""
-    twin, terms = SWARM.twin, TERMS(x)
+    twin, terms = swarm().twin, terms_function()(x)
     u = u | {j: maximiser(terms.c[j], terms.polytopes[j].corners) for j in ADVERSARIES}
     rate = sum(twin.f(l, x) + twin.g(l, x) @ u[l] for l in range(5))
     return along(twin.h_tot, x, rate) + ALPHA * twin.h_tot(x) + ETA
@@ -39,8 +45,8 @@ def joint_condition(x: np.ndarray, u: dict[int, np.ndarray]) -> float:
 
 def drawn(seed: int) -> tuple[np.random.Generator, np.ndarray, dict[int, np.ndarray]]:
     rng = np.random.default_rng(seed)
-    x = rng.uniform(-2.5, 2.5, SIZE)
-    polytopes = TERMS(x).polytopes
+    x = rng.uniform(-2.5, 2.5, swarm().composed.x.numel())
+    polytopes = terms_function()(x).polytopes
     inputs = {}
     for l in NORMAL:
         corners = polytopes[l].corners
@@ -51,14 +57,14 @@ def drawn(seed: int) -> tuple[np.random.Generator, np.ndarray, dict[int, np.ndar
 @given(seed=seeds, i=st.sampled_from(NORMAL))
 def test_with_true_inputs_the_papers_row_is_the_joint_condition(seed, i):
     _, x, u = drawn(seed)
-    row = paper_row(TERMS(x), i, {l: u[l] for l in NORMAL if l != i}, ETA)
+    row = paper_row(terms_function()(x), i, {l: u[l] for l in NORMAL if l != i}, ETA)
     assert row.a @ u[i] - row.bound == pytest.approx(joint_condition(x, u), rel=1e-4, abs=1e-4)
 
 
 @given(seed=seeds, i=st.sampled_from(NORMAL), silent=st.sampled_from(NORMAL))
 def test_who_was_never_heard_counts_at_its_worst(seed, i, silent):
     _, x, u = drawn(seed)
-    terms = TERMS(x)
+    terms = terms_function()(x)
     heard = {l: u[l] for l in NORMAL if l not in (i, silent)}
     worst = u | {l: maximiser(terms.c[l], terms.polytopes[l].corners) for l in {silent} - {i}}
     row = paper_row(terms, i, heard, ETA)
@@ -68,14 +74,14 @@ def test_who_was_never_heard_counts_at_its_worst(seed, i, silent):
 @given(seed=seeds)
 def test_shares_of_all_normal_agents_add_up_to_the_joint_condition(seed):
     _, x, u = drawn(seed)
-    rows = {i: split_row(TERMS(x), i, NORMAL, ETA) for i in NORMAL}
+    rows = {i: split_row(terms_function()(x), i, NORMAL, ETA) for i in NORMAL}
     shares = sum(rows[i].a @ u[i] - rows[i].bound for i in NORMAL)
     assert shares == pytest.approx(joint_condition(x, u), rel=1e-4, abs=1e-4)
 
 
 def best_joint_condition(x: np.ndarray) -> float:
     """T: the joint condition when every normal agent does its best."""
-    terms = TERMS(x)
+    terms = terms_function()(x)
     best = {i: minimiser(terms.c[i], terms.polytopes[i].corners) for i in NORMAL}
     return joint_condition(x, best)
 
@@ -84,7 +90,7 @@ def best_joint_condition(x: np.ndarray) -> float:
 def test_shares_are_feasible_exactly_when_the_joint_condition_is(seed, offset):
     """η is chosen so that T = offset, on either side of zero."""
     _, x, _ = drawn(seed)
-    terms = TERMS(x)
+    terms = terms_function()(x)
     eta = ETA - best_joint_condition(x) + offset
     for i in NORMAL:
         feasible = terms.least[i] <= split_row(terms, i, NORMAL, eta).bound
@@ -93,19 +99,19 @@ def test_shares_are_feasible_exactly_when_the_joint_condition_is(seed, offset):
 
 @given(seed=seeds)
 def test_every_normal_agent_gets_the_same_part_of_what_is_left(seed):
-    terms = TERMS(drawn(seed)[1])
+    terms = terms_function()(drawn(seed)[1])
     left = [split_row(terms, i, NORMAL, ETA).bound - terms.least[i] for i in NORMAL]
     assert left == pytest.approx([left[0]] * len(NORMAL))
 
 
 def solver(i: int, rows: int) -> NearestInput:
-    return NearestInput(METRICS[i], rows)
+    return NearestInput(swarm().composed.members[i].dynamics.input_metric(), rows)
 
 
 @given(seed=seeds, i=st.sampled_from(NORMAL), share=st.floats(0.01, 1.5))
 def test_a_qp_input_is_in_the_safety_preserving_set(seed, i, share):
     rng, x, _ = drawn(seed)
-    terms = TERMS(x)
+    terms = terms_function()(x)
     row = Row(terms.c[i], terms.least[i] + share * (terms.most[i] - terms.least[i]))
     polytope = terms.polytopes[i]
     wanted = rng.uniform(-9, 9, 2)
@@ -119,7 +125,7 @@ def test_a_qp_input_is_in_the_safety_preserving_set(seed, i, share):
 @given(seed=seeds, i=st.sampled_from(NORMAL), gap=st.floats(0.01, 5.0))
 def test_without_solution_the_agent_does_what_helps_most(seed, i, gap):
     rng, x, _ = drawn(seed)
-    terms = TERMS(x)
+    terms = terms_function()(x)
     row = Row(terms.c[i], terms.least[i] - gap)
     polytope = terms.polytopes[i]
     decision = decide(terms, i, row, rng.uniform(-9, 9, 2), solver(i, len(polytope.b)), 0.0)
@@ -132,7 +138,7 @@ def test_without_solution_the_agent_does_what_helps_most(seed, i, gap):
 @given(seed=seeds, i=st.sampled_from(NORMAL))
 def test_an_agent_that_cannot_help_goes_on_as_it_wants_within_its_bounds(seed, i):
     rng, x, _ = drawn(seed)
-    terms = TERMS(x)
+    terms = terms_function()(x)
     span = terms.most[i] - terms.least[i]
     row, polytope = Row(terms.c[i], terms.least[i] - 1.0), terms.polytopes[i]
     wanted = rng.uniform(-9, 9, 2)
@@ -149,7 +155,7 @@ def test_an_agent_that_cannot_help_goes_on_as_it_wants_within_its_bounds(seed, i
 @settings(max_examples=30)
 def test_no_decision_is_zero_or_the_raw_wish_when_that_is_outside(seed):
     rng, x, _ = drawn(seed)
-    terms = TERMS(x)
+    terms = terms_function()(x)
     wanted = rng.uniform(5, 9, 2)  # outside every polytope here but a stretched triangle
     for i in (0, 2):
         rows = len(terms.polytopes[i].b)

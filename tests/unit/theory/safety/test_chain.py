@@ -1,18 +1,20 @@
 """ψ-chains of the built-in dynamics, against hand formulas (q <= 2) and Taylor series (q = 3)."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.bicycle import KinematicBicycle
+from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
 from phalanx.theory.models.unicycle import Unicycle
 from phalanx.theory.rows.terms import TermsFunction
 from phalanx.theory.safety.chain import RelativeDegreeError, build_chain
 from phalanx.theory.safety.class_k import Power
-from phalanx.theory.safety.composition import FAR, Member, compose
+from phalanx.theory.safety.composition import Member, compose
 from phalanx.theory.safety.function import Separation
 from phalanx.theory.safety.obstacles import Sphere, Wall
 
@@ -31,14 +33,17 @@ def state(n: int, seed: int) -> np.ndarray:
     return np.random.default_rng(seed).uniform(-2.0, 2.0, n)
 
 
-ONE = TermsFunction(build_chain(pair_of(SingleIntegrator(1.0, dimension=3)), [A1]))
+@cache
+def terms_of(dynamics: Dynamics, *alphas: float | Power) -> TermsFunction:
+    """Of a pair of such agents, with these gains."""
+    return TermsFunction(build_chain(pair_of(dynamics), alphas, XI))
 
 
 @given(seed=seeds)
 def test_single_integrators_in_space_are_the_hand_formula(seed):
     x = state(6, seed)
     d = x[:3] - x[3:]
-    terms = ONE(x)
+    terms = terms_of(SingleIntegrator(1.0, dimension=3), A1)(x)
     assert terms.psi == pytest.approx([R**2 - d @ d], **close)
     assert terms.unforced == pytest.approx(A1 * (R**2 - d @ d), **close)
     assert terms.c[0] == pytest.approx(-2 * d, **close)
@@ -46,7 +51,6 @@ def test_single_integrators_in_space_are_the_hand_formula(seed):
 
 
 B = 0.25
-UNICYCLES = TermsFunction(build_chain(pair_of(Unicycle(4.0, 2.0, B)), [A1]))
 
 
 @given(seed=seeds)
@@ -55,17 +59,13 @@ def test_unicycles_are_the_hand_formula(seed):
     heads = [np.array([np.cos(t), np.sin(t)]) for t in (x[2], x[5])]
     lefts = [np.array([-np.sin(t), np.cos(t)]) for t in (x[2], x[5])]
     d = x[:2] + B * heads[0] - x[3:5] - B * heads[1]
-    terms = UNICYCLES(x)
+    terms = terms_of(Unicycle(4.0, 2.0, B), A1)(x)
     assert terms.unforced == pytest.approx(A1 * (R**2 - d @ d), **close)
     assert terms.c[0] == pytest.approx([-2 * d @ heads[0], -2 * B * d @ lefts[0]], **close)
     assert terms.c[1] == pytest.approx([2 * d @ heads[1], 2 * B * d @ lefts[1]], **close)
 
 
 BETA = 2 / 3
-DOUBLES = {
-    n: TermsFunction(build_chain(pair_of(DoubleIntegrator(2.0, BETA, n)), [A1, A2], XI))
-    for n in (2, 3)
-}
 
 
 @pytest.mark.parametrize("n", [2, 3])
@@ -75,7 +75,7 @@ def test_double_integrators_with_drag_are_the_hand_formula(n, seed):
     d, v = x[:n] - x[2 * n : 3 * n], x[n : 2 * n] - x[3 * n :]
     h = R**2 - d @ d
     psi_1 = -2 * d @ v + XI + A1 * h
-    terms = DOUBLES[n](x)
+    terms = terms_of(DoubleIntegrator(2.0, BETA, n), A1, A2)(x)
     assert terms.psi == pytest.approx([h, psi_1], **close)
     unforced = -2 * v @ v + 2 * BETA * d @ v - 2 * A1 * d @ v + A2 * psi_1
     assert terms.unforced == pytest.approx(unforced, **close)
@@ -84,7 +84,6 @@ def test_double_integrators_with_drag_are_the_hand_formula(n, seed):
 
 
 LENGTH = 0.4
-BICYCLES = TermsFunction(build_chain(pair_of(KinematicBicycle(1.0, 1.0, LENGTH)), [A1, A2], XI))
 
 
 @given(seed=seeds)
@@ -95,7 +94,7 @@ def test_bicycles_are_the_hand_formula(seed):
     d, v = x[:2] - x[4:6], x[3] * heads[0] - x[7] * heads[1]
     h = R**2 - d @ d
     psi_1 = -2 * d @ v + XI + A1 * h
-    terms = BICYCLES(x)
+    terms = terms_of(KinematicBicycle(1.0, 1.0, LENGTH), A1, A2)(x)
     assert terms.psi == pytest.approx([h, psi_1], **close)
     assert terms.unforced == pytest.approx(-2 * v @ v - 2 * A1 * d @ v + A2 * psi_1, **close)
     for l, sign in ((0, -2), (1, 2)):
@@ -136,8 +135,10 @@ def lift(value):
     return value if isinstance(value, Series) else Series([value, 0, 0, 0])
 
 
-TRIPLE = pair_of(TripleIntegrator(1.0, 3), [Sphere((0.5, 0.1, -0.3), 0.8)], count=3)
-TRIPLES = TermsFunction(build_chain(TRIPLE, [A1, A2, A3], XI))
+@pytest.fixture(scope="module")
+def triples() -> TermsFunction:
+    composed = pair_of(TripleIntegrator(1.0, 3), [Sphere((0.5, 0.1, -0.3), 0.8)], count=3)
+    return TermsFunction(build_chain(composed, [A1, A2, A3], XI))
 
 
 def psi_by_series(x: np.ndarray, u: np.ndarray) -> list[float]:
@@ -164,9 +165,9 @@ def psi_by_series(x: np.ndarray, u: np.ndarray) -> list[float]:
 
 @given(seed=seeds)
 @settings(max_examples=50, deadline=None)
-def test_triple_integrators_composed_by_lse_are_their_taylor_series(seed):
+def test_triple_integrators_composed_by_lse_are_their_taylor_series(triples, seed):
     x, u = state(27, seed), state(9, seed + 1)
-    terms = TRIPLES(x)
+    terms = triples(x)
     expected = psi_by_series(x, u)
     assert terms.psi == pytest.approx(expected[:3], **close)
     forced = sum(float(c @ w) for c, w in zip(terms.c, u.reshape(3, 3), strict=True))
@@ -175,10 +176,10 @@ def test_triple_integrators_composed_by_lse_are_their_taylor_series(seed):
 
 @given(seed=seeds)
 def test_alpha_may_be_any_class_k_function(seed):
-    chain = build_chain(pair_of(SingleIntegrator(1.0)), [Power(0.5, 3.0)])
     x = state(4, seed)
     h = R**2 - np.sum((x[:2] - x[2:]) ** 2)
-    assert TermsFunction(chain)(x).unforced == pytest.approx(0.5 * h**3, **close)
+    terms = terms_of(SingleIntegrator(1.0), Power(0.5, 3.0))(x)
+    assert terms.unforced == pytest.approx(0.5 * h**3, **close)
 
 
 def test_a_power_of_psi_0_is_differentiated_in_psi_2():
@@ -206,36 +207,3 @@ def test_mixed_relative_degree_is_refused_and_says_who():
     ]
     with pytest.raises(RelativeDegreeError, match=r"of fast appear in ψ_1.* slow only later"):
         build_chain(compose(members, [], Separation(R), RHO), [A1])
-
-
-def test_what_lies_outside_the_neighbourhood_has_no_part_in_h_tot():
-    """Agent 2 is in trouble far away, between an attacker and an obstacle; agent 0 is not."""
-    members = [Member(f"a{i}", SingleIntegrator(1.0), i == 1) for i in range(3)]
-    obstacles = [Sphere((40.0, 0.0), 2.0), Wall((0.0, 1.0), 5.0), Sphere((0.0, -4.0), 2.0)]
-    composed = compose(members, obstacles, Separation(R), RHO)
-    chain = build_chain(composed, [A1])
-    x = np.array([0.0, 0.0, 40.5, 0.0, 39.8, 0.0])
-    near = TermsFunction(chain, composed.within(0, 10.0))(x)
-    pairs = np.array([-5.0, 4.0 - 16.0])
-    assert near.psi == pytest.approx(np.log(np.sum(np.exp(RHO * pairs))) / RHO)
-    assert near.c[1] == pytest.approx([0.0, 0.0])
-    assert near.c[2] == pytest.approx([0.0, 0.0])
-    assert TermsFunction(chain)(x).psi[0] > 0
-
-
-def test_an_agent_alone_in_its_neighbourhood_is_safe_and_free():
-    members = [Member("a", SingleIntegrator(1.0), False), Member("b", SingleIntegrator(1.0), True)]
-    composed = compose(members, [], Separation(R), RHO)
-    terms = TermsFunction(build_chain(composed, [A1]), composed.within(0, 1.0))
-    alone = terms(np.array([0.0, 0.0, 5.0, 0.0]))
-    assert alone.psi == pytest.approx([FAR])
-    assert alone.unforced < 0
-    assert np.concatenate(alone.c) == pytest.approx(np.zeros(4))
-
-
-def test_the_neighbourhood_counts_pairs_among_neighbours_too():
-    members = [Member(f"a{i}", SingleIntegrator(1.0), False) for i in range(3)]
-    composed = compose(members, [], Separation(R), RHO)
-    active = CompiledFunction([composed.x], [composed.within(0, 2.0)])
-    assert active(np.array([0.0, 0.0, 1.0, 0.0, 0.0, 1.9]))[0].tolist() == [1, 1, 1]
-    assert active(np.array([0.0, 0.0, 1.0, 0.0, 0.0, 2.1]))[0].tolist() == [1, 0, 0]

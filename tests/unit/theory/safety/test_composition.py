@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from users_own import Oval, swarm_of
 
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.integrators import SingleIntegrator
@@ -13,6 +12,7 @@ from phalanx.theory.models.unicycle import Unicycle
 from phalanx.theory.safety.composition import Member, Pair, compose, log_sum_exp
 from phalanx.theory.safety.function import Separation
 from phalanx.theory.safety.obstacles import Sphere
+from tests.unit.theory.users_own import Oval, swarm_of
 
 POINT = SingleIntegrator(1.0)
 values = st.lists(st.floats(-1e4, 1e4), min_size=1, max_size=12)

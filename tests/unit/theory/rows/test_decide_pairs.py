@@ -1,0 +1,72 @@
+"""What an agent makes of several rows: the nearest input that keeps all, or the backup."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from phalanx.theory.margins.local import UNKNOWN
+from phalanx.theory.models.polytope import polytope
+from phalanx.theory.rows.decision import decide_pairs, least_violation
+from phalanx.theory.rows.origin import Origin
+from phalanx.theory.rows.qp import TOLERANCE, NearestInput
+from phalanx.theory.rows.row import Rows
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+SQUARE = polytope(np.vstack([np.eye(2), -np.eye(2)]), np.ones(4))
+
+
+@given(seed=seeds)
+@settings(max_examples=60, deadline=None)
+def test_the_qp_with_several_rows_keeps_them_all_and_is_nearest(seed):
+    rng = np.random.default_rng(seed)
+    inside = rng.uniform(-0.8, 0.8, 2)
+    a = rng.normal(size=(3, 2))
+    rows = Rows(a, a @ inside + rng.uniform(0.0, 0.3, 3))
+    u_nom = rng.uniform(-2, 2, 2)
+    decision = decide_pairs(SQUARE, rows, u_nom, NearestInput((1.0, 1.0), 4, 3))
+    assert decision.origin is Origin.QP
+    sizes = np.linalg.norm(a, axis=1)
+    assert ((a @ decision.u - rows.bound) / sizes <= 2 * TOLERANCE).all()
+    # u is the projection of u_nom onto a convex set: no point of the set lies beyond it.
+    others = rng.uniform(-1, 1, (400, 2))
+    feasible = others[(others @ a.T <= rows.bound).all(axis=1)]
+    assert ((feasible - decision.u) @ (u_nom - decision.u) <= 1e-4).all()
+
+
+@given(seed=seeds)
+@settings(max_examples=40, deadline=None)
+def test_with_no_solution_the_backup_has_the_least_worst_violation(seed):
+    rng = np.random.default_rng(seed)
+    a = rng.normal(size=(3, 2))
+    rows = Rows(a, (a @ SQUARE.corners.T).min(axis=1) - rng.uniform(0.1, 1.0, 3))
+    decision = decide_pairs(SQUARE, rows, np.zeros(2), NearestInput((1.0, 1.0), 4, 3))
+    assert decision.origin is Origin.BACKUP
+    others = rng.uniform(-1, 1, (400, 2))
+    assert decision.residual <= ((others @ a.T) - rows.bound).max(axis=1).min() + 1e-9
+
+
+@given(seed=seeds)
+@settings(max_examples=200, deadline=None)
+def test_there_is_a_backup_even_where_no_margin_is_known(seed):
+    rng = np.random.default_rng(seed)
+    rows = Rows(rng.normal(size=(6, 2)) * 10, rng.uniform(-40, 40, 6) - UNKNOWN)
+    u = least_violation(SQUARE, rows)
+    others = rng.uniform(-1, 1, (50, 2))
+    best = ((others @ rows.a.T) - rows.bound).max(axis=1).min()
+    assert ((rows.a @ u) - rows.bound).max() <= best + 1e-3
+
+
+def test_where_no_pair_is_near_the_nominal_input_is_applied_and_every_number_is_finite():
+    rows = Rows(np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([np.inf, np.inf]))
+    u_nom = np.array([0.3, -0.2])
+    decision = decide_pairs(SQUARE, rows, u_nom, NearestInput((1.0, 1.0), 4, 2))
+    assert decision.u == pytest.approx(u_nom)
+    assert np.isfinite(decision.residual)
+
+
+def test_the_backup_ignores_pairs_outside_the_neighbourhood():
+    rows = Rows(np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([-5.0, np.inf]))
+    assert least_violation(SQUARE, rows)[0] == pytest.approx(-1.0)
