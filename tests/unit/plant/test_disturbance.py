@@ -1,0 +1,72 @@
+"""The disturbance: in its ball, continuous, a pure function of seed, agent and time."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from phalanx.plant.disturbance import KnottedDisturbance, SwarmDisturbance
+from phalanx.scenario.agents import Disturbance
+from tests.unit.swarms import swarm_of_scenario
+
+MODEL = Disturbance(bound=1.73, every=0.2)
+times = st.floats(0.0, 20.0)
+
+
+def phi(t: float, model: Disturbance = MODEL, n: int = 3) -> np.ndarray:
+    return KnottedDisturbance(0, "1", model, n).line(t).at(t)
+
+
+@given(times, st.integers(1, 6))
+def test_the_disturbance_stays_in_its_ball(t, n):
+    assert np.linalg.norm(phi(t, n=n)) <= 1.73 * (1 + 1e-12)
+
+
+def test_the_disturbance_uses_its_ball():
+    sizes = [np.abs(phi(t)).max() for t in np.arange(0, 200, 0.2)]
+    assert max(sizes) > 0.97 * 1.73 / np.sqrt(3)
+
+
+@given(times, st.floats(1e-9, 1e-3))
+def test_the_disturbance_is_continuous(t, dt):
+    steepest = 2 * 1.73 / 0.2
+    assert np.linalg.norm(phi(t + dt) - phi(t)) <= steepest * dt * 1.001 + 1e-12
+
+
+@pytest.mark.parametrize("every", [0.2, 0.1, 0.07, 1 / 3])
+def test_at_a_knot_the_next_line_begins_where_the_last_one_ended(every):
+    source = KnottedDisturbance(0, "1", Disturbance(bound=1.0, every=every), 3)
+    t = 0.0
+    for _ in range(500):
+        line = source.line(t)
+        assert line.begin <= t < line.end
+        after = source.line(line.end)
+        assert line.at(line.end) == pytest.approx(after.at(line.end), abs=1e-9)
+        t = line.end
+
+
+@given(st.lists(times, min_size=1, max_size=20))
+def test_the_disturbance_does_not_depend_on_the_order_of_asking(order):
+    source = KnottedDisturbance(0, "1", MODEL, 3)
+    for t in order:
+        assert (source.line(t).at(t) == phi(t)).all()
+
+
+def test_agents_are_disturbed_differently_and_no_bound_means_none():
+    one, other = (KnottedDisturbance(0, name, MODEL, 3).line(0.1).value for name in "12")
+    assert (one != other).all()
+    assert not phi(0.3, Disturbance(bound=0.0)).any()
+
+
+def test_the_swarms_disturbance_stacks_its_agents():
+    swarm = swarm_of_scenario("unicycles", "agents.1.disturbance.every=0.13")
+    stacked = SwarmDisturbance(swarm)
+    for t in (0.0, 0.05, 0.13, 0.2, 0.31):
+        line = stacked.line(t, swarm.start())
+        each = [
+            KnottedDisturbance(0, name, swarm.group(i)[0].disturbance, 3).line(t)
+            for i, name in enumerate(swarm.names)
+        ]
+        assert line.end == min(l.end for l in each)
+        middle = (t + line.end) / 2
+        assert line.at(middle) == pytest.approx(np.concatenate([l.at(middle) for l in each]))

@@ -1,0 +1,71 @@
+"""Pair truth: when which pair left the safe set, how far and how long."""
+
+import numpy as np
+import pytest
+
+from phalanx.plant.truth import PairExtremes
+from phalanx.theory.safety.composition import ComposedSet
+from tests.unit.swarms import swarm_of_scenario
+
+
+def pairs() -> ComposedSet:
+    return swarm_of_scenario("unicycles").chain.set
+
+
+def seen(truth: PairExtremes, times: list[float], **h: list[float]) -> None:
+    """Show a truth: the pairs' h by label ("1-2" as p1_2), all others -50."""
+    labels = [pairs().label(pair) for pair in pairs().pairs]
+    table = np.full((len(times), len(labels)), -50.0)
+    for name, values in h.items():
+        table[:, labels.index(name[1:].replace("_", "-"))] = values
+    truth.add(np.array(times), table, table.max(axis=1) + 0.01)
+
+
+def test_a_violation_has_its_pair_its_beginning_its_depth_and_its_length():
+    truth = PairExtremes(pairs())
+    seen(truth, [0.1, 0.2, 0.3], p1_2=[-1.0, -0.5, 0.5])
+    seen(truth, [0.4, 0.6], p1_2=[2.0, -0.1], p3_5=[-3.0, 0.25])
+    seen(truth, [0.7, 0.8], p1_2=[-0.2, 0.1], p3_5=[0.5, -1.0])
+    deeper, shallower = truth.violations()
+    assert (deeper.pair, shallower.pair) == ("1-2", "3-5")
+    assert (deeper.first, deeper.worst, deeper.worst_at) == (0.3, 2.0, 0.4)
+    assert deeper.duration == pytest.approx(0.1 + 0.1 + 0.1)
+    assert (shallower.first, shallower.worst, shallower.worst_at) == (0.6, 0.5, 0.7)
+    assert shallower.duration == pytest.approx(0.2 + 0.1)
+    assert truth.worst_pair == "1-2"
+    assert truth.worst_h_tot == pytest.approx(2.01)
+    assert truth.worst_at == 0.4
+
+
+def test_h_at_exactly_zero_is_safe():
+    truth = PairExtremes(pairs())
+    seen(truth, [0.1, 0.2], p1_2=[0.0, -0.1])
+    assert truth.violations() == []
+
+
+def test_lse_above_zero_is_no_departure_while_every_pair_is_at_most_zero():
+    truth = PairExtremes(pairs())
+    departures = []
+    for t, h in ((0.1, -0.005), (0.2, 0.1), (0.3, -1.0)):
+        seen(truth, [t], p1_2=[h])
+        departures.append(truth.unsafe)
+    assert truth.worst_h_tot > 0.0
+    assert departures == [False, True, False]
+
+
+def test_an_h_that_is_not_a_number_is_not_safe():
+    """NaN > 0 is false, but so is NaN <= 0, and safe is h <= 0."""
+    truth = PairExtremes(pairs())
+    seen(truth, [0.1, 0.2], p1_2=[-1.0, float("nan")])
+    assert [v.pair for v in truth.violations()] == ["1-2"]
+
+
+def test_the_peak_is_that_since_it_was_last_taken_the_value_then_included():
+    truth = PairExtremes(pairs())
+    seen(truth, [0.1, 0.2], p1_2=[-1.0, -2.0])
+    assert truth.take_peak() == pytest.approx(-0.99)
+    seen(truth, [0.3, 0.4], p1_2=[-3.0, -2.5])
+    assert truth.take_peak() == pytest.approx(-1.99)
+    seen(truth, [0.5, 0.6], p1_2=[-3.0, -4.0])
+    assert truth.take_peak() == pytest.approx(-2.49)
+    assert truth.worst_h_tot == pytest.approx(-0.99)
