@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from phalanx.guarantee.check import check
+from phalanx.guarantee.check import CheckReport, check
 from phalanx.guarantee.feasibility import rows_at_start
+from phalanx.guarantee.workspace import states_within
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.margins.constants import constants, margin_constants
@@ -14,18 +15,30 @@ from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.composition import Member, compose
 from phalanx.theory.safety.function import Separation
+from tests.unit.swarms import checked, swarm_of_scenario
 
-GUARANTEED, PAPER = check(load("guaranteed")), check(load("unicycles"))
+
+@pytest.fixture(scope="module")
+def guaranteed() -> CheckReport:
+    return checked("guaranteed")
 
 
-def test_the_guaranteed_scenario_may_be_guaranteed_and_simulation_1_as_printed_may_not():
-    assert GUARANTEED.may_be_guaranteed
-    assert not PAPER.may_be_guaranteed
-    assert any("η is given" in gap for gap in PAPER.gaps)
+@pytest.fixture(scope="module")
+def paper() -> CheckReport:
+    """Simulation 1 as printed."""
+    return checked("unicycles")
+
+
+def test_the_guaranteed_scenario_may_be_guaranteed_and_simulation_1_as_printed_may_not(
+    guaranteed, paper
+):
+    assert guaranteed.may_be_guaranteed
+    assert not paper.may_be_guaranteed
+    assert any("η is given" in gap for gap in paper.gaps)
 
 
 def test_the_relative_degree_and_the_start_are_those_of_the_chain():
-    report = check(load("disturbance-gap"))
+    report = checked("disturbance-gap")
     assert report.relative_degree == 2
     assert report.worst_at_start == pytest.approx(max(25 - 81, 9.8 + 1.5 * (25 - 81)))
 
@@ -37,22 +50,49 @@ def test_a_start_outside_s_is_reported():
     assert any("outside S_I" in word for word in report.words)
 
 
-def test_the_papers_margin_is_far_below_its_own_formula():
-    assert PAPER.eta_paper == dict.fromkeys("123", 8.0566)
-    assert PAPER.formula.eta > 500
-    assert any("a choice, not a bound" in word for word in PAPER.words)
+def test_the_papers_margin_is_far_below_its_own_formula(paper):
+    assert paper.eta_paper == dict.fromkeys("123", 8.0566)
+    assert paper.formula.eta > 500
+    assert any("a choice, not a bound" in word for word in paper.words)
 
 
-def test_the_worst_pair_needs_a_smaller_margin_than_all_pairs_composed_and_it_is_proven():
-    assert PAPER.pair_formula.proven
-    assert not PAPER.formula.proven
-    assert PAPER.pair_formula.eta < PAPER.formula.eta / 2
+def test_the_worst_pair_needs_a_smaller_margin_than_all_pairs_composed_and_it_is_proven(paper):
+    assert paper.pair_formula.proven
+    assert not paper.formula.proven
+    assert paper.pair_formula.eta < paper.formula.eta / 2
 
 
-def test_theorem_4_is_refuted_for_simulation_1():
-    """At d = 1 the best heading leaves about -8 + 4 + 8.06 > 0."""
-    assert PAPER.theorem_4.holds is False
-    assert PAPER.theorem_4.worst > 0
+def test_theorem_4_is_refuted_for_simulation_1(paper):
+    """At d = 1 the best heading leaves about -8 + 4 + 8.06 > 0; at other headings more."""
+    assert paper.theorem_4.states == 200
+    assert paper.theorem_4.holds is False
+    assert paper.theorem_4.worst > -8 + 4 + 8.06
+
+
+def test_on_the_boundary_an_equal_adversary_leaves_eta_and_a_slower_one_less_than_nothing():
+    """At |D| = 1, L_g h = -2 D: flight and chase sum to 2 (|D_1| + |D_2|) (v_chase - v_flight)."""
+    equal = checked("one-on-one").theorem_4
+    assert equal.worst == pytest.approx(0.3)
+    assert equal.holds is False
+    slower = checked("one-on-one", "agents.1.dynamics.speed=0.5").theorem_4
+    assert 0.3 - math.sqrt(2) < slower.worst < 0.3 - 1.0
+    assert slower.holds is None
+
+
+def test_other_seeds_ask_other_states_and_the_same_seed_the_same():
+    """Nothing of a check is drawn but from (seed, purpose)."""
+    swarms = {seed: swarm_of_scenario("one-on-one", f"seed={seed}") for seed in (0, 1)}
+    low, high = np.array([0.0, -1.0, 5.0, 5.0]), np.array([1.0, 1.0, 5.5, 9.0])
+
+    def drawn(seed: int, purpose: str) -> np.ndarray:
+        return np.array(list(states_within(swarms[seed], purpose, low, high, 300)))
+
+    states = drawn(0, "inside")
+    assert (states == drawn(0, "inside")).all()
+    assert not (states == drawn(1, "inside")).any()
+    assert not (states == drawn(0, "boundary")).any()
+    assert states.min(axis=0) == pytest.approx(low, abs=0.05)
+    assert states.max(axis=0) == pytest.approx(high, abs=0.05)
 
 
 def test_the_constants_of_one_pair_are_the_hand_calculation_and_proven():
@@ -74,8 +114,8 @@ def test_the_constants_of_one_pair_are_the_hand_calculation_and_proven():
     assert eta > found["c_h"].value * 0.3
 
 
-def test_beyond_the_largest_gap_the_start_has_no_solution_and_below_it_has():
-    gap = GUARANTEED.largest_gap
+def test_beyond_the_largest_gap_the_start_has_no_solution_and_below_it_has(guaranteed):
+    gap = guaranteed.largest_gap
     assert gap > 0.012
     for factor, holds in ((0.8, True), (1.3, False)):
         period = f"agents.0.clock.period={gap * factor - 0.002}"
@@ -83,20 +123,20 @@ def test_beyond_the_largest_gap_the_start_has_no_solution_and_below_it_has():
         assert all(rows_at_start(swarm).values()) is holds
 
 
-def test_the_largest_gap_does_not_grow_with_a_margin_that_proves_less():
-    scaled = check(load("guaranteed", ["safety.margin_scale=0.5"]))
-    assert scaled.largest_gap == GUARANTEED.largest_gap
+def test_the_largest_gap_does_not_grow_with_a_margin_that_proves_less(guaranteed):
+    scaled = checked("guaranteed", "safety.margin_scale=0.5")
+    assert scaled.largest_gap == guaranteed.largest_gap
 
 
-def test_only_the_printed_information_model_minds_delay():
-    assert PAPER.largest_delay == 0.0
-    assert GUARANTEED.largest_delay == math.inf
+def test_only_the_printed_information_model_minds_delay(guaranteed, paper):
+    assert paper.largest_delay == 0.0
+    assert guaranteed.largest_delay == math.inf
 
 
-def test_one_controller_minds_no_delay_and_has_a_solution_where_single_agents_have_none():
-    central = check(load("unicycles", ["safety.control=centralised"]))
+def test_one_controller_minds_no_delay_and_has_a_solution_where_single_agents_have_none(paper):
+    central = checked("unicycles", "safety.control=centralised")
     assert central.largest_delay == math.inf
-    assert not PAPER.rows_at_start["3"]
+    assert not paper.rows_at_start["3"]
     assert all(central.rows_at_start.values())
     assert any("sample together" in gap for gap in central.gaps)
     together = [f"agents.{g}.clock.jitter=0.0" for g in (0, 1)]
@@ -105,7 +145,7 @@ def test_one_controller_minds_no_delay_and_has_a_solution_where_single_agents_ha
 
 
 def test_states_without_known_bounds_are_asked_for_by_name():
-    report = check(load("disturbance-gap"))
+    report = checked("disturbance-gap")
     assert report.formula is None
     assert any("vx, vy, vz in [workspace]" in word for word in report.words)
     bounded = ["workspace={vx=[-1.0,1.0],vy=[-1.0,1.0],vz=[-1.0,1.0]}"]

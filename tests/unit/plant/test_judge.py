@@ -1,4 +1,4 @@
-"""The judge counts how often each of the theorem's assumptions failed, and hashes the trajectory."""
+"""The judge: how often each assumption of the theorem failed, and the hash of the trajectory."""
 
 import msgspec
 import numpy as np

@@ -45,7 +45,7 @@ def truly(swarm: Swarm, t: float) -> np.ndarray:
 
 
 def test_the_world_follows_the_continuous_dynamics():
-    swarm = scenario([])
+    swarm = swarm_of_scenario("unicycles")
     own = world(swarm)
     own.advance(1.0)
     assert own.x == pytest.approx(truly(swarm, 1.0), abs=1e-11)

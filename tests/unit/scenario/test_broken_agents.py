@@ -1,4 +1,4 @@
-"""Mistakes in agents: names, roles, dynamics, laws, clocks and places; each is refused with file, field, expected and got."""
+"""Mistakes in agents: names, roles, dynamics, laws, clocks and places."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Mistakes in the run itself: its name, duration, seed and time; each is refused with file, field, expected and got."""
+"""Mistakes in the run itself: its name, duration, seed and time."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Mistakes in safety: the function, gains, margin and information; each is refused with file, field, expected and got."""
+"""Mistakes in safety: the function, gains, margin and information."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Mistakes in what surrounds agents: formation, obstacles and network; each is refused with file, field, expected and got."""
+"""Mistakes in what surrounds agents: formation, obstacles and network."""
 
 import pytest
 

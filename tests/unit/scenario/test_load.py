@@ -10,19 +10,12 @@ from phalanx.scenario.load import (
     digest,
     from_json,
     load,
-    shipped,
     to_json,
 )
 from phalanx.scenario.network import UniformDelay
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.margins.paper import MarginConstants
 from phalanx.theory.rows.information import Information
-
-
-def test_every_shipped_scenario_loads_and_resolves():
-    assert "unicycles" in shipped()
-    for name in shipped():
-        assert build_swarm(load(name)).start().size > 0
 
 
 def test_unicycles_is_simulation_1_of_the_paper():

@@ -1,0 +1,43 @@
+"""What each link did, from the steps of those who received."""
+
+import re
+from pathlib import Path
+
+from phalanx.recording.read import Recording
+from phalanx.report.measures import (
+    link_statistics,
+)
+from phalanx.scenario.model import Scenario
+from tests.unit.report.recordings import (
+    fate,
+)
+
+
+def test_link_statistics_are_those_of_the_links(recording: Recording, faulty: Scenario) -> None:
+    found = link_statistics(recording)
+    assert {(s.sender, s.receiver) for s in found} == {
+        (a, b) for a in "123" for b in "123" if a != b
+    }
+    for link in found:
+        truth = [fate(faulty, link.sender, link.receiver, k) for k in range(40)]
+        kept = [delay for delay in truth if delay is not None]
+        assert (link.sent, link.decided) == (40, 40)
+        assert link.lost == 40 - len(kept) > 0
+        assert link.loss == link.lost / 40
+        assert link.delays == kept
+        assert link.model.loss == 0.3
+
+
+def test_the_link_table_shows_each_link_next_to_its_model(
+    reported: Path, recording: Recording
+) -> None:
+    html = reported.read_text()
+    for link in link_statistics(recording):
+        row = next(r for r in html.split("<tr>") if f"{link.sender} → {link.receiver}" in r)
+        cells = re.findall(r"<td>(.*?)</td>", row)
+        assert cells[:5] == ["40", "40", str(link.lost), f"{100 * link.loss:.2f} %", "30 %"]
+        assert cells[6:] == [
+            f"{1e3 * min(link.delays):.4g} ms",
+            f"{1e3 * max(link.delays):.4g} ms",
+            "2 to 20 ms, uniform",
+        ]

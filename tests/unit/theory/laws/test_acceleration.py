@@ -1,0 +1,44 @@
+"""Laws of agents whose inputs are accelerations: tracking, and a chase that avoids its own side."""
+
+import numpy as np
+import pytest
+
+from phalanx.scenario.load import load
+from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.laws.formation import hold
+from phalanx.theory.laws.law import View
+from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
+from phalanx.theory.models.outputs import OutputDerivatives
+from phalanx.theory.models.unicycle import Unicycle
+
+
+def test_tracking_gives_the_output_the_wanted_acceleration_but_for_drag():
+    law = build_swarm(load("formation3d")).law(0)
+    output = OutputDerivatives(DoubleIntegrator(2.0, 0.5, 3))
+    assert law.gains == (2.0, 2.8284271247461903)
+    x, u_nom = np.arange(6.0), np.array([0.3, -0.2, 1.0])
+    assert output(x) == pytest.approx(x.reshape(2, 3))
+    assert output.input_for(x, u_nom) == pytest.approx(u_nom)
+    assert OutputDerivatives(Unicycle(1.0, 1.0)).degree == 1
+    assert OutputDerivatives(SingleIntegrator(1.0)).degree == 1
+
+
+def test_a_chasing_adversary_avoids_another_adversary_in_its_way():
+    """Adversary 4 chases agent 0 straight through adversary 5."""
+    swarm = build_swarm(load("formation3d"))
+    x = swarm.start()
+    parts = swarm.chain.set.parts
+    x[parts[0]] = [60.0, 0, 0, 0, 0, 0]
+    x[parts[4]] = [50.0, 0, 0, 2.0, 0, 0]
+    x[parts[5]] = [53.0, 0, 0, 0, 0, 0]
+    terms, law = swarm.terms(4)(x), swarm.law(4)
+    view = _view(swarm, 4, x, terms)
+    guarded = law.input(view)
+    assert guarded[0] < 0
+    law._team = None
+    assert law.input(view)[0] > 0
+
+
+def _view(swarm, i, x, terms):
+    states = [x[part] for part in swarm.chain.set.parts]
+    return View(i, states, swarm.normal, hold(terms.positions[i]), terms)
