@@ -1,4 +1,4 @@
-"""Live runs for the viewer's tests: the real launcher in a thread, commands from a real viewer."""
+"""Runs in the background of a test, and waiting for what they do."""
 
 import contextlib
 import threading
@@ -30,6 +30,7 @@ class LiveRun:
     """A launch under way."""
 
     def __init__(self, scenario: Scenario, folder: Path, policy: CommandPolicy) -> None:
+        """Start the real launcher in a thread, with processes as ever."""
         folder.mkdir()
         self.folder, self.endpoint = folder, free_endpoint()
         self.status: Status | None = None

@@ -3,15 +3,14 @@
 import os
 import subprocess
 import sys
-import time
 import uuid
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
 
 import psutil
 
-T = TypeVar("T")
+from tests.process.runs import wait_for
+
 MARK = "PHALANX_TEST_RUN"
 
 
@@ -82,12 +81,3 @@ class Run:
         for process in self.descendants():
             process.kill()
         self.process.communicate()
-
-
-def wait_for(condition: Callable[[], T], seconds: float = 60) -> T:
-    """The condition's first truthy value; fails after `seconds`."""
-    deadline = time.monotonic() + seconds
-    while not (value := condition()):
-        assert time.monotonic() < deadline, "the condition did not come true in time"
-        time.sleep(0.02)
-    return value

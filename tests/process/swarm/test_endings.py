@@ -8,7 +8,7 @@ import pytest
 
 from phalanx.guarantee.verdict import Outcome
 from phalanx.recording.read import read
-from tests.process.swarm.processes import wait_for
+from tests.process.runs import wait_for
 
 pytestmark = pytest.mark.swarm
 

@@ -7,7 +7,7 @@ import urllib.request
 
 import pytest
 
-from tests.process.swarm.processes import wait_for
+from tests.process.runs import wait_for
 
 pytestmark = pytest.mark.swarm
 
