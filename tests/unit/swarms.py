@@ -1,16 +1,23 @@
-"""Swarms of scenarios and checks of them that many tests look at, each made once for all."""
+"""Swarms of scenarios, their rows and checks of them, each made once for all tests that look."""
 
 from functools import cache
 
 from phalanx.guarantee.check import CheckReport, check
 from phalanx.scenario.load import load
+from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
 
 
 @cache
 def swarm_of_scenario(name: str, *overrides: str) -> Swarm:
-    """A shipped scenario's swarm. Do not change it."""
+    """A shipped scenario's swarm."""
     return build_swarm(load(name, overrides))
+
+
+@cache
+def rows_of_scenario(name: str, *overrides: str) -> SafetyRows:
+    """What its rows are made of."""
+    return build_rows(swarm_of_scenario(name, *overrides))
 
 
 @cache

@@ -1,9 +1,9 @@
 """The shipped scenarios of the whole theory run to their verdicts."""
 
 import pytest
+from phalanx.launcher.launch import launch, new_folder
 
 from phalanx.guarantee.verdict import Outcome
-from phalanx.launcher.launch import launch, new_folder
 from phalanx.scenario.load import load
 from phalanx.wire.session import free_endpoint
 

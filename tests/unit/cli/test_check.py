@@ -30,25 +30,27 @@ def test_a_given_margin_keeps_one_on_one_from_a_guarantee_which_strict_makes_a_f
     assert relaxed == 0
     assert check("one-on-one", "--strict")[0] == 1
     assert table["can end guaranteed"] == "no"
-    assert table["start"] == "inside S_I, largest ψ -1.89"
-    assert table["η in force"] == "0.3"
+    assert table["start"] == "inside the set that can be kept (S_I), largest ψ -1.89"
+    assert table["margin η in force"] == "0.3"
     assert table["Theorem 4"].endswith("largest sum 0.3")
-    assert "- No guarantee: η is given or from given constants, not a bound." in words
+    assert any(line.startswith("- No guarantee: the margin η is a given number") for line in words)
 
 
 def test_a_start_too_near_is_named_with_the_agent_that_has_no_solution(check):
     """h = 1 - 1.05² = -0.1025, and α(h) + η > 0."""
     _, table, words = check("one-on-one", "--set", "agents.1.start=[[0.0, -1.05]]")
-    assert table["start"] == "inside S_I, largest ψ -0.1025"
-    assert table["K_i at the start"] == "empty for 1"
-    assert any(line.startswith("- K_i is empty at the start for 1:") for line in words)
+    assert table["start"] == "inside the set that can be kept (S_I), largest ψ -0.1025"
+    assert table["inputs that keep the rows at the start (K_i)"] == "empty for 1"
+    assert any(
+        line.startswith("- At the start no input satisfies the rows of 1 ") for line in words
+    )
 
 
 def test_nothing_keeps_the_guaranteed_scenario_from_its_guarantee(check):
     found, table, words = check("guaranteed", "--strict")
     assert found == 0
     assert table["can end guaranteed"] == "yes"
-    assert table["η in force"] == "none given: local"
+    assert table["margin η in force"] == "none given: local"
     assert not [line for line in words if "No guarantee" in line]
 
 

@@ -7,15 +7,14 @@ import pytest
 
 from phalanx.guarantee.check import CheckReport, check
 from phalanx.guarantee.feasibility import rows_at_start
-from phalanx.guarantee.workspace import states_within
+from phalanx.guarantee.workspace import drawn_states
 from phalanx.scenario.load import load
-from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.margins.constants import constants, margin_constants
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.composition import Member, compose
 from phalanx.theory.safety.function import Separation
-from tests.unit.swarms import checked, swarm_of_scenario
+from tests.unit.swarms import checked, rows_of_scenario
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +33,7 @@ def test_the_guaranteed_scenario_may_be_guaranteed_and_simulation_1_as_printed_m
 ):
     assert guaranteed.may_be_guaranteed
     assert not paper.may_be_guaranteed
-    assert any("η is given" in gap for gap in paper.gaps)
+    assert any("η is a given number" in gap for gap in paper.gaps)
 
 
 def test_the_relative_degree_and_the_start_are_those_of_the_chain():
@@ -81,11 +80,10 @@ def test_on_the_boundary_an_equal_adversary_leaves_eta_and_a_slower_one_less_tha
 
 def test_other_seeds_ask_other_states_and_the_same_seed_the_same():
     """Nothing of a check is drawn but from (seed, purpose)."""
-    swarms = {seed: swarm_of_scenario("one-on-one", f"seed={seed}") for seed in (0, 1)}
     low, high = np.array([0.0, -1.0, 5.0, 5.0]), np.array([1.0, 1.0, 5.5, 9.0])
 
     def drawn(seed: int, purpose: str) -> np.ndarray:
-        return np.array(list(states_within(swarms[seed], purpose, low, high, 300)))
+        return np.array(list(drawn_states(seed, purpose, low, high, 300)))
 
     states = drawn(0, "inside")
     assert (states == drawn(0, "inside")).all()
@@ -119,8 +117,8 @@ def test_beyond_the_largest_gap_the_start_has_no_solution_and_below_it_has(guara
     assert gap > 0.012
     for factor, holds in ((0.8, True), (1.3, False)):
         period = f"agents.0.clock.period={gap * factor - 0.002}"
-        swarm = build_swarm(load("guaranteed", [period]))
-        assert all(rows_at_start(swarm).values()) is holds
+        rows = rows_of_scenario("guaranteed", period)
+        assert all(rows_at_start(rows).values()) is holds
 
 
 def test_the_largest_gap_does_not_grow_with_a_margin_that_proves_less(guaranteed):

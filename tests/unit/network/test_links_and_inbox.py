@@ -8,13 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import kstest
 
-from phalanx.network.inbox import BroadcastInbox
+from phalanx.network.inbox import BroadcastInbox, Fate
 from phalanx.network.link import Link
 from phalanx.scenario.load import load
 from phalanx.scenario.network import LinkModel, UniformDelay
 from phalanx.swarm.swarm import build_swarm
-from phalanx.theory.rows.origin import Origin
-from phalanx.wire.messages import VERSION, Fate, Input
+from phalanx.wire.messages import Broadcast
 
 LOSSY = LinkModel(loss=0.3, delay=UniformDelay(low=0.002, high=0.05))
 MANY = 4000
@@ -89,8 +88,8 @@ def test_an_override_governs_its_links_and_no_others():
 # The inbox. Broadcast k is sent at k/100 s.
 
 
-def broadcast(k: int) -> Input:
-    return Input(VERSION, k, k / 100, k / 100, (k + 1) / 100, (float(k), 0.0), Origin.QP, 0.0, 0.0)
+def broadcast(k: int) -> Broadcast:
+    return Broadcast(k=k, t_apply=k / 100, u=(float(k), 0.0))
 
 
 def inbox_of(model: LinkModel, senders: int = 1) -> BroadcastInbox:
@@ -100,7 +99,7 @@ def inbox_of(model: LinkModel, senders: int = 1) -> BroadcastInbox:
 
 def newest(inbox: BroadcastInbox, sender: int = 0) -> int | None:
     received = inbox.received().get(sender)
-    return None if received is None else received.k
+    return None if received is None else int(received.u[0])
 
 
 @given(st.permutations(range(20)))
@@ -150,10 +149,10 @@ def test_duplicates_and_replays_are_refused_and_change_nothing():
 def test_the_first_of_two_claims_to_one_number_counts():
     inbox = inbox_of(LinkModel())
     inbox.put(0, broadcast(0))
-    rival = Input(VERSION, 0, 0.0, 0.0, 0.01, (99.0, 0.0), Origin.QP, 0.0, 0.0)
+    rival = Broadcast(k=0, t_apply=0.0, u=(99.0, 0.0))
     assert not inbox.put(0, rival)
     inbox.advance((0,), 1.0)
-    assert inbox.received()[0].u == (0.0, 0.0)
+    assert inbox.received()[0].u.tolist() == [0.0, 0.0]
 
 
 def test_a_broadcast_that_came_early_counts_only_once_the_sample_says_it_exists():

@@ -6,17 +6,16 @@ import pytest
 from phalanx.plant.actuators import Actuators
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
-from phalanx.theory.rows.origin import Origin
-from phalanx.wire.messages import VERSION, Input, Sample
+from phalanx.wire.messages import Actuation, Sample
 from tests.unit.swarms import swarm_of_scenario
 
 
-def message(u: tuple[float, ...]) -> Input:
-    return Input(VERSION, 0, 0.0, 0.0, 0.01, u, Origin.QP, 0.0, 0.0)
+def message(u: tuple[float, ...]) -> Actuation:
+    return Actuation(k=0, t_apply=0.0, u=u)
 
 
 def sample(x: np.ndarray) -> Sample:
-    return Sample(VERSION, 0, 0.0, x.astype("<f8").tobytes(), (-1,) * 5)
+    return Sample(k=0, t=0.0, x=x.astype("<f8").tobytes(), latest=(-1,) * 5)
 
 
 @pytest.mark.parametrize(

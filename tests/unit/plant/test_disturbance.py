@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from phalanx.plant.disturbance import KnottedDisturbance, SwarmDisturbance
 from phalanx.scenario.agents import Disturbance
-from tests.unit.swarms import swarm_of_scenario
+from tests.unit.swarms import rows_of_scenario
 
 MODEL = Disturbance(bound=1.73, every=0.2)
 times = st.floats(0.0, 20.0)
@@ -59,12 +59,13 @@ def test_agents_are_disturbed_differently_and_no_bound_means_none():
 
 
 def test_the_swarms_disturbance_stacks_its_agents():
-    swarm = swarm_of_scenario("unicycles", "agents.1.disturbance.every=0.13")
-    stacked = SwarmDisturbance(swarm)
+    rows = rows_of_scenario("unicycles", "agents.1.disturbance.every=0.13")
+    swarm = rows.swarm
+    stacked = SwarmDisturbance(swarm, rows.chain)
     for t in (0.0, 0.05, 0.13, 0.2, 0.31):
         line = stacked.line(t, swarm.start())
         each = [
-            KnottedDisturbance(0, name, swarm.group(i)[0].disturbance, 3).line(t)
+            KnottedDisturbance(0, name, swarm.groups[i].disturbance, 3).line(t)
             for i, name in enumerate(swarm.names)
         ]
         assert line.end == min(l.end for l in each)

@@ -5,19 +5,18 @@ from pathlib import Path
 
 import pytest
 
-from phalanx.faults.commands import CommandKind, CommandPolicy
-from phalanx.guarantee.verdict import Outcome, Summary
+from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind, CommandPolicy
+from phalanx.guarantee.verdict import Outcome
 from phalanx.plant.commands import CommandQueue
-from phalanx.plant.judge import Judge
-from phalanx.plant.lockstep import Lockstep
-from phalanx.plant.world import DivergedError
+from phalanx.plant.run import PlantRun
 from phalanx.recording.read import read
-from phalanx.recording.records import Command
 from phalanx.recording.write import RecordingWriter
 from phalanx.scenario.load import load
+from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.messages import VERSION, Input, Sample, Status
+from phalanx.wire.messages import Actuation, Sample, Status, Telemetry
+from tests.unit.swarms import rows_of_scenario
 
 RUNAWAY = """
 from dataclasses import dataclass
@@ -47,18 +46,23 @@ start = [[0.5, 0.0]]
 
 
 class Coasting:
-    """An agent that wants nothing."""
+    """Agents that want nothing, in the plane."""
 
-    def __init__(self) -> None:
+    def __init__(self, latency: float = 0.0) -> None:
         self.asked = 0
+        self._latency, self._open = latency, {}
 
     def send_sample(self, i: int, sample: Sample) -> None:
-        self._sample = sample
+        self._open[i] = sample
         self.asked += 1
 
-    def await_input(self, i: int) -> Input:
-        k, t = self._sample.k, self._sample.t
-        return Input(VERSION, k, t, t, t + 0.01, (0.0, 0.0), Origin.QP, 0.0, 0.0, (None,))
+    def await_actuation(self, i: int) -> Actuation:
+        sample = self._open.pop(i)
+        return Actuation(k=sample.k, t_apply=sample.t + self._latency, u=(0.0, 0.0))
+
+    def await_telemetry(self, i: int, k: int) -> Telemetry:
+        rest = (0.0, 0.0)
+        return Telemetry(k=k, origin=Origin.QP, residual=0.0, u_nom=rest, solve_time=0.0, ages=())
 
     def publish_status(self, message: Status) -> None:
         pass
@@ -71,45 +75,26 @@ def test_the_input_before_a_breakdown_is_judged_and_recorded(
     (tmp_path / "runaway.toml").write_text(SCENARIO)
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
     scenario = load(str(tmp_path / "runaway.toml"))
-    swarm, agents = build_swarm(scenario), Coasting()
-    judge, file = Judge(swarm), tmp_path / "runaway.mcap"
+    agents, file = Coasting(), tmp_path / "runaway.mcap"
     with RecordingWriter(file, scenario, "runaway") as recording:
-        lockstep = Lockstep(swarm, agents, judge, recording)
-        with pytest.raises(DivergedError) as found:
-            lockstep.run()
-        nothing = ("", 0.0, 0.0, "", 0, {}, [], [], {}, 0.0)
-        recording.finish(Summary(Outcome.BROKEN, str(found.value), lockstep.world.t, 0, *nothing))
+        rows, commands = build_rows(build_swarm(scenario)), CommandQueue(NO_COMMANDS, ("1",))
+        summary = PlantRun(rows, agents, recording, commands).run()
+        recording.finish(summary)
+    assert summary.outcome is Outcome.BROKEN
     assert agents.asked > 1
-    assert judge.steps == agents.asked
+    assert summary.steps == agents.asked
     assert len(read(file).steps) == agents.asked
 
 
 def test_an_agent_thawed_while_its_input_is_on_its_way_samples_after_that_took_effect(
     tmp_path: Path,
 ) -> None:
-    scenario = load("one-on-one", ["duration=0.2", "time.latency=0.004"])
-    swarm = build_swarm(scenario)
-    name, agents, judge = swarm.names[0], Remembering(0.004), Judge(swarm)
+    rows = rows_of_scenario("one-on-one", "duration=0.2", "time.latency=0.004")
+    swarm, agents = rows.swarm, Coasting(latency=0.004)
+    name = swarm.names[0]
     schedule = (Command(0.101, CommandKind.FREEZE, name), Command(0.102, CommandKind.THAW, name))
-    with RecordingWriter(tmp_path / "thaw.mcap", scenario, "thaw") as recording:
+    with RecordingWriter(tmp_path / "thaw.mcap", swarm.scenario, "thaw") as recording:
         commands = CommandQueue(CommandPolicy(schedule=schedule), swarm.names)
-        Lockstep(swarm, agents, judge, recording, commands).run()
-    assert judge.steps == agents.asked
-
-
-class Remembering(Coasting):
-    """The same for several, with a latency."""
-
-    def __init__(self, latency: float) -> None:
-        super().__init__()
-        self._latency, self._open = latency, {}
-
-    def send_sample(self, i: int, sample: Sample) -> None:
-        self._open[i] = sample
-        self.asked += 1
-
-    def await_input(self, i: int) -> Input:
-        sample = self._open.pop(i)
-        due = sample.t + self._latency
-        nobody = (None,) * len(sample.latest)
-        return Input(VERSION, sample.k, sample.t, due, 0.0, (0.0, 0.0), Origin.QP, 0.0, 0.0, nobody)
+        summary = PlantRun(rows, agents, recording, commands).run()
+    assert summary.outcome in (Outcome.SAFE, Outcome.VIOLATED)
+    assert summary.steps == agents.asked

@@ -9,7 +9,7 @@ from tests.unit.swarms import swarm_of_scenario
 
 
 def pairs() -> ComposedSet:
-    return swarm_of_scenario("unicycles").chain.set
+    return swarm_of_scenario("unicycles").safe_set
 
 
 def seen(truth: PairExtremes, times: list[float], **h: list[float]) -> None:
@@ -48,7 +48,7 @@ def test_lse_above_zero_is_no_departure_while_every_pair_is_at_most_zero():
     departures = []
     for t, h in ((0.1, -0.005), (0.2, 0.1), (0.3, -1.0)):
         seen(truth, [t], p1_2=[h])
-        departures.append(truth.unsafe)
+        departures.append(bool(truth.take_unsafe()))
     assert truth.worst_h_tot > 0.0
     assert departures == [False, True, False]
 

@@ -8,14 +8,15 @@ from scipy.integrate import solve_ivp
 
 from phalanx.plant.disturbance import KnottedDisturbance
 from phalanx.plant.world import DisturbanceKnot, IntegrationSteps, World
+from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
-from tests.unit.swarms import swarm_of_scenario
+from tests.unit.swarms import rows_of_scenario
 
 U = np.array([[3.0, 1.9], [-2.0, 1.0], [4.0, -2.0], [1.0, 0.5], [2.0, -1.0]])
 
 
-def world(swarm: Swarm) -> World:
-    world = World(swarm)
+def world(rows: SafetyRows) -> World:
+    world = World(rows)
     for i, u in enumerate(U):
         world.apply(i, u)
     return world
@@ -24,7 +25,7 @@ def world(swarm: Swarm) -> World:
 def truly(swarm: Swarm, t: float) -> np.ndarray:
     """The unicycles under U by an adaptive solver of order 8, knot by knot."""
     sources = [
-        KnottedDisturbance(0, name, swarm.group(i)[0].disturbance, 3)
+        KnottedDisturbance(0, name, swarm.groups[i].disturbance, 3)
         for i, name in enumerate(swarm.names)
     ]
 
@@ -45,10 +46,10 @@ def truly(swarm: Swarm, t: float) -> np.ndarray:
 
 
 def test_the_world_follows_the_continuous_dynamics():
-    swarm = swarm_of_scenario("unicycles")
-    own = world(swarm)
+    rows = rows_of_scenario("unicycles")
+    own = world(rows)
     own.advance(1.0)
-    assert own.x == pytest.approx(truly(swarm, 1.0), abs=1e-11)
+    assert own.x == pytest.approx(truly(rows.swarm, 1.0), abs=1e-11)
 
 
 def test_the_integration_is_of_fourth_order():
@@ -60,19 +61,19 @@ def test_the_integration_is_of_fourth_order():
     errors = []
     for step in (1e-3, 5e-4, 2.5e-4):
         finer = [f"time.integration_step={step}", "agents.0.disturbance.bound=0.0"]
-        swarm = swarm_of_scenario("unicycles", *finer)
-        own = World(swarm)
+        rows = rows_of_scenario("unicycles", *finer)
+        own = World(rows)
         for i, u in enumerate(global_u):
             own.apply(i, u)
         own.advance(0.128)
-        errors.append(np.abs(own.x - exactly(swarm, global_u, 0.128)).max())
+        errors.append(np.abs(own.x - exactly(rows.swarm, global_u, 0.128)).max())
     assert errors[0] / errors[1] == pytest.approx(16, rel=0.1)
     assert errors[1] / errors[2] == pytest.approx(16, rel=0.15)
 
 
 def exactly(swarm: Swarm, u: np.ndarray, t: float) -> np.ndarray:
     sources = [
-        KnottedDisturbance(0, name, swarm.group(i)[0].disturbance, 3)
+        KnottedDisturbance(0, name, swarm.groups[i].disturbance, 3)
         for i, name in enumerate(swarm.names)
     ]
     lines = [source.line(0.0) for source in sources]
@@ -88,7 +89,7 @@ def exactly(swarm: Swarm, u: np.ndarray, t: float) -> np.ndarray:
 @given(st.lists(st.floats(0.0, 0.7), max_size=12))
 @settings(max_examples=10)
 def test_advancing_in_pieces_gives_the_state_of_advancing_at_once(stops):
-    whole, pieces = (world(swarm_of_scenario("unicycles")) for _ in range(2))
+    whole, pieces = (world(rows_of_scenario("unicycles")) for _ in range(2))
     whole.advance(0.7)
     for stop in [*sorted(stops), 0.7]:
         pieces.advance(stop)
@@ -97,17 +98,17 @@ def test_advancing_in_pieces_gives_the_state_of_advancing_at_once(stops):
 
 
 def test_the_world_starts_at_the_scenarios_start_with_actuators_at_zero():
-    own = World(swarm_of_scenario("unicycles"))
-    assert (own.x == swarm_of_scenario("unicycles").start()).all()
+    own = World(rows_of_scenario("unicycles"))
+    assert (own.x == rows_of_scenario("unicycles").swarm.start()).all()
     calm = [f"agents.{group}.disturbance.bound=0.0" for group in (0, 1)]
-    still = World(swarm_of_scenario("unicycles", *calm))
+    still = World(rows_of_scenario("unicycles", *calm))
     before = still.x
     still.advance(0.5)
     assert (still.x == before).all()
 
 
 def test_the_truth_is_seen_at_every_step_of_at_most_a_millisecond():
-    own = world(swarm_of_scenario("unicycles"))
+    own = world(rows_of_scenario("unicycles"))
     own.advance(0.45)
     seen = own.take_seen()
     assert own.take_seen() == []

@@ -22,7 +22,7 @@ HOSTILE = "<script>alert('&')</script>"
 def drift(scenario: Scenario, states: int = 60, steps: int = 40) -> list[State | Step | Log]:
     """Records of a swarm that drifts along x; inputs and links as real as their rules make them."""
     swarm = build_swarm(scenario)
-    composed = swarm.chain.set
+    composed = swarm.safe_set
     h_tot = ca.Function("h", [composed.x], [composed.substitute(composed.h_tot)])
     along = np.concatenate([np.eye(len(m.dynamics.states))[0] for m in swarm.members])
     records: list[State | Step | Log] = []

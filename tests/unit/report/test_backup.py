@@ -8,7 +8,7 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from phalanx.report.backup import Slice, backup_plate, backup_slice
-from tests.unit.swarms import swarm_of_scenario
+from tests.unit.swarms import rows_of_scenario
 
 UNSAFE, TOO_LATE, SUFFICES = range(3)
 COLOURS = {UNSAFE: "#5b6068", TOO_LATE: "#f4b6b0", SUFFICES: "#bfe3c6"}
@@ -18,7 +18,7 @@ ETA = 0.3  # of one-on-one, where α(h) = h
 @pytest.fixture(scope="module")
 def equal() -> Slice:
     """Around an agent, the places of an adversary as fast as itself."""
-    return backup_slice(swarm_of_scenario("one-on-one"), reach=4.0)
+    return backup_slice(rows_of_scenario("one-on-one"), reach=4.0)
 
 
 def distances(found: Slice) -> np.ndarray:
@@ -38,10 +38,16 @@ def test_against_an_equal_the_backup_suffices_exactly_where_alpha_outweighs_the_
 
 def test_against_a_faster_one_the_backup_suffices_only_farther_away():
     """Flight and chase leave 2 (|D_1| + |D_2|) (1.5 - 1) beside α(h) + η."""
-    faster = backup_slice(swarm_of_scenario("one-on-one", "agents.1.dynamics.speed=1.5"), 4.0)
+    faster = backup_slice(rows_of_scenario("one-on-one", "agents.1.dynamics.speed=1.5"), 4.0)
     dx, dy = np.meshgrid(*faster.axes)
     left = np.abs(dx) + np.abs(dy) + 1.0 - dx**2 - dy**2 + ETA
     np.testing.assert_array_equal(faster.answers == SUFFICES, left <= 1e-12)
+
+
+def test_a_margin_scaled_down_lets_the_backup_suffice_nearer():
+    halved = backup_slice(rows_of_scenario("one-on-one", "safety.margin_scale=0.5"), 4.0)
+    h = 1.0 - distances(halved) ** 2
+    np.testing.assert_array_equal(halved.answers == SUFFICES, h + 0.5 * ETA <= 0)
 
 
 def test_the_picture_shows_each_answer_on_as_much_of_its_panel_as_the_slice_gives_it(equal):

@@ -16,7 +16,7 @@ from phalanx.swarm.swarm import build_swarm
 def test_distances_are_those_of_the_output_points(recording: Recording) -> None:
     swarm = build_swarm(recording.scenario)
     motion = Motion(recording, swarm)
-    composed = swarm.chain.set
+    composed = swarm.safe_set
     h = ca.Function("h", [composed.x], [composed.h])
     for state in (0, 59):
         between = np.array(h(recording.x[state]))[:, 0]

@@ -16,16 +16,18 @@ from phalanx.scenario.network import UniformDelay
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.margins.paper import MarginConstants
 from phalanx.theory.rows.information import Information
+from tests.unit.swarms import rows_of_scenario
 
 
 def test_unicycles_is_simulation_1_of_the_paper():
     scenario = load("unicycles")
-    swarm = build_swarm(scenario)
+    rows = rows_of_scenario("unicycles")
+    swarm = rows.swarm
     assert swarm.names == ("1", "2", "3", "4", "5")
     assert swarm.normal == (0, 1, 2)
-    assert swarm.chain.relative_degree == 1
-    assert len(swarm.chain.set.pairs) == 3 + 3 * 2 + 3 * 3
-    assert [swarm.eta(i) for i in range(5)] == [8.0566] * 5
+    assert rows.chain.relative_degree == 1
+    assert len(swarm.safe_set.pairs) == 3 + 3 * 2 + 3 * 3
+    assert [rows.margin(i).eta for i in range(5)] == [8.0566] * 5
     assert scenario.safety.information is Information.PAPER
 
 
@@ -34,7 +36,7 @@ def test_agents_start_within_their_spread_of_their_slot():
     swarm = build_swarm(scenario)
     assert scenario.formation is not None
     for i, (_, group, place) in enumerate(scenario.roster()):
-        x = swarm.start()[swarm.chain.set.parts[i]]
+        x = swarm.start()[swarm.safe_set.parts[i]]
         slot = scenario.formation.goal(group.slots[place], 0.0).position
         assert abs(x[:2] - slot).max() <= 0.2
         assert abs(x[2]) <= 0.3
@@ -117,11 +119,11 @@ def test_set_takes_toml_values():
 
 def test_set_can_turn_the_margin_into_constants_and_back():
     eta = "safety.eta={c_f=1,c_g=2,c_alpha=3,c_gamma=4,c_h=5,u_max=6,mu=7}"
-    swarm = build_swarm(load("unicycles", [eta]))
-    assert isinstance(swarm.scenario.safety.eta, MarginConstants)
+    rows = rows_of_scenario("unicycles", eta)
+    assert isinstance(rows.swarm.scenario.safety.eta, MarginConstants)
     by_hand = (1 + 2 * 6 + 3 + 4) * 7 * 0.012 + 5 * 5 * 1.73
-    assert swarm.eta(0) == pytest.approx(by_hand)
-    assert build_swarm(load("unicycles", [eta, "safety.eta=0"])).eta(0) == 0.0
+    assert rows.margin(0).eta == pytest.approx(by_hand)
+    assert rows_of_scenario("unicycles", eta, "safety.eta=0").margin(0).eta == 0.0
 
 
 def test_the_seed_option_outranks_set():
@@ -132,8 +134,8 @@ def test_the_seed_option_outranks_set():
     ("override", "fragments"),
     [
         ("network.loss", ["network.loss", "expected path.to.field=value"]),
-        ("=3", ["expected path.to.field=value"]),
-        ("a..b=3", ["expected path.to.field=value"]),
+        ("=3", ["expected path.to.field"]),
+        ("a..b=3", ["a..b: expected path.to.field"]),
         ("agents.7.role=normal", ["index from 0 to 1", "'7'"]),
         ("agents.-1.role=normal", ["index from 0 to 1", "'-1'"]),
         ("agents.first.role=normal", ["index from 0 to 1", "'first'"]),

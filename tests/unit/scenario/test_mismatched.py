@@ -3,6 +3,7 @@
 import pytest
 
 from phalanx.scenario.load import ScenarioError, load
+from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from tests.unit.scenario.broken import replace, working, written
 
@@ -33,5 +34,5 @@ def test_parts_that_do_not_fit_together_are_refused_when_the_swarm_is_built(
 ):
     scenario = load(written(edit(working()), tmp_path))
     with pytest.raises(ScenarioError) as error:
-        build_swarm(scenario)
+        build_rows(build_swarm(scenario))
     assert fragment in str(error.value)

@@ -10,15 +10,16 @@ from phalanx.scenario.safety import Safety
 from phalanx.theory.rows.decision import decide
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import paper_row
-from tests.unit.swarms import swarm_of_scenario
+from tests.unit.swarms import rows_of_scenario
 
 
 @pytest.mark.parametrize("name", shipped())
 def test_every_shipped_scenario_has_its_own_name_and_starts_in_its_safe_set(name):
-    swarm = swarm_of_scenario(name)
+    rows = rows_of_scenario(name)
+    swarm = rows.swarm
     assert swarm.scenario.name == name
     assert swarm.start().shape == (sum(len(m.dynamics.states) for m in swarm.members),)
-    assert (swarm.invariants()(swarm.start())[0] <= 0).all()
+    assert (rows.invariants()(swarm.start())[0] <= 0).all()
 
 
 def test_every_choice_of_safety_is_documented():
@@ -27,17 +28,18 @@ def test_every_choice_of_safety_is_documented():
 
 
 def test_simulation_2_is_the_papers():
-    swarm = swarm_of_scenario("formation3d")
-    assert swarm.chain.relative_degree == 2
+    rows = rows_of_scenario("formation3d")
+    swarm = rows.swarm
+    assert rows.chain.relative_degree == 2
     assert len(swarm.normal) == 4
     assert len(swarm.members) == 8
-    assert len(swarm.chain.set.pairs) == 6 + 16 + 40
+    assert len(swarm.safe_set.pairs) == 6 + 16 + 40
 
 
 def test_surrounded_by_equals_no_input_keeps_the_row():
-    swarm = swarm_of_scenario("surrounded")
-    terms = swarm.terms(0)(swarm.start())
-    row = paper_row(terms, 0, {}, swarm.eta(0))
+    rows = rows_of_scenario("surrounded")
+    terms = rows.terms(0)(rows.swarm.start())
+    row = paper_row(terms, 0, {})
     decision = decide(terms, 0, row, np.zeros(2), NearestInput((1.0, 1.0), 4), 0.0)
     assert terms.least[0] > row.bound
     assert decision.residual > 0

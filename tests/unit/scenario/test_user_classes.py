@@ -7,7 +7,8 @@ import pytest
 
 from phalanx.guarantee.check import check
 from phalanx.scenario.load import ScenarioError, load
-from phalanx.swarm.swarm import build_swarm, require_rows
+from phalanx.swarm.rows import build_rows, require_runnable
+from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.models.dynamics import Dynamics
 
 MODULE = '''
@@ -157,7 +158,7 @@ def test_a_users_classes_in_the_working_directory_make_a_swarm(own):
     dynamics = swarm.members[0].dynamics
     assert isinstance(dynamics, Dynamics)
     assert (type(dynamics).__name__, dynamics.speed, dynamics.current) == ("Swimmer", 2.0, 0.7)
-    assert swarm.chain.relative_degree == 1
+    assert build_rows(swarm).chain.relative_degree == 1
 
 
 @pytest.mark.parametrize(
@@ -233,7 +234,7 @@ def test_an_expression_of_a_user_that_fails_is_a_scenario_error(own):
 def test_input_bounds_that_vary_are_refused_by_name_where_a_row_cannot_take_them(own, proven):
     tired = "agents.0.dynamics.type=swimming_user:Tired"
     with pytest.raises(ScenarioError, match=r"input bounds of [ab]\b"):
-        require_rows(build_swarm(load("own.toml", [tired, *proven])))
+        require_runnable(build_swarm(load("own.toml", [tired, *proven])))
 
 
 def test_a_check_of_varying_input_bounds_says_what_it_cannot_compute(own):

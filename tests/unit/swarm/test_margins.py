@@ -5,37 +5,40 @@ import pytest
 
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.margins.local import local_margin
-from phalanx.theory.rows.pairs import HALF
-from tests.unit.swarms import swarm_of_scenario
+from phalanx.theory.margins.row_part import RowPart
+from tests.unit.swarms import rows_of_scenario
 
 
 def test_an_agents_rows_have_the_margin_of_its_own_place_until_it_samples_again():
     """Γ_i + δ_i^max and the latency: for so long its input may be in force."""
     late = ["time.latency=0.003", "agents.0.clock.jitter=0.001"]
-    swarm = swarm_of_scenario("guaranteed", *late)
+    rows = rows_of_scenario("guaranteed", *late)
+    swarm = rows.swarm
     x = swarm.start()
-    bounds = [group.disturbance.bound for _, group, _ in swarm.scenario.roster()]
+    bounds = [group.disturbance.bound for group in swarm.groups]
     for i in swarm.normal:
-        clock = swarm.group(i)[0].clock
+        clock = swarm.groups[i].clock
         horizon = clock.period + 0.001 + 0.003
-        terms, pairs = swarm.pair_terms(i)(x), swarm.own_pairs(i)
+        terms, pairs = rows.pair_terms(i)(x), rows.own_pairs(i)
         for k, pair in enumerate(pairs):
             members = [swarm.names.index(m.name) for m in pair.chain.set.members]
             assert members[pair.own] == i
             phi = [bounds[l] for l in members]
-            shares = [(None, terms.margin), *([(HALF, terms.half_margin)] if pair.shared else [])]
-            for share, found in shares:
-                own = local_margin(pair.chain, pair.own, horizon, phi, share)
-                state = np.concatenate([x[swarm.chain.set.parts[l]] for l in members])
+            parts = {RowPart.WHOLE: terms.margin}
+            if pair.shared:
+                parts[RowPart.HALF] = terms.half_margin
+            for part, found in parts.items():
+                own = local_margin(pair.chain, pair.own, horizon, phi, part)
+                state = np.concatenate([x[swarm.safe_set.parts[l]] for l in members])
                 expected = CompiledFunction([pair.chain.set.x], [own])(state)[0]
                 assert found[k] == pytest.approx(expected[0])
 
 
 def test_for_q_1_the_corrected_margin_is_the_papers_and_for_q_2_no_disturbance_counts_twice():
-    same = [swarm_of_scenario("unicycles", f"safety.margin={m}") for m in ("paper", "corrected")]
-    x = same[0].start()
-    paper, corrected = (swarm.terms(0)(x) for swarm in same)
-    assert paper.margin == corrected.margin == 0.0
+    same = [rows_of_scenario("unicycles", f"safety.margin={m}") for m in ("paper", "corrected")]
+    x = same[0].swarm.start()
+    paper, corrected = (rows.terms(0)(x) for rows in same)
+    assert paper.margin == corrected.margin == 8.0566
     eta = "safety.eta={c_f=0.0, c_g=0.0, c_alpha=0.0, c_gamma=0.0, c_h=9.0, u_max=1.0, mu=1.0}"
-    assert swarm_of_scenario("unicycles", eta).eta(0) == pytest.approx(9.0 * 5 * 1.73)
-    assert swarm_of_scenario("formation3d", eta).eta(0) == 0.0
+    assert rows_of_scenario("unicycles", eta).margin(0).eta == pytest.approx(9.0 * 5 * 1.73)
+    assert rows_of_scenario("formation3d", eta).margin(0).eta == 0.0

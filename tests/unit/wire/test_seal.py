@@ -8,48 +8,48 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from phalanx.network.inbox import Fate
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.keys import Keys, sender
+from phalanx.wire.keys import Keys, kind_and_name
 from phalanx.wire.messages import (
     MAX_BYTES,
     VERSION,
+    Actuation,
+    Broadcast,
     Ended,
-    Fate,
-    Input,
-    Malformed,
     Message,
     Sample,
-    Sealer,
     Status,
+    Telemetry,
 )
+from phalanx.wire.seal import Malformed, Sealer
 
 KEYS = Keys("run-1")
-KEY = KEYS.input("1")
+KEY = KEYS.telemetry("1")
 SEALER = Sealer(b"secret")
-INPUT = Input(
-    version=VERSION,
+TELEMETRY = Telemetry(
     k=7,
-    t=0.07,
-    t_apply=0.07,
-    t_next=0.0812,
-    u=(1.5, -0.25),
     origin=Origin.QP,
     residual=-1e-9,
+    u_nom=(1.5, -0.25),
     solve_time=1e-4,
     ages=(None, 0.012),
     fates=(Fate(1, 6, 0.003),),
     rejected=2,
 )
+ACTUATION = Actuation(k=7, t_apply=0.07, u=(1.5, -0.25))
 MESSAGES: list[Message] = [
-    INPUT,
-    Sample(VERSION, 3, 0.03, b"\0" * 24, (2, -1, 3)),
-    Status(VERSION, 1.0, 24.0, -math.inf, 100, 3, ("1", "2")),
-    Ended(VERSION, b"{}"),
+    TELEMETRY,
+    ACTUATION,
+    Broadcast(k=7, t_apply=0.07, u=(1.5, -0.25)),
+    Sample(k=3, t=0.03, x=b"\0" * 24, latest=(2, -1, 3)),
+    Status(t=1.0, real_time_factor=24.0, steps=100, backups=3, waiting_for=("1", "2")),
+    Ended(summary=b"{}"),
 ]
-kinds = st.sampled_from([Input, Sample, Status, Ended])
+kinds = st.sampled_from([type(message) for message in MESSAGES])
 
 
-def reason(payload: bytes, key: str = KEY, kind: type = Input, sealer: Sealer = SEALER) -> str:
+def reason(payload: bytes, key: str = KEY, kind: type = Telemetry, sealer: Sealer = SEALER) -> str:
     with pytest.raises(Malformed) as refusal:
         sealer.open(key, payload, kind)
     return str(refusal.value)
@@ -70,8 +70,8 @@ def test_a_sealed_message_opens_as_it_was(message, secret):
 
 @given(k=st.integers(0, 2**62), u=st.lists(st.floats(allow_nan=False, allow_infinity=False)))
 def test_numbers_pass_the_wire_bit_for_bit(k, u):
-    message = msgspec.structs.replace(INPUT, k=k, u=tuple(u))
-    again = SEALER.open(KEY, SEALER.seal(KEY, message), Input)
+    message = msgspec.structs.replace(ACTUATION, k=k, u=tuple(u))
+    again = SEALER.open(KEY, SEALER.seal(KEY, message), Actuation)
     assert again.k == k
     assert [a.hex() for a in again.u] == [a.hex() for a in u]
 
@@ -79,14 +79,14 @@ def test_numbers_pass_the_wire_bit_for_bit(k, u):
 @given(st.data())
 @settings(max_examples=300)
 def test_any_flipped_bit_is_refused(data):
-    payload = bytearray(SEALER.seal(KEY, INPUT))
+    payload = bytearray(SEALER.seal(KEY, TELEMETRY))
     bit = data.draw(st.integers(0, 8 * len(payload) - 1))
     payload[bit // 8] ^= 1 << bit % 8
     assert reason(bytes(payload)) == "bad seal"
 
 
 def test_every_flipped_bit_is_refused_even_without_a_secret():
-    payload, sealer = Sealer().seal(KEY, INPUT), Sealer()
+    payload, sealer = Sealer().seal(KEY, TELEMETRY), Sealer()
     for bit in range(8 * len(payload)):
         flipped = bytearray(payload)
         flipped[bit // 8] ^= 1 << bit % 8
@@ -94,61 +94,68 @@ def test_every_flipped_bit_is_refused_even_without_a_secret():
 
 
 @pytest.mark.parametrize(
-    "key", [KEYS.input("2"), KEYS.sample("1"), Keys("run-2").input("1"), "", KEY + "/"]
+    "key",
+    [
+        KEYS.telemetry("2"),
+        KEYS.sample("1"),
+        Keys("run-2").telemetry("1"),
+        "",
+        KEY + "/",
+    ],
 )
 def test_a_message_for_another_key_or_run_is_refused(key):
-    assert reason(SEALER.seal(KEY, INPUT), key) == "bad seal"
+    assert reason(SEALER.seal(KEY, TELEMETRY), key) == "bad seal"
 
 
 @pytest.mark.parametrize("secret", [b"", b"Secret", b"secret\0"])
 def test_a_message_under_another_secret_is_refused(secret):
-    assert reason(Sealer(secret).seal(KEY, INPUT)) == "bad seal"
+    assert reason(Sealer(secret).seal(KEY, TELEMETRY)) == "bad seal"
 
 
 def test_an_oversized_payload_is_refused_unseen():
-    summary = Ended(VERSION, b"x" * MAX_BYTES)
+    summary = Ended(summary=b"x" * MAX_BYTES)
     assert reason(SEALER.seal(KEY, summary), kind=Ended) == "oversized"
 
 
 def test_the_largest_payload_allowed_opens():
-    seal_and_head = len(SEALER.seal(KEY, Ended(VERSION, b"x" * 60_000))) - 60_000
-    message = Ended(VERSION, b"x" * (MAX_BYTES - seal_and_head))
+    seal_and_head = len(SEALER.seal(KEY, Ended(summary=b"x" * 60_000))) - 60_000
+    message = Ended(summary=b"x" * (MAX_BYTES - seal_and_head))
     payload = SEALER.seal(KEY, message)
     assert len(payload) == MAX_BYTES
     assert SEALER.open(KEY, payload, Ended) == message
 
 
 def test_every_truncation_is_refused():
-    payload = SEALER.seal(KEY, INPUT)
+    payload = SEALER.seal(KEY, TELEMETRY)
     reasons = {reason(payload[:length]) for length in range(len(payload))}
     assert reasons == {"truncated", "bad seal"}
     assert reason(payload[:16]) == "truncated"
 
 
 def test_another_version_is_refused():
-    newer = msgspec.structs.replace(INPUT, version=VERSION + 1)
+    newer = msgspec.structs.replace(TELEMETRY, version=VERSION + 1)
     assert reason(SEALER.seal(KEY, newer)) == "other version"
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize(
-    "change",
+    ("message", "change"),
     [
-        lambda v: {"t": v},
-        lambda v: {"t_apply": v},
-        lambda v: {"t_next": v},
-        lambda v: {"residual": v},
-        lambda v: {"u": (1.0, v)},
-        lambda v: {"solve_time": v},
-        lambda v: {"ages": (None, v)},
-        lambda v: {"fates": (Fate(1, 6, v),)},
+        (ACTUATION, lambda v: {"t_apply": v}),
+        (ACTUATION, lambda v: {"u": (1.0, v)}),
+        (MESSAGES[2], lambda v: {"t_apply": v}),
+        (MESSAGES[2], lambda v: {"u": (1.0, v)}),
+        (TELEMETRY, lambda v: {"residual": v}),
+        (TELEMETRY, lambda v: {"u_nom": (1.0, v)}),
+        (TELEMETRY, lambda v: {"solve_time": v}),
+        (TELEMETRY, lambda v: {"ages": (None, v)}),
+        (TELEMETRY, lambda v: {"fates": (Fate(1, 6, v),)}),
     ],
-    ids=["t", "t_apply", "t_next", "residual", "u", "solve_time", "ages", "fates"],
 )
-def test_numbers_that_are_not_finite_are_refused(change, bad):
+def test_numbers_that_are_not_finite_are_refused(message, change, bad):
     """JSON has no NaN: one that got into the recording would make it unreadable."""
-    payload = SEALER.seal(KEY, msgspec.structs.replace(INPUT, **change(bad)))
-    assert reason(payload) == "not finite"
+    payload = SEALER.seal(KEY, msgspec.structs.replace(message, **change(bad)))
+    assert reason(payload, kind=type(message)) == "not finite"
 
 
 @pytest.mark.parametrize(
@@ -161,8 +168,8 @@ def test_numbers_that_are_not_finite_are_refused(change, bad):
         (msgspec.msgpack.encode([VERSION, *[None] * 40]), "wrong fields"),
         (b"\xc1", "not msgpack"),
         (b"\x91" * 5000, "wrong fields"),
-        (msgspec.msgpack.encode(INPUT)[:-1], "not msgpack"),
-        (msgspec.msgpack.encode(INPUT) + b"\0", "not msgpack"),
+        (msgspec.msgpack.encode(TELEMETRY)[:-1], "not msgpack"),
+        (msgspec.msgpack.encode(TELEMETRY) + b"\0", "not msgpack"),
     ],
 )
 def test_a_well_sealed_body_that_is_no_message_is_refused(body, expected):
@@ -170,11 +177,11 @@ def test_a_well_sealed_body_that_is_no_message_is_refused(body, expected):
 
 
 def test_the_forged_seal_of_these_tests_is_a_valid_one():
-    assert SEALER.open(KEY, forged(msgspec.msgpack.encode(INPUT)), Input) == INPUT
+    assert SEALER.open(KEY, forged(msgspec.msgpack.encode(TELEMETRY)), Telemetry) == TELEMETRY
 
 
 def test_an_unknown_origin_is_refused():
-    body = msgspec.msgpack.encode(INPUT).replace(b"\xa2qp", b"\xa2zz")
+    body = msgspec.msgpack.encode(TELEMETRY).replace(b"\xa2qp", b"\xa2zz")
     assert reason(forged(body)) == "wrong fields"
 
 
@@ -192,7 +199,7 @@ def test_sealed_noise_is_malformed_and_nothing_else(noise, kind):
         SEALER.open(KEY, forged(noise), kind)
 
 
-@given(st.integers(0, 3), st.integers(0, 255), st.integers(0, 400))
+@given(st.integers(0, len(MESSAGES) - 1), st.integers(0, 255), st.integers(0, 400))
 @settings(max_examples=300)
 def test_a_message_altered_by_one_who_holds_the_secret_is_a_message_or_malformed(which, byte, at):
     body = bytearray(msgspec.msgpack.encode(MESSAGES[which]))
@@ -205,8 +212,9 @@ def test_a_message_altered_by_one_who_holds_the_secret_is_a_message_or_malformed
     assert type(found) is kind
 
 
-def test_keys_have_the_sender_at_a_fixed_depth():
-    assert KEY == "phalanx/run-1/input/1"
-    assert sender(KEY) == "1"
-    assert sender(KEYS.sample("4")) == "4"
-    assert sender(KEYS.alive("plant", "0a1b")) == "plant"
+def test_keys_have_the_kind_and_the_sender_at_a_fixed_depth():
+    assert KEY == "phalanx/run-1/telemetry/1"
+    assert kind_and_name(KEY) == ("telemetry", "1")
+    assert kind_and_name(KEYS.sample("4")) == ("sample", "4")
+    assert kind_and_name(KEYS.alive("plant", "0a1b")) == ("alive", "plant")
+    assert kind_and_name("phalanx/run-1") == ("", "")

@@ -10,6 +10,7 @@ from phalanx.theory.laws.law import View
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.outputs import OutputDerivatives
 from phalanx.theory.models.unicycle import Unicycle
+from tests.unit.swarms import rows_of_scenario
 
 
 def test_tracking_gives_the_output_the_wanted_acceleration_but_for_drag():
@@ -27,11 +28,11 @@ def test_a_chasing_adversary_avoids_another_adversary_in_its_way():
     """Adversary 4 chases agent 0 straight through adversary 5."""
     swarm = build_swarm(load("formation3d"))
     x = swarm.start()
-    parts = swarm.chain.set.parts
+    parts = swarm.safe_set.parts
     x[parts[0]] = [60.0, 0, 0, 0, 0, 0]
     x[parts[4]] = [50.0, 0, 0, 2.0, 0, 0]
     x[parts[5]] = [53.0, 0, 0, 0, 0, 0]
-    terms, law = swarm.terms(4)(x), swarm.law(4)
+    terms, law = rows_of_scenario("formation3d").terms(4)(x), swarm.law(4)
     view = _view(swarm, 4, x, terms)
     guarded = law.input(view)
     assert guarded[0] < 0
@@ -40,5 +41,5 @@ def test_a_chasing_adversary_avoids_another_adversary_in_its_way():
 
 
 def _view(swarm, i, x, terms):
-    states = [x[part] for part in swarm.chain.set.parts]
+    states = [x[part] for part in swarm.safe_set.parts]
     return View(i, states, swarm.normal, hold(terms.positions[i]), terms)

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.margins.constants import constants
 from phalanx.theory.margins.local import UNKNOWN, local_margin
+from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.models.bicycle import KinematicBicycle
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.models.unicycle import Unicycle
-from phalanx.theory.rows.pairs import HALF
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.composition import Member, compose
 from phalanx.theory.safety.function import Body, Separation
@@ -43,37 +43,36 @@ def field_of(member: Member):
 class Pair:
     """Two agents, the second perhaps an adversary, with the row of the first."""
 
-    def __init__(self, name: str, share: float | None) -> None:
+    def __init__(self, name: str, part: RowPart) -> None:
         dynamics, alphas, self.horizon = CASES[name]
-        members = [Member("a", dynamics, False), Member("b", dynamics, share is None)]
+        members = [Member("a", dynamics, False), Member("b", dynamics, part is RowPart.WHOLE)]
         self.set = compose(members, [], Separation(1.0), 1.0)
         chain = build_chain(self.set, alphas, None, PHI)
         self.n, self.m = len(dynamics.states), len(dynamics.inputs)
         self.corners = constant_polytope(*dynamics.input_polytope(ca.SX.sym("x", self.n))).corners
         u, w = ca.SX.sym("u", self.m), ca.SX.sym("w", self.m)
-        part = 1.0 if share is None else share
-        row = chain.actuation[0] @ u + part * (ca.sum1(chain.drift) + chain.alpha)
-        if share is None:
+        row = chain.actuation[0] @ u + part.value * (ca.sum1(chain.drift) + chain.alpha)
+        if part is RowPart.WHOLE:
             row += chain.actuation[1] @ w
-        outputs = [self.set.substitute(e) for e in (row, part * chain.disturbance)]
+        outputs = [self.set.substitute(e) for e in (row, part.value * chain.disturbance)]
         self.row = CompiledFunction([self.set.x, u, w], outputs)
-        margin = local_margin(chain, 0, self.horizon, PHI, share)
+        margin = local_margin(chain, 0, self.horizon, PHI, part)
         self.margin = CompiledFunction([self.set.x], [margin])
         self.field = field_of(members[0])
 
 
 @cache
-def pair_of(name: str, share: float | None) -> Pair:
-    return Pair(name, share)
+def pair_of(name: str, part: RowPart) -> Pair:
+    return Pair(name, part)
 
 
-@pytest.mark.parametrize("share", [None, HALF])
+@pytest.mark.parametrize("part", RowPart)
 @pytest.mark.parametrize("name", CASES)
 @given(seed=seeds)
 @settings(max_examples=40, deadline=None)
-def test_the_local_margin_covers_every_drift_of_the_row_until_the_next_sample(name, share, seed):
+def test_the_local_margin_covers_every_drift_of_the_row_until_the_next_sample(name, part, seed):
     """Against trajectories whose inputs and disturbances are drawn anew all the time."""
-    pair, rng = pair_of(name, share), np.random.default_rng(seed)
+    pair, rng = pair_of(name, part), np.random.default_rng(seed)
     x = rng.uniform(-3, 3, 2 * pair.n)
     margin = float(pair.margin(x)[0][0])
     corners = pair.corners
@@ -99,7 +98,7 @@ def test_without_an_enclosure_the_margin_is_beyond_every_row():
     members = [Member("a", KinematicBicycle(50.0, 50.0, 0.01), False)]
     composed = compose(members, [Sphere((5.0, 0.0), 1.0)], Separation(1.0), 1.0)
     chain = build_chain(composed, [1.0, 1.0], None, [1.0])
-    margin = CompiledFunction([composed.x], [local_margin(chain, 0, 10.0, [1.0], None)])
+    margin = CompiledFunction([composed.x], [local_margin(chain, 0, 10.0, [1.0], RowPart.WHOLE)])
     assert margin(np.array([0.0, 0.0, 0.0, 20.0]))[0][0] >= UNKNOWN
 
 
@@ -115,7 +114,9 @@ def test_there_is_no_margin_where_a_kink_of_h_is_within_reach():
     """Across it L_g h jumps, which no rate of it bounds."""
     members = [Member(name, SingleIntegrator(1.0), False) for name in "ab"]
     chain = build_chain(compose(members, [], Kinked(), 1.0), [1.0], None, [0.0, 0.0])
-    margin = CompiledFunction([chain.set.x], [local_margin(chain, 0, 0.1, [0.0, 0.0], HALF)])
+    margin = CompiledFunction(
+        [chain.set.x], [local_margin(chain, 0, 0.1, [0.0, 0.0], RowPart.HALF)]
+    )
     assert margin(np.array([0.15, 0.0, 0.0, 0.0]))[0] == UNKNOWN
     assert margin(np.array([0.35, 0.0, 0.0, 0.0]))[0] < 1.0
     low, high = np.full(4, -1.0), np.full(4, 1.0)

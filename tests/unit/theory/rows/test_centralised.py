@@ -12,7 +12,7 @@ from phalanx.swarm.swarm import Swarm
 from phalanx.theory.rows.centralised import JointInput, joint_row
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.terms import TermsFunction
-from tests.unit.swarms import swarm_of_scenario
+from tests.unit.swarms import rows_of_scenario, swarm_of_scenario
 
 
 @pytest.fixture(scope="module")
@@ -28,21 +28,23 @@ def qp(swarm: Swarm) -> JointInput:
 @cache
 def all_terms() -> TermsFunction:
     """Of all pairs, as the one controller has them."""
-    return TermsFunction(swarm_of_scenario("unicycles").chain)
+    return TermsFunction(rows_of_scenario("unicycles").chain)
 
 
-@given(seed=st.integers(0, 2**32 - 1), eta=st.floats(0.0, 9.0))
+@given(seed=st.integers(0, 2**32 - 1), least=st.floats(-30.0, 5.0).filter(lambda v: abs(v) > 1e-6))
 @settings(max_examples=60, deadline=None)
 def test_the_joint_input_keeps_the_condition_of_theorem_1_whenever_any_input_does(
-    swarm, qp, seed, eta
+    swarm, qp, seed, least
 ):
+    """η is chosen so that the best joint effort leaves `least`, on either side of zero."""
     rng = np.random.default_rng(seed)
     x = swarm.start() + rng.uniform(-3, 3, 15)
     terms, normal = all_terms()(x), swarm.normal
     wanted = [rng.uniform(-5, 5, 2) for _ in normal]
-    decisions = qp.decide(terms, normal, wanted, eta)
-    joint = terms.unforced + eta + sum(terms.most[l] for l in (3, 4))
-    possible = joint + sum(terms.least[l] for l in normal) <= 0
+    others = terms.unforced + sum(terms.most[l] for l in (3, 4))
+    eta = least - others - sum(terms.least[l] for l in normal)
+    decisions = qp.decide(terms._replace(margin=eta), normal, wanted)
+    joint, possible = others + eta, least <= 0
     forced = sum(float(terms.c[l] @ d.u) for l, d in zip(normal, decisions, strict=True))
     assert (decisions[0].origin is Origin.QP) == possible
     if possible:
@@ -56,9 +58,9 @@ def test_it_changes_the_nominal_inputs_no_more_than_needed(swarm, qp):
     """If the nominal inputs keep the condition, they are what is applied."""
     terms, normal = all_terms()(swarm.start()), swarm.normal
     wanted = [np.array([0.3, -0.1]), np.array([0.0, 0.2]), np.array([1.0, 0.0])]
-    row = joint_row(terms, normal, 0.0)
+    row = joint_row(terms, normal)
     assert row.a @ np.concatenate(wanted) <= row.bound
-    for decision, u_nom in zip(qp.decide(terms, normal, wanted, 0.0), wanted, strict=True):
+    for decision, u_nom in zip(qp.decide(terms, normal, wanted), wanted, strict=True):
         assert decision.u == pytest.approx(u_nom)
 
 
@@ -66,7 +68,7 @@ def test_without_a_solution_an_agent_without_authority_keeps_its_nominal_input(s
     terms, normal = all_terms()(swarm.start()), swarm.normal
     weak = terms._replace(most=terms.least + np.array([0.0, 5.0, 5.0, 0.0, 0.0]), unforced=1e3)
     wanted = [np.array([0.3, -0.1]), np.array([0.0, 0.2]), np.array([1.0, 0.0])]
-    decisions = qp.decide(weak, normal, wanted, 0.0, authority=0.01)
+    decisions = qp.decide(weak, normal, wanted, authority=0.01)
     assert [d.origin for d in decisions] == [Origin.NO_AUTHORITY, Origin.BACKUP, Origin.BACKUP]
     assert decisions[0].u == pytest.approx(wanted[0])
 
@@ -79,8 +81,8 @@ def test_pairs_and_a_central_controller_exclude_each_other():
 def test_the_one_controller_composes_what_no_agent_sees_alone():
     near, all_ = ["safety.neighbourhood=1.0"], ["safety.control=centralised"]
     alone, together = (
-        swarm_of_scenario("unicycles", *overrides) for overrides in (near, near + all_)
+        rows_of_scenario("unicycles", *overrides) for overrides in (near, near + all_)
     )
-    x = alone.start()
+    x = alone.swarm.start()
     assert together.terms(0)(x).psi == pytest.approx(all_terms()(x).psi)
     assert alone.terms(0)(x).psi < all_terms()(x).psi

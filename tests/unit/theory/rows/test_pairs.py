@@ -2,6 +2,7 @@
 
 from functools import cache
 
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given
@@ -14,6 +15,7 @@ from phalanx.theory.safety.composition import Member, compose
 from phalanx.theory.safety.function import Separation
 from phalanx.theory.safety.obstacles import Sphere
 
+ETA = 0.8
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -33,33 +35,34 @@ def swarm_pairs():
 def own_terms(i: int):
     composed, chains = swarm_pairs()
     pairs = own_pairs(composed, chains, i)
-    return pairs, PairTermsFunction(composed, pairs, [(0.0, 0.0)] * len(pairs), None)
+    margins = [(ca.SX(ETA), ca.SX(ETA / 2 if pair.shared else 0.0)) for pair in pairs]
+    return pairs, PairTermsFunction(composed, pairs, margins)
 
 
 @given(seed=seeds)
 def test_the_halves_of_two_normal_agents_add_up_to_their_pairs_condition(seed):
-    x, eta = np.random.default_rng(seed).uniform(-3, 3, 6), 0.8
+    x = np.random.default_rng(seed).uniform(-3, 3, 6)
     rows = {}
     for i in (0, 1):
         pairs, function = own_terms(i)
-        rows[i] = pair_rows(function(x), pairs, {}, [0, 1], eta)
+        rows[i] = pair_rows(function(x), pairs, {}, [0, 1])
     d = x[:2] - x[2:4]
     assert rows[0].a[0] == pytest.approx(-2 * d)
     assert rows[1].a[0] == pytest.approx(2 * d)
-    condition = 1.5 * (1 - d @ d) + eta
+    condition = 1.5 * (1 - d @ d) + ETA
     assert rows[0].bound[0] + rows[1].bound[0] == pytest.approx(-condition)
 
 
 @given(seed=seeds)
 def test_a_pair_with_an_adversary_or_an_obstacle_is_the_normal_agents_alone(seed):
-    x, eta = np.random.default_rng(seed).uniform(-3, 3, 6), 0.8
+    x = np.random.default_rng(seed).uniform(-3, 3, 6)
     pairs, function = own_terms(0)
-    rows = pair_rows(function(x), pairs, {}, [0, 1], eta)
+    rows = pair_rows(function(x), pairs, {}, [0, 1])
     d, o = x[:2] - x[4:], x[:2] - np.array([0.0, 5.0])
     worst = 2 * np.abs(d).sum()
     assert [p.other for p in pairs] == [1, 2, None]
-    assert rows.bound[1] == pytest.approx(-(1.5 * (1 - d @ d) + worst + eta))
-    assert rows.bound[2] == pytest.approx(-(1.5 * (1 - o @ o) + eta))
+    assert rows.bound[1] == pytest.approx(-(1.5 * (1 - d @ d) + worst + ETA))
+    assert rows.bound[2] == pytest.approx(-(1.5 * (1 - o @ o) + ETA))
     assert rows.a[2] == pytest.approx(-2 * o)
 
 
@@ -68,7 +71,7 @@ def test_a_neighbour_that_shares_no_more_counts_at_its_worst_and_a_received_inpu
     pairs, function = own_terms(0)
     terms = function(x)
     alpha = 1.5 * (1 - 2.25)
-    alone = pair_rows(terms, pairs, {}, [0], 0.0)
-    assert alone.bound[0] == pytest.approx(-(alpha + 3.0 * 2.0 + 0.0))
-    told = pair_rows(terms, pairs, {1: np.array([0.5, -1.0])}, [], 0.0)
-    assert told.bound[0] == pytest.approx(-(alpha - 3.0 * 0.5))
+    alone = pair_rows(terms, pairs, {}, [0])
+    assert alone.bound[0] == pytest.approx(-(alpha + 3.0 * 2.0 + ETA))
+    told = pair_rows(terms, pairs, {1: np.array([0.5, -1.0])}, [])
+    assert told.bound[0] == pytest.approx(-(alpha - 3.0 * 0.5 + ETA))

@@ -32,7 +32,7 @@ def swarm() -> Case:
 
 @cache
 def terms_function() -> TermsFunction:
-    return TermsFunction(build_chain(swarm().composed, [ALPHA]))
+    return TermsFunction(build_chain(swarm().composed, [ALPHA]), margin=ETA)
 
 
 def joint_condition(x: np.ndarray, u: dict[int, np.ndarray]) -> float:
@@ -57,7 +57,7 @@ def drawn(seed: int) -> tuple[np.random.Generator, np.ndarray, dict[int, np.ndar
 @given(seed=seeds, i=st.sampled_from(NORMAL))
 def test_with_true_inputs_the_papers_row_is_the_joint_condition(seed, i):
     _, x, u = drawn(seed)
-    row = paper_row(terms_function()(x), i, {l: u[l] for l in NORMAL if l != i}, ETA)
+    row = paper_row(terms_function()(x), i, {l: u[l] for l in NORMAL if l != i})
     assert row.a @ u[i] - row.bound == pytest.approx(joint_condition(x, u), rel=1e-4, abs=1e-4)
 
 
@@ -67,14 +67,14 @@ def test_who_was_never_heard_counts_at_its_worst(seed, i, silent):
     terms = terms_function()(x)
     heard = {l: u[l] for l in NORMAL if l not in (i, silent)}
     worst = u | {l: maximiser(terms.c[l], terms.polytopes[l].corners) for l in {silent} - {i}}
-    row = paper_row(terms, i, heard, ETA)
+    row = paper_row(terms, i, heard)
     assert row.a @ u[i] - row.bound == pytest.approx(joint_condition(x, worst), rel=1e-4, abs=1e-4)
 
 
 @given(seed=seeds)
 def test_shares_of_all_normal_agents_add_up_to_the_joint_condition(seed):
     _, x, u = drawn(seed)
-    rows = {i: split_row(terms_function()(x), i, NORMAL, ETA) for i in NORMAL}
+    rows = {i: split_row(terms_function()(x), i, NORMAL) for i in NORMAL}
     shares = sum(rows[i].a @ u[i] - rows[i].bound for i in NORMAL)
     assert shares == pytest.approx(joint_condition(x, u), rel=1e-4, abs=1e-4)
 
@@ -93,14 +93,14 @@ def test_shares_are_feasible_exactly_when_the_joint_condition_is(seed, offset):
     terms = terms_function()(x)
     eta = ETA - best_joint_condition(x) + offset
     for i in NORMAL:
-        feasible = terms.least[i] <= split_row(terms, i, NORMAL, eta).bound
+        feasible = terms.least[i] <= split_row(terms._replace(margin=eta), i, NORMAL).bound
         assert feasible == (offset <= 0)
 
 
 @given(seed=seeds)
 def test_every_normal_agent_gets_the_same_part_of_what_is_left(seed):
     terms = terms_function()(drawn(seed)[1])
-    left = [split_row(terms, i, NORMAL, ETA).bound - terms.least[i] for i in NORMAL]
+    left = [split_row(terms, i, NORMAL).bound - terms.least[i] for i in NORMAL]
     assert left == pytest.approx([left[0]] * len(NORMAL))
 
 

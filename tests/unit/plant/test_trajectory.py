@@ -1,0 +1,23 @@
+"""The trajectory's hash knows every state and every input to the last bit, and nothing else."""
+
+import numpy as np
+
+from phalanx.plant.events import InputApplied, StateReached
+from phalanx.plant.trajectory import TrajectoryHash
+
+
+def hashed(x: float = 1.0, u: float = 0.5, i: int = 0, k: int = 3, t: float = 0.1) -> str:
+    found = TrajectoryHash()
+    found.add(StateReached(t, np.full(15, x), []))
+    found.add(InputApplied(i, k, t, t, (u, 0.0)))
+    return found.hexadecimal
+
+
+def test_the_hash_changes_with_the_last_bit_of_any_state_or_input_with_agent_step_and_time():
+    up = np.nextafter
+    changed = [hashed(x=up(1.0, 2)), hashed(u=up(0.5, 1)), hashed(t=up(0.1, 1)), hashed(i=1)]
+    assert len({hashed(), hashed(k=4), *changed}) == 6
+
+
+def test_the_same_events_have_the_same_hash():
+    assert hashed() == hashed()
