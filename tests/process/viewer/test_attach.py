@@ -7,10 +7,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from tests.process.viewer.pages import viewer
-from tests.process.runs import HELD, live_run
 
 from phalanx.scenario.load import load
+from tests.process.runs import HELD, live_run
+from tests.process.viewer.pages import viewer
 
 pytestmark = pytest.mark.swarm
 

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import psutil
 import pytest
-from tests.process.runs import COMMAND_SECRET, PACED, live_run, wait_for
 
 from phalanx.faults.commands import CommandKind, CommandPolicy
 from phalanx.faults.state import Condition
@@ -13,6 +12,7 @@ from phalanx.recording.read import read
 from phalanx.scenario.load import load
 from phalanx.viewer.feeds.live import Live
 from phalanx.wire.frames import Frame
+from tests.process.runs import COMMAND_SECRET, PACED, live_run, wait_for
 
 pytestmark = pytest.mark.swarm
 

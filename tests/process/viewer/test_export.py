@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import matplotlib.image
 import numpy as np
 import pytest
-from tests.process.runs import wait_for
 
 from phalanx.viewer.export.write import run
+from tests.process.runs import wait_for
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

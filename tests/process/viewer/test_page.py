@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.process.viewer.pages import viewer
-from tests.process.runs import COMMAND_SECRET, HELD, live_run, wait_for
 
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
 from phalanx.viewer.feeds.replay import Replay, open_replay
 from phalanx.viewer.page.page import Page
+from tests.process.runs import COMMAND_SECRET, HELD, live_run, wait_for
+from tests.process.viewer.pages import viewer
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator

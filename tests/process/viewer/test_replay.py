@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.process.runs import PACED, live_run, wait_for
 
 from phalanx.faults.commands import CommandKind
 from phalanx.recording.read import read
@@ -13,6 +12,7 @@ from phalanx.scenario.load import load
 from phalanx.viewer.feeds.replay import Replay, open_replay
 from phalanx.viewer.scene.picture import picture
 from phalanx.wire.frames import Frame
+from tests.process.runs import PACED, live_run, wait_for
 
 pytestmark = pytest.mark.swarm
 
