@@ -4,6 +4,7 @@ import numpy as np
 
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.expressions.exact import dot
 from phalanx.theory.models.polytope import constant_polytope
 from phalanx.wire.messages import Actuation, Sample
 
@@ -30,4 +31,4 @@ class Actuators:
         else:
             A, b = self._varying[i](np.frombuffer(sample.x, dtype="<f8"))
             A = A.reshape(len(b), -1)
-        return bool((A @ np.array(message.u) <= b + _TOLERANCE).all())
+        return bool((dot(A, np.array(message.u)) <= b + _TOLERANCE).all())

@@ -11,6 +11,7 @@ from phalanx.scenario.agents import Disturbance
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.expressions.exact import length
 from phalanx.theory.safety.chain import Chain
 
 Array = NDArray[np.float64]
@@ -78,7 +79,7 @@ class AdverseDisturbance:
 
     def _push(self, x: Array) -> Array:
         gradient = self._gradient(x)[0]
-        size = float(np.linalg.norm(gradient))
+        size = float(length(gradient))
         push: Array = self._bound / size * gradient if size > 0.0 else 0.0 * gradient
         return push
 

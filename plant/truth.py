@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.guarantee.verdict import Violation
+from phalanx.theory.expressions.exact import dot
 from phalanx.theory.safety.composition import ComposedSet
 
 Array = NDArray[np.float64]
@@ -60,7 +61,7 @@ class PairExtremes:
     def _add_unsafe(self, times: Array, unsafe: NDArray[np.bool_]) -> None:
         self._unsafe.update(np.flatnonzero(unsafe.any(axis=0)).tolist())
         lengths = np.diff(times, prepend=self._t)
-        self._duration += lengths @ unsafe
+        self._duration += dot(unsafe.T.astype(np.float64), lengths)
         first = np.where(unsafe.any(axis=0), times[unsafe.argmax(axis=0)], np.inf)
         self._first = np.minimum(self._first, first)
 

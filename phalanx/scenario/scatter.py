@@ -9,6 +9,7 @@ from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
 from phalanx.seeded.draws import Draws
+from phalanx.theory.expressions.exact import length
 from phalanx.theory.laws.formation import Formation
 from phalanx.theory.safety.obstacles import Sphere
 
@@ -63,4 +64,4 @@ class Scatter:
 
 
 def _clear(center: Array, others: Sequence[Array], distance: float) -> bool:
-    return all(float(np.linalg.norm(center - other)) >= distance for other in others)
+    return all(float(length(center - other)) >= distance for other in others)

@@ -6,13 +6,16 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.theory.expressions.portable import portable_function
+
 Array = NDArray[np.float64]
 
 
 class CompiledFunction:
     """A function of vectors that returns arrays; a call costs about a microsecond.
 
-    All outputs lie in one block, so that a call copies once.
+    All outputs lie in one block, so that a call copies once. The same inputs give the same bits
+    on any CPU.
     """
 
     def __init__(self, inputs: Sequence[ca.SX], outputs: Sequence[ca.SX]) -> None:
@@ -21,7 +24,7 @@ class CompiledFunction:
         A column or row output is returned with shape (n,), others with shape (rows, columns).
         """
         flat = ca.vertcat(*[ca.vec(ca.densify(o.T)) for o in outputs])
-        self._function = ca.Function("f", list(inputs), [flat], {"cse": True})
+        self._function = portable_function(inputs, flat)
         self._buffer, self._trigger = self._function.buffer()
         self._inputs = [np.zeros(i.numel()) for i in inputs]
         self._block = np.zeros(flat.numel())

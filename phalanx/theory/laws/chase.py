@@ -9,6 +9,7 @@ import numpy as np
 from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
+from phalanx.theory.expressions.exact import dot
 from phalanx.theory.laws.law import View
 from phalanx.theory.laws.tracking import Gains, output_derivatives
 from phalanx.theory.models.dynamics import Dynamics
@@ -79,7 +80,7 @@ class Chase:
         there = np.zeros_like(here)
         known = self._outputs[target](view.x[target])[: len(here)]
         there[: len(known)] = known
-        u_nom = self._output.input_for(x, self.gains @ (there - here))
+        u_nom = self._output.input_for(x, dot((there - here).T, np.array(self.gains)))
         return u_nom if self._team is None else self._team.guarded(view.x, u_nom)
 
     def _nearest(self, view: View) -> int:

@@ -9,6 +9,10 @@ import numpy as np
 from annotated_types import Ge, Gt, MinLen
 from numpy.typing import NDArray
 
+from phalanx.theory.expressions.circular import cos, sin
+from phalanx.theory.expressions.exact import dot
+from phalanx.theory.expressions.portable import portable_value
+
 Array = NDArray[np.float64]
 
 
@@ -50,8 +54,9 @@ class Formation:
 
     def _at(self, t: float, polynomial: Array) -> Goal:
         s = min(t / self.finish, 1.0)
-        powers = np.array([s**k for k in range(len(self.path))])
-        values = powers @ polynomial
+        values = polynomial[-1]
+        for coefficients in polynomial[-2::-1]:
+            values = values * s + coefficients
         d = len(self.path[0])
         if t >= self.finish:
             values[d:] = 0.0
@@ -67,8 +72,9 @@ class Formation:
             for j in range(n - k + 1):
                 basis[k + j, k] = math.comb(n, k) * math.comb(n - k, j) * (-1) ** j
         derivative = np.diag(np.arange(1.0, n + 1), k=1) / self.finish
-        curve = basis @ np.array(self.path)
-        return np.hstack([curve, derivative @ curve, derivative @ derivative @ curve])
+        curve = _product(basis, np.array(self.path))
+        velocity = _product(derivative, curve)
+        return np.hstack([curve, velocity, _product(derivative, velocity)])
 
     @cached_property
     def _slot_polynomials(self) -> list[Array]:
@@ -77,9 +83,14 @@ class Formation:
         for slot in range(self.slots):
             angle = 2.0 * math.pi * slot / self.slots
             polynomial = self._path_polynomial.copy()
-            polynomial[0, :2] += self.radius * math.cos(angle), self.radius * math.sin(angle)
+            cosine, sine = portable_value(cos, angle), portable_value(sin, angle)
+            polynomial[0, :2] += self.radius * cosine, self.radius * sine
             shifted.append(polynomial)
         return shifted
+
+
+def _product(A: Array, B: Array) -> Array:
+    return dot(A[:, None], B.T)
 
 
 def hold(position: Array) -> Goal:

@@ -11,6 +11,7 @@ import numpy as np
 from annotated_types import Gt, MinLen
 from numpy.typing import NDArray
 
+from phalanx.theory.expressions.exact import dot
 from phalanx.theory.laws.law import View
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.outputs import OutputDerivatives
@@ -46,4 +47,4 @@ class Track:
         goal = np.zeros((q + 1, d))
         goal[: len(view.goal)] = view.goal[: q + 1]
         error = goal[:q] - self._output(x)
-        return self._output.input_for(x, self.gains @ error + goal[q])
+        return self._output.input_for(x, dot(error.T, np.array(self.gains)) + goal[q])

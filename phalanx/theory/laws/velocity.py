@@ -9,6 +9,7 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 
 from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.expressions.exact import dot
 from phalanx.theory.laws.law import View
 from phalanx.theory.models.dynamics import Dynamics
 
@@ -70,5 +71,5 @@ class Pursue:
     def input(self, view: View) -> Array:
         here = view.positions[view.i]
         towards = [view.positions[n] - here for n in view.normal]
-        nearest = min(towards, key=lambda d: float(d @ d))
+        nearest = min(towards, key=lambda d: float(dot(d, d)))
         return self._invert(view.x[view.i], self.gain * nearest)

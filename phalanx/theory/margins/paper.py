@@ -1,10 +1,12 @@
 """The sampled-data margin η(Γ), Eqs. (epsT) and (mainetadef)."""
 
-import math
 from dataclasses import dataclass
 from typing import Annotated
 
 from annotated_types import Ge
+
+from phalanx.theory.expressions.exponential import expm1
+from phalanx.theory.expressions.portable import portable_value
 
 NonNegative = Annotated[float, Ge(0)]
 
@@ -17,7 +19,9 @@ def epsilon(gamma: float, mu: float, lipschitz: float = 0.0) -> float:
         mu: bound on ‖x'‖ over the safe set.
         lipschitz: L' > 0, any; its limit 0 gives the tightest bound, μ Γ.
     """
-    return mu * gamma if lipschitz == 0.0 else mu / lipschitz * math.expm1(lipschitz * gamma)
+    if lipschitz == 0.0:
+        return mu * gamma
+    return mu / lipschitz * portable_value(expm1, lipschitz * gamma)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.theory.expressions.exact import dot, length, solve
+
 Array = NDArray[np.float64]
 
 _PARALLEL = 1e-12
@@ -46,7 +48,7 @@ def polytope(A: Array, b: Array) -> Polytope:
 
     Rows are scaled to unit normals, which is what tolerances are meant for.
     """
-    sizes = np.linalg.norm(A, axis=1)
+    sizes = length(A)
     sizes = np.where(sizes > 0.0, sizes, 1.0)
     A, b = A / sizes[:, None], b / sizes
     corners = vertices(A, b)
@@ -70,13 +72,14 @@ def vertices(A: Array, b: Array) -> Array:
         raise EmptyPolytopeError(f"no vertex in {{u : A u <= b}} with {len(b)} rows in R^{m}")
     candidates = np.array(list(combinations(range(len(b)), m)))
     systems = A[candidates]
-    scale = np.prod(np.linalg.norm(systems, axis=2), axis=1)
-    regular = np.abs(np.linalg.det(systems)) > _PARALLEL * np.maximum(scale, 1e-300)
+    scale = np.prod(length(systems), axis=1)
+    points, determinants = solve(systems, b[candidates])
+    regular = np.abs(determinants) > _PARALLEL * np.maximum(scale, 1e-300)
     if not regular.any():
         raise EmptyPolytopeError(f"no vertex in {{u : A u <= b}} with {len(b)} rows in R^{m}")
-    points = np.linalg.solve(systems[regular], b[candidates[regular]][..., None])[..., 0]
+    points = points[regular]
     tolerance = _SLACK * (1.0 + np.abs(b))
-    inside = (points @ A.T <= b + tolerance).all(axis=1)
+    inside = (dot(points[:, None], A) <= b + tolerance).all(axis=1)
     if not inside.any():
         raise EmptyPolytopeError(f"no point satisfies all {len(b)} rows of A u <= b")
     found: Array = np.unique(points[inside], axis=0)
@@ -94,13 +97,13 @@ def _require_bounded(A: Array) -> None:
 
 def extremes(c: Array, corners: Array) -> tuple[float, float]:
     """min and max of cᵀu over the polytope with these vertices, Eq. (LPvminmax)."""
-    values = corners @ c
+    values = dot(corners, c)
     return float(values.min()), float(values.max())
 
 
 def minimiser(c: Array, corners: Array) -> Array:
     """u^min = argmin cᵀu, shape (m,), Eq. (umin); the first vertex if several are equal."""
-    point: Array = corners[int(np.argmin(corners @ c))]
+    point: Array = corners[int(np.argmin(dot(corners, c)))]
     return point
 
 

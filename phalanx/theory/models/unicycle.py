@@ -44,4 +44,4 @@ class Unicycle:
 
     def input_metric(self) -> tuple[float, ...]:
         # ‖u - u_nom‖² of the output input, written in (ν, ω).
-        return (1.0, self.offset**2)
+        return (1.0, self.offset * self.offset)

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.theory.expressions.exact import added, dot
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import Box, Polytope, minimiser
 from phalanx.theory.rows.decision import Decision
@@ -48,12 +49,12 @@ class JointInput:
             authority: as controller.decide has it.
         """
         row = joint_row(terms, normal)
-        least = sum(float(terms.least[l]) for l in normal)
+        least = added(float(terms.least[l]) for l in normal)
         u = None
         if least <= row.bound:
             u = self._qp.solve(np.concatenate(u_nom), self._joint(terms, normal), row)
         if u is not None:
-            residual = float(row.a @ u - row.bound)
+            residual = float(dot(row.a, u) - row.bound)
             return [Decision(u[part], Origin.QP, residual) for part in self._parts]
         return [
             self._backup(place, terms, l, u_nom[place], least - row.bound, authority)
@@ -86,7 +87,7 @@ class JointInput:
 def joint_row(terms: Terms, normal: Sequence[int]) -> Row:
     """The condition of Eq. (KNx) on all normal agents' inputs, stacked."""
     adversaries = [l for l in range(len(terms.c)) if l not in normal]
-    attack = sum(float(terms.most[l]) for l in adversaries)
+    attack = added(float(terms.most[l]) for l in adversaries)
     return Row(
         np.concatenate([terms.c[l] for l in normal]), -(terms.unforced + attack + terms.margin)
     )

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.theory.expressions.exact import dot
 from phalanx.theory.models.polytope import Polytope, minimiser, vertices
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.qp import NearestInput
@@ -43,13 +44,13 @@ def decide(
     if terms.least[i] <= row.bound:
         u = qp.solve(u_nom, polytope, row)
         if u is not None:
-            return Decision(u, Origin.QP, float(row.a @ u - row.bound))
+            return Decision(u, Origin.QP, float(dot(row.a, u) - row.bound))
     elif terms.most[i] - terms.least[i] <= authority:
         u = qp.solve(u_nom, polytope)
         if u is not None:
-            return Decision(u, Origin.NO_AUTHORITY, float(row.a @ u - row.bound))
+            return Decision(u, Origin.NO_AUTHORITY, float(dot(row.a, u) - row.bound))
     u = minimiser(terms.c[i], polytope.corners)
-    return Decision(u, Origin.BACKUP, float(row.a @ u - row.bound))
+    return Decision(u, Origin.BACKUP, float(dot(row.a, u) - row.bound))
 
 
 def decide_pairs(polytope: Polytope, rows: Rows, u_nom: Array, qp: NearestInput) -> Decision:
@@ -60,7 +61,7 @@ def decide_pairs(polytope: Polytope, rows: Rows, u_nom: Array, qp: NearestInput)
     u, origin = qp.solve(u_nom, polytope, rows), Origin.QP
     if u is None:
         u, origin = least_violation(polytope, rows), Origin.BACKUP
-    return Decision(u, origin, float(np.maximum(rows.a @ u - rows.bound, FAR).max()))
+    return Decision(u, origin, float(np.maximum(dot(rows.a, u) - rows.bound, FAR).max()))
 
 
 def least_violation(polytope: Polytope, rows: Rows) -> Array:
@@ -69,7 +70,7 @@ def least_violation(polytope: Polytope, rows: Rows) -> Array:
     A linear program in (u, s) with s the worst violation, solved at its vertices. Rows that stay
     below the least possible s wherever u is cannot bind, and are left out.
     """
-    residuals = rows.a @ polytope.corners.T - rows.bound[:, None]
+    residuals = dot(rows.a[:, None], polytope.corners) - rows.bound[:, None]
     binding = residuals.max(axis=1) >= residuals.min(axis=1).max()
     # The least bound is put to zero, which moves s alone: beside 10¹² nothing else would count.
     a, bound = rows.a[binding], rows.bound[binding] - rows.bound[binding].min()

@@ -5,6 +5,7 @@ import osqp
 from numpy.typing import NDArray
 from scipy import sparse
 
+from phalanx.theory.expressions.exact import dot, length
 from phalanx.theory.models.polytope import Polytope
 from phalanx.theory.rows.row import Row, Rows
 
@@ -72,13 +73,13 @@ class NearestInput:
         """
         if polytope.box is not None:
             clipped = np.minimum(np.maximum(u_nom, polytope.box.low), polytope.box.high)
-            if row is None or (row.a @ clipped <= row.bound).all():
+            if row is None or (dot(row.a, clipped) <= row.bound).all():
                 return clipped
         self._matrix[self._polytope], self._upper[self._polytope] = polytope.A, polytope.b
         self._matrix[self._safety], self._upper[self._safety] = 0.0, _INFINITY
         if row is not None:
             a, bound = np.atleast_2d(row.a), np.atleast_1d(row.bound)
-            sizes = np.sqrt((a * a).sum(axis=1))
+            sizes = length(a)
             if (bound[sizes == 0.0] < 0.0).any():
                 return None
             # Unit normals: rows of ‖a‖ from 1e-5 to 40 would strain the tolerances. A row that
@@ -94,4 +95,4 @@ class NearestInput:
         if self._osqp.info.status_val != _SOLVED:
             return None
         u: Array = np.array(self._osqp.solution.x)
-        return u if (self._matrix @ u <= self._upper + TOLERANCE).all() else None
+        return u if (dot(self._matrix, u) <= self._upper + TOLERANCE).all() else None

@@ -100,7 +100,7 @@ def _disturbance(gradients: Sequence[ca.SX], bounds: Sequence[float] | None) -> 
     """D = Σ_l ‖gradient_l‖ φ_l^max, rounded off at zero so that it can be differentiated."""
     if bounds is None:
         return ca.SX(0)
-    norms = [ca.sqrt(ca.sumsqr(g) + _ROUNDED**2) for g in gradients]
+    norms = [ca.sqrt(ca.sumsqr(g) + _ROUNDED * _ROUNDED) for g in gradients]
     total = ca.SX(0)
     for norm, bound in zip(norms, bounds, strict=True):
         total += norm * bound

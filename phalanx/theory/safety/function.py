@@ -40,7 +40,7 @@ class Separation:
     """R between agents [m]; R_c + 2b in the paper's Simulation 1."""
 
     def between(self, a: Body, b: Body) -> ca.SX:
-        return self.radius**2 - ca.sumsqr(a.p - b.p)
+        return self.radius * self.radius - ca.sumsqr(a.p - b.p)
 
     def to_obstacle(self, a: Body, obstacle: Obstacle) -> ca.SX:
         return obstacle.intrusion(a.p)

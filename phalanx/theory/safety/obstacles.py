@@ -8,6 +8,8 @@ import numpy as np
 from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
+from phalanx.theory.expressions.exact import dot, length
+
 Array = NDArray[np.float64]
 Positive = Annotated[float, Gt(0)]
 
@@ -23,7 +25,7 @@ class Sphere:
 
     def intrusion(self, p: ca.SX) -> ca.SX:
         """h = clearance² - ‖p - center‖² of an output point p [m]."""
-        return self.clearance**2 - ca.sumsqr(p - ca.DM(self.center))
+        return self.clearance * self.clearance - ca.sumsqr(p - ca.DM(self.center))
 
     def distance(self, p: ca.SX) -> ca.SX:
         """Distance of p from the center [m]: what a neighbourhood is measured by."""
@@ -31,7 +33,7 @@ class Sphere:
 
     def distances(self, points: Array) -> Array:
         """The same of points [m], shape (s, d); shape (s,)."""
-        apart: Array = np.linalg.norm(points - np.array(self.center), axis=1)
+        apart: Array = length(points - np.array(self.center))
         return apart
 
 
@@ -60,12 +62,12 @@ class Wall:
 
     def distances(self, points: Array) -> Array:
         """The same of points [m], shape (s, d); shape (s,)."""
-        return self.offset - points @ self.unit_normal
+        return self.offset - dot(points, self.unit_normal)
 
     @property
     def unit_normal(self) -> Array:
         """n / ‖n‖, shape (d,)."""
-        n: Array = np.array(self.normal) / np.linalg.norm(self.normal)
+        n: Array = np.array(self.normal) / length(np.array(self.normal))
         return n
 
 

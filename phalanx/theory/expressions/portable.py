@@ -1,0 +1,104 @@
+"""The same function on any CPU: libm's part of an expression replaced by exact operations.
+
+libm picks a variant of sin, exp, pow and others by what the CPU can do (FMA or not), and variants
+differ in the last bit; so trajectories would. What CasADi does itself is exact: IEEE 754 fixes it.
+erf and its inverse alone are left as they are.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import cache
+from typing import Any
+
+import casadi as ca
+
+from phalanx.theory.expressions import circular, exponential
+
+_PORTABLE: Mapping[int, Callable[..., Any]] = {
+    ca.OP_SIN: circular.sin,
+    ca.OP_COS: circular.cos,
+    ca.OP_TAN: circular.tan,
+    ca.OP_ASIN: circular.asin,
+    ca.OP_ACOS: circular.acos,
+    ca.OP_ATAN: circular.atan,
+    ca.OP_EXP: exponential.exp,
+    ca.OP_LOG: exponential.log,
+    ca.OP_EXPM1: exponential.expm1,
+    ca.OP_LOG1P: exponential.log1p,
+    ca.OP_SINH: exponential.sinh,
+    ca.OP_COSH: exponential.cosh,
+    ca.OP_TANH: exponential.tanh,
+    ca.OP_ASINH: exponential.asinh,
+    ca.OP_ACOSH: exponential.acosh,
+    ca.OP_ATANH: exponential.atanh,
+}
+_PORTABLE_OF_TWO: Mapping[int, Callable[..., Any]] = {
+    ca.OP_ATAN2: circular.atan2,
+    ca.OP_HYPOT: exponential.hypot,
+    ca.OP_POW: exponential.power,
+    ca.OP_CONSTPOW: exponential.power,
+}
+
+
+def portable_function(inputs: Sequence[ca.SX], output: ca.SX) -> ca.Function:
+    """The function of column vectors to a dense column, of exact operations only."""
+    function = ca.Function("f", list(inputs), [output])
+    operations = [function.instruction_id(k) for k in range(function.n_instructions())]
+    if (_PORTABLE.keys() | _PORTABLE_OF_TWO.keys()).isdisjoint(operations):
+        return ca.Function("f", list(inputs), [output], {"cse": True})
+    with _as_written():
+        # Common subexpressions are looked for in here too, since that builds expressions anew.
+        return ca.Function("f", *_rewritten(function, operations, inputs), {"cse": True})
+
+
+def portable_value(function: Callable[[Any], Any], x: float) -> float:
+    """The value of one of `circular`'s or `exponential`'s functions at a number."""
+    return float(function(ca.DM(x)))
+
+
+@contextmanager
+def _as_written() -> Iterator[None]:
+    """Keeps CasADi from simplifying: to it (a + b) - a is b, which rounding makes untrue."""
+    before = ca.GlobalOptions.getSimplificationOnTheFly()
+    ca.GlobalOptions.setSimplificationOnTheFly(False)
+    try:
+        yield
+    finally:
+        ca.GlobalOptions.setSimplificationOnTheFly(before)
+
+
+def _rewritten(
+    function: ca.Function, operations: Sequence[int], inputs: Sequence[ca.SX]
+) -> tuple[list[ca.SX], list[ca.SX]]:
+    """The inputs and the output of the function, instruction by instruction."""
+    work: dict[int, ca.SX] = {}
+    scalars = [ca.vertsplit(column) for column in inputs]
+    results = [ca.SX(0)] * function.numel_out(0)
+    for k, op in enumerate(operations):
+        sources, targets = function.instruction_input(k), function.instruction_output(k)
+        if op == ca.OP_CONST:
+            work[targets[0]] = ca.SX(function.instruction_constant(k))
+        elif op == ca.OP_INPUT:
+            work[targets[0]] = scalars[sources[0]][sources[1]]
+        elif op == ca.OP_OUTPUT:
+            results[targets[1]] = work[sources[0]]
+        else:
+            work[targets[0]] = _apply(op, [work[s] for s in sources])
+    return list(inputs), [ca.vertcat(*results)]
+
+
+def _apply(op: int, arguments: Sequence[ca.SX]) -> ca.SX:
+    if op in _PORTABLE:
+        return ca.SX(_inlined(op)(*arguments))
+    if op in _PORTABLE_OF_TWO:
+        return ca.SX(_PORTABLE_OF_TWO[op](*arguments))
+    if len(arguments) == 1:
+        return ca.SX.unary(op, *arguments)
+    return ca.SX.binary(op, *arguments)
+
+
+@cache
+def _inlined(op: int) -> ca.Function:
+    """As a CasADi function, which writes out its forty instructions faster than Python can."""
+    x = ca.SX.sym("x")
+    return ca.Function("portable", [x], [_PORTABLE[op](x)], {"cse": True})
