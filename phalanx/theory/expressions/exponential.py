@@ -127,14 +127,14 @@ def asinh(x: Expression) -> Expression:
     """To a few ulp."""
     size = ca.fabs(x)
     usual = log1p(size + size * size / (1.0 + ca.sqrt(1.0 + size * size)))
-    return ca.sign(x) * ca.if_else(size < 1e150, usual, log(size) + _LN2_HIGH)
+    return ca.sign(x) * ca.if_else(size < 1e150, usual, (log(size) + _LN2_LOW) + _LN2_HIGH)
 
 
 def acosh(x: Expression) -> Expression:
     """To a few ulp."""
     t = x - 1.0
     usual = log1p(t + ca.sqrt(t + t + t * t))
-    return ca.if_else(x < 1e150, usual, log(x) + _LN2_HIGH)
+    return ca.if_else(x < 1e150, usual, (log(x) + _LN2_LOW) + _LN2_HIGH)
 
 
 def atanh(x: Expression) -> Expression:
