@@ -2,7 +2,7 @@
 
     python bench/speed/portability.py --python 3.12=path/to/python --python 3.13=path/to/python
 
-Each run is a `phalanx run` of its own. The first column is this Python as it is; a cell says `same`
+Each run is a `phalanx run --engine in-process` of its own. The first column is this Python as it is; a cell says `same`
 or shows another hash. Exits with 1 if any differs. The last line says what libm itself gives.
 """
 
@@ -63,9 +63,9 @@ def trajectory(
     """The hash of one run's states and inputs."""
     shorter: Sequence[str] = () if duration is None else ("--set", f"duration={duration}")
     with tempfile.TemporaryDirectory(prefix="phalanx-") as parent:
-        command = [python, "-m", "phalanx", "run", scenario, *shorter, "--no-report"]
+        command = [python, "-m", "phalanx", "run", scenario, *shorter]
         run = subprocess.run(
-            [*command, "--out", parent],
+            [*command, "--engine", "in-process", "--no-report", "--out", parent],
             env={**os.environ, **setting},
             capture_output=True,
             text=True,

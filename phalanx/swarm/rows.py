@@ -12,6 +12,7 @@ import casadi as ca
 from phalanx.scenario.load import ScenarioError
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.expressions.exact import added
 from phalanx.theory.margins.margin import Margin
 from phalanx.theory.margins.paper import MarginConstants
 from phalanx.theory.margins.row_part import RowPart
@@ -118,7 +119,7 @@ class SafetyRows:
             return eta
         groups = self.swarm.groups
         longest = groups[i].clock.period + max(group.clock.jitter for group in groups)
-        disturbances = sum(group.disturbance.bound for group in groups)
+        disturbances = added(group.disturbance.bound for group in groups)
         # For q > 1 Eq. (etaprimedef) has no term of theirs; corrected, D_q is added at each state.
         return eta.eta(longest, disturbances if self.chain.relative_degree == 1 else 0.0)
 

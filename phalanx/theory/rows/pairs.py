@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.expressions.exact import dot
 from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.rows.row import Rows
@@ -141,7 +142,7 @@ def pair_rows(
         if pair.shared and pair.other in sharing:
             bound[k] = -(RowPart.HALF.value * terms.unforced[k] + terms.half_margin[k])
         elif pair.other is not None and (u := received.get(pair.other)) is not None:
-            bound[k] += terms.most[k] - float(terms.others[k] @ u)
+            bound[k] += terms.most[k] - float(dot(terms.others[k], u))
     bound[terms.near == 0.0] = np.inf
     return Rows(terms.a, bound)
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.theory.expressions.exact import added, dot
 from phalanx.theory.rows.terms import Terms
 
 Array = NDArray[np.float64]
@@ -46,7 +47,7 @@ def paper_row(terms: Terms, i: int, received: Mapping[int, Array]) -> Row:
     others = terms.unforced + terms.margin
     for l, most in enumerate(terms.most.tolist()):
         if l in received:
-            others += float(terms.c[l] @ received[l])
+            others += float(dot(terms.c[l], received[l]))
         elif l != i:
             others += most
     return Row(terms.c[i], -others)
@@ -73,5 +74,5 @@ def joint_sum(terms: Terms, helping: Sequence[int]) -> float:
         helping: agents that count at their best, γ_l^min; all others count at γ_l^max.
     """
     least, most = terms.least.tolist(), terms.most.tolist()
-    extremes: float = sum(least[l] if l in helping else most[l] for l in range(len(least)))
+    extremes = added(least[l] if l in helping else most[l] for l in range(len(least)))
     return terms.unforced + terms.margin + extremes

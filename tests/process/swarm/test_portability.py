@@ -22,10 +22,11 @@ OTHER_CPUS = {
 )
 def test_a_run_has_the_same_bits_on_another_cpu(phalanx, monkeypatch, scenario):
     name, duration = scenario
-    here = trajectory(phalanx("run", name, "--set", duration))
+    command = ("run", name, "--set", duration, "--engine", "in-process")
+    here = trajectory(phalanx(*command))
     for setting, value in OTHER_CPUS.items():
         monkeypatch.setenv(setting, value)
-    assert trajectory(phalanx("run", name, "--set", duration)) == here
+    assert trajectory(phalanx(*command)) == here
 
 
 def trajectory(run) -> str:
