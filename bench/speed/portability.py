@@ -2,8 +2,9 @@
 
     python bench/speed/portability.py --python 3.12=path/to/python --python 3.13=path/to/python
 
-Each run is a `phalanx run --engine in-process` of its own. The first column is this Python as it is; a cell says `same`
-or shows another hash. Exits with 1 if any differs. The last line says what libm itself gives.
+Each run is a `phalanx run --engine in-process` of its own. The first column is this Python as it
+is; a cell says `same` or shows another hash. Exits with 1 if any differs. The last line says
+whether libm itself gives the same sines.
 """
 
 import argparse
@@ -19,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from phalanx.scenario.load import shipped
+import phalanx
 
 _NUMPY = np._core._multiarray_umath  # type: ignore[attr-defined]
 _DISPATCHED = [f for f in _NUMPY.__cpu_dispatch__ if _NUMPY.__cpu_features__.get(f)]
@@ -47,7 +48,7 @@ def main() -> None:
     print("|", " | ".join(["scenario", "here", *columns]), "|")
     print("|---" * (2 + len(columns)) + "|")
     differed = False
-    for scenario in shipped():
+    for scenario in phalanx.shipped():
         here = trajectory(scenario, options.duration, sys.executable, {})
         found = [trajectory(scenario, options.duration, *column) for column in columns.values()]
         cells = ["same" if there == here else there[:12] for there in found]

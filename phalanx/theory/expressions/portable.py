@@ -15,8 +15,6 @@ import casadi as ca
 from phalanx.theory.expressions import circular, exponential
 
 _PORTABLE: Mapping[int, Callable[..., Any]] = {
-    ca.OP_SIN: circular.sin,
-    ca.OP_COS: circular.cos,
     ca.OP_TAN: circular.tan,
     ca.OP_ASIN: circular.asin,
     ca.OP_ACOS: circular.acos,
@@ -40,15 +38,18 @@ _PORTABLE_OF_TWO: Mapping[int, Callable[..., Any]] = {
 }
 
 
+_CIRCULAR = (ca.OP_SIN, ca.OP_COS)
+_REPLACED = {*_CIRCULAR, *_PORTABLE, *_PORTABLE_OF_TWO}
+
+
 def portable_function(inputs: Sequence[ca.SX], output: ca.SX) -> ca.Function:
     """The function of column vectors to a dense column, of exact operations only."""
-    function = ca.Function("f", list(inputs), [output])
+    function = ca.Function("f", list(inputs), [output], {"cse": True})
     operations = [function.instruction_id(k) for k in range(function.n_instructions())]
-    if (_PORTABLE.keys() | _PORTABLE_OF_TWO.keys()).isdisjoint(operations):
-        return ca.Function("f", list(inputs), [output], {"cse": True})
+    if _REPLACED.isdisjoint(operations):
+        return function
     with _as_written():
-        # Common subexpressions are looked for in here too, since that builds expressions anew.
-        return ca.Function("f", *_rewritten(function, operations, inputs), {"cse": True})
+        return ca.Function("f", *_rewritten(function, operations, inputs))
 
 
 def portable_value(function: Callable[[Any], Any], x: float) -> float:
@@ -74,6 +75,7 @@ def _rewritten(
     work: dict[int, ca.SX] = {}
     scalars = [ca.vertsplit(column) for column in inputs]
     results = [ca.SX(0)] * function.numel_out(0)
+    circles: dict[int, tuple[ca.SX, tuple[ca.SX, ca.SX]]] = {}
     for k, op in enumerate(operations):
         sources, targets = function.instruction_input(k), function.instruction_output(k)
         if op == ca.OP_CONST:
@@ -82,6 +84,13 @@ def _rewritten(
             work[targets[0]] = scalars[sources[0]][sources[1]]
         elif op == ca.OP_OUTPUT:
             results[targets[1]] = work[sources[0]]
+        elif op in _CIRCULAR:
+            angle = work[sources[0]]
+            place = angle.element_hash()
+            if place not in circles:
+                # The angle is kept too: while it lives, nothing else has its hash.
+                circles[place] = angle, _sin_and_cos()(angle)
+            work[targets[0]] = circles[place][1][_CIRCULAR.index(op)]
         else:
             work[targets[0]] = _apply(op, [work[s] for s in sources])
     return list(inputs), [ca.vertcat(*results)]
@@ -95,6 +104,12 @@ def _apply(op: int, arguments: Sequence[ca.SX]) -> ca.SX:
     if len(arguments) == 1:
         return ca.SX.unary(op, *arguments)
     return ca.SX.binary(op, *arguments)
+
+
+@cache
+def _sin_and_cos() -> ca.Function:
+    x = ca.SX.sym("x")
+    return ca.Function("sin_and_cos", [x], circular.sin_and_cos(x), {"cse": True})
 
 
 @cache
