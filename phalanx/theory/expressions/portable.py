@@ -75,7 +75,7 @@ def _rewritten(
     work: dict[int, ca.SX] = {}
     scalars = [ca.vertsplit(column) for column in inputs]
     results = [ca.SX(0)] * function.numel_out(0)
-    circles: dict[int, tuple[ca.SX, tuple[ca.SX, ca.SX]]] = {}
+    circles: dict[int, tuple[ca.SX, ca.SX]] = {}
     for k, op in enumerate(operations):
         sources, targets = function.instruction_input(k), function.instruction_output(k)
         if op == ca.OP_CONST:
@@ -109,7 +109,7 @@ def _apply(op: int, arguments: Sequence[ca.SX]) -> ca.SX:
 @cache
 def _sin_and_cos() -> ca.Function:
     x = ca.SX.sym("x")
-    return ca.Function("sin_and_cos", [x], circular.sin_and_cos(x), {"cse": True})
+    return ca.Function("circle", [x], [ca.vertcat(*circular.sin_and_cos(x))], {"cse": True})
 
 
 @cache
