@@ -35,6 +35,7 @@ SETTINGS: Mapping[str, Mapping[str, str]] = {
 def main() -> None:
     """Run every scenario under every setting, and print the table."""
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    arguments.add_argument("scenarios", nargs="*", default=list(phalanx.shipped()))
     arguments.add_argument("--duration", type=float, help="virtual time [s]; whole runs otherwise")
     arguments.add_argument("--python", action="append", default=[], help="NAME=path of another")
     arguments.add_argument("--libm", action="store_true", help=argparse.SUPPRESS)
@@ -48,7 +49,7 @@ def main() -> None:
     print("|", " | ".join(["scenario", "here", *columns]), "|")
     print("|---" * (2 + len(columns)) + "|")
     differed = False
-    for scenario in phalanx.shipped():
+    for scenario in options.scenarios:
         here = trajectory(scenario, options.duration, sys.executable, {})
         found = [trajectory(scenario, options.duration, *column) for column in columns.values()]
         cells = ["same" if there == here else there[:12] for there in found]
