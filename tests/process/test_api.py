@@ -1,0 +1,111 @@
+"""The Python API, as a researcher meets it."""
+
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+import phalanx
+
+SHORT = {"duration": 1.0, "network.loss": 0.3, "network.delay": 0.004}
+
+
+@pytest.fixture(scope="module")
+def run() -> phalanx.Run:
+    """A short run with a bad network."""
+    return phalanx.run(phalanx.load("unicycles", SHORT, seed=3), engine="in-process")
+
+
+def test_the_public_names_are_there_and_documented():
+    for name in phalanx.__all__:
+        assert getattr(phalanx, name).__doc__ or name == "Engine", name
+    assert set(phalanx.__all__) <= set(dir(phalanx))
+    with pytest.raises(AttributeError, match="no attribute 'walk'"):
+        _ = phalanx.walk
+
+
+def test_states_are_a_table_with_a_row_for_each_event(run: phalanx.Run):
+    assert run.states.columns[:4] == ["t", "h_tot", "1.x", "1.y"]
+    assert run.states.width == 2 + 5 * 3
+    assert run.states["t"].is_sorted()
+    assert run.states["t"][-1] == 1.0
+
+
+def test_h_of_every_pair_is_that_of_the_states(run: phalanx.Run):
+    x, h = run.states, run.h
+    assert h.height == x.height
+    tip = {
+        n: (x[f"{n}.x"] + 0.25 * x[f"{n}.theta"].cos(), x[f"{n}.y"] + 0.25 * x[f"{n}.theta"].sin())
+        for n in "14"
+    }
+    by_hand = 1.0 - sum((a - b) ** 2 for a, b in zip(tip["1"], tip["4"], strict=True))
+    assert (h["1-4"] - by_hand).abs().max() < 1e-12
+    assert (h.select(pl.max_horizontal(pl.exclude("t"))).to_series() <= x["h_tot"] + 1e-9).all()
+
+
+def test_inputs_have_a_row_for_each_step_with_named_components(run: phalanx.Run):
+    inputs = run.inputs
+    assert inputs.height == run.summary.steps
+    assert {"agent", "k", "t", "t_apply", "origin", "u.nu", "u.omega", "nominal.nu"} <= set(
+        inputs.columns
+    )
+    counts = dict(inputs["origin"].value_counts().iter_rows())
+    assert {o: counts.get(o, 0) for o in run.summary.origins} == run.summary.origins
+    assert inputs["u.nu"].abs().max() <= 4.0 + 1e-5
+
+
+def test_links_tell_the_fate_of_every_broadcast(run: phalanx.Run):
+    links = run.links
+    assert 0.2 < links["lost"].mean() < 0.4
+    assert set(links.filter(~pl.col("lost"))["delay"]) == {0.004}
+    assert links.filter(pl.col("lost"))["delay"].null_count() == links["lost"].sum()
+
+
+def test_a_run_is_opened_again_by_its_folder_given_as_a_text(tmp_path: Path):
+    first = phalanx.run(phalanx.load("pinned"), engine="in-process", out=str(tmp_path))
+    again = phalanx.open(str(first.folder))
+    assert again.verdict == phalanx.Outcome.VIOLATED
+    assert again.states.equals(first.states)
+    assert again.scenario == first.scenario
+    assert "violated" in again._repr_html_()
+    assert again.report().is_file()
+
+
+def test_a_run_without_a_folder_of_its_own_leaves_nothing_behind():
+    run = phalanx.run(phalanx.load("pinned"), engine="in-process")
+    folder = run.folder
+    assert folder.is_dir()
+    del run
+    assert not folder.exists()
+
+
+def test_progress_is_told_while_the_run_goes_on():
+    told: list[phalanx.Status] = []
+    phalanx.run(phalanx.load("unicycles", {"duration": 3.0}), engine="in-process",
+                progress=told.append)  # fmt: skip
+    assert [status.t for status in told] == sorted(status.t for status in told)
+    assert 0 < told[-1].t <= 3.0
+
+
+def test_overrides_are_values_by_path_or_texts():
+    by_path = phalanx.load("unicycles", {"safety.eta": 0.5, "agents.1.clock.period": 0.02})
+    by_text = phalanx.load("unicycles", ["safety.eta=0.5", "agents.1.clock.period=0.02"])
+    assert by_path == by_text
+    with pytest.raises(phalanx.ScenarioError, match=r"--set agents\.9"):
+        phalanx.load("unicycles", {"agents.9.role": "normal"})
+
+
+def test_the_fast_engine_refuses_what_only_processes_can_do():
+    with pytest.raises(ValueError, match="in-process"):
+        phalanx.run("pinned", engine="in-process", listen="tcp/127.0.0.1:7447")
+
+
+@pytest.mark.swarm
+def test_a_replay_is_served_until_it_is_closed(run: phalanx.Run):
+    import urllib.request
+
+    with run.view() as page:
+        assert urllib.request.urlopen(page.url, timeout=60).status == 200
+        assert page.url in page._repr_html_()
+    with pytest.raises(OSError, match="refused"):
+        urllib.request.urlopen(page.url, timeout=5)

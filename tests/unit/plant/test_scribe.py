@@ -1,0 +1,57 @@
+"""What the event log says of a run."""
+
+from pathlib import Path
+
+import phalanx
+
+LINE = {
+    "name": "line",
+    "duration": 1.0,
+    "safety": {
+        "function": {"type": "separation", "radius": 1.0},
+        "rho": 5.0,
+        "alpha": [1.0],
+        "eta": 0.0,
+    },
+    "obstacles": [{"center": [0.0, 5.0], "clearance": 3.0}],
+}
+
+
+def agent(name: str, role: str, start: list[float], law: str) -> dict:
+    return {
+        "names": [name],
+        "role": role,
+        "dynamics": {"type": "single-integrator", "speed": 2.0},
+        "law": {"type": law},
+        "clock": {"period": 0.01},
+        "start": [start],
+    }
+
+
+def test_the_log_names_each_pair_that_leaves_not_the_one_that_was_worst_before(tmp_path: Path):
+    """The obstacle is intruded upon most deeply, and from the start; the pair leaves later."""
+    hunted = agent("hunted", "normal", [0.0, 2.5], "track-velocity")
+    hunter = agent("hunter", "adversary", [2.5, 2.5], "pursue")
+    # An agent that cannot move is caught.
+    hunted["dynamics"]["speed"] = 1e-3
+    scenario = phalanx.load({**LINE, "agents": [hunted, hunter]})
+    run = phalanx.run(scenario, engine="in-process", out=tmp_path)
+    left = run.events.filter(run.events["text"].str.contains("left the safe set"))
+    assert left["text"].to_list() == [
+        "hunted-obstacle 0 left the safe set",
+        "hunted-hunter left the safe set",
+    ]
+    assert left["t"][0] == 0.0 < left["t"][1]
+    assert {v.pair for v in run.summary.violations} == {"hunted-obstacle 0", "hunted-hunter"}
+    assert run.summary.worst_pair == "hunted-obstacle 0"
+
+
+def test_a_backup_is_a_step_at_which_the_backup_input_was_applied():
+    """Steps with empty K_i that kept the nominal input are none."""
+    told: list[phalanx.Status] = []
+    scenario = phalanx.load("unicycles", {"duration": 6.0})
+    run = phalanx.run(scenario, engine="in-process", progress=told.append)
+    counted = dict(run.inputs["origin"].value_counts().iter_rows())
+    assert counted["no-authority"] > 0
+    assert run.summary.origins["backup"] == counted["backup"] > 0
+    assert max(status.backups for status in told) <= counted["backup"]
