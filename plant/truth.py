@@ -17,6 +17,8 @@ class PairExtremes:
         self._labels = [composed.label(pair) for pair in composed.pairs]
         count = len(self._labels)
         self._t = 0.0
+        self._largest_h, self._worst_pair = -np.inf, 0
+        # Of pairs that were unsafe at some time, the others are of no interest one by one.
         self._worst = np.full(count, -np.inf)
         self._worst_at = np.zeros(count)
         self._first = np.full(count, np.inf)
@@ -35,7 +37,7 @@ class PairExtremes:
     @property
     def worst_pair(self) -> str:
         """The pair whose h was largest."""
-        return self._labels[int(np.argmax(self._worst))]
+        return self._labels[self._worst_pair]
 
     def label(self, pair: int) -> str:
         """A pair in words, by its index."""
@@ -43,10 +45,9 @@ class PairExtremes:
 
     def add(self, times: Array, h: Array, h_tot: Array) -> None:
         """After s integration steps: times [s], shape (s,), every pair's h (s, p), h_tot (s,)."""
-        if (h > self._worst).any():
-            highest, at = h.max(axis=0), times[h.argmax(axis=0)]
-            self._worst_at = np.where(highest > self._worst, at, self._worst_at)
-            self._worst = np.maximum(highest, self._worst)
+        at = int(h.argmax())
+        if (highest := float(h.flat[at])) > self._largest_h:
+            self._largest_h, self._worst_pair = highest, at % h.shape[1]
         self.largest, self.h_tot = int(h[-1].argmax()), float(h_tot[-1])
         peak = float(h_tot.max())
         if peak > self.worst_h_tot:
@@ -55,10 +56,14 @@ class PairExtremes:
         # LSE is never below the largest h: with h_tot <= 0 no pair is unsafe. What is not a number
         # is not safe either.
         if not peak <= 0.0:
-            self._add_unsafe(times, ~(h <= 0.0))
+            self._add_unsafe(times, h)
         self._t = float(times[-1])
 
-    def _add_unsafe(self, times: Array, unsafe: NDArray[np.bool_]) -> None:
+    def _add_unsafe(self, times: Array, h: Array) -> None:
+        unsafe, highest = ~(h <= 0.0), h.max(axis=0)
+        deeper = highest > self._worst
+        self._worst_at = np.where(deeper, times[h.argmax(axis=0)], self._worst_at)
+        self._worst = np.where(deeper, highest, self._worst)
         self._unsafe.update(np.flatnonzero(unsafe.any(axis=0)).tolist())
         lengths = np.diff(times, prepend=self._t)
         self._duration += dot(unsafe.T.astype(np.float64), lengths)
