@@ -10,7 +10,8 @@ run: $(READY)
 	$(VENV)/bin/phalanx run unicycles
 
 test: $(READY)
-	$(VENV)/bin/python -m pytest -q
+	$(VENV)/bin/python -m pytest -q -n 2 --dist loadscope --durations 15 tests/unit
+	$(VENV)/bin/python -m pytest -q -n 2 --durations 15 tests/process tests/containers
 
 check: $(READY)
 	$(VENV)/bin/ruff check .

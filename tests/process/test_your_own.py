@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
+import phalanx
 from phalanx.guarantee.verdict import Outcome
-from phalanx.launcher.launch import launch, new_folder
 from phalanx.scenario.load import load
+from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
-from phalanx.wire.session import free_endpoint
 
 PAGE = Path(__file__).parents[2] / "docs" / "your-own.md"
 
@@ -27,7 +27,7 @@ def folder(tmp_path, monkeypatch):
 
 def test_a_file_of_ones_own_is_under_40_lines_and_its_relative_degree_is_found(folder):
     swarm = build_swarm(load("regatta.toml"))
-    assert swarm.chain.relative_degree == 2
+    assert build_rows(swarm).chain.relative_degree == 2
     assert type(swarm.members[0].dynamics).__name__ == "Boat"
     for file in ("boats.py", "lanes.py"):
         assert len((folder / file).read_text().splitlines()) < 40
@@ -35,8 +35,6 @@ def test_a_file_of_ones_own_is_under_40_lines_and_its_relative_degree_is_found(f
 
 @pytest.mark.swarm
 def test_it_runs_by_name_from_a_scenario(folder):
-    scenario = load("regatta.toml", ["duration=2.0"])
-    run = new_folder(folder, "regatta")
-    summary = launch(scenario, run, free_endpoint(), lambda _: None)
+    summary = phalanx.run(phalanx.load("regatta.toml", {"duration": 2.0})).summary
     assert summary.outcome is Outcome.SAFE
     assert summary.origins["qp"] > 60

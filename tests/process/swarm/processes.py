@@ -1,5 +1,6 @@
 """Real runs: real processes, a real hub on a free port, and a hunt for orphans afterwards."""
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -79,5 +80,6 @@ class Run:
     def kill_all(self) -> None:
         """Leave nothing behind, whatever the test did."""
         for process in self.descendants():
-            process.kill()
+            with contextlib.suppress(psutil.NoSuchProcess):  # it may end by itself meanwhile
+                process.kill()
         self.process.communicate()

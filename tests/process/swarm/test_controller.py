@@ -4,16 +4,15 @@ from pathlib import Path
 
 import pytest
 
-from phalanx.agent.centralised import Together
-from phalanx.faults.commands import CommandKind, CommandPolicy
+from phalanx.agent.centralised import CentralisedController
+from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Outcome
-from phalanx.launcher.launch import launch, new_folder
+from phalanx.launcher.execute import execute
 from phalanx.recording.read import Recording, read
-from phalanx.recording.records import Command
 from phalanx.scenario.load import load
+from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.session import free_endpoint
 
 pytestmark = pytest.mark.swarm
 
@@ -23,8 +22,9 @@ SYNCHRONOUS = ("agents.0.clock.jitter=0.0", "agents.1.clock.jitter=0.0")
 
 def centralised(tmp_path: Path, *overrides: str, schedule: tuple[Command, ...] = ()) -> Recording:
     scenario = load("unicycles", ["duration=0.5", "safety.control=centralised", *overrides])
-    folder, policy = new_folder(tmp_path, "central"), CommandPolicy(schedule=schedule)
-    launch(scenario, folder, free_endpoint(), lambda _: None, policy=policy)
+    folder = tmp_path / f"central-{len(list(tmp_path.iterdir()))}"
+    folder.mkdir()
+    execute(scenario, folder, commands=CommandPolicy(schedule=schedule))
     return read(folder)
 
 
@@ -47,7 +47,7 @@ def test_one_process_controls_all_normal_agents(phalanx):
 
 def test_the_programme_is_solved_once_for_all_who_sample_together():
     swarm = build_swarm(load("unicycles", ["safety.control=centralised"]))
-    together, x = Together(swarm), swarm.start()
+    together, x = CentralisedController(build_rows(swarm)), swarm.start()
     first = together.at(x, 0.0)
     assert together.at(x.copy(), 0.0) is first
     assert together.at(x, 0.01) is not first

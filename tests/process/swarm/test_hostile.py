@@ -13,16 +13,19 @@ import msgspec
 import pytest
 import zenoh
 
-from phalanx.faults.commands import CommandKind, CommandPolicy
-from phalanx.plant.hub import Hub, SwarmBrokenError
+from phalanx.faults.commands import CommandKind
+from phalanx.network.inbox import Fate
+from phalanx.plant.hub import Hub
+from phalanx.plant.stop import SwarmBrokenError
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
-from phalanx.viewer.feeds.live import Live
 from phalanx.wire.keys import Keys
-from phalanx.wire.messages import MAX_BYTES, VERSION, Fate, Input, Sample, Sealer
+from phalanx.wire.membership import Membership
+from phalanx.wire.messages import MAX_BYTES, Actuation, Sample, Telemetry
+from phalanx.wire.seal import Sealer
 from phalanx.wire.session import announce, ask, free_endpoint, open_client
-from tests.process.runs import CONTROL, SECRET, live_run, wait_for
+from tests.process.runs import PACED, SECRET, live_run, wait_for
 
 pytestmark = pytest.mark.swarm
 
@@ -34,13 +37,21 @@ BLOCK = zenoh.CongestionControl.BLOCK
 
 RUN = "assailed"
 KEYS = Keys(RUN)
-KEY = KEYS.input(VICTIM)
+KEY = KEYS.actuation(VICTIM)
+REPORT = KEYS.telemetry(VICTIM)
 INSIDER = Sealer(SECRET)
 
 
-def an_input(**changes: Any) -> Input:
-    message = Input(VERSION, 10**9, 1.0, 1.0, 1.01, (0.0, 0.0), Origin.ATTACK, 0.0, 0.0,
-                    ages=(None,) * AGENTS)  # fmt: skip
+def an_input(**changes: Any) -> Actuation:
+    message = Actuation(k=10**9, t_apply=1.0, u=(0.0, 0.0))
+    return msgspec.structs.replace(message, **changes)
+
+
+def a_report(**changes: Any) -> Telemetry:
+    message = Telemetry(
+        k=10**9, origin=Origin.ATTACK, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0,
+        ages=(None,) * AGENTS,
+    )  # fmt: skip
     return msgspec.structs.replace(message, **changes)
 
 
@@ -60,7 +71,7 @@ def packed(value: Any) -> bytes:
 
 
 GOOD = INSIDER.seal(KEY, an_input())
-NOBODY = KEYS.input("99")
+NOBODY = KEYS.actuation("99")
 TO_PLANT = {
     "nothing": (KEY, b"", "truncated"),
     "one byte": (KEY, b"\x00", "truncated"),
@@ -73,31 +84,37 @@ TO_PLANT = {
     "one flipped bit": (KEY, GOOD[:-1] + bytes([GOOD[-1] ^ 1]), "bad seal"),
     "sealed with another secret": (KEY, Sealer(b"guess").seal(KEY, an_input()), "bad seal"),
     "sealed without a secret": (KEY, Sealer().seal(KEY, an_input()), "bad seal"),
-    "meant for another agent": (KEY, INSIDER.seal(KEYS.input("5"), an_input()), "bad seal"),
+    "meant for another agent": (KEY, INSIDER.seal(KEYS.actuation("5"), an_input()), "bad seal"),
     "meant for another run": (
-        KEY, INSIDER.seal(Keys("other").input(VICTIM), an_input()), "bad seal"),
+        KEY, INSIDER.seal(Keys("other").actuation(VICTIM), an_input()), "bad seal"),
     "not msgpack": (KEY, sealed(b"\xc1\xc1\xc1"), "not msgpack"),
     "msgpack cut short": (KEY, sealed(msgspec.msgpack.encode(fields())[:-3]), "not msgpack"),
     "nested beyond measure": (KEY, sealed(b"\x91" * 20_000), "wrong fields"),
     "nil": (KEY, packed(None), "wrong fields"),
     "a map": (KEY, packed({"k": 1}), "wrong fields"),
-    "too few fields": (KEY, packed(fields()[:5]), "wrong fields"),
+    "too few fields": (KEY, packed(fields()[:3]), "wrong fields"),
     "a field too many": (KEY, packed([*fields(), "more"]), "wrong fields"),
     "a number as text": (KEY, packed(fields(k="7")), "wrong fields"),
-    "an unknown origin": (KEY, packed(fields(origin="divine")), "wrong fields"),
     "a sample for an input": (
-        KEY, INSIDER.seal(KEY, Sample(VERSION, 0, 0.0, b"", ())), "wrong fields"),
+        KEY, INSIDER.seal(KEY, Sample(k=0, t=0.0, x=b"", latest=())), "wrong fields"),
     "another version": (KEY, INSIDER.seal(KEY, an_input(version=99)), "other version"),
-    "a time that is no number": (KEY, INSIDER.seal(KEY, an_input(t=math.nan)), "not finite"),
+    "a time that is no number": (KEY, INSIDER.seal(KEY, an_input(t_apply=math.nan)), "not finite"),
     "an infinite input": (KEY, INSIDER.seal(KEY, an_input(u=(math.inf, 0.0))), "not finite"),
     "an input too many": (KEY, INSIDER.seal(KEY, an_input(u=(0.0,) * 3)), "wrong size"),
-    "no ages": (KEY, INSIDER.seal(KEY, an_input(ages=())), "wrong size"),
-    "fates of nobody's messages": (
-        KEY, INSIDER.seal(KEY, an_input(fates=(Fate(77, 0, 0.0),))), "unknown sender"),
     "an agent that does not exist": (NOBODY, INSIDER.seal(NOBODY, an_input()), "unknown sender"),
     "from the past": (KEY, INSIDER.seal(KEY, an_input(k=0)), "out of order"),
     "from the future": (KEY, INSIDER.seal(KEY, an_input()), "out of order"),
     "before the beginning": (KEY, INSIDER.seal(KEY, an_input(k=-1)), "out of order"),
+    "a report for an input": (KEY, INSIDER.seal(KEY, a_report()), "wrong fields"),
+    "an input for a report": (REPORT, INSIDER.seal(REPORT, an_input()), "wrong fields"),
+    "an unknown origin": (REPORT, INSIDER.seal(REPORT, a_report(origin="divine")), "wrong fields"),
+    "a report without ages": (REPORT, INSIDER.seal(REPORT, a_report(ages=())), "wrong size"),
+    "a residual that is no number": (
+        REPORT, INSIDER.seal(REPORT, a_report(residual=math.nan)), "not finite"),
+    "fates of nobody's messages": (
+        REPORT, INSIDER.seal(REPORT, a_report(fates=(Fate(77, 0, 0.0),))), "unknown sender"),
+    "a report from the past": (REPORT, INSIDER.seal(REPORT, a_report(k=-1)), "out of order"),
+    "a report from the future": (REPORT, INSIDER.seal(REPORT, a_report()), "out of order"),
 }  # fmt: skip
 
 SAMPLE = KEYS.sample(VICTIM)
@@ -105,9 +122,9 @@ TO_AGENT = {
     "noise": os.urandom(300),
     "nothing": b"",
     "an input for a sample": INSIDER.seal(SAMPLE, an_input()),
-    "a state of another size": INSIDER.seal(SAMPLE, Sample(VERSION, 10**6, 0.0, bytes(8), ())),
+    "a state of another size": INSIDER.seal(SAMPLE, Sample(k=10**6, t=0.0, x=bytes(8), latest=())),
     "an old sample": INSIDER.seal(
-        SAMPLE, Sample(VERSION, 0, 0.0, bytes(8 * 15), (-1,) * AGENTS)),
+        SAMPLE, Sample(k=0, t=0.0, x=bytes(8 * 15), latest=(-1,) * AGENTS)),
 }  # fmt: skip
 
 
@@ -115,10 +132,9 @@ def test_nothing_a_hostile_client_sends_changes_the_trajectory_and_all_of_it_is_
     assert len(TO_PLANT) >= 25
     with live_run(SCENARIO, tmp_path / "calm") as run:
         calm = run.summary()
-    steerable = CommandPolicy(secret=CONTROL, speed=1.0)
     with (
-        live_run(SCENARIO, tmp_path / RUN, steerable) as run,
-        Live(run.endpoint, RUN, SECRET, CONTROL, 60.0) as live,
+        live_run(SCENARIO, tmp_path / RUN, PACED) as run,
+        run.watch() as live,
         open_client(run.endpoint, timeout=60.0) as session,
     ):
         wait_for(lambda: (frame := live.take()) and frame.t > 0.1)
@@ -156,7 +172,7 @@ def test_a_flood_of_rubbish_does_not_hold_off_the_end_of_a_wait():
     swarm = build_swarm(load("unicycles", ["time.timeout=1.0"]))
     endpoint, over = free_endpoint(), threading.Event()
     with (
-        Hub(swarm, RUN, endpoint, SECRET, lambda: None) as hub,
+        Hub(swarm, Membership(RUN, endpoint, SECRET), lambda: None) as hub,
         open_client(endpoint, timeout=20) as session,
     ):
         flood = threading.Thread(target=put_until, args=(session, over), daemon=True)
