@@ -137,9 +137,13 @@ def test_one_controller_minds_no_delay_and_has_a_solution_where_single_agents_ha
     assert not paper.rows_at_start["3"]
     assert all(central.rows_at_start.values())
     assert any("sample together" in gap for gap in central.gaps)
-    together = [f"agents.{g}.clock.jitter=0.0" for g in (0, 1)]
-    synchronous = check(load("unicycles", ["safety.control=centralised", *together]))
-    assert not any("sample together" in gap for gap in synchronous.gaps)
+
+
+@pytest.mark.parametrize(("jitter", "together"), [(0.0, True), (0.001, False)])
+def test_one_controller_needs_agents_whose_clocks_have_no_jitter(jitter, together):
+    clock = f"agents.0.clock.jitter={jitter}"
+    gaps = checked("one-on-one", "safety.control=centralised", clock).gaps
+    assert any("sample together" in gap for gap in gaps) is not together
 
 
 def test_states_without_known_bounds_are_asked_for_by_name():

@@ -57,7 +57,7 @@ def test_a_proven_margin_split_shares_and_a_lossy_network_end_guaranteed():
     ],
 )
 def test_without_the_proof_the_same_run_is_not_guaranteed(override, why):
-    summary = run("guaranteed", "duration=0.5", override)
+    summary = run("guaranteed", "duration=0.05", override)
     assert summary.outcome is not Outcome.GUARANTEED
     margin = next(a for a in summary.assumptions if a.name == "proven margin")
     assert margin.failed == 1
