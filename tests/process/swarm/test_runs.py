@@ -98,10 +98,12 @@ def test_an_agent_with_another_scenario_is_refused_by_name(phalanx, tmp_path):
     endpoint = free_endpoint()
     common = ("--scenario", "unicycles", "--run", "r")
     plant = phalanx("plant", *common, "--listen", endpoint, "--out", str(tmp_path))
+    for name in "1245":
+        phalanx("agent", name, *common, "--connect", endpoint)
     phalanx("agent", "3", *common, "--connect", endpoint, "--seed", "5")
     status, output = plant.finish()
     assert status == 3
-    assert "agent 3 runs another scenario: expected digest" in output
+    assert "agent 3 runs another scenario, seed or version" in output
 
 
 def all_fates(run) -> dict[tuple[str, str, int], float]:
