@@ -6,7 +6,7 @@ import signal
 import threading
 
 from phalanx.agent.answering import SampleAnswering
-from phalanx.agent.step import Answer, ControlStep, control_steps
+from phalanx.agent.step import Answer, control_steps
 from phalanx.scenario.load import digest
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import build_rows
@@ -37,7 +37,7 @@ def run(scenario: Scenario, membership: Membership) -> int:
     over = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: over.set())
     with wire.open_client(membership.endpoint, membership.timeout) as session:
-        senders = [_Sender(session, keys, sealer, step) for step in steps]
+        senders = [_Sender(session, keys, sealer, step.name) for step in steps]
         answerings = [
             SampleAnswering(step, sealer, sender, over.set, owns_process=len(steps) == 1)
             for step, sender in zip(steps, senders, strict=True)
@@ -66,12 +66,8 @@ def run(scenario: Scenario, membership: Membership) -> int:
 class _Sender:
     """Puts one agent's answers on the wire, what is waited for most first."""
 
-    def __init__(
-        self, session: wire.Session, keys: Keys, sealer: Sealer, step: ControlStep
-    ) -> None:
-        name, self._sealer = step.name, sealer
-        # Whom one agent hears, it is heard by.
-        self._has_peers = bool(step.listens_to)
+    def __init__(self, session: wire.Session, keys: Keys, sealer: Sealer, name: str) -> None:
+        self._sealer = sealer
         self._actuation = wire.publisher(session, keys.actuation(name))
         self._broadcast = wire.publisher(session, keys.broadcast(name))
         self._telemetry = wire.publisher(session, keys.telemetry(name))
@@ -84,8 +80,6 @@ class _Sender:
             publisher.put(self._sealer.seal(key, message))
 
     def wait_for_listeners(self, timeout: float) -> None:
-        """Return when the plant and a peer listen: what is put earlier is lost. Raises HubError."""
-        wire.wait_for_listener(self._actuation, timeout)
-        wire.wait_for_listener(self._telemetry, timeout)
-        if self._has_peers:
-            wire.wait_for_listener(self._broadcast, timeout)
+        """Return when the hub takes what is put: what comes earlier is lost. Raises HubError."""
+        for publisher in (self._actuation, self._broadcast, self._telemetry):
+            wire.wait_for_listener(publisher, timeout)
