@@ -1,0 +1,143 @@
+"""A bound on V(t) between samples, integrated over the interval: V(t) <= V_k + t (r + D) + ½ t² g.
+
+V is ψ_{q-1}, whose rate the inputs change, or h itself for q > 1, whose rate they do not. Agent i
+holds its input; all other inputs and every disturbance move as they like within their bounds. The
+proof is in docs/certificate.md.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import casadi as ca
+
+from phalanx.theory.expressions.interval import Interval, continuous, extend
+from phalanx.theory.margins.enclosure import ACTUATION, Enclosure, scalars
+from phalanx.theory.models.polytope import constant_polytope
+from phalanx.theory.safety.chain import Chain
+from phalanx.theory.safety.class_k import ClassK
+from phalanx.theory.safety.composition import Member
+
+
+class Growth(NamedTuple):
+    """V(t) <= value + t (rate + disturbance) + ½ t² bend until the horizon; scalars."""
+
+    value: ca.SX
+    """V at the sample."""
+    rate: ca.SX
+    """r = Σ drift + c_i u_i + Σ max c_l w at the sample; contains u_i."""
+    disturbance: ca.SX
+    """D = sup over B of Σ_l ‖∂V/∂x_l‖ φ_l^max."""
+    bend: ca.SX
+    """g = max(0, sup over B of the rate of Σ drift + c_i u_i + Σ c_l w), each w a fixed input."""
+    known: ca.SX
+    """1 if the bound is proven, else 0."""
+
+
+def growth(
+    value: ca.SX,
+    members: Sequence[Member],
+    own: int,
+    moving: Sequence[Enclosure],
+    bounds: Sequence[float],
+) -> Growth:
+    """The bound's parts, as expressions of the sampled state and agent i's input.
+
+    Args:
+        value: V, an expression of the members' states.
+        members: of one pair.
+        own: agent i's place in it.
+        moving: the members' enclosures; agent i's holds its input, or any of U_i if the bound is
+            to serve them all.
+        bounds: φ_l^max of each member.
+
+    Raises:
+        ValueError: another member's U depends on the state.
+        UnboundedOperationError: an expression has no interval extension.
+    """
+    others = [l for l in range(len(members)) if l != own]
+    gradients = [ca.jacobian(value, e.x) for e in moving]
+    drift, actuation = ca.SX(0), []
+    for gradient, member, e in zip(gradients, members, moving, strict=True):
+        drift += gradient @ member.dynamics.drift(e.x)
+        actuation.append(ca.simplify(gradient @ member.dynamics.actuation(e.x)))
+    # Another member's w in the row is not the input that moves its state.
+    fixed = [e.u if l == own else ca.SX.sym("w", e.u.numel()) for l, e in enumerate(moving)]
+    row, rate = drift, drift + actuation[own] @ moving[own].u
+    for c, w in zip(actuation, fixed, strict=True):
+        row += c @ w
+    for l in others:
+        rate += _largest(members[l], moving[l].x, actuation[l])
+    slopes = [ca.jacobian(row, e.x) for e in moving]
+    change = _pushed(slopes, bounds)
+    for slope, e in zip(slopes, moving, strict=True):
+        change += slope @ (e.rate - e.phi)
+
+    symbols = scalars([*[e.x for e in moving], *[e.u for e in moving], *[fixed[l] for l in others]])
+    box = [interval for e in moving for interval in e.states]
+    box += [interval for e in moving for interval in e.inputs]
+    box += [interval for l in others for interval in moving[l].inputs]
+    bend, disturbance = extend([change, _pushed(gradients, bounds)], symbols, box)
+    parts = [value, *[d.T for d in gradients], drift, *[c.T for c in actuation]]
+    known = continuous(scalars(parts), symbols, box)
+    for e in moving:
+        known = ca.logic_and(known, e.certain)
+    # Comparisons are false for what is not a number, which max would pass over.
+    for number in (value, rate, disturbance.hi, bend.hi):
+        known = ca.logic_and(known, number < ca.inf)
+    return Growth(value, rate, disturbance.hi, ca.fmax(0, bend.hi), known)
+
+
+def time_until_zero(bound: Growth, horizon: float | ca.SX) -> ca.SX:
+    """How long the bound stays at or below zero, at most the horizon [s]; 0 if it is unknown.
+
+    The bound is convex in t: from V_k <= 0 it crosses zero once.
+    """
+    speed = bound.rate + bound.disturbance
+    root = ca.sqrt(ca.fmax(0, speed * speed - 2 * bound.bend * bound.value))
+    # Each form where it does not cancel.
+    rising = -2 * bound.value / (speed + root)
+    falling = ca.if_else(bound.bend > 0, (root - speed) / bound.bend, ca.inf)
+    crossing = ca.if_else(speed > 0, rising, falling)
+    proven = ca.logic_and(bound.known, bound.value <= 0)
+    return ca.if_else(proven, ca.fmin(horizon, crossing), 0)
+
+
+def keeps_chain(chain: Chain, alphas: Sequence[ClassK], moving: Sequence[Enclosure]) -> ca.SX:
+    """1 if ψ_{q-1} <= 0 until the horizon keeps h <= 0 with it, else 0.
+
+    It does if ψ_0 ... ψ_{q-2} start at or below zero and no α_k is negative where ψ_{k-1} > 0 could
+    be reached. Every ψ_k must have D_k in it.
+
+    Args:
+        chain: of the pair, with D_1 in place of ξ and with bounds.
+        alphas: α_1 ... α_q, as the chain was built.
+        moving: the members' enclosures.
+
+    Raises:
+        UnboundedOperationError: an expression has no interval extension.
+    """
+    symbols = scalars([e.x for e in moving])
+    box = [interval for e in moving for interval in e.states]
+    kept = ca.SX(1)
+    for psi, alpha in zip(chain.psi[:-1], alphas, strict=False):
+        (reach,) = extend([psi], symbols, box)
+        s = ca.SX.sym("s")
+        (back,) = extend([alpha.value(s)], [s], [Interval(ca.SX(0), ca.fmax(0, reach.hi))])
+        kept = ca.logic_and(kept, ca.logic_and(psi <= 0, back.lo >= 0))
+    return kept
+
+
+def _pushed(gradients: Sequence[ca.SX], bounds: Sequence[float]) -> ca.SX:
+    """Σ_l ‖gradient_l‖ φ_l^max, scalar."""
+    total = ca.SX(0)
+    for gradient, bound in zip(gradients, bounds, strict=True):
+        total += bound * ca.sqrt(ca.sumsqr(gradient))
+    return total
+
+
+def _largest(member: Member, x: ca.SX, c: ca.SX) -> ca.SX:
+    """max c w over U, wider by what solvers may leave, scalar."""
+    known = constant_polytope(*member.dynamics.input_polytope(x))
+    if known is None:
+        raise ValueError(f"expected input bounds of {member.name} that do not depend on its state")
+    return ca.mmax(ca.DM(known.corners) @ c.T) + ACTUATION * ca.norm_1(c.T)

@@ -1,0 +1,159 @@
+"""A pair's certificate: never above zero while it lasts, and never where h can jump above."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from phalanx.guarantee.certificate import MULTIPLES, AgentCertificates, pair_certificate
+from phalanx.scenario.load import load
+from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
+from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.safety.class_k import Linear
+from phalanx.theory.safety.composition import Member, compose
+from phalanx.theory.safety.function import Body, Separation
+from phalanx.theory.safety.obstacles import Obstacle, Sphere
+
+seeds = st.integers(0, 2**32 - 1)
+TAU = 0.05
+
+
+def certificate(dynamics, alphas, function=None, bounds=(0.3, 0.3)):
+    members = [Member("a", dynamics, False), Member("b", dynamics, True)]
+    pair = compose(members, [], function or Separation(1.0), 1.0).alone(0)
+    return pair_certificate(pair, 0, [Linear(a) for a in alphas], bounds, TAU)
+
+
+LINE = certificate(SingleIntegrator(1.0), [1.0])
+
+
+@given(seed=seeds, excess=st.sampled_from([0.0, 1.0]))
+def test_two_on_a_line_stay_apart_while_certified_and_not_much_longer(seed, excess):
+    """The other and both disturbances push together: d' = u - 1 - 0.6 excess, exactly."""
+    rng = np.random.default_rng(seed)
+    d, u = rng.uniform(1.0, 1.5), rng.uniform(-1, 1)
+    time = LINE.horizon(np.array([d, 0.0, 0.0, 0.0]), np.array([u, 0.0]))
+    closing = 1.0 - u + 0.6
+    meeting = (d - 1.0) / closing if closing > 0 else np.inf
+    assert time <= meeting
+    assert time >= 0.8 * min(meeting, TAU)
+    assert d + time * (u - 1.0 - 0.6 * excess) >= 1.0 - 1e-12
+
+
+def test_a_disturbance_above_its_bound_is_not_what_was_certified():
+    time = LINE.horizon(np.array([1.1, 0.0, 0.0, 0.0]), np.array([0.0, 0.0]))
+    assert 1.1 - time * (1.0 + 0.6) >= 1.0
+    assert 1.1 - time * (1.0 + 3 * 0.6) < 1.0
+
+
+def test_nothing_is_certified_outside():
+    assert LINE.horizon(np.array([0.99, 0.0, 0.0, 0.0]), np.array([1.0, 0.0])) == 0.0
+
+
+def test_far_apart_all_is_certified():
+    time = LINE.horizon(np.array([9.0, 0.0, 0.0, 0.0]), np.array([-1.0, 0.0]))
+    assert time == MULTIPLES[0] * TAU
+
+
+@given(seed=seeds, gain=st.sampled_from([0.1, 40.0]))
+@settings(max_examples=30)
+def test_the_last_alpha_has_no_part_in_it(seed, gain):
+    rng = np.random.default_rng(seed)
+    x, u = rng.uniform(-1, 1, 8), rng.uniform(-2, 2, 2)
+    other = certificate(DoubleIntegrator(2.0, 0.5, 2), [1.0, gain])
+    assert other.horizon(x, u) == SECOND.horizon(x, u)
+
+
+SECOND = certificate(DoubleIntegrator(2.0, 0.5, 2), [1.0, 1.0])
+
+
+class Jumping:
+    """Separation, and a term that jumps above zero where a's x passes 1."""
+
+    def __init__(self, jump) -> None:
+        self._jump = jump
+
+    def between(self, a: Body, b: Body) -> ca.SX:
+        return 1.0 - ca.sumsqr(a.p - b.p) + 50.0 * self._jump(a.p)
+
+    def to_obstacle(self, a: Body, obstacle: Obstacle) -> ca.SX:
+        return obstacle.intrusion(a.p)
+
+
+@pytest.mark.parametrize("dynamics", [SingleIntegrator(1.0), Unicycle(1.0, 1.0)])
+@pytest.mark.parametrize("alphas", [[1.0]])
+def test_a_jump_within_reach_is_never_certified(dynamics, alphas):
+    jumping = Jumping(lambda p: ca.sign(p[0] - 1.0) + 1.0)
+    pair = certificate(dynamics, alphas, jumping)
+    x = np.zeros(2 * len(dynamics.states))
+    x[1 - len(dynamics.states)] = 5.0
+    u = np.array([1.0, 0.0])
+    assert pair.horizon(x - np.eye(len(x))[0], u) == MULTIPLES[0] * TAU
+    near = x.copy()
+    near[0] = 1.0 - 1e-6 - (dynamics.offset if isinstance(dynamics, Unicycle) else 0.0)
+    assert pair.horizon(near, u) == 0.0
+
+
+@pytest.mark.parametrize(
+    "jump",
+    [
+        lambda p: ca.floor(p[0]),
+        lambda p: ca.if_else(p[0] > 1.0, 1.0, 0.0),
+        lambda p: ca.atan2(p[1], p[0]),
+    ],
+)
+def test_what_has_no_interval_rule_is_refused_with_a_reason(jump):
+    pair = certificate(SingleIntegrator(1.0), [1.0], Jumping(jump))
+    assert pair.horizon(np.array([-9.0, 0.0, 0.0, 0.0]), np.zeros(2)) == 0.0
+    assert "no interval rule" in pair.refused
+
+
+def test_without_an_enclosure_nothing_is_certified():
+    """Positions of which even the box is infinite."""
+    pair = certificate(DoubleIntegrator(1e200, 1e200, 2), [1.0, 1.0])
+    assert pair.horizon(np.array([50.0, 0, 0, 0, 0, 0, 0, 0]), np.zeros(2)) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("dynamics", "alphas", "scale"),
+    [(SingleIntegrator(1e-6), [1.0], 1e-6), (SingleIntegrator(3000.0), [1.0], 1.0)],
+)
+def test_small_lengths_and_great_speeds_are_no_exception(dynamics, alphas, scale):
+    pair = certificate(dynamics, alphas, Separation(scale), (0.0, 0.0))
+    d = 1.5 * scale
+    time = pair.horizon(np.array([d, 0.0, 0.0, 0.0]), np.zeros(2))
+    assert d - time * dynamics.speed >= scale
+
+
+@pytest.fixture(scope="module")
+def swarm():
+    return build_swarm(load("unicycles"))
+
+
+def test_an_agents_certificates_are_those_of_its_pairs(swarm, rng):
+    known = {}
+    for i in swarm.normal:
+        certificates = AgentCertificates(swarm, i, known)
+        composed = swarm.safe_set
+        h = CompiledFunction([composed.x], [composed.h])
+        for _ in range(20):
+            x = swarm.start() + rng.uniform(-3, 3, composed.x.numel())
+            u = rng.uniform(-1, 1, 2) * [4.0, 2.0]
+            times = certificates(x, u)
+            inside = h(x)[0][list(certificates.pairs)] <= 0
+            assert times.shape == (7,)
+            assert (times[~inside] == 0).all()
+            assert (times <= MULTIPLES[0] * certificates.tau).all()
+            assert ((times > 0) | (h(x)[0][list(certificates.pairs)] > -1.0)).all()
+    assert len(known) < sum(i in (p.a, p.b) for p in composed.pairs for i in swarm.normal)
+
+
+def test_obstacles_are_pairs_too():
+    members = [Member("a", SingleIntegrator(1.0), False)]
+    pair = compose(members, [Sphere((3.0, 0.0), 1.0)], Separation(1.0), 1.0).alone(0)
+    found = pair_certificate(pair, 0, [Linear(1.0)], [0.3], TAU)
+    time = found.horizon(np.array([1.9, 0.0]), np.array([1.0, 0.0]))
+    assert 0.9 * 0.1 / 1.3 < time <= 0.1 / 1.3
