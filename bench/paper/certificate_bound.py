@@ -20,7 +20,7 @@ import phalanx
 from phalanx.guarantee.certificate import AgentCertificates, Known
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.margins.enclosure import admissible_inputs, enclose
-from phalanx.theory.margins.integrated import growth
+from phalanx.theory.margins.integrated import INFLATIONS, growth
 from phalanx.theory.models.bicycle import KinematicBicycle
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.integrators import (
@@ -96,7 +96,7 @@ class Pair:
         bounds = [kind.bound] * len(pair.members)
         horizon, left = ca.SX.sym("T"), ca.SX.sym("left")
         moving = [
-            enclose(m, pair.x[p], admissible_inputs(m) if l else None, b, horizon, (0.2, 0.2, 0.1))
+            enclose(m, pair.x[p], admissible_inputs(m) if l else None, b, horizon, INFLATIONS)
             for l, (m, p, b) in enumerate(zip(pair.members, pair.parts, bounds, strict=True))
         ]
         V = build_chain(pair, kind.alphas, None, bounds).psi[degree]

@@ -24,7 +24,7 @@ from phalanx.theory.margins.enclosure import (
     moved,
     scalars,
 )
-from phalanx.theory.margins.integrated import growth, keeps_chain, time_until_zero
+from phalanx.theory.margins.integrated import INFLATIONS, growth, keeps_chain, time_until_zero
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.composition import ComposedSet, Member
@@ -33,8 +33,6 @@ Array = NDArray[np.float64]
 
 MULTIPLES = (8.0, 4.0, 2.0, 1.0)
 """The horizons that are tried, in τ: over a longer one the box is larger."""
-
-_INFLATIONS = (0.2, 0.2, 0.1)
 
 
 @dataclass(frozen=True)
@@ -89,7 +87,7 @@ def pair_certificate(
                 None if l == own else admissible_inputs(member),
                 bounds[l],
                 horizon,
-                _INFLATIONS,
+                INFLATIONS,
             )
             for l, (member, part) in enumerate(zip(pair.members, pair.parts, strict=True))
         ]
@@ -201,7 +199,7 @@ def _reach(member: Member, x: ca.SX, bound: float, horizon: float) -> Reach:
     rates = fastest(member, inputs, bound)
     if rates is not None:
         return Reach(x, moved(x, rates, horizon), ca.SX(1))
-    e = enclose(member, x, inputs, bound, horizon, _INFLATIONS)
+    e = enclose(member, x, inputs, bound, horizon, INFLATIONS)
     return Reach(x, e.states, e.certain)
 
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from phalanx.theory.expressions.interval import (
     Interval,
@@ -16,8 +17,10 @@ from phalanx.theory.expressions.interval import (
     multiply,
     point,
 )
-from phalanx.theory.models.polytope import constant_polytope
+from phalanx.theory.models.polytope import constant_polytope, vertices
 from phalanx.theory.safety.composition import Member
+
+Array = NDArray[np.float64]
 
 ACTUATION = 1e-5
 """How far an applied input may stand outside U_l or its row: solvers are not exact."""
@@ -123,7 +126,18 @@ def moved(x: ca.SX, rates: Sequence[Interval], horizon: float | ca.SX) -> list[I
 
 
 def admissible_inputs(member: Member) -> list[Interval]:
-    """The box around U, wider by what solvers may leave.
+    """The box around what an actuator takes for an input in U.
+
+    Raises:
+        ValueError: U depends on the state.
+    """
+    found = admissible_corners(member)
+    ends = np.stack([found.min(axis=0), found.max(axis=0)], axis=1)
+    return [Interval(ca.SX(a), ca.SX(b)) for a, b in ends.tolist()]
+
+
+def admissible_corners(member: Member) -> Array:
+    """Vertices of U with every face moved out by ACTUATION, shape (v, m): long, where U is sharp.
 
     Raises:
         ValueError: U depends on the state.
@@ -135,9 +149,7 @@ def admissible_inputs(member: Member) -> list[Interval]:
             f"safety.margin: expected input bounds of {member.name} that do not depend on its "
             "state, which the local margin needs"
         )
-    low, high = known.corners.min(axis=0), known.corners.max(axis=0)
-    ends = np.stack([low - ACTUATION, high + ACTUATION], axis=1)
-    return [Interval(ca.SX(a), ca.SX(b)) for a, b in ends.tolist()]
+    return vertices(known.A, known.b + ACTUATION)
 
 
 def scalars(vectors: Sequence[ca.SX]) -> list[ca.SX]:

@@ -10,7 +10,13 @@ from hypothesis import strategies as st
 
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.margins.enclosure import admissible_inputs, enclose
-from phalanx.theory.margins.integrated import Growth, growth, keeps_chain, time_until_zero
+from phalanx.theory.margins.integrated import (
+    INFLATIONS,
+    Growth,
+    growth,
+    keeps_chain,
+    time_until_zero,
+)
 from phalanx.theory.models.bicycle import KinematicBicycle
 from phalanx.theory.models.integrators import (
     DoubleIntegrator,
@@ -27,7 +33,6 @@ from phalanx.theory.safety.obstacles import Sphere
 
 seeds = st.integers(0, 2**32 - 1)
 PHI = [0.4, 0.7]
-INFLATIONS = (0.2, 0.2, 0.1)
 STEPS = 16
 
 CASES = {

@@ -1,0 +1,95 @@
+"""Where a state can be within a horizon, and which inputs an actuator takes."""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.margins.enclosure import (
+    ACTUATION,
+    admissible_corners,
+    admissible_inputs,
+    enclose,
+    fastest,
+)
+from phalanx.theory.margins.integrated import INFLATIONS
+from phalanx.theory.models.bicycle import KinematicBicycle
+from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
+from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.safety.composition import Member
+from tests.unit.theory.users_own import Rail
+
+PHI = 0.5
+CASES = {"unicycle": Unicycle(4.0, 2.0), "bicycle": KinematicBicycle(2.0, 0.7)}
+
+
+def compiled(dynamics, held):
+    member = Member("a", dynamics, False)
+    x, T = ca.SX.sym("x", len(dynamics.states)), ca.SX.sym("T")
+    inputs = None if held else admissible_inputs(member)
+    e = enclose(member, x, inputs, PHI, T, INFLATIONS)
+    ends = [ca.vertcat(*side) for side in zip(*e.states, strict=True)]
+    box = CompiledFunction([x, e.u, T], [*ends, e.certain])
+    return box, CompiledFunction([x, e.u, e.phi], [e.rate])
+
+
+COMPILED = {(name, held): compiled(d, held) for name, d in CASES.items() for held in (True, False)}
+
+
+@pytest.mark.parametrize("held", [True, False])
+@pytest.mark.parametrize("name", CASES)
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=30)
+def test_no_state_leaves_the_box(name, held, seed):
+    rng, (box, rate) = np.random.default_rng(seed), COMPILED[name, held]
+    x, T, steps = rng.uniform(-3, 3, len(CASES[name].states)), 0.1, 200
+    corners = admissible_corners(Member("a", CASES[name], False))
+    u = corners[rng.integers(len(corners))]
+    low, high, certain = box(x, u, T)
+    assert certain
+    way = rng.choice([-1.0, 1.0], len(x)) * PHI / np.sqrt(len(x))
+    for _ in range(steps):
+        assert (low - 1e-9 <= x).all()
+        assert (x <= high + 1e-9).all()
+        x = x + T / steps * rate(x, u, way)[0]
+        u = u if held else corners[rng.integers(len(corners))]
+
+
+def test_a_box_that_cannot_be_shown_to_hold_the_state_is_not_certain():
+    """A drag that would stop it fifty times within the horizon."""
+    box, _ = compiled(DoubleIntegrator(2.0, 50.0, 2), False)
+    assert box(np.array([0.0, 0.0, 20.0, 0.0]), np.zeros(2), 1.0)[2] == 0.0
+
+
+def test_a_unicycle_is_never_faster_than_its_speed_and_an_integrator_may_be():
+    unicycle = Member("a", Unicycle(4.0, 2.0), False)
+    rates = fastest(unicycle, admissible_inputs(unicycle), 0.5)
+    assert [float(r.hi) for r in rates] == pytest.approx([4.5, 4.5, 2.5], abs=1e-4)
+    assert [float(r.lo) for r in rates] == pytest.approx([-4.5, -4.5, -2.5], abs=1e-4)
+    double = Member("a", DoubleIntegrator(2.0), False)
+    assert fastest(double, admissible_inputs(double), 0.5) is None
+
+
+@dataclass(frozen=True)
+class Needle(SingleIntegrator):
+    """Inputs within a wedge, a thousand times as long as wide."""
+
+    def input_polytope(self, x):
+        return ca.SX([[-1e-3, 1.0], [-1e-3, -1.0], [1.0, 0.0]]), ca.SX([0.0, 0.0, 1.0])
+
+
+def test_a_sharp_corner_of_u_reaches_as_far_as_actuators_let_it():
+    """Each face moves out by 1e-5, so the wedge's tip at zero by a hundredth."""
+    member = Member("a", Needle(1.0), False)
+    tip = admissible_corners(member)[:, 0].min()
+    assert tip == pytest.approx(-ACTUATION * np.sqrt(1 + 1e-6) / 1e-3)
+    assert float(admissible_inputs(member)[0].lo) == tip
+
+
+def test_inputs_whose_bounds_depend_on_the_state_are_refused():
+    with pytest.raises(ValueError, match="do not depend on its state"):
+        admissible_inputs(Member("a", Rail(), False))
