@@ -165,8 +165,15 @@ def _increasing(function: Callable[[ca.SX], ca.SX]) -> Callable[[Interval], Inte
     return lambda a: Interval(function(a.lo), function(a.hi))
 
 
-def _root(a: Interval) -> Interval:
-    return Interval(ca.sqrt(ca.fmax(a.lo, 0)), ca.sqrt(ca.fmax(a.hi, 0)))
+def _above_zero(function: Callable[[ca.SX], ca.SX]) -> Callable[[Interval], Interval]:
+    """An increasing function of numbers from zero on; unbounded where a reaches below."""
+
+    def rule(a: Interval) -> Interval:
+        defined = a.lo >= 0
+        low, high = function(ca.fmax(a.lo, 0)), function(ca.fmax(a.hi, 0))
+        return Interval(ca.if_else(defined, low, -ca.inf), ca.if_else(defined, high, ca.inf))
+
+    return rule
 
 
 _RULES: Mapping[int, Callable[..., Interval]] = {
@@ -179,9 +186,9 @@ _RULES: Mapping[int, Callable[..., Interval]] = {
     ca.OP_INV: _reciprocal,
     ca.OP_SQ: _square,
     ca.OP_TWICE: lambda a: add(a, a),
-    ca.OP_SQRT: _root,
+    ca.OP_SQRT: _above_zero(ca.sqrt),
     ca.OP_EXP: _increasing(ca.exp),
-    ca.OP_LOG: _increasing(ca.log),
+    ca.OP_LOG: _above_zero(ca.log),
     ca.OP_SIGN: _increasing(ca.sign),
     ca.OP_SIN: _sine,
     ca.OP_COS: _cosine,

@@ -57,7 +57,8 @@ def enclose(
 ) -> Enclosure:
     """A box that holds x(t) for all t up to the horizon, and whether that is certain.
 
-    If x^k + [0, τ] F(B) lies in B, where F bounds x' over B, then x(t) cannot leave B by τ.
+    If x^k + [0, τ] F(B) lies in B, where F bounds x' over B, and x^k inside B, then x(t) cannot
+    leave B by τ: as it did, it would be on the way from a point inside to one in B, so inside.
 
     Args:
         member: whose motion it is; nobody else's state is part of its dynamics.
@@ -89,8 +90,9 @@ def enclose(
         box = [inflate(reach, extra, _LEAST) for reach in reached]
     final = picard(box)
     certain = ca.SX(1)
-    for a, b in zip(final, box, strict=True):
-        certain = ca.logic_and(certain, inside(a, b))
+    for start, a, b in zip(starts, final, box, strict=True):
+        within = ca.logic_and(b.lo < start.lo, start.hi < b.hi)  # not so where 1e-9 is rounded off
+        certain = ca.logic_and(certain, ca.logic_and(within, inside(a, b)))
     return Enclosure(x, u, phi, rate, final, allowed, pushed, certain)
 
 

@@ -78,13 +78,15 @@ def growth(
     box = [interval for e in moving for interval in e.states]
     box += [interval for e in moving for interval in e.inputs]
     box += [interval for l in others for interval in moving[l].inputs]
-    bend, disturbance = extend([change, _pushed(gradients, bounds)], symbols, box)
+    steepness = _pushed(gradients, [1.0] * len(members))
+    bounded = [change, _pushed(gradients, bounds), steepness]
+    bend, disturbance, steep = extend(bounded, symbols, box)
     parts = [value, *[d.T for d in gradients], drift, *[c.T for c in actuation]]
     known = continuous(scalars(parts), symbols, box)
     for e in moving:
         known = ca.logic_and(known, e.certain)
     # Comparisons are false for what is not a number, which max would pass over.
-    for number in (value, rate, disturbance.hi, bend.hi):
+    for number in (value, rate, disturbance.hi, bend.hi, steep.hi):
         known = ca.logic_and(known, number < ca.inf)
     return Growth(value, rate, disturbance.hi, ca.fmax(0, bend.hi), known)
 
@@ -120,12 +122,14 @@ def keeps_chain(chain: Chain, alphas: Sequence[ClassK], moving: Sequence[Enclosu
     """
     symbols = scalars([e.x for e in moving])
     box = [interval for e in moving for interval in e.states]
-    kept = ca.SX(1)
+    kept = continuous(list(chain.psi[:-1]), symbols, box)
     for psi, alpha in zip(chain.psi[:-1], alphas, strict=False):
-        (reach,) = extend([psi], symbols, box)
+        steepness = _pushed([ca.jacobian(psi, e.x) for e in moving], [1.0] * len(moving))
+        reach, steep = extend([psi, steepness], symbols, box)
         s = ca.SX.sym("s")
         (back,) = extend([alpha.value(s)], [s], [Interval(ca.SX(0), ca.fmax(0, reach.hi))])
-        kept = ca.logic_and(kept, ca.logic_and(psi <= 0, back.lo >= 0))
+        for bounded in (reach.hi < ca.inf, steep.hi < ca.inf, psi <= 0, back.lo >= 0):
+            kept = ca.logic_and(kept, bounded)
     return kept
 
 
