@@ -83,8 +83,15 @@ class Jumping:
         return obstacle.intrusion(a.p)
 
 
-@pytest.mark.parametrize("dynamics", [SingleIntegrator(1.0), Unicycle(1.0, 1.0)])
-@pytest.mark.parametrize("alphas", [[1.0]])
+@pytest.mark.parametrize(
+    ("dynamics", "alphas"),
+    [
+        (SingleIntegrator(1.0), [1.0]),
+        (Unicycle(1.0, 1.0), [1.0]),
+        (DoubleIntegrator(1.0, 0.5, 2), [1.0, 1.0]),
+        (DoubleIntegrator(1.0, 0.5, 2), [1e-300, 1.0]),  # ψ_1 hardly knows h
+    ],
+)
 def test_a_jump_within_reach_is_never_certified(dynamics, alphas):
     jumping = Jumping(lambda p: ca.sign(p[0] - 1.0) + 1.0)
     pair = certificate(dynamics, alphas, jumping)
@@ -109,6 +116,27 @@ def test_what_has_no_interval_rule_is_refused_with_a_reason(jump):
     pair = certificate(SingleIntegrator(1.0), [1.0], Jumping(jump))
     assert pair.horizon(np.array([-9.0, 0.0, 0.0, 0.0]), np.zeros(2)) == 0.0
     assert "no interval rule" in pair.refused
+
+
+@pytest.mark.parametrize("h", [lambda s: ca.log(s) - 5.0, lambda s: ca.sqrt(s) - 5.0])
+def test_nothing_is_certified_where_h_may_not_be_a_number(h):
+    pair = certificate(SingleIntegrator(1.0), [1.0], Along(h), (0.0, 0.0))
+    assert pair.horizon(np.array([3.0, 0.0, 0.0, 0.0]), np.zeros(2)) == MULTIPLES[0] * TAU
+    close = pair.horizon(np.array([0.04, 0.0, 0.0, 0.0]), np.zeros(2))
+    assert close <= 0.04
+
+
+class Along:
+    """h is a function of how far a is ahead of b."""
+
+    def __init__(self, h) -> None:
+        self._h = h
+
+    def between(self, a: Body, b: Body) -> ca.SX:
+        return self._h(a.p[0] - b.p[0])
+
+    def to_obstacle(self, a: Body, obstacle: Obstacle) -> ca.SX:
+        return obstacle.intrusion(a.p)
 
 
 def test_without_an_enclosure_nothing_is_certified():

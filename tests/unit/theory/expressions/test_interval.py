@@ -63,6 +63,15 @@ def test_zero_times_what_is_unbounded_is_unbounded_and_not_forgotten():
     assert high(np.array([0.0, 3.0, 1.0, 2.0]))[0][0] == 3.0
 
 
+@pytest.mark.parametrize("function", [ca.sqrt, ca.log])
+def test_outside_its_domain_a_function_is_unbounded_and_not_forgotten(function):
+    x = ca.SX.sym("x")
+    (bound,) = extend([ca.fabs(function(x))], [x], [Interval(ca.SX(-1), ca.SX(2))])
+    assert float(bound.hi) == np.inf
+    (bound,) = extend([ca.fmax(function(x), 0)], [x], [Interval(ca.SX(-1), ca.SX(2))])
+    assert float(bound.hi) == np.inf
+
+
 def test_an_operation_without_a_rule_is_refused():
     x = ca.SX.sym("x")
     with pytest.raises(UnboundedOperationError, match="no interval rule"):
