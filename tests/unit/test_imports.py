@@ -43,6 +43,8 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.scenario": SCENARIO,
     "phalanx.swarm": SWARM,
     "phalanx.guarantee": GUARANTEE,
+    # Shares nothing with controller and plant but dynamics and h; records are handed to it.
+    "phalanx.guarantee.checker": rooms("theory.models theory.safety scenario"),
     "phalanx.wire": WIRE,
     "phalanx.recording": RECORDING,
     "phalanx.report": REPORT,

@@ -1,0 +1,1 @@
+"""Certify a recorded run, sharing nothing with controller and plant but dynamics and h."""
