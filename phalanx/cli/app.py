@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from phalanx.cli import check, programs, recordings, run, tap, viewing
+from phalanx.cli import certify, check, programs, recordings, run, tap, viewing
 from phalanx.scenario.load import ScenarioError
 
 USAGE_ERROR = 64
@@ -26,6 +26,7 @@ app = typer.Typer(
 run.register(app)
 check.register(app)
 recordings.register(app)
+certify.register(app)
 tap.register(app)
 programs.register(app)
 viewing.register(app)

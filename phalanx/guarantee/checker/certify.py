@@ -197,7 +197,7 @@ class _Agent:
         for _ in range(_ENCLOSURES):
             (rates,), smooth = self._field(box, u)
             reached = add(begin, multiply(span, add(rates, Interval(-phi, phi))))
-            stays = inside(reached, box).all(axis=0)
+            stays = inside(reached, box)
             if stays.all():
                 break
             margin = 0.1 * (reached.hi - reached.lo) + 16 * np.spacing(np.abs(x))
@@ -210,7 +210,7 @@ class _Agent:
 
         Over dt the state moves by dt (f + g u) somewhere in the box, and by at most dt φ^max more.
         """
-        admitted: Truth = inside(point(inputs.u), self._inputs).all(axis=0)
+        admitted = inside(point(inputs.u), self._inputs)
         self._require(admitted, inputs.t, "applied an input that it does not have")
         in_force = inputs.u[:, np.searchsorted(inputs.t, times[:-1], side="right") - 1]
         dt = np.diff(times)
@@ -279,7 +279,7 @@ class _Certificates:
         self._begin = inputs.t
         # Rounded down: no instant counts that a bound does not reach.
         self._end = np.minimum(np.nextafter(inputs.t + horizons, -np.inf), inputs.until)
-        self.lasting: Truth = (self._end >= inputs.until).all(axis=0)
+        self.lasting: Truth = np.logical_and.reduce(self._end >= inputs.until, axis=0)
         """Which last, for all pairs, until the next input, shape (s,)."""
 
     def spans(self, pair: _Pair) -> tuple[Array, Array]:

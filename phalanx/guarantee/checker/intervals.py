@@ -104,8 +104,8 @@ def norm(a: Interval) -> Interval:
 
 
 def inside(a: Interval, b: Interval) -> Truth:
-    """Whether a lies within b."""
-    found: Truth = (a.lo >= b.lo) & (a.hi <= b.hi)
+    """Whether a lies within b in every component, along the first axis."""
+    found: Truth = np.logical_and.reduce((a.lo >= b.lo) & (a.hi <= b.hi), axis=0)
     return found
 
 
