@@ -19,10 +19,13 @@ def register(app: typer.Typer) -> None:
 def certify(run: RunArgument) -> int:
     """Prove from its recording that no pair of a run could leave its safe set.
 
-    From each recorded state and the input applied there it bounds h until the next input, between
-    integration steps too, whatever other agents and disturbances do within their bounds. It shares
-    no code with controller and plant but dynamics and h, and rounds outwards. Assumed are the
-    dynamics and the disturbance bounds; a recording that is no motion of them is refused.
+    At every input of a normal agent, h of its pairs is bounded until the next one, whatever the
+    other agents and the disturbances do within their bounds, and between integration steps too. The
+    code is shared with controller and plant in nothing but dynamics and h, and rounds outwards.
+
+    A recording that contradicts its dynamics and disturbance bounds is refused. The horizon is how
+    long an agent's certificates last if it hears nothing more, looked for up to four times the
+    longest planned time between two inputs.
 
     Exit status 0 if the run is certified, 1 if it is not, 3 if the recording cannot be read.
     """
@@ -63,14 +66,12 @@ def _show(found: "Certification") -> None:
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="dim")
     table.add_column()
-    verdict = "[green bold]certified[/]" if found else "[yellow bold]not certified[/]"
-    table.add_row("verdict", f"{verdict}, on the recorded inputs and disturbances within bounds")
-    share = found.certified / max(found.samples, 1)
-    table.add_row(
-        "certified to the next input", f"{found.certified} of {found.samples} ({share:.2%})"
-    )
+    table.add_row("verdict", "[green bold]certified[/]" if found else "[red bold]not certified[/]")
+    table.add_row("assumed", "the dynamics, and disturbances within their bounds")
+    table.add_row("recording", "does not contradict them")
+    share = f"{found.certified} of {found.samples} ({found.certified / max(found.samples, 1):.2%})"
+    table.add_row("inputs certified until the next", share)
     table.add_row("shortest horizon", f"{1e3 * found.horizon:.4g} ms")
     if found.gap:
-        table.add_row("first not covered", f"{found.gap.pair} from t = {found.gap.t:.6f} s on")
-    table.add_row("recording", "a motion of these inputs, with disturbances within their bounds")
+        table.add_row("first not covered", f"{found.gap.pair}, from t = {found.gap.t:.6f} s on")
     Console().print(table)

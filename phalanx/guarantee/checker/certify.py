@@ -57,8 +57,9 @@ _ENCLOSURES = 5
 """Boxes to try before a motion counts as unbounded."""
 _ACTUATOR = 2e-5
 """How far an input may lie outside U: actuators let 1e-5 pass at every face."""
-_INTEGRATION = 1e-9
-"""How far a recorded state may be off its motion: the plant integrates in steps, and rounds."""
+_ROUNDING = 1e-12
+"""How far a recorded state may be off its motion, relative to both: the plant rounds at each step.
+What its integration is off is far less than what an enclosure is too wide."""
 
 
 class StateRecord(Protocol):
@@ -218,8 +219,10 @@ class _Agent:
         other = subtract(
             subtract(point(x[:, 1:]), point(x[:, :-1])), multiply(point(dt), motion.rates)
         )
-        slack = _INTEGRATION * (1.0 + np.abs(x[:, :-1]).max(axis=0))
-        follows = norm(absolute(other)).lo <= self.disturbance * dt + slack
+        push = self.disturbance * dt
+        moved = dt * absolute(motion.rates).hi.max(axis=0) + push
+        slack = _ROUNDING * (np.abs(x[:, :-1]).max(axis=0) + moved)
+        follows = norm(absolute(other)).lo <= push + slack
         self._require(
             follows & motion.known,
             times[:-1],
