@@ -354,7 +354,7 @@ def _conclude(
     for pair in pairs:
         spans = [each.spans(pair) for each in found if pair in each.pairs]
         begin, end = (np.concatenate(side) for side in zip(*spans, strict=True))
-        gaps += [Gap(t, pair.label) for t in _uncovered(begin, end, duration)]
+        gaps += [Gap(float(t), pair.label) for t in _uncovered(begin, end, duration)]
     lasting = [each.lasting for each in found]
     return Certification(
         samples=sum(each.size for each in lasting),

@@ -194,6 +194,7 @@ def test_a_silent_agent_leaves_a_gap_where_its_last_certificate_ends(tmp_path):
     last = max(s.t for s in done.recording.steps if s.agent == "1")
     assert not found
     assert "1" in found.gap.pair
+    assert found.certified == found.samples - 1
     assert last < found.gap.t <= last + 4 * 0.012
 
 
@@ -247,6 +248,26 @@ def test_an_agent_that_passes_through_an_obstacle_between_states_is_not_certifie
     assert found.gap.pair == "1-obstacle 0"
 
 
+@pytest.mark.parametrize(("bound", "speed"), [(0.0, 1.0), (0.5, 1.0), (0.5, 0.2), (0.3, -0.1)])
+def test_against_a_wall_the_horizon_is_exact(bound, speed):
+    """h is linear, so that nothing is lost but a billionth."""
+    wall = {"normal": [1.0, 0.0], "offset": 1.0, "clearance": 0.1}
+    given = scenario(SINGLE, [[0.0, 0.0]], bound=bound, period=2.0, obstacles=(wall,))
+    ends = [State(0.0, [0.0, 0.0], -0.9)]
+    found = certify(given, ends, [step("1", 0.0, [speed, 0.0])])
+    exact = 0.9 / (speed + bound)
+    assert exact * (1.0 - 1e-8) < found.horizon <= exact
+
+
+def test_until_the_first_input_takes_effect_actuators_hold_zero(tmp_path):
+    given = load("unicycles", overrides={"time.latency": 0.004, "duration": 0.3})
+    recording = run(given, engine="in-process", out=tmp_path).recording
+    assert judged(recording)
+    late = [s for s in recording.steps if s.t_apply > 0.02]
+    with pytest.raises(UncertifiableError, match="moves otherwise"):
+        certify(given, recording.states, late)
+
+
 MODELS = {
     "unicycle": ({"type": "unicycle", "speed": 4.0, "turn_rate": 2.0}, 1.73, 3),
     "double-integrator": (
@@ -264,7 +285,7 @@ def test_no_motion_leaves_the_safe_set_while_its_certificate_lasts(model):
     """Against inputs and disturbances held at their extremes, and others that are redrawn."""
     table, bound, n = MODELS[model]
     rng, lasted = np.random.default_rng(len(model)), []
-    for _ in range(15):
+    for _ in range(10):
         x = rng.uniform(-1.0, 1.0, (2, n))
         angle, distance = rng.uniform(-np.pi, np.pi), rng.uniform(1.05, 1.8)
         x[0, :2], x[1, :2] = 0.0, (distance * np.cos(angle), distance * np.sin(angle))
