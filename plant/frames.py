@@ -24,6 +24,10 @@ _LINK_EVENTS = 256
 """Most links that a frame tells of: it has to stay a small message."""
 
 
+_Answered = tuple[InputApplied, Telemetry, float | None]
+"""An agent's last input, how it was made, and how long it is certified [s]."""
+
+
 class FrameAudience(Protocol):
     """Whoever looks."""
 
@@ -51,7 +55,9 @@ class FramePublisher:
         self._commands, self._faults = commands, faults
         self._t, self._x = 0.0, start
         agents = faults.condition
-        self._last: list[tuple[InputApplied, Telemetry] | None] = [None for _ in agents]
+        self._last: list[tuple[InputApplied, Telemetry, float | None] | None] = [
+            None for _ in agents
+        ]
         self._backups = [0 for _ in agents]
         self._without_authority = [0 for _ in agents]
         self._log: deque[LogLine] = deque(maxlen=_LINES)
@@ -66,10 +72,10 @@ class FramePublisher:
         self._t, self._x = event.t, event.x
         self._peak = max(self._peak, peak)
 
-    def saw_input(self, event: InputApplied, telemetry: Telemetry) -> None:
-        """An agent's input took effect."""
+    def saw_input(self, event: InputApplied, telemetry: Telemetry, certified: float | None) -> None:
+        """An agent's input took effect, with which its pairs are certified for so long [s]."""
         i = event.i
-        self._last[i] = event, telemetry
+        self._last[i] = event, telemetry, certified
         self._backups[i] += telemetry.origin == Origin.BACKUP
         self._without_authority[i] += telemetry.origin == Origin.NO_AUTHORITY
         for fate in telemetry.fates:
@@ -118,7 +124,7 @@ class FramePublisher:
         last, condition = self._last[i], self._faults.condition[i]
         if last is None:
             return AgentStatus(condition)
-        applied, telemetry = last
+        applied, telemetry, certified = last
         ages = [age for age in telemetry.ages if age is not None]
         return AgentStatus(
             condition=condition,
@@ -130,6 +136,7 @@ class FramePublisher:
             residual=telemetry.residual,
             solve_time=telemetry.solve_time,
             age=max(ages, default=None),
+            certified=certified,
         )
 
     def _real_time_factor(self, now: float) -> float:

@@ -1,10 +1,15 @@
-"""The judge: counts steps, and checks the safe set and the theorem's assumptions."""
+"""The judge: the safe set, the certificates that a guarantee rests on, the theorem's assumptions.
+
+Outcome and certificates follow from the true states and the applied inputs alone. What agents say
+about how they made their inputs only counts for the theorem's assumptions.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.guarantee.gaps import gaps_in_the_proof
 from phalanx.guarantee.verdict import Assumption
+from phalanx.plant.coverage import Coverage
 from phalanx.plant.events import InputApplied, Sampled, StateReached
 from phalanx.plant.truth import PairExtremes
 from phalanx.plant.world import DisturbanceKnot, IntegrationSteps
@@ -24,6 +29,7 @@ class Judge:
     def __init__(self, rows: SafetyRows) -> None:
         swarm = rows.swarm
         self.truth = PairExtremes(swarm.safe_set)
+        self.coverage = Coverage(swarm)
         self.steps = 0
         """Inputs applied."""
         self.origins = {str(o): 0 for o in Origin if o is not Origin.ATTACK}
@@ -32,13 +38,16 @@ class Judge:
         self._longest_gap = [g.clock.period + g.clock.jitter + _ROUNDING for g in swarm.groups]
         self._bounds = np.array([g.disturbance.bound for g in swarm.groups])
         self._parts = [part.start for part in swarm.safe_set.parts]
+        self._x = swarm.start()
+        """The true stacked state at the last event, shape (n̄,)."""
         self._in_force: dict[int, float] = {}
         """When each agent's input took effect [s]."""
         self._sampled: dict[int, float] = {}
         self._instants: dict[int, float] = {}
         """When the first normal agent took its sample k [s], by k."""
-        self._start = Assumption(
-            "start in S", note="every agent starts where the safe set can be kept (S_I)"
+        self._start = Assumption("start in S", note="every pair is safe at the start")
+        self._start_kept = Assumption(
+            "start in S_I", note="every agent starts where the safe set can be kept"
         )
         self._gap = Assumption(
             "sampling gap", note="no sample came later than clock.period + clock.jitter"
@@ -60,7 +69,9 @@ class Judge:
         note = "; ".join(gaps) or "the margin is a bound, computed at each sample"
         self._margin = Assumption("proven margin", note=note)
         self._margin.check(not gaps, 0.0)
-        self._starts_inside = bool((rows.invariants()(swarm.start())[0] <= 0.0).all())
+        start = swarm.start()
+        self._start_kept.check(bool((rows.invariants()(start)[0] <= 0.0).all()), 0.0)
+        self.coverage.begin(start)
 
     @property
     def backups(self) -> int:
@@ -69,8 +80,13 @@ class Judge:
 
     @property
     def assumptions(self) -> list[Assumption]:
-        """The theorem's assumptions, and how often each failed so far."""
-        found = [self._start, self._gap, self._phi, self._rows, self._margin]
+        """What `guaranteed` rests on, and how often each failed so far."""
+        return [self._start, self._gap, self._phi, self.coverage.assumption]
+
+    @property
+    def theorem(self) -> list[Assumption]:
+        """What the paper's theorem needs, and how often each failed so far."""
+        found = [self._start_kept, self._gap, self._phi, self._rows, self._margin]
         found += [self._faithful] if self._faithful.failed else []
         safety = self._swarm.scenario.safety
         if safety.control == "centralised":
@@ -81,6 +97,8 @@ class Judge:
     def reached(self, event: StateReached) -> None:
         """The world went on to another event."""
         self.saw(event.seen)
+        self.coverage.reached(event.t)
+        self._x = event.x
 
     def saw(self, seen: list[IntegrationSteps | DisturbanceKnot]) -> None:
         """What the world went through."""
@@ -91,8 +109,7 @@ class Judge:
                 self._phi.check(bool((norms <= self._bounds * (1.0 + _ROUNDING)).all()), piece.t)
                 continue
             if self._start.checked == 0:
-                inside = self._starts_inside and bool((piece.h[0] <= 0.0).all())
-                self._start.check(inside, float(piece.times[0]))
+                self._start.check(bool((piece.h[0] <= 0.0).all()), float(piece.times[0]))
             self.truth.add(*piece)
 
     def sampled(self, event: Sampled) -> None:
@@ -107,8 +124,11 @@ class Judge:
         if i in self._swarm.normal:
             self._faithful.check(False, t)
 
-    def applied(self, event: InputApplied, telemetry: Telemetry) -> None:
-        """An actuator took its input."""
+    def applied(self, event: InputApplied, telemetry: Telemetry) -> float | None:
+        """An actuator took its input.
+
+        Returns how long all pairs of a normal agent are certified from now on [s].
+        """
         self.steps += 1
         if event.i in self._swarm.normal:
             if telemetry.origin == Origin.ATTACK:
@@ -116,6 +136,7 @@ class Judge:
             else:
                 self._check_step(event, telemetry)
         self._in_force[event.i] = event.t_apply
+        return self.coverage.applied(event.i, event.t_apply, self._x, np.array(event.u))
 
     def _check_step(self, event: InputApplied, telemetry: Telemetry) -> None:
         self.origins[telemetry.origin] += 1

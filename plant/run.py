@@ -80,7 +80,9 @@ class PlantRun:
             began = time.monotonic()
             self._lockstep.run(self._scenario.duration)
             self._frames.show(last=True)
-            outcome, reason = judge(self._judge.truth.violations(), self._judge.assumptions)
+            outcome, reason = judge(
+                self._judge.truth.violations(), self._judge.assumptions, self._judge.theorem
+            )
         except (StoppedError, KeyboardInterrupt) as error:
             outcome, reason = Outcome.STOPPED, str(error) or "stopped by the user"
         except (SwarmBrokenError, AbandonedError, RecordingError, DivergedError) as error:
@@ -106,6 +108,8 @@ class PlantRun:
             steps=self._judge.steps,
             origins=self._judge.origins,
             assumptions=self._judge.assumptions,
+            theorem=self._judge.theorem,
+            certificates=self._judge.coverage.summary,
             violations=truth.violations(),
             rejected=rejected,
             wall_time=wall,

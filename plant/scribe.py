@@ -100,19 +100,19 @@ class RunScribe:
         i, name = event.i, self._names[event.i]
         telemetry = self._telemetry(i, event.k)
         self._rejected[i] = telemetry.rejected
-        self._judge.applied(event, telemetry)
+        certified = self._judge.applied(event, telemetry)
         self.trajectory.add(event)
-        self._frames.saw_input(event, telemetry)
+        self._frames.saw_input(event, telemetry, certified)
         if telemetry.origin == Origin.BACKUP and i not in self._backed_up:
             self._backed_up.add(i)
             self._say(event.t_apply, f"agent {name}: first backup")
-        self._recording.write(self._step(event, telemetry))
+        self._recording.write(self._step(event, telemetry, certified))
 
     def _say(self, t: float, text: str) -> None:
         self._recording.write(Log(t, text))
         self._frames.say(t, text)
 
-    def _step(self, event: InputApplied, telemetry: Telemetry) -> Step:
+    def _step(self, event: InputApplied, telemetry: Telemetry, certified: float | None) -> Step:
         names = self._names
         return Step(
             agent=names[event.i],
@@ -126,4 +126,5 @@ class RunScribe:
             ages=list(telemetry.ages),
             fates=[(names[fate.sender], fate.k, fate.delay) for fate in telemetry.fates],
             u_nom=list(telemetry.u_nom),
+            certified=certified,
         )

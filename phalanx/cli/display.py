@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from phalanx.guarantee.verdict import Outcome, Summary
+from phalanx.guarantee.verdict import Outcome, Summary, certified
 from phalanx.scenario.model import Scenario
 from phalanx.wire.messages import Status
 
@@ -64,8 +64,13 @@ def print_summary(summary: Summary) -> None:
     worst = f"{summary.worst_h_tot:.4g} at t = {summary.worst_at:.3f} s"
     table.add_row("worst h_tot", f"{worst}, worst pair {summary.worst_pair}")
     table.add_row("control steps", _steps(summary))
+    table.add_row("certified", certified(summary))
     for assumption in summary.assumptions:
         table.add_row(assumption.name, _assumption(assumption.failed, assumption.checked))
+    for needed in summary.theorem:
+        if needed.name not in {a.name for a in summary.assumptions}:
+            told = _assumption(needed.failed, needed.checked)
+            table.add_row(f"[dim]of the theorem:[/] {needed.name}", told)
     for violation in summary.violations:
         depth = f"h up to {violation.worst:.4g} at t = {violation.worst_at:.3f} s"
         table.add_row("[red]violated[/]", f"{violation.pair}: {depth}, {violation.duration:.3f} s")

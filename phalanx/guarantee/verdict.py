@@ -9,9 +9,9 @@ class Outcome(StrEnum):
     """How a run ended."""
 
     GUARANTEED = "guaranteed"
-    """Safe throughout, and every assumption of the theorem held at every step."""
+    """Safe throughout, and proven so at every instant, whatever the others had done."""
     SAFE = "safe"
-    """Never unsafe, but some assumption failed: safe by luck."""
+    """Never unsafe, but not proven throughout: safe by luck."""
     VIOLATED = "violated"
     """Some pair's h was above zero."""
     BROKEN = "broken"
@@ -21,7 +21,7 @@ class Outcome(StrEnum):
 
 
 class Assumption(msgspec.Struct):
-    """One assumption of the theorem, and how often a run broke it."""
+    """One thing that a proof needs, and how often a run broke it."""
 
     name: str
     failed: int = 0
@@ -39,6 +39,28 @@ class Assumption(msgspec.Struct):
         if not holds:
             self.failed += 1
             self.first = t if self.first is None else self.first
+
+
+class CertificateSummary(msgspec.Struct):
+    """What the certificates of a run came to; see docs/certificate.md."""
+
+    samples: int = 0
+    """Inputs that normal agents applied."""
+    certified: int = 0
+    """Of these, those with every pair proven safe until the agent's next sample at the latest."""
+    shortest: float | None = None
+    """The shortest time for which an input was proven safe, in multiples of that time."""
+    uncovered: str | None = None
+    """The first pair that was under no certificate."""
+    uncovered_at: float | None = None
+    """From when on [s]."""
+
+    def count(self, proven: float, longest: float) -> None:
+        """Count an input that is proven safe for so long, when it may be held this long [s]."""
+        self.samples += 1
+        self.certified += proven >= longest
+        ratio = proven / longest
+        self.shortest = ratio if self.shortest is None else min(self.shortest, ratio)
 
 
 class Violation(msgspec.Struct):
@@ -75,6 +97,10 @@ class Summary(msgspec.Struct):
     origins: dict[str, int]
     """Steps of normal agents by how their input was made."""
     assumptions: list[Assumption]
+    """What `guaranteed` rests on."""
+    theorem: list[Assumption]
+    """What the paper's theorem would have needed."""
+    certificates: CertificateSummary
     violations: list[Violation]
     rejected: dict[str, int]
     """Payloads dropped by the plant and by the agents, by reason."""
@@ -85,6 +111,17 @@ class Summary(msgspec.Struct):
     def real_time_factor(self) -> float:
         """Virtual over wall time."""
         return self.t / self.wall_time if self.wall_time > 0 else 0.0
+
+
+def certified(summary: Summary) -> str:
+    """What the certificates of a run came to, in words."""
+    found = summary.certificates
+    if not found.samples:
+        return "no input was applied"
+    share = f"{found.certified} of {found.samples} inputs, the shortest for {found.shortest:.2f} τ"
+    if found.uncovered is None:
+        return share
+    return f"{share}; {found.uncovered} under none from t = {found.uncovered_at:.3f} s on"
 
 
 def exit_status(outcome: Outcome, strict: bool = False) -> int:
@@ -98,8 +135,16 @@ def exit_status(outcome: Outcome, strict: bool = False) -> int:
     }[outcome]
 
 
-def judge(violations: list[Violation], assumptions: list[Assumption]) -> tuple[Outcome, str]:
-    """The verdict on a run that reached its end. Safe by luck is never called guaranteed."""
+def judge(
+    violations: list[Violation], assumptions: list[Assumption], theorem: list[Assumption]
+) -> tuple[Outcome, str]:
+    """The verdict on a run that reached its end. Safe by luck is never called guaranteed.
+
+    Args:
+        violations: pairs that left the safe set, the deepest first.
+        assumptions: what `guaranteed` rests on.
+        theorem: what the paper's theorem would have needed; it has no part in the outcome.
+    """
     failed = [a for a in assumptions if a.failed]
     if violations:
         worst = max(violations, key=lambda v: v.worst)
@@ -114,10 +159,17 @@ def judge(violations: list[Violation], assumptions: list[Assumption]) -> tuple[O
             f"up to h = {worst.worst:.4g} where 0 is allowed, for {worst.duration:.3f} s{before}"
         )
     if failed:
-        what = ", ".join(f"{a.name} ({a.failed} of {a.checked} checks)" for a in failed)
         return Outcome.SAFE, (
-            f"no pair left the safe set, but not guaranteed; assumptions that failed: {what}"
+            "no pair left the safe set, but not guaranteed; assumptions that failed: "
+            f"{_counts(failed)}"
         )
+    missing = [a for a in theorem if a.failed]
+    needed = f"it was short of: {_counts(missing)}" if missing else "all that it needs held"
     return Outcome.GUARANTEED, (
-        "no pair left the safe set, and every assumption of the theorem held"
+        "no pair left the safe set, and at every instant every pair was proven safe whatever the "
+        f"others had done (of the paper's theorem, {needed})"
     )
+
+
+def _counts(failed: list[Assumption]) -> str:
+    return ", ".join(f"{a.name} ({a.failed} of {a.checked} checks)" for a in failed)

@@ -7,7 +7,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from phalanx.guarantee.verdict import Outcome, Summary
+from phalanx.guarantee.verdict import Outcome, Summary, certified
 from phalanx.launcher.engine import Engine, Progress, silent
 from phalanx.recording.read import Recording, read
 from phalanx.scenario.model import Scenario
@@ -182,6 +182,7 @@ def _key_figures(summary: Summary) -> list[tuple[str, str]]:
         ("worst pair", summary.worst_pair),
         ("control steps of normal agents", steps),
         ("assumptions that failed", failed),
+        ("certified", certified(summary)),
         ("real-time factor", f"{summary.real_time_factor:.1f}"),
         ("trajectory", summary.trajectory[:16]),
     ]

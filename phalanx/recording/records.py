@@ -40,6 +40,8 @@ class Step(msgspec.Struct):
     """(sender, sequence number, delay [s]) of broadcasts decided now; delay < 0: lost."""
     u_nom: list[float] = []
     """The nominal input, or the attack before its projection onto U_i, shape (m_i,)."""
+    certified: float | None = None
+    """How long all of a normal agent's pairs are proven safe from t_apply on [s]."""
 
 
 class Log(msgspec.Struct):

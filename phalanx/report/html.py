@@ -5,17 +5,18 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from string import Template
 
-from phalanx.guarantee.verdict import Outcome, Summary
+from phalanx.guarantee.verdict import Outcome, Summary, certified
 from phalanx.network.link import LinkModel, UniformDelay
 from phalanx.recording.read import Recording
 from phalanx.report.measures import LinkStatistics, origins, worst
 from phalanx.theory.rows.origin import Origin
 
 _MOST_LINKS = 240
+_ASSUMPTIONS = ("assumption", "in words", "failed", "first failure")
 
 _MEANING = {
-    Outcome.GUARANTEED: "Safe, as the theorem promises: all its assumptions held.",
-    Outcome.SAFE: "Never unsafe, but some assumption failed: safe by luck.",
+    Outcome.GUARANTEED: "Safe, and proven so at every instant, whatever the others had done.",
+    Outcome.SAFE: "Never unsafe, but not proven throughout: safe by luck.",
     Outcome.VIOLATED: "Some pair left the safe set.",
     Outcome.BROKEN: "The run did not reach its end.",
     Outcome.STOPPED: "The run was stopped by its user.",
@@ -120,7 +121,8 @@ def _key_figures(recording: Recording) -> list[tuple[str, str]]:
     ]
     if summary:
         rows += [
-            ("Closest pair", summary.worst_pair),
+            ("Worst pair", summary.worst_pair),
+            ("Certified", certified(summary)),
             ("Wall time", f"{summary.wall_time:.3f} s"),
             ("Real-time factor", f"{summary.real_time_factor:.2f}"),
             ("Trajectory, SHA-256", summary.trajectory),
@@ -133,19 +135,18 @@ def _judgement(summary: Summary | None) -> list[str]:
     """Assumptions, violations and rejected payloads, as far as there is a verdict."""
     if summary is None:
         return []
-    assumptions = [
-        (a.name, a.note, f"{a.failed} of {a.checked}", _time(a.first)) for a in summary.assumptions
-    ]
+    guarantee, theorem = (
+        [(a.name, a.note, f"{a.failed} of {a.checked}", _time(a.first)) for a in table]
+        for table in (summary.assumptions, summary.theorem)
+    )
     violations = [
         (v.pair, _time(v.first), f"{v.worst:.6g}", _time(v.worst_at), _time(v.duration))
         for v in summary.violations
     ]
     rejected = [(reason, str(count)) for reason, count in summary.rejected.items()]
     return [
-        _section(
-            "Assumptions of the theorem",
-            _table(("assumption", "in words", "failed", "first failure"), assumptions),
-        ),
+        _section("What a guarantee rests on", _table(_ASSUMPTIONS, guarantee)),
+        _section("What the paper's theorem would have needed", _table(_ASSUMPTIONS, theorem)),
         _section(
             "Violations",
             _table(("pair", "first", "worst h", "worst at", "time with h > 0"), violations),

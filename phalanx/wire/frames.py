@@ -27,6 +27,8 @@ class AgentStatus(msgspec.Struct, array_like=True, frozen=True):
     """Wall time [s]."""
     age: float | None = None
     """Age of the oldest û_l its last step knew [s]; null if it knew none."""
+    certified: float | None = None
+    """How long all its pairs are proven safe from its last input on [s]; null for an adversary."""
 
 
 class LinkEvent(msgspec.Struct, array_like=True, frozen=True):

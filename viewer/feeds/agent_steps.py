@@ -44,6 +44,7 @@ class AgentSteps:
             residual=step.residual,
             solve_time=step.solve_time,
             age=_oldest(step),
+            certified=step.certified,
         )
 
     def applied_within(self, after: float, until: float) -> list[Step]:

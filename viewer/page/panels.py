@@ -121,6 +121,8 @@ def _agent(frame: Frame, i: int) -> str:
         parts.append(f"{1e3 * status.solve_time:.2f} ms")
     if status.age is not None:
         parts.append(f"oldest û {1e3 * status.age:.1f} ms")
+    if status.certified is not None:
+        parts.append(f"proven safe for {1e3 * status.certified:.0f} ms")
     return " · ".join(parts) or "no input yet"
 
 
