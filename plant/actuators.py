@@ -5,10 +5,8 @@ import numpy as np
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import dot
-from phalanx.theory.models.polytope import constant_polytope
+from phalanx.theory.models.polytope import constant_polytope, polytope
 from phalanx.wire.messages import Actuation, Sample
-
-_TOLERANCE = 1e-5
 
 
 class Actuators:
@@ -24,11 +22,9 @@ class Actuators:
         self._varying = [CompiledFunction([composed.x], Ab) for Ab in symbolic]
 
     def admissible(self, i: int, sample: Sample, message: Actuation) -> bool:
-        """Whether agent i's input lies in U_i at the state it was sampled at."""
+        """Whether agent i's input is within ACTUATION of U_i at the state it was sampled at."""
         known = self._constant[i]
-        if known is not None:
-            A, b = known.A, known.b
-        else:
+        if known is None:
             A, b = self._varying[i](np.frombuffer(sample.x, dtype="<f8"))
-            A = A.reshape(len(b), -1)
-        return bool((dot(A, np.array(message.u)) <= b + _TOLERANCE).all())
+            known = polytope(A.reshape(len(b), -1), b)
+        return bool((dot(known.A, np.array(message.u)) <= known.b + known.allowance).all())

@@ -15,12 +15,13 @@ from phalanx.plant.truth import PairExtremes
 from phalanx.plant.world import DisturbanceKnot, IntegrationSteps
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.rows.information import Information
-from phalanx.theory.rows.origin import Origin
+from phalanx.theory.rows.origin import EMPTY, Origin
 from phalanx.wire.messages import Telemetry
 
 Array = NDArray[np.float64]
 
 _ROUNDING = 1e-9
+_STAYED = "no ψ_1 ... ψ_{q-1} was above 0: from there the safe set cannot be kept for sure"
 
 
 class Judge:
@@ -49,6 +50,9 @@ class Judge:
         self._start_kept = Assumption(
             "start in S_I", note="every agent starts where the safe set can be kept"
         )
+        self._stayed = Assumption("stayed in S_I", note=_STAYED)
+        self._highest = -np.inf
+        """The largest ψ_1 ... ψ_{q-1} so far."""
         self._gap = Assumption(
             "sampling gap", note="no sample came later than clock.period + clock.jitter"
         )
@@ -87,6 +91,7 @@ class Judge:
     def theorem(self) -> list[Assumption]:
         """What the paper's theorem needs, and how often each failed so far."""
         found = [self._start_kept, self._gap, self._phi, self._rows, self._margin]
+        found += [self._stayed] if self._stayed.checked else []
         found += [self._faithful] if self._faithful.failed else []
         safety = self._swarm.scenario.safety
         if safety.control == "centralised":
@@ -110,7 +115,17 @@ class Judge:
                 continue
             if self._start.checked == 0:
                 self._start.check(bool((piece.h[0] <= 0.0).all()), float(piece.times[0]))
-            self.truth.add(*piece)
+            self.truth.add(piece.times, piece.h, piece.h_tot)
+            for t, psi in zip(piece.times.tolist(), piece.psi.tolist(), strict=False):
+                self._check_invariance(t, psi)
+
+    def _check_invariance(self, t: float, psi: float) -> None:
+        stayed = self._stayed
+        stayed.check(psi <= 0.0, t)
+        if not psi <= self._highest:
+            self._highest = psi
+            if not psi <= 0.0:
+                stayed.note = f"{_STAYED}; the largest was {psi:.4g}, at t = {t:.3f} s"
 
     def sampled(self, event: Sampled) -> None:
         """An agent took a sample."""
@@ -140,7 +155,7 @@ class Judge:
 
     def _check_step(self, event: InputApplied, telemetry: Telemetry) -> None:
         self.origins[telemetry.origin] += 1
-        self._rows.check(telemetry.origin == Origin.QP, event.t)
+        self._rows.check(telemetry.origin not in EMPTY, event.t)
         together = self._instants.setdefault(event.k, event.t) == event.t
         self._together.check(together, event.t)
         for other, age in enumerate(telemetry.ages):

@@ -31,6 +31,8 @@ class IntegrationSteps(NamedTuple):
     """Every pair's h, shape (s, p)."""
     h_tot: Array
     """shape (s,)"""
+    psi: Array
+    """The largest of all ψ_1 ... ψ_{q-1}, shape (s,); empty if q = 1."""
 
 
 class DisturbanceKnot(NamedTuple):
@@ -55,13 +57,13 @@ class World:
         self._longest = swarm.scenario.time.integration_step
         self._disturbances = SwarmDisturbance(swarm, rows.chain)
         self._line = self._disturbances.line(0.0, self.x)
-        self._steps = _runge_kutta(swarm, _STEPS_AT_ONCE)
-        composed = swarm.safe_set
-        truth = CompiledFunction([composed.x], [composed.h, composed.substitute(composed.h_tot)])
-        h, h_tot = truth(self.x)
+        truth = _truth(rows)
+        self._steps = _runge_kutta(swarm, truth, _STEPS_AT_ONCE)
+        x = swarm.safe_set.x
+        h, h_tot, psi = CompiledFunction([x], truth(x))(self.x)
         self._seen: list[IntegrationSteps | DisturbanceKnot] = [
             DisturbanceKnot(0.0, self._line.value),
-            IntegrationSteps(np.zeros(1), h[None], h_tot),
+            IntegrationSteps(np.zeros(1), h[None], h_tot, psi),
         ]
 
     def take_seen(self) -> list[IntegrationSteps | DisturbanceKnot]:
@@ -88,31 +90,44 @@ class World:
             length = (stop - self.t) / count
             phi = self._line.at(self.t)
             steps = self._steps[count - 1]
-            self.x, h, h_tot = steps(self.x, self._u, phi, self._line.slope, length)
+            self.x, h, h_tot, psi = steps(self.x, self._u, phi, self._line.slope, length)
             if not (np.isfinite(self.x).all() and np.isfinite(h_tot).all()):
                 raise DivergedError(
                     f"the state or h_tot is no longer finite at t = {stop:.3f} s: check dynamics "
                     "and laws for divisions by zero and unbounded growth"
                 )
             times = self.t + length * np.arange(1.0, count + 1)
-            self._seen.append(IntegrationSteps(times, h.reshape(count, -1), h_tot))
+            self._seen.append(IntegrationSteps(times, h.reshape(count, -1), h_tot, psi))
             self.t = stop
 
 
-def _runge_kutta(swarm: Swarm, most: int) -> list[CompiledFunction]:
-    """For 1 to `most` classical fourth-order steps: (x, u, φ, φ', dt) -> x⁺, h and h_tot of each.
+def _truth(rows: SafetyRows) -> ca.Function:
+    """x -> h of all pairs, a row; h_tot; and the largest of all ψ_1 ... ψ_{q-1}, or nothing.
+
+    Neighbourhoods are left out: ψ is of all pairs, as one row for each or as their composition.
+    """
+    composed = rows.swarm.safe_set
+    chains = rows.pair_chains.values() or [rows.chain]
+    psi = [composed.substitute(psi) for chain in chains for psi in chain.psi[1:]]
+    largest = ca.mmax(ca.vertcat(*psi)) if psi else ca.SX(0, 1)
+    h_tot = composed.substitute(composed.h_tot)
+    return ca.Function("truth", [composed.x], [composed.h.T, h_tot, largest])
+
+
+def _runge_kutta(swarm: Swarm, truth: ca.Function, most: int) -> list[CompiledFunction]:
+    """For 1 to `most` classical fourth-order steps: (x, u, φ, φ', dt) -> x⁺, and each step's truth.
 
     φ is the disturbance at the first step's begin; it goes on along its line.
     """
     composed = swarm.safe_set
     field = _vector_field(swarm)
-    truth = ca.Function("h", [composed.x], [composed.h.T, composed.substitute(composed.h_tot)])
     start, u = ca.SX.sym("x", composed.x.numel()), ca.SX.sym("u", field.numel_in(1))
     phi, slope = ca.SX.sym("phi", start.numel()), ca.SX.sym("slope", start.numel())
     dt = ca.SX.sym("dt")
     x = start
     h: list[ca.SX] = []
     h_tot: list[ca.SX] = []
+    psi: list[ca.SX] = []
     functions = []
     for step in range(most):
         begin = phi + step * dt * slope
@@ -122,9 +137,9 @@ def _runge_kutta(swarm: Swarm, most: int) -> list[CompiledFunction]:
         k3 = field(x + dt / 2 * k2, u) + middle
         k4 = field(x + dt * k3, u) + end
         x = x + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        pairs, total = truth(x)
-        h, h_tot = [*h, pairs], [*h_tot, total]
-        outputs = [x, ca.vertcat(*h), ca.vertcat(*h_tot)]
+        pairs, total, largest = truth(x)
+        h, h_tot, psi = [*h, pairs], [*h_tot, total], [*psi, largest]
+        outputs = [x, ca.vertcat(*h), ca.vertcat(*h_tot), ca.vertcat(*psi)]
         functions.append(CompiledFunction([start, u, phi, slope, dt], outputs))
     return functions
 

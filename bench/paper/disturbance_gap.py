@@ -29,7 +29,7 @@ def main() -> None:
         run = phalanx.run(phalanx.load("disturbance-gap", overrides), engine="in-process")
         assert run.summary is not None
         summary = run.summary
-        empty = sum(summary.origins.values()) - summary.origins["qp"]
+        empty = sum(summary.origins[origin] for origin in EMPTY)
         print(
             f"| {name} | {largest_psi_1(run.recording):.2f} | {summary.worst_h_tot:.2f} | {empty} "
             f"| {summary.outcome} |",

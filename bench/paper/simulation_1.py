@@ -14,7 +14,7 @@ from rich.progress import track
 
 import phalanx
 from phalanx.guarantee.verdict import Outcome, Summary
-from phalanx.theory.rows.origin import Origin
+from phalanx.theory.rows.origin import EMPTY, Origin
 
 VARIANTS = {
     "paper": ["safety.information=paper"],
@@ -96,7 +96,7 @@ def by_seed(results: dict[str, list[Summary]]) -> Iterable[str]:
 
 def infeasible(run: Summary) -> float:
     """Share of normal agents' updates whose QP had no solution."""
-    return 1 - run.origins[Origin.QP] / sum(run.origins.values())
+    return sum(run.origins[o] for o in EMPTY) / sum(run.origins.values())
 
 
 def with_authority(run: Summary) -> float:

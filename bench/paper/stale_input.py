@@ -24,6 +24,7 @@ from rich.progress import track
 from variants import simulated
 
 from phalanx.recording.read import Recording
+from phalanx.recording.records import Step
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.information import Information
@@ -109,7 +110,7 @@ def certificates(recording: Recording) -> Certificates:
     for t, together in itertools.groupby(recording.steps, key=lambda step: step.t_apply):
         steps = [step for step in together if names.index(step.agent) in swarm.normal]
         in_force.update({names.index(step.agent): np.array(step.u) for step in steps})
-        held.update({names.index(step.agent): step.residual <= _ROUNDING for step in steps})
+        held.update({names.index(step.agent): _holds(step) for step in steps})
         if len(in_force) < len(swarm.normal):
             continue
         terms = evaluate(states[t])
@@ -124,6 +125,10 @@ def certificates(recording: Recording) -> Certificates:
                 short += joint > eta + _ROUNDING
                 worst = max(worst, joint)
     return Certificates(updates, certified, false, short, worst)
+
+
+def _holds(step: Step) -> bool:
+    return step.residual is not None and step.residual <= _ROUNDING
 
 
 if __name__ == "__main__":

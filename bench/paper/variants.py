@@ -21,6 +21,7 @@ from phalanx.recording.read import Recording
 from phalanx.scenario.fields import CONTROLLER
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx.theory.rows.origin import EMPTY
 
 VARIANTS = {
     "paper": [],
@@ -108,7 +109,7 @@ def measure(run: phalanx.Run) -> Measured:
         if step.agent in normal:
             times[step.t, CONTROLLER if one else step.agent] += step.solve_time
     solve, slowest = np.percentile(list(times.values()), [50, 99]).tolist()
-    backup = 1.0 - summary.origins["qp"] / steps
+    backup = sum(summary.origins[o] for o in EMPTY) / steps
     worst, price = summary.worst_h_tot, cost(recording, swarm)
     return Measured(summary.outcome, worst, backup, price, solve, slowest)
 

@@ -90,7 +90,7 @@ def sampled(recording: Recording, swarm: Swarm, i: int) -> Iterator[Sampled]:
                 if past and past[0].since < step.t
             }
             u, u_nom = np.array(step.u), np.array(step.u_nom)
-            binding = bool(step.residual > -1e-3)
+            binding = step.residual is not None and step.residual > -1e-3
             yield Sampled(step.t, states[step.t], u_nom, received, u, binding)
         elif l in newest:
             newest[l].append(ReceivedInput(np.array(step.u), step.t_apply))

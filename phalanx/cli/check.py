@@ -114,5 +114,9 @@ def _by_agent(values: "dict[str, float | None] | dict[str, float]") -> str:
     if not known:
         return "none given: local"
     if len({round(value, 9) for value in known.values()}) == 1:
-        return f"{next(iter(known.values())):.4g}"
-    return ", ".join(f"{agent}: {value:.4g}" for agent, value in known.items())
+        return _margin(next(iter(known.values())))
+    return ", ".join(f"{agent}: {_margin(value)}" for agent, value in known.items())
+
+
+def _margin(value: float) -> str:
+    return f"{value:.4g}" if math.isfinite(value) else "unknown, no row holds with it"

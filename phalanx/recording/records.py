@@ -31,7 +31,7 @@ class Step(msgspec.Struct):
     u: list[float]
     """Native input, shape (m_i,)."""
     origin: str
-    residual: float
+    residual: float | None
     solve_time: float
     """Wall time [s]; not part of the trajectory."""
     ages: list[float | None]

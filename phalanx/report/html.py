@@ -9,7 +9,7 @@ from phalanx.guarantee.verdict import Outcome, Summary, certified
 from phalanx.network.link import LinkModel, UniformDelay
 from phalanx.recording.read import Recording
 from phalanx.report.measures import LinkStatistics, origins, worst
-from phalanx.theory.rows.origin import Origin
+from phalanx.theory.rows.origin import EMPTY
 
 _MOST_LINKS = 240
 _ASSUMPTIONS = ("assumption", "in words", "failed", "first failure")
@@ -107,9 +107,9 @@ def _key_figures(recording: Recording) -> list[tuple[str, str]]:
     summary, peak = recording.summary, worst(recording)
     counts = origins(recording)
     steps, normal = len(recording.steps), sum(counts.values())
-    empty = normal - counts[Origin.QP]
+    empty = sum(counts[o] for o in EMPTY)
     share = f"{empty} of {normal} normal steps ({_percent(empty, normal)}): " if normal else ""
-    kinds = ", ".join(f"{counts[o]} {o}" for o in (Origin.BACKUP, Origin.NO_AUTHORITY))
+    kinds = ", ".join(f"{counts[o]} {o}" for o in EMPTY)
     reached = recording.states[-1].t if recording.states else 0.0
     rows = [
         ("Run", recording.metadata.get("run", "unknown")),

@@ -11,7 +11,7 @@ from phalanx.report.measures import LinkStatistics, Motion, link_statistics, ste
 from phalanx.report.style import MOST_NAMED, ReportFigure
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.rows.information import Information
-from phalanx.theory.rows.origin import Origin
+from phalanx.theory.rows.origin import EMPTY
 
 REPORT = "report.html"
 _DPI = 110
@@ -80,7 +80,7 @@ def notes(recording: Recording) -> list[str]:
 def _inputs(recording: Recording, swarm: Swarm) -> Iterator[ReportFigure]:
     steps = steps_by_agent(recording)
     empty = {
-        i: sum(step.origin != Origin.QP for step in steps[swarm.names[i]])
+        i: sum(step.origin in EMPTY for step in steps[swarm.names[i]])
         for i in swarm.normal
         if steps[swarm.names[i]]
     }

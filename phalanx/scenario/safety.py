@@ -17,7 +17,7 @@ from phalanx.scenario.fields import (
 )
 from phalanx.theory.margins.paper import MarginConstants
 from phalanx.theory.rows.information import Information
-from phalanx.theory.safety.class_k import ClassK, Linear
+from phalanx.theory.safety.class_k import ClassK, Linear, NotClassKError, require_class_k
 from phalanx.theory.safety.function import SafeSetFunction
 
 Composition = Literal["lse", "pairs"]
@@ -77,10 +77,7 @@ class Safety(Strict):
         if self.margin != "local" and "eta" not in self.model_fields_set:
             raise misplaced(("eta",), "expected a value, or margin = 'local'", None)
         self._function = built("function", SafeSetFunction, self.function)
-        self._alpha = tuple(
-            built("alpha", ClassK, given) if isinstance(given, dict) else Linear(given)
-            for given in self.alpha
-        )
+        self._alpha = tuple(_class_k(place, given) for place, given in enumerate(self.alpha))
         return self
 
     def safe_set_function(self) -> SafeSetFunction:
@@ -90,3 +87,19 @@ class Safety(Strict):
     def class_k(self) -> tuple[ClassK, ...]:
         """α_1, ..., α_q as given or described by their tables."""
         return self._alpha
+
+
+def _class_k(place: int, given: float | Table) -> ClassK:
+    """α of one place; one that is not class K is an error of its field."""
+    if not isinstance(given, dict):
+        return Linear(given)
+    alpha: ClassK = built("alpha", ClassK, given)
+    try:
+        require_class_k(alpha)
+    except NotClassKError as error:
+        raise misplaced(("alpha", place), str(error), error.got) from error
+    except Exception as error:  # of a user's own expression
+        reason = str(error).strip().splitlines()[-1]
+        message = f"expected an expression that can be checked to be class K ({reason})"
+        raise misplaced(("alpha", place), message, given.get("type")) from error
+    return alpha

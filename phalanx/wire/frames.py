@@ -22,7 +22,7 @@ class AgentStatus(msgspec.Struct, array_like=True, frozen=True):
     """Its steps so far at which u_i^min was applied."""
     without_authority: int = 0
     """Its steps so far with empty K_i that kept the nominal input."""
-    residual: float = 0.0
+    residual: float | None = 0.0
     solve_time: float = 0.0
     """Wall time [s]."""
     age: float | None = None

@@ -75,8 +75,8 @@ class Telemetry(Message, frozen=True, kw_only=True):
     k: int
     """Of the sample that was answered."""
     origin: Origin
-    residual: float
-    """aᵀu - bound of its row; 0 for an adversary."""
+    residual: float | None
+    """aᵀu - bound of its row; 0 for an adversary, null where no margin is known."""
     u_nom: tuple[float, ...]
     """The nominal input, or the attack before its projection onto U_i, shape (m_i,)."""
     solve_time: float

@@ -116,7 +116,8 @@ def _agent(frame: Frame, i: int) -> str:
     parts = [] if status.condition == Condition.FINE else [f"**{status.condition}**"]
     if status.u:
         parts.append(f"u = ({', '.join(f'{u:.3f}' for u in status.u)}) by {status.origin}")
-        parts.append(f"residual {status.residual:.3g}")
+        known = status.residual is not None
+        parts.append(f"residual {status.residual:.3g}" if known else "no margin known")
         parts.append(_empty_sets(status.backups, status.without_authority))
         parts.append(f"{1e3 * status.solve_time:.2f} ms")
     if status.age is not None:

@@ -1,7 +1,8 @@
 """Interval extension of CasADi expressions: bounds over a box, themselves expressions.
 
 The bounds are compiled like everything else, so that a control step can afford them. They are
-exact up to rounding for each operation, and conservative where a variable occurs twice.
+exact up to rounding for each operation, and conservative where a variable occurs twice. Beside
+its rule each operation that can jump has the condition under which it does not.
 """
 
 import math
@@ -42,23 +43,26 @@ def extend(
 def continuous(
     expressions: Sequence[ca.SX], symbols: Sequence[ca.SX], box: Sequence[Interval]
 ) -> ca.SX:
-    """1 if no expression can jump in the box, else 0: whether every sign in them keeps its own.
+    """1 if no expression can jump in the box, or leave where it is defined, else 0.
 
     A kink, such as that of |x|, is a jump of its derivative, which is what rows are made of.
+
+    Raises:
+        UnboundedOperationError: as extend does.
     """
     kept = ca.SX(1)
-    for argument in _extend(expressions, symbols, box)[1]:
-        kept = ca.logic_and(kept, ca.logic_or(argument.lo > 0, argument.hi < 0))
+    for condition in _extend(expressions, symbols, box)[1]:
+        kept = ca.logic_and(kept, condition)
     return kept
 
 
 def _extend(
     expressions: Sequence[ca.SX], symbols: Sequence[ca.SX], box: Sequence[Interval]
-) -> tuple[list[Interval], list[Interval]]:
-    """The bounds, and those of the arguments of every sign."""
+) -> tuple[list[Interval], list[ca.SX]]:
+    """The bounds, and for each operation that can jump whether it does not."""
     f = ca.Function("f", [ca.vertcat(*symbols)], [ca.densify(ca.vertcat(*expressions))])
     work: dict[int, Interval] = {}
-    signs: list[Interval] = []
+    conditions: list[ca.SX] = []
     results = [point(0.0)] * len(expressions)
     for k in range(f.n_instructions()):
         op, sources, targets = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
@@ -69,11 +73,18 @@ def _extend(
         elif op == ca.OP_OUTPUT:
             results[targets[1]] = work[sources[0]]
         elif op in _RULES:
-            work[targets[0]] = _RULES[op](*[work[s] for s in sources])
-            signs += [work[sources[0]]] if op == ca.OP_SIGN else []
+            arguments = [work[s] for s in sources]
+            if op in _CONTINUOUS:
+                conditions.append(_CONTINUOUS[op](*arguments))
+            work[targets[0]] = _RULES[op](*arguments)
         else:
-            raise UnboundedOperationError(f"no interval rule for CasADi operation {op}")
-    return results, signs
+            raise UnboundedOperationError(f"no interval rule for the operation {_name(op)}")
+    return results, conditions
+
+
+def _name(op: int) -> str:
+    """CasADi's own word for an operation, such as fmod."""
+    return next(n[3:].lower() for n in vars(ca) if n.startswith("OP_") and getattr(ca, n) == op)
 
 
 def add(a: Interval, b: Interval) -> Interval:
@@ -112,6 +123,11 @@ def inside(a: Interval, b: Interval) -> ca.SX:
     return ca.logic_and(a.lo >= b.lo, a.hi <= b.hi)
 
 
+def subtract(a: Interval, b: Interval) -> Interval:
+    """a - b."""
+    return add(a, negate(b))
+
+
 def _square(a: Interval) -> Interval:
     low, high = a.lo * a.lo, a.hi * a.hi
     crosses = ca.logic_and(a.lo <= 0, a.hi >= 0)
@@ -148,9 +164,7 @@ def _sine(a: Interval) -> Interval:
 
 def _power(a: Interval, b: Interval) -> Interval:
     """a to a constant power; for one that is not whole a must not reach below zero."""
-    if not (b.lo.is_constant() and b.hi.is_constant() and float(b.lo) == float(b.hi)):
-        raise UnboundedOperationError("no interval rule for a power that is not constant")
-    exponent = float(b.lo)
+    exponent = _exponent(b)
     if exponent < 0:
         return _reciprocal(_power(a, point(-exponent)))
     if not exponent.is_integer():
@@ -159,6 +173,18 @@ def _power(a: Interval, b: Interval) -> Interval:
         return Interval(ca.if_else(defined, low, -ca.inf), ca.if_else(defined, high, ca.inf))
     base = _absolute(a) if exponent % 2 == 0 else a
     return Interval(base.lo**exponent, base.hi**exponent)
+
+
+def _power_is_continuous(a: Interval, b: Interval) -> ca.SX:
+    exponent = _exponent(b)
+    defined = ca.SX(1) if exponent.is_integer() else a.lo >= 0
+    return ca.logic_and(defined, _apart(a)) if exponent < 0 else defined
+
+
+def _exponent(b: Interval) -> float:
+    if not (b.lo.is_constant() and b.hi.is_constant() and float(b.lo) == float(b.hi)):
+        raise UnboundedOperationError("no interval rule for a power that is not constant")
+    return float(b.lo)
 
 
 def _increasing(function: Callable[[ca.SX], ca.SX]) -> Callable[[Interval], Interval]:
@@ -176,10 +202,82 @@ def _above_zero(function: Callable[[ca.SX], ca.SX]) -> Callable[[Interval], Inte
     return rule
 
 
+def _apart(a: Interval) -> ca.SX:
+    """1 if zero is not in a."""
+    return ca.logic_or(a.lo > 0, a.hi < 0)
+
+
+def _settled(a: Interval) -> ca.SX:
+    """1 if all of a has one sign, which is also one truth: what is not zero is true."""
+    return ca.logic_or(_apart(a), ca.logic_and(a.lo == 0, a.hi == 0))
+
+
+def _truth(always: ca.SX, never: ca.SX) -> Interval:
+    """1 if always, 0 if never, else from 0 to 1."""
+    return Interval(ca.if_else(always, 1, 0), ca.if_else(never, 0, 1))
+
+
+def _true(a: Interval) -> Interval:
+    zero = ca.logic_and(a.lo == 0, a.hi == 0)
+    return _truth(_apart(a), zero)
+
+
+def _not(a: Interval) -> Interval:
+    return subtract(point(1.0), _true(a))
+
+
+def _equal(a: Interval, b: Interval) -> Interval:
+    d = subtract(a, b)
+    return _truth(ca.logic_and(d.lo == 0, d.hi == 0), _apart(d))
+
+
+def _where(condition: Interval, value: Interval) -> Interval:
+    """The value where the condition is true, else zero."""
+    true = _true(condition)
+    low, high = ca.fmin(value.lo, 0), ca.fmax(value.hi, 0)
+    return Interval(
+        ca.if_else(true.lo, value.lo, ca.if_else(true.hi, low, 0)),
+        ca.if_else(true.lo, value.hi, ca.if_else(true.hi, high, 0)),
+    )
+
+
+def _angle(y: Interval, x: Interval) -> Interval:
+    """atan2; every angle where the box meets the cut, else extreme at corners, as angles are."""
+    corners = ca.vertcat(*[ca.atan2(b, a) for b in y for a in x])
+    apart = _beside_the_cut(y, x)
+    return Interval(
+        ca.if_else(apart, ca.mmin(corners), -math.pi), ca.if_else(apart, ca.mmax(corners), math.pi)
+    )
+
+
+def _beside_the_cut(y: Interval, x: Interval) -> ca.SX:
+    """1 if no (x, y) lies on the left half of the x axis."""
+    return ca.logic_or(x.lo > 0, ca.logic_or(y.lo > 0, y.hi < 0))
+
+
+def _tangent(a: Interval) -> Interval:
+    one = _one_branch(a)
+    return Interval(ca.if_else(one, ca.tan(a.lo), -ca.inf), ca.if_else(one, ca.tan(a.hi), ca.inf))
+
+
+def _one_branch(a: Interval) -> ca.SX:
+    """1 if a tangent has no pole in a; what is so near to one that rounding decides counts as 0."""
+    first, last = ((end / math.pi + 0.5) for end in a)
+    return ca.floor(first - _POLE) == ca.floor(last + _POLE)
+
+
+_POLE = 1e-9
+
+
+def _steps(function: Callable[[ca.SX], ca.SX]) -> Callable[[Interval], ca.SX]:
+    """Whether an increasing function of whole steps takes none."""
+    return lambda a: function(a.lo) == function(a.hi)
+
+
 _RULES: Mapping[int, Callable[..., Interval]] = {
     ca.OP_ASSIGN: lambda a: a,
     ca.OP_ADD: add,
-    ca.OP_SUB: lambda a, b: add(a, negate(b)),
+    ca.OP_SUB: subtract,
     ca.OP_NEG: negate,
     ca.OP_MUL: multiply,
     ca.OP_DIV: lambda a, b: multiply(a, _reciprocal(b)),
@@ -190,6 +288,22 @@ _RULES: Mapping[int, Callable[..., Interval]] = {
     ca.OP_EXP: _increasing(ca.exp),
     ca.OP_LOG: _above_zero(ca.log),
     ca.OP_SIGN: _increasing(ca.sign),
+    ca.OP_FLOOR: _increasing(ca.floor),
+    ca.OP_CEIL: _increasing(ca.ceil),
+    ca.OP_SINH: _increasing(ca.sinh),
+    ca.OP_TANH: _increasing(ca.tanh),
+    ca.OP_ASINH: _increasing(ca.asinh),
+    ca.OP_ATAN: _increasing(ca.atan),
+    ca.OP_ATAN2: _angle,
+    ca.OP_TAN: _tangent,
+    ca.OP_LT: lambda a, b: _truth(a.hi < b.lo, a.lo >= b.hi),
+    ca.OP_LE: lambda a, b: _truth(a.hi <= b.lo, a.lo > b.hi),
+    ca.OP_EQ: _equal,
+    ca.OP_NE: lambda a, b: _not(_equal(a, b)),
+    ca.OP_NOT: _not,
+    ca.OP_AND: lambda a, b: multiply(_true(a), _true(b)),
+    ca.OP_OR: lambda a, b: _not(multiply(_not(a), _not(b))),
+    ca.OP_IF_ELSE_ZERO: _where,
     ca.OP_SIN: _sine,
     ca.OP_COS: _cosine,
     ca.OP_FABS: _absolute,
@@ -197,4 +311,26 @@ _RULES: Mapping[int, Callable[..., Interval]] = {
     ca.OP_POW: _power,
     ca.OP_FMAX: lambda a, b: Interval(ca.fmax(a.lo, b.lo), ca.fmax(a.hi, b.hi)),
     ca.OP_FMIN: lambda a, b: Interval(ca.fmin(a.lo, b.lo), ca.fmin(a.hi, b.hi)),
+}
+
+_CONTINUOUS: Mapping[int, Callable[..., ca.SX]] = {
+    ca.OP_SIGN: _settled,
+    ca.OP_FLOOR: _steps(ca.floor),
+    ca.OP_CEIL: _steps(ca.ceil),
+    ca.OP_ATAN2: _beside_the_cut,
+    ca.OP_TAN: _one_branch,
+    ca.OP_LT: lambda a, b: _settled(subtract(a, b)),
+    ca.OP_LE: lambda a, b: _settled(subtract(a, b)),
+    ca.OP_EQ: lambda a, b: _settled(subtract(a, b)),
+    ca.OP_NE: lambda a, b: _settled(subtract(a, b)),
+    ca.OP_NOT: _settled,
+    ca.OP_AND: lambda a, b: ca.logic_and(_settled(a), _settled(b)),
+    ca.OP_OR: lambda a, b: ca.logic_and(_settled(a), _settled(b)),
+    ca.OP_IF_ELSE_ZERO: lambda condition, _: _settled(condition),
+    ca.OP_DIV: lambda _, b: _apart(b),
+    ca.OP_INV: _apart,
+    ca.OP_LOG: lambda a: a.lo > 0,
+    ca.OP_SQRT: lambda a: a.lo >= 0,
+    ca.OP_POW: _power_is_continuous,
+    ca.OP_CONSTPOW: _power_is_continuous,
 }

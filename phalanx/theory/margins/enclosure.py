@@ -22,9 +22,6 @@ from phalanx.theory.safety.composition import Member
 
 Array = NDArray[np.float64]
 
-ACTUATION = 1e-5
-"""How far an applied input may stand outside U_l or its row: solvers are not exact."""
-
 _LEAST = 1e-9
 
 
@@ -139,7 +136,7 @@ def admissible_inputs(member: Member) -> list[Interval]:
 
 
 def admissible_corners(member: Member) -> Array:
-    """Vertices of U with every face moved out by ACTUATION, shape (v, m): long, where U is sharp.
+    """Vertices of what an actuator takes, U with every face moved out, shape (v, m).
 
     Raises:
         ValueError: U depends on the state.
@@ -151,7 +148,7 @@ def admissible_corners(member: Member) -> Array:
             f"safety.margin: expected input bounds of {member.name} that do not depend on its "
             "state, which the local margin needs"
         )
-    return vertices(known.A, known.b + ACTUATION)
+    return vertices(known.A, known.b + known.allowance)
 
 
 def scalars(vectors: Sequence[ca.SX]) -> list[ca.SX]:

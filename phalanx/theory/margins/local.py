@@ -12,12 +12,13 @@ from collections.abc import Sequence
 import casadi as ca
 
 from phalanx.theory.expressions.interval import continuous, extend, point
-from phalanx.theory.margins.enclosure import ACTUATION, admissible_inputs, enclose, scalars
+from phalanx.theory.margins.enclosure import admissible_inputs, enclose, scalars
 from phalanx.theory.margins.row_part import RowPart
+from phalanx.theory.models.polytope import ACTUATION
 from phalanx.theory.safety.chain import Chain
 
-UNKNOWN = 1e12
-"""The margin where no enclosure was found: no row holds with it."""
+UNKNOWN = ca.inf
+"""The margin where no enclosure was found, or where h can jump: no row holds with it."""
 
 _INFLATIONS = (0.2, 0.1)
 
@@ -86,9 +87,9 @@ def local_margin(
     bound = horizon * ca.fmax(0, growth.hi) + disturbance.hi + outside
     # Comparisons are false for what is not a number, which max would pass over.
     known = ca.logic_and(growth.hi < UNKNOWN, disturbance.hi < UNKNOWN)
-    # Where the row can jump, its rate does not bound it: h must be C^{1,1}, as in the paper. What
-    # α adds is continuous.
-    parts = [*map(ca.vec, chain.actuation), chain.drift]
+    # Where the row or ψ can jump, rates do not bound them: h must be C^{1,1}, as in the paper. A
+    # jump of ψ alone has no derivative to tell of it. What α adds is continuous: it is class K.
+    parts = [*map(ca.vec, chain.actuation), chain.drift, *chain.psi]
     smooth = continuous(scalars(parts), symbols, intervals)
     for e in moving:
         known = ca.logic_and(e.certain, known)

@@ -18,6 +18,9 @@ Array = NDArray[np.float64]
 _PARALLEL = 1e-12
 _SLACK = 1e-9
 
+ACTUATION = 1e-5
+"""How far from U an applied input may stand: solvers are not exact."""
+
 
 class EmptyPolytopeError(ValueError):
     """Assumption (Ui) fails: {u : A u <= b} has no vertex, so it is empty or unbounded."""
@@ -41,6 +44,8 @@ class Polytope(NamedTuple):
     """Its vertices, shape (v, m)."""
     box: Box | None
     """The same set as bounds on each input, if it is that simple."""
+    allowance: float
+    """How far above b the rows may be, so that u is within ACTUATION of the polytope."""
 
 
 def polytope(A: Array, b: Array) -> Polytope:
@@ -55,7 +60,24 @@ def polytope(A: Array, b: Array) -> Polytope:
     _require_bounded(A)
     aligned = (np.count_nonzero(A, axis=1) == 1).all()
     box = Box(corners.min(axis=0), corners.max(axis=0)) if aligned else None
-    return Polytope(A, b, corners, box)
+    return Polytope(A, b, corners, box, _allowance(A, b, corners))
+
+
+def _allowance(A: Array, b: Array, corners: Array) -> float:
+    """The s for which {u : A u <= b + s}, unit normals, lies within ACTUATION of the corners' hull.
+
+    The distance from a convex set is largest at a vertex. At a sharp corner that is much farther
+    out than s, so distances are measured along edges, from corner to corner.
+    """
+    allowance = ACTUATION
+    while (farthest := _farthest(vertices(A, b + allowance), corners)) > ACTUATION:
+        allowance *= 0.99 * ACTUATION / farthest
+    return allowance
+
+
+def _farthest(points: Array, corners: Array) -> float:
+    """The largest distance of a point from the corner next to it."""
+    return float(length(points[:, None] - corners).min(axis=1).max())
 
 
 def vertices(A: Array, b: Array) -> Array:

@@ -50,20 +50,23 @@ class JointInput:
         """
         row = joint_row(terms, normal)
         least = added(float(terms.least[l]) for l in normal)
-        u = None
-        if least <= row.bound:
-            u = self._qp.solve(np.concatenate(u_nom), self._joint(terms, normal), row)
-        if u is not None:
-            residual = float(dot(row.a, u) - row.bound)
-            return [Decision(u[part], Origin.QP, residual) for part in self._parts]
-        return [
-            self._backup(place, terms, l, u_nom[place], least - row.bound, authority)
-            for place, l in enumerate(normal)
-        ]
+        if least > row.bound:
+            left = least - row.bound
+            return [
+                self._backup(place, terms, l, u_nom[place], left, authority)
+                for place, l in enumerate(normal)
+            ]
+        u, origin = self._qp.solve(np.concatenate(u_nom), self._joint(terms, normal), row), Origin.QP
+        if u is None:
+            backups = [minimiser(terms.c[l], terms.polytopes[l].corners) for l in normal]
+            u, origin = np.concatenate(backups), Origin.SOLVER_FAILED
+        left = float(dot(row.a, u) - row.bound)
+        return [Decision(u[part], origin, left) for part in self._parts]
 
     def _backup(
-        self, place: int, terms: Terms, l: int, u_nom: Array, residual: float, authority: float
+        self, place: int, terms: Terms, l: int, u_nom: Array, left: float, authority: float
     ) -> Decision:
+        residual = left if np.isfinite(left) else None
         if terms.most[l] - terms.least[l] <= authority:
             u = self._alone[place].solve(u_nom, terms.polytopes[l])
             if u is not None:
@@ -77,11 +80,11 @@ class JointInput:
         for rows, part, own in zip(self._rows, self._parts, each, strict=True):
             A[rows, part] = own.A
         boxes = [own.box for own in each if own.box is not None]
-        box = None
+        box, allowance = None, min(own.allowance for own in each)
         if len(boxes) == len(each):
             low, high = (np.concatenate(side) for side in zip(*boxes, strict=True))
             box = Box(low, high)
-        return Polytope(A, np.concatenate([own.b for own in each]), np.zeros((0, A.shape[1])), box)
+        return Polytope(A, np.concatenate([own.b for own in each]), np.zeros((0, A.shape[1])), box, allowance)
 
 
 def joint_row(terms: Terms, normal: Sequence[int]) -> Row:

@@ -22,8 +22,9 @@ class Decision(NamedTuple):
     u: Array
     """shape (m_i,)"""
     origin: Origin
-    residual: float
-    """aᵀu - bound; at most the solver's tolerance when the row holds."""
+    residual: float | None
+    """aᵀu - bound; at most the solver's tolerance when the row holds. None where no margin is
+    known: no input keeps such a row."""
 
 
 def decide(
@@ -44,13 +45,14 @@ def decide(
     if terms.least[i] <= row.bound:
         u = qp.solve(u_nom, polytope, row)
         if u is not None:
-            return Decision(u, Origin.QP, float(dot(row.a, u) - row.bound))
+            return Decision(u, Origin.QP, _residual(row.a, u, row.bound))
     elif terms.most[i] - terms.least[i] <= authority:
         u = qp.solve(u_nom, polytope)
         if u is not None:
-            return Decision(u, Origin.NO_AUTHORITY, float(dot(row.a, u) - row.bound))
+            return Decision(u, Origin.NO_AUTHORITY, _residual(row.a, u, row.bound))
     u = minimiser(terms.c[i], polytope.corners)
-    return Decision(u, Origin.BACKUP, float(dot(row.a, u) - row.bound))
+    origin = Origin.SOLVER_FAILED if terms.least[i] <= row.bound else Origin.BACKUP
+    return Decision(u, origin, _residual(row.a, u, row.bound))
 
 
 def decide_pairs(polytope: Polytope, rows: Rows, u_nom: Array, qp: NearestInput) -> Decision:
@@ -60,19 +62,31 @@ def decide_pairs(polytope: Polytope, rows: Rows, u_nom: Array, qp: NearestInput)
     """
     u, origin = qp.solve(u_nom, polytope, rows), Origin.QP
     if u is None:
-        u, origin = least_violation(polytope, rows), Origin.BACKUP
-    return Decision(u, origin, float(np.maximum(dot(rows.a, u) - rows.bound, FAR).max()))
+        u = least_violation(polytope, rows)
+        holds = (dot(rows.a, u) <= rows.bound).all()
+        origin = Origin.SOLVER_FAILED if holds else Origin.BACKUP
+    return Decision(u, origin, _residual(rows.a, u, rows.bound))
+
+
+def _residual(a: Array, u: Array, bound: Array | float) -> float | None:
+    """The largest a u - bound, at least FAR; None if it is infinite."""
+    worst = float(np.maximum(dot(a, u) - bound, FAR).max())
+    return worst if np.isfinite(worst) else None
 
 
 def least_violation(polytope: Polytope, rows: Rows) -> Array:
     """argmin over U_i of max_r (a_r u - bound_r), shape (m,): Eq. (LPnormal) for several rows.
 
     A linear program in (u, s) with s the worst violation, solved at its vertices. Rows that stay
-    below the least possible s wherever u is cannot bind, and are left out.
+    below the least possible s wherever u is cannot bind, and are left out. Rows without a known
+    margin, whose bound is -inf, are the worst: among them each counts as if its bound were 0.
     """
+    unknown = np.isneginf(rows.bound)
+    if unknown.any():
+        rows = Rows(rows.a[unknown], np.zeros(int(unknown.sum())))
     residuals = dot(rows.a[:, None], polytope.corners) - rows.bound[:, None]
     binding = residuals.max(axis=1) >= residuals.min(axis=1).max()
-    # The least bound is put to zero, which moves s alone: beside 10¹² nothing else would count.
+    # The least bound is put to zero, which moves s alone: beside a large one nothing else counts.
     a, bound = rows.a[binding], rows.bound[binding] - rows.bound[binding].min()
     A = np.vstack([np.pad(a, ((0, 0), (0, 1)), constant_values=-1.0), np.pad(polytope.A, _NO_S)])
     corners = vertices(A, np.concatenate([bound, polytope.b]))

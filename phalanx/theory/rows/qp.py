@@ -17,6 +17,8 @@ TOLERANCE = 1e-6
 # OSQP reads 1e30 as infinity: a row that binds nothing.
 _INFINITY = 1e30
 _RHO = 0.1
+_STEEPEST = 1e4
+"""Objectives with a larger linear part are scaled down to it."""
 _SOLVED = int(osqp.SolverStatus.OSQP_SOLVED)
 
 
@@ -35,6 +37,7 @@ class NearestInput:
         self._polytope, self._safety = slice(rows), slice(rows, total)
         self._upper = np.zeros(total)
         self._matrix = np.zeros((total, m))
+        self._allowed = np.full(total, TOLERANCE)
         solver = osqp.OSQP()
         pattern = sparse.csc_matrix(np.ones((total, m)))
         solver.setup(
@@ -80,19 +83,23 @@ class NearestInput:
         if row is not None:
             a, bound = np.atleast_2d(row.a), np.atleast_1d(row.bound)
             sizes = length(a)
-            if (bound[sizes == 0.0] < 0.0).any():
+            if (bound[sizes == 0.0] < 0.0).any() or np.isneginf(bound).any():
                 return None
             # Unit normals: rows of ‖a‖ from 1e-5 to 40 would strain the tolerances. A row that
             # no input changes, and that holds, binds nothing.
             scale = np.where(sizes > 0.0, sizes, 1.0)
             self._matrix[self._safety] = a / scale[:, None]
             self._upper[self._safety] = np.minimum(bound / scale, _INFINITY)
+        self._allowed[self._polytope] = min(TOLERANCE, polytope.allowance)
+        # Scaling the objective leaves the argmin where it is; OSQP gives up on slopes of 10⁶.
+        steepest = 2.0 * float(np.abs(self._weights * u_nom).max())
+        quadratic = 2.0 * self._weights * (_STEEPEST / max(steepest, _STEEPEST))
         self._osqp.update_rho(_RHO)
-        self._osqp.update_data_vec(q=-2.0 * self._weights * u_nom, l=None, u=self._upper)
+        self._osqp.update_data_vec(q=-quadratic * u_nom, l=None, u=self._upper)
         dense = self._matrix.ravel(order="F")
-        self._osqp.update_data_mat(P_x=None, P_i=None, A_x=dense, A_i=None)
+        self._osqp.update_data_mat(P_x=quadratic, P_i=None, A_x=dense, A_i=None)
         self._osqp.solve()
         if self._osqp.info.status_val != _SOLVED:
             return None
         u: Array = np.array(self._osqp.solution.x)
-        return u if (dot(self._matrix, u) <= self._upper + TOLERANCE).all() else None
+        return u if (dot(self._matrix, u) <= self._upper + self._allowed).all() else None

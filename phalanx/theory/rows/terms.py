@@ -13,7 +13,7 @@ from phalanx.theory.safety.chain import Chain
 Array = NDArray[np.float64]
 
 _NOTHING = np.zeros((0, 0))
-_EVALUATED_EACH_TIME = Polytope(_NOTHING, _NOTHING, _NOTHING, None)
+_EVALUATED_EACH_TIME = Polytope(_NOTHING, _NOTHING, _NOTHING, None, 0.0)
 
 
 class Terms(NamedTuple):

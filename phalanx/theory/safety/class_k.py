@@ -1,10 +1,24 @@
 """Extended class-K∞ functions α_k: increasing through zero, on the whole real line."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Protocol, runtime_checkable
 
 import casadi as ca
+import numpy as np
 from annotated_types import Ge, Gt
+from numpy.typing import NDArray
+
+from phalanx.theory.expressions.interval import Interval, continuous
+
+Array = NDArray[np.float64]
+
+_SCALES = np.geomspace(1e-9, 1e9, 73)
+"""Where α is looked at, on both sides of 0."""
+_NO_JUMP = 1e-9
+"""A step below this share of what α gains from one scale to the next is none."""
+_HALVINGS, _MOST_PLACES = 100, 400
+"""How closely a jump is looked for, and in how many places at once."""
 
 
 @runtime_checkable
@@ -39,3 +53,57 @@ class Power:
 
     def value(self, s: ca.SX) -> ca.SX:
         return self.gain * ca.sign(s) * ca.fabs(s) ** self.exponent
+
+
+class NotClassKError(ValueError):
+    """A function is not class K; the message says what was expected, `got` what was found."""
+
+    def __init__(self, expected: str, got: object) -> None:
+        super().__init__(f"expected {expected}, as class K has it")
+        self.got = got
+
+
+def require_class_k(alpha: ClassK) -> None:
+    """Raise NotClassKError unless α(0) = 0, and α increases strictly and without a jump.
+
+    Asked from 1e-9 to 1e9 on both sides. Where an operation can jump, as interval.continuous has
+    it, the place is narrowed down until α takes a step there or does not.
+
+    Raises:
+        NotClassKError: it is not.
+        UnboundedOperationError: an operation has no interval rule: its jumps would be missed.
+    """
+    s, end = ca.SX.sym("s"), ca.SX.sym("end")
+    value = ca.SX(alpha.value(s))
+    at = _pointwise([s], value)
+    cannot_jump = _pointwise([s, end], continuous([value], [s], [Interval(s, end)]))
+    (zero,) = at(np.zeros(1)).tolist()
+    if zero != 0.0:
+        raise NotClassKError("α(0) = 0", zero)
+    places = np.concatenate([-_SCALES[::-1], [0.0], _SCALES])
+    # Beyond what a float holds there is nothing to compare.
+    places = places[~np.isinf(at(places))]
+    low, high = places[:-1], places[1:]
+    rise = at(high) - at(low)
+    # What is not a number does not rise.
+    for k in np.flatnonzero(~(rise > 0.0))[:1]:
+        found = tuple(at(places[k : k + 2]).tolist())
+        raise NotClassKError(f"α({low[k]:.3g}) < α({high[k]:.3g})", found)
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+        rise = np.tile(rise, 2)
+        suspect = (low < high) & (cannot_jump(low, high) == 0.0)
+        low, high, rise = low[suspect], high[suspect], rise[suspect]
+        if not len(low):
+            return
+        steepest = np.argsort(-np.abs(at(high) - at(low)))[:_MOST_PLACES]
+        low, high, rise = low[steepest], high[steepest], rise[steepest]
+    for k in np.flatnonzero(~(np.abs(at(high) - at(low)) <= _NO_JUMP * rise))[:1]:
+        found = tuple(at(np.array([low[k], high[k]])).tolist())
+        raise NotClassKError(f"α without a jump at {min(low[k], high[k], key=abs):.6g}", found)
+
+
+def _pointwise(symbols: list[ca.SX], value: ca.SX) -> Callable[..., Array]:
+    function = ca.Function("f", symbols, [value])
+    return lambda *columns: np.array(function(*[column[None] for column in columns]))[0]

@@ -81,3 +81,50 @@ def test_an_actuator_whose_polytope_varies_is_held_to_the_one_at_the_sampled_sta
     assert actuators.admissible(0, sample(x), message(u=(0.1, *rest)))
     x[0], x[2] = 0.0, 3.0
     assert actuators.admissible(0, sample(x), message(u=(1.0, *rest)))
+
+
+NEEDLE = '''
+from dataclasses import dataclass
+import casadi as ca
+
+@dataclass(frozen=True)
+class Needle:
+    """A point that goes ahead at up to 1, or at more with next to no angle between its bounds."""
+    angle: float
+    varying: bool = False
+    states, inputs = ("x", "y"), ("vx", "vy")
+    def drift(self, x): return ca.SX.zeros(2)
+    def actuation(self, x): return ca.SX.eye(2)
+    def position(self, x): return x
+    def input_polytope(self, x):
+        A = ca.SX([[self.angle, 1.0], [self.angle, -1.0], [-1.0, 0.0]])
+        scale = 100.0 + x[0] ** 2 if self.varying else 100.0
+        return scale * A, scale * ca.SX([0.0, 0.0, 1.0])
+    def input_metric(self): return (1.0, 1.0)
+
+@dataclass
+class Rest:
+    """Wants to stay."""
+    def prepare(self, dynamics): ...
+    def input(self, view): ...
+'''
+
+
+@pytest.mark.parametrize("varying", ["false", "true"])
+def test_beyond_the_point_of_a_needle_an_actuator_admits_no_more_than_beyond_a_face(
+    varying, tmp_path, monkeypatch
+):
+    """(0.09, 0) is 1e-5 above both rows of the point, and a hand's breadth from the polytope."""
+    (tmp_path / "needle_user.py").write_text(NEEDLE)
+    monkeypatch.syspath_prepend(tmp_path)
+    overrides = [
+        f"agents.0.dynamics={{ type = 'needle_user:Needle', angle = 1e-4, varying = {varying} }}",
+        "agents.0.law={ type = 'needle_user:Rest' }",
+        "agents.0.spread=[]",
+    ]
+    actuators, x = Actuators(build_swarm(load("unicycles", overrides))), np.zeros(12)
+    assert actuators.admissible(0, sample(x), message(u=(0.0, 0.0)))
+    assert actuators.admissible(0, sample(x), message(u=(-1.0, 1e-4)))
+    assert actuators.admissible(0, sample(x), message(u=(9e-6, 0.0)))
+    assert not actuators.admissible(0, sample(x), message(u=(2e-5, 0.0)))
+    assert not actuators.admissible(0, sample(x), message(u=(0.09, 0.0)))

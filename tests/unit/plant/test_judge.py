@@ -78,7 +78,7 @@ def test_steps_are_counted_by_origin_and_without_authority_there_is_no_backup():
         apply(judge, 0, k=k, t=k / 100, origin=origin)
     apply(judge, 4, origin=Origin.ATTACK)
     assert judge.steps == 5
-    assert judge.origins == {"qp": 2, "backup": 1, "no-authority": 1}
+    assert judge.origins == {"qp": 2, "solver-failed": 0, "backup": 1, "no-authority": 1}
     assert judge.backups == 1
     assert counted(judge, "non-empty K_i") == (2, 4, 0.01)
 
@@ -100,10 +100,41 @@ PAIRS = 3 + 3 * 2 + 3 * 3
 def test_a_start_outside_the_safe_set_is_counted_once(h, failed):
     judge = judge_of()
     for t in (0.0, 0.001):
-        truth = IntegrationSteps(np.array([t]), np.full((1, PAIRS), h), np.full(1, h))
+        truth = IntegrationSteps(np.array([t]), np.full((1, PAIRS), h), np.full(1, h), np.zeros(0))
         judge.saw([truth])
     assert counted(judge, "start in S")[:2] == (failed, 1)
 
 
 def test_a_given_margin_is_never_called_proven():
     assert assumption(judge_of(), "proven margin").failed == 1
+
+
+def test_leaving_s_i_is_an_assumption_of_its_own_with_when_and_how_deep():
+    judge = Judge(rows_of_scenario("formation3d"))
+    pairs = len(judge.truth._labels)
+
+    def see(times: list[float], psi: list[float]) -> None:
+        h = np.full((len(times), pairs), -50.0)
+        judge.saw([IntegrationSteps(np.array(times), h, h.max(axis=1), np.array(psi))])
+
+    see([0.0, 0.1], [-3.0, 0.0])
+    assert counted(judge, "stayed in S_I") == (0, 2, None)
+    see([0.2, 0.3, 0.4, 0.5], [0.5, 2.25, 1.0, -1.0])
+    assert counted(judge, "stayed in S_I") == (3, 6, 0.2)
+    assert "the largest was 2.25, at t = 0.300 s" in assumption(judge, "stayed in S_I").note
+
+
+def test_with_relative_degree_1_there_is_nothing_between_h_and_s_i():
+    judge = judge_of()
+    h = np.full((1, len(judge.truth._labels)), -1.0)
+    judge.saw([IntegrationSteps(np.zeros(1), h, h[:, 0], np.zeros(0))])
+    assert "stayed in S_I" not in [a.name for a in judge.assumptions]
+
+
+def test_a_solver_that_failed_is_no_empty_k_i():
+    judge = judge_of()
+    apply(judge, 0, origin=Origin.SOLVER_FAILED)
+    assert counted(judge, "non-empty K_i") == (0, 1, None)
+    assert judge.origins["solver-failed"] == 1
+    apply(judge, 0, k=1, t=0.01, origin=Origin.BACKUP)
+    assert counted(judge, "non-empty K_i") == (1, 2, 0.01)

@@ -113,6 +113,32 @@ class Tired(Swimmer):
         return box_polytope((speed, speed))
 
 
+@dataclass(frozen=True)
+class Offset:
+    """Not zero at zero."""
+
+    by: float = 0.5
+
+    def value(self, s):
+        return s + self.by
+
+
+@dataclass(frozen=True)
+class Stepped:
+    """Jumps where the drive changes gear."""
+
+    def value(self, s):
+        return s + ca.if_else(s > -0.25, 1.0, 0.0) - 1.0
+
+
+@dataclass(frozen=True)
+class Odd:
+    """CasADi knows it, intervals do not."""
+
+    def value(self, s):
+        return s + ca.fmod(s, 3.0)
+
+
 A_NUMBER = 5
 '''
 
@@ -205,6 +231,18 @@ def test_a_users_classes_in_the_working_directory_make_a_swarm(own):
         (
             "safety.function={ type = 'swimming_user:Rest' }",
             ["safety.function: expected a dataclass that is a SafeSetFunction", "between"],
+        ),
+        (
+            "safety.alpha=[{ type = 'swimming_user:Offset' }]",
+            ["safety.alpha.0: expected α(0) = 0, as class K has it, got 0.5"],
+        ),
+        (
+            "safety.alpha=[{ type = 'swimming_user:Stepped' }]",
+            ["safety.alpha.0: expected α without a jump at -0.25, as class K has it, got (-1.25, "],
+        ),
+        (
+            "safety.alpha=[1.0, { type = 'swimming_user:Odd' }]",
+            ["safety.alpha.1: expected", "the operation fmod", "got 'swimming_user:Odd'"],
         ),
         ("agents.0.dynamics.type=5", ["agents.0.dynamics: expected one of unicycle"]),
     ],

@@ -1,5 +1,7 @@
 """Interval extensions of expressions: bounds of every value over a box, or a refusal."""
 
+import math
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.expressions.interval import Interval, UnboundedOperationError, extend
+from phalanx.theory.expressions.interval import Interval, UnboundedOperationError, continuous, extend
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -20,6 +22,10 @@ def expressions(x: ca.SX) -> list[ca.SX]:
         ca.fmax(x[0], x[1]) - ca.fmin(x[1], x[2]) + ca.sign(x[2]) * ca.fabs(x[2]) ** 3,
         ca.log(2.0 + ca.cos(x[0])) / (x[1] - 10.0),
         x[0] ** 3 - x[1] ** 4 + ca.fabs(x[2]) ** 1.5 + (x[2] - 20.0) ** -3,
+        ca.if_else(x[0] > x[1], x[2], ca.if_else(x[1] <= 1.0, -x[2], ca.floor(x[0]))),
+        ca.logic_or(x[0] < 0, ca.logic_not(ca.logic_and(x[1] < 1, x[2]))) * x[1],
+        ca.atan2(x[1], x[0]) + ca.tanh(x[2]) * ca.ceil(x[1]) - ca.atan(x[0]),
+        ca.tan(0.3 * x[0]) + (x[0] == x[1]) - (x[2] != 1.0) * ca.sinh(x[0]) + ca.asinh(x[1]),
     ]
 
 
@@ -72,7 +78,48 @@ def test_outside_its_domain_a_function_is_unbounded_and_not_forgotten(function):
     assert float(bound.hi) == np.inf
 
 
-def test_an_operation_without_a_rule_is_refused():
+def test_an_operation_without_a_rule_is_refused_by_its_name():
     x = ca.SX.sym("x")
-    with pytest.raises(UnboundedOperationError, match="no interval rule"):
-        extend([ca.atan2(x, 2.0)], [x], [Interval(ca.SX(0), ca.SX(1))])
+    with pytest.raises(UnboundedOperationError, match="no interval rule for the operation fmod"):
+        extend([ca.fmod(x, 2.0)], [x], [Interval(ca.SX(0), ca.SX(1))])
+
+
+JUMPS = {
+    "a sign": lambda x: ca.sign(x - 0.5),
+    "a comparison": lambda x: ca.if_else(x < 0.5, 1.0, 2.0),
+    "a zone": lambda x: ca.logic_and(x > 0.5, x < 9.0) * 3.0,
+    "a wall thinner than a comparison sees": lambda x: 1.0 * (x == 0.5),
+    "a step": lambda x: ca.floor(x + 0.5),
+    "a step up": lambda x: ca.ceil(x - 0.5),
+    "the cut of a bearing": lambda x: ca.atan2(x - 0.5, -1.0),
+    "a pole": lambda x: ca.atan(1.0 / (x - 0.5)),
+    "a pole of a power": lambda x: ca.atan((x - 0.5) ** -3),
+    "a tangent": lambda x: ca.atan(ca.tan(math.pi * x)),
+    "a truth that is no comparison": lambda x: ca.if_else(x - 0.5, 1.0, 0.0),
+}
+
+
+@pytest.mark.parametrize("jumping", JUMPS.values(), ids=JUMPS)
+def test_a_jump_is_seen_where_it_is_and_nowhere_else(jumping):
+    """All of them have derivative zero, or none, where they do not jump."""
+    x, ends = ca.SX.sym("x"), ca.SX.sym("ends", 2)
+    box = [Interval(ends[0], ends[1])]
+    kept = CompiledFunction([ends], [continuous([jumping(x)], [x], box)])
+    for low, high, expected in [(0.0, 0.4, 1), (0.4, 0.6, 0), (0.6, 0.9, 1), (0.3, 0.8, 0)]:
+        assert kept(np.array([low, high]))[0][0] == expected
+
+
+def test_what_leaves_its_domain_is_not_continuous():
+    x = ca.SX.sym("x")
+    for expression in (ca.sqrt(x), ca.log(x), x**1.5):
+        for low, expected in ((-0.1, 0.0), (0.1, 1.0)):
+            box = [Interval(ca.SX(low), ca.SX(1.0))]
+            assert float(continuous([expression], [x], box)) == expected
+
+
+def test_a_kink_is_no_jump_but_its_derivative_is():
+    x = ca.SX.sym("x")
+    box = [Interval(ca.SX(-1), ca.SX(1))]
+    for kink in (ca.fabs(x), ca.fmax(x, 0.0), ca.fmin(x, 2 * x)):
+        assert float(continuous([kink], [x], box)) == 1.0
+        assert float(continuous([ca.jacobian(kink, x)], [x], box)) == 0.0

@@ -99,7 +99,7 @@ def test_without_an_enclosure_the_margin_is_beyond_every_row():
     composed = compose(members, [Sphere((5.0, 0.0), 1.0)], Separation(1.0), 1.0)
     chain = build_chain(composed, [1.0, 1.0], None, [1.0])
     margin = CompiledFunction([composed.x], [local_margin(chain, 0, 10.0, [1.0], RowPart.WHOLE)])
-    assert margin(np.array([0.0, 0.0, 0.0, 20.0]))[0][0] >= UNKNOWN
+    assert margin(np.array([0.0, 0.0, 0.0, 20.0]))[0][0] > 1e20
 
 
 class Kinked:
@@ -122,3 +122,52 @@ def test_there_is_no_margin_where_a_kink_of_h_is_within_reach():
     low, high = np.full(4, -1.0), np.full(4, 1.0)
     found = constants(chain, low, high, [0.0, 0.0], np.zeros((1, 4)))
     assert found["c_g"].how == "sampled"
+
+
+class Zone:
+    """h = 3 inside a disc and -1 outside: its derivative is zero wherever there is one."""
+
+    def between(self, a: Body, b: Body) -> ca.SX:
+        return ca.if_else(ca.sumsqr(a.p - b.p) < 1.0, 3.0, -1.0) + 1e-3 * (a.p[0] - b.p[0])
+
+
+class Bearing:
+    """h = |bearing of b from a| - 3: at ±π the bearing jumps, its derivative does not."""
+
+    def between(self, a: Body, b: Body) -> ca.SX:
+        apart = b.p - a.p
+        return ca.atan2(apart[1], apart[0]) - 3.0
+
+
+class ThinWall:
+    """h = 1 on the millimetres where x_a and x_b round to one number, else -1, and a slope."""
+
+    def between(self, a: Body, b: Body) -> ca.SX:
+        same = ca.floor(1000.0 * a.p[0]) == ca.floor(1000.0 * b.p[0])
+        return 2.0 * same - 1.0 + 1e-3 * (a.p[1] - b.p[1])
+
+
+@pytest.mark.parametrize(
+    ("function", "near", "far"),
+    [
+        (Zone(), [1.05, 0.0, 0.0, 0.0], [3.0, 0.0, 0.0, 0.0]),
+        (Bearing(), [1.0, 0.01, 0.0, 0.0], [-1.0, 0.01, 0.0, 0.0]),
+        (ThinWall(), [0.0105, 2.0, 0.0, 0.0], None),
+    ],
+    ids=["zone", "bearing", "thin wall"],
+)
+@pytest.mark.parametrize("part", RowPart)
+def test_there_is_no_margin_where_h_itself_can_jump(function, near, far, part):
+    members = [Member(name, SingleIntegrator(1.0), False) for name in "ab"]
+    chain = build_chain(compose(members, [], function, 1.0), [1.0], None, [0.0, 0.0])
+    margin = CompiledFunction([chain.set.x], [local_margin(chain, 0, 0.1, [0.0, 0.0], part)])
+    assert margin(np.array(near))[0] == UNKNOWN == np.inf
+    assert far is None or margin(np.array(far))[0] < 100.0
+
+
+def test_a_margin_of_micrometres_is_not_taken_for_an_unknown_one():
+    """In units of 1e-9 m a row has numbers of 1e13 and more: they are margins like any other."""
+    members = [Member(name, SingleIntegrator(1e7), False) for name in "ab"]
+    chain = build_chain(compose(members, [], Separation(1e9), 1.0), [1.0], None, [0.0, 0.0])
+    margin = CompiledFunction([chain.set.x], [local_margin(chain, 0, 0.1, [0.0, 0.0], RowPart.HALF)])
+    assert 1e12 < margin(np.array([2e9, 0.0, 0.0, 0.0]))[0] < np.inf

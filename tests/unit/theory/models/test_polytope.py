@@ -8,6 +8,7 @@ from scipy.optimize import linprog
 
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.polytope import (
+    ACTUATION,
     EmptyPolytopeError,
     extremes,
     maximiser,
@@ -167,3 +168,29 @@ def test_an_empty_constant_polytope_is_refused_when_the_chain_is_compiled():
     case = swarm_of([SingleIntegrator(-1.0), SingleIntegrator(1.0)])
     with pytest.raises(EmptyPolytopeError):
         TermsFunction(build_chain(case.composed, [1.0]))
+
+
+@given(seed=seeds, m=st.integers(1, 3))
+@settings(max_examples=60, deadline=None)
+def test_what_the_allowance_admits_is_within_reach_of_the_polytope(seed, m):
+    """Distance is convex, so the vertices of what is admitted are the farthest."""
+    rng = np.random.default_rng(seed)
+    found = polytope(*random_polytope(rng, m))
+    admitted = vertices(found.A, found.b + found.allowance)
+    farthest = np.linalg.norm(admitted[:, None] - found.corners, axis=2).min(axis=1).max()
+    assert 0.0 < farthest <= ACTUATION
+    assert found.allowance <= ACTUATION
+
+
+def test_a_box_is_allowed_what_its_corner_may_move():
+    box = polytope(np.vstack([np.eye(2), -np.eye(2)]), np.ones(4))
+    assert box.allowance == pytest.approx(ACTUATION / np.sqrt(2), rel=0.02)
+
+
+def test_a_needle_is_allowed_no_more_than_its_point_may_move():
+    """Beyond a corner of angle a, s above both rows is s / sin(a / 2) away."""
+    for angle in (1e-1, 1e-3, 1e-5):
+        sin, cos = np.sin(angle / 2), np.cos(angle / 2)
+        rows = np.array([[sin, cos], [sin, -cos], [-1.0, 0.0]])
+        allowance = polytope(rows, np.array([0.0, 0.0, 1.0])).allowance
+        assert 0.5 * ACTUATION * sin <= allowance <= ACTUATION * sin

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phalanx.theory.margins.local import UNKNOWN
 from phalanx.theory.models.polytope import polytope
 from phalanx.theory.rows.decision import decide_pairs, least_violation
 from phalanx.theory.rows.origin import Origin
@@ -49,14 +48,36 @@ def test_with_no_solution_the_backup_has_the_least_worst_violation(seed):
 
 
 @given(seed=seeds)
-@settings(max_examples=200, deadline=None)
-def test_there_is_a_backup_even_where_no_margin_is_known(seed):
+@settings(max_examples=100, deadline=None)
+def test_where_a_margin_is_unknown_no_input_keeps_the_row_and_the_backup_goes_against_it(seed):
+    """Its residual would be infinite: there is none."""
     rng = np.random.default_rng(seed)
-    rows = Rows(rng.normal(size=(6, 2)) * 10, rng.uniform(-40, 40, 6) - UNKNOWN)
-    u = least_violation(SQUARE, rows)
+    rows = Rows(rng.normal(size=(6, 2)) * 10, rng.uniform(-40, 40, 6))
+    rows.bound[:2] = -np.inf
+    decision = decide_pairs(SQUARE, rows, np.zeros(2), NearestInput((1.0, 1.0), 4, 6))
+    assert (decision.origin, decision.residual) == (Origin.BACKUP, None)
     others = rng.uniform(-1, 1, (50, 2))
-    best = ((others @ rows.a.T) - rows.bound).max(axis=1).min()
-    assert ((rows.a @ u) - rows.bound).max() <= best + 1e-3
+    best = (others @ rows.a[:2].T).max(axis=1).min()
+    assert (rows.a[:2] @ decision.u).max() <= best + 1e-9
+
+
+class GivesUp(NearestInput):
+    """OSQP with no iteration allowed: it never solves."""
+
+    def __init__(self, rows: int, safety_rows: int) -> None:
+        super().__init__((1.0, 1.0), rows, safety_rows)
+        settings = self._osqp.get_settings()
+        settings.max_iter = 1
+        self._osqp.update_settings(settings)
+
+
+def test_a_solver_that_gives_up_is_no_empty_set_where_the_backup_keeps_every_row():
+    rows = Rows(np.array([[1.0, 0.3], [0.2, 1.0]]), np.array([-0.3, -0.2]))
+    decision = decide_pairs(SQUARE, rows, np.array([3.0, 2.0]), GivesUp(4, 2))
+    assert decision.origin is Origin.SOLVER_FAILED
+    assert (rows.a @ decision.u <= rows.bound).all()
+    empty = Rows(rows.a, np.array([-2.0, -0.2]))
+    assert decide_pairs(SQUARE, empty, np.ones(2), GivesUp(4, 2)).origin is Origin.BACKUP
 
 
 def test_where_no_pair_is_near_the_nominal_input_is_applied_and_every_number_is_finite():

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from phalanx.theory.models.polytope import Polytope, extremes, polytope
+from phalanx.theory.models.polytope import ACTUATION, Polytope, extremes, polytope, vertices
 from phalanx.theory.rows.qp import TOLERANCE, NearestInput
 from phalanx.theory.rows.row import Row
 from tests.unit.theory.polytopes import random_polytope
@@ -153,3 +153,34 @@ def test_the_exact_solver_used_here_is_itself_right_on_a_known_answer():
     A, b = np.vstack([np.eye(2), -np.eye(2), [[1.0, 1.0]]]), np.array([1.0, 1, 1, 1, 1])
     u = nearest_by_active_sets(np.array([3.0, 3.0]), np.array([1.0, 1.0]), A, b)
     assert u == pytest.approx([0.5, 0.5])
+
+
+BOX = polytope(np.vstack([np.eye(3), -np.eye(3)]), np.array([4.0, 2.0, 1.0, 4.0, 2.0, 1.0]))
+
+
+@pytest.mark.parametrize("size", [1e3, 1e6, 1e9, 1e12])
+def test_a_nominal_input_of_any_size_is_brought_to_the_nearest_one(size):
+    """No point of the set lies beyond u in the direction of u_nom: that makes u the nearest."""
+    rng, qp = np.random.default_rng(0), NearestInput((1.0, 1.0, 1.0), 6)
+    solved = 0
+    for _ in range(200):
+        row = cutting_row(rng, BOX, 3.0, rng.uniform(0.05, 0.6))
+        towards = rng.normal(size=3)
+        u_nom = size * towards / np.linalg.norm(towards)
+        u = qp.solve(u_nom, BOX, row)
+        if u is not None:
+            solved += 1
+            corners = vertices(np.vstack([BOX.A, row.a]), np.append(BOX.b, row.bound))
+            away = (u_nom - u) / np.linalg.norm(u_nom - u)
+            assert ((corners - u) @ away <= 1e-5).all()
+    assert solved >= 190
+
+
+@pytest.mark.parametrize("angle", [1.0, 1e-2, 1e-4])
+def test_a_solution_at_a_sharp_corner_is_no_farther_out_than_an_actuator_admits(angle):
+    """Two rows that meet at this angle: TOLERANCE outside both is far outside the corner."""
+    A = np.array([[np.sin(angle / 2), np.cos(angle / 2)], [np.sin(angle / 2), -np.cos(angle / 2)]])
+    needle = polytope(np.vstack([A, [[-1.0, 0.0]]]), np.array([0.0, 0.0, 1.0]))
+    for towards in ([1.0, 0.0], [1e5, 3.0], [1.0, -1e-3]):
+        u = NearestInput((1.0, 1.0), 3).solve(np.array(towards), needle)
+        assert u is None or np.linalg.norm(u) <= ACTUATION or u[0] <= 0.0
