@@ -60,7 +60,7 @@ class Safety(Strict):
     """A normal agent not heard of for longer counts at γ_l^max, like an adversary [s]."""
     neighbourhood: Positive | None = None
     """An agent composes only what lies within this distance of it [m]; default: everything, as a
-    centralised controller always does."""
+    centralised controller always does, and agents that split one condition between them."""
     authority: NonNegative = 0.01
     """Below this span max c_i u - min c_i u of the composed row an agent's backup is futile."""
 

@@ -51,9 +51,13 @@ class Swarm:
 
     @property
     def radius(self) -> float | None:
-        """Of the neighbourhood [m]; None if everything is composed, as one controller does."""
+        """Of the neighbourhood [m]; None if everything is composed.
+
+        One controller does so, and agents that share one condition, which must be the same.
+        """
         safety = self.scenario.safety
-        return safety.neighbourhood if safety.control == "distributed" else None
+        shared = safety.information is Information.SPLIT and safety.composition == "lse"
+        return None if shared or safety.control == "centralised" else safety.neighbourhood
 
     @property
     def joint(self) -> bool:

@@ -56,7 +56,10 @@ class JointInput:
                 self._backup(place, terms, l, u_nom[place], left, authority)
                 for place, l in enumerate(normal)
             ]
-        u, origin = self._qp.solve(np.concatenate(u_nom), self._joint(terms, normal), row), Origin.QP
+        u, origin = (
+            self._qp.solve(np.concatenate(u_nom), self._joint(terms, normal), row),
+            Origin.QP,
+        )
         if u is None:
             backups = [minimiser(terms.c[l], terms.polytopes[l].corners) for l in normal]
             u, origin = np.concatenate(backups), Origin.SOLVER_FAILED
@@ -84,7 +87,9 @@ class JointInput:
         if len(boxes) == len(each):
             low, high = (np.concatenate(side) for side in zip(*boxes, strict=True))
             box = Box(low, high)
-        return Polytope(A, np.concatenate([own.b for own in each]), np.zeros((0, A.shape[1])), box, allowance)
+        return Polytope(
+            A, np.concatenate([own.b for own in each]), np.zeros((0, A.shape[1])), box, allowance
+        )
 
 
 def joint_row(terms: Terms, normal: Sequence[int]) -> Row:

@@ -31,10 +31,10 @@ class Information(StrEnum):
     t_l is when û_l took effect; else γ_l^max. Sound for any delay and loss, if clocks keep their
     bounds; checked too (fresh û, sampling gap)."""
     SPLIT = "split"
-    """No û: each agent keeps its share of the joint condition. Sound for any delay and loss while
-    all normal agents compose the same h_tot (no neighbourhood). Shares are computed from different
-    samples: with `lse` Σ_i Lip(share_i) ε(Γ + δ) must be in η, which no margin here proves; with
-    `pairs` shares are constant, and each agent's own margin is enough."""
+    """No û: each agent keeps its share of the joint condition. Sound for any delay and loss, as
+    all normal agents compose the same h_tot. Shares are computed from different samples: with
+    `lse` Σ_i Lip(share_i) ε(Γ + δ) must be in η, which no margin here proves; with `pairs` shares
+    are constant, and each agent's own margin is enough."""
     WORST_CASE = "worst-case"
     """γ_l^max for everybody else. Sound always, feasible least often."""
 

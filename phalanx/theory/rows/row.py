@@ -53,15 +53,37 @@ def paper_row(terms: Terms, i: int, received: Mapping[int, Array]) -> Row:
     return Row(terms.c[i], -others)
 
 
+_FLOOR = 0.01
+"""What the span of an agent without authority counts as, so that it has a share too."""
+
+
 def split_row(terms: Terms, i: int, normal: Sequence[int]) -> Row:
     """Agent i's share of the joint condition; needs nothing from the others.
 
     With m_l = min over U_l of c_l u and T = Σ drift + Σ_N m_l + Σ_A max c_j u + α_q + η, agent i
-    keeps c_i u_i <= m_i - T / |N|. Summed over N this is the condition of Eq. (KNx), and it is
-    feasible whenever that is: when T <= 0. Equal shares, not shares by authority, because agents
-    compute them from different samples: what does not vary with the state does not go stale.
+    keeps c_i u_i <= m_i + ω_i (-T). Summed over N, with Σ ω_i = 1, this is the condition of
+    Eq. (KNx). As ω_i > 0 and the least c_i u_i is m_i, the row has a solution if and only if
+    -T >= 0: every agent's row has one whenever the joint condition has.
     """
-    return Row(terms.c[i], float(terms.least[i]) - joint_sum(terms, normal) / len(normal))
+    place = list(normal).index(i)
+    share = shares(terms, normal)[place] * -joint_sum(terms, normal)
+    return Row(terms.c[i], float(terms.least[i] + share))
+
+
+def shares(terms: Terms, normal: Sequence[int]) -> Array:
+    """ω_l of each normal agent, positive, of sum 1: in proportion to what it can do, its span.
+
+    The span s_l = max c_l u - min c_l u is how far its input moves ψ_q. Equal shares would give
+    leeway to agents that cannot use it, and take it from those that stand in a conflict.
+
+    Agents compute their shares from different samples. Row i binds only if ω_i (-T) < s_i, hence
+    -T < W = Σ (s_l + floor); there ω_i (-T) has the Lipschitz constant
+    Lip(s_i) + ω_i (Σ Lip(s_l) + Lip(T)), so that samples ε apart cost the joint condition at most
+    ε (2 Σ Lip(s_l) + Lip(T)). No margin here contains that.
+    """
+    spans = terms.most[list(normal)] - terms.least[list(normal)] + _FLOOR
+    parts: Array = spans / added(spans.tolist())
+    return parts
 
 
 def joint_sum(terms: Terms, helping: Sequence[int]) -> float:

@@ -9,7 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.expressions.interval import Interval, UnboundedOperationError, continuous, extend
+from phalanx.theory.expressions.interval import (
+    Interval,
+    UnboundedOperationError,
+    continuous,
+    extend,
+)
 
 seeds = st.integers(0, 2**32 - 1)
 

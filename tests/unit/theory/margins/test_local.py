@@ -169,5 +169,7 @@ def test_a_margin_of_micrometres_is_not_taken_for_an_unknown_one():
     """In units of 1e-9 m a row has numbers of 1e13 and more: they are margins like any other."""
     members = [Member(name, SingleIntegrator(1e7), False) for name in "ab"]
     chain = build_chain(compose(members, [], Separation(1e9), 1.0), [1.0], None, [0.0, 0.0])
-    margin = CompiledFunction([chain.set.x], [local_margin(chain, 0, 0.1, [0.0, 0.0], RowPart.HALF)])
+    margin = CompiledFunction(
+        [chain.set.x], [local_margin(chain, 0, 0.1, [0.0, 0.0], RowPart.HALF)]
+    )
     assert 1e12 < margin(np.array([2e9, 0.0, 0.0, 0.0]))[0] < np.inf

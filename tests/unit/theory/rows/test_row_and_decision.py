@@ -13,7 +13,7 @@ from phalanx.theory.models.unicycle import Unicycle
 from phalanx.theory.rows.decision import decide
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.qp import NearestInput
-from phalanx.theory.rows.row import Row, paper_row, split_row
+from phalanx.theory.rows.row import Row, joint_sum, paper_row, shares, split_row
 from phalanx.theory.rows.terms import TermsFunction
 from phalanx.theory.safety.chain import build_chain
 from tests.unit.theory.users_own import Case, Drifter, OutputUnicycle, Oval, along, swarm_of
@@ -98,10 +98,38 @@ def test_shares_are_feasible_exactly_when_the_joint_condition_is(seed, offset):
 
 
 @given(seed=seeds)
-def test_every_normal_agent_gets_the_same_part_of_what_is_left(seed):
+def test_shares_are_positive_and_sum_to_one_and_go_by_what_an_agent_can_do(seed):
     terms = terms_function()(drawn(seed)[1])
-    left = [split_row(terms, i, NORMAL).bound - terms.least[i] for i in NORMAL]
-    assert left == pytest.approx([left[0]] * len(NORMAL))
+    found = shares(terms, NORMAL)
+    spans = (terms.most - terms.least)[list(NORMAL)]
+    assert (found > 0.0).all()
+    assert found.sum() == pytest.approx(1.0)
+    assert (np.argsort(found) == np.argsort(spans)).all()
+    bounds = [split_row(terms, i, NORMAL).bound - terms.least[i] for i in NORMAL]
+    assert sum(bounds) == pytest.approx(-joint_sum(terms, NORMAL))
+
+
+@given(seed=seeds)
+def test_an_agent_without_authority_leaves_what_is_left_to_the_others(seed):
+    terms = terms_function()(drawn(seed)[1])
+    idle = terms.most.copy()
+    idle[NORMAL[0]] = terms.least[NORMAL[0]]
+    first, *others = shares(terms._replace(most=idle), NORMAL).tolist()
+    assert first < shares(terms, NORMAL)[0]
+    spans = (terms.most - terms.least)[list(NORMAL[1:])]
+    assert first <= 0.01 / spans.sum()
+    assert sum(others) >= 1.0 - 0.01 / spans.sum()
+
+
+@given(seed=seeds)
+def test_shares_change_no_faster_than_spans_do(seed):
+    """|ω(x) - ω(y)| summed is at most twice what the spans changed, over their sum."""
+    rng, x, _ = drawn(seed)
+    here, there = terms_function()(x), terms_function()(x + 1e-3 * rng.normal(size=len(x)))
+    change = np.abs(shares(here, NORMAL) - shares(there, NORMAL)).sum()
+    own = list(NORMAL)
+    spans, others = ((t.most - t.least)[own] for t in (here, there))
+    assert change <= 2.0 * np.abs(spans - others).sum() / spans.sum() + 1e-12
 
 
 def solver(i: int, rows: int) -> NearestInput:
