@@ -60,7 +60,7 @@ class World:
         truth = _truth(rows)
         self._steps = _runge_kutta(swarm, truth, _STEPS_AT_ONCE)
         x = swarm.safe_set.x
-        h, h_tot, psi = CompiledFunction([x], truth(x))(self.x)
+        h, h_tot, psi = CompiledFunction([x], truth.call([x]))(self.x)
         self._seen: list[IntegrationSteps | DisturbanceKnot] = [
             DisturbanceKnot(0.0, self._line.value),
             IntegrationSteps(np.zeros(1), h[None], h_tot, psi),
