@@ -11,6 +11,7 @@ import phalanx
 from phalanx.recording.read import Recording
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.rows.origin import EMPTY
 from phalanx.theory.rows.terms import TermsFunction
 
 _VARIANTS = {

@@ -107,15 +107,32 @@ def test_a_jump_within_reach_is_never_certified(dynamics, alphas):
 @pytest.mark.parametrize(
     "jump",
     [
-        lambda p: ca.floor(p[0]),
-        lambda p: ca.if_else(p[0] > 1.0, 1.0, 0.0),
-        lambda p: ca.atan2(p[1], p[0]),
+        lambda p: ca.floor(p[0]) - 2.0,
+        lambda p: ca.if_else(p[0] > 1.0, 0.0, -1.0),
+        lambda p: ca.atan2(p[1], 1.0 - p[0]) - 4.0,
+    ],
+    ids=["floor", "comparison", "bearing"],
+)
+def test_a_jump_without_a_derivative_is_never_certified_either(jump):
+    pair = certificate(SingleIntegrator(1.0), [1.0], Jumping(jump))
+    for place, certain in [(-5.4, True), (1.0 + 1e-6, False)]:
+        x = np.array([place, 1e-6, 0.0, 0.0])
+        assert (pair.horizon(x, np.array([-1.0, -1.0])) > 0.0) == certain
+    assert not pair.refused
+
+
+@pytest.mark.parametrize(
+    ("jump", "name"),
+    [
+        (lambda p: ca.fmod(p[0], 2.0), "fmod"),
+        (lambda p: ca.copysign(1.0, p[0]), "copysign"),
+        (lambda p: ca.remainder(p[0], 2.0), "remainder"),
     ],
 )
-def test_what_has_no_interval_rule_is_refused_with_a_reason(jump):
+def test_what_has_no_interval_rule_is_refused_by_its_name(jump, name):
     pair = certificate(SingleIntegrator(1.0), [1.0], Jumping(jump))
     assert pair.horizon(np.array([-9.0, 0.0, 0.0, 0.0]), np.zeros(2)) == 0.0
-    assert "no interval rule" in pair.refused
+    assert f"no interval rule for the operation {name}" in pair.refused
 
 
 @pytest.mark.parametrize("h", [lambda s: ca.log(s) - 5.0, lambda s: ca.sqrt(s) - 5.0])
