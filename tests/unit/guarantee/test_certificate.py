@@ -108,16 +108,17 @@ def test_a_jump_within_reach_is_never_certified(dynamics, alphas):
     "jump",
     [
         lambda p: ca.floor(p[0]) - 2.0,
-        lambda p: ca.if_else(p[0] > 1.0, 0.0, -1.0),
-        lambda p: ca.atan2(p[1], 1.0 - p[0]) - 4.0,
+        lambda p: ca.if_else(p[0] > 3.0, 1.0, 0.0),
+        lambda p: ca.atan2(p[1], 2.5 - p[0]),
     ],
     ids=["floor", "comparison", "bearing"],
 )
 def test_a_jump_without_a_derivative_is_never_certified_either(jump):
+    """At (3, 0) each of them jumps up by 1 or more, and h with it above zero."""
     pair = certificate(SingleIntegrator(1.0), [1.0], Jumping(jump))
-    for place, certain in [(-5.4, True), (1.0 + 1e-6, False)]:
-        x = np.array([place, 1e-6, 0.0, 0.0])
-        assert (pair.horizon(x, np.array([-1.0, -1.0])) > 0.0) == certain
+    ahead = np.array([1.0, 1.0])
+    assert pair.horizon(np.array([-5.4, 0.0, 0.0, 0.0]), ahead) > 0.0
+    assert pair.horizon(np.array([3.0 - 1e-6, -1e-6, 0.0, 0.0]), ahead) == 0.0
     assert not pair.refused
 
 
