@@ -28,7 +28,7 @@ def apply(
 
 
 def assumption(judge: Judge, name: str) -> Assumption:
-    return next(a for a in judge.assumptions if a.name == name)
+    return next(a for a in [*judge.assumptions, *judge.theorem] if a.name == name)
 
 
 def counted(judge: Judge, name: str) -> tuple[int, int, float | None]:
@@ -128,7 +128,7 @@ def test_with_relative_degree_1_there_is_nothing_between_h_and_s_i():
     judge = judge_of()
     h = np.full((1, len(judge.truth._labels)), -1.0)
     judge.saw([IntegrationSteps(np.zeros(1), h, h[:, 0], np.zeros(0))])
-    assert "stayed in S_I" not in [a.name for a in judge.assumptions]
+    assert "stayed in S_I" not in [a.name for a in judge.theorem]
 
 
 def test_a_solver_that_failed_is_no_empty_k_i():
