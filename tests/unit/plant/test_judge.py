@@ -67,8 +67,8 @@ def test_normal_agents_sample_together_if_each_takes_its_kth_sample_at_the_same_
 
 def test_freshness_is_no_assumption_of_a_row_that_needs_nothing_from_others():
     split = judge_of("safety.information=split")
-    assert "fresh û" not in [a.name for a in split.assumptions]
-    assert "fresh û" in [a.name for a in judge_of().assumptions]
+    assert "fresh û" not in [a.name for a in split.theorem]
+    assert "fresh û" in [a.name for a in judge_of().theorem]
 
 
 def test_steps_are_counted_by_origin_and_without_authority_there_is_no_backup():
