@@ -150,7 +150,7 @@ def judge(
         worst = max(violations, key=lambda v: v.worst)
         earlier = [
             f"{a.name} (since t = {a.first:.3f} s)"
-            for a in failed
+            for a in {a.name: a for a in [*assumptions, *theorem]}.values()
             if a.first is not None and a.first <= worst.first
         ]
         before = f"; assumptions that had failed: {', '.join(earlier)}" if earlier else ""

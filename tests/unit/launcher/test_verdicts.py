@@ -14,7 +14,8 @@ def run(name: str, *overrides: str) -> phalanx.Summary:
 
 
 def failed(summary):
-    return {a.name: a.first for a in summary.assumptions if a.failed}
+    """What was missing for the paper's theorem, and since when."""
+    return {a.name: a.first for a in summary.theorem if a.failed}
 
 
 @pytest.mark.parametrize(("name", "since"), [("surrounded", 0.0), ("pinned", 0.35)])
@@ -27,7 +28,7 @@ def test_the_infeasible_pictures_end_violated_and_say_since_when_no_control_was_
 
 def test_one_equal_adversary_does_no_harm():
     summary = run("one-on-one", "duration=6.0")
-    assert summary.outcome is Outcome.SAFE
+    assert summary.outcome is Outcome.GUARANTEED
     assert summary.origins["backup"] == 0
 
 
@@ -36,13 +37,32 @@ def test_the_printed_margin_forgets_a_disturbance_that_the_corrected_one_bounds(
     assert printed.outcome is Outcome.VIOLATED
     assert "non-empty K_i" not in failed(printed)
     corrected = run("disturbance-gap", "duration=9.0", "safety.margin=corrected")
-    assert corrected.outcome is Outcome.SAFE
+    assert corrected.outcome is Outcome.GUARANTEED
     assert corrected.worst_h_tot < -3.0
 
 
-def test_a_proven_margin_split_shares_and_a_lossy_network_end_guaranteed():
+@pytest.mark.parametrize("name", ["unicycles", "formation3d"])
+def test_the_papers_own_simulations_are_guaranteed_although_its_theorem_does_not_apply(name):
+    """With the printed margins K_i is empty at some samples; the certificates do not ask."""
+    summary = run(name, "duration=12.0")
+    assert summary.outcome is Outcome.GUARANTEED
+    assert summary.certificates.certified == summary.certificates.samples > 0
+    assert summary.certificates.shortest > 1.0
+    assert "proven margin" in failed(summary)
+
+
+def test_without_a_margin_the_certificate_is_gone_before_the_pair_leaves():
+    summary = run("unicycles", "duration=24.0", "safety.eta=0")
+    assert summary.outcome is Outcome.VIOLATED
+    first = min(v.first for v in summary.violations)
+    assert 0.0 < summary.certificates.uncovered_at < first
+    assert "certificates (since" in summary.reason
+
+
+def test_a_proven_margin_split_shares_and_a_lossy_network_give_the_theorem_all_it_needs():
     summary = run("guaranteed", "duration=3.0")
     assert summary.outcome is Outcome.GUARANTEED
+    assert failed(summary) == {}
     lost = run("guaranteed", "duration=1.0", "network.loss=0.9")
     assert lost.outcome is Outcome.GUARANTEED
 
@@ -56,9 +76,18 @@ def test_a_proven_margin_split_shares_and_a_lossy_network_end_guaranteed():
         ("time.latency=0.001", "latency"),
     ],
 )
-def test_without_the_proof_the_same_run_is_not_guaranteed(override, why):
+def test_without_its_proof_the_theorem_says_nothing_of_the_same_run(override, why):
     summary = run("guaranteed", "duration=0.05", override)
-    assert summary.outcome is not Outcome.GUARANTEED
-    margin = next(a for a in summary.assumptions if a.name == "proven margin")
+    margin = next(a for a in summary.theorem if a.name == "proven margin")
     assert margin.failed == 1
     assert why in margin.note
+
+
+def test_a_frozen_agent_is_covered_no_longer_than_its_last_certificate():
+    scenario = phalanx.load("guaranteed", {"duration": 2.0})
+    freeze = phalanx.Command(0.5, phalanx.CommandKind.FREEZE, "1")
+    policy = phalanx.CommandPolicy(schedule=(freeze,))
+    summary = phalanx.run(scenario, engine="in-process", commands=policy).summary
+    assert summary.outcome is not Outcome.GUARANTEED
+    assert summary.certificates.uncovered_at > 0.5
+    assert "1" in summary.certificates.uncovered.split("-")

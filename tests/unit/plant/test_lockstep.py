@@ -96,5 +96,5 @@ def test_an_agent_thawed_while_its_input_is_on_its_way_samples_after_that_took_e
     with RecordingWriter(tmp_path / "thaw.mcap", swarm.scenario, "thaw") as recording:
         commands = CommandQueue(CommandPolicy(schedule=schedule), swarm.names)
         summary = PlantRun(rows, agents, recording, commands).run()
-    assert summary.outcome in (Outcome.SAFE, Outcome.VIOLATED)
+    assert summary.outcome is not Outcome.BROKEN
     assert summary.steps == agents.asked

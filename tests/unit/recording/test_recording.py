@@ -19,7 +19,7 @@ from mcap.reader import make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 
-from phalanx.guarantee.verdict import Assumption, Outcome, Summary, Violation
+from phalanx.guarantee.verdict import Assumption, CertificateSummary, Outcome, Summary, Violation
 from phalanx.recording.read import Recording, UnreadableRecordingError, read
 from phalanx.recording.records import RECORDING, Log, State, Step
 from phalanx.recording.write import RecordingError, RecordingWriter
@@ -43,7 +43,9 @@ SUMMARY = Summary(
     worst_pair="1-4",
     steps=900,
     origins={"qp": 900},
-    assumptions=[Assumption("fresh û", 1, 2, 0.5)],
+    assumptions=[Assumption("certificates", 1, 2, 0.5)],
+    theorem=[Assumption("fresh û", 1, 2, 0.5)],
+    certificates=CertificateSummary(900, 899, 0.5, "1-4", 1.4),
     violations=[Violation("1-4", 1.4, 0.25, 1.5, 0.2)],
     rejected={},
     wall_time=0.3,

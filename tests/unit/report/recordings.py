@@ -6,7 +6,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from phalanx.guarantee.verdict import Assumption, Outcome, Summary, Violation
+from phalanx.guarantee.verdict import Assumption, CertificateSummary, Outcome, Summary, Violation
 from phalanx.network.link import Link
 from phalanx.recording.records import RECORDING, Log, State, Step
 from phalanx.recording.write import RecordingWriter
@@ -74,7 +74,9 @@ def summary_of(scenario: Scenario, reason: str = "h <= 0 throughout") -> Summary
         worst_pair="1-4",
         steps=200,
         origins={"qp": 96, "backup": 12, "no-authority": 12},
-        assumptions=[Assumption("non-empty K_i", 24, 120, 0.05, "a row had a solution")],
+        assumptions=[Assumption("certificates", 3, 120, 0.2, "every pair was under one")],
+        theorem=[Assumption("non-empty K_i", 24, 120, 0.05, "a row had a solution")],
+        certificates=CertificateSummary(120, 117, 0.5, "1-4", 0.2),
         violations=[Violation("1-4", 0.2, 0.25, 0.3, 0.15)],
         rejected={f"stale {HOSTILE}": 7},
         wall_time=0.5,
