@@ -15,5 +15,5 @@ run = phalanx.run(scenario, commands=phalanx.CommandPolicy(schedule=schedule))
 
 print(run.events)
 print(run.links.group_by("lost").len())
-for assumption in run.summary.assumptions:
+for assumption in (*run.summary.assumptions, *run.summary.theorem):
     print(f"{assumption.name}: failed {assumption.failed} of {assumption.checked}")

@@ -11,7 +11,7 @@ MOST_LINES = 60
 SAYS = {
     "commands.py": "agent 2 killed",
     "first_run.py": "h_tot",
-    "own_law.py": "safe - largest h -",
+    "own_law.py": "guaranteed - largest h -",
     "plot.py": "worst pair",
     "study.py": "worst h_tot",
     "verify.py": "bit-identical",

@@ -44,7 +44,7 @@ def test_the_command_runs_beside_files_named_like_its_programs(elsewhere: dict) 
     command = ["run", "unicycles", "--set", "duration=0.5"]
     done = subprocess.run([sys.executable, "-m", "phalanx", *command], **elsewhere)
     assert done.returncode == 0, done.stderr
-    assert "safe:" in done.stdout
+    assert "guaranteed:" in done.stdout
     assert (elsewhere["cwd"] / "runs" / "unicycles-1" / "report.html").is_file()
 
 

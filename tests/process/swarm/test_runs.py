@@ -11,6 +11,11 @@ from phalanx.recording.read import read
 pytestmark = pytest.mark.swarm
 
 SHORT = ("run", "unicycles", "--set", "duration=1.0")
+RARELY = (
+    *("run", "unicycles", "--set", "duration=0.5"),
+    *("--set", "agents.0.clock.period=1.0", "--set", "agents.1.clock.period=1.0"),
+)
+"""Samples so far apart that nobody can prove anything for so long."""
 
 
 def trajectory(run) -> str:
@@ -31,17 +36,23 @@ def test_the_plant_and_every_agent_is_a_process_of_its_own(phalanx):
 
 
 def test_a_run_ends_with_a_verdict_and_names_what_kept_it_from_a_guarantee(phalanx):
-    run = phalanx(*SHORT)
-    status, output = run.finish()
+    status, output = phalanx(*RARELY).finish()
     assert status == 0
     assert (
         "safe: no pair left the safe set, but not guaranteed; assumptions that failed: " in output
     )
+    assert "certificates (" in output.splitlines()[-1]
+
+
+def test_simulation_1_as_printed_ends_guaranteed_and_says_what_the_theorem_is_short_of(phalanx):
+    status, output = phalanx(*SHORT, "--strict").finish()
+    assert status == 0
+    assert "guaranteed: no pair left the safe set, and at every instant" in output
     assert "proven margin" in output.splitlines()[-1]
 
 
 def test_strict_turns_safe_into_a_failure(phalanx):
-    status, _ = phalanx(*SHORT, "--strict").finish()
+    status, _ = phalanx(*RARELY, "--strict").finish()
     assert status == 1
 
 

@@ -74,7 +74,7 @@ def test_a_run_with_live_faults_is_recorded_and_replays_to_the_same_hash(tmp_pat
     kinds = [command.kind for command in recording.commands]
     assert kinds == ["loss", "delay", "freeze", "thaw", "turn", "kill", "speed"]
     assert recorded.outcome in (Outcome.SAFE, Outcome.VIOLATED)
-    assert "faithful agents" in {a.name for a in recorded.assumptions if a.failed}
+    assert "faithful agents" in {a.name for a in recorded.theorem if a.failed}
     steps_of_the_dead = [s.t for s in recording.steps if s.agent == "5"]
     assert max(steps_of_the_dead) <= recording.commands[5].t
 
