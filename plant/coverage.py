@@ -39,6 +39,12 @@ class Coverage:
         )
         self.summary = CertificateSummary()
 
+    @property
+    def ends(self) -> Array:
+        """Until when each pair is certified, with the certificates that there are [s], (p,)."""
+        ends: Array = self._until.max(axis=0)
+        return ends
+
     def begin(self, x: Array) -> None:
         """Before its first input takes effect every actuator holds zero, from x(0), (n̄,), on."""
         for i, size in self._inputs.items():
@@ -46,7 +52,7 @@ class Coverage:
 
     def reached(self, t: float) -> None:
         """Time has gone on to t [s], with the certificates that there are."""
-        ends = self._until.max(axis=0)
+        ends = self.ends
         covered = bool((ends >= t - _ROUNDING).all())
         self.assumption.check(covered, t)
         if not covered and self.summary.uncovered is None:
