@@ -14,9 +14,6 @@ from phalanx.swarm.swarm import Swarm
 
 Array = NDArray[np.float64]
 
-_ROUNDING = 1e-9
-"""Sums of sampling periods round [s]."""
-
 
 class Coverage:
     """The certificates of one run."""
@@ -53,7 +50,7 @@ class Coverage:
     def reached(self, t: float) -> None:
         """Time has gone on to t [s], with the certificates that there are."""
         ends = self.ends
-        covered = bool((ends >= t - _ROUNDING).all())
+        covered = bool((ends >= t).all())
         self.assumption.check(covered, t)
         if not covered and self.summary.uncovered is None:
             first = int(ends.argmin())

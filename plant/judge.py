@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from phalanx.guarantee.gaps import gaps_in_the_proof
 from phalanx.guarantee.verdict import Assumption
+from phalanx.plant.actuators import Actuators
 from phalanx.plant.coverage import Coverage
 from phalanx.plant.events import InputApplied, Sampled, StateReached
 from phalanx.plant.truth import PairExtremes
@@ -43,7 +44,12 @@ class Judge:
         """The true stacked state at the last event, shape (n̄,)."""
         self._in_force: dict[int, float] = {}
         """When each agent's input took effect [s]."""
+        self._actuators = Actuators(swarm)
+        self._zeros = [np.zeros(len(m.dynamics.inputs)) for m in swarm.members]
+        """What actuators hold before their first input."""
         self._sampled: dict[int, float] = {}
+        self._sampled_in: dict[int, Array] = {}
+        """The true state that each agent last sampled."""
         self._instants: dict[int, float] = {}
         """When the first normal agent took its sample k [s], by k."""
         self._start = Assumption("start in S", note="every pair is safe at the start")
@@ -59,6 +65,7 @@ class Judge:
         self._phi = Assumption(
             "disturbance bound", note="no disturbance was larger than disturbance.bound"
         )
+        self._inputs = Assumption("admissible inputs", note="no actuator held an input outside U")
         self._rows = Assumption(
             "non-empty K_i", note="at every step of every normal agent some input kept its rows"
         )
@@ -85,7 +92,7 @@ class Judge:
     @property
     def assumptions(self) -> list[Assumption]:
         """What `guaranteed` rests on, and how often each failed so far."""
-        return [self._start, self._gap, self._phi, self.coverage.assumption]
+        return [self._start, self._gap, self._phi, self._inputs, self.coverage.assumption]
 
     @property
     def theorem(self) -> list[Assumption]:
@@ -103,6 +110,10 @@ class Judge:
         """The world went on to another event."""
         self.saw(event.seen)
         self.coverage.reached(event.t)
+        if event.t > 0.0:
+            for i in range(len(self._zeros)):
+                if i not in self._in_force:
+                    self._check_input(i, self._x, self._zeros[i], 0.0)
         self._x = event.x
 
     def saw(self, seen: list[IntegrationSteps | DisturbanceKnot]) -> None:
@@ -133,6 +144,7 @@ class Judge:
         if i in self._sampled:
             self._gap.check(t - self._sampled[i] <= self._longest_gap[i], t)
         self._sampled[i] = t
+        self._sampled_in[i] = self._x
 
     def fell_silent(self, i: int, t: float) -> None:
         """Agent i neither samples nor answers from t [s] on."""
@@ -150,8 +162,13 @@ class Judge:
                 self._faithful.check(False, event.t)
             else:
                 self._check_step(event, telemetry)
+        u = np.array(event.u)
         self._in_force[event.i] = event.t_apply
-        return self.coverage.applied(event.i, event.t_apply, self._x, np.array(event.u))
+        self._check_input(event.i, self._sampled_in.get(event.i, self._x), u, event.t_apply)
+        return self.coverage.applied(event.i, event.t_apply, self._x, u)
+
+    def _check_input(self, i: int, x: Array, u: Array, t: float) -> None:
+        self._inputs.check(self._actuators.takes(i, x, u), t)
 
     def _check_step(self, event: InputApplied, telemetry: Telemetry) -> None:
         self.origins[telemetry.origin] += 1

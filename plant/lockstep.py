@@ -144,7 +144,7 @@ class Lockstep:
             self._schedule.applied(i, t, message.k)
             self.world.apply(i, np.array(message.u))
             sampled = self._sampled_at[i]
-            self._happened.append(InputApplied(i, message.k, sampled, message.t_apply, message.u))
+            self._happened.append(InputApplied(i, message.k, sampled, t, message.u))
             if self._faults.condition[i] == Condition.DEAD:
                 self._kill(i)
 

@@ -9,26 +9,28 @@ at every integration step, and its recording is given to the checker. --index N 
 
 import argparse
 import itertools
+import signal
 import sys
 import tempfile
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
-from phalanx.guarantee.checker.certify import Certification, certify
+from phalanx.guarantee.checker.certify import Certification, Gap, certify
 from phalanx.guarantee.checker.intervals import UncertifiableError
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.in_process_engine import run_in_process
 from phalanx.plant import run as plant_run
 from phalanx.plant.judge import Judge
 from phalanx.plant.world import DisturbanceKnot, IntegrationSteps
-from phalanx.recording.read import read
+from phalanx.recording.read import Recording, read
 from phalanx.scenario.load import ScenarioError, load
+from phalanx.scenario.model import Scenario
 from phalanx.scenario.safety import Composition, Margin
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import SafetyRows, require_runnable
@@ -77,7 +79,8 @@ def drawn(index: int) -> tuple[dict[str, Any], CommandPolicy]:
     counts = chance.of([1, 2, 3]), chance.of([0, 1, 1, 2])
     places = _places(chance, sum(counts), radius, planar)
     reach = radius * chance.uniform(1.0, 3.0)
-    agents, begin = [], 0
+    agents: list[dict[str, Any]] = []
+    begin = 0
     clock = _clock(chance)
     for role, count in zip(("normal", "adversary"), counts, strict=True):
         if not count:
@@ -107,7 +110,7 @@ def drawn(index: int) -> tuple[dict[str, Any], CommandPolicy]:
         "duration": duration,
         "seed": index,
         "time": {"latency": chance.of([0.0, 0.0, 0.5 * quickest])},
-        "safety": _safety(chance, q, radius, len(agents[0]["clock"]) == 1),
+        "safety": _safety(chance, q, radius),
         "network": network,
         "formation": {
             "path": [[0.0] * len(places[0]), [reach, *[0.0] * (len(places[0]) - 1)]],
@@ -123,7 +126,8 @@ def drawn(index: int) -> tuple[dict[str, Any], CommandPolicy]:
 
 def _places(chance: Chance, count: int, radius: float, planar: bool) -> list[list[float]]:
     """Starts, most of them outside one another's radius."""
-    size, found = 1.6 * radius * np.sqrt(count), []
+    size = 1.6 * radius * np.sqrt(count)
+    found: list[list[float]] = []
     for _ in range(count):
         for _attempt in range(30):
             p = [chance.uniform(-size, size) for _ in range(2 if planar else 3)]
@@ -199,7 +203,7 @@ def _obstacle(chance: Chance, radius: float, planar: bool) -> dict[str, Any]:
     return {"center": center, "clearance": 0.5 * radius}
 
 
-def _safety(chance: Chance, q: int, radius: float, _synchronous: bool) -> dict[str, Any]:
+def _safety(chance: Chance, q: int, radius: float) -> dict[str, Any]:
     margin = chance.of(get_args(Margin))
     centralised = chance.happens(0.1)
     table: dict[str, Any] = {
@@ -272,8 +276,10 @@ class Seen:
     wrong: list[tuple[float, str, float]]
     checked: Certification | str
     """Or why the checker refused the recording."""
-    kind: str = field(default="")
+    kind: str
     """q and margin."""
+    beyond: str
+    """What the judge has and the checker has not, where the checker found a gap."""
 
     @property
     def agreement(self) -> str:
@@ -283,7 +289,7 @@ class Seen:
             return f"checker refuses ({self.checked}), judge {'yes' if judged else 'no'}"
         if judged == bool(self.checked):
             return "both certified" if judged else "neither certified"
-        return "judge alone" if judged else "checker alone"
+        return f"judge alone: {self.beyond}" if judged else "checker alone"
 
 
 def run(index: int, folder: Path) -> Seen:
@@ -293,7 +299,7 @@ def run(index: int, folder: Path) -> Seen:
     require_runnable(build_swarm(scenario))
     out = folder / str(index)
     out.mkdir()
-    plant_run.Judge = WatchingJudge  # type: ignore[misc]
+    setattr(plant_run, "Judge", WatchingJudge)  # noqa: B010 - the run's own judge, but watched
     summary = run_in_process(scenario, out, policy, lambda status: None)
     judge = WatchingJudge.latest
     recording = read(out)
@@ -301,9 +307,21 @@ def run(index: int, folder: Path) -> Seen:
         checked: Certification | str = certify(scenario, recording.states, recording.steps)
     except UncertifiableError as error:
         checked = " ".join(str(error).split(", at t")[0].split()[2:])
-    safety = scenario.safety
-    kind = f"{len(safety.alpha)} | {safety.margin}"
-    return Seen(index, summary, judge.compared, judge.wrong, checked, kind)
+    kind = f"{len(scenario.safety.alpha)} | {scenario.safety.margin}"
+    beyond = "" if isinstance(checked, str) else _beyond(scenario, recording, checked.gap)
+    return Seen(index, summary, judge.compared, judge.wrong, checked, kind, beyond)
+
+
+def _beyond(scenario: Scenario, recording: Recording, gap: Gap | None) -> str:
+    """Why the judge may be right where the checker found a gap."""
+    if gap is None:
+        return ""
+    for name, group, _ in scenario.roster():
+        tau = group.clock.period + group.clock.jitter + scenario.time.latency
+        applied = [s.t_apply for s in recording.steps if s.agent == name and s.t_apply <= gap.t]
+        if name in gap.pair.split("-") and applied and gap.t >= max(applied) + 3.99 * tau:
+            return "it looks 8 τ ahead, the checker 4"
+    return "it tries ψ_{q-1} too" if len(scenario.safety.alpha) > 1 else "other"
 
 
 def main() -> None:
@@ -316,6 +334,7 @@ def main() -> None:
     if options.index is not None:
         print(*drawn(options.index), sep="\n")
         options.first, options.count = options.index, 1
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     runs: list[Seen] = []
     refused: Counter[str] = Counter()
     try:
@@ -327,23 +346,11 @@ def main() -> None:
                     refused[str(error).strip().splitlines()[-1].split(": ", 1)[-1][:90]] += 1
                     continue
             runs.append(seen)
+            print(index, seen.summary.outcome, seen.agreement, file=sys.stderr, flush=True)
             for t, pair, h in seen.wrong[:3]:
-                print(
-                    f"WRONG {index}: {pair} at t = {t} s has h = {h}", file=sys.stderr, flush=True
-                )
-            if (
-                seen.summary.outcome is Outcome.BROKEN
-                or "alone" in seen.agreement
-                or "refuses" in (seen.agreement)
-            ):
-                found = seen.summary.certificates
-                print(
-                    f"{index}: {seen.agreement}; {seen.summary.outcome}; judge: {found.uncovered} from "
-                    f"{found.uncovered_at}; checker: {getattr(seen.checked, 'gap', None)}; "
-                    f"{seen.summary.reason if seen.summary.outcome is Outcome.BROKEN else ''}",
-                    file=sys.stderr,
-                    flush=True,
-                )
+                print(f"WRONG: {pair} at t = {t} s has h = {h}", file=sys.stderr, flush=True)
+            if seen.summary.outcome is Outcome.BROKEN or "alone" in seen.agreement:
+                print(f"  {seen.summary.reason}; {seen.checked}", file=sys.stderr, flush=True)
     finally:  # also if it is stopped
         report(runs, refused)
 

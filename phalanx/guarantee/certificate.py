@@ -31,8 +31,9 @@ from phalanx.theory.safety.composition import ComposedSet, Member
 
 Array = NDArray[np.float64]
 
-MULTIPLES = (8.0, 4.0, 2.0, 1.0)
-"""The horizons that are tried, in τ: over a longer one the box is larger."""
+MULTIPLES = (8.0, 4.0, 2.0, 1.0 + 1e-9)
+"""The horizons that are tried, in τ: over a longer one the box is larger. The last is above τ, for
+sums of sampling periods round, and a certificate that is over before the next input is none."""
 
 
 @dataclass(frozen=True)
@@ -118,8 +119,8 @@ def pair_certificate(
     return PairCertificate(horizons, proven, "; ".join(refused))
 
 
-Known = dict[tuple[int | None, ...], PairCertificate]
-"""Certificates by what sets their pairs apart: the members' groups, i's place, the obstacle."""
+Known = dict[tuple[object, ...], PairCertificate]
+"""Certificates by what sets their pairs apart: i's place, the members' groups, and h."""
 
 
 class AgentCertificates:
@@ -138,12 +139,12 @@ class AgentCertificates:
             pair = composed.pairs[number]
             involved = [pair.a] if pair.b is None else [pair.a, pair.b]
             own = involved.index(i)
-            # Pairs of members of the same groups differ in nothing that counts.
-            alike = (*[id(swarm.groups[l]) for l in involved], own, pair.obstacle)
+            alone = composed.alone(number)
+            alike = (own, *[id(swarm.groups[l]) for l in involved], _written(alone))
             if alike not in known:
                 bounds = [swarm.disturbance_bounds[swarm.names[l]] for l in involved]
                 alphas = swarm.scenario.safety.class_k()
-                known[alike] = pair_certificate(composed.alone(number), own, alphas, bounds, tau)
+                known[alike] = pair_certificate(alone, own, alphas, bounds, tau)
             self._certificates.append(known[alike])
             self._states.append(np.concatenate([np.r_[composed.parts[l]] for l in involved]))
         self._highest = _highest_of_all(swarm, self.pairs, self._longest)
@@ -161,6 +162,13 @@ class AgentCertificates:
         for k in np.flatnonzero(times == 0.0):
             times[k] = self._certificates[k].horizon(x[self._states[k]], u)
         return times
+
+
+def _written(pair: ComposedSet) -> str:
+    """h as a text, whatever the states are called: a user's may tell agents of one group apart."""
+    x = ca.SX.sym("x", pair.x.numel())
+    text: str = ca.Function("h", [x], [ca.substitute(pair.h_tot, pair.x, x)]).serialize()
+    return text
 
 
 def _highest_of_all(swarm: Swarm, pairs: Sequence[int], horizon: float) -> CompiledFunction:

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import pytest
 import yaml
-
 from phalanx.launcher.launch import launch, new_folder
+
 from phalanx.scenario.load import load
 from phalanx.wire.session import free_endpoint
 

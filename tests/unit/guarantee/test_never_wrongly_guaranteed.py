@@ -1,0 +1,403 @@
+"""Attempts to be guaranteed wrongly: by h, by α, by scale, by lies, by speed, by sharp corners.
+
+In most of them an agent passes through what it must keep off between two integration steps, so that
+no h > 0 is ever seen: a judge that believed its eyes, or anybody's word, would call them proven.
+"""
+
+import sys
+from collections.abc import Callable
+
+import msgspec
+import numpy as np
+import pytest
+
+from phalanx.faults.commands import NO_COMMANDS
+from phalanx.guarantee.certificate import AgentCertificates, pair_certificate
+from phalanx.guarantee.verdict import Outcome, Summary
+from phalanx.launcher.in_process_engine import DirectAgents
+from phalanx.plant.actuators import Actuators
+from phalanx.plant.commands import CommandQueue
+from phalanx.plant.run import PlantRun
+from phalanx.recording.read import read
+from phalanx.recording.records import RECORDING
+from phalanx.recording.write import RecordingWriter
+from phalanx.scenario.load import ScenarioError, load
+from phalanx.swarm.rows import build_rows
+from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.models.integrators import DoubleIntegrator
+from phalanx.theory.rows.origin import Origin
+from phalanx.theory.safety.class_k import Linear
+from phalanx.theory.safety.composition import Member, compose
+from phalanx.theory.safety.function import Separation
+from phalanx.theory.safety.obstacles import Wall
+from phalanx.wire.messages import Actuation, Sample, Telemetry
+
+OWN = '''
+from dataclasses import dataclass
+
+import casadi as ca
+
+from phalanx.theory.models.integrators import SingleIntegrator
+
+AT, THIN = 0.1037, 1e-4  # no step of 1 mm from 0 ends in between
+
+
+@dataclass(frozen=True)
+class Thin:
+    """Unsafe only between AT and AT + THIN, and near nothing else."""
+
+    kind: str
+
+    def between(self, a, b):
+        x, y = a.p[0], a.p[1]
+        r = ca.norm_2(a.p - ca.DM([-1.0, 0.0])) - 1.0
+        return 1e-6 * (x + y - b.p[0] - b.p[1]) + {
+            "zone": ca.if_else(x < AT, -1.0, ca.if_else(x > AT + THIN, -1.0, 1.0)),
+            "ring": -ca.sign(r - AT) * ca.sign(r - AT - THIN),
+            "grid": ca.floor(x - AT) - ca.floor(x - AT - THIN) - 0.5,
+            "bearing": ca.fabs(ca.atan2(y - 1.0, x - AT)) - 3.1415,
+            "wall": 1.0 - ((x - AT) / (0.5 * THIN) - 1.0) ** 2,
+            "smooth": -1.0 - x * x,
+        }[self.kind]
+
+    def to_obstacle(self, a, obstacle):
+        return obstacle.intrusion(a.p)
+
+
+@dataclass(frozen=True)
+class ByName:
+    """Separation of 1 m, but of 2 m from agent 3."""
+
+    def between(self, a, b):
+        radius = 2.0 if "3" in str(b.x) else 1.0
+        return radius * radius - ca.sumsqr(a.p - b.p)
+
+    def to_obstacle(self, a, obstacle):
+        return obstacle.intrusion(a.p)
+
+
+@dataclass(frozen=True)
+class Below:
+    """α(0) = -1."""
+
+    def value(self, s):
+        return s - 1.0
+
+
+@dataclass(frozen=True)
+class Stepping:
+    """α that jumps up at -0.5."""
+
+    def value(self, s):
+        return 50.0 * ca.sign(s + 0.5)
+
+
+@dataclass(frozen=True)
+class Needle(SingleIntegrator):
+    """Its U is a needle: 0.1 long towards -x, and 2e-6 thick where it is thickest."""
+
+    def input_polytope(self, x):
+        A = ca.DM([[1.0, 0.0], [-1e-5, 1.0], [-1e-5, -1.0]])
+        return ca.SX(A), ca.SX(ca.DM([0.0, 1e-6, 1e-6]))
+
+
+@dataclass(frozen=True)
+class Flying(SingleIntegrator):
+    """It cannot stand still: it flies towards +x."""
+
+    def input_polytope(self, x):
+        A = ca.DM([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+        return ca.SX(A), ca.SX(ca.DM([2.0, -1.0, 0.1, 0.1]))
+'''
+
+Inputs = Callable[[str, Sample, Actuation], tuple[float, ...]]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def own(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("own")
+    (folder / "attack_own.py").write_text(OWN)
+    sys.path.insert(0, str(folder))
+    yield
+    sys.path.remove(str(folder))
+
+
+class Hijacked(DirectAgents):
+    """Agents whose actuators get other inputs than the controllers' answers."""
+
+    inputs: Inputs
+
+    def send_sample(self, i: int, sample: Sample) -> None:
+        super().send_sample(i, sample)
+        self._sample = sample
+
+    def await_actuation(self, i: int) -> Actuation:
+        answer = super().await_actuation(i)
+        u = type(self).inputs(self._names[i], self._sample, answer)
+        return msgspec.structs.replace(answer, u=u)
+
+
+class Liars(Hijacked):
+    """The same, and they say that all is well and lasts long."""
+
+    def await_actuation(self, i: int) -> Actuation:
+        answer = super().await_actuation(i)
+        return msgspec.structs.replace(answer, t_apply=answer.t_apply + 1e6)
+
+    def await_telemetry(self, i: int, k: int) -> Telemetry:
+        said = super().await_telemetry(i, k)
+        return msgspec.structs.replace(
+            said, origin=Origin.QP, residual=-9.0, ages=(None,) * len(self._names), rejected=0
+        )
+
+
+def as_answered(name: str, sample: Sample, answer: Actuation) -> tuple[float, ...]:
+    return answer.u
+
+
+def ahead(**speeds: float) -> Inputs:
+    """Agents of these names drive along x, whatever they were told; the others stand."""
+    return lambda name, sample, answer: (speeds.get(f"agent{name}", 0.0), 0.0)
+
+
+def judged(table, tmp_path, inputs: Inputs = as_answered, kind=Hijacked):
+    """Summary and recording of a run in process."""
+    scenario = table if not isinstance(table, dict) else load(table)
+    rows = build_rows(build_swarm(scenario))
+    agents = type("Agents", (kind,), {"inputs": staticmethod(inputs)})
+    path = tmp_path / RECORDING
+    path.unlink(missing_ok=True)
+    with RecordingWriter(path, scenario, "attack") as recording:
+        plant = PlantRun(
+            rows,
+            agents(rows, lambda status: None),
+            recording,
+            CommandQueue(NO_COMMANDS, rows.swarm.names),
+        )
+        summary = plant.run()
+        recording.finish(summary)
+    assert summary.outcome in (Outcome.GUARANTEED, Outcome.SAFE, Outcome.VIOLATED), summary.reason
+    return summary, read(path)
+
+
+def failed(summary: Summary) -> set[str]:
+    return {a.name for a in summary.assumptions if a.failed}
+
+
+def never_certified_when_unsafe(summary: Summary) -> bool:
+    """Whether certificates ended before the first violation, if there was one."""
+    at = summary.certificates.uncovered_at
+    return all(at is not None and at <= v.first for v in summary.violations)
+
+
+def swarm(
+    starts,
+    function=None,
+    dynamics=None,
+    alpha=(1.0,),
+    period=0.01,
+    duration=0.2,
+    scale=1.0,
+    bound=0.0,
+    obstacles=(),
+    other=None,
+    time=None,
+    adversaries=None,
+):
+    """A table: agent 1 is normal, the others adversaries, all in the plane."""
+    single = {"type": "single-integrator", "speed": scale}
+    group = {
+        "law": {"type": "worst"},
+        "clock": {"period": period},
+        "disturbance": {"bound": bound},
+    }
+    dynamics = dynamics or single
+    agents = [group | {"names": ["1"], "role": "normal", "start": [starts[0]]}]
+    agents[0]["dynamics"] = dynamics
+    if len(starts) > 1:
+        names = [str(k) for k in range(2, len(starts) + 1)]
+        agents.append(group | {"names": names, "role": "adversary", "start": starts[1:]})
+        agents[1]["dynamics"] = other or dynamics
+    return {
+        "name": "attack",
+        "duration": duration,
+        "time": time or {},
+        "safety": {
+            "function": function or {"type": "separation", "radius": scale},
+            "rho": 1.0,
+            "alpha": list(alpha),
+            "eta": 0.0,
+        },
+        "obstacles": list(obstacles),
+        "agents": agents,
+    }
+
+
+@pytest.mark.parametrize("kind", ["zone", "ring", "grid", "bearing", "wall"])
+def test_h_that_jumps_or_is_thin_is_not_guaranteed(kind, tmp_path):
+    """Agent 1 drives through what is unsafe, between two steps."""
+    table = swarm([[0.0, 0.0], [9.0, 9.0]], {"type": "attack_own:Thin", "kind": kind})
+    if kind == "bearing":
+        table["agents"][0]["start"] = [[-0.5, 0.9003]]
+        summary, _ = judged(table, tmp_path, lambda n, s, a: (0.0, float(n == "1")))
+    else:
+        summary, _ = judged(table, tmp_path, ahead(agent1=1.0))
+    assert summary.outcome is Outcome.SAFE  # nobody saw it
+    assert failed(summary) == {"certificates"}
+
+
+def test_smooth_h_of_ones_own_is_guaranteed(tmp_path):
+    table = swarm([[0.0, 0.0], [9.0, 9.0]], {"type": "attack_own:Thin", "kind": "smooth"})
+    assert judged(table, tmp_path, ahead(agent1=1.0))[0].outcome is Outcome.GUARANTEED
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e-6, 1e-3, 1.0, 1e3])
+def test_lengths_of_any_size_are_violated_uncertified(scale, tmp_path):
+    starts = [[0.0, 0.0], [2.05 * scale, 0.0]]
+    summary, _ = judged(swarm(starts, duration=1.5, scale=scale), tmp_path, ahead(agent2=-scale))
+    assert summary.outcome is Outcome.VIOLATED
+    assert never_certified_when_unsafe(summary)
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e-6, 1e-3])
+def test_what_is_small_is_not_passed_through(scale, tmp_path):
+    obstacle = {"center": [0.1005, 0.0], "clearance": 0.1 * scale}
+    summary, _ = judged(swarm([[0.0, 0.0]], obstacles=[obstacle]), tmp_path, ahead(agent1=1.0))
+    assert summary.outcome is Outcome.SAFE
+    assert failed(summary) == {"certificates"}
+    assert summary.certificates.uncovered == "1-obstacle 0"
+
+
+def test_periods_of_a_nanosecond_are_no_rounding_errors(tmp_path):
+    obstacle = {"center": [10.5, 0.0], "clearance": 0.4}
+    fast = {"type": "single-integrator", "speed": 1e9}
+    table = swarm([[0.0, 0.0]], None, fast, period=1e-9, duration=2e-8, obstacles=[obstacle])
+    summary, _ = judged(table, tmp_path, ahead(agent1=1e9))
+    assert summary.outcome is Outcome.SAFE
+    assert failed(summary) == {"certificates"}
+
+
+def test_an_agent_at_3000_metres_a_second_passes_through_nothing(tmp_path):
+    obstacle = {"center": [0.0, 0.0], "clearance": 0.5}
+    fast = {"type": "single-integrator", "speed": 3000.0}
+    table = swarm([[-4.5, 0.0]], None, fast, period=1e-3, duration=3e-3, obstacles=[obstacle])
+    summary, recording = judged(table, tmp_path, ahead(agent1=3000.0))
+    assert max(state.h_tot for state in recording.states) < 0.0
+    assert summary.outcome is Outcome.SAFE
+    assert failed(summary) == {"certificates"}
+    slow = judged(table, tmp_path, ahead(agent1=-3000.0))[0]
+    assert slow.outcome is Outcome.GUARANTEED
+
+
+TOWARDS_A_WALL = [
+    ("Below", [0.45, 0.0, 0.9, 0.0]),  # ψ_1 = 0.9 - 0.05 - 1
+    ("Stepping", [-0.2, 0.0, 20.0, 0.0]),  # ψ_1 = 20 - 50, until h = -0.5
+]
+
+
+@pytest.mark.parametrize(("alpha", "x"), TOWARDS_A_WALL)
+def test_an_alpha_that_is_none_is_refused_and_proves_nothing(alpha, x):
+    """ψ_1 = h' + α(h) <= 0 keeps h <= 0 only if α is one: here at 0.5 m from a wall."""
+    wall = {"normal": [1.0, 0.0], "offset": 0.5}
+    double = {"type": "double-integrator", "acceleration": 1.0, "dimension": 2}
+    steps = [{"type": f"attack_own:{alpha}"}, 1.0]
+    with pytest.raises(ScenarioError, match=r"safety\.alpha\.0"):
+        load(swarm([x], dynamics=double, alpha=steps, obstacles=[wall]))
+    # Nor is it believed where nobody asked.
+    import attack_own
+
+    members = [Member("1", DoubleIntegrator(1.0, 0.0, 2), False)]
+    pair = compose(members, [Wall((1.0, 0.0), 0.5)], Separation(1.0), 1.0).alone(0)
+    alphas = [getattr(attack_own, alpha)(), Linear(1.0)]
+    found = pair_certificate(pair, 0, alphas, [0.0], 0.1)
+    assert found.horizon(np.array(x), np.zeros(2)) <= (0.5 - x[0]) / x[2]
+
+
+def nominal(name: str, sample: Sample, answer: Actuation) -> tuple[float, ...]:
+    """Full speed, straight ahead, and agent 1 round to agent 2."""
+    return (4.0, -2.0 * (name == "1")) if name in "123" else (2.0, 0.0)
+
+
+def test_lies_about_how_inputs_were_made_change_nothing(tmp_path):
+    given = load("unicycles", overrides={"duration": 3.0})
+    honest, told = judged(given, tmp_path, nominal)
+    lying, claimed = judged(given, tmp_path, nominal, Liars)
+    assert {s.origin for s in claimed.steps} == {"qp"} != {s.origin for s in told.steps}
+    assert lying.trajectory == honest.trajectory
+    assert lying.certificates == honest.certificates
+    assert lying.assumptions == honest.assumptions
+    assert lying.theorem != honest.theorem  # where they are believed
+    assert lying.outcome is honest.outcome is not Outcome.GUARANTEED
+
+
+def test_a_lie_about_when_an_input_took_effect_lengthens_no_certificate(tmp_path):
+    obstacle = {"center": [0.1005, 0.0], "clearance": 1e-4}
+    table = swarm([[0.0, 0.0]], obstacles=[obstacle])
+    summary, recording = judged(table, tmp_path, ahead(agent1=1.0), Liars)
+    assert summary.outcome is Outcome.SAFE
+    assert failed(summary) == {"certificates"}
+    assert max(step.t_apply for step in recording.steps) < 0.2
+
+
+def test_a_hijacked_answer_is_judged_as_it_was_applied(tmp_path):
+    given = load("unicycles", overrides={"duration": 0.5})
+
+    def turned(name: str, sample: Sample, answer: Actuation) -> tuple[float, ...]:
+        return (-answer.u[0], 2.0) if name == "1" else answer.u
+
+    _, recording = judged(given, tmp_path, turned)
+    swarm_ = build_swarm(given)
+    certificates = AgentCertificates(swarm_, 0, {})
+    states = {state.t: np.array(state.x) for state in recording.states}
+    steps = [s for s in recording.steps if s.agent == "1"]
+    assert all(s.u[1] == 2.0 for s in steps)
+    for step in steps:
+        assert step.certified == certificates(states[step.t_apply], np.array(step.u)).min()
+
+
+def test_sharp_corners_of_u_are_no_longer_than_they_are(tmp_path):
+    """With every face moved out by 1e-5 the needle is 1 m/s longer; its owner tries to use that."""
+    needle = {"type": "attack_own:Needle", "speed": 1.0}
+    single = {"type": "single-integrator", "speed": 1.0}
+    table = swarm([[0.0, 0.0], [1.4, 0.0]], None, single, period=0.5, duration=1.0, other=needle)
+    assert judged(table, tmp_path, ahead(agent2=-0.1))[0].outcome is Outcome.GUARANTEED
+    actuators, x = Actuators(build_swarm(load(table))), np.zeros(4)
+    for beyond, taken in ((0.9e-5, True), (1.1e-5, False), (0.9, False)):
+        assert actuators.takes(1, x, np.array([-0.1 - beyond, 0.0])) is taken
+    summary, _ = judged(table, tmp_path, ahead(agent2=-0.3))
+    assert summary.outcome is Outcome.SAFE
+    assert failed(summary) == {"admissible inputs"}
+
+
+def test_an_input_outside_u_is_an_assumption_that_failed(tmp_path):
+    table = swarm([[0.0, 0.0], [9.0, 0.0]])
+    assert judged(table, tmp_path, ahead(agent2=-1.0))[0].outcome is Outcome.GUARANTEED
+    summary, _ = judged(table, tmp_path, ahead(agent2=-1.001))
+    assert summary.outcome is Outcome.SAFE
+    assert failed(summary) == {"admissible inputs"}
+
+
+def test_who_cannot_stand_still_does_so_until_its_first_input(tmp_path):
+    """Agent 2 flies from agent 1 as fast as that comes; for the latency its actuator holds zero."""
+    flying = {"type": "attack_own:Flying", "speed": 2.0}
+    single = {"type": "single-integrator", "speed": 1.0}
+    table = swarm([[0.0, 0.0], [1.5, 0.0]], None, single, other=flying, duration=0.05)
+
+    def away(name: str, sample: Sample, answer: Actuation) -> tuple[float, ...]:
+        return (1.0, 0.0)
+
+    assert judged(table, tmp_path, away)[0].outcome is Outcome.GUARANTEED
+    late = judged(table | {"time": {"latency": 0.005}}, tmp_path, away)[0]
+    assert late.outcome is Outcome.SAFE
+    assert failed(late) == {"admissible inputs"}
+
+
+def test_pairs_that_differ_in_h_have_certificates_of_their_own(tmp_path):
+    """Agents 2 and 3 are of one group, but agent 3 is to be kept farther off: 2 m, not 1 m."""
+    table = swarm([[0.0, 0.0], [0.0, 8.0], [2.05, 0.0]], {"type": "attack_own:ByName"})
+    certificates = AgentCertificates(build_swarm(load(table)), 0, {})
+    x = np.array([0.0, 0.0, 0.0, 8.0, 1.95, 0.0])
+    assert certificates(x, np.zeros(2)).tolist() == [0.08, 0.0]
+    summary, _ = judged(table, tmp_path, ahead(agent3=-1.0))
+    assert summary.outcome is Outcome.VIOLATED
+    assert never_certified_when_unsafe(summary)
