@@ -340,19 +340,18 @@ def test_a_lie_about_when_an_input_took_effect_lengthens_no_certificate(tmp_path
 
 
 def test_a_hijacked_answer_is_judged_as_it_was_applied(tmp_path):
-    given = load("unicycles", overrides={"duration": 0.5})
-
-    def turned(name: str, sample: Sample, answer: Actuation) -> tuple[float, ...]:
-        return (-answer.u[0], 2.0) if name == "1" else answer.u
-
-    _, recording = judged(given, tmp_path, turned)
-    swarm_ = build_swarm(given)
-    certificates = AgentCertificates(swarm_, 0, {})
+    """Agent 1 drives where it did not want to go, and nearer to agent 2."""
+    table = swarm([[0.0, 0.0], [1.2, 0.0]], duration=0.1)
+    _, recording = judged(table, tmp_path, ahead(agent1=1.0))
+    certificates = AgentCertificates(build_swarm(load(table)), 0, {})
     states = {state.t: np.array(state.x) for state in recording.states}
     steps = [s for s in recording.steps if s.agent == "1"]
-    assert all(s.u[1] == 2.0 for s in steps)
     for step in steps:
-        assert step.certified == certificates(states[step.t_apply], np.array(step.u)).min()
+        x = states[step.t_apply]
+        assert step.certified == certificates(x, np.array(step.u)).min()
+        assert step.u != step.u_nom
+    late = steps[-1]
+    assert late.certified != certificates(states[late.t_apply], np.array(late.u_nom)).min()
 
 
 def test_sharp_corners_of_u_are_no_longer_than_they_are(tmp_path):
