@@ -13,6 +13,7 @@ import pytest
 
 from phalanx.faults.commands import NO_COMMANDS
 from phalanx.guarantee.certificate import AgentCertificates, pair_certificate
+from phalanx.guarantee.check import check
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.in_process_engine import DirectAgents
 from phalanx.plant.actuators import Actuators
@@ -58,6 +59,7 @@ class Thin:
             "bearing": ca.fabs(ca.atan2(y - 1.0, x - AT)) - 3.1415,
             "wall": 1.0 - ((x - AT) / (0.5 * THIN) - 1.0) ** 2,
             "smooth": -1.0 - x * x,
+            "unbounded": ca.erf(x) - 2.0,
         }[self.kind]
 
     def to_obstacle(self, a, obstacle):
@@ -249,6 +251,35 @@ def test_h_that_jumps_or_is_thin_is_not_guaranteed(kind, tmp_path):
 def test_smooth_h_of_ones_own_is_guaranteed(tmp_path):
     table = swarm([[0.0, 0.0], [9.0, 9.0]], {"type": "attack_own:Thin", "kind": "smooth"})
     assert judged(table, tmp_path, ahead(agent1=1.0))[0].outcome is Outcome.GUARANTEED
+
+
+@pytest.mark.parametrize(
+    ("kind", "x", "may"),
+    [
+        ("zone", [0.1036, 0.0], False),
+        ("ring", [0.1036, 0.0], False),
+        ("grid", [0.1036, 0.0], False),
+        ("bearing", [-0.5, 0.9999], False),
+        ("smooth", [0.1036, 0.0], True),
+    ],
+)
+def test_a_check_says_no_where_no_input_has_a_certificate_at_the_start(kind, x, may):
+    """A gust may take agent 1 to where h jumps."""
+    assert check(load(proven_rows(kind, x))).may_be_guaranteed is may
+
+
+def test_a_check_refuses_by_name_what_cannot_be_bounded():
+    with pytest.raises(ScenarioError, match="no interval rule for the operation erf"):
+        check(load(proven_rows("unbounded", [0.0, 0.0])))
+
+
+def proven_rows(kind, x):
+    """A table whose rows are proven where h can be bounded, and gusts faster than agents."""
+    table = swarm([x, [9.0, 9.0]], {"type": "attack_own:Thin", "kind": kind}, bound=2.0)
+    del table["safety"]["eta"]
+    table["safety"] |= {"margin": "local", "composition": "pairs", "information": "split"}
+    table["safety"]["alpha"] = [50.0]
+    return table
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1e-6, 1e-3, 1.0, 1e3])
