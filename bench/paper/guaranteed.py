@@ -9,7 +9,7 @@ twice the disturbance.
 import argparse
 from collections import Counter
 
-from simulation_1 import infeasible, outcome, spread
+from seeds import infeasible, outcome, spread
 
 from phalanx.guarantee.verdict import Summary
 

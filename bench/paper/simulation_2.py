@@ -1,68 +1,81 @@
-"""Simulation 2 over many seeds: writes the table of docs/simulation-2.md.
+"""Simulation 2 over many seeds: writes docs/simulation-2.md.
 
-python bench/paper/simulation_2.py             # seeds 0 to 19, 140 s each
-python bench/paper/simulation_2.py --seeds 2 --out /dev/stdout
+python bench/paper/simulation_2.py --jobs 2          # seeds 0 to 49, 140 s each
+python bench/paper/simulation_2.py --seeds 2 --only paper --out /dev/stdout
 """
 
-import argparse
-import statistics
-from pathlib import Path
-
-from rich.console import Console
-from rich.progress import track
-from simulation_1 import infeasible, outcome, spread, with_authority
+from seeds import (
+    CERTIFICATES,
+    CERTIFICATES_NOTE,
+    Results,
+    Variant,
+    certificates,
+    command,
+    covered,
+    infeasible,
+    spread,
+    with_authority,
+)
 
 from phalanx.guarantee.verdict import Outcome, Summary
 
-SCENARIOS = {"formation3d": "β = 2/3", "formation3d-beta3": "β = 3"}
+VARIANTS = {
+    "paper": Variant("β = 2/3", "formation3d"),
+    "no-margin": Variant(
+        "β = 2/3, η = 0, ξ = 0", "formation3d", ("safety.eta=0", "safety.xi=0")
+    ),
+    "beta3": Variant("β = 3", "formation3d-beta3"),
+    "split": Variant("β = 2/3, split", "formation3d", ("safety.information=split",)),
+}
 
 
-def main() -> None:
-    """Run both drags over the seeds and write the page."""
-    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    arguments.add_argument("--seeds", type=int, default=20, help="seeds 0 to SEEDS - 1")
-    arguments.add_argument("--out", type=Path, default=Path("docs/simulation-2.md"))
-    options = arguments.parse_args()
-    jobs = [(name, seed) for name in SCENARIOS for seed in range(options.seeds)]
-    results: dict[str, list[Summary]] = {name: [] for name in SCENARIOS}
-    for name, seed in track(jobs, "running", console=Console(stderr=True)):
-        results[name].append(outcome(name, seed=seed))
-    options.out.write_text(page(results))
-
-
-def page(results: dict[str, list[Summary]]) -> str:
+def page(results: Results) -> str:
     """docs/simulation-2.md."""
-    seeds = len(results["formation3d"])
     lines = [
         "# Simulation 2: eight double integrators in 3-D, four of them attacking",
         "",
-        f"`scenarios/formation3d.toml` and `formation3d-beta3.toml`, seeds 0 to {seeds - 1}, 140 s "
-        "each; every number on this page is printed by `python bench/paper/simulation_2.py`. "
-        "Words and symbols are in the [glossary](glossary.md).",
+        "`scenarios/formation3d.toml` and `formation3d-beta3.toml`, 140 s each; every number on "
+        "this page is printed by `python bench/paper/simulation_2.py`. Words and symbols are in "
+        "the [glossary](glossary.md).",
         "",
         "![Simulation 2: paths, h_tot, and the inputs of a normal agent](images/formation3d.png)",
         "",
-        "| drag | unsafe seeds | max h_tot, least to greatest | backup: least, mean, greatest "
-        "| with authority | real-time factor |",
+        "## Verdicts and certificates",
+        "",
+        *CERTIFICATES,
+        *(certificates(VARIANTS[name].title, found) for name, found in results.items()),
+        "",
+        CERTIFICATES_NOTE,
+        "",
+        "## Safety and empty K_i",
+        "",
+        "| variant | seeds | unsafe seeds | max h_tot, least to greatest "
+        "| backup: least, mean, greatest | with authority |",
         "|---|---|---|---|---|---|",
     ]
-    for name, runs in results.items():
+    for name, found in results.items():
+        runs = [each.summary for each in found.values()]
         unsafe = sum(run.outcome is Outcome.VIOLATED for run in runs)
         worst = sorted(run.worst_h_tot for run in runs)
-        factor = statistics.median(run.real_time_factor for run in runs)
         lines.append(
-            f"| {SCENARIOS[name]} | {unsafe} of {len(runs)} | {worst[0]:.1f} to {worst[-1]:.1f} "
-            f"| {spread(runs, infeasible)} | {spread(runs, with_authority)} | {factor:.1f} |"
+            f"| {VARIANTS[name].title} | {covered(found)} | {unsafe} of {len(runs)} "
+            f"| {worst[0]:.1f} to {worst[-1]:.1f} "
+            f"| {spread(runs, infeasible)} | {spread(runs, with_authority)} |"
         )
-    lines += ["", "| seed | β = 2/3: max h_tot | backup | β = 3: max h_tot | backup |"]
-    lines.append("|---|---|---|---|---|")
-    for mild, strong in zip(*results.values(), strict=True):
-        lines.append(
-            f"| {mild.seed} | {mild.worst_h_tot:.1f} | {infeasible(mild):.1%} "
-            f"| {strong.worst_h_tot:.1f} | {infeasible(strong):.1%} |"
-        )
+    head = "".join(f" {VARIANTS[name].title}: max h_tot | backup |" for name in results)
+    lines += ["", f"| seed |{head}", "|---|" + 2 * len(results) * "---|"]
+    for seed in sorted({seed for found in results.values() for seed in found}):
+        cells = [
+            cell(found[seed].summary) if seed in found else " | |" for found in results.values()
+        ]
+        lines.append(f"| {seed} |" + "".join(cells))
     return "\n".join([*lines, ""])
 
 
+def cell(run: Summary) -> str:
+    """Two columns."""
+    return f" {run.worst_h_tot:.1f} | {infeasible(run):.1%} |"
+
+
 if __name__ == "__main__":
-    main()
+    command("simulation-2", VARIANTS, page)

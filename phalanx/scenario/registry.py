@@ -21,6 +21,7 @@ from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
 from phalanx.theory.models.unicycle import Unicycle
 from phalanx.theory.safety.class_k import ClassK, Linear, Power
+from phalanx.theory.safety.distances import Distance, HeadingAware
 from phalanx.theory.safety.function import SafeSetFunction, Separation
 
 BUILT_IN: Mapping[type, Mapping[str, type]] = {
@@ -32,7 +33,11 @@ BUILT_IN: Mapping[type, Mapping[str, type]] = {
         "bicycle": KinematicBicycle,
     },
     ClassK: {"linear": Linear, "power": Power},
-    SafeSetFunction: {"separation": Separation},
+    SafeSetFunction: {
+        "separation": Separation,
+        "distance": Distance,
+        "heading-aware": HeadingAware,
+    },
     Law: {
         "track-velocity": TrackVelocity,
         "track": Track,

@@ -19,6 +19,8 @@ class Body:
     """State, shape (n,)."""
     p: ca.SX
     """Output position [m], shape (2,) or (3,)."""
+    states: tuple[str, ...] = ()
+    """Names of its dynamics' states, shape (n,)."""
 
 
 @runtime_checkable

@@ -31,6 +31,10 @@ class Sphere:
         """Distance of p from the center [m]: what a neighbourhood is measured by."""
         return ca.norm_2(p - ca.DM(self.center))
 
+    def away(self, p: ca.SX) -> ca.SX:
+        """Unit vector in which the distance grows; undefined at the center."""
+        return (p - ca.DM(self.center)) / self.distance(p)
+
     def distances(self, points: Array) -> Array:
         """The same of points [m], shape (s, d); shape (s,)."""
         apart: Array = length(points - np.array(self.center))
@@ -59,6 +63,10 @@ class Wall:
     def distance(self, p: ca.SX) -> ca.SX:
         """Signed distance of p from the surface [m]."""
         return self.offset - ca.dot(ca.DM(self.unit_normal), p)
+
+    def away(self, p: ca.SX) -> ca.SX:
+        """Unit vector in which the distance grows."""
+        return ca.SX(-ca.DM(self.unit_normal))
 
     def distances(self, points: Array) -> Array:
         """The same of points [m], shape (s, d); shape (s,)."""
