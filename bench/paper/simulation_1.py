@@ -23,9 +23,7 @@ from phalanx.guarantee.verdict import Outcome, Summary
 
 VARIANTS = {
     "paper": Variant("paper", "unicycles", ("safety.information=paper",)),
-    "no-margin": Variant(
-        "paper, η = 0", "unicycles", ("safety.information=paper", "safety.eta=0")
-    ),
+    "no-margin": Variant("paper, η = 0", "unicycles", ("safety.information=paper", "safety.eta=0")),
     "split": Variant("split", "unicycles", ("safety.information=split",)),
 }
 

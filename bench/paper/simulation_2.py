@@ -21,9 +21,7 @@ from phalanx.guarantee.verdict import Outcome, Summary
 
 VARIANTS = {
     "paper": Variant("β = 2/3", "formation3d"),
-    "no-margin": Variant(
-        "β = 2/3, η = 0, ξ = 0", "formation3d", ("safety.eta=0", "safety.xi=0")
-    ),
+    "no-margin": Variant("β = 2/3, η = 0, ξ = 0", "formation3d", ("safety.eta=0", "safety.xi=0")),
     "beta3": Variant("β = 3", "formation3d-beta3"),
     "split": Variant("β = 2/3, split", "formation3d", ("safety.information=split",)),
 }

@@ -23,6 +23,8 @@ from phalanx.theory.rows.origin import Origin
 Array = NDArray[np.float64]
 
 _MOST_LINKS = 40
+_LEAST_RATIO = 0.1
+"""Where a certified time is drawn that is shorter than this share of τ: no logarithm has a 0."""
 
 
 def safety(recording: Recording) -> Figure:
@@ -96,6 +98,35 @@ def input_curves(swarm: Swarm, i: int, u: Array) -> list[Curve]:
     if box and len(names) > 1 and (box.high == radius).all() and (box.low == -radius).all():
         curves.insert(0, Curve("‖u‖∞ [SI]", np.abs(u).max(axis=1), (radius,)))
     return curves
+
+
+def certified(recording: Recording, swarm: Swarm) -> Figure | None:
+    """Certified time of each normal agent's inputs, in its τ; None where none was recorded."""
+    figure, (axes,) = panels(1, 3.0)
+    palette, steps = colours(recording.scenario), steps_by_agent(recording)
+    for i in swarm.normal:
+        name = swarm.names[i]
+        known = [(s.t_apply, s.certified) for s in steps[name] if s.certified is not None]
+        if not known:
+            continue
+        t, proven = np.array(known).T
+        ratio = np.maximum(proven / swarm.horizon(i), _LEAST_RATIO)
+        kept, below = extremes_kept(ratio), ratio < 1.0
+        label = f"{name}: shortest {proven.min() / swarm.horizon(i):.3g} τ"
+        axes.plot(t[kept], ratio[kept], color=palette[name], linewidth=0.8, label=label)
+        if below.any():
+            label = f"below τ ({below.sum()} of {len(below)})"
+            axes.scatter(t[below], ratio[below], marker="x", s=22, color=PEAK, label=label)
+    if not axes.lines:
+        return None
+    axes.axhline(1.0, color=LIMIT, linewidth=1.2)
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter(lambda ratio, _: f"{ratio:g}")
+    axes.margins(x=0.01)
+    axes.set_ylabel("certified time [τ]")
+    axes.set_xlabel("t [s]")
+    legend(axes, "agent")
+    return figure
 
 
 def _mark_fallbacks(axes: Axes, steps: list[Step], values: Array) -> None:

@@ -57,6 +57,8 @@ def plates(recording: Recording, links: list[LinkStatistics]) -> Iterator[Report
         yield ReportFigure("distances", _DISTANCES, space.distances(recording, swarm, motion))
     if recording.states and recording.steps:
         yield from _inputs(recording, swarm)
+        if horizons := figures.certified(recording, swarm):
+            yield ReportFigure("certified", _CERTIFIED, horizons)
         if ages := figures.ages(recording):
             yield ReportFigure("ages", _ages_caption(recording), ages)
         yield ReportFigure("solve-times", _SOLVE_TIMES, figures.solve_times(recording))
@@ -99,6 +101,12 @@ _SAFETY = (
 _DISTANCES = (
     "Distances between the output points of all pairs, and to obstacles' centres; dotted: the "
     "distance required. The closest pairs come first."
+)
+_CERTIFIED = (
+    "How long each normal agent's input is proven to keep all its pairs safe, whatever the others "
+    "do, in multiples of τ, the longest time until its next sample: at or above the line at 1 the "
+    "proof lasts until then. A cross marks every input below it. The scale is logarithmic; what is "
+    "proven for no time at all is drawn at the bottom."
 )
 _SOLVE_TIMES = (
     "Wall time of control steps, from sample to input: the share of steps that took as long or "

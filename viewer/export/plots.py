@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.viewer.feeds.history import thinned
+from phalanx.viewer.feeds.history import certified_horizon, thinned
 from phalanx.viewer.feeds.replay import Replay
 
 Array = NDArray[np.float64]
@@ -39,13 +39,15 @@ def _swarm_plots(replay: Replay) -> list[dict[str, Any]]:
 
 
 def _agent_plots(replay: Replay, i: int) -> list[dict[str, Any]]:
-    rows = thinned(replay.history.agent(i), _POINTS)
+    steps, tau = replay.history.agent(i), replay.model.swarm.horizon(i)
+    rows = thinned(steps, _POINTS)
     t, backups = rows[:, 0], np.flatnonzero(rows[:, 1])
     bounds = replay.model.input_bounds[i]
-    plots = []
+    certified = certified_horizon(steps, tau, _POINTS)
+    plots = [_plot("Certified for [τ]", *certified, [1.0])] if len(certified[0]) else []
     for c, name in enumerate(replay.model.input_names(i)):
         guides = [] if bounds is None else [float(bounds[0][c]), float(bounds[1][c])]
-        plots.append(_plot(f"{name}, backups marked", t, rows[:, 4 + c], guides, backups.tolist()))
+        plots.append(_plot(f"{name}, backups marked", t, rows[:, 5 + c], guides, backups.tolist()))
     plots.append(_plot("Age of the oldest û [ms]", t, 1e3 * rows[:, 2], []))
     return [*plots, _plot("Control step [ms]", t, 1e3 * rows[:, 3], [])]
 

@@ -53,12 +53,19 @@ class AgentSteps:
         return self._steps[first:last]
 
     def rows(self) -> Array:
-        """As History.agent tells them, shape (s, 4 + m_i)."""
+        """As History.agent tells them, shape (s, 5 + m_i)."""
         rows = [
-            [s.t_apply, backup, nan_if_none(_oldest(s)), s.solve_time, *s.u]
+            [
+                s.t_apply,
+                backup,
+                nan_if_none(_oldest(s)),
+                s.solve_time,
+                nan_if_none(s.certified),
+                *s.u,
+            ]
             for s, backup in zip(self._steps, self._is_backup, strict=True)
         ]
-        return np.array(rows, dtype=float) if rows else np.zeros((0, 4))
+        return np.array(rows, dtype=float) if rows else np.zeros((0, 5))
 
 
 def _oldest(step: Step) -> float | None:

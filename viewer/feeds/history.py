@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _FIRST_CAPACITY = 256
+LEAST_HORIZON = 0.1
+"""Where a certified time is drawn that is shorter than this many τ."""
 
 
 class TimeSeries:
@@ -39,7 +41,8 @@ class History:
     swarm: TimeSeries
     """t, h_tot, smallest distance of a pair of agents, ψ_1 ... ψ_{q-1}."""
     agent: Callable[[int], Array]
-    """One agent's rows: t, 1 at a backup step, age of the oldest û, solve time, its input."""
+    """One agent's rows: t, 1 at a backup step, age of the oldest û, solve time, how long it is
+    certified, its input."""
 
 
 def nan_if_none(value: float | None) -> float:
@@ -50,6 +53,16 @@ def nan_if_none(value: float | None) -> float:
 def until(rows: Array, t: float) -> Array:
     """The rows whose first number is at most t."""
     return rows[: np.searchsorted(rows[:, 0], t, side="right")]
+
+
+def certified_horizon(rows: Array, tau: float, most: int) -> tuple[Array, Array]:
+    """When and for how many τ an agent's inputs were certified, of History.agent's rows.
+
+    At most `most` of them, the shortest kept, and none below LEAST_HORIZON, for a logarithm.
+    """
+    known = rows[np.isfinite(rows[:, 4])]
+    shown = thinned(np.column_stack([known[:, 0], -known[:, 4]]), most)
+    return shown[:, 0], np.maximum(-shown[:, 1] / tau, LEAST_HORIZON)
 
 
 def thinned(rows: Array, most: int) -> Array:

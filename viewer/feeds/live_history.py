@@ -20,8 +20,8 @@ class LiveHistory:
         self._model = model
         self.history = History(TimeSeries(3 + len(model.psi_levels)), self._agent)
         self.recent_paths = RecentPaths(len(model.names))
-        self._steps = TimeSeries(1 + 3 * len(model.names) + model.kinematics.inputs[-1].stop)
-        """t; of every agent: backup, age, solve time; all inputs."""
+        self._steps = TimeSeries(1 + 4 * len(model.names) + model.kinematics.inputs[-1].stop)
+        """t; of every agent: backup, age, solve time, certified; all inputs."""
         self._backups = np.zeros(len(model.names))
 
     def add(self, frame: Frame) -> None:
@@ -44,11 +44,13 @@ class LiveHistory:
                 *(backups > self._backups),
                 *[nan_if_none(status.age) for status in agents],
                 *[status.solve_time for status in agents],
+                *[nan_if_none(status.certified) for status in agents],
                 *chain.from_iterable(status.u for status in agents),
             )
         self._backups = backups
 
     def _agent(self, i: int) -> Array:
         n, own = len(self._model.names), self._model.kinematics.inputs[i]
-        inputs = range(1 + 3 * n + own.start, 1 + 3 * n + own.stop)
-        return np.asarray(self._steps.rows[:, [0, 1 + i, 1 + n + i, 1 + 2 * n + i, *inputs]])
+        inputs = range(1 + 4 * n + own.start, 1 + 4 * n + own.stop)
+        columns = [0, *(1 + k * n + i for k in range(4)), *inputs]
+        return np.asarray(self._steps.rows[:, columns])

@@ -5,7 +5,7 @@ import viser
 from numpy.typing import NDArray
 from viser import uplot
 
-from phalanx.viewer.feeds.history import History, thinned, until
+from phalanx.viewer.feeds.history import History, certified_horizon, thinned, until
 from phalanx.viewer.scene.model import SceneModel
 
 Array = NDArray[np.float64]
@@ -24,7 +24,7 @@ _BACKUP: Style = {
 
 
 class Plots:
-    """h_tot, distance, ψ, and the selected agent's inputs, ages and solve times."""
+    """h_tot, distance, ψ, and the selected agent's certified times, inputs, ages, solve times."""
 
     def __init__(self, server: viser.ViserServer, model: SceneModel) -> None:
         self._gui, self._model = server.gui, model
@@ -35,6 +35,8 @@ class Plots:
         self._h_tot = self._plot("h_tot (safe: at most 0)", ["h_tot"], guides=["0"])
         self._distance = self._plot("Smallest distance [m]", ["distance"], guides=["required"])
         self._psi = self._plot("ψ_k of the swarm", levels, guides=["0"]) if levels else None
+        self._certified = self._plot("Certified for [τ]", ["certified"], guides=["1"])
+        self._certified.scales = {**self._scales, "y": {"distr": 3}}
         most = max(len(model.input_names(i)) for i in range(len(model.names)))
         self._inputs = [
             self._plot(f"u_{c + 1}", ["u"], guides=["at most", "at least"], marks=["backup"])
@@ -46,10 +48,12 @@ class Plots:
     def show(self, history: History, t: float, selected: int) -> None:
         """Redraw everything up to t [s]."""
         swarm = thinned(until(history.swarm.rows, t), _POINTS)
-        agent = thinned(until(history.agent(selected), t), _POINTS)
+        steps = until(history.agent(selected), t)
+        agent = thinned(steps, _POINTS)
         if len(swarm):
             self._show_swarm(swarm)
         if len(agent):
+            self._show_certified(steps, selected)
             self._show_agent(agent, selected)
 
     def _show_swarm(self, rows: Array) -> None:
@@ -65,15 +69,22 @@ class Plots:
             plot.visible = c < len(names)
             if plot.visible:
                 plot.title = f"Agent {self._model.names[i]}: {names[c]}"
-                self._show_input(plot, rows, c, self._limits(i, c, rows[:, 4 + c]))
+                self._show_input(plot, rows, c, self._limits(i, c, rows[:, 5 + c]))
         known = np.isfinite(rows[:, 2])
         self._ages.data = (t[known], 1e3 * rows[known, 2])
         self._solve.data = (t, 1e3 * rows[:, 3])
 
+    def _show_certified(self, steps: Array, i: int) -> None:
+        t, horizon = certified_horizon(steps, self._model.swarm.horizon(i), _POINTS)
+        self._certified.visible = len(t) > 0  # an adversary has none
+        if len(t):
+            self._certified.title = f"Agent {self._model.names[i]}: certified for [τ]"
+            self._certified.data = (t, horizon, np.ones(len(t)))
+
     def _show_input(
         self, plot: viser.GuiUplotHandle, rows: Array, c: int, limits: tuple[float, float]
     ) -> None:
-        (low, high), t, u = limits, rows[:, 0], rows[:, 4 + c]
+        (low, high), t, u = limits, rows[:, 0], rows[:, 5 + c]
         margin = 0.1 * (high - low) + 1e-3
         plot.scales = {**self._scales, "y": {"range": (low - margin, high + margin)}}
         # All series of a plot share their times, and JSON has no number for "none": a step without

@@ -135,7 +135,7 @@ def compose(
     parts = stacked_slices([len(m.dynamics.states) for m in members])
     x = ca.vertcat(*[ca.SX.sym(f"x_{m.name}", len(m.dynamics.states)) for m in members])
     bodies = [
-        Body(x[part], m.dynamics.position(x[part]), tuple(m.dynamics.states))
+        Body(x[part], m.dynamics.position(x[part]), tuple(m.dynamics.states), m.adversary)
         for m, part in zip(members, parts, strict=True)
     ]
     normal = [i for i, m in enumerate(members) if not m.adversary]

@@ -32,38 +32,39 @@ class Distance:
 
 @dataclass(frozen=True)
 class HeadingAware:
-    """h = R + κ (1 - cos γ) - d for unicycles: farther apart, the less a's heading points away.
+    """h = R + κ (1 - cos γ) - d for unicycles: farther apart, the less a heading points away.
 
-    γ is the angle between agent a's heading and the direction from the other one to a. Turning
-    lowers h where driving cannot: side-on, where a unicycle has next to no authority over its
-    distance d, ∂h/∂θ is κ. Along the line of sight, whichever way it faces, driving changes d at
-    full speed. Had both ways counted as good, with sin² γ, turning would do nothing side-on. Away
-    is the good one, for it lets an agent flee ahead. Smooth but where d = 0.
+    γ is the angle between a normal agent's heading and the direction that leads away from the
+    other; of two normal agents cos γ is the mean of both, so that each can keep its half. Side-on a
+    unicycle has next to no authority over d, but turning lowers h there: ∂h/∂θ is κ. Along the line
+    of sight, whichever way it faces, driving changes d at full speed. If both ways counted as good,
+    with sin² γ, turning would do nothing side-on. Away is the good one: an agent flees ahead.
+    Smooth but where d = 0.
     """
 
     radius: Positive
-    """R between agents [m], with a's heading straight away from the other."""
+    """R between agents [m], with headings straight away from the other."""
     kappa: Positive
     """κ [m]: what is asked for on top when side-on; twice that head-on."""
 
     def between(self, a: Body, b: Body) -> ca.SX:
         apart = ca.norm_2(a.p - b.p)
-        return self._unsafe(self.radius, a, apart, (a.p - b.p) / apart)
+        away = (a.p - b.p) / apart
+        cosine = _heading(a, away)
+        if not b.adversary:
+            cosine = (cosine + _heading(b, -away)) / 2
+        return self.radius + self.kappa * (1 - cosine) - apart
 
     def to_obstacle(self, a: Body, obstacle: Obstacle) -> ca.SX:
-        distance = obstacle.distance(a.p)
-        return self._unsafe(obstacle.clearance, a, distance, obstacle.away(a.p))
+        cosine = _heading(a, obstacle.away(a.p))
+        return obstacle.clearance + self.kappa * (1 - cosine) - obstacle.distance(a.p)
 
-    def _unsafe(self, clearance: float, a: Body, distance: ca.SX, away: ca.SX) -> ca.SX:
-        """h, given the distance and the direction in which it grows.
 
-        Raises ValueError for other dynamics than a unicycle's.
-        """
-        if a.states != ("x", "y", "theta"):
-            got = ", ".join(a.states)
-            raise ValueError(
-                "safety.function: heading-aware needs normal agents that are unicycles, with "
-                f"states x, y, theta; got {got}"
-            )
-        heading = ca.vertcat(ca.cos(a.x[2]), ca.sin(a.x[2]))
-        return clearance + self.kappa * (1 - ca.dot(heading, away)) - distance
+def _heading(body: Body, away: ca.SX) -> ca.SX:
+    """cos γ of a unicycle's heading and a direction. Raises ValueError for other dynamics."""
+    if body.states != ("x", "y", "theta"):
+        raise ValueError(
+            "safety.function: heading-aware needs normal agents that are unicycles, with states "
+            f"x, y, theta; got {', '.join(body.states)}"
+        )
+    return ca.dot(ca.vertcat(ca.cos(body.x[2]), ca.sin(body.x[2])), away)

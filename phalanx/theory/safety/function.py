@@ -21,6 +21,7 @@ class Body:
     """Output position [m], shape (2,) or (3,)."""
     states: tuple[str, ...] = ()
     """Names of its dynamics' states, shape (n,)."""
+    adversary: bool = False
 
 
 @runtime_checkable
