@@ -35,7 +35,10 @@ def drift(scenario: Scenario, states: int = 60, steps: int = 40) -> list[State |
 
 
 def step(scenario: Scenario, names: tuple[str, ...], i: int, k: int) -> Step:
-    """Step k: normal agents' K_i is empty in every fifth, without authority in every tenth."""
+    """Step k: normal agents' K_i is empty in every fifth, without authority in every tenth.
+
+    Certified for 0, 0.5, ..., 4.5 τ in turn.
+    """
     group = {name: group for name, group, _ in scenario.roster()}
     t, normal = 0.01 * k, group[names[i]].role == "normal"
     others = [n for n in names if normal and n != names[i] and group[n].role == "normal"]
@@ -55,6 +58,7 @@ def step(scenario: Scenario, names: tuple[str, ...], i: int, k: int) -> Step:
         1e-4 * (1 + k % 7),
         [0.002 * (k % 4) if k and name in others else None for name in names],
         fates,
+        certified=0.012 * (k % 10) / 2 if normal else None,
     )
 
 

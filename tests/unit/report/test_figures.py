@@ -1,5 +1,8 @@
 """The figures of inputs: their marks, bounds and norm."""
 
+import dataclasses
+
+import msgspec
 import numpy as np
 import pytest
 
@@ -26,6 +29,28 @@ def test_inputs_are_drawn_between_the_bounds_of_their_polytope(recording: Record
     for axes, bound in ((speed, 2.0), (turn_rate, 1.0)):
         dotted = [line.get_ydata()[0] for line in axes.lines if line.get_linestyle() == ":"]
         assert sorted(dotted) == pytest.approx([-bound, bound])
+
+
+def test_certified_times_are_drawn_in_multiples_of_tau_with_a_mark_below_one(
+    recording: Recording,
+) -> None:
+    figure = figures.certified(recording, build_swarm(recording.scenario))
+    assert figure is not None
+    (axes,) = figure.axes
+    assert axes.get_yscale() == "log"
+    *curves, one = axes.lines
+    assert list(one.get_ydata()) == [1.0, 1.0]
+    assert [c.get_label() for c in curves] == [f"{n}: shortest 0 τ" for n in "123"]
+    for curve, below in zip(curves, axes.collections, strict=True):
+        assert curve.get_ydata()[:5] == pytest.approx([0.1, 0.5, 1.0, 1.5, 2.0])
+        assert below.get_label() == "below τ (8 of 40)"
+        assert below.get_offsets()[:4, 0] == pytest.approx([0.0, 0.01, 0.1, 0.11])
+
+
+def test_a_recording_without_certified_times_has_no_figure_of_them(recording: Recording) -> None:
+    steps = [msgspec.structs.replace(step, certified=None) for step in recording.steps]
+    bare = dataclasses.replace(recording, steps=steps)
+    assert figures.certified(bare, build_swarm(recording.scenario)) is None
 
 
 def test_where_the_inputs_lie_in_a_cube_their_infinity_norm_is_drawn_first() -> None:

@@ -29,7 +29,7 @@ def test_the_report_shows_the_verdict_and_its_evidence(reported: Path) -> None:
 def test_the_report_needs_nothing_but_itself(reported: Path) -> None:
     html = reported.read_text()
     sources = re.findall(r"""(?:src|href|url|srcset)\s*[=(]\s*["']?([^"'\s>]+)""", html)
-    assert len(sources) == len(list((reported.parent / "figures").iterdir())) == 9
+    assert len(sources) == len(list((reported.parent / "figures").iterdir())) == 10
     assert all(source.startswith("data:image/png;base64,") for source in sources)
     assert "//" not in re.sub(r"base64,[^\"]+", "", html)
 
@@ -44,7 +44,9 @@ def test_hostile_text_stays_text(reported: Path) -> None:
 
 def test_every_figure_is_a_png(reported: Path) -> None:
     images = sorted((reported.parent / "figures").iterdir())
-    assert {"h_tot.png", "paths.png", "distances.png", "ages.png"} <= {i.name for i in images}
+    assert {"h_tot.png", "paths.png", "distances.png", "certified.png", "ages.png"} <= {
+        i.name for i in images
+    }
     assert all(image.read_bytes().startswith(PNG) for image in images)
 
 
