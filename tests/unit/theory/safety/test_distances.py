@@ -1,4 +1,4 @@
-"""Safe-set functions in metres: against hand formulas, finite differences, and what they are for."""
+"""Safe-set functions in metres: hand formulas, finite differences, and what they are for."""
 
 import casadi as ca
 import numpy as np
