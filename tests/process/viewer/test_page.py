@@ -91,6 +91,7 @@ def test_a_replay_tells_of_its_agents_scrubs_plays_and_jumps(tab: "Tab", finishe
         enter(number_beside(tab, "t [s]"), "2.5")
         wait_for(lambda: abs(time_shown(tab) - 2.5) < 0.02)
         wait_for(lambda: plot.screenshot() != before)
+        tab.get_by_text("Agent 1: certified for [τ]").wait_for()
 
         tab.get_by_role("button", name="+10", exact=True).click()
         wait_for(lambda: 2.5 < time_shown(tab) < 2.6)

@@ -9,6 +9,7 @@ import pytest
 from phalanx.faults.commands import CommandKind
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
+from phalanx.viewer.feeds.history import LEAST_HORIZON, certified_horizon
 from phalanx.viewer.feeds.replay import Replay, open_replay
 from phalanx.viewer.scene.picture import picture
 from phalanx.wire.frames import Frame
@@ -47,6 +48,19 @@ def test_a_replay_shows_what_was_seen_live(tmp_path: Path) -> None:
     assert again.pair == live_frame.pair
     assert again.worst_h == live_frame.worst_h
     assert read(tmp_path / "live").summary == summary
+
+
+def test_the_plot_of_certified_times_keeps_the_shortest_and_leaves_adversaries_out(
+    replay: Replay, finished: Path
+) -> None:
+    recorded = [s.certified for s in read(finished).steps if s.agent == "1"]
+    rows, tau = replay.history.agent(0), replay.model.swarm.horizon(0)
+    assert list(rows[:, 4]) == recorded
+    t, horizon = certified_horizon(rows, tau, 20)
+    assert len(t) == len(horizon) == 20
+    assert horizon.min() == max(min(recorded) / tau, LEAST_HORIZON)
+    assert set(t) <= set(rows[:, 0])
+    assert len(certified_horizon(replay.history.agent(4), tau, 20)[0]) == 0
 
 
 def test_stepping_goes_from_state_to_state(replay: Replay) -> None:
