@@ -21,7 +21,7 @@ from phalanx.theory.safety.class_k import ClassK, Linear, NotClassKError, requir
 from phalanx.theory.safety.function import SafeSetFunction
 
 Composition = Literal["lse", "pairs"]
-Margin = Literal["paper", "corrected", "local"]
+Margin = Literal["paper", "corrected", "local", "integrated"]
 ClassKField = Annotated[
     Annotated[Positive, Tag(NUMBER)] | Annotated[Table, Tag(TABLE)],
     Discriminator(number_or_table),
@@ -43,8 +43,9 @@ class Safety(Strict):
     composition: Composition = "lse"
     """One row for h_tot = LSE of all pairs, as in the paper, or one row for each pair."""
     margin: Margin = "paper"
-    """How η is made: as in the paper; corrected, with L_φ ψ_k for every k >= 1; or local, a bound
-    computed at each sample, which needs neither eta nor xi."""
+    """How η is made: as in the paper; corrected, with L_φ ψ_k for every k >= 1; or a bound computed
+    at each sample, which needs neither eta nor xi: local, of any row, or the smaller integrated, of
+    one row for each pair with a linear α_q."""
     margin_scale: Positive = 1.0
     """What the margin is multiplied with; below 1 nothing is proven."""
     eta: Annotated[
@@ -53,7 +54,7 @@ class Safety(Strict):
     ] = 0.0
     """The margin η: a number as given, or the constants of Lemma (constants) to compute it."""
     xi: NonNegative = 0.0
-    """ξ of Eq. (xi); used when q > 1 and the margin is not local."""
+    """ξ of Eq. (xi); used when q > 1 and the margin is neither local nor integrated."""
     information: Information = Information.PAPER
     """What an agent assumes of the other normal agents' inputs."""
     silence: Positive = 1.0
@@ -72,13 +73,25 @@ class Safety(Strict):
         if self.control == "centralised" and self.composition == "pairs":
             message = "expected 'lse' where safety.control is 'centralised'"
             raise misplaced(("composition",), message, self.composition)
-        if self.margin == "local" and self.eta:
-            raise misplaced(("eta",), "expected no value: margin = 'local' computes it", self.eta)
-        if self.margin != "local" and "eta" not in self.model_fields_set:
-            raise misplaced(("eta",), "expected a value, or margin = 'local'", None)
+        if self.computes_margin and self.eta:
+            message = f"expected no value: margin = '{self.margin}' computes it"
+            raise misplaced(("eta",), message, self.eta)
+        if not self.computes_margin and "eta" not in self.model_fields_set:
+            raise misplaced(("eta",), "expected a value, or margin = 'local' or 'integrated'", None)
+        if self.margin == "integrated" and self.composition == "lse":
+            message = "expected composition = 'pairs', or another margin: it bounds a pair's row"
+            raise misplaced(("margin",), message, self.margin)
         self._function = built("function", SafeSetFunction, self.function)
         self._alpha = tuple(_class_k(place, given) for place, given in enumerate(self.alpha))
+        if self.margin == "integrated" and not isinstance(self._alpha[-1], Linear):
+            message = "expected a number, or another margin: 'integrated' needs a linear α_q"
+            raise misplaced(("alpha", len(self.alpha) - 1), message, self.alpha[-1])
         return self
+
+    @property
+    def computes_margin(self) -> bool:
+        """Whether the margin is a bound, computed at each sample, and not a given number."""
+        return self.margin in ("local", "integrated")
 
     def safe_set_function(self) -> SafeSetFunction:
         """The safe-set function that the table describes."""

@@ -173,5 +173,5 @@ def _chain(swarm: Swarm, composed: ComposedSet) -> Chain:
     if safety.margin == "paper":
         return build_chain(composed, safety.class_k(), safety.xi)
     bounds = [swarm.disturbance_bounds[m.name] for m in composed.members]
-    xi = None if safety.margin == "local" else safety.xi
+    xi = None if safety.computes_margin else safety.xi
     return build_chain(composed, safety.class_k(), xi, bounds)

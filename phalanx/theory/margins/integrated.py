@@ -2,22 +2,35 @@
 
 V is ψ_{q-1}, whose rate the inputs change, or h itself for q > 1, whose rate they do not. Agent i
 holds its input; all other inputs and every disturbance move as they like within their bounds. The
-proof is in docs/certificate.md.
+proof is in docs/certificate.md. As a margin of a row the same bound serves every input that agent i
+may choose.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import casadi as ca
 
 from phalanx.theory.expressions.interval import Interval, continuous, extend
-from phalanx.theory.margins.enclosure import Enclosure, admissible_corners, scalars
+from phalanx.theory.margins.enclosure import (
+    Enclosure,
+    admissible_corners,
+    admissible_inputs,
+    enclose,
+    scalars,
+)
+from phalanx.theory.margins.row_part import RowPart
+from phalanx.theory.models.polytope import ACTUATION
 from phalanx.theory.safety.chain import Chain
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.composition import Member
 
 INFLATIONS = (0.5, 0.5, 0.3, 0.1)
 """Rounds of an enclosure that reach some tenths of a second, with a box that is hardly wider."""
+
+STEEPEST = {RowPart.WHOLE: 1.0, RowPart.HALF: math.exp(-1.0)}
+"""κ τ up to which α_q(ψ) = κ ψ is proven to keep ψ_{q-1}; halves go by two agents' old samples."""
 
 
 class Growth(NamedTuple):
@@ -26,11 +39,12 @@ class Growth(NamedTuple):
     value: ca.SX
     """V at the sample."""
     rate: ca.SX
-    """r = Σ drift + c_i u_i + Σ max c_l w at the sample; contains u_i."""
+    """r = Σ drift + c_i u_i + Σ max c_l w at the sample; contains u_i. Of a half, its own part."""
     disturbance: ca.SX
     """D = sup over B of Σ_l ‖∂V/∂x_l‖ φ_l^max."""
     bend: ca.SX
-    """g = max(0, sup over B of the rate of Σ drift + c_i u_i + Σ c_l w), each w a fixed input."""
+    """g = max(0, sup over B of the rate of Σ drift + c_i u_i + Σ c_l w), each w a fixed input; of a
+    half, of the rate of ½ Σ drift + c_i u_i."""
     known: ca.SX
     """1 if the bound is proven, else 0."""
 
@@ -41,6 +55,7 @@ def growth(
     own: int,
     moving: Sequence[Enclosure],
     bounds: Sequence[float],
+    part: RowPart = RowPart.WHOLE,
 ) -> Growth:
     """The bound's parts, as expressions of the sampled state and agent i's input.
 
@@ -51,6 +66,7 @@ def growth(
         moving: the members' enclosures; agent i's holds its input, or any of U_i if the bound is
             to serve them all.
         bounds: φ_l^max of each member.
+        part: what of V's rate agent i's row keeps; a half bounds that alone, not V.
 
     Raises:
         ValueError: another member's U depends on the state.
@@ -64,10 +80,9 @@ def growth(
         actuation.append(ca.simplify(gradient @ member.dynamics.actuation(e.x)))
     # Another member's w in the row is not the input that moves its state.
     fixed = [e.u if l == own else ca.SX.sym("w", e.u.numel()) for l, e in enumerate(moving)]
-    row, rate = drift, drift + actuation[own] @ moving[own].u
-    for c, w in zip(actuation, fixed, strict=True):
-        row += c @ w
-    for l in others:
+    rate = row = part.value * drift + actuation[own] @ moving[own].u
+    for l in others if part is RowPart.WHOLE else ():
+        row += actuation[l] @ fixed[l]
         rate += ca.mmax(ca.DM(admissible_corners(members[l])) @ actuation[l].T)
     slopes = [ca.jacobian(row, e.x) for e in moving]
     change = _pushed(slopes, bounds)
@@ -86,9 +101,40 @@ def growth(
     for e in moving:
         known = ca.logic_and(known, e.certain)
     # Comparisons are false for what is not a number, which max would pass over.
-    for number in (value, rate, disturbance.hi, bend.hi, steep.hi):
+    for number in (value, disturbance.hi, bend.hi, steep.hi):
         known = ca.logic_and(known, number < ca.inf)
     return Growth(value, rate, disturbance.hi, ca.fmax(0, bend.hi), known)
+
+
+def integrated_margin(
+    chain: Chain, i: int, horizon: float | ca.SX, bounds: Sequence[float], part: RowPart
+) -> ca.SX:
+    """η of agent i's row: D + ½ τ g, or ½ D + τ g of a half; scalar, of the sampled state.
+
+    With α_q(ψ) = κ ψ and κ τ at most STEEPEST it keeps ψ_{q-1} <= 0. inf where nothing is known.
+
+    Args:
+        chain: of one pair, its D_k included.
+        i: the member whose row it is.
+        horizon: τ = Γ_i + δ_i^max [s].
+        bounds: φ_l^max of each member.
+        part: which row, as RowPart writes them out.
+
+    Raises:
+        ValueError: a member's U_l depends on the state.
+        UnboundedOperationError: an expression has no interval extension.
+    """
+    members = chain.set.members
+    moving = [
+        enclose(m, chain.set.x[own], admissible_inputs(m), bound, horizon, INFLATIONS)
+        for m, own, bound in zip(members, chain.set.parts, bounds, strict=True)
+    ]
+    bound = growth(chain.psi[-1], members, i, moving, bounds, part)
+    # A half is compared at each instant, a whole row's excess averages out over the interval.
+    lasting = 0.5 * horizon if part is RowPart.WHOLE else horizon
+    outside = ACTUATION * ca.sum1(ca.vertcat(*[ca.norm_1(c.T) for c in chain.actuation]))
+    margin = part.value * bound.disturbance + lasting * bound.bend + outside
+    return ca.if_else(bound.known, margin, ca.inf)
 
 
 def time_until_zero(bound: Growth, horizon: float | ca.SX) -> ca.SX:
@@ -102,7 +148,7 @@ def time_until_zero(bound: Growth, horizon: float | ca.SX) -> ca.SX:
     rising = -2 * bound.value / (speed + root)
     falling = ca.if_else(bound.bend > 0, (root - speed) / bound.bend, ca.inf)
     crossing = ca.if_else(speed > 0, rising, falling)
-    proven = ca.logic_and(bound.known, bound.value <= 0)
+    proven = ca.logic_and(bound.known, ca.logic_and(bound.value <= 0, bound.rate < ca.inf))
     return ca.if_else(proven, ca.fmin(horizon, crossing), 0)
 
 

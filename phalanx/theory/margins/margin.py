@@ -6,11 +6,12 @@ from typing import Literal
 
 import casadi as ca
 
+from phalanx.theory.margins.integrated import integrated_margin
 from phalanx.theory.margins.local import local_margin
 from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.safety.chain import Chain
 
-MarginKind = Literal["paper", "corrected", "local"]
+MarginKind = Literal["paper", "corrected", "local", "integrated"]
 
 
 @dataclass(frozen=True)
@@ -18,9 +19,10 @@ class Margin:
     """How the margin of every row of one agent is made; `of` is the only place that sums it."""
 
     kind: MarginKind
-    """As in the paper; corrected, with L_φ ψ_k for every k >= 1; or local, a proven bound."""
+    """As in the paper; corrected, with L_φ ψ_k for every k >= 1; or a proven bound: local, of any
+    row, or integrated, of a pair's."""
     eta: float
-    """η(Γ_i + δ^max), given or from constants; 0 where the margin is local."""
+    """η(Γ_i + δ^max), given or from constants; 0 where the margin is a bound of its own."""
     scale: float
     """What the sum is multiplied with; below 1 nothing is proven."""
     horizon: float | ca.SX
@@ -45,14 +47,16 @@ class Margin:
             active: which pairs count, as ComposedSet.substitute has it.
 
         Raises:
-            ValueError: the margin is local, and some U_l depends on the state or some operation
-                has no interval rule.
+            ValueError: the margin is local or integrated, and some U_l depends on the
+                state or some operation has no interval rule.
         """
         return self.scale * (part.value * self.eta + self._at_state(chain, own, part, active))
 
     def _at_state(self, chain: Chain, own: int, part: RowPart, active: ca.SX | None) -> ca.SX:
+        bounds = [self.bounds[m.name] for m in chain.set.members]
+        if self.kind == "integrated":
+            return integrated_margin(chain, own, self.horizon, bounds, part)
         if self.kind == "local":
-            bounds = [self.bounds[m.name] for m in chain.set.members]
             return local_margin(chain, own, self.horizon, bounds, part, active)
         if chain.relative_degree == 1:
             return ca.SX(0)  # what the disturbance adds to h's rate is in η already
