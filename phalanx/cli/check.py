@@ -77,6 +77,11 @@ def _show(name: str, report: "CheckReport") -> None:
     table.add_row("start", f"{inside}, largest ψ {report.worst_at_start:.4g}")
     stuck = [agent for agent, holds in report.rows_at_start.items() if not holds]
     rows = f"[yellow]empty for {', '.join(stuck)}[/]" if stuck else "non-empty for every agent"
+    waiting = [agent for agent, holds in report.certified.agents.items() if not holds]
+    issued = f"[yellow]none for {', '.join(waiting)}[/]" if waiting else "found for every agent"
+    table.add_row("inputs with certificates at the start", issued)
+    theorem = "[yellow]proves nothing here[/]" if report.gaps else "may apply: the run checks"
+    table.add_row("the paper's theorem", theorem)
     table.add_row("inputs that keep the rows at the start (K_i)", rows)
     for constant, found in report.formula.constants.items() if report.formula else ():
         table.add_row(f"constant {constant}", f"{found.value:.4g} ({_HOW[found.how]})")
@@ -112,7 +117,7 @@ def _formula(found: "Formula | None") -> str:
 def _by_agent(values: "dict[str, float | None] | dict[str, float]") -> str:
     known = {agent: value for agent, value in values.items() if value is not None}
     if not known:
-        return "none given: local"
+        return "none given: computed at each sample"
     if len({round(value, 9) for value in known.values()}) == 1:
         return _margin(next(iter(known.values())))
     return ", ".join(f"{agent}: {_margin(value)}" for agent, value in known.items())

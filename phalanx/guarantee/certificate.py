@@ -149,6 +149,12 @@ class AgentCertificates:
             self._states.append(np.concatenate([np.r_[composed.parts[l]] for l in involved]))
         self._highest = _highest_of_all(swarm, self.pairs, self._longest)
 
+    @property
+    def refused(self) -> dict[int, str]:
+        """Pairs that no input of the agent's can ever certify, by index, and why."""
+        known = zip(self.pairs, self._certificates, strict=True)
+        return {pair: each.refused for pair, each in known if each.proven is None}
+
     def __call__(self, x: Array, u: Array) -> Array:
         """How long each pair's h <= 0 is proven from now on [s], in the order of `pairs`.
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from phalanx.guarantee.feasibility import ProvenRows, largest_gap, rigorous, rows_at_start
 from phalanx.guarantee.formula import Formula, Region, formula, worst_pair
-from phalanx.guarantee.gaps import gaps_in_the_proof
+from phalanx.guarantee.gaps import gaps_in_the_proof, words_on_alpha
+from phalanx.guarantee.start import CertifiedStart, certified_start
 from phalanx.guarantee.workspace import boundary, drawn_states, states_inside, workspace
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows, build_rows, require_runnable
@@ -28,7 +29,7 @@ _BOUNDARY_STATES = 200
 class TheoremFour:
     """Eq. (asyncminmaxcondition), asked of sampled states on the boundary of S_I.
 
-    With margin = "local" η counts as 0, so that what is refuted here is refuted for any margin.
+    With a margin that is computed η counts as 0, so that what is refuted here is refuted for any margin.
     """
 
     states: int
@@ -67,14 +68,16 @@ class CheckReport:
     largest_delay: float
     """Longest delay for which what the rows count on is in force [s]; inf for any."""
     gaps: list[str]
-    """What is missing for a guarantee whatever the run does; empty if nothing is."""
+    """What the paper's theorem, or the margin's, lacks whatever the run does; empty if nothing."""
+    certified: CertifiedStart
+    """What the certificates say that a run is judged by."""
     words: list[str] = field(default_factory=list)
     """What all this means, and what to change."""
 
     @property
     def may_be_guaranteed(self) -> bool:
-        """Whether a run can end guaranteed: nothing known beforehand speaks against it."""
-        return not self.gaps and self.worst_at_start <= 0 and all(self.rows_at_start.values())
+        """Whether a run can end guaranteed: it begins under certificates. Gaps do not count."""
+        return self.certified.holds
 
 
 def check(scenario: Scenario) -> CheckReport:
@@ -119,6 +122,7 @@ def check(scenario: Scenario) -> CheckReport:
         largest_gap=largest_gap(list(proven.values())) if proven else None,
         largest_delay=_largest_delay(swarm),
         gaps=gaps_in_the_proof(swarm),
+        certified=certified_start(swarm),
     )
     report.words.extend(_words(swarm, report, unknown))
     return report
@@ -143,9 +147,9 @@ def _theorem_four(rows: SafetyRows, x: Array, low: Array, high: Array) -> Theore
 
 
 def _largest_margin(rows: SafetyRows) -> ca.SX:
-    """Of any normal agent's row for h_tot; 0 where it is local."""
+    """Of any normal agent's row for h_tot; 0 where it is computed."""
     margins = [rows.margin(i) for i in rows.swarm.normal]
-    if margins[0].kind == "local":
+    if rows.swarm.scenario.safety.computes_margin:
         return ca.SX(0)
     own = zip(rows.swarm.normal, margins, strict=True)
     return ca.mmax(ca.vertcat(*[margin.of(rows.chain, i) for i, margin in own]))
@@ -153,8 +157,9 @@ def _largest_margin(rows: SafetyRows) -> ca.SX:
 
 def _given(rows: SafetyRows) -> dict[str, float | None]:
     margins = {rows.swarm.names[i]: rows.margin(i) for i in rows.swarm.normal}
+    computed = rows.swarm.scenario.safety.computes_margin
     return {
-        name: None if margin.kind == "local" else margin.scale * margin.eta
+        name: None if computed else margin.scale * margin.eta
         for name, margin in margins.items()
     }
 
@@ -170,8 +175,36 @@ def _leans_on_the_newest(swarm: Swarm) -> bool:
 
 
 def _words(swarm: Swarm, report: CheckReport, unknown: list[str]) -> list[str]:
-    safety = swarm.scenario.safety
-    words = []
+    words = _words_on_certificates(report)
+    theorem = _words_on_the_theorem(swarm, report) + unknown
+    if not words:
+        words.append(
+            "A run can end guaranteed: it begins under certificates, and is judged by those of "
+            "every input that is applied, whatever it was made from."
+        )
+    return words + theorem + words_on_alpha(swarm)
+
+
+def _words_on_certificates(report: CheckReport) -> list[str]:
+    """What keeps every run from a guarantee."""
+    certified, words = report.certified, []
+    if not certified.safe:
+        words.append("No guarantee: some pair is unsafe at the start. Let agents start apart.")
+    for pair, reason in certified.refused.items():
+        words.append(f"No guarantee: {pair} cannot be certified: {reason}.")
+    begin = [name for name, holds in certified.agents.items() if not holds]
+    if begin and certified.safe:
+        words.append(
+            f"No guarantee: at the start {', '.join(begin)} has no input with which all its pairs "
+            "are proven safe until its next sample. Let agents start farther apart, or lower "
+            "disturbance.bound, clock.period or time.latency."
+        )
+    return words
+
+
+def _words_on_the_theorem(swarm: Swarm, report: CheckReport) -> list[str]:
+    """What the theorem and the rows lack, which certificates do not ask for."""
+    safety, words = swarm.scenario.safety, []
     if report.worst_at_start > 0:
         words.append(
             "The start is outside S_I, the states from which the safe set can be kept: ψ is up to "
@@ -185,12 +218,12 @@ def _words(swarm: Swarm, report: CheckReport, unknown: list[str]) -> list[str]:
             "agents start farther apart, or lower what makes the margin large: disturbance.bound "
             "and clock.period."
         )
-    words += [f"No guarantee: {gap}." for gap in report.gaps]
+    words += [f"The paper's theorem proves nothing here: {gap}." for gap in report.gaps]
     if report.gaps:
         words.append(
-            "For a run that can end guaranteed set safety.control = 'distributed', "
-            "safety.composition = 'pairs', safety.margin = 'local' and safety.information = "
-            "'split', and leave out safety.neighbourhood and time.latency."
+            "For rows that are proven set safety.control = 'distributed', safety.composition = "
+            "'pairs', safety.margin = 'integrated' and safety.information = 'split', and leave out "
+            "safety.neighbourhood and time.latency."
         )
     if _leans_on_the_newest(swarm):
         words.append(
@@ -204,12 +237,12 @@ def _words(swarm: Swarm, report: CheckReport, unknown: list[str]) -> list[str]:
         words.append(
             f"The margin η = {max(given):.4g} is below the {report.formula.eta:.4g} that the "
             "paper's formula asks for over the workspace: it is a choice, not a bound. Take "
-            "safety.margin = 'local' for one that is."
+            "safety.margin = 'integrated' or 'local' for one that is."
         )
     if report.relative_degree > 1 and safety.margin == "paper":
         words.append(
             "The relative degree q is above 1, and safety.margin = 'paper' leaves out what the "
-            "disturbance does to ψ_1 and those after it. Take 'corrected' or 'local'."
+            "disturbance does to ψ_1 and those after it. Take 'corrected', 'local' or 'integrated'."
         )
     if report.theorem_4 and report.theorem_4.holds is False:
         words.append(
@@ -218,5 +251,4 @@ def _words(swarm: Swarm, report: CheckReport, unknown: list[str]) -> list[str]:
             "alone cannot keep the safe set. Give normal agents more authority, or adversaries and "
             "the disturbance less."
         )
-    words += unknown
-    return words or ["Nothing speaks against a guarantee; the run checks the rest."]
+    return words

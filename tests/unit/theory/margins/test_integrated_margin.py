@@ -54,8 +54,8 @@ class Pair:
         self.parts_of_rows = CompiledFunction([x], outputs)
         us = [ca.SX.sym(f"u{l}", self.corners.shape[1]) for l in (0, 1)]
         rates = [
-            dynamics.drift(x[p]) + dynamics.actuation(x[p]) @ u
-            for p, u in zip(self.parts, us, strict=True)
+            dynamics.drift(x[own]) + dynamics.actuation(x[own]) @ u
+            for own, u in zip(self.parts, us, strict=True)
         ]
         self.rates = CompiledFunction([x, *us], [ca.vertcat(*rates)])
 
