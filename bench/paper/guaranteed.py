@@ -18,8 +18,9 @@ VARIANTS = {
     "twice": Variant(
         "twice the disturbance",
         "guaranteed",
-        ("agents.0.disturbance.bound=1.0", "agents.1.disturbance.bound=1.0"),
+        ("agents.0.disturbance.bound=3.46", "agents.1.disturbance.bound=3.46"),
     ),
+    "weak": Variant("α = 2", "guaranteed", ("safety.alpha=[2.0]",)),
     "heading-aware": Variant("`heading-aware`", "heading-aware"),
     "formation3d-distance": Variant("`formation3d-distance`", "formation3d-distance"),
 }

@@ -29,7 +29,8 @@ _BOUNDARY_STATES = 200
 class TheoremFour:
     """Eq. (asyncminmaxcondition), asked of sampled states on the boundary of S_I.
 
-    With a margin that is computed η counts as 0, so that what is refuted here is refuted for any margin.
+    With a margin that is computed η counts as 0, so that what is refuted here is refuted for any
+    margin.
     """
 
     states: int
@@ -159,8 +160,7 @@ def _given(rows: SafetyRows) -> dict[str, float | None]:
     margins = {rows.swarm.names[i]: rows.margin(i) for i in rows.swarm.normal}
     computed = rows.swarm.scenario.safety.computes_margin
     return {
-        name: None if computed else margin.scale * margin.eta
-        for name, margin in margins.items()
+        name: None if computed else margin.scale * margin.eta for name, margin in margins.items()
     }
 
 

@@ -18,7 +18,7 @@ def gaps_in_the_proof(swarm: Swarm) -> list[str]:
     safety = swarm.scenario.safety
     steepest = _steepest(swarm) / _longest(swarm)
     gaps = {
-        "the margin η is a given number, not a bound: set safety.margin = 'integrated' or 'local'": (
+        "the margin η is a given number, not a bound: set safety.margin = 'integrated'": (
             not safety.computes_margin
         ),
         f"α_q is steeper than what is proven for safety.margin = 'integrated': let the last of "
@@ -63,7 +63,8 @@ def words_on_alpha(swarm: Swarm) -> list[str]:
     longest = _longest(swarm)
     return [
         f"The last of safety.alpha, {steepness / longest:.3g}, is {trouble}. Where an input is in "
-        f"force for up to τ = {longest * 1e3:.3g} ms, about 0.25/τ = {_SERVES / longest:.3g} serves."
+        f"force for up to τ = {longest * 1e3:.3g} ms, "
+        f"about 0.25/τ = {_SERVES / longest:.3g} serves."
     ]
 
 

@@ -25,15 +25,28 @@ def check(capsys, monkeypatch):
     return run
 
 
-def test_a_given_margin_keeps_one_on_one_from_a_guarantee_which_strict_makes_a_failure(check):
-    relaxed, table, words = check("one-on-one")
-    assert relaxed == 0
-    assert check("one-on-one", "--strict")[0] == 1
-    assert table["can end guaranteed"] == "no"
+def test_with_a_given_margin_only_certificates_promise_anything(check):
+    found, table, words = check("one-on-one", "--strict")
+    assert found == 0
+    assert table["can end guaranteed"] == "yes"
+    assert table["inputs with certificates at the start"] == "found for every agent"
+    assert table["the paper's theorem"] == "proves nothing here"
     assert table["start"] == "inside the set that can be kept (S_I), largest ψ -1.89"
     assert table["margin η in force"] == "0.3"
     assert table["Theorem 4"].endswith("largest sum 0.3")
-    assert any(line.startswith("- No guarantee: the margin η is a given number") for line in words)
+    given = "- The paper's theorem proves nothing here: the margin η is a given number"
+    assert any(line.startswith(given) for line in words)
+
+
+def test_without_certificates_at_the_start_strict_makes_a_failure(check):
+    """At 5 m/s the other is there before the next sample."""
+    chased = ["--set", "agents.1.start=[[0.0, -1.02]]", "--set", "agents.1.dynamics.speed=5.0"]
+    relaxed, table, words = check("one-on-one", *chased)
+    assert relaxed == 0
+    assert check("one-on-one", *chased, "--strict")[0] == 1
+    assert table["can end guaranteed"] == "no"
+    assert table["inputs with certificates at the start"] == "none for 1"
+    assert any(line.startswith("- No guarantee: at the start 1 has no input") for line in words)
 
 
 def test_a_start_too_near_is_named_with_the_agent_that_has_no_solution(check):
@@ -50,7 +63,8 @@ def test_nothing_keeps_the_guaranteed_scenario_from_its_guarantee(check):
     found, table, words = check("guaranteed", "--strict")
     assert found == 0
     assert table["can end guaranteed"] == "yes"
-    assert table["margin η in force"] == "none given: local"
+    assert table["margin η in force"] == "none given: computed at each sample"
+    assert table["the paper's theorem"] == "may apply: the run checks"
     assert not [line for line in words if "No guarantee" in line]
 
 

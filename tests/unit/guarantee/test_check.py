@@ -7,6 +7,7 @@ import pytest
 
 from phalanx.guarantee.check import CheckReport, check
 from phalanx.guarantee.feasibility import rows_at_start
+from phalanx.guarantee.gaps import gaps_in_the_proof, words_on_alpha
 from phalanx.guarantee.workspace import drawn_states
 from phalanx.scenario.load import load
 from phalanx.theory.margins.constants import constants, margin_constants
@@ -14,7 +15,7 @@ from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.composition import Member, compose
 from phalanx.theory.safety.function import Separation
-from tests.unit.swarms import checked, rows_of_scenario
+from tests.unit.swarms import checked, rows_of_scenario, swarm_of_scenario
 
 
 @pytest.fixture(scope="module")
@@ -28,12 +29,55 @@ def paper() -> CheckReport:
     return checked("unicycles")
 
 
-def test_the_guaranteed_scenario_may_be_guaranteed_and_simulation_1_as_printed_may_not(
-    guaranteed, paper
-):
+def test_certificates_allow_a_guarantee_where_the_papers_theorem_proves_nothing(guaranteed, paper):
     assert guaranteed.may_be_guaranteed
-    assert not paper.may_be_guaranteed
+    assert not guaranteed.gaps
+    assert paper.may_be_guaranteed
     assert any("η is a given number" in gap for gap in paper.gaps)
+    assert not any("No guarantee" in word for word in paper.words)
+
+
+def test_who_is_chased_too_closely_to_be_certified_until_its_next_sample_is_named():
+    """At 5 m/s the other gains 4 m/s · 10 ms at the least on one that flees at 1 m/s."""
+    fast = "agents.1.dynamics.speed=5.0"
+    near, far = (checked("one-on-one", fast, f"agents.1.start=[[0.0, {y}]]") for y in (-1.02, -1.2))
+    assert far.may_be_guaranteed
+    assert near.certified.safe
+    assert not near.may_be_guaranteed
+    assert near.certified.agents == {"1": False}
+    assert any("No guarantee: at the start 1 has no input" in word for word in near.words)
+
+
+def test_with_latency_zero_has_to_be_certified_until_the_first_input_takes_effect():
+    chased = "agents.1.start=[[0.0, -1.02]]", "agents.1.dynamics.speed=5.0"
+    short, long = (checked("one-on-one", *chased, f"time.latency={s}") for s in (0.002, 0.009))
+    assert short.may_be_guaranteed
+    assert not long.may_be_guaranteed
+
+
+@pytest.mark.parametrize(
+    ("override", "limit"),
+    [("safety.information=split", 1 / (0.012 * math.e)), ("safety.information=paper", 1 / 0.012)],
+)
+def test_a_steeper_alpha_than_is_proven_is_a_gap(override, limit):
+    """Halves go by two agents' samples: κ τ <= 1/e; a whole row by its own: κ τ <= 1."""
+    for gain, proven in ((0.99 * limit, True), (1.01 * limit, False)):
+        swarm = swarm_of_scenario("guaranteed", override, f"safety.alpha=[{gain}]")
+        gaps = [gap for gap in gaps_in_the_proof(swarm) if "steeper than what is proven" in gap]
+        assert proven is not bool(gaps)
+        assert proven or f"at most {limit:.3g}" in gaps[0]
+
+
+@pytest.mark.parametrize(
+    ("gain", "said"), [(2.0, "2, is weak"), (20.0, None), (80.0, "80, is steep")]
+)
+@pytest.mark.parametrize("margin", ["local", "integrated"])
+def test_an_alpha_that_serves_is_proposed_where_a_proof_is_asked_for(margin, gain, said):
+    swarm = swarm_of_scenario("guaranteed", f"safety.margin={margin}", f"safety.alpha=[{gain}]")
+    found = words_on_alpha(swarm)
+    assert len(found) == (said is not None)
+    assert said is None or (said in found[0] and "about 0.25/τ = 20.8" in found[0])
+    assert not words_on_alpha(swarm_of_scenario("unicycles"))
 
 
 def test_the_relative_degree_and_the_start_are_those_of_the_chain():
@@ -46,6 +90,7 @@ def test_a_start_outside_s_is_reported():
     report = check(load("pinned", ["agents.1.start=[[0.0, -0.9]]"]))
     assert report.worst_at_start > 0
     assert not report.may_be_guaranteed
+    assert any("unsafe at the start" in word for word in report.words)
     assert any("outside S_I" in word for word in report.words)
 
 
@@ -117,7 +162,7 @@ def test_beyond_the_largest_gap_the_start_has_no_solution_and_below_it_has(guara
     assert gap > 0.012
     for factor, holds in ((0.8, True), (1.3, False)):
         period = f"agents.0.clock.period={gap * factor - 0.002}"
-        rows = rows_of_scenario("guaranteed", period)
+        rows = rows_of_scenario("guaranteed", "safety.margin=local", period)
         assert all(rows_at_start(rows).values()) is holds
 
 

@@ -30,6 +30,18 @@ def test_what_is_wrong_is_named(override, message):
         build_swarm(load("formation3d", [override])).law(4)
 
 
+def test_the_integrated_margin_needs_a_linear_last_gain():
+    power = 'safety.alpha=[{type = "power", gain = 2.0, exponent = 3.0}]'
+    with pytest.raises(ScenarioError, match=r"safety\.alpha\.0: expected a number"):
+        load("guaranteed", [power])
+    assert load("guaranteed", [power, "safety.margin=local"]).safety.computes_margin
+
+
+def test_the_integrated_margin_bounds_one_pair():
+    with pytest.raises(ScenarioError, match=r"safety\.margin: expected composition = 'pairs'"):
+        load("guaranteed", ["safety.composition=lse"])
+
+
 def test_a_wall_without_a_direction_is_refused():
     with pytest.raises(ScenarioError, match=r"obstacles\.0.*normal: expected a direction"):
         load("pinned", ["obstacles.0.normal=[0.0, 0.0]"])

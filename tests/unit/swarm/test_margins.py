@@ -4,14 +4,18 @@ import numpy as np
 import pytest
 
 from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.margins.integrated import integrated_margin
 from phalanx.theory.margins.local import local_margin
 from phalanx.theory.margins.row_part import RowPart
 from tests.unit.swarms import rows_of_scenario
 
 
-def test_an_agents_rows_have_the_margin_of_its_own_place_until_it_samples_again():
+@pytest.mark.parametrize(
+    ("kind", "margin"), [("local", local_margin), ("integrated", integrated_margin)]
+)
+def test_an_agents_rows_have_the_margin_of_its_own_place_until_it_samples_again(kind, margin):
     """Γ_i + δ_i^max and the latency: for so long its input may be in force."""
-    late = ["time.latency=0.003", "agents.0.clock.jitter=0.001"]
+    late = ["time.latency=0.003", "agents.0.clock.jitter=0.001", f"safety.margin={kind}"]
     rows = rows_of_scenario("guaranteed", *late)
     swarm = rows.swarm
     x = swarm.start()
@@ -28,7 +32,7 @@ def test_an_agents_rows_have_the_margin_of_its_own_place_until_it_samples_again(
             if pair.shared:
                 parts[RowPart.HALF] = terms.half_margin
             for part, found in parts.items():
-                own = local_margin(pair.chain, pair.own, horizon, phi, part)
+                own = margin(pair.chain, pair.own, horizon, phi, part)
                 state = np.concatenate([x[swarm.safe_set.parts[l]] for l in members])
                 expected = CompiledFunction([pair.chain.set.x], [own])(state)[0]
                 assert found[k] == pytest.approx(expected[0])
