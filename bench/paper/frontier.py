@@ -64,11 +64,11 @@ class Axis(NamedTuple):
 
 
 AXES = (
-    Axis("α [1/s]", (5.0, 10.0, 20.0, 30.0, 50.0), 20.0, _alpha),
-    Axis("φ^max", (0.5, 1.73, 2.5, 3.5), 1.73, _disturbance),
-    Axis("Γ [ms], α = 0.25/τ", (5.0, 10.0, 20.0, 40.0), 10.0, _period),
-    Axis("loss", (0.0, 0.3, 0.9), 0.3, lambda share: [f"network.loss={share}"]),
-    Axis("longest delay [s]", (0.0, 0.1, 0.9), 0.1, _delay),
+    Axis("α [1/s]", (5.0, 10.0, 20.0, 50.0), 20.0, _alpha),
+    Axis("φ^max", (0.5, 1.73, 3.5), 1.73, _disturbance),
+    Axis("Γ [ms], α = 0.25/τ", (10.0, 20.0, 40.0), 10.0, _period),
+    Axis("loss", (0.3, 0.9), 0.3, lambda share: [f"network.loss={share}"]),
+    Axis("longest delay [s]", (0.1, 0.9), 0.1, _delay),
 )
 
 
