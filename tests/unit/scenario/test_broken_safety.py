@@ -40,7 +40,7 @@ BROKEN: list[Broken] = [
     (
         "unknown safe-set function",
         replace('"separation"', '"seperation"'),
-        ["safety.function: expected one of separation or package.module:Name", "'seperation'"],
+        ["safety.function: expected one of separation, ", "package.module:Name", "'seperation'"],
     ),
     (
         "safe-set function without radius",
