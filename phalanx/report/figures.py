@@ -115,7 +115,7 @@ def certified(recording: Recording, swarm: Swarm) -> Figure | None:
         label = f"{name}: shortest {proven.min() / swarm.horizon(i):.3g} τ"
         axes.plot(t[kept], ratio[kept], color=palette[name], linewidth=0.8, label=label)
         if below.any():
-            label = f"below τ ({below.sum()} of {len(below)})"
+            label = f"{name}: below τ ({below.sum()} of {len(below)})"
             axes.scatter(t[below], ratio[below], marker="x", s=22, color=PEAK, label=label)
     if not axes.lines:
         return None

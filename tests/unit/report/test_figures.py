@@ -41,9 +41,9 @@ def test_certified_times_are_drawn_in_multiples_of_tau_with_a_mark_below_one(
     *curves, one = axes.lines
     assert list(one.get_ydata()) == [1.0, 1.0]
     assert [c.get_label() for c in curves] == [f"{n}: shortest 0 τ" for n in "123"]
-    for curve, below in zip(curves, axes.collections, strict=True):
+    for name, curve, below in zip("123", curves, axes.collections, strict=True):
         assert list(curve.get_ydata()[:5]) == pytest.approx([0.1, 0.5, 1.0, 1.5, 2.0])
-        assert below.get_label() == "below τ (8 of 40)"
+        assert below.get_label() == f"{name}: below τ (8 of 40)"
         assert list(below.get_offsets()[:4, 0]) == pytest.approx([0.0, 0.01, 0.1, 0.11])
 
 
