@@ -350,6 +350,8 @@ def main() -> None:
                 except ScenarioError as error:
                     refused[str(error).strip().splitlines()[-1].split(": ", 1)[-1][:90]] += 1
                     continue
+            if seen.summary.outcome is Outcome.STOPPED:
+                break
             runs.append(seen)
             print(index, seen.summary.outcome, seen.agreement, file=sys.stderr, flush=True)
             for t, pair, h in seen.wrong[:3]:
