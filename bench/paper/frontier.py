@@ -148,7 +148,7 @@ def picture(found: dict[tuple[str, str], list[Point]], unproven: Point) -> Figur
         empty.set_xlabel(axis.name)
     grid[0, 0].set_ylabel("cost, mean ‖u − u_nom‖²")
     grid[1, 0].set_ylabel("empty K_i [%]")
-    grid[0, 0].legend(fontsize=8, frameon=False, title="hollow: some run not guaranteed")
+    grid[0, 0].legend(fontsize=8, frameon=False, title="hollow: not guaranteed", title_fontsize=8)
     return figure
 
 
