@@ -32,18 +32,24 @@ programs.register(app)
 viewing.register(app)
 
 
-@app.callback()
-def version(
-    show: Annotated[
-        bool, typer.Option("--version", help="Print the version and exit.", is_eager=True)
-    ] = False,
-) -> None:
-    """Answer --version."""
-    if show:
+def _print_version(asked: bool) -> None:
+    if asked:
         from phalanx import __version__
 
         print(f"phalanx {__version__}")
         raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", help="Print the version and exit.", callback=_print_version, is_eager=True
+        ),
+    ] = False,
+) -> None:
+    """What holds for every command."""
 
 
 def status(arguments: list[str]) -> int:
