@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from phalanx.recording.read import Recording
@@ -121,7 +122,9 @@ def certified(recording: Recording, swarm: Swarm) -> Figure | None:
         return None
     axes.axhline(1.0, color=LIMIT, linewidth=1.2)
     axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter(lambda ratio, _: f"{ratio:g}")
+    axes.yaxis.set_minor_formatter(NullFormatter())
     axes.margins(x=0.01)
     axes.set_ylabel("certified time [τ]")
     axes.set_xlabel("t [s]")
