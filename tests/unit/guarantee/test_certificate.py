@@ -1,12 +1,19 @@
 """A pair's certificate: never above zero while it lasts, and never where h can jump above."""
 
+from functools import cache
+
 import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phalanx.guarantee.certificate import MULTIPLES, AgentCertificates, pair_certificate
+from phalanx.guarantee.certificate import (
+    MULTIPLES,
+    AgentCertificates,
+    PairCertificate,
+    pair_certificate,
+)
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
@@ -27,7 +34,10 @@ def certificate(dynamics, alphas, function=None, bounds=(0.3, 0.3)):
     return pair_certificate(pair, 0, [Linear(a) for a in alphas], bounds, TAU)
 
 
-LINE = certificate(SingleIntegrator(1.0), [1.0])
+@cache
+def line() -> PairCertificate:
+    """Of two single integrators."""
+    return certificate(SingleIntegrator(1.0), [1.0])
 
 
 @given(seed=seeds, excess=st.sampled_from([0.0, 1.0]))
@@ -35,7 +45,7 @@ def test_two_on_a_line_stay_apart_while_certified_and_not_much_longer(seed, exce
     """The other and both disturbances push together: d' = u - 1 - 0.6 excess, exactly."""
     rng = np.random.default_rng(seed)
     d, u = rng.uniform(1.0, 1.5), rng.uniform(-1, 1)
-    time = LINE.horizon(np.array([d, 0.0, 0.0, 0.0]), np.array([u, 0.0]))
+    time = line().horizon(np.array([d, 0.0, 0.0, 0.0]), np.array([u, 0.0]))
     closing = 1.0 - u + 0.6
     meeting = (d - 1.0) / closing if closing > 0 else np.inf
     assert time <= meeting
@@ -44,17 +54,17 @@ def test_two_on_a_line_stay_apart_while_certified_and_not_much_longer(seed, exce
 
 
 def test_a_disturbance_above_its_bound_is_not_what_was_certified():
-    time = LINE.horizon(np.array([1.1, 0.0, 0.0, 0.0]), np.array([0.0, 0.0]))
+    time = line().horizon(np.array([1.1, 0.0, 0.0, 0.0]), np.array([0.0, 0.0]))
     assert 1.1 - time * (1.0 + 0.6) >= 1.0
     assert 1.1 - time * (1.0 + 3 * 0.6) < 1.0
 
 
 def test_nothing_is_certified_outside():
-    assert LINE.horizon(np.array([0.99, 0.0, 0.0, 0.0]), np.array([1.0, 0.0])) == 0.0
+    assert line().horizon(np.array([0.99, 0.0, 0.0, 0.0]), np.array([1.0, 0.0])) == 0.0
 
 
 def test_far_apart_all_is_certified():
-    time = LINE.horizon(np.array([9.0, 0.0, 0.0, 0.0]), np.array([-1.0, 0.0]))
+    time = line().horizon(np.array([9.0, 0.0, 0.0, 0.0]), np.array([-1.0, 0.0]))
     assert time == MULTIPLES[0] * TAU
 
 
@@ -63,11 +73,13 @@ def test_far_apart_all_is_certified():
 def test_the_last_alpha_has_no_part_in_it(seed, gain):
     rng = np.random.default_rng(seed)
     x, u = rng.uniform(-1, 1, 8), rng.uniform(-2, 2, 2)
-    other = certificate(DoubleIntegrator(2.0, 0.5, 2), [1.0, gain])
-    assert other.horizon(x, u) == SECOND.horizon(x, u)
+    assert double_integrators(gain).horizon(x, u) == double_integrators(1.0).horizon(x, u)
 
 
-SECOND = certificate(DoubleIntegrator(2.0, 0.5, 2), [1.0, 1.0])
+@cache
+def double_integrators(gain: float) -> PairCertificate:
+    """Of two of them, whose α_2 has this gain."""
+    return certificate(DoubleIntegrator(2.0, 0.5, 2), [1.0, gain])
 
 
 class Jumping:
