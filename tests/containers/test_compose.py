@@ -16,10 +16,8 @@ from pathlib import Path
 
 import pytest
 import yaml
-from phalanx.launcher.launch import launch, new_folder
 
-from phalanx.scenario.load import load
-from phalanx.wire.session import free_endpoint
+import phalanx
 
 ROOT = Path(__file__).parents[2]
 AGENTS = {"agent-1", "agent-2", "agent-3", "adversary-4", "adversary-5"}
@@ -114,11 +112,11 @@ def test_the_file_is_valid_and_its_services_are_what_they_should_be(compose: lis
 def test_a_run_in_containers_ends_with_the_hash_of_a_local_run(
     stack: Stack, tmp_path: Path
 ) -> None:
-    scenario = load("unicycles", seed=3)
+    scenario = phalanx.load("unicycles", seed=3)
     stack("up", "-d", "--no-build")
     wait_for_page("http://127.0.0.1:8080", 60.0)
     contained = stack.verdict()
-    local = launch(scenario, new_folder(tmp_path, "local"), free_endpoint(), lambda _: None)
+    local = phalanx.run(scenario, out=tmp_path / "local").summary
     assert contained["trajectory"] == local.trajectory
     assert contained["outcome"] == local.outcome
 

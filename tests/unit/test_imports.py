@@ -197,7 +197,7 @@ def test_a_forbidden_import_is_found_wherever_it_stands(module, source):
         ("phalanx.theory.rows.qp", "import osqp\nfrom scipy import sparse\nfrom .row import Row"),
         ("phalanx.wire.session", "import zenoh"),
         ("phalanx.swarm.swarm", "from phalanx.seeded.clock import SamplingClock"),
-        ("phalanx.launcher.launch", "from phalanx.wire.keys import Keys"),
+        ("phalanx.launcher.run", "from phalanx.wire.keys import Keys"),
     ],
 )
 def test_an_allowed_import_is_not_an_offence(module, source):
