@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from phalanx.theory.safety.class_k import ClassK, Linear
-from phalanx.theory.safety.composition import ComposedSet
+from phalanx.theory.safety.composition import ComposedSet, Member
 
 _ROUNDED = 1e-4
 """Norms are taken as sqrt(‖·‖² + this²), which is above them and smooth."""
@@ -66,11 +66,8 @@ def build_chain(
         alpha = given if isinstance(given, ClassK) else Linear(given)
         gradients = [ca.jacobian(psi, composed.x[part]) for part in composed.parts]
         drifts, actuations = _lie_derivatives(composed, gradients)
-        appeared = [
-            m.name for m, a in zip(composed.members, actuations, strict=True) if a.nnz() > 0
-        ]
-        if appeared:
-            _require_common_degree(composed, appeared, degree, len(alphas))
+        appeared = [a.nnz() > 0 for a in actuations]
+        if inputs_appear(composed.members, appeared, degree, len(alphas)):
             last = _disturbance(gradients, bounds)
             drift, alpha_q = ca.vertcat(*drifts), alpha.value(psi)
             return Chain(composed, tuple(chain), drift, actuations, alpha_q, last)
@@ -79,10 +76,7 @@ def build_chain(
             disturbance = ca.SX(xi)
         psi = ca.sum1(ca.vertcat(*drifts)) + disturbance + alpha.value(psi)
         chain.append(psi)
-    raise RelativeDegreeError(
-        f"safety.alpha: no input appears in ψ_{len(alphas)}; the relative degree q is above "
-        f"{len(alphas)}: give one for each of α_1 ... α_q"
-    )
+    raise degree_above(len(alphas))
 
 
 def _lie_derivatives(
@@ -107,17 +101,42 @@ def _disturbance(gradients: Sequence[ca.SX], bounds: Sequence[float] | None) -> 
     return total
 
 
-def _require_common_degree(
-    composed: ComposedSet, appeared: Sequence[str], degree: int, gains: int
-) -> None:
-    late = [m.name for m in composed.members if m.name not in appeared]
-    if late:
+def inputs_appear(
+    members: Sequence[Member], appeared: Sequence[bool], degree: int, gains: int
+) -> bool:
+    """Whether the inputs appear in ψ_degree, so that the degree is q.
+
+    Args:
+        members: all of the swarm.
+        appeared: whether each one's inputs do, shape (N,).
+        degree: k of ψ_k.
+        gains: how many α_k there are.
+
+    Raises:
+        RelativeDegreeError: some appear and others do not, or there is not one α_k for each degree.
+    """
+    if not any(appeared):
+        return False
+    names = [
+        [m.name for m, a in zip(members, appeared, strict=True) if a is side]
+        for side in (True, False)
+    ]
+    if names[1]:
         raise RelativeDegreeError(
-            f"Assumption (relativedeg): the inputs of {', '.join(appeared)} appear in ψ_{degree}, "
-            f"those of {', '.join(late)} only later; all agents need one relative degree"
+            f"Assumption (relativedeg): the inputs of {', '.join(names[0])} appear in ψ_{degree}, "
+            f"those of {', '.join(names[1])} only later; all agents need one relative degree"
         )
     if gains != degree:
         raise RelativeDegreeError(
             f"safety.alpha: the relative degree q is {degree}, so expected {degree} "
             f"gains α_1 ... α_q, got {gains}"
         )
+    return True
+
+
+def degree_above(gains: int) -> RelativeDegreeError:
+    """What to raise where no input appears in ψ_gains."""
+    return RelativeDegreeError(
+        f"safety.alpha: no input appears in ψ_{gains}; the relative degree q is above "
+        f"{gains}: give one for each of α_1 ... α_q"
+    )

@@ -25,20 +25,25 @@ class Sphere:
 
     def intrusion(self, p: ca.SX) -> ca.SX:
         """h = clearance² - ‖p - center‖² of an output point p [m]."""
-        return self.clearance * self.clearance - ca.sumsqr(p - ca.DM(self.center))
+        return self.clearance * self.clearance - ca.sumsqr(p - self._center)
 
     def distance(self, p: ca.SX) -> ca.SX:
         """Distance of p from the center [m]: what a neighbourhood is measured by."""
-        return ca.norm_2(p - ca.DM(self.center))
+        return ca.norm_2(p - self._center)
 
     def away(self, p: ca.SX) -> ca.SX:
         """Unit vector in which the distance grows; undefined at the center."""
-        return (p - ca.DM(self.center)) / self.distance(p)
+        return (p - self._center) / self.distance(p)
 
     def distances(self, points: Array) -> Array:
         """The same of points [m], shape (s, d); shape (s,)."""
         apart: Array = length(points - np.array(self.center))
         return apart
+
+    @property
+    def _center(self) -> ca.SX:
+        # Of symbols too: one expression serves all spheres.
+        return ca.SX(ca.vertcat(*self.center))
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,148 @@
+"""Pairs by kind: one function for each combination of dynamics and sides, not for each pair.
+
+A swarm has few kinds of pairs however many agents it has. What a kind's h needs of a pair is its
+members' states and, for a sphere, where it is and how large: numbers beside the states. So nothing
+symbolic grows with the swarm, and all pairs of a kind are evaluated in one call.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.theory.expressions.mapped import MappedFunction
+from phalanx.theory.models.dynamics import Dynamics
+from phalanx.theory.safety.composition import Member
+from phalanx.theory.safety.function import Body, SafeSetFunction
+from phalanx.theory.safety.obstacles import Obstacle, Sphere
+
+Array = NDArray[np.float64]
+
+_ASKED = (0.37, -1.91, 5.3)
+"""Where a sphere of symbols is compared with one of numbers: factors of 1, 2, ... in each state."""
+_ALIKE = 1e-9
+
+
+@dataclass(frozen=True)
+class PairKind:
+    """h of a normal agent and another agent or an obstacle, and its derivatives."""
+
+    dynamics: tuple[Dynamics, ...]
+    """Of the members: one beside an obstacle, else two."""
+    x: tuple[ca.SX, ...]
+    """Their states, shapes (n_l,)."""
+    parameters: ca.SX
+    """Numbers of the obstacle, shape (k,); empty if it has none of its own, or for two agents."""
+    h: ca.SX
+
+    @property
+    def row(self) -> list[ca.SX]:
+        """What the expressions are of."""
+        return [*self.x, self.parameters]
+
+    @property
+    def text(self) -> str:
+        """What tells kinds apart: the expressions of h and of the members' dynamics."""
+        parts = [
+            part
+            for d, x in zip(self.dynamics, self.x, strict=True)
+            for part in (d.drift(x), ca.vec(ca.densify(d.actuation(x))))
+        ]
+        outputs = [self.h, *[ca.densify(part) for part in parts]]
+        found: str = ca.Function("kind", [ca.vertcat(*self.row)], outputs).serialize()
+        return found
+
+    def along_drift(self, degree: int) -> list[ca.SX]:
+        """h, L_f h, ..., L_f^degree h."""
+        f = [d.drift(x) for d, x in zip(self.dynamics, self.x, strict=True)]
+        found = [self.h]
+        for _ in range(degree):
+            rate = ca.SX(0)
+            for x, own in zip(self.x, f, strict=True):
+                rate += ca.jacobian(found[-1], x) @ own
+            found.append(rate)
+        return found
+
+    def actuation(self, degree: int) -> list[ca.SX]:
+        """L_{g_l} L_f^{degree-1} h of each member, shapes (1, m_l)."""
+        last = self.along_drift(degree - 1)[-1]
+        return [
+            ca.sparsify(ca.simplify(ca.jacobian(last, x) @ d.actuation(x)))
+            for d, x in zip(self.dynamics, self.x, strict=True)
+        ]
+
+
+class CompiledKind:
+    """A kind's functions, each compiled when it is first asked for."""
+
+    def __init__(self, kind: PairKind, degree: int) -> None:
+        """degree: q."""
+        self.kind, self._degree = kind, degree
+
+    @cached_property
+    def h(self) -> MappedFunction:
+        """h alone."""
+        return MappedFunction(self.kind.row, [self.kind.h])
+
+    @cached_property
+    def jets(self) -> MappedFunction:
+        """h, L_f h, ..., L_f^q h; then L_g L_f^{q-1} h of each member."""
+        q, kind = self._degree, self.kind
+        return MappedFunction(kind.row, [*kind.along_drift(q), *kind.actuation(q)])
+
+    @cached_property
+    def gradients(self) -> MappedFunction:
+        """Gradients of h, L_f h, ..., L_f^{q-1} h by the members' states, one after the other."""
+        x = ca.vertcat(*self.kind.x)
+        values = self.kind.along_drift(self._degree - 1)
+        return MappedFunction(self.kind.row, [ca.jacobian(value, x) for value in values])
+
+
+def pair_kind(a: Member, b: Member | Obstacle, function: SafeSetFunction) -> PairKind:
+    """The kind of a normal member a and another member, or one obstacle as it is."""
+    own, body = _body(a, "a")
+    if isinstance(b, Member):
+        other, there = _body(b, "b")
+        h = function.between(body, there)
+        return PairKind((a.dynamics, b.dynamics), (own, other), ca.SX(0, 1), ca.SX(h))
+    return PairKind((a.dynamics,), (own,), ca.SX(0, 1), ca.SX(function.to_obstacle(body, b)))
+
+
+def sphere_kind(a: Member, spheres: list[Sphere], function: SafeSetFunction) -> PairKind | None:
+    """The kind of a normal member and any of these spheres, whose numbers are its parameters.
+
+    None if the function wants each sphere by itself: it cannot take symbols for numbers, or it
+    tells spheres apart by more than center and clearance.
+    """
+    own, body = _body(a, "a")
+    center, clearance = ca.SX.sym("center", len(spheres[0].center)), ca.SX.sym("clearance")
+    parameters = ca.vertcat(center, clearance)
+    try:
+        any_sphere = Sphere(tuple(ca.vertsplit(center)), clearance)  # type: ignore[arg-type]
+        h = ca.SX(function.to_obstacle(body, any_sphere))
+        of_any = ca.Function("h", [own, parameters], [h])
+        for sphere in spheres:
+            of_this = ca.Function("h", [own], [function.to_obstacle(body, sphere)])
+            for factor in _ASKED:
+                x = factor * np.arange(1.0, own.numel() + 1.0)
+                found, expected = float(of_any(x, parameters_of(sphere))), float(of_this(x))
+                if not abs(found - expected) <= _ALIKE * (1.0 + abs(expected)):
+                    return None
+    except Exception:  # of a user's function, which is asked again with the sphere itself
+        return None
+    return PairKind((a.dynamics,), (own,), parameters, h)
+
+
+def parameters_of(obstacle: Obstacle) -> Array:
+    """The numbers that tell obstacles of one kind apart, shape (k,)."""
+    if isinstance(obstacle, Sphere):
+        return np.array([*obstacle.center, obstacle.clearance])
+    return np.zeros(0)
+
+
+def _body(member: Member, side: str) -> tuple[ca.SX, Body]:
+    dynamics = member.dynamics
+    x = ca.SX.sym(side, len(dynamics.states))
+    return x, Body(x, dynamics.position(x), tuple(dynamics.states), member.adversary)

@@ -1,0 +1,253 @@
+"""The pairs of a swarm as rows of numbers, evaluated kind by kind for those that count.
+
+A pair is a row (a, b): a normal member a, and another member b or N + k for obstacle k.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.theory.expressions.mapped import Index, MappedFunction
+from phalanx.theory.safety.chain import degree_above, inputs_appear
+from phalanx.theory.safety.composition import Member
+from phalanx.theory.safety.function import SafeSetFunction
+from phalanx.theory.safety.kinds import (
+    CompiledKind,
+    PairKind,
+    pair_kind,
+    parameters_of,
+    sphere_kind,
+)
+from phalanx.theory.safety.obstacles import Obstacle, Sphere
+
+Array = NDArray[np.float64]
+
+
+class SwarmPairs:
+    """Which kind each pair of a swarm is of, and where its numbers lie."""
+
+    def __init__(
+        self,
+        members: Sequence[Member],
+        obstacles: Sequence[Obstacle],
+        function: SafeSetFunction,
+        gains: int,
+    ) -> None:
+        """gains: how many α_k there are, one for each degree up to q.
+
+        Raises:
+            RelativeDegreeError: q is another, or the members' inputs appear at different degrees.
+        """
+        self.degree = gains
+        """q."""
+        self._normal = np.array([not m.adversary for m in members])
+        classes, of_member = _classes(members)
+        self._class = np.concatenate([of_member, len(classes) + np.arange(len(obstacles))])
+        kinds, self._kind = _kinds(classes, of_member, obstacles, function)
+        _require_degree(members, of_member, kinds, self._kind, gains)
+        self.kinds = [CompiledKind(kind, gains) for kind in kinds]
+        numbers = [parameters_of(obstacle) for obstacle in obstacles]
+        states = [len(m.dynamics.states) for m in members]
+        self._parameters: Array = np.concatenate([np.zeros(0), *numbers])
+        self.begin: Index = _begins([*states, *map(len, numbers)])
+        """Where the numbers of each member and obstacle begin: the state, and what comes after."""
+        self.inputs: Index = _begins([len(m.dynamics.inputs) for m in members])
+        """Where each member's input begins in the stack of all."""
+
+    def among(self, seen: Sequence[int], obstacles: Sequence[int] | None = None) -> Index:
+        """The pairs of h_tot whose both sides are among these members and obstacles, shape (r, 2).
+
+        Args:
+            seen: members, in ascending order.
+            obstacles: None for all.
+        """
+        members, known = np.array(seen, dtype=np.intp), len(self._normal)
+        normal = members[self._normal[members]]
+        others = members[~self._normal[members]]
+        around = range(len(self._class) - known) if obstacles is None else obstacles
+        rest = np.concatenate([others, known + np.array(around, dtype=np.intp)])
+        first, second = np.triu_indices(len(normal), 1)
+        friends = np.stack([normal[first], normal[second]], axis=1)
+        mixed = np.stack([np.repeat(normal, len(rest)), np.tile(rest, len(normal))], axis=1)
+        return np.concatenate([friends, mixed])
+
+    def choose(self, pairs: Index) -> "ChosenPairs":
+        """Pairs that are evaluated together, shape (r, 2)."""
+        kinds = self._kind[self._class[pairs[:, 0]], self._class[pairs[:, 1]]]
+        order = np.argsort(kinds, kind="stable")
+        return ChosenPairs(self, pairs[order], kinds[order])
+
+    def numbers(self, x: Array) -> Array:
+        """Stacked states x, shape (n̄,) or (s, n̄), followed by what is known of obstacles."""
+        if not len(self._parameters):
+            return x
+        around = np.broadcast_to(self._parameters, (*x.shape[:-1], len(self._parameters)))
+        return np.concatenate([x, around], axis=-1)
+
+
+class Jets(NamedTuple):
+    """What r pairs' h do along the drift; of s states at once every shape begins with s."""
+
+    h: Array
+    """h, L_f h, ..., L_f^q h, shape (r, q+1)."""
+    forces: Array
+    """L_{g_l} L_f^{q-1} h, shape (f,): of each pair by each input of each of its members."""
+
+
+class _Group(NamedTuple):
+    """Pairs of one kind."""
+
+    kind: CompiledKind
+    places: Index
+    """Of each pair's numbers, shape (r, k)."""
+
+
+class ChosenPairs:
+    """Pairs to evaluate at any state of the swarm; worth keeping while they stay the same ones."""
+
+    def __init__(self, swarm: SwarmPairs, pairs: Index, kinds: Index) -> None:
+        """kinds: of each pair, ascending."""
+        self.pairs = pairs
+        """In the order of all results, shape (r, 2)."""
+        self._swarm, self._groups = swarm, list[_Group]()
+        forces, slopes = [], []
+        for number in np.unique(kinds).tolist():
+            places = np.flatnonzero(kinds == number)
+            compiled, own = swarm.kinds[number], pairs[places]
+            kind = compiled.kind
+            states = [x.numel() for x in kind.x]
+            inputs = [len(d.inputs) for d in kind.dynamics]
+            index = _spread(swarm.begin, own, [*states, kind.parameters.numel()])
+            self._groups.append(_Group(compiled, index))
+            forces.append((places, _spread(swarm.inputs, own, inputs)))
+            slopes.append((places, index[:, : sum(states)]))
+        self.force_pair, self.force_input = _flat(forces)
+        """Of each force: its pair, and its input's place in the stack of all; shapes (f,)."""
+        self.slope_pair, self.slope_state = _flat(slopes)
+        """Of each slope: its pair, and its state's place in x; shapes (g,)."""
+
+    def h(self, x: Array) -> Array:
+        """h at a stacked state, shape (n̄,) or (s, n̄); shape (r,) or (s, r)."""
+        found = self._evaluated(x, lambda kind: kind.h)
+        return np.concatenate([np.zeros((*x.shape[:-1], 0)), *[h[..., 0] for h in found]], axis=-1)
+
+    def jets(self, x: Array) -> Jets:
+        """h, its derivatives along the drift and the inputs' part in the last, at x as above."""
+        above, lead = self._swarm.degree + 1, x.shape[:-1]
+        found = self._evaluated(x, lambda kind: kind.jets)
+        h = [np.zeros((*lead, 0, above)), *[jet[..., :above] for jet in found]]
+        forces = [np.zeros((*lead, 0)), *[jet[..., above:].reshape(*lead, -1) for jet in found]]
+        return Jets(np.concatenate(h, axis=-2), np.concatenate(forces, axis=-1))
+
+    def slopes(self, x: Array) -> Array:
+        """∂(L_f^k h)/∂x_l of k = 0 ... q-1, shape (q, g): by pair and state of its members."""
+        q = self._swarm.degree
+        found = self._evaluated(x, lambda kind: kind.gradients)
+        each = [
+            slopes.reshape(len(slopes), q, -1).swapaxes(0, 1).reshape(q, -1) for slopes in found
+        ]
+        return np.concatenate([np.zeros((q, 0)), *each], axis=1)
+
+    def _evaluated(
+        self, x: Array, function: Callable[[CompiledKind], MappedFunction]
+    ) -> list[Array]:
+        numbers = self._swarm.numbers(x)
+        return [function(group.kind)(numbers, group.places) for group in self._groups]
+
+
+def _classes(members: Sequence[Member]) -> tuple[list[Member], Index]:
+    """Members that differ in dynamics or side, the first of each sort, and each member's class."""
+    classes: list[Member] = []
+    found = []
+    for member in members:
+        alike = (
+            number
+            for number, other in enumerate(classes)
+            if other.adversary == member.adversary and other.dynamics == member.dynamics
+        )
+        found.append(next(alike, len(classes)))
+        if found[-1] == len(classes):
+            classes.append(member)
+    return classes, np.array(found)
+
+
+def _kinds(
+    classes: Sequence[Member],
+    of_member: Index,
+    obstacles: Sequence[Obstacle],
+    function: SafeSetFunction,
+) -> tuple[list[PairKind], Index]:
+    """Kinds with different expressions; and which one a normal class has with what, or -1."""
+    kinds: list[PairKind] = []
+    by_text: dict[str, int] = {}
+    table = np.full((len(classes), len(classes) + len(obstacles)), -1)
+    for a, own in enumerate(classes):
+        if own.adversary:
+            continue
+        sides: list[tuple[int, PairKind]] = [
+            (b, pair_kind(own, other, function))
+            for b, other in enumerate(classes)
+            # Of two normal members the first one comes first.
+            if other.adversary or (of_member == a).argmax() < np.flatnonzero(of_member == b)[-1]
+        ]
+        sides += enumerate(_beside(own, obstacles, function), start=len(classes))
+        for b, kind in sides:
+            table[a, b] = by_text.setdefault(kind.text, len(kinds))
+            if table[a, b] == len(kinds):
+                kinds.append(kind)
+    return kinds, table
+
+
+def _beside(
+    own: Member, obstacles: Sequence[Obstacle], function: SafeSetFunction
+) -> list[PairKind]:
+    """The kinds of one class with every obstacle."""
+    spheres = [obstacle for obstacle in obstacles if isinstance(obstacle, Sphere)]
+    common = sphere_kind(own, spheres, function) if spheres else None
+    return [
+        common if common and isinstance(o, Sphere) else pair_kind(own, o, function)
+        for o in obstacles
+    ]
+
+
+def _require_degree(
+    members: Sequence[Member],
+    classes: Index,
+    kinds: Sequence[PairKind],
+    table: Index,
+    gains: int,
+) -> None:
+    """Raise RelativeDegreeError unless the inputs of all members appear at degree `gains`."""
+    for degree in range(1, gains + 1):
+        forces = [kind.actuation(degree) for kind in kinds]
+        appeared = set()
+        for a, b in np.argwhere(table >= 0).tolist():
+            sides = zip((a, b), forces[table[a, b]], strict=False)
+            appeared |= {side for side, force in sides if force.nnz() > 0}
+        if inputs_appear(members, [c in appeared for c in classes.tolist()], degree, gains):
+            return
+    raise degree_above(gains)
+
+
+def _begins(sizes: Sequence[int]) -> Index:
+    return np.cumsum([0, *sizes])[:-1]
+
+
+def _spread(begin: Index, pairs: Index, sizes: Sequence[int]) -> Index:
+    """Places of all numbers of each pair's sides, of which side s has sizes[s] numbers."""
+    sides = [
+        begin[side][:, None] + np.arange(size) for side, size in zip(pairs.T, sizes, strict=False)
+    ]
+    return np.concatenate(sides, axis=1)
+
+
+def _flat(groups: Sequence[tuple[Index, Index]]) -> tuple[Index, Index]:
+    """The pair of each number, and its place, over all groups."""
+    pairs = [np.repeat(places, index.shape[1]) for places, index in groups]
+    nothing = np.zeros(0, dtype=np.intp)
+    return (
+        np.concatenate([nothing, *pairs]),
+        np.concatenate([nothing, *[index.ravel() for _, index in groups]]),
+    )

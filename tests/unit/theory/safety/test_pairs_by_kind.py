@@ -1,0 +1,168 @@
+"""Pairs evaluated by kind, against the expressions of the whole swarm, pair by pair."""
+
+from functools import cache
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from phalanx.theory.models.bicycle import KinematicBicycle
+from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
+from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.safety.chain import RelativeDegreeError
+from phalanx.theory.safety.composition import ComposedSet, Member, compose
+from phalanx.theory.safety.distances import Distance, HeadingAware
+from phalanx.theory.safety.function import Separation
+from phalanx.theory.safety.obstacles import Sphere, Wall
+from phalanx.theory.safety.pairs import SwarmPairs
+from tests.unit.theory.users_own import Draggy, Drifter, Oval
+
+SPHERES = (Sphere((3.0, 1.0), 1.2), Sphere((-2.0, 4.0), 0.7))
+AROUND = (SPHERES[0], Wall((1.0, 2.0), 4.0, 0.5), SPHERES[1])
+SWARMS = {
+    "unicycles": ([Unicycle(4.0, 2.0)] * 3 + [Unicycle(2.0, 1.0)] * 2, Separation(1.0), 1),
+    "heading-aware": ([Unicycle(4.0, 2.0)] * 4, HeadingAware(1.0, 2.0), 1),
+    "users' own": ([Drifter(), SingleIntegrator(1.0), Unicycle(1.0, 1.0)], Oval(), 1),
+    "accelerations": ([DoubleIntegrator(2.0, 0.7, 2)] * 3 + [Draggy()] * 2, Distance(1.0), 2),
+    "cars": ([KinematicBicycle(1.0, 1.0, 1.0)] * 3, Separation(1.0), 2),
+    "jerks": ([TripleIntegrator(1.0, 2)] * 4, Oval(), 3),
+}
+seeds = st.integers(0, 2**32 - 1)
+close = {"rel": 1e-12, "abs": 1e-12}
+
+
+@cache
+def swarm(name: str) -> tuple[ComposedSet, SwarmPairs, ca.Function]:
+    """A swarm whose last two attack, its pairs, and what is expected of them."""
+    dynamics, function, degree = SWARMS[name]
+    adversaries = (len(dynamics) - 2, len(dynamics) - 1)
+    members = [Member(f"a{l}", d, l in adversaries) for l, d in enumerate(dynamics)]
+    around = SPHERES if isinstance(function, Oval) else AROUND
+    composed = compose(members, around, function, 2.0)
+    return composed, SwarmPairs(members, around, function, degree), expected(composed, degree)
+
+
+def expected(composed: ComposedSet, degree: int) -> ca.Function:
+    """x -> of every pair h, ..., L_f^q h; L_g L_f^{q-1} h of all inputs; all gradients."""
+    x, parts, members = composed.x, composed.parts, composed.members
+    f = ca.vertcat(*[m.dynamics.drift(x[p]) for m, p in zip(members, parts, strict=True)])
+    g = ca.diagcat(*[m.dynamics.actuation(x[p]) for m, p in zip(members, parts, strict=True)])
+    along = [composed.h]
+    for _ in range(degree):
+        along.append(ca.jtimes(along[-1], x, f))
+    last = ca.jacobian(along[-2], x) @ g
+    slopes = [ca.densify(ca.jacobian(value, x)) for value in along[:-1]]
+    return ca.Function("expected", [x], [ca.horzcat(*along), ca.densify(last), *slopes])
+
+
+def in_order(composed: ComposedSet, pairs: np.ndarray) -> list[int]:
+    """The places of rows among the composed set's pairs."""
+    members = len(composed.members)
+    known = [(p.a, members + p.obstacle if p.b is None else p.b) for p in composed.pairs]
+    return [known.index((a, b)) for a, b in pairs.tolist()]
+
+
+@pytest.mark.parametrize("name", SWARMS)
+@given(seed=seeds)
+@settings(max_examples=20)
+def test_every_pairs_numbers_are_those_of_its_own_expression(name, seed):
+    composed, pairs, function = swarm(name)
+    x = np.random.default_rng(seed).uniform(-3.0, 3.0, composed.x.numel())
+    chosen = pairs.choose(pairs.among(range(len(composed.members))))
+    order = in_order(composed, chosen.pairs)
+    assert sorted(order) == list(range(len(composed.pairs)))
+    along, forces, *slopes = [np.array(value)[order] for value in function(x)]
+    jets = chosen.jets(x)
+    assert jets.h == pytest.approx(along, **close)
+    assert chosen.h(x) == pytest.approx(along[:, 0], **close)
+    found = np.zeros_like(forces)
+    found[chosen.force_pair, chosen.force_input] = jets.forces
+    assert found == pytest.approx(forces, **close)
+    for value, gradients in zip(chosen.slopes(x), slopes, strict=True):
+        found = np.zeros_like(gradients)
+        found[chosen.slope_pair, chosen.slope_state] = value
+        assert found == pytest.approx(gradients, **close)
+
+
+@pytest.mark.parametrize("name", SWARMS)
+def test_a_pairs_bits_do_not_depend_on_what_is_evaluated_beside_it(name):
+    composed, pairs, _ = swarm(name)
+    x = np.random.default_rng(1).uniform(-3.0, 3.0, (5, composed.x.numel()))
+    chosen = pairs.choose(pairs.among(range(len(composed.members))))
+    h, jets = chosen.h(x), chosen.jets(x)
+    assert (h == jets.h[..., 0]).all()
+    for k, pair in enumerate(chosen.pairs):
+        alone = pairs.choose(pair[None])
+        for state in range(len(x)):
+            assert (alone.jets(x[state]).h[0] == jets.h[state, k]).all()
+            assert (alone.jets(x[state]).forces == jets.forces[state, chosen.force_pair == k]).all()
+
+
+def test_pairs_are_among_the_seen_alone():
+    composed, pairs, _ = swarm("unicycles")
+    found = pairs.among((0, 2, 4), [1])
+    assert found.tolist() == [[0, 2], [0, 4], [0, 6], [2, 4], [2, 6]]
+    chosen = pairs.choose(found)
+    x = np.full(composed.x.numel(), np.nan)
+    for l in (0, 2, 4):
+        x[composed.parts[l]] = l
+    assert np.isfinite(chosen.jets(x).h).all()
+    assert pairs.choose(pairs.among(())).jets(x).h.shape == (0, 2)
+    assert pairs.choose(pairs.among((3, 4))).h(np.stack([x, x])).shape == (2, 0)
+
+
+def test_what_is_compiled_does_not_grow_with_the_swarm():
+    """Two agents of a sort and twenty need the same kinds, and obstacles share one."""
+    few = [Member("n0", Unicycle(4.0, 2.0), False), Member("n1", Unicycle(4.0, 2.0), False)]
+    foe = Member("a", Unicycle(2.0, 1.0), True)
+    spheres = [Sphere((float(k), 0.0), 1.0 + k) for k in range(9)]
+    for count in (1, 10):
+        for around in (spheres[:1], spheres):
+            found = SwarmPairs([*few * count, *[foe] * count], around, Separation(1.0), 1)
+            assert len(found.kinds) == 2
+
+
+class Picky:
+    """Keeps more clear of spheres on the right: needs each one's numbers."""
+
+    def between(self, a, b):
+        return 1.0 - ca.sumsqr(a.p - b.p)
+
+    def to_obstacle(self, a, obstacle):
+        return self.extra.get(obstacle.center, 0.0) + obstacle.intrusion(a.p)
+
+    extra = {(3.0, 1.0): 0.5}  # noqa: RUF012
+
+
+def test_a_function_that_tells_spheres_apart_gets_each_of_them():
+    """A table of its own that a sphere of symbols is not in."""
+    members = [Member("n", SingleIntegrator(1.0), False)]
+    composed = compose(members, SPHERES, Picky(), 1.0)
+    pairs = SwarmPairs(members, SPHERES, Picky(), 1)
+    x = np.array([0.3, -0.4])
+    h = np.array(ca.Function("h", [composed.x], [composed.h])(x))[:, 0]
+    chosen = pairs.choose(pairs.among([0]))
+    assert chosen.h(x) == pytest.approx(h[in_order(composed, chosen.pairs)], **close)
+
+
+def test_one_relative_degree_is_asked_for():
+    """The same as of the whole swarm's chain."""
+    point, heavy = SingleIntegrator(1.0), DoubleIntegrator(1.0, 0.0, 2)
+    mixed = [Member("p", point, False), Member("d", heavy, True)]
+    with pytest.raises(RelativeDegreeError, match="inputs of p appear in ψ_1, those of d only"):
+        SwarmPairs(mixed, (), Separation(1.0), 1)
+    alike = [Member("p", point, False), Member("q", point, True)]
+    with pytest.raises(RelativeDegreeError, match="expected 1 gains"):
+        SwarmPairs(alike, (), Separation(1.0), 2)
+    heavier = [Member("p", heavy, False), Member("q", heavy, True)]
+    with pytest.raises(RelativeDegreeError, match="above 1: give one"):
+        SwarmPairs(heavier, (), Separation(1.0), 1)
+
+
+def test_who_is_first_of_two_normal_members_decides_the_kind():
+    """Of a point and a unicycle only the pair in the swarm's order is built."""
+    members = [Member("p", SingleIntegrator(1.0), False), Member("u", Unicycle(1.0, 1.0), False)]
+    assert len(SwarmPairs(members, (), Separation(1.0), 1).kinds) == 1
+    assert len(SwarmPairs(members * 2, (), Separation(1.0), 1).kinds) == 4
