@@ -2,6 +2,7 @@
 
 from typing import Annotated, Literal, Self
 
+import casadi as ca
 from pydantic import Field, PrivateAttr, model_validator
 
 from phalanx.scenario.fields import (
@@ -48,7 +49,9 @@ class Disturbance(Strict):
 class AgentGroup(Strict):
     """Agents that share everything but their name and start."""
 
-    names: Annotated[tuple[Name, ...], Field(min_length=1)]
+    names: tuple[Name, ...] = ()
+    count: Annotated[int, Field(ge=1, strict=True)] | None = None
+    """How many agents, instead of names; a resolved scenario has names."""
     role: Literal["normal", "adversary"]
     dynamics: Table
     """For example { type = "unicycle", speed = 4.0, turn_rate = 2.0 }."""
@@ -74,18 +77,30 @@ class AgentGroup(Strict):
             self._law.prepare(self._dynamics)
         except ValueError as error:
             raise misplaced(("law",), str(error), self.law) from error
+        if bool(self.names) == (self.count is not None):
+            got = "both" if self.names else "neither"
+            raise misplaced((), "expected names, or a count and no names", got)
         for field, per_agent in (("slots", self.slots), ("start", self.start)):
-            if per_agent and len(per_agent) != len(self.names):
-                message = f"expected one for each of the {len(self.names)} names"
+            if per_agent and len(per_agent) != self.size:
+                message = f"expected one for each of the {self.size} agents"
                 raise misplaced((field,), message, per_agent)
-        if not self.slots and not self.start:
-            raise misplaced((), "expected slots or start, got neither", None)
         states = self._dynamics.states
         for field, vectors in (("start", self.start), ("spread", (self.spread,))):
             if any(vector and len(vector) != len(states) for vector in vectors):
                 message = f"expected {len(states)} components {states}"
                 raise misplaced((field,), message, getattr(self, field))
         return self
+
+    @property
+    def size(self) -> int:
+        """How many agents."""
+        return self.count or len(self.names)
+
+    @property
+    def axes(self) -> int:
+        """Of the space in which the agents move: 2 or 3."""
+        state = ca.SX.sym("x", len(self._dynamics.states))
+        return int(self._dynamics.position(state).numel())
 
     def dynamics_object(self) -> Dynamics:
         """The dynamics that the table describes."""

@@ -61,7 +61,7 @@ def load(
 def validate(table: Mapping[str, Any], source: str) -> Scenario:
     """A scenario from its table. Raises ScenarioError that lists every problem found."""
     try:
-        return Scenario.model_validate(table).scattered()
+        return Scenario.model_validate(table).resolved()
     except ValidationError as error:
         problems = [_describe(e["loc"], e["msg"], e["input"], e["type"]) for e in error.errors()]
         raise ScenarioError("\n".join(f"{source}: {p}" for p in problems)) from error

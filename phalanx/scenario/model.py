@@ -1,6 +1,8 @@
 """The scenario as a whole: SI units, defaults, and errors that name the field."""
 
 from collections.abc import Iterator
+from dataclasses import replace
+from itertools import count, islice
 from typing import Annotated, Any, Self
 
 import numpy as np
@@ -18,6 +20,7 @@ from phalanx.scenario.fields import (
     Strict,
     misplaced,
 )
+from phalanx.scenario.flows import Flows
 from phalanx.scenario.network import Network
 from phalanx.scenario.safety import Safety
 from phalanx.scenario.scatter import Scatter
@@ -60,6 +63,8 @@ class Scenario(Strict):
     safety: Safety
     network: Network = Network()
     formation: Formation | None = None
+    flows: Flows | None = None
+    """Where agents without a slot go, and start unless their start is given."""
     obstacles: tuple[ObstacleField, ...] = ()
     scatter: Scatter | None = None
     """Obstacles to draw; a resolved scenario has them among its obstacles instead."""
@@ -70,7 +75,7 @@ class Scenario(Strict):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        names = [name for group in self.agents for name in group.names]
+        names = [name for group in self.named() for name in group.names]
         for name in names:
             if names.count(name) > 1:
                 raise misplaced(("agents",), f"expected every name once, got {name!r} twice", names)
@@ -79,7 +84,7 @@ class Scenario(Strict):
         if all(group.role == "adversary" for group in self.agents):
             raise misplaced(("agents",), "expected at least one normal agent", "adversaries only")
         for index, group in enumerate(self.agents):
-            self._check_slots(index, group)
+            self._check_places(index, group)
             gap = group.clock.period - group.clock.jitter
             if self.time.latency >= gap:
                 message = f"expected less than {gap:g} s, the shortest time between two samples"
@@ -91,16 +96,63 @@ class Scenario(Strict):
                     raise misplaced(where, f"expected an agent's name or '*', one of {names}", name)
         return self
 
-    def _check_slots(self, index: int, group: AgentGroup) -> None:
+    def _check_places(self, index: int, group: AgentGroup) -> None:
         where = ("agents", index, "slots")
         if group.slots and self.formation is None:
             raise misplaced(where, "expected a [formation] that has slots", group.slots)
         if self.formation and any(slot >= self.formation.slots for slot in group.slots):
             highest = self.formation.slots - 1
             raise misplaced(where, f"expected slots 0 to {highest}", group.slots)
+        if not (group.slots or group.start or self.flows):
+            message = "expected slots or start, or [flows] in which it starts"
+            raise misplaced(where[:2], message, "none of them")
+        if self.flows and group.axes != self.agents[0].axes:
+            message = f"expected {self.agents[0].axes} axes, as the group before it has in [flows]"
+            raise misplaced((*where[:2], "dynamics"), message, group.axes)
 
-    def scattered(self) -> "Scenario":
-        """This scenario with its random obstacles drawn. Raises ValidationError."""
+    def resolved(self) -> "Scenario":
+        """This scenario with names for counts, and what is drawn at random drawn.
+
+        Raises ValidationError if there is no room.
+        """
+        return self.model_copy(update={"agents": self.named()})._placed()._scattered()
+
+    def named(self) -> tuple[AgentGroup, ...]:
+        """Every group with names; instead of a count, numbers from 1 on that nobody has."""
+        taken = {name for group in self.agents for name in group.names}
+        free = (str(n) for n in count(1) if str(n) not in taken)
+        return tuple(
+            group.model_copy(update={"names": tuple(islice(free, group.count)), "count": None})
+            if group.count
+            else group
+            for group in self.agents
+        )
+
+    def _placed(self) -> "Scenario":
+        """With starts and obstacles for all that [flows] gives one."""
+        if self.flows is None:
+            return self
+        roster, groups, axes = list(self.roster()), [], self.agents[0].axes
+        try:
+            places, drawn = self.flows.draw(self.seed, len(roster), axes)
+        except ValueError as error:
+            raise misplaced(("flows",), str(error), self.flows) from error
+        free = iter(places)
+        for group in self.agents:
+            own = np.zeros((group.size, len(group.dynamics_object().states)))
+            own[:, :axes] = list(islice(free, group.size))
+            given = group.slots or group.start
+            start = group.start if given else tuple(map(tuple, own.tolist()))
+            groups.append(group.model_copy(update={"start": start}))
+        update = {
+            "agents": tuple(groups),
+            "obstacles": self.obstacles + drawn,
+            "flows": replace(self.flows, obstacles=0.0),
+        }
+        return self.model_copy(update=update)
+
+    def _scattered(self) -> "Scenario":
+        """With obstacles for [scatter]."""
         if self.scatter is None:
             return self
         if self.formation is None:

@@ -107,10 +107,16 @@ class Swarm:
             raise ScenarioError(f"{self.scenario.name}: law of {self.names[i]}: {error}") from error
 
     def goal(self, i: int) -> Callable[[float, Array], Goal]:
-        """Where agent i wants to be, given t [s] and where it is: its formation slot, or here."""
-        slot, formation = self._slot(i), self.scenario.formation
+        """Where agent i wants to be, given t [s] and where it is.
+
+        In its formation slot, or where its flow takes it; without either, here.
+        """
+        slot, formation, flows = self._slot(i), self.scenario.formation, self.scenario.flows
         if slot is not None and formation:
             return lambda t, _: formation.goal(slot, t)
+        if flows:
+            start = np.array(self.groups[i].start[self._place(i)][: self.groups[i].axes])
+            return lambda t, _: flows.goal(i, start, t)
         return lambda _, position: hold(position)
 
     def start(self) -> Array:

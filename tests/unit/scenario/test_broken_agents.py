@@ -71,7 +71,7 @@ BROKEN: list[Broken] = [
     (
         "slots and names differ in number",
         replace("slots = [0, 1, 4]", "slots = [0, 1]"),
-        ["agents.0.slots: expected one for each of the 3 names", "got (0, 1)"],
+        ["agents.0.slots: expected one for each of the 3 agents", "got (0, 1)"],
     ),
     (
         "slot that the formation lacks",
@@ -81,7 +81,7 @@ BROKEN: list[Broken] = [
     (
         "neither slots nor start",
         replace("slots = [2, 3]", ""),
-        ["agents.1: expected slots or start, got neither"],
+        ["agents.1: expected slots or start, or [flows] in which it starts, got 'none of them'"],
     ),
     (
         "spread of the wrong size",
