@@ -8,9 +8,7 @@ import threading
 from phalanx.agent.answering import SampleAnswering
 from phalanx.agent.step import Answer, control_steps
 from phalanx.scenario.load import digest
-from phalanx.scenario.model import Scenario
-from phalanx.swarm.rows import build_rows
-from phalanx.swarm.swarm import build_swarm
+from phalanx.swarm.rows import SafetyRows
 from phalanx.wire import session as wire
 from phalanx.wire.keys import PLANT, Keys
 from phalanx.wire.membership import Membership
@@ -19,11 +17,11 @@ from phalanx.wire.seal import Sealer
 log = logging.getLogger("phalanx.agent")
 
 
-def run(scenario: Scenario, membership: Membership) -> int:
+def run(rows: SafetyRows, membership: Membership) -> int:
     """Run one agent, or the controller of several, until the plant leaves.
 
     Args:
-        scenario: resolved; its digest must be the plant's.
+        rows: of the scenario, whose digest must be the plant's.
         membership: of the run; its identity says which of the scenario's programs to be.
 
     Returns:
@@ -32,7 +30,7 @@ def run(scenario: Scenario, membership: Membership) -> int:
     Raises:
         HubError: the hub cannot be reached. Exception: whatever a control step raised.
     """
-    steps = control_steps(build_rows(build_swarm(scenario)), membership.identity)
+    steps = control_steps(rows, membership.identity)
     keys, sealer = membership.keys, membership.sealer
     over = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: over.set())
@@ -52,7 +50,7 @@ def run(scenario: Scenario, membership: Membership) -> int:
         # What was built so far lives as long as the process: the collector need not look at it
         # again in the middle of a step.
         gc.freeze()
-        known = digest(scenario)
+        known = digest(rows.swarm.scenario)
         _tokens = [wire.announce(session, keys.alive(step.name, known)) for step in steps]
         log.info("joined run %s at %s", membership.run, membership.endpoint)
         over.wait()

@@ -14,9 +14,7 @@ from phalanx.plant.run import PlantRun
 from phalanx.plant.stop import StopRequest
 from phalanx.recording.records import RECORDING, SUMMARY
 from phalanx.recording.write import RecordingWriter
-from phalanx.scenario.model import Scenario
-from phalanx.swarm.rows import build_rows
-from phalanx.swarm.swarm import build_swarm
+from phalanx.swarm.rows import SafetyRows
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Ended, Status
 
@@ -24,7 +22,7 @@ log = logging.getLogger("phalanx.plant")
 
 
 def run(
-    scenario: Scenario,
+    rows: SafetyRows,
     membership: Membership,
     *,
     folder: Path,
@@ -33,7 +31,7 @@ def run(
     """Run the plant to the end of the scenario.
 
     Args:
-        scenario: resolved.
+        rows: of the scenario.
         membership: of the run; the plant listens on its endpoint.
         folder: where the recording and the summary go.
         policy: who may command the run, and which commands are scheduled.
@@ -46,7 +44,7 @@ def run(
         RecordingError: the recording cannot be begun.
     """
     stop = StopRequest()
-    rows = build_rows(build_swarm(scenario))
+    scenario = rows.swarm.scenario
     with (
         RecordingWriter(folder / RECORDING, scenario, membership.run) as recording,
         Hub(rows.swarm, membership, stop.check) as hub,

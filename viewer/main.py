@@ -5,7 +5,7 @@ import signal
 import threading
 from pathlib import Path
 
-from phalanx.scenario.model import Scenario
+from phalanx.swarm.rows import SafetyRows
 from phalanx.viewer.feeds.live import Live
 from phalanx.viewer.feeds.replay import open_replay
 from phalanx.viewer.page.page import Page
@@ -19,7 +19,7 @@ _TICK = 1.0 / 30.0
 
 
 def run_live(
-    _scenario: Scenario | None,
+    _rows: SafetyRows | None,
     membership: Membership,
     *,
     command_secret: bytes = b"",
@@ -30,7 +30,7 @@ def run_live(
     """Show a run that goes on, until SIGINT or SIGTERM.
 
     Args:
-        _scenario: as every program of a run gets it; a viewer asks the plant, from wherever it is.
+        _rows: as every program of a run gets it; a viewer asks the plant, from wherever it is.
         membership: of the run.
         command_secret: that of viewers that may command the run; empty: read-only.
         host: address to serve the page on.

@@ -1,7 +1,7 @@
 """What a run looks like in a terminal: a progress bar, then a table."""
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -19,6 +19,9 @@ _COLOUR = {
     Outcome.STOPPED: "yellow",
 }
 
+_MOST_NAMES = 8
+"""Of agents that a progress line waits for."""
+
 
 @contextlib.contextmanager
 def progress(scenario: Scenario) -> Iterator[Callable[[Status], None]]:
@@ -33,11 +36,12 @@ def progress(scenario: Scenario) -> Iterator[Callable[[Status], None]]:
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        agents = sum(group.size for group in scenario.agents)
         task = bar.add_task("starting", total=scenario.duration, factor="", worst="", backups="")
 
         def show(status: Status) -> None:
             if status.waiting_for:
-                bar.update(task, description=f"waiting for {', '.join(status.waiting_for)}")
+                bar.update(task, description=_waiting(status.waiting_for, agents))
                 return
             bar.update(
                 task,
@@ -49,6 +53,12 @@ def progress(scenario: Scenario) -> Iterator[Callable[[Status], None]]:
             )
 
         yield show
+
+
+def _waiting(missing: Sequence[str], agents: int) -> str:
+    """How many agents have joined, and some of those that have not."""
+    named = ", ".join(missing[:_MOST_NAMES]) + (", ..." if len(missing) > _MOST_NAMES else "")
+    return f"{agents - len(missing)} of {agents} agents have joined, waiting for {named}"
 
 
 def print_summary(summary: Summary) -> None:

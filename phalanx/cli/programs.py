@@ -107,11 +107,14 @@ def _run_here(
     program: str, scenario: "Scenario", membership: "Membership", options: dict[str, Any]
 ) -> int:
     from phalanx.launcher.programs import configure_logging, run_program
+    from phalanx.swarm.rows import build_rows
+    from phalanx.swarm.swarm import build_swarm
     from phalanx.wire.session import HubError
 
     configure_logging()
     try:
-        return run_program(program, scenario, membership, options)
+        rows = build_rows(build_swarm(scenario))
+        return run_program(program, rows, membership, options)
     except (HubError, OSError) as error:
         print(error, file=sys.stderr)
         return 3

@@ -16,6 +16,7 @@ from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.engine import EngineError, Progress
 from phalanx.launcher.live import announced
 from phalanx.launcher.processes import Processes
+from phalanx.launcher.programs import Program
 from phalanx.recording.records import SUMMARY
 from phalanx.scenario.fields import CONTROLLER
 from phalanx.scenario.model import Scenario
@@ -47,14 +48,15 @@ def run_processes(
     Raises:
         EngineError: the plant died and there is no verdict.
     """
-    processes = Processes(scenario, membership, folder / "logs")
+    programs = [Program(PLANT, PLANT, {"folder": folder, "policy": policy})]
+    for name in scenario.programs():
+        programs.append(Program(CONTROLLER if name == CONTROLLER else "agent", name))
+    if viewer is not None:
+        options = {"command_secret": policy.secret, **viewer}
+        programs.append(Program("viewer", "viewer", options))
+    processes = Processes(scenario, membership, folder / "logs", programs)
+    verdict = _Verdict(folder)
     try:
-        processes.start(PLANT, PLANT, {"folder": folder, "policy": policy})
-        for name in scenario.programs():
-            processes.start(CONTROLLER if name == CONTROLLER else "agent", name)
-        if viewer is not None:
-            processes.start("viewer", "viewer", {"command_secret": policy.secret, **viewer})
-        verdict = _Verdict(folder)
         with announced(folder, membership), _listening(membership, processes, progress, verdict):
             processes.wait_for_plant()
     finally:

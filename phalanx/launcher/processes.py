@@ -2,20 +2,18 @@
 
 import contextlib
 import multiprocessing
-import multiprocessing.connection
 import multiprocessing.forkserver
 import os
 import signal
 import sys
 import time
 import types
-from collections.abc import Iterator, Mapping
-from multiprocessing.process import BaseProcess
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 from phalanx.guarantee.verdict import Outcome, exit_status
-from phalanx.launcher.programs import start_program
+from phalanx.launcher.fork_server import LOG, Report, serve
+from phalanx.launcher.programs import Program
 from phalanx.scenario.load import to_json
 from phalanx.scenario.model import Scenario
 from phalanx.wire.keys import PLANT
@@ -40,42 +38,40 @@ _VERDICTS = {exit_status(outcome) for outcome in Outcome}
 
 
 class Processes:
-    """The programs of one run."""
+    """The programs of one run, as the process that forks them reports on them."""
 
-    def __init__(self, scenario: Scenario, membership: Membership, logs: Path) -> None:
-        self._scenario, self._membership = to_json(scenario), membership
+    def __init__(
+        self, scenario: Scenario, membership: Membership, logs: Path, programs: Sequence[Program]
+    ) -> None:
+        """Start the programs; the plant is one of them."""
+        self._programs = {program.identity: program for program in programs}
         self._logs = logs
         self._logs.mkdir(exist_ok=True)
-        self._context = multiprocessing.get_context("forkserver")
-        self._context.set_forkserver_preload(_PRELOAD)
-        self._running: dict[str, BaseProcess] = {}
+        context = multiprocessing.get_context("forkserver")
+        context.set_forkserver_preload(_PRELOAD)
+        self._reports, theirs = context.Pipe(duplex=False)
+        self._server = context.Process(
+            target=serve, args=(to_json(scenario), membership, programs, logs, theirs)
+        )
+        self._pids: dict[str, int] = {}
+        self._exits: dict[str, int] = {}
+        """Exit codes of the programs that have ended; negative: the signal."""
         self._killed: set[str] = set()
+        self._served = True
+        """Whether reports may still come."""
         with _interrupts_held_back():
             # Programs inherit the mask: a Ctrl-C that comes before they are ready for it would
             # end each of them in a traceback.
             multiprocessing.forkserver.ensure_running()
-
-    def start(self, program: str, identity: str, options: Mapping[str, Any] | None = None) -> None:
-        """Start a program under its name in the run; its log is <name>.log."""
-        process = self._context.Process(
-            target=start_program,
-            name=f"phx-{program}-{identity}" if program != identity else f"phx-{identity}",
-            args=(
-                program,
-                self._scenario,
-                self._membership.of(identity),
-                self._log(identity),
-                dict(options or {}),
-            ),
-        )
         with _without_main():
-            process.start()
-        self._running[identity] = process
+            self._server.start()
+        theirs.close()
 
     @property
     def plant_runs(self) -> bool:
-        """Whether the plant is alive."""
-        return self._running[PLANT].is_alive()
+        """Whether the plant is alive, or has yet to start."""
+        self._take_reports(0.0)
+        return self._served and PLANT not in self._exits
 
     def wait_for_plant(self) -> None:
         """Return when the plant has ended. Ctrl-C asks it to stop, and waits on.
@@ -83,65 +79,89 @@ class Processes:
         The plant sees an agent die by its liveliness token; one that fails before it joins, and so
         has none, is told of.
         """
-        plant = self._running[PLANT]
-        agents: dict[Any, BaseProcess] = {
-            p.sentinel: p for name, p in self._running.items() if name not in (PLANT, "viewer")
-        }
-        while plant.is_alive():
+        told = False
+        while self.plant_runs:
             try:
-                for ended in multiprocessing.connection.wait([plant.sentinel, *agents]):
-                    agent = agents.pop(ended, None)
-                    if agent is not None and self._failed(agent):
-                        plant.join(_NOTICE)
-                        if plant.is_alive() and plant.pid:
-                            os.kill(plant.pid, signal.SIGUSR1)
+                if not told and any(map(self._failed, self._exits)):
+                    self._await_plant(_NOTICE)
+                    told = self._signal_plant(signal.SIGUSR1)
+                else:
+                    self._take_reports(None)
             except KeyboardInterrupt:
-                plant.terminate()
-
-    def _failed(self, agent: BaseProcess) -> bool:
-        """Whether it ended with an error of its own; a kill may be part of the run."""
-        agent.join()
-        return agent.exitcode is not None and agent.exitcode > 0 and agent.exitcode not in _VERDICTS
+                if not self._signal_plant(signal.SIGTERM):
+                    raise
 
     def first_failure(self) -> str:
         """Which program died first, how, and the last line it wrote; empty if none died.
 
         Those that were killed because they would not leave do not count.
         """
-        for name, process in self._running.items():
-            code = process.exitcode
+        if not self._pids and self._server.exitcode:
+            return self._death("the fork server", self._server.exitcode, LOG)
+        for name, program in self._programs.items():
+            code = self._exits.get(name)
             if code is None or code in _VERDICTS or name in self._killed:
                 continue
-            how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit status {code}"
-            log = self._log(name)
-            lines = log.read_text(errors="replace").strip().splitlines() if log.exists() else []
-            last = f": {lines[-1]}" if lines else ""
-            return f"{process.name} died ({how}){last}; log: {log}"
+            return self._death(program.title, code, f"{name}.log")
         return ""
 
     def end(self) -> None:
         """Leave no process behind: give the agents time to notice, then kill."""
-        plant = self._running.get(PLANT)
-        if plant is not None and plant.is_alive():
-            plant.terminate()
+        if self.plant_runs and not self._signal_plant(signal.SIGTERM):
+            self._server.terminate()
         deadline = time.monotonic() + _GRACE
-        for process in self._running.values():
-            process.join(max(0.0, deadline - time.monotonic()))
-        for name, process in self._running.items():
-            if process.is_alive():
-                self._killed.add(name)
-                process.kill()
-                process.join()
+        while self._served and (left := deadline - time.monotonic()) > 0:
+            self._take_reports(left)
+        self._killed = set(self._pids) - set(self._exits)
+        if self._served:
+            self._server.terminate()
+        self._server.join()
+        for name in self._killed:
+            # The fork server does it, unless it was killed itself.
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self._pids[name], signal.SIGKILL)
 
-    def _log(self, identity: str) -> Path:
-        return self._logs / f"{identity}.log"
+    def _take_reports(self, timeout: float | None) -> None:
+        """Take what has been reported, waiting for the first report if there is none."""
+        try:
+            while self._reports.poll(timeout):
+                report: Report = self._reports.recv()
+                self._pids[report.identity] = report.pid
+                if report.exit_code is not None:
+                    self._exits[report.identity] = report.exit_code
+                timeout = 0.0
+        except EOFError:
+            self._served = False
+
+    def _await_plant(self, timeout: float) -> None:
+        deadline = time.monotonic() + timeout
+        while self.plant_runs and (left := deadline - time.monotonic()) > 0:
+            self._take_reports(left)
+
+    def _signal_plant(self, number: signal.Signals) -> bool:
+        """Send the plant a signal if it has started and not ended; whether it has started."""
+        if self.plant_runs and PLANT in self._pids:
+            os.kill(self._pids[PLANT], number)
+        return PLANT in self._pids
+
+    def _failed(self, name: str) -> bool:
+        """Whether an agent ended with an error of its own; a kill may be part of the run."""
+        code = self._exits[name]
+        return name not in (PLANT, "viewer") and code > 0 and code not in _VERDICTS
+
+    def _death(self, title: str, code: int, log_name: str) -> str:
+        how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit status {code}"
+        log = self._logs / log_name
+        lines = log.read_text(errors="replace").strip().splitlines() if log.exists() else []
+        last = f": {lines[-1]}" if lines else ""
+        return f"{title} died ({how}){last}; log: {log}"
 
 
 @contextlib.contextmanager
 def _without_main() -> Iterator[None]:
-    """Keep multiprocessing from importing the caller's script in every process it starts.
+    """Keep multiprocessing from importing the caller's script in the process it starts.
 
-    The programs need nothing of it, and a script without a main guard would run again in each.
+    The programs need nothing of it, and a script without a main guard would run again there.
     """
     main = sys.modules["__main__"]
     sys.modules["__main__"] = types.ModuleType("__main__")

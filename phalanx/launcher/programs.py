@@ -7,12 +7,12 @@ import os
 import pkgutil
 import signal
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from phalanx.scenario.fields import CONTROLLER
-from phalanx.scenario.load import from_json
-from phalanx.scenario.model import Scenario
+from phalanx.swarm.rows import SafetyRows
 from phalanx.wire.membership import Membership
 
 PROGRAMS = {
@@ -24,36 +24,64 @@ PROGRAMS = {
 """The programs by name; resolved where they run, so that nothing here imports them."""
 
 
-def start_program(
-    program: str,
-    scenario: str,
-    membership: Membership,
-    log_file: Path,
-    options: dict[str, Any],
-) -> None:
-    """Run one program in this process until it ends; everything it prints goes to its log."""
-    with contextlib.suppress(OSError):
-        # What ps and top show; the kernel keeps 15 bytes.
-        Path("/proc/self/comm").write_text(multiprocessing.current_process().name)
-    log = os.open(log_file, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
-    os.dup2(log, sys.stdout.fileno())
-    os.dup2(log, sys.stderr.fileno())
-    os.close(log)
-    if program != "plant":
+class Program(NamedTuple):
+    """One program of a run, to be started."""
+
+    kind: str
+    """One of PROGRAMS."""
+    identity: str
+    """Its name in the run; its log is <identity>.log."""
+    options: Mapping[str, Any] = {}
+
+    @property
+    def title(self) -> str:
+        """What ps and top show."""
+        name = self.kind if self.kind == self.identity else f"{self.kind}-{self.identity}"
+        return f"phx-{name}"
+
+
+def load_programs(programs: Sequence[Program]) -> None:
+    """Import what the programs are, but the viewer: it brings much that the others never use."""
+    for kind in {program.kind for program in programs} - {"viewer"}:
+        pkgutil.resolve_name(PROGRAMS[kind])
+
+
+def start_program(program: Program, rows: SafetyRows, membership: Membership, logs: Path) -> int:
+    """Run one program in this process until it ends; everything it prints goes to its log.
+
+    Returns its exit status.
+    """
+    multiprocessing.current_process().name = program.title
+    show_as(program.title)
+    redirect_output(logs / f"{program.identity}.log")
+    if program.kind != "plant":
         # Ctrl-C reaches the whole terminal; only the plant decides what it means.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     configure_logging()
-    sys.exit(run_program(program, from_json(scenario), membership, options))
+    return run_program(program.kind, rows, membership.of(program.identity), program.options)
 
 
 def run_program(
-    program: str, scenario: Scenario, membership: Membership, options: dict[str, Any]
+    kind: str, rows: SafetyRows, membership: Membership, options: Mapping[str, Any]
 ) -> int:
     """Run one program in this process; its exit status."""
-    run = pkgutil.resolve_name(PROGRAMS[program])
-    status: int = run(scenario, membership, **options)
+    status: int = pkgutil.resolve_name(PROGRAMS[kind])(rows, membership, **options)
     return status
+
+
+def show_as(title: str) -> None:
+    """Have ps and top show this title; the kernel keeps 15 bytes."""
+    with contextlib.suppress(OSError):
+        Path("/proc/self/comm").write_text(title)
+
+
+def redirect_output(log: Path) -> None:
+    """Append all that this process prints to a file."""
+    file = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    os.dup2(file, sys.stdout.fileno())
+    os.dup2(file, sys.stderr.fileno())
+    os.close(file)
 
 
 def configure_logging() -> None:

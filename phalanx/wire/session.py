@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import socket
 import threading
 import time
@@ -36,7 +37,13 @@ def free_endpoint() -> str:
 
 
 def open_hub(endpoint: str) -> zenoh.Session:
-    """Open the session that all programs of a run meet in. Raises HubError."""
+    """Open the session that all programs of a run meet in. Raises HubError.
+
+    This process may open as many files from then on as its hard limit allows: each connection takes
+    some, and the usual soft limit of 1024 is too low for a few hundred programs.
+    """
+    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
     config = {
         **_common(),
         "mode": "router",

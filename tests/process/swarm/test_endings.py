@@ -130,16 +130,14 @@ class Faulty:
 
 
 FAILING = """
-import multiprocessing
-
-from phalanx.theory.laws.velocity import Pursue as Base
-
-if multiprocessing.current_process().name == "phx-agent-2":
-    raise RuntimeError("no camera")
+from phalanx.theory.laws.velocity import TrackVelocity as Base
 
 
-class Pursue(Base):
-    pass
+class TrackVelocity(Base):
+    def join(self, i, members, obstacles):
+        if members[i].name == "2":
+            raise RuntimeError("no camera")
+        return self
 """
 
 
@@ -148,7 +146,7 @@ def test_an_agent_that_fails_before_it_joins_ends_the_run_at_once_and_is_named(
 ):
     (tmp_path / "failing_user.py").write_text(FAILING)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    law = "agents.1.law={ type = 'failing_user:Pursue', gain = 5.0 }"
+    law = "agents.0.law={ type = 'failing_user:TrackVelocity', gain = 1.0 }"
     run = phalanx("run", "unicycles", "--set", law, "--set", "time.timeout=600")
     status, output = run.finish()
     run.wait_until_gone(ORPHAN_LIMIT)

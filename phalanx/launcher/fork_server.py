@@ -1,0 +1,105 @@
+"""The process that starts a run's programs: it builds their theory once, and all inherit it.
+
+It never opens a session: a process that has opened one must not fork.
+"""
+
+import gc
+import os
+import signal
+import sys
+import traceback
+from collections.abc import Sequence
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import NamedTuple, NoReturn
+
+from phalanx.launcher.programs import (
+    Program,
+    load_programs,
+    redirect_output,
+    show_as,
+    start_program,
+)
+from phalanx.scenario.load import from_json
+from phalanx.swarm.rows import SafetyRows, build_rows
+from phalanx.swarm.swarm import build_swarm
+from phalanx.wire.membership import Membership
+
+LOG = "programs.log"
+"""What the fork server itself prints, in the folder of the logs."""
+
+
+class Report(NamedTuple):
+    """One program was started, or has ended."""
+
+    identity: str
+    pid: int
+    exit_code: int | None = None
+    """None while it runs; negative: the signal that killed it."""
+
+
+class _StopError(Exception):
+    """The launcher waits no longer."""
+
+
+def serve(
+    scenario: str,
+    membership: Membership,
+    programs: Sequence[Program],
+    logs: Path,
+    reports: Connection,
+) -> None:
+    """Fork every program, and report on each until all have ended; on SIGTERM kill them.
+
+    Args:
+        scenario: resolved, as JSON.
+        membership: of the run.
+        programs: in the order in which they are to start.
+        logs: folder of the logs.
+        reports: takes a Report when a program was started, and when it has ended.
+    """
+    show_as("phalanx-forks")
+    redirect_output(logs / LOG)
+    load_programs(programs)
+    rows = build_rows(build_swarm(from_json(scenario)))
+    # What programs inherit stays shared as long as nobody writes to it, as a collector would.
+    gc.collect()
+    gc.freeze()
+    running: dict[int, str] = {}
+    try:
+        signal.signal(signal.SIGTERM, _stop)
+        for program in programs:
+            # Until the child is known here it must not be missed, and it must not take what is
+            # meant for this process.
+            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
+            if not (pid := os.fork()):
+                _become(program, rows, membership, logs)
+            running[pid] = program.identity
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
+            reports.send(Report(program.identity, pid))
+        while running:
+            pid, status = os.wait()
+            reports.send(Report(running.pop(pid), pid, os.waitstatus_to_exitcode(status)))
+    except (_StopError, BrokenPipeError) as ended:
+        if isinstance(ended, _StopError):
+            for pid in running:
+                os.kill(pid, signal.SIGKILL)
+
+
+def _stop(*_: object) -> None:
+    raise _StopError
+
+
+def _become(program: Program, rows: SafetyRows, membership: Membership, logs: Path) -> NoReturn:
+    """Be one program in this process, a forked one, until it ends."""
+    status = 1
+    try:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
+        status = start_program(program, rows, membership, logs)
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
