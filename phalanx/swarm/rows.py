@@ -47,13 +47,13 @@ class SafetyRows:
             return self.unfiltered(i)
         information = swarm.information()
         if not self.pair_chains:
-            return ComposedFilter(i, information, self._qp(i, 1), safety.authority)
+            return ComposedFilter(i, information, self._qp(i), safety.authority)
         pairs = self.own_pairs(i)
-        return PairwiseFilter(i, information, self._qp(i, len(pairs)), pairs, self.pair_terms(i))
+        return PairwiseFilter(i, information, self._qp(i), pairs, self.pair_terms(i))
 
     def unfiltered(self, i: int) -> SafetyFilter:
         """An adversary's, or a normal agent's that turned into one."""
-        return Unfiltered(i, self._qp(i, 1))
+        return Unfiltered(i, self._qp(i))
 
     def terms(self, i: int) -> TermsFunction:
         """Agent i's compiled h_tot, its margin included; an adversary sees everything."""
@@ -128,10 +128,8 @@ class SafetyRows:
         radius = self.swarm.radius
         return None if radius is None else self.swarm.safe_set.within(i, radius)
 
-    def _qp(self, i: int, safety_rows: int) -> NearestInput:
-        dynamics, composed = self.swarm.members[i].dynamics, self.swarm.safe_set
-        rows = dynamics.input_polytope(composed.x[composed.parts[i]])[0].shape[0]
-        return NearestInput(dynamics.input_metric(), rows, safety_rows)
+    def _qp(self, i: int) -> NearestInput:
+        return NearestInput(self.swarm.members[i].dynamics.input_metric())
 
 
 def build_rows(swarm: Swarm) -> SafetyRows:

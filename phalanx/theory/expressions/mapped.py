@@ -31,7 +31,7 @@ class MappedFunction:
     """
 
     def __init__(self, inputs: Sequence[ca.SX], outputs: Sequence[ca.SX]) -> None:
-        """Columns of symbols, in the order of a row; expressions of them, each flattened by rows."""
+        """Columns of symbols, in a row's order; expressions of them, each flattened by rows."""
         row = ca.vertcat(*inputs)
         flat = ca.vertcat(*[ca.vec(ca.densify(o.T)) for o in outputs])
         self._function = portable_function([row], flat)

@@ -103,10 +103,7 @@ class _Team:
         ]
         composed = compose(team, around, Separation(guard.radius), guard.rho)
         self._terms = TermsFunction(build_chain(composed, guard.alpha, guard.xi), margin=guard.eta)
-        dynamics = members[i].dynamics
-        own = composed.x[composed.parts[self._self]]
-        rows = dynamics.input_polytope(own)[0].shape[0]
-        self._qp = NearestInput(dynamics.input_metric(), rows)
+        self._qp = NearestInput(members[i].dynamics.input_metric())
 
     def guarded(self, x: Sequence[Array], u_nom: Array) -> Array:
         """The nearest input that keeps the team's safe set, shape (m_i,)."""

@@ -28,10 +28,8 @@ class JointInput:
         shapes = [d.input_polytope(ca.SX.sym("x", len(d.states)))[0].shape[0] for d in dynamics]
         metric = tuple(weight for d in dynamics for weight in d.input_metric())
         self._rows = stacked_slices(shapes)
-        self._qp = NearestInput(metric, sum(shapes))
-        self._alone = [
-            NearestInput(d.input_metric(), rows) for d, rows in zip(dynamics, shapes, strict=True)
-        ]
+        self._qp = NearestInput(metric)
+        self._alone = [NearestInput(d.input_metric()) for d in dynamics]
 
     def decide(
         self,

@@ -1,11 +1,12 @@
 """What a normal agent applies: the QP's input, else the backup LP's, Section "maxpreserve"."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.theory.expressions.exact import dot
+from phalanx.theory.expressions.exact import dot, inner
 from phalanx.theory.models.polytope import Polytope, minimiser, vertices
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.qp import NearestInput
@@ -45,14 +46,14 @@ def decide(
     if terms.least[i] <= row.bound:
         u = qp.solve(u_nom, polytope, row)
         if u is not None:
-            return Decision(u, Origin.QP, _residual(row.a, u, row.bound))
+            return Decision(u, Origin.QP, _residual(row, u))
     elif terms.most[i] - terms.least[i] <= authority:
         u = qp.solve(u_nom, polytope)
         if u is not None:
-            return Decision(u, Origin.NO_AUTHORITY, _residual(row.a, u, row.bound))
+            return Decision(u, Origin.NO_AUTHORITY, _residual(row, u))
     u = minimiser(terms.c[i], polytope.corners)
     origin = Origin.SOLVER_FAILED if terms.least[i] <= row.bound else Origin.BACKUP
-    return Decision(u, origin, _residual(row.a, u, row.bound))
+    return Decision(u, origin, _residual(row, u))
 
 
 def decide_pairs(polytope: Polytope, rows: Rows, u_nom: Array, qp: NearestInput) -> Decision:
@@ -65,13 +66,19 @@ def decide_pairs(polytope: Polytope, rows: Rows, u_nom: Array, qp: NearestInput)
         u = least_violation(polytope, rows)
         holds = (dot(rows.a, u) <= rows.bound).all()
         origin = Origin.SOLVER_FAILED if holds else Origin.BACKUP
-    return Decision(u, origin, _residual(rows.a, u, rows.bound))
+    return Decision(u, origin, _worst_residual(rows, u))
 
 
-def _residual(a: Array, u: Array, bound: Array | float) -> float | None:
+def _residual(row: Row, u: Array) -> float | None:
+    """aᵀu - bound; None if it is infinite."""
+    left = max(inner(row.a, u) - row.bound, FAR)
+    return left if math.isfinite(left) else None
+
+
+def _worst_residual(rows: Rows, u: Array) -> float | None:
     """The largest a u - bound, at least FAR; None if it is infinite."""
-    worst = float(np.maximum(dot(a, u) - bound, FAR).max())
-    return worst if np.isfinite(worst) else None
+    worst = float(np.maximum(dot(rows.a, u) - rows.bound, FAR).max())
+    return worst if math.isfinite(worst) else None
 
 
 def least_violation(polytope: Polytope, rows: Rows) -> Array:

@@ -6,7 +6,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from phalanx.theory.expressions.exact import dot, length
-from phalanx.theory.models.polytope import Polytope
+from phalanx.theory.models.polytope import Box, Polytope
+from phalanx.theory.rows.box import nearest_in_box
 from phalanx.theory.rows.row import Row, Rows
 
 Array = NDArray[np.float64]
@@ -19,38 +20,93 @@ _INFINITY = 1e30
 _RHO = 0.1
 _STEEPEST = 1e4
 """Objectives with a larger linear part are scaled down to it."""
+_FARTHEST = 1e6
+"""How many times as far as U_i a nominal input counts."""
 _SOLVED = int(osqp.SolverStatus.OSQP_SOLVED)
 
 
 class NearestInput:
-    """argmin of Σ w (u - u_nom)² over A u <= b and a u <= bound, by OSQP.
+    """argmin of Σ w (u - u_nom)² over A u <= b and a u <= bound.
 
-    One solver is kept and updated: its sparsity is dense and fixed, since a zero that vanished
-    from the pattern would make the update wrong. An answer depends on its question alone: adaptive
-    ρ counts iterations, not time, and begins anew each time; nothing is scaled by what came before.
+    In a box with one row it is a number to find (nearest_in_box); any other is OSQP's. A solver is
+    kept for each number of rows that comes, and an answer depends on its question alone.
     """
 
-    def __init__(self, metric: tuple[float, ...], rows: int, safety_rows: int = 1) -> None:
-        """For inputs of len(metric) components, a polytope of `rows` rows and the safety rows."""
-        m, total = len(metric), rows + safety_rows
+    def __init__(self, metric: tuple[float, ...], most_steps: int = 20_000) -> None:
+        """metric: w, one weight for each input. most_steps: OSQP gives up after so many."""
+        self._metric, self._most_steps = metric, most_steps
+        self._solvers: dict[int, _Osqp] = {}
+
+    def solve(
+        self, u_nom: Array, polytope: Polytope, row: Row | Rows | None = None
+    ) -> Array | None:
+        """The nearest input, shape (m,), or None unless it was found and every row holds.
+
+        Args:
+            u_nom: shape (m,).
+            polytope: U_i.
+            row: the safety row or rows; None asks for the projection onto U_i.
+        """
+        box = polytope.box
+        if box is None:
+            return self._solved(u_nom, polytope, row)
+        if isinstance(row, Row):
+            return self._in_box(u_nom, box, row)
+        # The metric is diagonal: without rows the nearest input is u_nom clipped.
+        clipped = np.minimum(np.maximum(u_nom, box.low), box.high)
+        if row is None or (dot(row.a, clipped) <= row.bound).all():
+            return clipped
+        return self._solved(u_nom, polytope, row)
+
+    def _in_box(self, u_nom: Array, box: Box, row: Row) -> Array | None:
+        low, high, a = box.low.tolist(), box.high.tolist(), row.a.tolist()
+        wanted = u_nom.tolist()
+        if max(map(abs, wanted)) > _FARTHEST:
+            wanted = _within_reach(u_nom, box).tolist()
+        u = nearest_in_box(wanted, self._metric, low, high, a, row.bound, TOLERANCE)
+        return None if u is None else np.array(u)
+
+    def _solved(self, u_nom: Array, polytope: Polytope, row: Row | Rows | None) -> Array | None:
+        A, b, allowed = polytope.A, polytope.b, polytope.b + min(TOLERANCE, polytope.allowance)
+        if row is not None:
+            a, bound = np.atleast_2d(row.a), np.atleast_1d(row.bound)
+            sizes = length(a)
+            if (bound[sizes == 0.0] < 0.0).any() or np.isneginf(bound).any():
+                return None
+            # Unit normals: rows of ‖a‖ from 1e-5 to 40 would strain the tolerances. A row that no
+            # input changes, and that holds, binds nothing.
+            scale = np.where(sizes > 0.0, sizes, 1.0)
+            bound = np.minimum(bound / scale, _INFINITY)
+            A, b = np.concatenate((A, a / scale[:, None])), np.concatenate((b, bound))
+            allowed = np.concatenate((allowed, bound + TOLERANCE))
+        if len(b) not in self._solvers:
+            self._solvers[len(b)] = _Osqp(self._metric, len(b), self._most_steps)
+        u = self._solvers[len(b)].solve(u_nom, A, b)
+        return u if u is not None and (dot(A, u) <= allowed).all() else None
+
+
+class _Osqp:
+    """One solver that is updated and asked again, for a given number of rows.
+
+    Its sparsity is dense and fixed, since a zero that vanished from the pattern would make the
+    update wrong. Adaptive ρ counts iterations, not time, and begins anew each time; nothing is
+    scaled by what came before.
+    """
+
+    def __init__(self, metric: tuple[float, ...], rows: int, most_steps: int) -> None:
         self._weights = np.array(metric)
-        self._polytope, self._safety = slice(rows), slice(rows, total)
-        self._upper = np.zeros(total)
-        self._matrix = np.zeros((total, m))
-        self._allowed = np.full(total, TOLERANCE)
         solver = osqp.OSQP()
-        pattern = sparse.csc_matrix(np.ones((total, m)))
         solver.setup(
             P=sparse.csc_matrix(np.diag(2.0 * self._weights)),
-            q=np.zeros(m),
-            A=pattern,
-            l=np.full(total, -np.inf),
-            u=np.ones(total),
+            q=np.zeros(len(metric)),
+            A=sparse.csc_matrix(np.ones((rows, len(metric)))),
+            l=np.full(rows, -np.inf),
+            u=np.ones(rows),
             verbose=False,
             eps_abs=1e-6,
             eps_rel=1e-8,
             polishing=True,
-            max_iter=20_000,
+            max_iter=most_steps,
             check_termination=10,
             adaptive_rho=True,
             adaptive_rho_interval=50,
@@ -59,47 +115,27 @@ class NearestInput:
             scaling=0,
         )
         # The compiled solver itself: what its wrapper adds to every call takes as long as a solve.
-        self._osqp = solver._solver
+        self._solver = solver._solver
 
-    def solve(
-        self, u_nom: Array, polytope: Polytope, row: Row | Rows | None = None
-    ) -> Array | None:
-        """The nearest input, shape (m,), or None unless OSQP solved it and every row holds.
-
-        In a box the nearest input without the rows is u_nom clipped, since the metric is diagonal;
-        if that satisfies the rows, it is the answer, and OSQP is not asked.
-
-        Args:
-            u_nom: shape (m,).
-            polytope: U_i.
-            row: the safety row or rows; None asks for the projection onto U_i.
-        """
-        if polytope.box is not None:
-            clipped = np.minimum(np.maximum(u_nom, polytope.box.low), polytope.box.high)
-            if row is None or (dot(row.a, clipped) <= row.bound).all():
-                return clipped
-        self._matrix[self._polytope], self._upper[self._polytope] = polytope.A, polytope.b
-        self._matrix[self._safety], self._upper[self._safety] = 0.0, _INFINITY
-        if row is not None:
-            a, bound = np.atleast_2d(row.a), np.atleast_1d(row.bound)
-            sizes = length(a)
-            if (bound[sizes == 0.0] < 0.0).any() or np.isneginf(bound).any():
-                return None
-            # Unit normals: rows of ‖a‖ from 1e-5 to 40 would strain the tolerances. A row that
-            # no input changes, and that holds, binds nothing.
-            scale = np.where(sizes > 0.0, sizes, 1.0)
-            self._matrix[self._safety] = a / scale[:, None]
-            self._upper[self._safety] = np.minimum(bound / scale, _INFINITY)
-        self._allowed[self._polytope] = min(TOLERANCE, polytope.allowance)
+    def solve(self, u_nom: Array, A: Array, b: Array) -> Array | None:
+        """argmin of Σ w (u - u_nom)² over A u <= b, or None if OSQP did not solve it."""
         # Scaling the objective leaves the argmin where it is; OSQP gives up on slopes of 10⁶.
         steepest = 2.0 * float(np.abs(self._weights * u_nom).max())
         quadratic = 2.0 * self._weights * (_STEEPEST / max(steepest, _STEEPEST))
-        self._osqp.update_rho(_RHO)
-        self._osqp.update_data_vec(q=-quadratic * u_nom, l=None, u=self._upper)
-        dense = self._matrix.ravel(order="F")
-        self._osqp.update_data_mat(P_x=quadratic, P_i=None, A_x=dense, A_i=None)
-        self._osqp.solve()
-        if self._osqp.info.status_val != _SOLVED:
+        self._solver.update_rho(_RHO)
+        self._solver.update_data_vec(q=-quadratic * u_nom, l=None, u=b)
+        self._solver.update_data_mat(P_x=quadratic, P_i=None, A_x=A.ravel(order="F"), A_i=None)
+        self._solver.solve()
+        if self._solver.info.status_val != _SOLVED:
             return None
-        u: Array = np.array(self._osqp.solution.x)
-        return u if (dot(self._matrix, u) <= self._upper + self._allowed).all() else None
+        return np.array(self._solver.solution.x)
+
+
+def _within_reach(u_nom: Array, box: Box) -> Array:
+    """u_nom, or the point of its ray beyond which 16 digits do not hold it and the box both.
+
+    The farther out on a ray, the less its nearest input moves.
+    """
+    farthest = _FARTHEST * max(1.0, float(np.abs(box).max()))
+    nearer: Array = u_nom * min(1.0, farthest / float(np.abs(u_nom).max()))
+    return nearer

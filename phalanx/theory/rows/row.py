@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.theory.expressions.exact import added, dot
+from phalanx.theory.expressions.exact import added, inner
 from phalanx.theory.rows.terms import Terms
 
 Array = NDArray[np.float64]
@@ -47,7 +47,7 @@ def paper_row(terms: Terms, i: int, received: Mapping[int, Array]) -> Row:
     others = terms.unforced + terms.margin
     for l, most in enumerate(terms.most.tolist()):
         if l in received:
-            others += float(dot(terms.c[l], received[l]))
+            others += inner(terms.c[l], received[l])
         elif l != i:
             others += most
     return Row(terms.c[i], -others)

@@ -72,7 +72,7 @@ class ComposedFilter:
             counted = self._information.usable(now.received, now.t)
             row = paper_row(terms, i, counted)
         decision = decide(terms, i, row, now.u_nom, self._qp, self._authority)
-        return Filtered(decision, [l for l in counted if terms.c[l].any()])
+        return Filtered(decision, [l for l in counted if any(terms.c[l].tolist())])
 
 
 class PairwiseFilter:

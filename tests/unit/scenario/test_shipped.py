@@ -40,6 +40,6 @@ def test_surrounded_by_equals_no_input_keeps_the_row():
     rows = rows_of_scenario("surrounded")
     terms = rows.terms(0)(rows.swarm.start())
     row = paper_row(terms, 0, {})
-    decision = decide(terms, 0, row, np.zeros(2), NearestInput((1.0, 1.0), 4), 0.0)
+    decision = decide(terms, 0, row, np.zeros(2), NearestInput((1.0, 1.0)), 0.0)
     assert terms.least[0] > row.bound
     assert decision.residual > 0

@@ -25,7 +25,7 @@ def test_the_qp_with_several_rows_keeps_them_all_and_is_nearest(seed):
     a = rng.normal(size=(3, 2))
     rows = Rows(a, a @ inside + rng.uniform(0.0, 0.3, 3))
     u_nom = rng.uniform(-2, 2, 2)
-    decision = decide_pairs(SQUARE, rows, u_nom, NearestInput((1.0, 1.0), 4, 3))
+    decision = decide_pairs(SQUARE, rows, u_nom, NearestInput((1.0, 1.0)))
     assert decision.origin is Origin.QP
     sizes = np.linalg.norm(a, axis=1)
     assert ((a @ decision.u - rows.bound) / sizes <= 2 * TOLERANCE).all()
@@ -41,7 +41,7 @@ def test_with_no_solution_the_backup_has_the_least_worst_violation(seed):
     rng = np.random.default_rng(seed)
     a = rng.normal(size=(3, 2))
     rows = Rows(a, (a @ SQUARE.corners.T).min(axis=1) - rng.uniform(0.1, 1.0, 3))
-    decision = decide_pairs(SQUARE, rows, np.zeros(2), NearestInput((1.0, 1.0), 4, 3))
+    decision = decide_pairs(SQUARE, rows, np.zeros(2), NearestInput((1.0, 1.0)))
     assert decision.origin is Origin.BACKUP
     others = rng.uniform(-1, 1, (400, 2))
     assert decision.residual <= ((others @ a.T) - rows.bound).max(axis=1).min() + 1e-9
@@ -54,36 +54,30 @@ def test_where_a_margin_is_unknown_no_input_keeps_the_row_and_the_backup_goes_ag
     rng = np.random.default_rng(seed)
     rows = Rows(rng.normal(size=(6, 2)) * 10, rng.uniform(-40, 40, 6))
     rows.bound[:2] = -np.inf
-    decision = decide_pairs(SQUARE, rows, np.zeros(2), NearestInput((1.0, 1.0), 4, 6))
+    decision = decide_pairs(SQUARE, rows, np.zeros(2), NearestInput((1.0, 1.0)))
     assert (decision.origin, decision.residual) == (Origin.BACKUP, None)
     others = rng.uniform(-1, 1, (50, 2))
     best = (others @ rows.a[:2].T).max(axis=1).min()
     assert (rows.a[:2] @ decision.u).max() <= best + 1e-9
 
 
-class GivesUp(NearestInput):
-    """OSQP with no iteration allowed: it never solves."""
-
-    def __init__(self, rows: int, safety_rows: int) -> None:
-        super().__init__((1.0, 1.0), rows, safety_rows)
-        settings = self._osqp.get_settings()
-        settings.max_iter = 1
-        self._osqp.update_settings(settings)
+GIVES_UP = NearestInput((1.0, 1.0), most_steps=1)
+"""OSQP with one iteration allowed: it never solves."""
 
 
 def test_a_solver_that_gives_up_is_no_empty_set_where_the_backup_keeps_every_row():
     rows = Rows(np.array([[1.0, 0.3], [0.2, 1.0]]), np.array([-0.3, -0.2]))
-    decision = decide_pairs(SQUARE, rows, np.array([3.0, 2.0]), GivesUp(4, 2))
+    decision = decide_pairs(SQUARE, rows, np.array([3.0, 2.0]), GIVES_UP)
     assert decision.origin is Origin.SOLVER_FAILED
     assert (rows.a @ decision.u <= rows.bound).all()
     empty = Rows(rows.a, np.array([-2.0, -0.2]))
-    assert decide_pairs(SQUARE, empty, np.ones(2), GivesUp(4, 2)).origin is Origin.BACKUP
+    assert decide_pairs(SQUARE, empty, np.ones(2), GIVES_UP).origin is Origin.BACKUP
 
 
 def test_where_no_pair_is_near_the_nominal_input_is_applied_and_every_number_is_finite():
     rows = Rows(np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([np.inf, np.inf]))
     u_nom = np.array([0.3, -0.2])
-    decision = decide_pairs(SQUARE, rows, u_nom, NearestInput((1.0, 1.0), 4, 2))
+    decision = decide_pairs(SQUARE, rows, u_nom, NearestInput((1.0, 1.0)))
     assert decision.u == pytest.approx(u_nom)
     assert np.isfinite(decision.residual)
 

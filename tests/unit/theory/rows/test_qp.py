@@ -54,7 +54,7 @@ def cutting_row(rng: np.random.Generator, u_set: Polytope, size: float, share: f
 def test_the_qp_finds_the_nearest_input_that_satisfies_the_row(seed, m, log_size, share):
     rng, u_set, weights, u_nom = drawn(seed, m)
     row = cutting_row(rng, u_set, 10.0**log_size, share)
-    u = NearestInput(tuple(weights), len(u_set.b)).solve(u_nom, u_set, row)
+    u = NearestInput(tuple(weights)).solve(u_nom, u_set, row)
     exact = nearest_by_active_sets(
         u_nom, weights, np.vstack([u_set.A, row.a]), np.append(u_set.b, row.bound)
     )
@@ -68,7 +68,7 @@ def test_the_qp_finds_the_nearest_input_that_satisfies_the_row(seed, m, log_size
 @given(seed=seeds, m=st.integers(1, 3))
 def test_without_a_row_the_qp_projects_onto_the_polytope(seed, m):
     _, u_set, weights, u_nom = drawn(seed, m)
-    u = NearestInput(tuple(weights), len(u_set.b)).solve(u_nom, u_set)
+    u = NearestInput(tuple(weights)).solve(u_nom, u_set)
     assert u == pytest.approx(nearest_by_active_sets(u_nom, weights, u_set.A, u_set.b), abs=2e-5)
 
 
@@ -77,7 +77,7 @@ def test_without_a_row_the_qp_projects_onto_the_polytope(seed, m):
 def test_the_qp_agrees_with_a_general_purpose_solver(seed):
     rng, u_set, weights, u_nom = drawn(seed, 2)
     row = cutting_row(rng, u_set, 1.0, 0.4)
-    u = NearestInput(tuple(weights), len(u_set.b)).solve(u_nom, u_set, row)
+    u = NearestInput(tuple(weights)).solve(u_nom, u_set, row)
     A, b = np.vstack([u_set.A, row.a]), np.append(u_set.b, row.bound)
     other = minimize(
         lambda v: weights @ (v - u_nom) ** 2,
@@ -96,13 +96,13 @@ def test_the_qp_agrees_with_a_general_purpose_solver(seed):
 def test_an_infeasible_row_gives_none(seed, m, log_size, gap):
     rng, u_set, weights, u_nom = drawn(seed, m)
     row = cutting_row(rng, u_set, 10.0**log_size, -gap)
-    assert NearestInput(tuple(weights), len(u_set.b)).solve(u_nom, u_set, row) is None
+    assert NearestInput(tuple(weights)).solve(u_nom, u_set, row) is None
 
 
 @pytest.mark.parametrize(("bound", "feasible"), [(0.0, True), (1.0, True), (-1e-9, False)])
 def test_a_row_without_authority_holds_for_all_inputs_or_for_none(bound, feasible):
     u_set = polytope(np.array([[1.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]), np.ones(3))
-    u = NearestInput((1.0, 1.0), 3).solve(np.zeros(2), u_set, Row(np.zeros(2), bound))
+    u = NearestInput((1.0, 1.0)).solve(np.zeros(2), u_set, Row(np.zeros(2), bound))
     assert (u is not None) is feasible
 
 
@@ -111,12 +111,12 @@ def test_a_row_without_authority_holds_for_all_inputs_or_for_none(bound, feasibl
 def test_a_solver_updated_many_times_answers_bit_for_bit_as_a_fresh_one(seed, m):
     """Adaptive ρ and warm starts would carry memory from one step into the next."""
     rng, u_set, weights, _ = drawn(seed, m)
-    kept = NearestInput(tuple(weights), len(u_set.b))
+    kept = NearestInput(tuple(weights))
     for _ in range(12):
         u_nom = rng.uniform(-9, 9, m)
         row = cutting_row(rng, u_set, 10.0 ** rng.uniform(-6, 3), rng.uniform(-0.3, 0.9))
         moved = polytope(u_set.A, u_set.b + rng.uniform(0, 1, len(u_set.b)))
-        fresh = NearestInput(tuple(weights), len(u_set.b)).solve(u_nom, moved, row)
+        fresh = NearestInput(tuple(weights)).solve(u_nom, moved, row)
         again = kept.solve(u_nom, moved, row)
         assert (fresh is None) is (again is None)
         if fresh is not None and again is not None:
@@ -128,7 +128,7 @@ def test_a_solver_updated_many_times_answers_bit_for_bit_as_a_fresh_one(seed, m)
 def test_zeros_in_the_polytope_do_not_upset_the_kept_solver(seed):
     """A zero that vanished from the sparsity pattern would shift all coefficients after it."""
     rng, _, weights, _ = drawn(seed, 2)
-    kept = NearestInput(tuple(weights), 3)
+    kept = NearestInput(tuple(weights))
     triangles = [[[-1, 0], [0, -1], [1, 1]], [[0.6, 0.8], [-1, 0.2], [0.1, -1]]]
     for A in triangles * 2:
         u_set, u_nom = polytope(np.array(A, dtype=float), np.ones(3)), rng.uniform(-4, 4, 2)
@@ -141,7 +141,7 @@ def test_zeros_in_the_polytope_do_not_upset_the_kept_solver(seed):
 
 def test_an_answer_is_the_callers_to_keep():
     u_set = polytope(np.array([[1.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]), np.ones(3))
-    qp = NearestInput((1.0, 1.0), 3)
+    qp = NearestInput((1.0, 1.0))
     first = qp.solve(np.array([5.0, 0.0]), u_set)
     assert first is not None
     before = first.copy()
@@ -161,7 +161,7 @@ BOX = polytope(np.vstack([np.eye(3), -np.eye(3)]), np.array([4.0, 2.0, 1.0, 4.0,
 @pytest.mark.parametrize("size", [1e3, 1e6, 1e9, 1e12])
 def test_a_nominal_input_of_any_size_is_brought_to_the_nearest_one(size):
     """No point of the set lies beyond u in the direction of u_nom: that makes u the nearest."""
-    rng, qp = np.random.default_rng(0), NearestInput((1.0, 1.0, 1.0), 6)
+    rng, qp = np.random.default_rng(0), NearestInput((1.0, 1.0, 1.0))
     solved = 0
     for _ in range(200):
         row = cutting_row(rng, BOX, 3.0, rng.uniform(0.05, 0.6))
@@ -182,5 +182,5 @@ def test_a_solution_at_a_sharp_corner_is_no_farther_out_than_an_actuator_admits(
     A = np.array([[np.sin(angle / 2), np.cos(angle / 2)], [np.sin(angle / 2), -np.cos(angle / 2)]])
     needle = polytope(np.vstack([A, [[-1.0, 0.0]]]), np.array([0.0, 0.0, 1.0]))
     for towards in ([1.0, 0.0], [1e5, 3.0], [1.0, -1e-3]):
-        u = NearestInput((1.0, 1.0), 3).solve(np.array(towards), needle)
+        u = NearestInput((1.0, 1.0)).solve(np.array(towards), needle)
         assert u is None or np.linalg.norm(u) <= ACTUATION or u[0] <= 0.0

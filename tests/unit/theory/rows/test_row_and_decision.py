@@ -132,8 +132,8 @@ def test_shares_change_no_faster_than_spans_do(seed):
     assert change <= 2.0 * np.abs(spans - others).sum() / spans.sum() + 1e-12
 
 
-def solver(i: int, rows: int) -> NearestInput:
-    return NearestInput(swarm().composed.members[i].dynamics.input_metric(), rows)
+def solver(i: int) -> NearestInput:
+    return NearestInput(swarm().composed.members[i].dynamics.input_metric())
 
 
 @given(seed=seeds, i=st.sampled_from(NORMAL), share=st.floats(0.01, 1.5))
@@ -143,7 +143,7 @@ def test_a_qp_input_is_in_the_safety_preserving_set(seed, i, share):
     row = Row(terms.c[i], terms.least[i] + share * (terms.most[i] - terms.least[i]))
     polytope = terms.polytopes[i]
     wanted = rng.uniform(-9, 9, 2)
-    decision = decide(terms, i, row, wanted, solver(i, len(polytope.b)), 0.0)
+    decision = decide(terms, i, row, wanted, solver(i), 0.0)
     assert decision.origin == Origin.QP
     assert (polytope.A @ decision.u <= polytope.b + 1e-5).all()
     assert row.a @ decision.u <= row.bound + 2e-6 * max(1.0, np.linalg.norm(row.a))
@@ -156,7 +156,7 @@ def test_without_solution_the_agent_does_what_helps_most(seed, i, gap):
     terms = terms_function()(x)
     row = Row(terms.c[i], terms.least[i] - gap)
     polytope = terms.polytopes[i]
-    decision = decide(terms, i, row, rng.uniform(-9, 9, 2), solver(i, len(polytope.b)), 0.0)
+    decision = decide(terms, i, row, rng.uniform(-9, 9, 2), solver(i), 0.0)
     assert decision.origin == Origin.BACKUP
     assert terms.c[i] @ decision.u == pytest.approx(terms.least[i])
     assert (polytope.A @ decision.u <= polytope.b + 1e-8).all()
@@ -170,12 +170,12 @@ def test_an_agent_that_cannot_help_goes_on_as_it_wants_within_its_bounds(seed, i
     span = terms.most[i] - terms.least[i]
     row, polytope = Row(terms.c[i], terms.least[i] - 1.0), terms.polytopes[i]
     wanted = rng.uniform(-9, 9, 2)
-    decision = decide(terms, i, row, wanted, solver(i, len(polytope.b)), 1.001 * span)
+    decision = decide(terms, i, row, wanted, solver(i), 1.001 * span)
     assert decision.origin == Origin.NO_AUTHORITY
-    projected = solver(i, len(polytope.b)).solve(wanted, polytope)
+    projected = solver(i).solve(wanted, polytope)
     assert projected is not None
     assert decision.u == pytest.approx(projected)
-    busier = decide(terms, i, row, wanted, solver(i, len(polytope.b)), 0.999 * span)
+    busier = decide(terms, i, row, wanted, solver(i), 0.999 * span)
     assert busier.origin == Origin.BACKUP
 
 
@@ -186,10 +186,9 @@ def test_no_decision_is_zero_or_the_raw_wish_when_that_is_outside(seed):
     terms = terms_function()(x)
     wanted = rng.uniform(5, 9, 2)  # outside every polytope here but a stretched triangle
     for i in (0, 2):
-        rows = len(terms.polytopes[i].b)
         for bound in (terms.least[i] - 1.0, terms.least[i] + 0.1, 1e6):
             for authority in (0.0, 1e9):
                 row = Row(terms.c[i], bound)
-                u = decide(terms, i, row, wanted, solver(i, rows), authority).u
+                u = decide(terms, i, row, wanted, solver(i), authority).u
                 assert np.abs(u).max() > 1e-6
                 assert np.abs(u - wanted).max() > 0.1
