@@ -126,7 +126,7 @@ class Judge:
                 continue
             if self._start.checked == 0:
                 self._start.check(bool((piece.h[0] <= 0.0).all()), float(piece.times[0]))
-            self.truth.add(piece.times, piece.h, piece.h_tot)
+            self.truth.add(piece.times, piece.pairs, piece.h, piece.h_tot)
             for t, psi in zip(piece.times.tolist(), piece.psi.tolist(), strict=False):
                 self._check_invariance(t, psi)
 

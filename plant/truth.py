@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from phalanx.guarantee.verdict import Violation
 from phalanx.theory.expressions.exact import dot
+from phalanx.theory.expressions.mapped import Index
 from phalanx.theory.safety.composition import ComposedSet
 
 Array = NDArray[np.float64]
@@ -14,8 +15,7 @@ class PairExtremes:
     """Running extremes of every pair's h and of h_tot."""
 
     def __init__(self, composed: ComposedSet) -> None:
-        self._labels = [composed.label(pair) for pair in composed.pairs]
-        count = len(self._labels)
+        self._composed, count = composed, len(composed.pairs)
         self._t = 0.0
         self._largest_h, self._worst_pair = -np.inf, 0
         # Of pairs that were unsafe at some time, the others are of no interest one by one.
@@ -37,18 +37,25 @@ class PairExtremes:
     @property
     def worst_pair(self) -> str:
         """The pair whose h was largest."""
-        return self._labels[self._worst_pair]
+        return self.label(self._worst_pair)
 
     def label(self, pair: int) -> str:
         """A pair in words, by its index."""
-        return self._labels[pair]
+        return self._composed.label(self._composed.pairs[pair])
 
-    def add(self, times: Array, h: Array, h_tot: Array) -> None:
-        """After s integration steps: times [s], shape (s,), every pair's h (s, p), h_tot (s,)."""
+    def add(self, times: Array, pairs: Index, h: Array, h_tot: Array) -> None:
+        """After s integration steps.
+
+        Args:
+            times: of each [s], shape (s,).
+            pairs: indices of those that count, shape (r,): no other is above them or above zero.
+            h: of each, shape (s, r).
+            h_tot: of all, shape (s,).
+        """
         at = int(h.argmax())
         if (highest := float(h.flat[at])) > self._largest_h:
-            self._largest_h, self._worst_pair = highest, at % h.shape[1]
-        self.largest, self.h_tot = int(h[-1].argmax()), float(h_tot[-1])
+            self._largest_h, self._worst_pair = highest, int(pairs[at % h.shape[1]])
+        self.largest, self.h_tot = int(pairs[h[-1].argmax()]), float(h_tot[-1])
         peak = float(h_tot.max())
         if peak > self.worst_h_tot:
             self.worst_h_tot, self.worst_at = peak, float(times[h_tot.argmax()])
@@ -56,19 +63,19 @@ class PairExtremes:
         # LSE is never below the largest h: with h_tot <= 0 no pair is unsafe. What is not a number
         # is not safe either.
         if not peak <= 0.0:
-            self._add_unsafe(times, h)
+            self._add_unsafe(times, pairs, h)
         self._t = float(times[-1])
 
-    def _add_unsafe(self, times: Array, h: Array) -> None:
+    def _add_unsafe(self, times: Array, pairs: Index, h: Array) -> None:
         unsafe, highest = ~(h <= 0.0), h.max(axis=0)
-        deeper = highest > self._worst
-        self._worst_at = np.where(deeper, times[h.argmax(axis=0)], self._worst_at)
-        self._worst = np.where(deeper, highest, self._worst)
-        self._unsafe.update(np.flatnonzero(unsafe.any(axis=0)).tolist())
+        deeper = highest > self._worst[pairs]
+        self._worst_at[pairs[deeper]] = times[h.argmax(axis=0)][deeper]
+        self._worst[pairs[deeper]] = highest[deeper]
+        self._unsafe.update(pairs[unsafe.any(axis=0)].tolist())
         lengths = np.diff(times, prepend=self._t)
-        self._duration += dot(unsafe.T.astype(np.float64), lengths)
+        self._duration[pairs] += dot(unsafe.T.astype(np.float64), lengths)
         first = np.where(unsafe.any(axis=0), times[unsafe.argmax(axis=0)], np.inf)
-        self._first = np.minimum(self._first, first)
+        self._first[pairs] = np.minimum(self._first[pairs], first)
 
     def take_peak(self) -> float:
         """Largest h_tot since this was last called, the value at that time included."""
@@ -84,12 +91,12 @@ class PairExtremes:
         """Pairs with h > 0 at some step, the deepest first."""
         found = [
             Violation(
-                self._labels[p],
+                self.label(p),
                 float(self._first[p]),
                 float(self._worst[p]),
                 float(self._worst_at[p]),
                 float(self._duration[p]),
             )
-            for p in np.flatnonzero(self._first < np.inf)
+            for p in np.flatnonzero(self._first < np.inf).tolist()
         ]
         return sorted(found, key=lambda v: -v.worst)

@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.plant.disturbance import SwarmDisturbance
+from phalanx.plant.motion import Motion
+from phalanx.plant.near import NearPairs
 from phalanx.swarm.rows import SafetyRows
-from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.expressions.mapped import Index
 from phalanx.theory.safety.composition import stacked_slices
 
 Array = NDArray[np.float64]
@@ -27,10 +29,12 @@ class IntegrationSteps(NamedTuple):
 
     times: Array
     """[s], shape (s,)"""
+    pairs: Index
+    """Which pairs count, shape (r,): no other is above them or above zero."""
     h: Array
-    """Every pair's h, shape (s, p)."""
+    """Of each, shape (s, r)."""
     h_tot: Array
-    """shape (s,)"""
+    """Of all pairs, shape (s,)."""
     psi: Array
     """The largest of all ψ_1 ... ψ_{q-1}, shape (s,); empty if q = 1."""
 
@@ -57,14 +61,13 @@ class World:
         self._longest = swarm.scenario.time.integration_step
         self._disturbances = SwarmDisturbance(swarm, rows.chain)
         self._line = self._disturbances.line(0.0, self.x)
-        truth = _truth(rows)
-        self._steps = _runge_kutta(swarm, truth, _STEPS_AT_ONCE)
-        x = swarm.safe_set.x
-        h, h_tot, psi = CompiledFunction([x], truth.call([x]))(self.x)
+        self._motion = Motion(swarm.members, _STEPS_AT_ONCE)
+        self._near = NearPairs(swarm, self._motion)
+        self._psi = _largest_psi(rows)
         self._seen: list[IntegrationSteps | DisturbanceKnot] = [
-            DisturbanceKnot(0.0, self._line.value),
-            IntegrationSteps(np.zeros(1), h[None], h_tot, psi),
+            DisturbanceKnot(0.0, self._line.value)
         ]
+        self._see(np.zeros(1), self.x[None])
 
     def take_seen(self) -> list[IntegrationSteps | DisturbanceKnot]:
         """What integration showed since this was last called, in order."""
@@ -89,69 +92,32 @@ class World:
             stop = min(stop, self.t + count * self._longest)
             length = (stop - self.t) / count
             phi = self._line.at(self.t)
-            steps = self._steps[count - 1]
-            self.x, h, h_tot, psi = steps(self.x, self._u, phi, self._line.slope, length)
-            if not (np.isfinite(self.x).all() and np.isfinite(h_tot).all()):
-                raise DivergedError(
-                    f"the state or h_tot is no longer finite at t = {stop:.3f} s: check dynamics "
-                    "and laws for divisions by zero and unbounded growth"
-                )
-            times = self.t + length * np.arange(1.0, count + 1)
-            self._seen.append(IntegrationSteps(times, h.reshape(count, -1), h_tot, psi))
+            x = self._motion.steps(count, self.x, self._u, phi, self._line.slope, length)
+            self.x = x[-1]
+            self._see(self.t + length * np.arange(1.0, count + 1), x)
             self.t = stop
 
+    def _see(self, times: Array, x: Array) -> None:
+        """Keep what states x, shape (s, n̄), are worth. Raises DivergedError."""
+        finite = bool(np.isfinite(x).all())
+        if finite:
+            pairs, h, h_tot = self._near(x)
+            finite = bool(np.isfinite(h_tot).all())
+        if not finite:
+            raise DivergedError(
+                f"the state or h_tot is no longer finite at t = {times[-1]:.3f} s: check dynamics "
+                "and laws for divisions by zero and unbounded growth"
+            )
+        psi = np.concatenate([self._psi(each)[0] for each in x]) if self._psi else np.zeros(0)
+        self._seen.append(IntegrationSteps(times, pairs, h, h_tot, psi))
 
-def _truth(rows: SafetyRows) -> ca.Function:
-    """x -> h of all pairs, a row; h_tot; and the largest of all ψ_1 ... ψ_{q-1}, or nothing.
+
+def _largest_psi(rows: SafetyRows) -> CompiledFunction | None:
+    """x -> the largest of all ψ_1 ... ψ_{q-1}; None if q = 1.
 
     Neighbourhoods are left out: ψ is of all pairs, as one row for each or as their composition.
     """
     composed = rows.swarm.safe_set
     chains = rows.pair_chains.values() or [rows.chain]
     psi = [composed.substitute(psi) for chain in chains for psi in chain.psi[1:]]
-    largest = ca.mmax(ca.vertcat(*psi)) if psi else ca.SX(0, 1)
-    h_tot = composed.substitute(composed.h_tot)
-    return ca.Function("truth", [composed.x], [composed.h.T, h_tot, largest])
-
-
-def _runge_kutta(swarm: Swarm, truth: ca.Function, most: int) -> list[CompiledFunction]:
-    """For 1 to `most` classical fourth-order steps: (x, u, φ, φ', dt) -> x⁺, and each step's truth.
-
-    φ is the disturbance at the first step's begin; it goes on along its line.
-    """
-    composed = swarm.safe_set
-    field = _vector_field(swarm)
-    start, u = ca.SX.sym("x", composed.x.numel()), ca.SX.sym("u", field.numel_in(1))
-    phi, slope = ca.SX.sym("phi", start.numel()), ca.SX.sym("slope", start.numel())
-    dt = ca.SX.sym("dt")
-    x = start
-    h: list[ca.SX] = []
-    h_tot: list[ca.SX] = []
-    psi: list[ca.SX] = []
-    functions = []
-    for step in range(most):
-        begin = phi + step * dt * slope
-        middle, end = begin + dt / 2 * slope, begin + dt * slope
-        k1 = field(x, u) + begin
-        k2 = field(x + dt / 2 * k1, u) + middle
-        k3 = field(x + dt / 2 * k2, u) + middle
-        k4 = field(x + dt * k3, u) + end
-        x = x + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        pairs, total, largest = truth(x)
-        h, h_tot, psi = [*h, pairs], [*h_tot, total], [*psi, largest]
-        outputs = [x, ca.vertcat(*h), ca.vertcat(*h_tot), ca.vertcat(*psi)]
-        functions.append(CompiledFunction([start, u, phi, slope, dt], outputs))
-    return functions
-
-
-def _vector_field(swarm: Swarm) -> ca.Function:
-    """f(x) + g(x) u of all agents, stacked."""
-    composed = swarm.safe_set
-    dynamics = [m.dynamics for m in swarm.members]
-    inputs = stacked_slices([len(d.inputs) for d in dynamics])
-    u = ca.SX.sym("u", inputs[-1].stop)
-    rates = [
-        d.drift(composed.x[part]) + d.actuation(composed.x[part]) @ u[held]
-        for d, part, held in zip(dynamics, composed.parts, inputs, strict=True)
-    ]
-    return ca.Function("f", [composed.x, u], [ca.vertcat(*rates)])
+    return CompiledFunction([composed.x], [ca.mmax(ca.vertcat(*psi))]) if psi else None

@@ -7,7 +7,7 @@ import casadi as ca
 from annotated_types import Gt
 
 from phalanx.theory.safety.function import Body
-from phalanx.theory.safety.obstacles import Obstacle
+from phalanx.theory.safety.obstacles import WIDER, Obstacle
 
 Positive = Annotated[float, Gt(0)]
 
@@ -28,6 +28,9 @@ class Distance:
 
     def to_obstacle(self, a: Body, obstacle: Obstacle) -> ca.SX:
         return obstacle.clearance - obstacle.distance(a.p)
+
+    def reach(self, level: float, obstacle: Obstacle | None = None) -> float:
+        return ((self.radius if obstacle is None else obstacle.clearance) - level) * WIDER
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,10 @@ class HeadingAware:
     def to_obstacle(self, a: Body, obstacle: Obstacle) -> ca.SX:
         cosine = _heading(a, obstacle.away(a.p))
         return obstacle.clearance + self.kappa * (1 - cosine) - obstacle.distance(a.p)
+
+    def reach(self, level: float, obstacle: Obstacle | None = None) -> float:
+        keep_out = self.radius if obstacle is None else obstacle.clearance
+        return (keep_out + 2.0 * self.kappa - level) * WIDER
 
 
 def _heading(body: Body, away: ca.SX) -> ca.SX:

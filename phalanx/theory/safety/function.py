@@ -1,12 +1,13 @@
 """Safe-set functions h of two agents, or of an agent and an obstacle; safe is h <= 0."""
 
 from dataclasses import dataclass
+from math import sqrt
 from typing import Annotated, Protocol, runtime_checkable
 
 import casadi as ca
 from annotated_types import Gt
 
-from phalanx.theory.safety.obstacles import Obstacle
+from phalanx.theory.safety.obstacles import WIDER, Obstacle
 
 Positive = Annotated[float, Gt(0)]
 
@@ -35,6 +36,18 @@ class SafeSetFunction(Protocol):
         """h of a normal agent a and an obstacle, scalar."""
 
 
+@runtime_checkable
+class Reaching(Protocol):
+    """A safe-set function that says how far it reaches, so that distant pairs can be left out."""
+
+    def reach(self, level: float, obstacle: Obstacle | None = None) -> float:
+        """Distance beyond which h is below a level <= 0 [m].
+
+        Of the output points of any two agents; or of an agent's from an obstacle, as the obstacle
+        measures it.
+        """
+
+
 @dataclass(frozen=True)
 class Separation:
     """h = R² - ‖p_a - p_b‖²: the output points stay R apart."""
@@ -47,3 +60,8 @@ class Separation:
 
     def to_obstacle(self, a: Body, obstacle: Obstacle) -> ca.SX:
         return obstacle.intrusion(a.p)
+
+    def reach(self, level: float, obstacle: Obstacle | None = None) -> float:
+        if obstacle is not None:
+            return obstacle.reach(level)
+        return sqrt(self.radius * self.radius - level) * WIDER

@@ -1,5 +1,6 @@
 """Static obstacles: a sphere or disc, and a wall."""
 
+import math
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -11,6 +12,9 @@ from numpy.typing import NDArray
 from phalanx.theory.expressions.exact import dot, length
 
 Array = NDArray[np.float64]
+
+WIDER = 1.0 + 1e-9
+"""What makes a reach one that rounding cannot reach beyond."""
 Positive = Annotated[float, Gt(0)]
 
 
@@ -26,6 +30,10 @@ class Sphere:
     def intrusion(self, p: ca.SX) -> ca.SX:
         """h = clearance² - ‖p - center‖² of an output point p [m]."""
         return self.clearance * self.clearance - ca.sumsqr(p - self._center)
+
+    def reach(self, level: float) -> float:
+        """Distance beyond which the intrusion is below a level <= 0 [m]."""
+        return math.sqrt(self.clearance * self.clearance - level) * WIDER
 
     def distance(self, p: ca.SX) -> ca.SX:
         """Distance of p from the center [m]: what a neighbourhood is measured by."""
@@ -64,6 +72,10 @@ class Wall:
     def intrusion(self, p: ca.SX) -> ca.SX:
         """h = n·p + clearance - offset of an output point p [m]."""
         return self.clearance - self.distance(p)
+
+    def reach(self, level: float) -> float:
+        """Distance beyond which the intrusion is below a level <= 0 [m]."""
+        return (self.clearance - level) * WIDER
 
     def distance(self, p: ca.SX) -> ca.SX:
         """Signed distance of p from the surface [m]."""

@@ -93,15 +93,19 @@ def test_a_disturbance_beyond_its_bound_is_counted_at_its_knot():
     assert counted(judge, "disturbance bound") == (1, 2, 0.2)
 
 
-PAIRS = 3 + 3 * 2 + 3 * 3
+def steps(times: list[float], h: list[float], psi: list[float] | None = None) -> IntegrationSteps:
+    """What integration showed of the first two pairs, all else being left out."""
+    both = np.array([h, h]).T
+    return IntegrationSteps(
+        np.array(times), np.arange(2), both, both.max(axis=1), np.array(psi or [])
+    )
 
 
 @pytest.mark.parametrize(("h", "failed"), [(-1.0, 0), (0.0, 0), (0.1, 1)])
 def test_a_start_outside_the_safe_set_is_counted_once(h, failed):
     judge = judge_of()
     for t in (0.0, 0.001):
-        truth = IntegrationSteps(np.array([t]), np.full((1, PAIRS), h), np.full(1, h), np.zeros(0))
-        judge.saw([truth])
+        judge.saw([steps([t], [h])])
     assert counted(judge, "start in S")[:2] == (failed, 1)
 
 
@@ -111,11 +115,9 @@ def test_a_given_margin_is_never_called_proven():
 
 def test_leaving_s_i_is_an_assumption_of_its_own_with_when_and_how_deep():
     judge = Judge(rows_of_scenario("formation3d"))
-    pairs = len(judge.truth._labels)
 
     def see(times: list[float], psi: list[float]) -> None:
-        h = np.full((len(times), pairs), -50.0)
-        judge.saw([IntegrationSteps(np.array(times), h, h.max(axis=1), np.array(psi))])
+        judge.saw([steps(times, [-50.0] * len(times), psi)])
 
     see([0.0, 0.1], [-3.0, 0.0])
     assert counted(judge, "stayed in S_I") == (0, 2, None)
@@ -126,8 +128,7 @@ def test_leaving_s_i_is_an_assumption_of_its_own_with_when_and_how_deep():
 
 def test_with_relative_degree_1_there_is_nothing_between_h_and_s_i():
     judge = judge_of()
-    h = np.full((1, len(judge.truth._labels)), -1.0)
-    judge.saw([IntegrationSteps(np.zeros(1), h, h[:, 0], np.zeros(0))])
+    judge.saw([steps([0.0], [-1.0])])
     assert "stayed in S_I" not in [a.name for a in judge.theorem]
 
 

@@ -18,7 +18,7 @@ def seen(truth: PairExtremes, times: list[float], **h: list[float]) -> None:
     table = np.full((len(times), len(labels)), -50.0)
     for name, values in h.items():
         table[:, labels.index(name[1:].replace("_", "-"))] = values
-    truth.add(np.array(times), table, table.max(axis=1) + 0.01)
+    truth.add(np.array(times), np.arange(len(labels)), table, table.max(axis=1) + 0.01)
 
 
 def test_a_violation_has_its_pair_its_beginning_its_depth_and_its_length():
