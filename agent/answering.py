@@ -64,7 +64,7 @@ class SampleAnswering:
         # Broadcasts come from other sessions than samples do: nothing orders the two, so a sample
         # may be here before a broadcast that it counts.
         sample = self._pending
-        if sample is None or self._step.inbox.missing(sample.latest):
+        if sample is None or self._step.lacks_broadcasts(sample):
             return
         self._pending = None
         try:

@@ -45,7 +45,7 @@ class CentralisedController:
 
     def _decide(self, x: Array, t: float) -> dict[int, StepResult]:
         terms, normal = self._terms(x), self._normal
-        states = [x[part] for part in self._parts]
+        states = {l: x[part] for l, part in enumerate(self._parts)}
         u_nom = [
             law.input(View(l, states, normal, goal(t, terms.positions[l]), terms))
             for l, law, goal in zip(normal, self._laws, self._goals, strict=True)
@@ -63,8 +63,10 @@ class CentralisedPart:
     def __init__(self, whole: CentralisedController, i: int) -> None:
         self._whole, self._i = whole, i
 
-    def __call__(self, x: Array, t: float, received: Mapping[int, ReceivedInput]) -> StepResult:
-        """Decide on the stacked state x, shape (n̄,), sampled at t [s]."""
+    def __call__(
+        self, x: Array, seen: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
+    ) -> StepResult:
+        """Decide on the stacked state x, shape (n̄,), sampled at t [s]; the controller sees all."""
         return self._whole.at(x, t)[self._i]
 
     def turned(self) -> DistributedController:

@@ -25,8 +25,10 @@ class StepResult(NamedTuple):
 class Controller(Protocol):
     """One agent's controller: its own, or its part of the centralised one."""
 
-    def __call__(self, x: Array, t: float, received: Mapping[int, ReceivedInput]) -> StepResult:
-        """Decide on the stacked state x, shape (n̄,), sampled at t [s]."""
+    def __call__(
+        self, x: Array, seen: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
+    ) -> StepResult:
+        """Decide on the stacked state x, shape (n̄,), sampled at t [s]: NaN but of those seen."""
 
     def turned(self) -> "Controller":
         """The same agent's as an adversary."""

@@ -30,13 +30,16 @@ class DistributedController:
         self._filter = rows.filter(i)
         self._latency = swarm.scenario.time.latency
 
-    def __call__(self, x: Array, t: float, received: Mapping[int, ReceivedInput]) -> StepResult:
-        """Decide on the stacked state x, shape (n̄,), sampled at t [s]."""
-        terms = self._terms(x)
+    def __call__(
+        self, x: Array, seen: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
+    ) -> StepResult:
+        """Decide on the stacked state x, shape (n̄,), sampled at t [s]: NaN but of those seen."""
+        terms = self._terms(x, seen)
         goal = self._goal(t, terms.positions[self._i])
-        states = [x[part] for part in self._parts]
-        u_nom = self._law.input(View(self._i, states, self._normal, goal, terms))
-        now = Situation(t + self._latency, x, terms, u_nom, received)
+        states = {l: x[self._parts[l]] for l in seen}
+        normal = [l for l in self._normal if l in states]
+        u_nom = self._law.input(View(self._i, states, normal, goal, terms))
+        now = Situation(t + self._latency, x, seen, terms, u_nom, received)
         decision, used = self._filter(now)
         return StepResult(decision, u_nom, used)
 

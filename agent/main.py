@@ -6,7 +6,7 @@ import signal
 import threading
 
 from phalanx.agent.answering import SampleAnswering
-from phalanx.agent.step import Answer, control_steps
+from phalanx.agent.step import Answer, ControlStep, control_steps
 from phalanx.scenario.load import digest
 from phalanx.swarm.rows import SafetyRows
 from phalanx.wire import session as wire
@@ -35,14 +35,13 @@ def run(rows: SafetyRows, membership: Membership) -> int:
     over = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: over.set())
     with wire.open_client(membership.endpoint, membership.timeout) as session:
-        senders = [_Sender(session, keys, sealer, step.name) for step in steps]
+        senders = [_Sender(session, keys, sealer, step) for step in steps]
         answerings = [
             SampleAnswering(step, sealer, sender, over.set, owns_process=len(steps) == 1)
             for step, sender in zip(steps, senders, strict=True)
         ]
         for step, answering in zip(steps, answerings, strict=True):
-            for other in step.listens_to:
-                wire.subscribe(session, keys.broadcast(other), answering.on_broadcast)
+            wire.subscribe(session, keys.broadcast("*", step.name), answering.on_broadcast)
             wire.subscribe(session, keys.sample(step.name), answering.on_sample)
         wire.watch(session, keys.alive(PLANT), lambda _, alive: None if alive else over.set())
         for sender in senders:
@@ -64,20 +63,27 @@ def run(rows: SafetyRows, membership: Membership) -> int:
 class _Sender:
     """Puts one agent's answers on the wire, what is waited for most first."""
 
-    def __init__(self, session: wire.Session, keys: Keys, sealer: Sealer, name: str) -> None:
-        self._sealer = sealer
-        self._actuation = wire.publisher(session, keys.actuation(name))
-        self._broadcast = wire.publisher(session, keys.broadcast(name))
-        self._telemetry = wire.publisher(session, keys.telemetry(name))
-        # A key expression's text is made anew each time it is asked for.
-        self._keys = [keys.actuation(name), keys.broadcast(name), keys.telemetry(name)]
+    def __init__(
+        self, session: wire.Session, keys: Keys, sealer: Sealer, step: ControlStep
+    ) -> None:
+        self._session, self._sealer = session, sealer
+        # A publisher's key expression is made anew each time it is asked for.
+        self._actuation_key, self._telemetry_key = (
+            keys.actuation(step.name),
+            keys.telemetry(step.name),
+        )
+        self._actuation = wire.publisher(session, self._actuation_key)
+        self._telemetry = wire.publisher(session, self._telemetry_key)
+        self._broadcast_keys = [keys.broadcast(step.name, peer) for peer in step.swarm.names]
 
     def __call__(self, answer: Answer) -> None:
-        publishers = (self._actuation, self._broadcast, self._telemetry)
-        for publisher, key, message in zip(publishers, self._keys, answer, strict=True):
-            publisher.put(self._sealer.seal(key, message))
+        self._actuation.put(self._sealer.seal(self._actuation_key, answer.actuation))
+        for hearer in answer.hearers:
+            key = self._broadcast_keys[hearer]
+            wire.put(self._session, key, self._sealer.seal(key, answer.broadcast))
+        self._telemetry.put(self._sealer.seal(self._telemetry_key, answer.telemetry))
 
     def wait_for_listeners(self, timeout: float) -> None:
         """Return when the hub takes what is put: what comes earlier is lost. Raises HubError."""
-        for publisher in (self._actuation, self._broadcast, self._telemetry):
+        for publisher in (self._actuation, self._telemetry):
             wire.wait_for_listener(publisher, timeout)

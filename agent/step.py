@@ -3,26 +3,27 @@
 import time
 from typing import NamedTuple
 
-import numpy as np
-
 from phalanx.agent.centralised import CentralisedController, CentralisedPart
 from phalanx.agent.controller import Controller
 from phalanx.agent.distributed import DistributedController
 from phalanx.faults.state import Orders
-from phalanx.network.inbox import BroadcastInbox
+from phalanx.network.inbox import BroadcastInbox, Existing
 from phalanx.network.link import Link
 from phalanx.scenario.fields import CONTROLLER
 from phalanx.swarm.rows import SafetyRows
+from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.messages import Actuation, Broadcast, Sample, Telemetry
 from phalanx.wire.seal import Malformed
 
 
 class Answer(NamedTuple):
-    """What an agent makes of a sample, for its three receivers."""
+    """What an agent makes of a sample: for its actuator, its peers and the plant."""
 
     actuation: Actuation
     broadcast: Broadcast
+    hearers: tuple[int, ...]
+    """Indices of the peers that get the broadcast."""
     telemetry: Telemetry
 
 
@@ -36,18 +37,15 @@ class ControlStep:
         self.i = i
         self.name = swarm.names[i]
         self.inbox = BroadcastInbox(_links(swarm, i))
+        self._senders = {swarm.names[j]: j for j in swarm.heard_by(i)}
         self.rejected = 0
         """Payloads dropped so far."""
+        self._states = SeenStates(swarm)
         self._next: int | None = None
         """The sample that has to come next; None before the first."""
         self._orders: Orders | None = None
         self._latency = swarm.scenario.time.latency
         self._controller: Controller = controller or DistributedController(rows, i)
-
-    @property
-    def listens_to(self) -> list[str]:
-        """Names of the agents whose broadcasts count for this one."""
-        return [self.swarm.names[j] for j in self.inbox.senders]
 
     def accept_sample(self, sample: Sample) -> Sample:
         """Check a sample against what the plant may send next. Raises Malformed.
@@ -55,19 +53,33 @@ class ControlStep:
         The first one may have any number: who takes over from an agent that died joins in the
         middle of a run, with an empty inbox.
         """
-        members = len(self.swarm.members)
-        if len(sample.x) != 8 * self.swarm.safe_set.x.numel() or len(sample.latest) != members:
+        if not len(sample.seen) == len(sample.since) == len(sample.latest):
             raise Malformed("wrong size")
+        try:
+            states = self._states.of(sample.x, sample.seen)
+        except ValueError as error:
+            raise Malformed("wrong size") from error
+        existing = _existing(sample)
+        if self.i not in states or not set(self._senders.values()).issuperset(existing):
+            raise Malformed("wrong agents")
+        if self.i in sample.hearers or not states.keys() >= set(sample.hearers):
+            raise Malformed("wrong agents")
         if sample.k < 0 or (self._next is not None and sample.k != self._next):
             raise Malformed("out of order")
         if self._next is None and sample.k > 0:
-            self.inbox.join_at(sample.latest)
+            self.inbox.join_at(existing)
         self._next = sample.k + 1
         return sample
 
+    def lacks_broadcasts(self, sample: Sample) -> bool:
+        """Whether a broadcast that a sample counts has yet to arrive."""
+        return self.inbox.missing(_existing(sample))
+
     def accept_broadcast(self, sender: str, message: Broadcast) -> None:
         """Put another agent's broadcast into the inbox. Raises Malformed."""
-        j = self.swarm.names.index(sender)
+        if sender not in self._senders:
+            raise Malformed("unknown sender")
+        j = self._senders[sender]
         if len(message.u) != len(self.swarm.members[j].dynamics.inputs):
             raise Malformed("wrong size")
         if not self.inbox.put(j, message):
@@ -77,15 +89,16 @@ class ControlStep:
         """Answer a sample. The inbox must not be missing a broadcast that the sample counts."""
         began = time.perf_counter()
         self._obey(sample.orders)
-        fates = self.inbox.advance(sample.latest, sample.t)
-        x = np.frombuffer(sample.x, dtype="<f8")
+        fates = self.inbox.advance(_existing(sample), sample.t)
+        x = self._states.stacked(self._states.of(sample.x, sample.seen))
         received = self.inbox.received()
-        decision, u_nom, used = self._controller(x, sample.t, received)
+        decision, u_nom, used = self._controller(x, sample.seen, sample.t, received)
         ages = {l: sample.t - received[l].since for l in used}
         u, t_apply = tuple(decision.u.tolist()), sample.t + self._latency
         return Answer(
             Actuation(k=sample.k, t_apply=t_apply, u=u),
             Broadcast(k=sample.k, t_apply=t_apply, u=u),
+            sample.hearers,
             Telemetry(
                 k=sample.k,
                 origin=decision.origin,
@@ -117,12 +130,15 @@ def control_steps(rows: SafetyRows, name: str) -> list[ControlStep]:
 
 
 def _links(swarm: Swarm, i: int) -> dict[int, Link]:
-    """The links on which agent i listens: to the other normal agents, if it counts on them."""
-    if swarm.members[i].adversary or swarm.scenario.safety.control == "centralised":
-        return {}
+    """The links on which agent i listens."""
     names, scenario = swarm.names, swarm.scenario
     return {
         j: Link(scenario.seed, names[j], names[i], scenario.network.link(names[j], names[i]))
-        for j in swarm.normal
-        if j != i
+        for j in swarm.heard_by(i)
     }
+
+
+def _existing(sample: Sample) -> dict[int, Existing]:
+    """Which broadcasts a sample counts, by sender."""
+    counted = zip(sample.seen, sample.since, sample.latest, strict=True)
+    return {j: Existing(since, latest) for j, since, latest in counted if since >= 0}

@@ -12,7 +12,7 @@ import queue
 import msgpack
 import zenoh
 
-VERSION = 2
+VERSION = 3
 
 
 def opened(key: str, payload: bytes, secret: str) -> list | None:
@@ -39,18 +39,18 @@ def main() -> None:
     handler = zenoh.handlers.Callback(arrived.put, indirect=False)
     run = f"phalanx/{options.run}"
     with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session:
-        session.declare_subscriber(f"{run}/broadcast/*", handler)
+        session.declare_subscriber(f"{run}/broadcast/*/*", handler)
         session.liveliness().declare_subscriber(f"{run}/alive/plant/*", handler, history=True)
         while (sample := arrived.get()).kind == zenoh.SampleKind.PUT:
             key = str(sample.key_expr)
-            _, name, kind, agent, *_ = key.split("/")
+            _, name, kind, agent, peer = key.split("/")
             if kind == "alive":
                 print(f"following run {name}", flush=True)
             elif (fields := opened(key, sample.payload.to_bytes(), options.secret)) is None:
                 print(f"{key}: not of this run, or of another version")
             else:
                 _, k, t_apply, u = fields
-                print(f"agent {agent}  k {k}  from {t_apply:.4f} s  u {u}")
+                print(f"agent {agent} to {peer}  k {k}  from {t_apply:.4f} s  u {u}")
     print("the run is over")
 
 

@@ -1,5 +1,6 @@
 """What actuators can do: an input outside U_i(x_i) cannot be applied, whoever asks for it."""
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -7,7 +8,6 @@ from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.models.polytope import constant_polytope, polytope
-from phalanx.wire.messages import Actuation, Sample
 
 Array = NDArray[np.float64]
 
@@ -16,22 +16,21 @@ class Actuators:
     """The input polytopes of all agents."""
 
     def __init__(self, swarm: Swarm) -> None:
-        composed = swarm.safe_set
+        states = [ca.SX.sym("x", len(m.dynamics.states)) for m in swarm.members]
         symbolic = [
-            m.dynamics.input_polytope(composed.x[part])
-            for m, part in zip(swarm.members, composed.parts, strict=True)
+            m.dynamics.input_polytope(x) for m, x in zip(swarm.members, states, strict=True)
         ]
         self._constant = [constant_polytope(A, b) for A, b in symbolic]
-        self._varying = [CompiledFunction([composed.x], Ab) for Ab in symbolic]
-
-    def admissible(self, i: int, sample: Sample, message: Actuation) -> bool:
-        """Whether agent i's input is within ACTUATION of U_i at the state it was sampled at."""
-        return self.takes(i, np.frombuffer(sample.x, dtype="<f8"), np.array(message.u))
+        self._varying = [
+            CompiledFunction([x], Ab) if known is None else None
+            for x, Ab, known in zip(states, symbolic, self._constant, strict=True)
+        ]
 
     def takes(self, i: int, x: Array, u: Array) -> bool:
-        """Whether u, shape (m_i,), is within ACTUATION of U_i at the stacked state x, (n̄,)."""
-        known = self._constant[i]
+        """Whether u, shape (m_i,), is within ACTUATION of U_i at agent i's state x, (n_i,)."""
+        known, varying = self._constant[i], self._varying[i]
         if known is None:
-            A, b = self._varying[i](x)
+            assert varying is not None
+            A, b = varying(x)
             known = polytope(A.reshape(len(b), -1), b)
         return bool((dot(known.A, u) <= known.b + known.allowance).all())

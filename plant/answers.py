@@ -2,7 +2,10 @@
 
 from collections import defaultdict
 
+import numpy as np
+
 from phalanx.plant.actuators import Actuators
+from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.messages import Actuation, Sample, Telemetry
 from phalanx.wire.seal import Malformed
@@ -12,7 +15,7 @@ class Answers:
     """The newest sample of each agent, and its answers until they are taken."""
 
     def __init__(self, swarm: Swarm) -> None:
-        self._admissible = Actuators(swarm).admissible
+        self._actuators, self._states = Actuators(swarm), SeenStates(swarm)
         self._agents = len(swarm.names)
         self._sizes = [len(m.dynamics.inputs) for m in swarm.members]
         self._latency = swarm.scenario.time.latency
@@ -50,7 +53,8 @@ class Answers:
             raise Malformed("out of order")
         if message.t_apply != sample.t + self._latency:
             raise Malformed("wrong time")
-        if not self._admissible(i, sample, message):
+        x = self._states.one(i, sample.x, sample.seen)
+        if not self._actuators.takes(i, x, np.array(message.u)):
             raise Malformed("outside U")
         self._answered[i] = message.k
         self._actuations[i] = message

@@ -54,7 +54,6 @@ class Hub:
         self._verdict = wire.publisher(self._session, keys.verdict)
         for every in (keys.actuation("*"), keys.telemetry("*")):
             wire.subscribe(self._session, every, lambda *m: self._events.put(m))
-        self._attracted = wire.attract(self._session, keys.broadcast("*"))
         wire.watch(self._session, keys.alive("*"), lambda *m: self._events.put(m))
         self._token = wire.announce(self._session, keys.alive(PLANT, self._joining.digest))
 

@@ -39,7 +39,8 @@ class Judge:
         self._swarm = swarm
         self._longest_gap = [g.clock.period + g.clock.jitter + _ROUNDING for g in swarm.groups]
         self._bounds = np.array([g.disturbance.bound for g in swarm.groups])
-        self._parts = [part.start for part in swarm.safe_set.parts]
+        self._parts = swarm.safe_set.parts
+        self._begins = [part.start for part in self._parts]
         self._x = swarm.start()
         """The true stacked state at the last event, shape (n̄,)."""
         self._in_force: dict[int, float] = {}
@@ -120,7 +121,7 @@ class Judge:
         """What the world went through."""
         for piece in seen:
             if isinstance(piece, DisturbanceKnot):
-                norms = np.sqrt(np.add.reduceat(piece.phi * piece.phi, self._parts))
+                norms = np.sqrt(np.add.reduceat(piece.phi * piece.phi, self._begins))
                 # Norms are convex: within the bound at the knots, within it on the line between.
                 self._phi.check(bool((norms <= self._bounds * (1.0 + _ROUNDING)).all()), piece.t)
                 continue
@@ -168,7 +169,7 @@ class Judge:
         return self.coverage.applied(event.i, event.t_apply, self._x, u)
 
     def _check_input(self, i: int, x: Array, u: Array, t: float) -> None:
-        self._inputs.check(self._actuators.takes(i, x, u), t)
+        self._inputs.check(self._actuators.takes(i, x[self._parts[i]], u), t)
 
     def _check_step(self, event: InputApplied, telemetry: Telemetry) -> None:
         self.origins[telemetry.origin] += 1

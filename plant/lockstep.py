@@ -13,10 +13,14 @@ import numpy as np
 from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind
 from phalanx.faults.state import Condition, FaultState, Orders
 from phalanx.plant.commands import CommandQueue
+from phalanx.plant.contacts import Contacts
 from phalanx.plant.events import CommandObeyed, Event, InputApplied, Sampled, StateReached
 from phalanx.plant.schedule import Schedule
+from phalanx.plant.sensing import Sensing
 from phalanx.plant.world import World
 from phalanx.recording.write import RecordingError
+from phalanx.swarm.seen import SeenStates
+from phalanx.swarm.swarm import Swarm
 from phalanx.wire.messages import Actuation, Sample
 
 
@@ -45,6 +49,7 @@ class Lockstep:
 
     def __init__(
         self,
+        swarm: Swarm,
         world: World,
         schedule: Schedule,
         agents: Agents,
@@ -55,6 +60,8 @@ class Lockstep:
         self.world = world
         self._schedule, self._agents, self._scribe = schedule, agents, scribe
         self._faults = faults
+        self._sensing, self._states = Sensing(swarm), SeenStates(swarm)
+        self._contacts = Contacts(len(swarm.members), swarm.scenario.time.latency)
         self._commands = commands or CommandQueue(NO_COMMANDS, ())
         self._sampled_at: dict[int, float] = {}
         self._happened: deque[Event] = deque()
@@ -112,14 +119,17 @@ class Lockstep:
 
     def _kill(self, i: int) -> None:
         """Tell agent i to die; the order travels in a sample that it does not answer."""
-        nothing = tuple(-1 for _ in self._faults.condition)
+        itself = (i,)
         self._agents.send_sample(
             i,
             Sample(
                 k=self._schedule.next_number(i),
                 t=self.world.t,
-                x=self._state(),
-                latest=nothing,
+                seen=itself,
+                x=self._states.packed(self.world.x, itself),
+                since=(-1,),
+                latest=(-1,),
+                hearers=(),
                 orders=Orders(die=True),
             ),
         )
@@ -129,27 +139,36 @@ class Lockstep:
         due = self._schedule.sampling_at(t)
         if not due:
             return
-        x, latest = self._state(), self._schedule.latest_before(t)
-        for i in due:
-            orders = self._faults.orders(i)
+        for i, sight in zip(due, self._sensing.sights(self.world.x, due), strict=True):
+            since, latest = self._contacts.existing(i, t, sight.seen)
             k = self._schedule.sampled(i, t)
+            self._contacts.sampled(i, k, t, sight)
             self._sampled_at[i] = t
             self._happened.append(Sampled(i, t))
-            self._agents.send_sample(i, Sample(k=k, t=t, x=x, latest=latest, orders=orders))
+            self._agents.send_sample(
+                i,
+                Sample(
+                    k=k,
+                    t=t,
+                    seen=sight.seen,
+                    x=self._states.packed(self.world.x, sight.seen),
+                    since=since,
+                    latest=latest,
+                    hearers=sight.hearers,
+                    orders=self._faults.orders(i),
+                ),
+            )
 
     def _apply(self, t: float) -> None:
         """Await and apply every input that takes effect at t."""
         for i in self._schedule.applying_at(t):
             message = self._agents.await_actuation(i)
-            self._schedule.applied(i, t, message.k)
+            self._schedule.applied(i)
             self.world.apply(i, np.array(message.u))
             sampled = self._sampled_at[i]
             self._happened.append(InputApplied(i, message.k, sampled, t, message.u))
             if self._faults.condition[i] == Condition.DEAD:
                 self._kill(i)
-
-    def _state(self) -> bytes:
-        return self.world.x.astype("<f8").tobytes()
 
     def _write_down(self) -> None:
         while self._happened:

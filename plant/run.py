@@ -61,7 +61,9 @@ class PlantRun:
         )
         clocks = [swarm.clock(i) for i in range(len(swarm.members))]
         schedule = Schedule(clocks, swarm.scenario.time.latency)
-        self._lockstep = Lockstep(self._world, schedule, agents, self._scribe, faults, commands)
+        self._lockstep = Lockstep(
+            swarm, self._world, schedule, agents, self._scribe, faults, commands
+        )
 
     def run(
         self,

@@ -1,4 +1,4 @@
-"""Who samples when, whose input takes effect when, and which broadcasts exist by then: pure."""
+"""Who samples when, and whose input takes effect when: pure."""
 
 import math
 from collections.abc import Sequence
@@ -16,8 +16,6 @@ class Schedule:
         self._next_sample = [0.0 for _ in clocks]
         self._due: dict[int, float] = {}
         """When each awaited input takes effect [s], by agent."""
-        self._broadcast = [[(-math.inf, -1)] for _ in clocks]
-        """For each agent, (time, number) of its last two broadcasts: the last before any t."""
 
     def next_event(self) -> float:
         """The earliest instant at which something is due [s]; infinite if nothing is."""
@@ -35,11 +33,6 @@ class Schedule:
         """The number of agent i's next sample."""
         return self._k[i]
 
-    def latest_before(self, t: float) -> tuple[int, ...]:
-        """For each agent, the number of its last broadcast before t [s]; -1 if none."""
-        # Not at t: agents that update together do not hear each other.
-        return tuple(max(k for sent, k in sends if sent < t) for sends in self._broadcast)
-
     def sampled(self, i: int, t: float) -> int:
         """Agent i samples at t [s]; the sample's number."""
         k = self._k[i]
@@ -48,10 +41,9 @@ class Schedule:
         self._due[i] = t + self._latency
         return k
 
-    def applied(self, i: int, t: float, k: int) -> None:
-        """Agent i's input for sample k took effect, and was broadcast, at t [s]."""
+    def applied(self, i: int) -> None:
+        """Agent i's input took effect."""
         del self._due[i]
-        self._broadcast[i] = [*self._broadcast[i][-1:], (t, k)]
 
     def awaits(self, i: int) -> bool:
         """Whether an input of agent i is on its way to its actuator."""

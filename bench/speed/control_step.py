@@ -100,9 +100,10 @@ def sampled(recording: Recording, swarm: Swarm, i: int) -> Iterator[Sampled]:
 def our_step(rows: SafetyRows, i: int) -> Callable[[Sampled], Array]:
     """Terms, row and QP, as agent i's process has them."""
     terms, decide = rows.terms(i), rows.filter(i)
+    everybody = tuple(range(len(rows.swarm.members)))
 
     def step(now: Sampled) -> Array:
-        situation = Situation(now.t, now.x, terms(now.x), now.u_nom, now.received)
+        situation = Situation(now.t, now.x, everybody, terms(now.x), now.u_nom, now.received)
         return decide(situation).decision.u
 
     return step
@@ -113,7 +114,7 @@ def cbfpy_step(
 ) -> Callable[[Sampled], Array]:
     """The same by cbfpy; what it has to be told is worked out beforehand, and not timed."""
     swarm, peer, terms = rows.swarm, Peer(rows, i, backend), rows.terms(i)
-    composed, radius = swarm.safe_set, swarm.radius
+    composed, radius = swarm.safe_set, swarm.sensing(i)
     everything = ca.SX.ones(len(composed.pairs))
     chosen = everything if radius is None else composed.within(i, radius)
     near = CompiledFunction([composed.x], [chosen])

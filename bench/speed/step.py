@@ -20,6 +20,7 @@ from typing import NamedTuple
 import phalanx
 from phalanx.agent.step import ControlStep
 from phalanx.swarm.rows import build_rows
+from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire import session as wire
 from phalanx.wire.keys import PLANT, Keys, kind_and_name
@@ -76,10 +77,13 @@ def payload_sizes(scenario: phalanx.Scenario) -> Sizes:
     """Of the first step of the first normal agent."""
     swarm = build_swarm(scenario)
     step = ControlStep(build_rows(swarm), swarm.normal[0])
-    x, nothing = swarm.start().astype("<f8").tobytes(), tuple(-1 for _ in swarm.members)
-    sample = Sample(k=0, t=0.0, x=x, latest=nothing)
+    nothing, seen = tuple(-1 for _ in swarm.members), tuple(range(len(swarm.members)))
+    x = SeenStates(swarm).packed(swarm.start(), seen)
+    hearers = swarm.heard_by(step.i)
+    sample = Sample(k=0, t=0.0, seen=seen, x=x, since=nothing, latest=nothing, hearers=hearers)
     answer = step(step.accept_sample(sample))
-    return Sizes(*map(_sealed, (sample, *answer)))
+    messages = (sample, answer.actuation, answer.broadcast, answer.telemetry)
+    return Sizes(*map(_sealed, messages))
 
 
 def _sealed(message: Message) -> int:
@@ -135,25 +139,24 @@ def exchange(
         answer.put((time.perf_counter() - began) / steps)
 
 
-def echo(endpoint: str, name: str, listens_to: list[str], sizes: Sizes) -> None:
+def echo(endpoint: str, name: str, peers: list[str], sizes: Sizes) -> None:
     """An agent of a bare exchange: it answers every payload, and hears what it would hear."""
     with wire.open_client(endpoint, timeout=20) as session:
-        replies = [
-            (wire.publisher(session, KEYS.actuation(name)), bytes(sizes.actuation)),
-            (wire.publisher(session, KEYS.broadcast(name)), bytes(sizes.broadcast)),
-            (wire.publisher(session, KEYS.telemetry(name)), bytes(sizes.telemetry)),
-        ]
+        actuation = wire.publisher(session, KEYS.actuation(name))
+        telemetry = wire.publisher(session, KEYS.telemetry(name))
+        broadcasts = [KEYS.broadcast(name, peer) for peer in peers]
 
         def reply(_key: str, _payload: bytes) -> None:
-            for publisher, payload in replies:
-                publisher.put(payload)
+            actuation.put(bytes(sizes.actuation))
+            for key in broadcasts:
+                wire.put(session, key, bytes(sizes.broadcast))
+            telemetry.put(bytes(sizes.telemetry))
 
-        for other in listens_to:
-            wire.subscribe(session, KEYS.broadcast(other), lambda _key, _payload: None)
+        wire.subscribe(session, KEYS.broadcast("*", name), lambda _key, _payload: None)
         wire.subscribe(session, KEYS.sample(name), reply)
         over = threading.Event()
         wire.watch(session, KEYS.alive(PLANT), lambda _, alive: None if alive else over.set())
-        wire.wait_for_listener(replies[0][0], timeout=20)
+        wire.wait_for_listener(actuation, timeout=20)
         _token = wire.announce(session, KEYS.alive(name, "bench"))
         over.wait()
 

@@ -34,8 +34,8 @@ def gaps_in_the_proof(swarm: Swarm) -> list[str]:
             and safety.composition == "lse"
             and safety.information is Information.SPLIT
         ),
-        "with safety.neighbourhood each agent's condition changes as others come and go: leave it "
-        "out": swarm.radius is not None,
+        "with safety.neighbourhood, or sensing, each agent's condition changes as others come and "
+        "go: leave it out": swarm.limited,
         "one controller needs agents that sample together: one clock.period, no clock.jitter": (
             safety.control == "centralised" and not swarm.synchronous
         ),

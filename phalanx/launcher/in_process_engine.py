@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 
-from phalanx.agent.step import ControlStep, control_steps
+from phalanx.agent.step import control_steps
 from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher.engine import Progress
@@ -51,9 +51,6 @@ class DirectAgents:
         self._names = rows.swarm.names
         steps = [s for name in rows.swarm.scenario.programs() for s in control_steps(rows, name)]
         self._steps = {step.i: step for step in steps}
-        self._listeners: dict[str, list[ControlStep]] = {
-            name: [step for step in steps if name in step.listens_to] for name in self._names
-        }
         self._actuations: dict[int, Actuation] = {}
         self._telemetry: dict[tuple[int, int], Telemetry] = {}
         self._progress = progress
@@ -75,8 +72,8 @@ class DirectAgents:
             ) from error
         self._actuations[i] = answer.actuation
         self._telemetry[i, sample.k] = answer.telemetry
-        for listener in self._listeners[name]:
-            listener.accept_broadcast(name, answer.broadcast)
+        for hearer in answer.hearers:
+            self._steps[hearer].accept_broadcast(name, answer.broadcast)
 
     def await_actuation(self, i: int) -> Actuation:
         """What agent i's actuator gets for its last sample."""

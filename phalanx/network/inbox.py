@@ -1,7 +1,7 @@
 """An agent's inbox for broadcasts: all that were sent arrive; the link rule says what it got."""
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import msgspec
 import numpy as np
@@ -26,6 +26,15 @@ class SentInput(Protocol):
         """The input, shape (m_l,)."""
 
 
+class Existing(NamedTuple):
+    """Which broadcasts of one sender exist for a receiver, as its sample counts them."""
+
+    since: int
+    """The first that counts."""
+    latest: int
+    """The last."""
+
+
 class Fate(msgspec.Struct, array_like=True, frozen=True):
     """What the network did to one broadcast on its way to the agent that tells of it."""
 
@@ -41,12 +50,17 @@ class BroadcastInbox:
     Real messages come as the transport brings them, after or before the sample that counts them.
     What the agent may know at t is decided here, by the link rule alone, so that delay and loss
     are exact and the machine's load has no part in them.
+
+    A sender whose broadcasts a sample does not count is out of sight: nothing is known of its input
+    any more, until broadcasts count that were sent since it came back.
     """
 
     def __init__(self, links: Mapping[int, Link]) -> None:
         """links: by sender's index; others are not listened to."""
         self._links = links
         self._arrived: dict[int, dict[int, SentInput]] = {sender: {} for sender in links}
+        self._since: dict[int, int] = {}
+        """Of the senders in sight: the first broadcast that counts."""
         self._decided = dict.fromkeys(links, -1)
         self._in_flight: dict[int, list[tuple[float, SentInput]]] = {s: [] for s in links}
         self._newest = dict.fromkeys(links, -1)
@@ -62,13 +76,11 @@ class BroadcastInbox:
         """Whom this inbox listens to."""
         return list(self._links)
 
-    def join_at(self, latest: tuple[int, ...]) -> None:
-        """Begin in the middle of a run: what was sent up to `latest` will not come any more."""
-        for sender in self._links:
-            self._decided[sender] = latest[sender]
-            self._arrived[sender] = {
-                k: message for k, message in self._arrived[sender].items() if k > latest[sender]
-            }
+    def join_at(self, existing: Mapping[int, Existing]) -> None:
+        """Begin in the middle of a run: what exists by now will not come any more."""
+        for sender, (since, latest) in existing.items():
+            self._since[sender] = since
+            self._skip_to(sender, latest)
 
     def put(self, sender: int, message: SentInput) -> bool:
         """Keep a broadcast. False if it is from the past or already here: a replay."""
@@ -78,35 +90,53 @@ class BroadcastInbox:
         waiting[message.k] = message
         return True
 
-    def missing(self, latest: tuple[int, ...]) -> bool:
-        """Whether a broadcast that exists by now, up to k = latest[sender], has yet to arrive."""
+    def missing(self, existing: Mapping[int, Existing]) -> bool:
+        """Whether a broadcast that exists by now, by sender, has yet to arrive."""
         return any(
             k not in self._arrived[sender]
-            for sender, decided in self._decided.items()
-            for k in range(decided + 1, latest[sender] + 1)
+            for sender, (since, latest) in existing.items()
+            for k in range(max(self._decided[sender] + 1, since), latest + 1)
         )
 
-    def advance(self, latest: tuple[int, ...], t: float) -> tuple[Fate, ...]:
-        """Decide every broadcast up to `latest`, and deliver those due by t [s].
+    def advance(self, existing: Mapping[int, Existing], t: float) -> tuple[Fate, ...]:
+        """Decide every broadcast that exists by now, by sender, and deliver those due by t [s].
 
         Returns the fates of those decided now. Of several delivered, the newest counts.
         """
+        for sender in [sender for sender in self._since if sender not in existing]:
+            self._forget(sender)
         fates = []
-        for sender, link in self._links.items():
-            for k in range(self._decided[sender] + 1, latest[sender] + 1):
+        for sender, (since, latest) in existing.items():
+            if self._since.get(sender) != since:
+                self._forget(sender)
+                self._since[sender] = since
+                self._skip_to(sender, since - 1)
+            for k in range(self._decided[sender] + 1, latest + 1):
                 message = self._arrived[sender].pop(k)
-                delay = link.fate(k)
+                delay = self._links[sender].fate(k)
                 fates.append(Fate(sender, k, -1.0 if delay is None else delay))
                 if delay is not None:
                     # A delay counts from when the input takes effect: it is sent then.
                     self._in_flight[sender].append((message.t_apply + delay, message))
-            self._decided[sender] = max(self._decided[sender], latest[sender])
+            self._decided[sender] = latest
             self._deliver(sender, t)
         return tuple(fates)
 
     def received(self) -> Mapping[int, ReceivedInput]:
-        """û_l by sender; a sender never heard is absent."""
+        """û_l by sender; one never heard since it came into sight is absent."""
         return self._received
+
+    def _forget(self, sender: int) -> None:
+        """Nothing that a sender broadcast so far counts any more."""
+        self._since.pop(sender, None)
+        self._received.pop(sender, None)
+        self._in_flight[sender] = []
+
+    def _skip_to(self, sender: int, k: int) -> None:
+        """Broadcasts up to k are of the past."""
+        self._decided[sender] = k
+        arrived = self._arrived[sender]
+        self._arrived[sender] = {n: message for n, message in arrived.items() if n > k}
 
     def _deliver(self, sender: int, t: float) -> None:
         due = [message for arrival, message in self._in_flight[sender] if arrival <= t]

@@ -59,6 +59,9 @@ class AgentGroup(Strict):
     """A normal agent's nominal law, or an adversary's attack."""
     clock: Clock
     disturbance: Disturbance = Disturbance(bound=0.0)
+    sensing: Positive | None = None
+    """How far each sees, and from where broadcasts reach it [m]; default: safety.neighbourhood for
+    normal agents, no limit for adversaries."""
     slots: tuple[Annotated[int, Field(ge=0)], ...] = ()
     """The formation slot of each agent: its goal, and its start unless start is given."""
     start: tuple[tuple[Finite, ...], ...] = ()

@@ -85,6 +85,9 @@ class Scenario(Strict):
             raise misplaced(("agents",), "expected at least one normal agent", "adversaries only")
         for index, group in enumerate(self.agents):
             self._check_places(index, group)
+            if group.role == "normal" and group.sensing and self.safety.needs_all_states:
+                message = "expected no value: with this safety.control and information all is seen"
+                raise misplaced(("agents", index, "sensing"), message, group.sensing)
             gap = group.clock.period - group.clock.jitter
             if self.time.latency >= gap:
                 message = f"expected less than {gap:g} s, the shortest time between two samples"

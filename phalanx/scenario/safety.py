@@ -60,8 +60,9 @@ class Safety(Strict):
     silence: Positive = 1.0
     """A normal agent not heard of for longer counts at γ_l^max, like an adversary [s]."""
     neighbourhood: Positive | None = None
-    """An agent composes only what lies within this distance of it [m]; default: everything, as a
-    centralised controller always does, and agents that split one condition between them."""
+    """How far normal agents see whose group does not say it [m]: an agent composes what it sees;
+    default: everything, as a centralised controller always does, and agents that split one
+    condition between them."""
     authority: NonNegative = 0.01
     """Below this span max c_i u - min c_i u of the composed row an agent's backup is futile."""
 
@@ -87,6 +88,15 @@ class Safety(Strict):
             message = "expected a number, or another margin: 'integrated' needs a linear α_q"
             raise misplaced(("alpha", len(self.alpha) - 1), message, self.alpha[-1])
         return self
+
+    @property
+    def needs_all_states(self) -> bool:
+        """Whether normal agents share one condition, and so must see every state.
+
+        One controller does, and agents that split one h_tot between them.
+        """
+        shared = self.information is Information.SPLIT and self.composition == "lse"
+        return shared or self.control == "centralised"
 
     @property
     def computes_margin(self) -> bool:

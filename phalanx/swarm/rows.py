@@ -105,8 +105,8 @@ class SafetyRows:
         if self.pair_chains:
             values = [psi for chain in self.pair_chains.values() for psi in chain.psi]
         else:
-            # With neighbourhoods every agent composes a set of its own.
-            views = self.swarm.normal if self.swarm.radius else self.swarm.normal[:1]
+            # With limited sensing every agent composes a set of its own.
+            views = self.swarm.normal if self.swarm.limited else self.swarm.normal[:1]
             values = [
                 composed.substitute(psi, self._active(i)) for i in views for psi in self.chain.psi
             ]
@@ -125,7 +125,7 @@ class SafetyRows:
 
     def _active(self, i: int) -> ca.SX | None:
         """Which pairs agent i composes, shape (p,), 0 or 1; None for all."""
-        radius = self.swarm.radius
+        radius = self.swarm.sensing(i)
         return None if radius is None else self.swarm.safe_set.within(i, radius)
 
     def _qp(self, i: int) -> NearestInput:

@@ -49,15 +49,23 @@ class Swarm:
         """Every agent's group."""
         return tuple(group for _, group, _ in self.scenario.roster())
 
-    @property
-    def radius(self) -> float | None:
-        """Of the neighbourhood [m]; None if everything is composed.
+    def sensing(self, i: int) -> float | None:
+        """How far agent i sees [m]; None if it sees everything."""
+        safety, own = self.scenario.safety, self.groups[i].sensing
+        if self.members[i].adversary:
+            return own
+        return None if safety.needs_all_states else own or safety.neighbourhood
 
-        One controller does so, and agents that share one condition, which must be the same.
-        """
-        safety = self.scenario.safety
-        shared = safety.information is Information.SPLIT and safety.composition == "lse"
-        return None if shared or safety.control == "centralised" else safety.neighbourhood
+    @cached_property
+    def limited(self) -> bool:
+        """Whether some normal agent sees, and so composes, less than everything."""
+        return any(self.sensing(i) is not None for i in self.normal)
+
+    def heard_by(self, i: int) -> tuple[int, ...]:
+        """The agents whose broadcasts count for agent i, wherever they are."""
+        if self.members[i].adversary or self.scenario.safety.control == "centralised":
+            return ()
+        return tuple(j for j in self.normal if j != i)
 
     @property
     def joint(self) -> bool:

@@ -1,4 +1,7 @@
-"""Key expressions: phalanx/<run>/<kind>/<name>, every chunk at a fixed depth."""
+"""Key expressions: phalanx/<run>/<kind>/<name>, every chunk at a fixed depth.
+
+A broadcast's has its receiver's name behind its sender's, a token's the digest of its scenario.
+"""
 
 from dataclasses import dataclass
 
@@ -23,9 +26,9 @@ class Keys:
         """One agent to its actuator in the plant: the input it applies."""
         return self._key("actuation", agent)
 
-    def broadcast(self, agent: str) -> str:
-        """One agent to its peers: the input it says it applies."""
-        return self._key("broadcast", agent)
+    def broadcast(self, sender: str, receiver: str) -> str:
+        """One agent to one of its peers: the input it says it applies."""
+        return f"{self._key('broadcast', sender)}/{receiver}"
 
     def telemetry(self, agent: str) -> str:
         """One agent to the plant: how its input was made."""

@@ -12,7 +12,7 @@ from phalanx.faults.state import Orders
 from phalanx.network.inbox import Fate
 from phalanx.theory.rows.origin import Origin
 
-VERSION = 2
+VERSION = 3
 MAX_BYTES = 65_536
 """Larger payloads are dropped unread."""
 
@@ -29,15 +29,22 @@ class Message(
 
 
 class Sample(Message, frozen=True, kw_only=True):
-    """Plant to agent i at its sampling instant: what it may see."""
+    """Plant to agent i at its sampling instant: what it sees, and nothing else."""
 
     k: int
     t: float
     """t_i^k [s]."""
+    seen: tuple[int, ...]
+    """Indices of the agents that it sees, itself among them, in order."""
     x: bytes
-    """Stacked state of all agents, little-endian float64."""
+    """Their states, stacked in that order, little-endian float64."""
+    since: tuple[int, ...]
+    """For each of them, the sequence number of the first of its broadcasts that count; -1 if none
+    does."""
     latest: tuple[int, ...]
-    """For each agent, the sequence number of its last broadcast before t; -1 if none."""
+    """For each of them, that of the last one before t: all from `since` on were put to agent i."""
+    hearers: tuple[int, ...]
+    """Indices of those among them that get agent i's broadcast: they see it too, and listen."""
     orders: Orders | None = None
 
 
@@ -55,7 +62,7 @@ class Actuation(Message, frozen=True, kw_only=True):
 
 
 class Broadcast(Message, frozen=True, kw_only=True):
-    """Agent i to its peers: the input that it says it holds from t_apply on."""
+    """Agent i to one of its peers: the input that it says it holds from t_apply on."""
 
     must_be_finite: ClassVar[bool] = True
 

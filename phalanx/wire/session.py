@@ -151,15 +151,13 @@ def subscribe(session: zenoh.Session, key: str, deliver: Deliver) -> None:
     session.declare_subscriber(key, zenoh.handlers.Callback(on_sample, indirect=False))
 
 
-def attract(session: zenoh.Session, key: str) -> object:
-    """Have everything on the key sent to this session, though nobody here reads it.
+def put(session: zenoh.Session, key: str, payload: bytes) -> None:
+    """Put a message on a key that has no publisher: the hub routes it to whoever is there.
 
-    A publisher that knows no subscriber sends nothing, and learns of a new one a moment late. With
-    the hub as a subscriber from the start, it sends, and the hub routes to whoever is there. It
-    lasts as long as the returned object is kept.
+    A declared publisher that knows no subscriber sends nothing, and learns of a new one a moment
+    late. Without one a client always sends.
     """
-    # A ring of one stays in Rust: no thread of Python's wakes up for what it drops.
-    return session.declare_subscriber(key, zenoh.handlers.RingChannel(1))
+    session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
 
 
 def watch(session: zenoh.Session, key: str, changed: Callable[[str, bool], None]) -> None:

@@ -28,7 +28,7 @@ def tapped(run: str, endpoint: str, kind: str = "*", timeout: float = 10.0) -> I
     keys = Keys(run)
     arrived: queue.SimpleQueue[tuple[str, bytes] | None] = queue.SimpleQueue()
     with open_client(endpoint, timeout) as session:
-        every = keys.everything if kind == "*" else f"phalanx/{run}/{kind}/*"
+        every = keys.everything if kind == "*" else f"phalanx/{run}/{kind}/**"
         subscribe(session, every, lambda key, payload: arrived.put((key, payload)))
         watch(session, keys.alive(PLANT), lambda _, alive: None if alive else arrived.put(None))
         while (message := arrived.get()) is not None:

@@ -13,6 +13,7 @@ VARIANTS = {
     "latency": {"time.latency": 0.004, "safety.information": "in-flight"},
     "one controller": {"safety.control": "centralised"},
     "one row for each pair": {"safety.composition": "pairs", "safety.information": "split"},
+    "agents that come and go": {"safety.neighbourhood": 4.7, "agents.1.sensing": 7.6},
     "adverse disturbances": {"agents.0.disturbance.kind": "adverse"},
 }
 

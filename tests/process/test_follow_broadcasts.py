@@ -12,7 +12,7 @@ import pytest
 from phalanx.wire.session import free_endpoint
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "follow_broadcasts.py"
-RUN = ["--scenario", "one-on-one", "--run", "r1", "--set", "duration=0.5", "--secret", "s"]
+RUN = ["--scenario", "stale-inputs", "--run", "r1", "--set", "duration=0.5", "--secret", "s"]
 
 
 def start(*command: object) -> subprocess.Popen[str]:
@@ -34,7 +34,8 @@ def test_it_prints_every_broadcast(tmp_path):
     assert [plant.wait(30), *[agent.wait(30) for agent in agents]] == [0, 0, 0]
     *broadcasts, last = printed.splitlines()
     assert last == "the run is over"
-    of = [re.fullmatch(r"agent (\d)  k (\d+)  from ([\d.]+) s  u \[.+\]", b) for b in broadcasts]
+    line = re.compile(r"agent (\d) to \d  k (\d+)  from ([\d.]+) s  u \[.+\]")
+    of = [line.fullmatch(broadcast) for broadcast in broadcasts]
     for name in names:
         numbers = [int(found[2]) for found in of if found[1] == name]
         assert numbers == list(range(len(numbers)))

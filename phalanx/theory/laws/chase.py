@@ -44,7 +44,11 @@ class Guard:
 
 @dataclass
 class Chase:
-    """K (x_target - x): each adversary pursues its own target, and may guard itself."""
+    """K (x_target - x): each adversary pursues its own target, and may guard itself.
+
+    While its target is out of sight it pursues the nearest normal agent, and with none in sight it
+    holds its place.
+    """
 
     gains: Gains
     """k_1 ... k_q, as Track has them."""
@@ -76,16 +80,23 @@ class Chase:
 
     def input(self, view: View) -> Array:
         x, here = view.x[view.i], self._output(view.x[view.i])
-        target = self._nearest(view) if self._target is None else self._target
+        target = self._nearest(view) if self._target not in view.x else self._target
         there = np.zeros_like(here)
-        known = self._outputs[target](view.x[target])[: len(here)]
-        there[: len(known)] = known
+        if target is None:
+            there[0] = here[0]
+        else:
+            known = self._outputs[target](view.x[target])[: len(here)]
+            there[: len(known)] = known
         u_nom = self._output.input_for(x, dot((there - here).T, np.array(self.gains)))
         return u_nom if self._team is None else self._team.guarded(view.x, u_nom)
 
-    def _nearest(self, view: View) -> int:
+    def _nearest(self, view: View) -> int | None:
         here = view.positions[view.i]
-        return min(view.normal, key=lambda n: float(np.sum((view.positions[n] - here) ** 2)))
+        return min(
+            view.normal,
+            key=lambda n: float(np.sum((view.positions[n] - here) ** 2)),
+            default=None,
+        )
 
 
 class _Team:
@@ -103,12 +114,17 @@ class _Team:
         ]
         composed = compose(team, around, Separation(guard.radius), guard.rho)
         self._terms = TermsFunction(build_chain(composed, guard.alpha, guard.xi), margin=guard.eta)
+        self._states = composed.parts
         self._qp = NearestInput(members[i].dynamics.input_metric())
 
-    def guarded(self, x: Sequence[Array], u_nom: Array) -> Array:
+    def guarded(self, x: Mapping[int, Array], u_nom: Array) -> Array:
         """The nearest input that keeps the team's safe set, shape (m_i,)."""
-        terms = self._terms(np.concatenate([x[j] for j in self._who]))
-        row = split_row(terms, self._self, range(len(self._who)))
+        stacked = np.full(self._states[-1].stop, np.nan)
+        seen = [place for place, j in enumerate(self._who) if j in x]
+        for place in seen:
+            stacked[self._states[place]] = x[self._who[place]]
+        terms = self._terms(stacked, seen)
+        row = split_row(terms, self._self, seen)
         return decide(terms, self._self, row, u_nom, self._qp, _FUTILE).u
 
 

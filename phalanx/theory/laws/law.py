@@ -3,7 +3,7 @@
 Both return an input before it is made safe or projected onto U_i.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -21,19 +21,19 @@ Gain = Annotated[float, Gt(0)]
 
 
 class View(NamedTuple):
-    """What a law may look at, at one sampling instant of agent i."""
+    """What a law may look at, at one sampling instant of agent i: itself, and whom it sees."""
 
     i: int
-    x: Sequence[Array]
-    """Every agent's state."""
+    x: Mapping[int, Array]
+    """States by agent's index, agent i's among them."""
     normal: Sequence[int]
-    """Indices of the normal agents."""
+    """Indices of the normal agents that it sees, itself included if it is one."""
     goal: Goal
     terms: Terms
 
     @property
-    def positions(self) -> list[Array]:
-        """Every agent's output position [m]."""
+    def positions(self) -> Mapping[int, Array]:
+        """Output positions by agent's index [m]."""
         return self.terms.positions
 
 

@@ -60,7 +60,10 @@ class TrackVelocity:
 
 @dataclass
 class Pursue:
-    """Output velocity k (p_nearest - p): chase the nearest normal agent, as in Simulation 1."""
+    """Output velocity k (p_nearest - p): chase the nearest normal agent, as in Simulation 1.
+
+    With none in sight it holds its place.
+    """
 
     gain: Gain = 5.0
     """k [1/s]"""
@@ -71,5 +74,5 @@ class Pursue:
     def input(self, view: View) -> Array:
         here = view.positions[view.i]
         towards = [view.positions[n] - here for n in view.normal]
-        nearest = min(towards, key=lambda d: float(dot(d, d)))
+        nearest = min(towards, key=lambda d: float(dot(d, d)), default=np.zeros_like(here))
         return self._invert(view.x[view.i], self.gain * nearest)

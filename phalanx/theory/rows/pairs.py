@@ -19,6 +19,7 @@ from phalanx.theory.expressions.exact import dot
 from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.rows.row import Rows
+from phalanx.theory.rows.unseen import with_unseen_far
 from phalanx.theory.safety.chain import Chain
 from phalanx.theory.safety.composition import ComposedSet
 
@@ -107,14 +108,21 @@ class PairTermsFunction:
             ca.vertcat(*near),
             *others,
         ]
+        self._parts = composed.parts
         self._shape = (len(pairs), len(pairs[0].chain.psi))
         self._inputs = pairs[0].chain.actuation[pairs[0].own].numel()
         self._with_member = [k for k, p in enumerate(pairs) if p.other is not None]
         self._evaluate = CompiledFunction([composed.x, *parameters], outputs)
 
-    def __call__(self, x: Array, *parameters: float) -> PairTerms:
-        """Evaluate at a stacked state x, shape (n̄,), and the parameters' values."""
-        psi, a, columns, near, *members = self._evaluate(x, *parameters)
+    def __call__(
+        self, x: Array, *parameters: float, seen: Sequence[int] | None = None
+    ) -> PairTerms:
+        """Evaluate at a stacked state x, shape (n̄,), and the parameters' values.
+
+        Only the members seen are known; None for all.
+        """
+        known = with_unseen_far(x, self._parts, seen)
+        psi, a, columns, near, *members = self._evaluate(known, *parameters)
         unforced, most, whole, half = columns.reshape(4, -1)
         others = [np.zeros(0)] * self._shape[0]
         for k, c in zip(self._with_member, members, strict=True):

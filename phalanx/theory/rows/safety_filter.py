@@ -27,7 +27,9 @@ class Situation(NamedTuple):
     t: float
     """When its input takes effect [s]."""
     x: Array
-    """Stacked sampled state, shape (n̄,)."""
+    """Stacked sampled state, shape (n̄,); NaN where it is not seen."""
+    seen: tuple[int, ...]
+    """The members that are seen."""
     terms: Terms
     """Of h_tot at that state."""
     u_nom: Array
@@ -96,7 +98,7 @@ class PairwiseFilter:
         information, i = self._information, self._i
         sharing = information.sharing(i, now.received, now.t) if self._split else []
         counted = information.usable(now.received, now.t)
-        rows = pair_rows(self._terms(now.x), self._pairs, counted, sharing)
+        rows = pair_rows(self._terms(now.x, seen=now.seen), self._pairs, counted, sharing)
         decision = decide_pairs(now.terms.polytopes[i], rows, now.u_nom, self._qp)
         return Filtered(decision, list(counted))
 

@@ -1,5 +1,6 @@
 """The numbers of one sampled state that a row is made of: the chain, compiled and evaluated."""
 
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import casadi as ca
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.polytope import Polytope, constant_polytope, extremes, polytope
+from phalanx.theory.rows.unseen import with_unseen_far
 from phalanx.theory.safety.chain import Chain
 
 Array = NDArray[np.float64]
@@ -31,8 +33,8 @@ class Terms(NamedTuple):
     """max over U_l of c_l u, shape (N,): γ_l^max without its drift."""
     polytopes: list[Polytope]
     """U_l by member."""
-    positions: list[Array]
-    """Output positions by member [m]."""
+    positions: Mapping[int, Array]
+    """Output positions of the members that are seen [m]."""
     margin: float = 0.0
     """η with all that is added to it at this state, as margins.margin.Margin sums it."""
 
@@ -58,6 +60,7 @@ class TermsFunction:
             EmptyPolytopeError: a constant input polytope is empty or unbounded.
         """
         composed = chain.set
+        self._parts = composed.parts
         symbolic = [
             member.dynamics.input_polytope(composed.x[part])
             for member, part in zip(composed.members, composed.parts, strict=True)
@@ -81,11 +84,14 @@ class TermsFunction:
         settled = [composed.substitute(o, active) for o in outputs]
         self._evaluate = CompiledFunction([composed.x], settled)
 
-    def __call__(self, x: Array) -> Terms:
-        """Evaluate at a stacked state x, shape (n̄,)."""
-        psi, (unforced, margin), least, most, *rest = self._evaluate(x)
+    def __call__(self, x: Array, seen: Sequence[int] | None = None) -> Terms:
+        """Evaluate at a stacked state x, shape (n̄,), of which only the members seen are known."""
+        psi, (unforced, margin), least, most, *rest = self._evaluate(
+            with_unseen_far(x, self._parts, seen)
+        )
         members = len(self._polytopes)
-        c, positions, varying = rest[:members], rest[members : 2 * members], rest[2 * members :]
+        c, everywhere, varying = rest[:members], rest[members : 2 * members], rest[2 * members :]
+        positions = {l: everywhere[l] for l in (range(members) if seen is None else seen)}
         polytopes = self._polytopes
         if varying:
             polytopes = list(polytopes)

@@ -55,6 +55,12 @@ def a_report(**changes: Any) -> Telemetry:
     return msgspec.structs.replace(message, **changes)
 
 
+def a_sample(k: int, x: bytes = bytes(8 * 15)) -> Sample:
+    nothing = (-1,) * AGENTS
+    seen = tuple(range(AGENTS))
+    return Sample(k=k, t=0.0, seen=seen, x=x, since=nothing, latest=nothing, hearers=())
+
+
 def sealed(body: bytes, key: str = KEY) -> bytes:
     return INSIDER._mac(key, body) + body
 
@@ -96,7 +102,7 @@ TO_PLANT = {
     "a field too many": (KEY, packed([*fields(), "more"]), "wrong fields"),
     "a number as text": (KEY, packed(fields(k="7")), "wrong fields"),
     "a sample for an input": (
-        KEY, INSIDER.seal(KEY, Sample(k=0, t=0.0, x=b"", latest=())), "wrong fields"),
+        KEY, INSIDER.seal(KEY, a_sample(0, x=b"")), "wrong fields"),
     "another version": (KEY, INSIDER.seal(KEY, an_input(version=99)), "other version"),
     "a time that is no number": (KEY, INSIDER.seal(KEY, an_input(t_apply=math.nan)), "not finite"),
     "an infinite input": (KEY, INSIDER.seal(KEY, an_input(u=(math.inf, 0.0))), "not finite"),
@@ -122,9 +128,8 @@ TO_AGENT = {
     "noise": os.urandom(300),
     "nothing": b"",
     "an input for a sample": INSIDER.seal(SAMPLE, an_input()),
-    "a state of another size": INSIDER.seal(SAMPLE, Sample(k=10**6, t=0.0, x=bytes(8), latest=())),
-    "an old sample": INSIDER.seal(
-        SAMPLE, Sample(k=0, t=0.0, x=bytes(8 * 15), latest=(-1,) * AGENTS)),
+    "a state of another size": INSIDER.seal(SAMPLE, a_sample(10**6, x=bytes(8))),
+    "an old sample": INSIDER.seal(SAMPLE, a_sample(0)),
 }  # fmt: skip
 
 

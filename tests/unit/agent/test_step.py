@@ -1,8 +1,11 @@
 """A control step beside its controller: what it accepts, and how it joins a run that goes on."""
 
+import msgspec
 import pytest
 
 from phalanx.agent.step import ControlStep
+from phalanx.swarm.seen import SeenStates
+from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Broadcast, Sample
 from phalanx.wire.seal import Malformed
 from tests.unit.swarms import rows_of_scenario
@@ -19,25 +22,36 @@ def step() -> ControlStep:
 def sample(step: ControlStep, k: int, latest: int) -> Sample:
     """The swarm where it starts, every other agent having sent broadcasts up to `latest`."""
     x = step.swarm.start().astype("<f8").tobytes()
-    return Sample(k=k, t=PERIOD * k, x=x, latest=(latest,) * len(step.swarm.members))
+    heard = step.swarm.heard_by(step.i)
+    members = range(len(step.swarm.members))
+    return Sample(
+        k=k,
+        t=PERIOD * k,
+        seen=tuple(members),
+        x=x,
+        since=tuple(0 if j in heard and latest >= 0 else -1 for j in members),
+        latest=tuple(latest if j in heard else -1 for j in members),
+        hearers=heard,
+    )
 
 
 def hear(step: ControlStep, k: int) -> None:
     """Broadcast k of every agent that this one listens to arrives."""
-    for name in step.listens_to:
+    for j in step.swarm.heard_by(step.i):
+        name = step.swarm.names[j]
         step.accept_broadcast(name, Broadcast(k=k, t_apply=PERIOD * k, u=(1.0, 0.0)))
 
 
 @pytest.mark.parametrize("k", [0, 1, 37])
 def test_whoever_takes_over_from_a_dead_agent_joins_at_any_sample(step: ControlStep, k: int):
     first = step.accept_sample(sample(step, k, latest=k - 1))
-    assert not step.inbox.missing(first.latest), "it waits for what was sent before its time"
+    assert not step.lacks_broadcasts(first), "it waits for what was sent before its time"
     answer = step(first)
     assert answer.actuation.k == answer.broadcast.k == answer.telemetry.k == k
     assert set(answer.telemetry.ages) == {None}, "it knows nobody's input yet"
     hear(step, k)
     second = step.accept_sample(sample(step, k + 1, latest=k))
-    assert not step.inbox.missing(second.latest)
+    assert not step.lacks_broadcasts(second)
     ages = step(second).telemetry.ages
     assert [age for age in ages if age is not None] == pytest.approx([PERIOD, PERIOD])
 
@@ -53,6 +67,41 @@ def test_after_the_first_every_sample_is_the_next(step: ControlStep, k: int):
     step.accept_sample(sample(step, 5, latest=4))
     with pytest.raises(Malformed, match="out of order"):
         step.accept_sample(sample(step, k, latest=4))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"seen": (1, 2, 3, 4), "x": bytes(96), "since": (-1,) * 4, "latest": (-1,) * 4},
+        {"since": (0, -1, -1, -1, -1)},
+        {"since": (-1, -1, -1, 0, -1)},
+        {"hearers": (0, 1)},
+        {"hearers": (1, 7)},
+    ],
+    ids=["not itself", "hears itself", "hears an adversary", "speaks to itself", "to nobody"],
+)
+def test_a_sample_about_others_than_it_can_be_about_is_refused(step: ControlStep, changes):
+    spoilt = msgspec.structs.replace(sample(step, 0, latest=-1), **changes)
+    with pytest.raises(Malformed, match="wrong agents"):
+        step.accept_sample(spoilt)
+
+
+def test_it_decides_on_those_it_sees_alone():
+    """What the sample leaves out changes nothing, and what is not a number enters nowhere."""
+    rows = rows_of_scenario("unicycles", "safety.neighbourhood=5.0")
+    step, states = ControlStep(rows, 0), SeenStates(rows.swarm)
+    seen, x = (0, 1, 2), rows.swarm.start()
+    first = sample(step, 0, latest=-1)
+    limited = msgspec.structs.replace(
+        first, seen=seen, x=states.packed(x, seen), since=(-1,) * 3, latest=(-1,) * 3
+    )
+    x[9:11] += 100.0  # agent 4, an adversary at 8 m, goes farther away
+    elsewhere = msgspec.structs.replace(first, x=states.packed(x, tuple(range(5))))
+    answers = [
+        s(s.accept_sample(a)) for s, a in ((step, limited), (ControlStep(rows, 0), elsewhere))
+    ]
+    assert answers[0].actuation == answers[1].actuation
+    assert answers[0].telemetry.origin is Origin.QP
 
 
 def test_what_peers_hear_is_the_input_and_nothing_of_how_it_was_made(step: ControlStep):

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import kstest
 
-from phalanx.network.inbox import BroadcastInbox, Fate
+from phalanx.network.inbox import BroadcastInbox, Existing, Fate
 from phalanx.network.link import Link
 from phalanx.scenario.load import load
 from phalanx.scenario.network import LinkModel, UniformDelay
@@ -92,6 +92,11 @@ def broadcast(k: int) -> Broadcast:
     return Broadcast(k=k, t_apply=k / 100, u=(float(k), 0.0))
 
 
+def upto(*latest: int) -> dict[int, Existing]:
+    """Broadcasts of senders 0, 1, ... that exist, all from the first on; -1: none."""
+    return {s: Existing(0, k) for s, k in enumerate(latest) if k >= 0}
+
+
 def inbox_of(model: LinkModel, senders: int = 1) -> BroadcastInbox:
     """The inbox of agent 9, which listens to senders 0, 1, ..."""
     return BroadcastInbox({s: Link(0, f"s{s}", "me", model) for s in range(senders)})
@@ -107,7 +112,7 @@ def test_what_was_received_does_not_depend_on_the_order_of_arrival(order):
     inbox = inbox_of(LOSSY)
     assert all(inbox.put(0, broadcast(k)) for k in order)
     for now in range(20):
-        inbox.advance((now,), now / 100)
+        inbox.advance(upto(now), now / 100)
         arrived = [
             k
             for k in range(now + 1)
@@ -119,19 +124,19 @@ def test_what_was_received_does_not_depend_on_the_order_of_arrival(order):
 
 def test_a_broadcast_is_missing_until_it_is_here_and_not_again_after_it_was_decided():
     inbox = inbox_of(LinkModel(), senders=2)
-    assert not inbox.missing((-1, -1))
-    assert inbox.missing((0, -1))
+    assert not inbox.missing(upto(-1, -1))
+    assert inbox.missing(upto(0, -1))
     inbox.put(0, broadcast(0))
-    assert not inbox.missing((0, -1))
-    assert inbox.missing((0, 0))
-    assert inbox.missing((1, -1))
+    assert not inbox.missing(upto(0, -1))
+    assert inbox.missing(upto(0, 0))
+    assert inbox.missing(upto(1, -1))
     inbox.put(0, broadcast(2))
-    assert inbox.missing((2, -1))
+    assert inbox.missing(upto(2, -1))
     inbox.put(0, broadcast(1))
-    assert not inbox.missing((2, -1))
-    inbox.advance((2, -1), 1.0)
-    assert not inbox.missing((2, -1))
-    assert inbox.missing((3, -1))
+    assert not inbox.missing(upto(2, -1))
+    inbox.advance(upto(2, -1), 1.0)
+    assert not inbox.missing(upto(2, -1))
+    assert inbox.missing(upto(3, -1))
 
 
 def test_duplicates_and_replays_are_refused_and_change_nothing():
@@ -139,7 +144,7 @@ def test_duplicates_and_replays_are_refused_and_change_nothing():
     assert inbox.put(0, broadcast(0))
     assert not inbox.put(0, broadcast(0))
     inbox.put(0, broadcast(1))
-    inbox.advance((1,), 1.0)
+    inbox.advance(upto(1), 1.0)
     for old in (0, 1, -1):
         assert not inbox.put(0, broadcast(old))
     assert newest(inbox) == 1
@@ -151,7 +156,7 @@ def test_the_first_of_two_claims_to_one_number_counts():
     inbox.put(0, broadcast(0))
     rival = Broadcast(k=0, t_apply=0.0, u=(99.0, 0.0))
     assert not inbox.put(0, rival)
-    inbox.advance((0,), 1.0)
+    inbox.advance(upto(0), 1.0)
     assert inbox.received()[0].u.tolist() == [0.0, 0.0]
 
 
@@ -159,9 +164,9 @@ def test_a_broadcast_that_came_early_counts_only_once_the_sample_says_it_exists(
     inbox = inbox_of(LinkModel())
     for k in range(3):
         inbox.put(0, broadcast(k))
-    inbox.advance((0,), 1.0)
+    inbox.advance(upto(0), 1.0)
     assert newest(inbox) == 0
-    inbox.advance((2,), 1.0)
+    inbox.advance(upto(2), 1.0)
     assert newest(inbox) == 2
 
 
@@ -169,11 +174,11 @@ def test_a_delayed_broadcast_is_received_when_its_delay_is_over():
     inbox = inbox_of(LinkModel(delay=0.025))
     inbox.put(0, broadcast(1))
     inbox.put(0, broadcast(0))
-    inbox.advance((1,), 0.02)
+    inbox.advance(upto(1), 0.02)
     assert newest(inbox) is None
-    inbox.advance((1,), 0.025)
+    inbox.advance(upto(1), 0.025)
     assert newest(inbox) == 0
-    inbox.advance((1,), 0.035)
+    inbox.advance(upto(1), 0.035)
     assert newest(inbox) == 1
 
 
@@ -183,7 +188,7 @@ def test_a_lost_broadcast_leaves_the_one_before_in_place():
     kept = None
     for k in range(40):
         inbox.put(0, broadcast(k))
-        inbox.advance((k,), k / 100)
+        inbox.advance(upto(k), k / 100)
         kept = kept if link.fate(k) is None else k
         assert newest(inbox) == kept
     assert kept is not None
@@ -199,7 +204,7 @@ def test_an_overtaken_broadcast_does_not_replace_the_newer_one():
     seen = []
     for t in np.arange(0.0, 1.0, 0.003):
         latest = min(59, int(t * 100))
-        inbox.advance((latest,), t)
+        inbox.advance(upto(latest), t)
         expected = max((k for k in range(latest + 1) if due[k] <= t), default=None)
         assert newest(inbox) == expected
         seen.append(expected)
@@ -212,7 +217,11 @@ def test_each_fate_is_told_once_with_its_delay_and_a_negative_one_for_a_loss():
     for s in (0, 1):
         for k in range(30):
             inbox.put(s, broadcast(k))
-    told = [*inbox.advance((9, 4), 0.1), *inbox.advance((9, 4), 0.2), *inbox.advance((29, 4), 0.3)]
+    told = [
+        *inbox.advance(upto(9, 4), 0.1),
+        *inbox.advance(upto(9, 4), 0.2),
+        *inbox.advance(upto(29, 4), 0.3),
+    ]
     expected = []
     for s, count in ((0, 30), (1, 5)):
         for k in range(count):
@@ -225,6 +234,45 @@ def test_each_fate_is_told_once_with_its_delay_and_a_negative_one_for_a_loss():
 def test_senders_do_not_disturb_one_another():
     inbox = inbox_of(LinkModel(), senders=3)
     inbox.put(1, broadcast(0))
-    inbox.advance((-1, 0, -1), 1.0)
+    inbox.advance(upto(-1, 0, -1), 1.0)
     assert set(inbox.received()) == {1}
     assert inbox.senders == [0, 1, 2]
+
+
+def test_who_goes_out_of_sight_is_forgotten_with_all_that_is_on_its_way():
+    inbox = inbox_of(LinkModel(delay=0.03))
+    for k in range(3):
+        inbox.put(0, broadcast(k))
+    inbox.advance({0: Existing(0, 2)}, 0.035)
+    assert newest(inbox) == 0
+    inbox.advance({}, 0.04)
+    assert newest(inbox) is None
+    inbox.advance({}, 1.0)
+    assert newest(inbox) is None, "what was in flight arrives no more"
+
+
+def test_who_comes_back_is_heard_again_from_its_first_broadcast_since():
+    inbox = inbox_of(LinkModel())
+    for k in (0, 1, 2, 5, 6):
+        inbox.put(0, broadcast(k))
+    inbox.advance({0: Existing(0, 1)}, 0.02)
+    inbox.advance({}, 0.03)
+    back = {0: Existing(5, 6)}
+    assert not inbox.missing(back)
+    told = inbox.advance(back, 0.07)
+    assert [fate.k for fate in told] == [5, 6], "broadcast 2 was of the contact before"
+    assert newest(inbox) == 6
+    assert not inbox.put(0, broadcast(2))
+
+
+def test_a_new_contact_between_two_samples_ends_the_old_one_though_nobody_was_out_of_sight():
+    slow = LinkModel(delay=0.03)
+    inbox = inbox_of(slow)
+    inbox.put(0, broadcast(0))
+    inbox.advance({0: Existing(0, 0)}, 0.03)
+    assert newest(inbox) == 0
+    inbox.put(0, broadcast(2))
+    inbox.advance({0: Existing(2, 2)}, 0.04)
+    assert newest(inbox) is None, "broadcast 1 was not for this agent: 0 is in force no more"
+    inbox.advance({0: Existing(2, 2)}, 0.05)
+    assert newest(inbox) == 2

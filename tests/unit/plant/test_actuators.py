@@ -6,16 +6,7 @@ import pytest
 from phalanx.plant.actuators import Actuators
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
-from phalanx.wire.messages import Actuation, Sample
 from tests.unit.swarms import swarm_of_scenario
-
-
-def message(u: tuple[float, ...]) -> Actuation:
-    return Actuation(k=0, t_apply=0.0, u=u)
-
-
-def sample(x: np.ndarray) -> Sample:
-    return Sample(k=0, t=0.0, x=x.astype("<f8").tobytes(), latest=(-1,) * 5)
 
 
 @pytest.mark.parametrize(
@@ -33,7 +24,7 @@ def sample(x: np.ndarray) -> Sample:
 )
 def test_an_actuator_takes_no_input_outside_its_polytope(i, u, admitted):
     actuators = Actuators(swarm_of_scenario("unicycles"))
-    assert actuators.admissible(i, sample(np.zeros(15)), message(u=u)) == admitted
+    assert actuators.takes(i, np.zeros(3), np.array(u)) == admitted
 
 
 SHRINKING = '''
@@ -74,13 +65,13 @@ def test_an_actuator_whose_polytope_varies_is_held_to_the_one_at_the_sampled_sta
         "agents.0.spread=[]",
     ]
     actuators = Actuators(build_swarm(load("unicycles", overrides)))
-    x, rest = np.zeros(12), (0.0,) * (len(inputs) - 1)
-    assert actuators.admissible(0, sample(x), message(u=(1.0, *rest)))
+    x, rest = np.zeros(2), (0.0,) * (len(inputs) - 1)
+    assert actuators.takes(0, x, np.array((1.0, *rest)))
     x[0] = 3.0
-    assert not actuators.admissible(0, sample(x), message(u=(1.0, *rest)))
-    assert actuators.admissible(0, sample(x), message(u=(0.1, *rest)))
-    x[0], x[2] = 0.0, 3.0
-    assert actuators.admissible(0, sample(x), message(u=(1.0, *rest)))
+    assert not actuators.takes(0, x, np.array((1.0, *rest)))
+    assert actuators.takes(0, x, np.array((0.1, *rest)))
+    x[:] = 0.0, 3.0
+    assert actuators.takes(0, x, np.array((1.0, *rest)))
 
 
 NEEDLE = '''
@@ -122,9 +113,9 @@ def test_beyond_the_point_of_a_needle_an_actuator_admits_no_more_than_beyond_a_f
         "agents.0.law={ type = 'needle_user:Rest' }",
         "agents.0.spread=[]",
     ]
-    actuators, x = Actuators(build_swarm(load("unicycles", overrides))), np.zeros(12)
-    assert actuators.admissible(0, sample(x), message(u=(0.0, 0.0)))
-    assert actuators.admissible(0, sample(x), message(u=(-1.0, 1e-4)))
-    assert actuators.admissible(0, sample(x), message(u=(9e-6, 0.0)))
-    assert not actuators.admissible(0, sample(x), message(u=(2e-5, 0.0)))
-    assert not actuators.admissible(0, sample(x), message(u=(0.09, 0.0)))
+    actuators, x = Actuators(build_swarm(load("unicycles", overrides))), np.zeros(2)
+    assert actuators.takes(0, x, np.array((0.0, 0.0)))
+    assert actuators.takes(0, x, np.array((-1.0, 1e-4)))
+    assert actuators.takes(0, x, np.array((9e-6, 0.0)))
+    assert not actuators.takes(0, x, np.array((2e-5, 0.0)))
+    assert not actuators.takes(0, x, np.array((0.09, 0.0)))

@@ -12,7 +12,10 @@ from tests.unit.swarms import swarm_of_scenario
 def sample(k: int) -> Sample:
     """Sample k of Simulation 1, everybody where they start."""
     x = swarm_of_scenario("unicycles").start().astype("<f8").tobytes()
-    return Sample(k=k, t=0.01 * k, x=x, latest=(-1,) * 5)
+    nothing = (-1,) * 5
+    return Sample(
+        k=k, t=0.01 * k, seen=tuple(range(5)), x=x, since=nothing, latest=nothing, hearers=()
+    )
 
 
 def test_an_actuation_that_was_taken_is_not_taken_again_for_the_next_sample():

@@ -82,7 +82,8 @@ def test_a_message_written_from_the_page_is_read_and_read_back(name):
 
 def test_the_keys_of_the_page_are_those_of_the_code():
     keys = Keys("RUN")
-    of_agents = (keys.sample, keys.actuation, keys.broadcast, keys.telemetry)
+    of_agents = (keys.sample, keys.actuation, keys.telemetry)
     of_plant = {keys.status, keys.verdict, keys.frames, keys.scenario, keys.command}
-    made = {key("AGENT") for key in of_agents} | of_plant | {keys.alive("NAME", "DIGEST")}
+    made = {key("AGENT") for key in of_agents} | of_plant
+    made |= {keys.broadcast("AGENT", "PEER"), keys.alive("NAME", "DIGEST")}
     assert set(re.findall(r"^\| (phalanx/\S+)", PAGE, re.MULTILINE)) == made

@@ -40,7 +40,7 @@ def terms_function() -> TermsFunction:
 
 
 def view(x: np.ndarray, i: int, goal: Goal) -> View:
-    states = [x[part] for part in fleet().composed.parts]
+    states = {l: x[part] for l, part in enumerate(fleet().composed.parts)}
     return View(i, states, NORMAL, goal, terms_function()(x))
 
 

@@ -1,0 +1,55 @@
+"""What goes over the wire to an agent, against where everybody truly was."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import phalanx
+from phalanx.swarm.seen import SeenStates
+from phalanx.swarm.swarm import build_swarm
+from phalanx.wire.tap import tapped
+from tests.process.runs import PACED, live_run
+
+pytestmark = pytest.mark.swarm
+
+RADIUS = {"1": 4.7, "2": 4.7, "3": 4.7, "4": 7.6, "5": 7.6}
+"""Next to what is between neighbours in the formation, so that they come and go."""
+CHANGES = {"duration": 1.0, "safety.neighbourhood": 4.7, "agents.1.sensing": 7.6}
+
+
+def test_no_agent_is_sent_a_state_or_a_broadcast_from_beyond_its_radius(tmp_path: Path) -> None:
+    scenario = phalanx.load("unicycles", CHANGES)
+    with live_run(scenario, tmp_path / "live", PACED) as run:
+        messages = list(tapped("live", run.endpoint, timeout=60.0))
+    swarm = build_swarm(scenario)
+    states, names = SeenStates(swarm), swarm.names
+    table = phalanx.open(tmp_path / "live").states
+    truth = dict(zip(table["t"], table.drop("t", "h_tot").to_numpy(), strict=True))
+    sampled: dict[tuple[str, int], float] = {}
+    samples = broadcasts = left_out = 0
+    for key, fields in messages:
+        _, _, kind, *who = key.split("/")
+        if kind == "sample":
+            _, k, t, seen, x, *_ = fields
+            near = within(truth[t], names, who[0])
+            assert [names[l] for l in seen] == near
+            held = states.of(x, tuple(seen))
+            assert all(np.array_equal(held[l], truth[t].reshape(5, 3)[l]) for l in seen)
+            sampled[who[0], k] = t
+            samples += 1
+            left_out += len(names) - len(near)
+        elif kind == "broadcast":
+            sender, receiver = who
+            if (t := sampled.get((sender, fields[1]))) is not None:
+                assert sender in within(truth[t], names, receiver)
+                broadcasts += 1
+    assert min(samples, broadcasts, left_out) > 100
+
+
+def within(x: np.ndarray, names: tuple[str, ...], agent: str) -> list[str]:
+    """Who is within an agent's radius, itself included."""
+    pose = x.reshape(5, 3)
+    p = pose[:, :2] + 0.25 * np.column_stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])])
+    apart = np.linalg.norm(p - p[names.index(agent)], axis=1)
+    return [name for name, d in zip(names, apart, strict=True) if d <= RADIUS[agent]]

@@ -1,0 +1,97 @@
+"""Which broadcasts exist for whom, by virtual time alone. Agent 0 listens to agent 1 here."""
+
+import pytest
+
+from phalanx.plant.contacts import Contacts
+from phalanx.plant.sensing import Sight
+
+PERIOD = 0.01
+APART, IN_SIGHT = Sight((1,), ()), Sight((0, 1), (0,))
+"""What agent 1's sample says: agent 0 is far away, or sees it."""
+
+
+class Pair:
+    """Agent 1 samples at 0, Γ, 2Γ ...; agent 0 in the middle between, and sees it or not."""
+
+    def __init__(self, latency: float = 0.0) -> None:
+        self.contacts = Contacts(2, latency)
+        self.k = self.samples = 0
+
+    def speaks(self, sight: Sight = IN_SIGHT) -> None:
+        """Agent 1 takes its next sample, and broadcasts."""
+        self.contacts.sampled(1, self.k, PERIOD * self.k, sight)
+        self.k += 1
+
+    def hears(self, sees: bool = True, later: float = 0.0) -> tuple[int, int]:
+        """Agent 0 takes a sample: first and last of agent 1's broadcasts that exist for it."""
+        self.samples += 1
+        t = PERIOD * (self.k - 0.5) + later + 1e-6 * self.samples
+        seen = (0, 1) if sees else (0,)
+        since, latest = self.contacts.existing(0, t, seen)
+        self.contacts.sampled(0, self.samples, t, Sight(seen, ()))
+        assert (since[0], latest[0]) == (-1, -1), "nobody hears itself"
+        return (since[1], latest[1]) if sees else (-1, -1)
+
+
+def test_among_agents_in_sight_of_each_other_every_broadcast_counts_from_the_first_on():
+    pair = Pair()
+    for k in range(5):
+        pair.speaks()
+        assert pair.hears() == (0, k)
+
+
+def test_agents_that_sample_together_do_not_hear_each_other():
+    contacts = Contacts(2, 0.0)
+    everybody = (0, 1)
+    for k in range(4):
+        existing = [contacts.existing(i, PERIOD * k, everybody) for i in everybody]
+        newest = k - 1
+        since = 0 if k else -1
+        assert existing == [((-1, since), (-1, newest)), ((since, -1), (newest, -1))]
+        for i in everybody:
+            contacts.sampled(i, k, PERIOD * k, Sight(everybody, (1 - i,)))
+
+
+def test_of_who_comes_into_range_only_what_is_sent_from_then_on_counts():
+    pair = Pair()
+    pair.speaks(APART)
+    pair.speaks(APART)
+    assert pair.hears(sees=False) == (-1, -1)
+    assert pair.hears() == (-1, -1), "in sight, but nothing was sent since"
+    pair.speaks()
+    assert pair.hears() == (2, 2)
+
+
+def test_whoever_leaves_and_comes_back_begins_anew():
+    pair = Pair()
+    pair.speaks()
+    assert pair.hears() == (0, 0)
+    assert pair.hears(sees=False) == (-1, -1)
+    assert pair.hears() == (-1, -1), "the input of before may long be another"
+    pair.speaks()
+    assert pair.hears() == (1, 1)
+
+
+def test_a_broadcast_that_went_out_unheard_ends_the_contact_even_between_two_samples():
+    pair = Pair()
+    pair.speaks()
+    assert pair.hears() == (0, 0)
+    pair.speaks(APART)
+    assert pair.hears() == (-1, -1), "it sees agent 1 again, but not what that holds now"
+    pair.speaks()
+    pair.speaks()
+    assert pair.hears() == (2, 3)
+
+
+@pytest.mark.parametrize(("later", "latest"), [(-0.002, 0), (0.002, 1)])
+def test_a_broadcast_exists_once_its_input_takes_effect(later, latest):
+    pair = Pair(latency=0.5 * PERIOD)
+    pair.speaks()
+    pair.speaks()
+    assert pair.hears(later=later) == (0, latest)
+
+
+def test_adversaries_are_seen_but_never_heard():
+    contacts = Contacts(2, 0.0)
+    contacts.sampled(1, 0, 0.0, Sight((0, 1), ()))
+    assert contacts.existing(0, PERIOD, (0, 1)) == ((-1, -1), (-1, -1))

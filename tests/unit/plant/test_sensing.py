@@ -1,0 +1,72 @@
+"""Who sees whom, beside plain distances; and what of the state a sample holds."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from phalanx.plant.sensing import Sensing, Sight
+from phalanx.scenario.load import load
+from phalanx.swarm.seen import SeenStates
+from phalanx.swarm.swarm import build_swarm
+from tests.unit.swarms import swarm_of_scenario
+
+LIMITED = ("safety.neighbourhood=5.0", "agents.1.sensing=8.0")
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=30)
+def test_an_agent_sees_who_lies_within_its_radius_and_is_heard_by_who_is_in_sight_and_listens(seed):
+    swarm = swarm_of_scenario("unicycles", *LIMITED)
+    x = np.random.default_rng(seed).uniform(-6, 6, 15)
+    pose = x.reshape(5, 3)
+    p = pose[:, :2] + 0.25 * np.column_stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])])
+    radius = [5.0, 5.0, 5.0, 8.0, 8.0]
+    apart = np.linalg.norm(p[:, None] - p, axis=2)
+    for i, sight in enumerate(Sensing(swarm).sights(x, range(5))):
+        assert sight.seen == tuple(j for j in range(5) if apart[i, j] < radius[i])
+        heard = [j for j in range(3) if i < 3 and j != i and apart[i, j] < 5.0]
+        assert list(sight.hearers) == heard
+
+
+def test_a_broadcast_goes_to_nobody_whom_its_sender_does_not_see():
+    scenario = load("unicycles", ["safety.neighbourhood=9.0"])
+    near, far = scenario.agents[0], scenario.agents[1]
+    short = far.model_copy(update={"role": "normal", "sensing": 3.0})
+    swarm = build_swarm(scenario.model_copy(update={"agents": (near, short)}))
+    x = np.zeros(15)
+    x[12] = 5.0  # of the last agent
+    sights = Sensing(swarm).sights(x, range(5))
+    assert sights[0] == Sight((0, 1, 2, 3, 4), (1, 2, 3))
+    assert sights[4] == Sight((4,), ())
+
+
+def test_without_a_radius_everybody_sees_everybody():
+    sights = Sensing(swarm_of_scenario("unicycles")).sights(np.zeros(15), [0, 3])
+    assert sights == [Sight((0, 1, 2, 3, 4), (1, 2)), Sight((0, 1, 2, 3, 4), ())]
+
+
+def test_one_controller_sees_everything_and_listens_to_nobody():
+    swarm = swarm_of_scenario("unicycles", "safety.control=centralised", LIMITED[0])
+    assert Sensing(swarm).sights(np.zeros(15), [1]) == [Sight((0, 1, 2, 3, 4), ())]
+
+
+@pytest.mark.parametrize("seen", [(0, 1, 2, 3, 4), (1, 4), (2,)])
+def test_the_states_of_those_seen_are_packed_and_found_again_and_no_others(seen):
+    states = SeenStates(swarm_of_scenario("unicycles"))
+    x = np.random.default_rng(1).normal(size=15)
+    packed = states.packed(x, seen)
+    assert len(packed) == 8 * 3 * len(seen)
+    found = states.stacked(states.of(packed, seen)).reshape(5, 3)
+    for l, state in enumerate(x.reshape(5, 3)):
+        assert np.array_equal(found[l], state) if l in seen else np.isnan(found[l]).all()
+    assert np.array_equal(states.one(seen[-1], packed, seen), x.reshape(5, 3)[seen[-1]])
+
+
+@pytest.mark.parametrize(
+    ("seen", "size"),
+    [((0, 1), 47), ((0, 1), 24), ((0, 1), 72), ((1, 0), 48), ((0, 0), 48), ((0, 5), 48)],
+)
+def test_what_cannot_be_the_states_of_those_seen_is_refused(seen, size):
+    with pytest.raises(ValueError, match="expected"):
+        SeenStates(swarm_of_scenario("unicycles")).of(bytes(size), seen)
