@@ -66,7 +66,7 @@ class _Sender:
     def __init__(
         self, session: wire.Session, keys: Keys, sealer: Sealer, step: ControlStep
     ) -> None:
-        self._session, self._sealer = session, sealer
+        self._sealer, self._broadcasts = sealer, wire.Addressed(session)
         # A publisher's key expression is made anew each time it is asked for.
         self._actuation_key, self._telemetry_key = (
             keys.actuation(step.name),
@@ -80,7 +80,7 @@ class _Sender:
         self._actuation.put(self._sealer.seal(self._actuation_key, answer.actuation))
         for hearer in answer.hearers:
             key = self._broadcast_keys[hearer]
-            wire.put(self._session, key, self._sealer.seal(key, answer.broadcast))
+            self._broadcasts.put(key, self._sealer.seal(key, answer.broadcast))
         self._telemetry.put(self._sealer.seal(self._telemetry_key, answer.telemetry))
 
     def wait_for_listeners(self, timeout: float) -> None:

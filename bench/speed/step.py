@@ -144,12 +144,13 @@ def echo(endpoint: str, name: str, peers: list[str], sizes: Sizes) -> None:
     with wire.open_client(endpoint, timeout=20) as session:
         actuation = wire.publisher(session, KEYS.actuation(name))
         telemetry = wire.publisher(session, KEYS.telemetry(name))
+        addressed = wire.Addressed(session)
         broadcasts = [KEYS.broadcast(name, peer) for peer in peers]
 
         def reply(_key: str, _payload: bytes) -> None:
             actuation.put(bytes(sizes.actuation))
             for key in broadcasts:
-                wire.put(session, key, bytes(sizes.broadcast))
+                addressed.put(key, bytes(sizes.broadcast))
             telemetry.put(bytes(sizes.telemetry))
 
         wire.subscribe(session, KEYS.broadcast("*", name), lambda _key, _payload: None)

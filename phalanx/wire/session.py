@@ -151,13 +151,24 @@ def subscribe(session: zenoh.Session, key: str, deliver: Deliver) -> None:
     session.declare_subscriber(key, zenoh.handlers.Callback(on_sample, indirect=False))
 
 
-def put(session: zenoh.Session, key: str, payload: bytes) -> None:
-    """Put a message on a key that has no publisher: the hub routes it to whoever is there.
+class Addressed:
+    """Puts messages on keys that have one listener each, and that nobody else is told of.
 
     A declared publisher that knows no subscriber sends nothing, and learns of a new one a moment
-    late. Without one a client always sends.
+    late. Without one a client always sends, and the hub routes to whoever is there.
     """
-    session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._session = session
+        self._known: dict[str, zenoh.KeyExpr] = {}
+        """What the hub knows by a number: it finds their routes without reading them again."""
+
+    def put(self, key: str, payload: bytes) -> None:
+        """Put a message; it is never dropped by a full queue."""
+        known = self._known.get(key)
+        if known is None:
+            known = self._known[key] = self._session.declare_keyexpr(key)
+        self._session.put(known, payload, congestion_control=zenoh.CongestionControl.BLOCK)
 
 
 def watch(session: zenoh.Session, key: str, changed: Callable[[str, bool], None]) -> None:

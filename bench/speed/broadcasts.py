@@ -1,0 +1,128 @@
+"""What it costs to reach the peers in sight: one message to subscribers, or one to each peer.
+
+    python bench/speed/broadcasts.py --neighbours 12
+
+subscribed  an agent puts once, on a key that its neighbours subscribe to
+addressed   it puts once for each neighbour, on a key of that neighbour's; what Phalanx does
+change      one subscription declared and withdrawn, which a neighbour that comes and goes would
+            cost where messages are subscribed to
+
+A round is a sample out and an actuation back for one agent after the other, as in lockstep without
+latency, every message sealed and opened; the two kinds take turns in one hub and the same agents.
+"""
+
+import argparse
+import multiprocessing
+import statistics
+import threading
+import time
+from multiprocessing.queues import SimpleQueue as Answers
+from queue import SimpleQueue
+
+from phalanx.wire import session as wire
+from phalanx.wire.keys import PLANT, Keys, kind_and_name
+from phalanx.wire.messages import Actuation, Broadcast
+from phalanx.wire.seal import Sealer
+
+KEYS, SEALER = Keys("bench"), Sealer(b"bench")
+TO_ALL = "all"
+"""The peer's name on the key that neighbours subscribe to."""
+WAYS = ("subscribed", "addressed")
+
+
+def main() -> None:
+    """Measure both ways in turns, and print the medians."""
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    arguments.add_argument("--neighbours", type=int, default=12)
+    arguments.add_argument("--rounds", type=int, default=20)
+    options = arguments.parse_args()
+    names = [str(n) for n in range(options.neighbours + 1)]
+    endpoint, context = wire.free_endpoint(), multiprocessing.get_context("forkserver")
+    answers = context.SimpleQueue()
+    hub = context.Process(target=plant, args=(endpoint, names, options.rounds, answers))
+    agents = [context.Process(target=agent, args=(endpoint, n, names, answers)) for n in names]
+    for process in [hub, *agents]:
+        process.start()
+    times: dict[str, list[float]] = {}
+    for _ in range(2 * options.rounds + len(names)):
+        what, seconds = answers.get()
+        times.setdefault(what, []).append(seconds)
+    for process in [hub, *agents]:
+        process.join()
+    for what, values in sorted(times.items()):
+        print(f"{what:10} {statistics.median(values) * 1e6:7.1f} µs")
+
+
+def plant(
+    endpoint: str, names: list[str], rounds: int, answers: "Answers[tuple[str, float]]"
+) -> None:
+    """The hub: rounds of both ways in turn, each of ten samples for every agent."""
+    joined: SimpleQueue[str] = SimpleQueue()
+    actuations: SimpleQueue[bytes] = SimpleQueue()
+    with wire.open_hub(endpoint) as session:
+        samples = [wire.publisher(session, KEYS.sample(name)) for name in names]
+        wire.subscribe(session, KEYS.actuation("*"), lambda _, payload: actuations.put(payload))
+        wire.watch(session, KEYS.alive("*"), lambda key, _: joined.put(kind_and_name(key)[1]))
+        _token = wire.announce(session, KEYS.alive(PLANT, "bench"))
+        missing = {*names, PLANT}
+        while missing:
+            missing.discard(joined.get())
+        for turn in range(2 * rounds):
+            way, began = WAYS[turn % 2], time.perf_counter()
+            for _ in range(10):
+                for publisher in samples:
+                    publisher.put(way.encode())
+                    actuations.get()
+            answers.put((way, (time.perf_counter() - began) / (10 * len(names))))
+
+
+def agent(
+    endpoint: str, name: str, names: list[str], answers: "Answers[tuple[str, float]]"
+) -> None:
+    """Answers every sample, tells its neighbours in the way that the sample names, and listens."""
+    peers = [other for other in names if other != name]
+    with wire.open_client(endpoint, timeout=20) as session:
+        actuation = wire.publisher(session, KEYS.actuation(name))
+        addressed = wire.Addressed(session)
+        to_all = wire.publisher(session, KEYS.broadcast(name, TO_ALL))
+        receivers = {
+            "subscribed": [KEYS.broadcast(name, TO_ALL)],
+            "addressed": [KEYS.broadcast(name, peer) for peer in peers],
+        }
+
+        def reply(_key: str, payload: bytes) -> None:
+            done = Actuation(k=0, t_apply=0.0, u=(0.1, 0.2, 0.3))
+            actuation.put(SEALER.seal(KEYS.actuation(name), done))
+            said = Broadcast(k=0, t_apply=0.0, u=(0.1, 0.2, 0.3))
+            for key in receivers[payload.decode()]:
+                if payload == b"subscribed":
+                    to_all.put(SEALER.seal(key, said))
+                else:
+                    addressed.put(key, SEALER.seal(key, said))
+
+        def hear(key: str, payload: bytes) -> None:
+            SEALER.open(key, payload, Broadcast)
+
+        for peer in peers:
+            wire.subscribe(session, KEYS.broadcast(peer, TO_ALL), hear)
+        wire.subscribe(session, KEYS.broadcast("*", name), hear)
+        wire.subscribe(session, KEYS.sample(name), reply)
+        over = threading.Event()
+        wire.watch(session, KEYS.alive(PLANT), lambda _, alive: None if alive else over.set())
+        for publisher in (actuation, to_all):
+            wire.wait_for_listener(publisher, timeout=20)
+        answers.put(("change", _seconds_of_a_change(session)))
+        _token = wire.announce(session, KEYS.alive(name, "bench"))
+        over.wait()
+
+
+def _seconds_of_a_change(session: wire.Session) -> float:
+    began = time.perf_counter()
+    for k in range(50):
+        key = KEYS.broadcast(f"neighbour-{k}", TO_ALL)
+        session.declare_subscriber(key, lambda _: None).undeclare()  # type: ignore[no-untyped-call]
+    return (time.perf_counter() - began) / 50
+
+
+if __name__ == "__main__":
+    main()
