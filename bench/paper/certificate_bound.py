@@ -100,7 +100,7 @@ class Pair:
             for l, (m, p, b) in enumerate(zip(pair.members, pair.parts, bounds, strict=True))
         ]
         V = build_chain(pair, kind.alphas, None, bounds).psi[degree]
-        parts = ca.vertcat(*growth(V, pair.members, 0, moving, bounds))
+        parts = ca.vertcat(*growth(V, pair, 0, moving, bounds))
         self.bound = ca.Function("bound", [pair.x, moving[0].u, horizon], [parts])
         u, phi = ca.vertcat(*[e.u for e in moving]), ca.vertcat(*[e.phi for e in moving])
         rates = ca.vertcat(*[e.rate for e in moving])

@@ -115,7 +115,7 @@ def certificates(recording: Recording) -> Certificates:
             continue
         terms = evaluate(states[t])
         joint = terms.unforced + terms.margin
-        for l, most in enumerate(terms.most.tolist()):
+        for l, most in terms.most.items():
             joint += float(terms.c[l] @ in_force[l]) if l in in_force else most
         for step in steps:
             updates += 1

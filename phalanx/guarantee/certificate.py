@@ -100,7 +100,7 @@ def pair_certificate(
         return ca.if_else(_highest(pair.h_tot, moving) <= 0, horizon, 0)
 
     def integrated(value: ca.SX) -> ca.SX:
-        return time_until_zero(growth(value, pair.members, own, moving, bounds), horizon)
+        return time_until_zero(growth(value, pair, own, moving, bounds), horizon)
 
     def kept() -> ca.SX:
         return ca.if_else(keeps_chain(chain, alphas, moving), integrated(chain.psi[-1]), 0)

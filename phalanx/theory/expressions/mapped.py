@@ -1,74 +1,77 @@
 """CasADi expressions of a few numbers, compiled once and evaluated for many rows in one call."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.theory.expressions.bound import BoundFunction, rounded_up
 from phalanx.theory.expressions.portable import portable_function
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
-class _Memory(NamedTuple):
-    """Preallocated for a number of rows."""
-
-    buffer: Any
-    """Must live as long as the trigger."""
-    trigger: Any
-    rows: Array
-    results: Array
-
-
 class MappedFunction:
-    """A function of one row of numbers; a call costs about a microsecond beside the work itself.
+    """A function of one row of numbers; a call costs two microseconds beside the work itself.
 
-    Nothing is compiled for a number of rows, only memory set aside, which is kept. Every row's
-    results are the same bits on any CPU, and the same whatever rows are beside it.
+    Nothing is compiled for a number of rows: memory is set aside for it, and kept. A row's results
+    are the same bits on any CPU, whatever rows are beside it.
     """
 
     def __init__(self, inputs: Sequence[ca.SX], outputs: Sequence[ca.SX]) -> None:
-        """Columns of symbols, in a row's order; expressions of them, each flattened by rows."""
-        row = ca.vertcat(*inputs)
+        """Columns of symbols, in a row's order; expressions of them, flattened row by row."""
         flat = ca.vertcat(*[ca.vec(ca.densify(o.T)) for o in outputs])
-        self._function = portable_function([row], flat)
-        self._widths = row.numel(), flat.numel()
-        self._memories: dict[int, _Memory] = {}
+        self._function = portable_function([ca.vertcat(*inputs)], flat)
+        self._widths = self._function.numel_in(0), self._function.numel_out(0)
+        self._bound: dict[int, BoundFunction] = {}
 
-    def __call__(self, values: Array, index: Index) -> Array:
-        """Evaluate at the rows values[..., index]; the results are the caller's to keep.
+    def __call__(self, values: Array, places: Index) -> Array:
+        """Evaluate at the rows values[..., places]; the results are the caller's to keep.
 
         Args:
             values: shape (v,), or (s, v) for several states at once.
-            index: shape (r, inputs).
+            places: shape (r, inputs).
 
         Returns:
             shape (r, outputs), or (s, r, outputs).
         """
-        shape = (*values.shape[:-1], len(index))
-        count = int(np.prod(shape))
-        memory = self._memory(count)
-        rows = memory.rows[:count].reshape(*shape, self._widths[0])
-        # Any other mode would copy once more: it must be able to leave `out` untouched.
-        values.take(index, axis=-1, out=rows, mode="clip")
-        memory.trigger()
-        return memory.results[:count].copy().reshape(*shape, self._widths[1])
+        shape = (*values.shape[:-1], len(places))
+        count = len(places) if values.ndim == 1 else len(places) * len(values)
+        bound = self._for(count)
+        width, results = self._widths
+        rows = bound.inputs[0][: count * width].reshape(*shape, width)
+        # In any other mode it would be written to a copy first.
+        values.take(places, axis=-1, out=rows, mode="clip")
+        bound.call()
+        return bound.outputs[0][: count * results].reshape(*shape, results).copy()
 
-    def _memory(self, count: int) -> _Memory:
-        capacity = _rounded_up(count)
-        if capacity not in self._memories:
-            rows, results = (np.zeros((capacity, width)) for width in self._widths)
-            buffer, trigger = self._function.map(capacity).buffer()
-            buffer.set_arg(0, memoryview(rows))  # type: ignore[call-arg,arg-type]
-            buffer.set_res(0, memoryview(results))  # type: ignore[call-arg,arg-type]
-            self._memories[capacity] = _Memory(buffer, trigger, rows, results)
-        return self._memories[capacity]
+    def at(self, places: Index) -> "MappedRows":
+        """The same rows of one state after another, shape (r, inputs)."""
+        width, results = self._widths
+        bound, count = self._for(len(places)), len(places)
+        rows = bound.inputs[0][: count * width].reshape(count, width)
+        return MappedRows(
+            places, bound, rows, bound.outputs[0][: count * results].reshape(count, results)
+        )
+
+    def _for(self, count: int) -> BoundFunction:
+        capacity = rounded_up(count)
+        if capacity not in self._bound:
+            self._bound[capacity] = BoundFunction(self._function.map(capacity))
+        return self._bound[capacity]
 
 
-def _rounded_up(count: int) -> int:
-    """At most an eighth more: few sizes serve all counts."""
-    step = 1 << max(0, max(1, count).bit_length() - 4)
-    return -(-max(1, count) // step) * step
+class MappedRows:
+    """Rows that are evaluated again and again, without copies."""
+
+    def __init__(self, places: Index, bound: BoundFunction, rows: Array, results: Array) -> None:
+        self._places, self._bound, self._rows = places, bound, rows
+        self.results = results
+        """Of the last call, shape (r, outputs), until rows of the same function are evaluated."""
+
+    def __call__(self, values: Array) -> None:
+        """Evaluate at values[places], of shape (v,)."""
+        values.take(self._places, out=self._rows, mode="clip")
+        self._bound.call()

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from phalanx.theory.expressions.interval import Interval, continuous, extend
+from phalanx.theory.expressions.interval import Interval, continuous, extend, point
 from phalanx.theory.margins.enclosure import (
     Enclosure,
     admissible_corners,
@@ -24,7 +24,7 @@ from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.models.polytope import ACTUATION
 from phalanx.theory.safety.chain import Chain
 from phalanx.theory.safety.class_k import ClassK
-from phalanx.theory.safety.composition import Member
+from phalanx.theory.safety.composition import ComposedSet
 
 INFLATIONS = (0.5, 0.5, 0.3, 0.1)
 """Rounds of an enclosure that reach some tenths of a second, with a box that is hardly wider."""
@@ -51,7 +51,7 @@ class Growth(NamedTuple):
 
 def growth(
     value: ca.SX,
-    members: Sequence[Member],
+    pair: ComposedSet,
     own: int,
     moving: Sequence[Enclosure],
     bounds: Sequence[float],
@@ -61,7 +61,7 @@ def growth(
 
     Args:
         value: V, an expression of the members' states.
-        members: of one pair.
+        pair: one pair alone.
         own: agent i's place in it.
         moving: the members' enclosures; agent i's holds its input, or any of U_i if the bound is
             to serve them all.
@@ -72,6 +72,7 @@ def growth(
         ValueError: another member's U depends on the state.
         UnboundedOperationError: an expression has no interval extension.
     """
+    members = pair.members
     others = [l for l in range(len(members)) if l != own]
     gradients = [ca.jacobian(value, e.x) for e in moving]
     drift, actuation = ca.SX(0), []
@@ -89,10 +90,13 @@ def growth(
     for slope, e in zip(slopes, moving, strict=True):
         change += slope @ (e.rate - e.phi)
 
+    numbers = scalars([pair.parameters])
     symbols = scalars([*[e.x for e in moving], *[e.u for e in moving], *[fixed[l] for l in others]])
+    symbols += numbers
     box = [interval for e in moving for interval in e.states]
     box += [interval for e in moving for interval in e.inputs]
     box += [interval for l in others for interval in moving[l].inputs]
+    box += map(point, numbers)
     steepness = _pushed(gradients, [1.0] * len(members))
     bounded = [change, _pushed(gradients, bounds), steepness]
     bend, disturbance, steep = extend(bounded, symbols, box)
@@ -129,7 +133,7 @@ def integrated_margin(
         enclose(m, chain.set.x[own], admissible_inputs(m), bound, horizon, INFLATIONS)
         for m, own, bound in zip(members, chain.set.parts, bounds, strict=True)
     ]
-    bound = growth(chain.psi[-1], members, i, moving, bounds, part)
+    bound = growth(chain.psi[-1], chain.set, i, moving, bounds, part)
     # A half is compared at each instant, a whole row's excess averages out over the interval.
     lasting = 0.5 * horizon if part is RowPart.WHOLE else horizon
     outside = ACTUATION * ca.sum1(ca.vertcat(*[ca.norm_1(c.T) for c in chain.actuation]))
@@ -166,8 +170,9 @@ def keeps_chain(chain: Chain, alphas: Sequence[ClassK], moving: Sequence[Enclosu
     Raises:
         UnboundedOperationError: an expression has no interval extension.
     """
-    symbols = scalars([e.x for e in moving])
-    box = [interval for e in moving for interval in e.states]
+    numbers = scalars([chain.set.parameters])
+    symbols = scalars([e.x for e in moving]) + numbers
+    box = [*[interval for e in moving for interval in e.states], *map(point, numbers)]
     kept = continuous(list(chain.psi[:-1]), symbols, box)
     for psi, alpha in zip(chain.psi[:-1], alphas, strict=False):
         steepness = _pushed([ca.jacobian(psi, e.x) for e in moving], [1.0] * len(moving))

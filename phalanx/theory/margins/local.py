@@ -71,6 +71,7 @@ def local_margin(
             *[fixed[l] for l in others],
             *[e.phi for e in moving],
             *kept,
+            chain.set.parameters,
         ]
     )
     intervals = [
@@ -79,6 +80,7 @@ def local_margin(
         *[interval for l in others for interval in moving[l].inputs],
         *[interval for e in moving for interval in e.disturbances],
         *at_sample,
+        *map(point, scalars([chain.set.parameters])),
     ]
     rates = ca.vertcat(*[e.rate for e in moving])
     growth, disturbance = extend([slope @ rates, share * chain.disturbance], symbols, intervals)

@@ -47,7 +47,7 @@ class JointInput:
             authority: as controller.decide has it.
         """
         row = joint_row(terms, normal)
-        least = added(float(terms.least[l]) for l in normal)
+        least = added(terms.least[l] for l in normal)
         if least > row.bound:
             left = least - row.bound
             return [
@@ -92,8 +92,7 @@ class JointInput:
 
 def joint_row(terms: Terms, normal: Sequence[int]) -> Row:
     """The condition of Eq. (KNx) on all normal agents' inputs, stacked."""
-    adversaries = [l for l in range(len(terms.c)) if l not in normal]
-    attack = added(float(terms.most[l]) for l in adversaries)
+    attack = added(most for l, most in terms.most.items() if l not in normal)
     return Row(
         np.concatenate([terms.c[l] for l in normal]), -(terms.unforced + attack + terms.margin)
     )

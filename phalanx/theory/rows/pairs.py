@@ -7,7 +7,7 @@ Constant halves add up at every instant, although the two agents sample at diffe
 weights switch, which is why the rigorous margin is several times smaller than that of LSE.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import casadi as ca
@@ -16,33 +16,34 @@ from numpy.typing import NDArray
 
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import dot
+from phalanx.theory.expressions.mapped import MappedFunction, MappedRows
 from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.rows.row import Rows
-from phalanx.theory.rows.unseen import with_unseen_far
 from phalanx.theory.safety.chain import Chain
-from phalanx.theory.safety.composition import ComposedSet
+from phalanx.theory.safety.pairs import SwarmPairs, spread
 
 Array = NDArray[np.float64]
 
 
 class OwnPair(NamedTuple):
-    """A pair of agent i's, as its rows need it."""
+    """A pair of agent i's, as its row needs it."""
 
     chain: Chain
     """Of the pair alone."""
     own: int
     """Agent i's place in the pair: 0 or 1."""
-    other: int | None
-    """The other member's index in the swarm; None for an obstacle."""
     shared: bool
     """Whether the other is a normal agent, which has a part in it."""
-    number: int
-    """Of the pair in the composed set."""
+
+    @property
+    def other(self) -> int | None:
+        """The other member's place; None for an obstacle."""
+        return 1 - self.own if len(self.chain.set.members) == 2 else None
 
 
 class PairTerms(NamedTuple):
-    """Numbers of one sampled state, by pair of agent i; shapes (r,) unless said."""
+    """Numbers of one sampled state, by pair of agent i that it sees; shapes (r,) unless said."""
 
     psi: Array
     """ψ_0 ... ψ_{q-1} of each pair, shape (r, q)."""
@@ -56,102 +57,147 @@ class PairTerms(NamedTuple):
     """Of the whole row, as margins.margin.Margin sums it."""
     half_margin: Array
     """Of agent i's half of a pair of two normal agents; 0 for other pairs."""
-    near: Array
-    """1 within the neighbourhood, else 0."""
-    others: list[Array]
+    forces: list[Array]
     """c_l of the other member, shapes (m_l,); empty for an obstacle."""
+    others: tuple[int | None, ...]
+    """The other member's index; None for an obstacle."""
+    shared: tuple[bool, ...]
+    """Whether the other is a normal agent."""
 
 
-def own_pairs(composed: ComposedSet, chains: Mapping[int, Chain], i: int) -> list[OwnPair]:
-    """The pairs of normal agent i. chains: each pair's own chain, by index."""
-    found = []
-    for index, chain in chains.items():
-        pair = composed.pairs[index]
-        if i not in (pair.a, pair.b):
-            continue
-        other = pair.b if pair.a == i else pair.a
-        shared = other is not None and not composed.members[other].adversary
-        found.append(OwnPair(chain, 0 if pair.a == i else 1, other, shared, index))
-    return found
-
-
-class PairTermsFunction:
-    """Compiles agent i's pairs once, into one function."""
+class PairRowFunction:
+    """The row of every pair of one kind, compiled."""
 
     def __init__(
-        self,
-        composed: ComposedSet,
-        pairs: Sequence[OwnPair],
-        margins: Sequence[tuple[ca.SX, ca.SX]],
-        active: ca.SX | None = None,
-        parameters: Sequence[ca.SX] = (),
+        self, pair: OwnPair, margins: tuple[ca.SX, ca.SX], symbols: Sequence[ca.SX] = ()
     ) -> None:
         """Compile.
 
         Args:
-            composed: the safe set that the pairs belong to.
-            pairs: agent i's own.
-            margins: of the whole row and of the half, for each pair.
-            active: which pairs count at a state, as ComposedSet.substitute has it.
-            parameters: symbols in the margins beside the state.
+            pair: one of the kind.
+            margins: of the whole row and of the half, expressions of its state.
+            symbols: scalars that they contain beside it.
+
+        Raises:
+            ValueError: the other member's input bounds depend on its state.
         """
-        columns = [
-            ca.vertcat(ca.sum1(p.chain.drift) + p.chain.alpha, _most(p), whole, half)
-            for p, (whole, half) in zip(pairs, margins, strict=True)
-        ]
-        near = [ca.SX(1) if active is None else active[p.number] for p in pairs]
-        others = [p.chain.actuation[1 - p.own] for p in pairs if p.other is not None]
-        outputs = [
-            ca.horzcat(*[ca.vertcat(*p.chain.psi) for p in pairs]).T,
-            ca.vertcat(*[p.chain.actuation[p.own] for p in pairs]),
-            ca.horzcat(*columns),
-            ca.vertcat(*near),
-            *others,
-        ]
-        self._parts = composed.parts
-        self._shape = (len(pairs), len(pairs[0].chain.psi))
-        self._inputs = pairs[0].chain.actuation[pairs[0].own].numel()
-        self._with_member = [k for k, p in enumerate(pairs) if p.other is not None]
-        self._evaluate = CompiledFunction([composed.x, *parameters], outputs)
+        chain, other = pair.chain, pair.other
+        self.shared = pair.shared
+        forces = ca.SX(1, 0) if other is None else chain.actuation[other]
+        unforced = ca.sum1(chain.drift) + chain.alpha
+        own = chain.actuation[pair.own]
+        parts = [part.stop - part.start for part in chain.set.parts]
+        self.sizes = [*parts, chain.set.parameters.numel()]
+        """How many numbers each side has: states, or parameters of an obstacle."""
+        self.evaluate = MappedFunction(
+            [chain.set.x, chain.set.parameters, *symbols],
+            [*chain.psi, unforced, _most(pair), *margins, own, forces],
+        )
 
-    def __call__(
-        self, x: Array, *parameters: float, seen: Sequence[int] | None = None
-    ) -> PairTerms:
-        """Evaluate at a stacked state x, shape (n̄,), and the parameters' values.
 
-        Only the members seen are known; None for all.
+class _Group(NamedTuple):
+    """Pairs of one kind."""
+
+    others: list[int]
+    """The other members, or N + k for obstacle k."""
+    shared: bool
+    rows: MappedRows
+
+
+class OwnPairTerms:
+    """Agent i's pairs with what it sees, at any state."""
+
+    def __init__(
+        self,
+        swarm: SwarmPairs,
+        i: int,
+        function: Callable[[int], PairRowFunction],
+        near: CompiledFunction | None,
+    ) -> None:
+        """For normal agent i of the swarm.
+
+        Args:
+            function: of its pair with another member, or N + k for obstacle k; the same object
+                for all pairs of a kind.
+            near: as near.obstacles_within has it.
         """
-        known = with_unseen_far(x, self._parts, seen)
-        psi, a, columns, near, *members = self._evaluate(known, *parameters)
-        unforced, most, whole, half = columns.reshape(4, -1)
-        others = [np.zeros(0)] * self._shape[0]
-        for k, c in zip(self._with_member, members, strict=True):
-            others[k] = c
-        a = a.reshape(self._shape[0], self._inputs)
-        return PairTerms(psi.reshape(self._shape), a, unforced, most, whole, half, near, others)
+        self._swarm, self._i, self._function, self._near = swarm, i, function, near
+        self._own = slice(swarm.begin[i], swarm.begin[i] + len(swarm.members[i].dynamics.states))
+        self._key: tuple[tuple[int, ...], bytes] | None = None
+        self._groups: list[_Group] = []
+
+    def __call__(self, x: Array, seen: Sequence[int], *symbols: float) -> PairTerms:
+        """Evaluate at a stacked state, shape (n̄,), of which only the members seen are known.
+
+        Args:
+            x: anything where it is not known.
+            seen: in ascending order.
+            symbols: values of those in the margins.
+        """
+        near = self._near(x[self._own])[0] if self._near else None
+        key = tuple(seen), b"" if near is None else near.tobytes()
+        if key != self._key:
+            self._key, self._groups = key, self._grouped(seen, near, len(symbols))
+        numbers = np.concatenate([x, self._swarm.parameters, symbols])
+        for group in self._groups:
+            group.rows(numbers)
+        return self._terms()
+
+    def _grouped(self, seen: Sequence[int], near: Array | None, symbols: int) -> list[_Group]:
+        swarm, i = self._swarm, self._i
+        pairs = swarm.of(i, seen, None if near is None else np.flatnonzero(near))
+        functions: dict[PairRowFunction, list[tuple[int, int]]] = {}
+        for a, b in pairs.tolist():
+            functions.setdefault(self._function(b if a == i else a), []).append((a, b))
+        after = swarm.states + len(swarm.parameters) + np.arange(symbols)
+        groups = []
+        for function, own in functions.items():
+            places = spread(swarm.begin, np.array(own), function.sizes)
+            tail = np.broadcast_to(after, (len(own), symbols))
+            rows = function.evaluate.at(np.concatenate([places, tail], axis=1))
+            others = [b if a == i else a for a, b in own]
+            groups.append(_Group(others, function.shared, rows))
+        return groups
+
+    def _terms(self) -> PairTerms:
+        """What the groups' rows came to, one group after the other."""
+        q, members = self._swarm.degree, len(self._swarm.members)
+        inputs = len(self._swarm.members[self._i].dynamics.inputs)
+        end = q + 4 + inputs
+        known = [np.zeros((0, end)), *[group.rows.results[:, :end] for group in self._groups]]
+        numbers = np.concatenate(known)
+        unforced, most, margin, half = numbers[:, q : q + 4].T
+        return PairTerms(
+            psi=numbers[:, :q],
+            a=numbers[:, q + 4 :],
+            unforced=unforced,
+            most=most,
+            margin=margin,
+            half_margin=half,
+            forces=[c for group in self._groups for c in group.rows.results[:, end:].copy()],
+            others=tuple(
+                other if other < members else None
+                for group in self._groups
+                for other in group.others
+            ),
+            shared=tuple(group.shared for group in self._groups for _ in group.others),
+        )
 
 
-def pair_rows(
-    terms: PairTerms,
-    pairs: Sequence[OwnPair],
-    received: Mapping[int, Array],
-    sharing: Sequence[int],
-) -> Rows:
+def pair_rows(terms: PairTerms, received: Mapping[int, Array], sharing: Sequence[int]) -> Rows:
     """Agent i's rows.
 
     Args:
         terms: at agent i's sampled state.
-        pairs: the same that terms were compiled for.
         received: û_l, shape (m_l,), of normal agents that count; others count at γ_l^max.
         sharing: normal agents that keep their half; empty unless the model is split.
     """
     bound = -(terms.unforced + terms.most + terms.margin)
-    for k, pair in enumerate(pairs):
-        if pair.shared and pair.other in sharing:
+    for k, (other, shared) in enumerate(zip(terms.others, terms.shared, strict=True)):
+        if shared and other in sharing:
             bound[k] = -(RowPart.HALF.value * terms.unforced[k] + terms.half_margin[k])
-        elif pair.other is not None and (u := received.get(pair.other)) is not None:
-            bound[k] += terms.most[k] - float(dot(terms.others[k], u))
-    bound[terms.near == 0.0] = np.inf
+        elif other is not None and (u := received.get(other)) is not None:
+            bound[k] += terms.most[k] - float(dot(terms.forces[k], u))
     return Rows(terms.a, bound)
 
 
@@ -159,14 +205,13 @@ def _most(pair: OwnPair) -> ca.SX:
     """max over the other member's U of c u, scalar."""
     if pair.other is None:
         return ca.SX(0)
-    other = 1 - pair.own
-    member = pair.chain.set.members[other]
-    known = constant_polytope(
-        *member.dynamics.input_polytope(pair.chain.set.x[pair.chain.set.parts[other]])
-    )
+    composed = pair.chain.set
+    member = composed.members[pair.other]
+    x = composed.x[composed.parts[pair.other]]
+    known = constant_polytope(*member.dynamics.input_polytope(x))
     if known is None:
         raise ValueError(
             f"safety.composition: expected input bounds of {member.name} that do not depend on "
             "its state, which one row for each pair needs"
         )
-    return ca.mmax(ca.DM(known.corners) @ pair.chain.actuation[other].T)
+    return ca.mmax(ca.DM(known.corners) @ pair.chain.actuation[pair.other].T)

@@ -45,7 +45,7 @@ def paper_row(terms: Terms, i: int, received: Mapping[int, Array]) -> Row:
         received: û_l, shape (m_l,), of normal agents; whoever is absent counts at γ_l^max.
     """
     others = terms.unforced + terms.margin
-    for l, most in enumerate(terms.most.tolist()):
+    for l, most in terms.most.items():
         if l in received:
             others += inner(terms.c[l], received[l])
         elif l != i:
@@ -66,8 +66,8 @@ def split_row(terms: Terms, i: int, normal: Sequence[int]) -> Row:
     -T >= 0: every agent's row has one whenever the joint condition has.
     """
     place = list(normal).index(i)
-    share = shares(terms, normal)[place] * -joint_sum(terms, normal)
-    return Row(terms.c[i], float(terms.least[i] + share))
+    share = float(shares(terms, normal)[place] * -joint_sum(terms, normal))
+    return Row(terms.c[i], terms.least[i] + share)
 
 
 def shares(terms: Terms, normal: Sequence[int]) -> Array:
@@ -81,7 +81,7 @@ def shares(terms: Terms, normal: Sequence[int]) -> Array:
     Lip(s_i) + ω_i (Σ Lip(s_l) + Lip(T)), so that samples ε apart cost the joint condition at most
     ε (2 Σ Lip(s_l) + Lip(T)). No margin here contains that.
     """
-    spans = terms.most[list(normal)] - terms.least[list(normal)] + _FLOOR
+    spans = np.array([terms.most[l] - terms.least[l] + _FLOOR for l in normal])
     parts: Array = spans / added(spans.tolist())
     return parts
 
@@ -95,6 +95,6 @@ def joint_sum(terms: Terms, helping: Sequence[int]) -> float:
         terms: at a state.
         helping: agents that count at their best, γ_l^min; all others count at γ_l^max.
     """
-    least, most = terms.least.tolist(), terms.most.tolist()
-    extremes = added(least[l] if l in helping else most[l] for l in range(len(least)))
+    least, most = terms.least, terms.most
+    extremes = added(least[l] if l in helping else most[l] for l in most)
     return terms.unforced + terms.margin + extremes

@@ -14,27 +14,27 @@ from phalanx.theory.safety.chain import Chain
 
 Array = NDArray[np.float64]
 
-_NOTHING = np.zeros((0, 0))
-_EVALUATED_EACH_TIME = Polytope(_NOTHING, _NOTHING, _NOTHING, None, 0.0)
-
 
 class Terms(NamedTuple):
-    """ψ_q^d at a sampled state, split by member: Σ drift_l + Σ c_l u_l + α_q(ψ_{q-1})."""
+    """ψ_q^d at a sampled state, split by member: Σ drift_l + Σ c_l u_l + α_q(ψ_{q-1}).
+
+    Members go by their index in the swarm.
+    """
 
     psi: Array
     """ψ_0^d ... ψ_{q-1}^d, shape (q,)."""
     unforced: float
     """Σ_l L_{f_l} ψ_{q-1}^{x_l} + α_q(ψ_{q-1}^d): what no input changes."""
-    c: list[Array]
-    """L_{g_l} ψ_{q-1}^{x_l} by member, shapes (m_l,)."""
-    least: Array
-    """min over U_l of c_l u, shape (N,): γ_l^min without its drift, Eq. (vLPs)."""
-    most: Array
-    """max over U_l of c_l u, shape (N,): γ_l^max without its drift."""
-    polytopes: list[Polytope]
-    """U_l by member."""
+    c: Mapping[int, Array]
+    """L_{g_l} ψ_{q-1}^{x_l} of each member that is seen, shapes (m_l,)."""
+    least: Mapping[int, float]
+    """min over U_l of c_l u, likewise: γ_l^min without its drift, Eq. (vLPs)."""
+    most: Mapping[int, float]
+    """max over U_l of c_l u, likewise: γ_l^max without its drift."""
+    polytopes: Mapping[int, Polytope]
+    """U_l, likewise."""
     positions: Mapping[int, Array]
-    """Output positions of the members that are seen [m]."""
+    """Output positions, likewise [m]."""
     margin: float = 0.0
     """η with all that is added to it at this state, as margins.margin.Margin sums it."""
 
@@ -67,7 +67,7 @@ class TermsFunction:
         ]
         constant = [constant_polytope(A, b) for A, b in symbolic]
         self._varying = [l for l, known in enumerate(constant) if known is None]
-        self._polytopes = [known or _EVALUATED_EACH_TIME for known in constant]
+        self._polytopes = {l: known for l, known in enumerate(constant) if known is not None}
         values = [
             ca.DM(known.corners) @ row.T if known else ca.SX.zeros(1)
             for known, row in zip(constant, chain.actuation, strict=True)
@@ -89,13 +89,20 @@ class TermsFunction:
         psi, (unforced, margin), least, most, *rest = self._evaluate(
             with_unseen_far(x, self._parts, seen)
         )
-        members = len(self._polytopes)
-        c, everywhere, varying = rest[:members], rest[members : 2 * members], rest[2 * members :]
-        positions = {l: everywhere[l] for l in (range(members) if seen is None else seen)}
-        polytopes = self._polytopes
-        if varying:
-            polytopes = list(polytopes)
-            for l, A, b in zip(self._varying, varying[::2], varying[1::2], strict=True):
-                polytopes[l] = polytope(A.reshape(len(b), -1), b)
-                least[l], most[l] = extremes(c[l], polytopes[l].corners)
-        return Terms(psi, float(unforced), c, least, most, polytopes, positions, float(margin))
+        n = len(least)
+        c, positions, varying = rest[:n], rest[n : 2 * n], rest[2 * n :]
+        polytopes = dict(self._polytopes)
+        for l, A, b in zip(self._varying, varying[::2], varying[1::2], strict=True):
+            polytopes[l] = polytope(A.reshape(len(b), -1), b)
+            least[l], most[l] = extremes(c[l], polytopes[l].corners)
+        known = range(n) if seen is None else seen
+        return Terms(
+            psi=psi,
+            unforced=float(unforced),
+            c={l: c[l] for l in known},
+            least={l: float(least[l]) for l in known},
+            most={l: float(most[l]) for l in known},
+            polytopes=polytopes,
+            positions={l: positions[l] for l in known},
+            margin=float(margin),
+        )

@@ -4,9 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
+from phalanx.theory.expressions.exact import dot
 from phalanx.theory.safety.class_k import ClassK, Linear
 from phalanx.theory.safety.composition import ComposedSet, Member
+
+Array = NDArray[np.float64]
 
 _ROUNDED = 1e-4
 """Norms are taken as sqrt(‖·‖² + this²), which is above them and smooth."""
@@ -99,6 +104,11 @@ def _disturbance(gradients: Sequence[ca.SX], bounds: Sequence[float] | None) -> 
     for norm, bound in zip(norms, bounds, strict=True):
         total += norm * bound
     return total
+
+
+def rounded_norm(gradient: Array) -> float:
+    """One member's norm in that sum, from numbers."""
+    return float(np.sqrt(dot(gradient, gradient) + _ROUNDED * _ROUNDED))
 
 
 def inputs_appear(

@@ -5,7 +5,8 @@ own collisions are nobody's safety (Remark "uncontrollable").
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Annotated
 
 import casadi as ca
@@ -41,25 +42,72 @@ class Pair:
 
 @dataclass(frozen=True)
 class ComposedSet:
-    """The safe set of a swarm as expressions of the stacked state x."""
+    """The safe set of a swarm as expressions of the stacked state x, each made when asked for.
+
+    What an agent evaluates is made of pairs (rows.composed), since these grow with the swarm.
+    """
 
     members: tuple[Member, ...]
-    x: ca.SX
-    """Stacked state, shape (n̄,)."""
-    parts: tuple[slice, ...]
-    """Where each member's state lies in x."""
-    positions: tuple[ca.SX, ...]
-    """Each member's output position [m]."""
     obstacles: tuple[Obstacle, ...]
-    pairs: tuple[Pair, ...]
-    h: ca.SX
-    """Every pair's h, shape (p,)."""
-    h_tot: ca.SX
-    """LSE of h over the active pairs, scalar; contains sigma and active."""
-    sigma: ca.SX
-    """LSE's σ, a symbol while one differentiates."""
-    active: ca.SX
-    """1 for a pair that h_tot composes, else 0, shape (p,); a symbol while one differentiates."""
+    function: SafeSetFunction
+    rho: float | None
+    """ρ of LSE; None for one pair alone, whose h is h_tot."""
+    parameters: ca.SX = field(default_factory=lambda: ca.SX(0, 1), compare=False)
+    """Symbols that an obstacle is made of, shape (k,); usually none."""
+
+    @cached_property
+    def parts(self) -> tuple[slice, ...]:
+        """Where each member's state lies in x."""
+        return stacked_slices([len(m.dynamics.states) for m in self.members])
+
+    @cached_property
+    def x(self) -> ca.SX:
+        """Stacked state, shape (n̄,)."""
+        return ca.vertcat(*[ca.SX.sym(f"x_{m.name}", len(m.dynamics.states)) for m in self.members])
+
+    @cached_property
+    def positions(self) -> tuple[ca.SX, ...]:
+        """Each member's output position [m]."""
+        return tuple(body.p for body in self._bodies)
+
+    @cached_property
+    def pairs(self) -> tuple[Pair, ...]:
+        """Those of normal members, with one another, with adversaries and with obstacles."""
+        normal = [i for i, m in enumerate(self.members) if not m.adversary]
+        adversaries = [j for j, m in enumerate(self.members) if m.adversary]
+        pairs = [Pair(i, j) for i in normal for j in normal if i < j]
+        pairs += [Pair(i, j) for i in normal for j in adversaries]
+        pairs += [Pair(i, None, k) for i in normal for k in range(len(self.obstacles))]
+        return tuple(pairs)
+
+    @cached_property
+    def h(self) -> ca.SX:
+        """Every pair's h, shape (p,)."""
+        bodies, function = self._bodies, self.function
+        each = [
+            function.to_obstacle(bodies[p.a], self.obstacles[p.obstacle])
+            if p.obstacle is not None
+            else function.between(bodies[p.a], bodies[p.b or 0])
+            for p in self.pairs
+        ]
+        return ca.vertcat(*each)
+
+    @cached_property
+    def h_tot(self) -> ca.SX:
+        """LSE of h over the active pairs, scalar; contains sigma and active."""
+        if self.rho is None:
+            return self.h
+        return log_sum_exp(_only(self.h, self.active), self.rho, self.sigma)
+
+    @cached_property
+    def sigma(self) -> ca.SX:
+        """LSE's σ, a symbol while one differentiates."""
+        return ca.SX.sym("sigma")
+
+    @cached_property
+    def active(self) -> ca.SX:
+        """1 for a pair that h_tot composes, else 0, shape (p,); a symbol likewise."""
+        return ca.SX.sym("active", len(self.pairs))
 
     def substitute(self, expression: ca.SX, active: ca.SX | None = None) -> ca.SX:
         """Put σ = max h, as the paper chooses it, and the active pairs into an expression.
@@ -77,21 +125,10 @@ class ComposedSet:
     def alone(self, pair: int) -> "ComposedSet":
         """One pair as a safe set of its own: its members, in order, and its h as h_tot."""
         chosen = self.pairs[pair]
-        involved = [chosen.a] if chosen.b is None else [chosen.a, chosen.b]
-        parts = stacked_slices([self.x[self.parts[l]].numel() for l in involved])
-        obstacle = None if chosen.obstacle is None else 0
-        return ComposedSet(
-            members=tuple(self.members[l] for l in involved),
-            x=ca.vertcat(*[self.x[self.parts[l]] for l in involved]),
-            parts=parts,
-            positions=tuple(self.positions[l] for l in involved),
-            obstacles=() if chosen.obstacle is None else (self.obstacles[chosen.obstacle],),
-            pairs=(Pair(0, None if chosen.b is None else 1, obstacle),),
-            h=self.h[pair],
-            h_tot=self.h[pair],
-            sigma=self.sigma,
-            active=self.active[pair],
-        )
+        a = self.members[chosen.a]
+        if chosen.obstacle is not None:
+            return of_pair(a, self.obstacles[chosen.obstacle], self.function)
+        return of_pair(a, self.members[chosen.b or 0], self.function)
 
     def within(self, i: int, radius: float) -> ca.SX:
         """1 for pairs whose both sides lie within `radius` [m] of agent i, shape (p,)."""
@@ -104,6 +141,18 @@ class ComposedSet:
         """A pair in words: "1-4", or "1-obstacle 2"."""
         other = f"obstacle {pair.obstacle}" if pair.b is None else self.members[pair.b].name
         return f"{self.members[pair.a].name}-{other}"
+
+    @cached_property
+    def _bodies(self) -> list[Body]:
+        return [
+            Body(
+                self.x[part],
+                m.dynamics.position(self.x[part]),
+                tuple(m.dynamics.states),
+                m.adversary,
+            )
+            for m, part in zip(self.members, self.parts, strict=True)
+        ]
 
 
 def stacked_slices(sizes: Sequence[int]) -> tuple[slice, ...]:
@@ -132,27 +181,24 @@ def compose(
 
     Raises ValueError if there is no normal agent, or no pair at all.
     """
-    parts = stacked_slices([len(m.dynamics.states) for m in members])
-    x = ca.vertcat(*[ca.SX.sym(f"x_{m.name}", len(m.dynamics.states)) for m in members])
-    bodies = [
-        Body(x[part], m.dynamics.position(x[part]), tuple(m.dynamics.states), m.adversary)
-        for m, part in zip(members, parts, strict=True)
-    ]
-    normal = [i for i, m in enumerate(members) if not m.adversary]
-    if not normal:
+    if all(m.adversary for m in members):
         raise ValueError("expected at least one normal agent, got none")
-    pairs = [Pair(i, j) for i in normal for j in normal if i < j]
-    pairs += [Pair(i, j) for i in normal for j, m in enumerate(members) if m.adversary]
-    pairs += [Pair(i, None, k) for i in normal for k in range(len(obstacles))]
-    if not pairs:
+    if len(members) == 1 and not obstacles:
         raise ValueError("expected a second agent or an obstacle, got one agent alone")
-    h = ca.vertcat(*[_pair_function(pair, bodies, obstacles, function) for pair in pairs])
-    sigma, active = ca.SX.sym("sigma"), ca.SX.sym("active", len(pairs))
-    h_tot = log_sum_exp(_only(h, active), rho, sigma)
-    positions = tuple(body.p for body in bodies)
-    return ComposedSet(
-        tuple(members), x, parts, positions, tuple(obstacles), tuple(pairs), h, h_tot, sigma, active
-    )
+    return ComposedSet(tuple(members), tuple(obstacles), function, rho)
+
+
+def of_pair(
+    a: Member, b: Member | Obstacle, function: SafeSetFunction, parameters: ca.SX | None = None
+) -> ComposedSet:
+    """The safe set of one normal member and another member, or an obstacle.
+
+    parameters: symbols that the obstacle is made of.
+    """
+    symbols = ca.SX(0, 1) if parameters is None else parameters
+    if isinstance(b, Member):
+        return ComposedSet((a, b), (), function, None, symbols)
+    return ComposedSet((a,), (b,), function, None, symbols)
 
 
 def _only(h: ca.SX, active: ca.SX) -> ca.SX:
@@ -169,12 +215,3 @@ def _other(pair: Pair, members: Sequence[ca.SX], obstacles: Sequence[ca.SX]) -> 
         return members[pair.b]
     assert pair.obstacle is not None
     return obstacles[pair.obstacle]
-
-
-def _pair_function(
-    pair: Pair, bodies: Sequence[Body], obstacles: Sequence[Obstacle], function: SafeSetFunction
-) -> ca.SX:
-    if pair.b is not None:
-        return function.between(bodies[pair.a], bodies[pair.b])
-    assert pair.obstacle is not None
-    return function.to_obstacle(bodies[pair.a], obstacles[pair.obstacle])

@@ -117,11 +117,9 @@ def sphere_kind(a: Member, spheres: list[Sphere], function: SafeSetFunction) -> 
     tells spheres apart by more than center and clearance.
     """
     own, body = _body(a, "a")
-    center, clearance = ca.SX.sym("center", len(spheres[0].center)), ca.SX.sym("clearance")
-    parameters = ca.vertcat(center, clearance)
+    sphere, parameters = any_sphere(spheres[0])
     try:
-        any_sphere = Sphere(tuple(ca.vertsplit(center)), clearance)  # type: ignore[arg-type]
-        h = ca.SX(function.to_obstacle(body, any_sphere))
+        h = ca.SX(function.to_obstacle(body, sphere))
         of_any = ca.Function("h", [own, parameters], [h])
         for sphere in spheres:
             of_this = ca.Function("h", [own], [function.to_obstacle(body, sphere)])
@@ -133,6 +131,13 @@ def sphere_kind(a: Member, spheres: list[Sphere], function: SafeSetFunction) -> 
     except Exception:  # of a user's function, which is asked again with the sphere itself
         return None
     return PairKind((a.dynamics,), (own,), parameters, h)
+
+
+def any_sphere(like: Sphere) -> tuple[Sphere, ca.SX]:
+    """A sphere of symbols, in as many dimensions as another one; and its parameters."""
+    center, clearance = ca.SX.sym("center", len(like.center)), ca.SX.sym("clearance")
+    sphere = Sphere(tuple(ca.vertsplit(center)), clearance)  # type: ignore[arg-type]
+    return sphere, ca.vertcat(center, clearance)
 
 
 def parameters_of(obstacle: Obstacle) -> Array:

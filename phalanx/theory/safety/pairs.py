@@ -4,6 +4,7 @@ A pair is a row (a, b): a normal member a, and another member b or N + k for obs
 """
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -11,11 +12,12 @@ from numpy.typing import NDArray
 
 from phalanx.theory.expressions.mapped import Index, MappedFunction
 from phalanx.theory.safety.chain import degree_above, inputs_appear
-from phalanx.theory.safety.composition import Member
+from phalanx.theory.safety.composition import ComposedSet, Member, of_pair
 from phalanx.theory.safety.function import SafeSetFunction
 from phalanx.theory.safety.kinds import (
     CompiledKind,
     PairKind,
+    any_sphere,
     pair_kind,
     parameters_of,
     sphere_kind,
@@ -42,6 +44,7 @@ class SwarmPairs:
         """
         self.degree = gains
         """q."""
+        self.members, self.obstacles, self._function = members, obstacles, function
         self._normal = np.array([not m.adversary for m in members])
         classes, of_member = _classes(members)
         self._class = np.concatenate([of_member, len(classes) + np.arange(len(obstacles))])
@@ -50,7 +53,10 @@ class SwarmPairs:
         self.kinds = [CompiledKind(kind, gains) for kind in kinds]
         numbers = [parameters_of(obstacle) for obstacle in obstacles]
         states = [len(m.dynamics.states) for m in members]
-        self._parameters: Array = np.concatenate([np.zeros(0), *numbers])
+        self.states = sum(states)
+        """n̄, after which the obstacles' numbers begin."""
+        self.parameters: Array = np.concatenate([np.zeros(0), *numbers])
+        """What is known of obstacles, one after the other."""
         self.begin: Index = _begins([*states, *map(len, numbers)])
         """Where the numbers of each member and obstacle begin: the state, and what comes after."""
         self.inputs: Index = _begins([len(m.dynamics.inputs) for m in members])
@@ -79,11 +85,30 @@ class SwarmPairs:
         order = np.argsort(kinds, kind="stable")
         return ChosenPairs(self, pairs[order], kinds[order])
 
+    def of(self, i: int, seen: Sequence[int], obstacles: Sequence[int] | None = None) -> Index:
+        """Normal member i's pairs among those: with normal members, adversaries and obstacles."""
+        pairs = self.among(seen, obstacles)
+        return pairs[(pairs == i).any(axis=1)]
+
+    def alone(self, a: int, b: int) -> tuple[int, ComposedSet]:
+        """The number of a pair's kind, and one such pair as a safe set of its own.
+
+        Of pairs with spheres that differ in numbers alone it is that of any sphere.
+        """
+        own, number = self.members[a], int(self._kind[self._class[a], self._class[b]])
+        if b < len(self.members):
+            return number, of_pair(own, self.members[b], self._function)
+        obstacle = self.obstacles[b - len(self.members)]
+        if isinstance(obstacle, Sphere) and self.kinds[number].kind.parameters.numel():
+            sphere, parameters = any_sphere(obstacle)
+            return number, of_pair(own, sphere, self._function, parameters)
+        return number, of_pair(own, obstacle, self._function)
+
     def numbers(self, x: Array) -> Array:
         """Stacked states x, shape (n̄,) or (s, n̄), followed by what is known of obstacles."""
-        if not len(self._parameters):
+        if not len(self.parameters):
             return x
-        around = np.broadcast_to(self._parameters, (*x.shape[:-1], len(self._parameters)))
+        around = np.broadcast_to(self.parameters, (*x.shape[:-1], len(self.parameters)))
         return np.concatenate([x, around], axis=-1)
 
 
@@ -102,6 +127,10 @@ class _Group(NamedTuple):
     kind: CompiledKind
     places: Index
     """Of each pair's numbers, shape (r, k)."""
+    pairs: slice
+    """Where they are among the chosen."""
+    forces: slice
+    """Where their forces are."""
 
 
 class ChosenPairs:
@@ -113,16 +142,18 @@ class ChosenPairs:
         """In the order of all results, shape (r, 2)."""
         self._swarm, self._groups = swarm, list[_Group]()
         forces, slopes = [], []
+        begin = 0
         for number in np.unique(kinds).tolist():
-            places = np.flatnonzero(kinds == number)
-            compiled, own = swarm.kinds[number], pairs[places]
+            which = np.flatnonzero(kinds == number)
+            compiled, own = swarm.kinds[number], pairs[which]
             kind = compiled.kind
             states = [x.numel() for x in kind.x]
-            inputs = [len(d.inputs) for d in kind.dynamics]
-            index = _spread(swarm.begin, own, [*states, kind.parameters.numel()])
-            self._groups.append(_Group(compiled, index))
-            forces.append((places, _spread(swarm.inputs, own, inputs)))
-            slopes.append((places, index[:, : sum(states)]))
+            places = spread(swarm.begin, own, [*states, kind.parameters.numel()])
+            pushed = spread(swarm.inputs, own, [len(d.inputs) for d in kind.dynamics])
+            of_group = slice(which[0], which[-1] + 1), slice(begin, begin := begin + pushed.size)
+            self._groups.append(_Group(compiled, places, *of_group))
+            forces.append((which, pushed))
+            slopes.append((which, places[:, : sum(states)]))
         self.force_pair, self.force_input = _flat(forces)
         """Of each force: its pair, and its input's place in the stack of all; shapes (f,)."""
         self.slope_pair, self.slope_state = _flat(slopes)
@@ -141,6 +172,11 @@ class ChosenPairs:
         forces = [np.zeros((*lead, 0)), *[jet[..., above:].reshape(*lead, -1) for jet in found]]
         return Jets(np.concatenate(h, axis=-2), np.concatenate(forces, axis=-1))
 
+    @cached_property
+    def jets_at(self) -> "JetsAt":
+        """The jets at one state after another, without copies."""
+        return JetsAt(self._swarm.degree, len(self.pairs), len(self.force_pair), self._groups)
+
     def slopes(self, x: Array) -> Array:
         """∂(L_f^k h)/∂x_l of k = 0 ... q-1, shape (q, g): by pair and state of its members."""
         q = self._swarm.degree
@@ -155,6 +191,27 @@ class ChosenPairs:
     ) -> list[Array]:
         numbers = self._swarm.numbers(x)
         return [function(group.kind)(numbers, group.places) for group in self._groups]
+
+
+class JetsAt:
+    """Jets of chosen pairs at one state after another."""
+
+    def __init__(self, degree: int, pairs: int, forces: int, groups: Sequence[_Group]) -> None:
+        self._jets = Jets(np.zeros((pairs, degree + 1)), np.zeros(forces))
+        self._groups = []
+        for group in groups:
+            rows = group.kind.jets.at(group.places)
+            h, pushed = rows.results[:, : degree + 1], rows.results[:, degree + 1 :]
+            into = self._jets.forces[group.forces].reshape(pushed.shape)
+            self._groups.append((rows, self._jets.h[group.pairs], h, into, pushed))
+
+    def __call__(self, numbers: Array) -> Jets:
+        """Evaluate at SwarmPairs.numbers of one state; the jets are there until the next call."""
+        for rows, into_h, h, into_forces, forces in self._groups:
+            rows(numbers)
+            into_h[:] = h
+            into_forces[:] = forces
+        return self._jets
 
 
 def _classes(members: Sequence[Member]) -> tuple[list[Member], Index]:
@@ -235,7 +292,7 @@ def _begins(sizes: Sequence[int]) -> Index:
     return np.cumsum([0, *sizes])[:-1]
 
 
-def _spread(begin: Index, pairs: Index, sizes: Sequence[int]) -> Index:
+def spread(begin: Index, pairs: Index, sizes: Sequence[int]) -> Index:
     """Places of all numbers of each pair's sides, of which side s has sizes[s] numbers."""
     sides = [
         begin[side][:, None] + np.arange(size) for side, size in zip(pairs.T, sizes, strict=False)

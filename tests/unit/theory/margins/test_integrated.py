@@ -71,7 +71,7 @@ class Case:
         ]
         V = chain.psi[kind]
         self.bound = CompiledFunction(
-            [pair.x, moving[0].u], list(growth(V, pair.members, 0, moving, self.bounds))
+            [pair.x, moving[0].u], list(growth(V, pair, 0, moving, self.bounds))
         )
         u = ca.vertcat(*[e.u for e in moving])
         rates = ca.vertcat(*[ca.substitute(e.rate, e.phi, 0 * e.phi) for e in moving])

@@ -66,7 +66,9 @@ def test_it_changes_the_nominal_inputs_no_more_than_needed(swarm, qp):
 
 def test_without_a_solution_an_agent_without_authority_keeps_its_nominal_input(swarm, qp):
     terms, normal = all_terms()(swarm.start()), swarm.normal
-    weak = terms._replace(most=terms.least + np.array([0.0, 5.0, 5.0, 0.0, 0.0]), unforced=1e3)
+    spans = (0.0, 5.0, 5.0, 0.0, 0.0)
+    most = {l: terms.least[l] + span for l, span in enumerate(spans)}
+    weak = terms._replace(most=most, unforced=1e3)
     wanted = [np.array([0.3, -0.1]), np.array([0.0, 0.2]), np.array([1.0, 0.0])]
     decisions = qp.decide(weak, normal, wanted, authority=0.01)
     assert [d.origin for d in decisions] == [Origin.NO_AUTHORITY, Origin.BACKUP, Origin.BACKUP]

@@ -1,5 +1,6 @@
 """Rows of both information models, and what an agent makes of them."""
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -14,7 +15,7 @@ from phalanx.theory.rows.decision import decide
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Row, joint_sum, paper_row, shares, split_row
-from phalanx.theory.rows.terms import TermsFunction
+from phalanx.theory.rows.terms import Terms, TermsFunction
 from phalanx.theory.safety.chain import build_chain
 from tests.unit.theory.users_own import Case, Drifter, OutputUnicycle, Oval, along, swarm_of
 
@@ -33,6 +34,11 @@ def swarm() -> Case:
 @cache
 def terms_function() -> TermsFunction:
     return TermsFunction(build_chain(swarm().composed, [ALPHA]), margin=ETA)
+
+
+def spans_of(terms: Terms, who: Sequence[int]) -> np.ndarray:
+    """How far each one's input moves ψ_q."""
+    return np.array([terms.most[l] - terms.least[l] for l in who])
 
 
 def joint_condition(x: np.ndarray, u: dict[int, np.ndarray]) -> float:
@@ -101,7 +107,7 @@ def test_shares_are_feasible_exactly_when_the_joint_condition_is(seed, offset):
 def test_shares_are_positive_and_sum_to_one_and_go_by_what_an_agent_can_do(seed):
     terms = terms_function()(drawn(seed)[1])
     found = shares(terms, NORMAL)
-    spans = (terms.most - terms.least)[list(NORMAL)]
+    spans = spans_of(terms, NORMAL)
     assert (found > 0.0).all()
     assert found.sum() == pytest.approx(1.0)
     assert (np.argsort(found) == np.argsort(spans)).all()
@@ -112,11 +118,10 @@ def test_shares_are_positive_and_sum_to_one_and_go_by_what_an_agent_can_do(seed)
 @given(seed=seeds)
 def test_an_agent_without_authority_leaves_what_is_left_to_the_others(seed):
     terms = terms_function()(drawn(seed)[1])
-    idle = terms.most.copy()
-    idle[NORMAL[0]] = terms.least[NORMAL[0]]
+    idle = {**terms.most, NORMAL[0]: terms.least[NORMAL[0]]}
     first, *others = shares(terms._replace(most=idle), NORMAL).tolist()
     assert first < shares(terms, NORMAL)[0]
-    spans = (terms.most - terms.least)[list(NORMAL[1:])]
+    spans = spans_of(terms, NORMAL[1:])
     assert first <= 0.01 / spans.sum()
     assert sum(others) >= 1.0 - 0.01 / spans.sum()
 
@@ -128,7 +133,7 @@ def test_shares_change_no_faster_than_spans_do(seed):
     here, there = terms_function()(x), terms_function()(x + 1e-3 * rng.normal(size=len(x)))
     change = np.abs(shares(here, NORMAL) - shares(there, NORMAL)).sum()
     own = list(NORMAL)
-    spans, others = ((t.most - t.least)[own] for t in (here, there))
+    spans, others = (spans_of(t, own) for t in (here, there))
     assert change <= 2.0 * np.abs(spans - others).sum() / spans.sum() + 1e-12
 
 

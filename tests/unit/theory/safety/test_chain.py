@@ -170,7 +170,7 @@ def test_triple_integrators_composed_by_lse_are_their_taylor_series(triples, see
     terms = triples(x)
     expected = psi_by_series(x, u)
     assert terms.psi == pytest.approx(expected[:3], **close)
-    forced = sum(float(c @ w) for c, w in zip(terms.c, u.reshape(3, 3), strict=True))
+    forced = sum(float(c @ w) for c, w in zip(terms.c.values(), u.reshape(3, 3), strict=True))
     assert terms.unforced + forced == pytest.approx(expected[3], rel=1e-8, abs=1e-7)
 
 

@@ -36,7 +36,7 @@ def test_an_agent_alone_in_its_neighbourhood_is_safe_and_free():
     alone = terms(np.array([0.0, 0.0, 5.0, 0.0]))
     assert alone.psi == pytest.approx([FAR])
     assert alone.unforced < 0
-    assert np.concatenate(alone.c) == pytest.approx(np.zeros(4))
+    assert np.concatenate(list(alone.c.values())) == pytest.approx(np.zeros(4))
 
 
 def test_the_neighbourhood_counts_pairs_among_neighbours_too():

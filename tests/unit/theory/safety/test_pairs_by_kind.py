@@ -8,40 +8,25 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phalanx.theory.models.bicycle import KinematicBicycle
-from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
+from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.unicycle import Unicycle
 from phalanx.theory.safety.chain import RelativeDegreeError
 from phalanx.theory.safety.composition import ComposedSet, Member, compose
-from phalanx.theory.safety.distances import Distance, HeadingAware
 from phalanx.theory.safety.function import Separation
-from phalanx.theory.safety.obstacles import Sphere, Wall
+from phalanx.theory.safety.obstacles import Sphere
 from phalanx.theory.safety.pairs import SwarmPairs
-from tests.unit.theory.users_own import Draggy, Drifter, Oval
+from tests.unit.theory.sample_swarms import DEGREES, SPHERES, function_of, sample_swarm
 
-SPHERES = (Sphere((3.0, 1.0), 1.2), Sphere((-2.0, 4.0), 0.7))
-AROUND = (SPHERES[0], Wall((1.0, 2.0), 4.0, 0.5), SPHERES[1])
-SWARMS = {
-    "unicycles": ([Unicycle(4.0, 2.0)] * 3 + [Unicycle(2.0, 1.0)] * 2, Separation(1.0), 1),
-    "heading-aware": ([Unicycle(4.0, 2.0)] * 4, HeadingAware(1.0, 2.0), 1),
-    "users' own": ([Drifter(), SingleIntegrator(1.0), Unicycle(1.0, 1.0)], Oval(), 1),
-    "accelerations": ([DoubleIntegrator(2.0, 0.7, 2)] * 3 + [Draggy()] * 2, Distance(1.0), 2),
-    "cars": ([KinematicBicycle(1.0, 1.0, 1.0)] * 3, Separation(1.0), 2),
-    "jerks": ([TripleIntegrator(1.0, 2)] * 4, Oval(), 3),
-}
 seeds = st.integers(0, 2**32 - 1)
 close = {"rel": 1e-12, "abs": 1e-12}
 
 
 @cache
 def swarm(name: str) -> tuple[ComposedSet, SwarmPairs, ca.Function]:
-    """A swarm whose last two attack, its pairs, and what is expected of them."""
-    dynamics, function, degree = SWARMS[name]
-    adversaries = (len(dynamics) - 2, len(dynamics) - 1)
-    members = [Member(f"a{l}", d, l in adversaries) for l, d in enumerate(dynamics)]
-    around = SPHERES if isinstance(function, Oval) else AROUND
-    composed = compose(members, around, function, 2.0)
-    return composed, SwarmPairs(members, around, function, degree), expected(composed, degree)
+    """A swarm, its pairs, and what is expected of them."""
+    composed, degree = sample_swarm(name), DEGREES[name]
+    pairs = SwarmPairs(composed.members, composed.obstacles, function_of(name), degree)
+    return composed, pairs, expected(composed, degree)
 
 
 def expected(composed: ComposedSet, degree: int) -> ca.Function:
@@ -64,7 +49,7 @@ def in_order(composed: ComposedSet, pairs: np.ndarray) -> list[int]:
     return [known.index((a, b)) for a, b in pairs.tolist()]
 
 
-@pytest.mark.parametrize("name", SWARMS)
+@pytest.mark.parametrize("name", DEGREES)
 @given(seed=seeds)
 @settings(max_examples=20)
 def test_every_pairs_numbers_are_those_of_its_own_expression(name, seed):
@@ -86,7 +71,7 @@ def test_every_pairs_numbers_are_those_of_its_own_expression(name, seed):
         assert found == pytest.approx(gradients, **close)
 
 
-@pytest.mark.parametrize("name", SWARMS)
+@pytest.mark.parametrize("name", DEGREES)
 def test_a_pairs_bits_do_not_depend_on_what_is_evaluated_beside_it(name):
     composed, pairs, _ = swarm(name)
     x = np.random.default_rng(1).uniform(-3.0, 3.0, (5, composed.x.numel()))

@@ -60,7 +60,7 @@ def test_lie_derivatives_of_h_tot_are_its_slopes_along_f_and_the_columns_of_g(na
     drifts = [along(twin.h_tot, x, twin.f(l, x)) for l in range(len(twin.members))]
     assert terms.psi == pytest.approx([twin.h_tot(x)])
     assert terms.unforced == pytest.approx(sum(drifts) + ALPHA * twin.h_tot(x), rel=1e-5, abs=1e-6)
-    for l, c in enumerate(terms.c):
+    for l, c in terms.c.items():
         slopes = [along(twin.h_tot, x, column) for column in twin.g(l, x).T]
         assert c == pytest.approx(slopes, rel=1e-5, abs=1e-6)
         assert terms.positions[l] == pytest.approx(twin.position(l, x))
@@ -134,7 +134,7 @@ def test_the_chain_of_relative_degree_2_follows_finite_differences(three, seed):
     assert terms.psi == pytest.approx([twin.h_tot(x), psi_1(x)], rel=1e-5, abs=1e-5)
     unforced = along(exact, x, drift(x)) + A2 * psi_1(x)
     assert terms.unforced == pytest.approx(unforced, rel=1e-4, abs=1e-4)
-    for l, c in enumerate(terms.c):
+    for l, c in terms.c.items():
         slopes = [along(exact, x, column) for column in twin.g(l, x).T]
         assert c == pytest.approx(slopes, rel=1e-4, abs=1e-5)
 

@@ -1,0 +1,142 @@
+"""Members' output positions and the linear programs over their inputs, evaluated kind by kind."""
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.theory.expressions.mapped import Index, MappedFunction, MappedRows
+from phalanx.theory.models.dynamics import Dynamics
+from phalanx.theory.models.polytope import Polytope, constant_polytope, extremes, polytope
+from phalanx.theory.safety.composition import Member, stacked_slices
+
+Array = NDArray[np.float64]
+
+
+class MemberNumbers(NamedTuple):
+    """Of the members that are seen at one state, by index."""
+
+    positions: dict[int, Array]
+    """Output positions [m]."""
+    least: dict[int, float]
+    """min over U_l of c_l u, Eq. (LPvminmax)."""
+    most: dict[int, float]
+    """max over U_l of c_l u."""
+    polytopes: dict[int, Polytope]
+    """U_l."""
+
+
+class _Kind:
+    """Dynamics of which these are the same expressions."""
+
+    def __init__(self, dynamics: Dynamics) -> None:
+        """Raises EmptyPolytopeError: a constant input polytope is empty or unbounded."""
+        x, c = ca.SX.sym("x", len(dynamics.states)), ca.SX.sym("c", len(dynamics.inputs))
+        p, (A, b) = dynamics.position(x), dynamics.input_polytope(x)
+        self.dimension = p.numel()
+        self.polytope = constant_polytope(A, b)
+        corners = ca.SX(0, c.numel())
+        rest = [A, b]
+        if self.polytope is not None:
+            # Numbers, so that dynamics with other bounds are of this kind too.
+            corners = ca.SX.sym("corners", *self.polytope.corners.shape)
+            values = corners @ c
+            rest = [ca.mmin(values), ca.mmax(values)]
+        self.row, self.outputs = [x, c, ca.vec(corners.T)], [p, *rest]
+
+    @property
+    def corners(self) -> Array:
+        """Of its own U, flat; none if it varies."""
+        return np.zeros(0) if self.polytope is None else self.polytope.corners.ravel()
+
+    @cached_property
+    def text(self) -> str:
+        """What tells kinds apart."""
+        outputs = [ca.densify(o) for o in self.outputs]
+        found: str = ca.Function("member", [ca.vertcat(*self.row)], outputs).serialize()
+        return found
+
+
+class SwarmMembers:
+    """The members of a swarm: of each its kind, and where its numbers lie."""
+
+    def __init__(self, members: Sequence[Member], after: int = 0) -> None:
+        """after: how many other numbers there are between the states and what comes in here.
+
+        Raises EmptyPolytopeError: a constant input polytope is empty or unbounded.
+        """
+        each = {id(m.dynamics): _Kind(m.dynamics) for m in members}
+        compiled = {kind.text: MappedFunction(kind.row, kind.outputs) for kind in each.values()}
+        self.kinds = [each[id(m.dynamics)] for m in members]
+        self.functions = [compiled[kind.text] for kind in self.kinds]
+        self.known = {l: k.polytope for l, k in enumerate(self.kinds) if k.polytope is not None}
+        """U_l of the members for whom it is constant."""
+        self.states = stacked_slices([len(m.dynamics.states) for m in members])
+        self.inputs = stacked_slices([len(m.dynamics.inputs) for m in members])
+        begin = self.states[-1].stop + after
+        self.c = slice(begin, begin + self.inputs[-1].stop)
+        """Where all c_l lie, stacked; after them come the corners of each dynamics' U."""
+        corners = [kind.corners for kind in each.values()]
+        where = dict(zip(each, stacked_slices([len(c) for c in corners]), strict=True))
+        self.corners: Array = np.concatenate(corners)
+        self.places: list[Index] = [
+            np.concatenate(
+                [np.r_[x], begin + np.r_[u], self.c.stop + np.r_[where[id(m.dynamics)]]]
+            ).astype(np.intp)
+            for m, x, u in zip(members, self.states, self.inputs, strict=True)
+        ]
+
+    def choose(self, seen: Sequence[int]) -> "ChosenMembers":
+        """Members that are seen together."""
+        return ChosenMembers(self, seen)
+
+
+class _Group(NamedTuple):
+    """Members of one kind."""
+
+    members: list[int]
+    kind: _Kind
+    rows: MappedRows
+
+
+class ChosenMembers:
+    """Members to evaluate at one state after another."""
+
+    def __init__(self, swarm: SwarmMembers, seen: Sequence[int]) -> None:
+        self._swarm = swarm
+        groups: dict[int, list[int]] = {}
+        for l in seen:
+            groups.setdefault(id(swarm.functions[l]), []).append(l)
+        self._groups = [
+            _Group(who, swarm.kinds[who[0]], swarm.functions[who[0]].at(places))
+            for who in groups.values()
+            for places in [np.stack([swarm.places[l] for l in who])]
+        ]
+
+    def __call__(self, numbers: Array) -> MemberNumbers:
+        """Evaluate at states, c and corners, which lie where SwarmMembers has them."""
+        swarm = self._swarm
+        varying = len(swarm.known) < len(swarm.kinds)
+        found = MemberNumbers({}, {}, {}, dict(swarm.known) if varying else swarm.known)
+        for members, kind, rows in self._groups:
+            rows(numbers)
+            d = kind.dimension
+            found.positions.update(zip(members, rows.results[:, :d].copy(), strict=True))
+            if kind.polytope is None:
+                self._solve(members, rows.results[:, d:], numbers[swarm.c], found)
+            else:
+                least, most = rows.results[:, d:].T.tolist()
+                found.least.update(zip(members, least, strict=True))
+                found.most.update(zip(members, most, strict=True))
+        return found
+
+    def _solve(self, members: list[int], rows: Array, c: Array, found: MemberNumbers) -> None:
+        """The linear programs of members whose U_l is what it is at this state only."""
+        for l, row in zip(members, rows, strict=True):
+            own = c[self._swarm.inputs[l]]
+            A, b = np.split(row, [len(row) * len(own) // (len(own) + 1)])
+            found.polytopes[l] = polytope(A.reshape(len(b), -1), b)
+            found.least[l], found.most[l] = extremes(own, found.polytopes[l].corners)

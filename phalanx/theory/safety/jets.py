@@ -1,0 +1,108 @@
+"""h_tot and its ψ-chain from the numbers of its pairs: truncated Taylor arithmetic of LSE.
+
+Along the drift every pair's h is a function of time, whose derivatives h, L_f h, ..., L_f^q h are
+known. So are then those of h_tot = LSE(h_1, ..., h_r), s_0 ... s_q, with w = softmax(ρ h):
+
+    s_{k+1}   = Σ_p Σ_j binom(k,j) w_p^(j) h_p^(k+1-j)
+    w_p^(k+1) = ρ Σ_j binom(k,j) w_p^(j) (h_p^(k+1-j) - s_{k+1-j})
+
+ψ_0 ... ψ_q are functions of s_0 ... s_q alone, since s_k' = s_{k+1}.
+"""
+
+from collections.abc import Sequence
+from math import comb
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.theory.expressions.bound import BoundFunction, rounded_up
+from phalanx.theory.expressions.portable import portable_function
+from phalanx.theory.safety.class_k import ClassK
+from phalanx.theory.safety.composition import FAR
+
+Array = NDArray[np.float64]
+
+
+class ComposedJets(NamedTuple):
+    """The ψ-chain of h_tot at one state, but for what inputs do."""
+
+    psi: Array
+    """ψ_0 ... ψ_{q-1}, shape (q,); where no pair is composed ψ_0 is FAR."""
+    unforced: float
+    """Σ_l L_{f_l} ψ_{q-1}^{x_l} + α_q(ψ_{q-1})."""
+    weights: Array
+    """∂ψ_{q-1} / ∂(L_f^j h_p) for pair p and j = 0 ... q-1, shape (r, q); the last is w_p."""
+
+
+class LogSumExpJets:
+    """Composes any number of pairs."""
+
+    def __init__(self, rho: float, alphas: Sequence[ClassK], xi: float) -> None:
+        """alphas: α_1 ... α_q. xi: ξ of Eq. (xi), which has no part if q = 1."""
+        self._rho, self._degree = rho, len(alphas)
+        self._chain = _chain_of_sum(rho, alphas, xi)
+        h, sigma = ca.SX.sym("h"), ca.SX.sym("sigma")
+        self._exponential = portable_function([ca.vertcat(h, sigma)], ca.exp(rho * (h - sigma)))
+        self._bound: dict[int, BoundFunction] = {}
+        self._nobody = np.array([FAR] + [0.0] * self._degree)
+
+    def __call__(self, h: Array) -> ComposedJets:
+        """Compose r pairs, of which h, L_f h, ..., L_f^q h are given; shape (r, q+1).
+
+        The weights are there until the next call.
+        """
+        pairs, q = len(h), self._degree
+        capacity = rounded_up(pairs)
+        if capacity not in self._bound:
+            self._bound[capacity] = BoundFunction(self._composition(capacity))
+        bound = self._bound[capacity]
+        rows = bound.inputs[0].reshape(capacity, q + 1)
+        rows[:pairs] = h
+        rows[pairs:] = self._nobody
+        bound.call()
+        chain, weights = bound.outputs
+        return ComposedJets(chain[:q].copy(), chain.item(q), weights.reshape(capacity, q)[:pairs])
+
+    def _composition(self, pairs: int) -> ca.Function:
+        """(q+1, pairs) -> ψ_0 ... ψ_{q-1} and the unforced part; the weights, (q, pairs).
+
+        A graph of operations on vectors, as large for one pair as for a thousand.
+        """
+        q, rho = self._degree, self._rho
+        given = ca.MX.sym("h", q + 1, pairs)
+        h = [given[k, :] for k in range(q + 1)]
+        sigma = ca.mmax(h[0])
+        each = ca.vertcat(h[0], ca.repmat(sigma, 1, pairs))
+        exponentials = self._exponential.map(pairs)(each)
+        total = ca.sum2(exponentials)
+        w, s = [exponentials / total], [sigma, total]
+        for k in range(q):
+            s.append(ca.sum2(_leibniz(k, w, h[1:])))
+            # Of h relative to its mean, so that nothing large cancels.
+            w.append(rho * _leibniz(k, w, [h[j] - s[j + 1] for j in range(1, k + 2)]))
+        chain = self._chain(ca.vertcat(*s))
+        slopes = [chain[q + 1 + k] for k in range(q)]
+        weights = [sum(slopes[k] * comb(k, j) * w[k - j] for k in range(j, q)) for j in range(q)]
+        return ca.Function("composition", [given], [chain[: q + 1], ca.vertcat(*weights)])
+
+
+def _leibniz(k: int, a: Sequence[Any], b: Sequence[Any]) -> Any:
+    """The k-th derivative of a product, from those of its factors."""
+    return sum(comb(k, j) * a[j] * b[k - j] for j in range(k + 1))
+
+
+def _chain_of_sum(rho: float, alphas: Sequence[ClassK], xi: float) -> ca.Function:
+    """(σ, Σ exp(ρ (h_p - σ)), s_1, ..., s_q) -> ψ_0 ... ψ_{q-1}, unforced, ∂ψ_{q-1}/∂s_k."""
+    q = len(alphas)
+    sigma, total = ca.SX.sym("sigma"), ca.SX.sym("total")
+    s = ca.SX.sym("s", q + 1)
+    psi = [s[0]]
+    for degree, alpha in enumerate(alphas, start=1):
+        drift = ca.jacobian(psi[-1], s[:q]) @ s[1:]
+        known = xi if degree == 1 and q > 1 else 0.0
+        psi.append(drift + known + alpha.value(psi[-1]))
+    slopes = ca.densify(ca.jacobian(psi[q - 1], s[:q])).T
+    (outputs,) = ca.substitute([ca.vertcat(*psi, slopes)], [s[0]], [sigma + ca.log(total) / rho])
+    return portable_function([ca.vertcat(sigma, total, s[1:])], outputs)

@@ -1,0 +1,152 @@
+"""Terms composed from pairs, against the chain of the whole swarm as one expression."""
+
+from functools import cache
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from phalanx.theory.rows.composed import ComposedTerms, PushMargin, SwarmTerms
+from phalanx.theory.rows.terms import Terms, TermsFunction
+from phalanx.theory.safety.chain import build_chain
+from phalanx.theory.safety.class_k import Linear, Power
+from phalanx.theory.safety.composition import FAR
+from tests.unit.theory.sample_swarms import DEGREES, RHO, function_of, sample_swarm
+
+ALPHAS = (Power(0.8, 3.0), Linear(1.7), Power(0.6, 2.0))
+XI, ETA, SCALE, REACH = 2.5, 1.3, 0.9, 2.5
+seeds = st.integers(0, 2**32 - 1)
+
+
+@cache
+def swarm_terms(name: str) -> SwarmTerms:
+    composed = sample_swarm(name)
+    members, obstacles = composed.members, composed.obstacles
+    return SwarmTerms(members, obstacles, function_of(name), RHO, ALPHAS[: DEGREES[name]], XI)
+
+
+@cache
+def reference(name: str, i: int | None) -> TermsFunction:
+    """Of all pairs, or of those within agent i's neighbourhood."""
+    composed = sample_swarm(name)
+    chain = build_chain(composed, ALPHAS[: DEGREES[name]], XI)
+    return TermsFunction(chain, None if i is None else composed.within(i, REACH), ETA * SCALE)
+
+
+@cache
+def composed_terms(name: str, i: int, radius: float | None) -> ComposedTerms:
+    return swarm_terms(name).of(i, radius, PushMargin(ETA, SCALE))
+
+
+def largest_difference(found: Terms, expected: Terms) -> float:
+    """Relative to the numbers, or to 1, of what both know."""
+    pairs = [(found.psi, expected.psi), (found.unforced, expected.unforced)]
+    pairs += [(found.margin, expected.margin)]
+    for numbers in ("c", "least", "most", "positions"):
+        both = getattr(found, numbers), getattr(expected, numbers)
+        pairs += [(both[0][l], both[1][l]) for l in both[0]]
+    for l, polytope in found.polytopes.items():
+        if l in found.c:
+            pairs += [(polytope.A, expected.polytopes[l].A), (polytope.b, expected.polytopes[l].b)]
+    return max(float(np.max(np.abs(a - b) / (1.0 + np.abs(b)))) for a, b in pairs)
+
+
+@pytest.mark.parametrize("name", DEGREES)
+@given(seed=seeds, apart=st.floats(0.1, 30.0))
+@settings(max_examples=40)
+def test_terms_of_all_pairs_are_those_of_the_whole_chain(name, seed, apart):
+    composed = sample_swarm(name)
+    x = np.random.default_rng(seed).uniform(-apart, apart, composed.x.numel())
+    seen = range(len(composed.members))
+    found = composed_terms(name, 0, None)(x, seen)
+    assert sorted(found.c) == sorted(found.least) == sorted(found.positions) == list(seen)
+    assert largest_difference(found, reference(name, None)(x)) < 1e-11
+
+
+@pytest.mark.parametrize("name", DEGREES)
+@given(seed=seeds)
+@settings(max_examples=40)
+def test_what_is_not_seen_has_no_part_and_may_be_anything(name, seed):
+    composed = sample_swarm(name)
+    x = np.random.default_rng(seed).uniform(-3.0, 3.0, composed.x.numel())
+    expected = reference(name, 0)(x)
+    seen = [
+        l
+        for l, p in expected.positions.items()
+        if l == 0 or float(np.linalg.norm(p - expected.positions[0])) <= REACH
+    ]
+    known = np.full_like(x, np.nan)
+    for l in seen:
+        known[composed.parts[l]] = x[composed.parts[l]]
+    found = composed_terms(name, 0, REACH)(known, seen)
+    assert sorted(found.c) == sorted(found.least) == sorted(found.most) == seen
+    if found.psi[0] == FAR:
+        assert expected.psi[0] == pytest.approx(FAR)
+        assert not any(c.any() for c in found.c.values())
+    else:
+        assert largest_difference(found, expected) < 1e-11
+
+
+@pytest.mark.parametrize("name", [name for name, q in DEGREES.items() if q == 2])
+@given(seed=seeds)
+@settings(max_examples=40)
+def test_what_disturbances_push_is_the_gradient_of_the_chain(name, seed):
+    composed = sample_swarm(name)
+    x = np.random.default_rng(seed).uniform(-3.0, 3.0, composed.x.numel())
+    bounds = [0.3 + 0.1 * l for l in range(len(composed.members))]
+    found = swarm_terms(name).of(0, None, PushMargin(ETA, SCALE, bounds))
+    margin = found(x, range(len(bounds))).margin
+    expected = push(name, tuple(bounds))(x)
+    assert margin == pytest.approx(SCALE * (ETA + expected.margin), rel=1e-11)
+
+
+@cache
+def push(name: str, bounds: tuple[float, ...]) -> TermsFunction:
+    """The chain with D_q as its margin."""
+    chain = build_chain(sample_swarm(name), ALPHAS[: DEGREES[name]], XI, bounds)
+    return TermsFunction(chain, margin=chain.disturbance)
+
+
+@pytest.mark.parametrize("name", DEGREES)
+def test_an_agent_alone_is_safe_and_free(name):
+    composed = sample_swarm(name)
+    x = np.full(composed.x.numel(), np.nan)
+    x[composed.parts[0]] = -1e3
+    terms = composed_terms(name, 0, REACH)(x, (0,))
+    assert terms.psi.tolist() == [FAR, *terms.psi[1:].tolist()]
+    assert (terms.psi < -1e6).all()
+    assert terms.unforced < 0.0
+    assert not terms.c[0].any()
+
+
+@pytest.mark.parametrize("name", DEGREES)
+def test_terms_do_not_depend_on_what_was_asked_before(name):
+    """Memory is kept between calls, and who is seen changes."""
+    composed = sample_swarm(name)
+    members = len(composed.members)
+    random = np.random.default_rng(4)
+    states = random.uniform(-3.0, 3.0, (12, composed.x.numel()))
+    kept = composed_terms(name, 0, REACH)
+    for x in states:
+        seen = tuple(l for l in range(members) if l == 0 or random.random() < 0.5)
+        found, fresh = (
+            kept(x, seen),
+            swarm_terms(name).of(0, REACH, PushMargin(ETA, SCALE))(x, seen),
+        )
+        assert found.psi.tobytes() == fresh.psi.tobytes()
+        assert found.unforced == fresh.unforced
+        for l in seen:
+            assert found.c[l].tobytes() == fresh.c[l].tobytes()
+            assert found.least[l] == fresh.least[l]
+
+
+def test_one_pair_is_its_own_composition():
+    """No LSE rounds it: h_tot is h, to the bit."""
+    composed = sample_swarm("unicycles")
+    x = np.random.default_rng(3).uniform(-3.0, 3.0, composed.x.numel())
+    terms = composed_terms("unicycles", 0, 1e-3)(x, (0, 4))
+    pair = composed.pairs.index(next(p for p in composed.pairs if (p.a, p.b) == (0, 4)))
+    h = ca.Function("h", [composed.x], [composed.h[pair]])
+    assert terms.psi[0] == pytest.approx(float(h(x)), rel=1e-15)

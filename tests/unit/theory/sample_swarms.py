@@ -1,0 +1,46 @@
+"""Swarms of several kinds of pairs, q = 1, 2 and 3, the library's classes and a user's own."""
+
+from functools import cache
+
+from phalanx.theory.models.bicycle import KinematicBicycle
+from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
+from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.safety.composition import ComposedSet, Member, compose
+from phalanx.theory.safety.distances import Distance, HeadingAware
+from phalanx.theory.safety.function import Separation
+from phalanx.theory.safety.obstacles import Sphere, Wall
+from tests.unit.theory.users_own import Draggy, Drifter, Oval
+
+RHO = 2.0
+SPHERES = (Sphere((3.0, 1.0), 1.2), Sphere((-2.0, 4.0), 0.7))
+AROUND = (SPHERES[0], Wall((1.0, 2.0), 4.0, 0.5), SPHERES[1])
+_SWARMS = {
+    "unicycles": ([Unicycle(4.0, 2.0)] * 3 + [Unicycle(2.0, 1.0)] * 2, Separation(1.0)),
+    "heading-aware": ([Unicycle(4.0, 2.0)] * 4, HeadingAware(1.0, 2.0)),
+    "users' own": ([Drifter(), SingleIntegrator(1.0), Unicycle(1.0, 1.0)], Oval()),
+    "accelerations": ([DoubleIntegrator(2.0, 0.7, 2)] * 3 + [Draggy()] * 2, Distance(1.0)),
+    "cars": ([KinematicBicycle(1.0, 1.0, 1.0)] * 3, Separation(1.0)),
+    "jerks": ([TripleIntegrator(1.0, 2)] * 4, Oval()),
+}
+DEGREES = {
+    "unicycles": 1,
+    "heading-aware": 1,
+    "users' own": 1,
+    "accelerations": 2,
+    "cars": 2,
+    "jerks": 3,
+}
+
+
+@cache
+def sample_swarm(name: str) -> ComposedSet:
+    """The last two members attack; if the function takes walls there is one."""
+    dynamics, function = _SWARMS[name]
+    normal = len(dynamics) - 2
+    members = [Member(f"a{l}", d, l >= normal) for l, d in enumerate(dynamics)]
+    return compose(members, SPHERES if isinstance(function, Oval) else AROUND, function, RHO)
+
+
+def function_of(name: str) -> Separation | HeadingAware | Oval | Distance:
+    """Its safe-set function."""
+    return _SWARMS[name][1]
