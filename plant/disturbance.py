@@ -3,16 +3,14 @@
 import math
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.scenario.agents import Disturbance
 from phalanx.seeded.draws import Draws
-from phalanx.swarm.swarm import Swarm
-from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.expressions.exact import length
-from phalanx.theory.safety.chain import Chain
+from phalanx.theory.rows.composed import pushed_slopes
 
 Array = NDArray[np.float64]
 
@@ -61,11 +59,9 @@ class AdverseDisturbance:
     A knot's push is reached one knot later, so that φ_i is continuous.
     """
 
-    def __init__(self, chain: Chain, i: int, model: Disturbance) -> None:
-        """For member i of the chain."""
-        composed = chain.set
-        gradient = ca.jacobian(chain.psi[-1], composed.x[composed.parts[i]])
-        self._gradient = CompiledFunction([composed.x], [composed.substitute(gradient)])
+    def __init__(self, gradient: "SwarmGradient", part: slice, model: Disturbance) -> None:
+        """part: where the agent's state lies in the stack."""
+        self._gradient, self._part = gradient, part
         self._bound, self._every = model.bound, model.every
         self._line: Line | None = None
 
@@ -78,7 +74,7 @@ class AdverseDisturbance:
         return self._line
 
     def _push(self, x: Array) -> Array:
-        gradient = self._gradient(x)[0]
+        gradient = self._gradient(x)[self._part]
         size = float(length(gradient))
         push: Array = self._bound / size * gradient if size > 0.0 else 0.0 * gradient
         return push
@@ -95,20 +91,30 @@ def _between(knot: int, every: float, here: Array, there: Array) -> Line:
     return Line(begin, end, here, (there - here) / (end - begin))
 
 
+class SwarmGradient:
+    """∂ψ_{q-1}/∂x of h_tot, all pairs composed."""
+
+    def __init__(self, rows: SafetyRows) -> None:
+        pairs = rows.swarm.pairs
+        self._pairs = pairs.choose(pairs.among(range(len(rows.swarm.members))))
+        self._jets = rows.composed.jets
+        self._x = self._found = np.zeros(0)
+
+    def __call__(self, x: Array) -> Array:
+        """At a stacked state x, shape (n̄,)."""
+        # Agents of a swarm have their knots at the same times: one evaluation serves them all.
+        if not np.array_equal(x, self._x):
+            weights = self._jets(self._pairs.jets(x).h).weights
+            self._x, self._found = x.copy(), pushed_slopes(self._pairs, weights, x)
+        return self._found
+
+
 class SwarmDisturbance:
     """All φ_i, stacked as the state is, shape (n̄,)."""
 
-    def __init__(self, swarm: Swarm, chain: Chain) -> None:
-        """chain: of h_tot, which adverse disturbances push up."""
-        self._each = [self._disturbance(swarm, chain, i) for i in range(len(swarm.members))]
-
-    @staticmethod
-    def _disturbance(swarm: Swarm, chain: Chain, i: int) -> KnottedDisturbance | AdverseDisturbance:
-        model, member = swarm.groups[i].disturbance, swarm.members[i]
-        if model.kind == "adverse":
-            return AdverseDisturbance(chain, i, model)
-        states = len(member.dynamics.states)
-        return KnottedDisturbance(swarm.scenario.seed, member.name, model, states)
+    def __init__(self, rows: SafetyRows) -> None:
+        """rows: what adverse disturbances push against."""
+        self._each = _disturbances(rows)
 
     def line(self, t: float, x: Array) -> Line:
         """The line of the stack from t [s], in state x there, to the first knot of any agent."""
@@ -116,3 +122,17 @@ class SwarmDisturbance:
         value = np.concatenate([line.at(t) for line in lines])
         slope = np.concatenate([line.slope for line in lines])
         return Line(t, min(line.end for line in lines), value, slope)
+
+
+def _disturbances(rows: SafetyRows) -> list[KnottedDisturbance | AdverseDisturbance]:
+    swarm, gradient = rows.swarm, None
+    each: list[KnottedDisturbance | AdverseDisturbance] = []
+    for i, (group, part) in enumerate(zip(swarm.groups, swarm.safe_set.parts, strict=True)):
+        model = group.disturbance
+        if model.kind == "adverse":
+            gradient = gradient or SwarmGradient(rows)
+            each.append(AdverseDisturbance(gradient, part, model))
+        else:
+            seed, states = swarm.scenario.seed, part.stop - part.start
+            each.append(KnottedDisturbance(seed, swarm.names[i], model, states))
+    return each

@@ -82,7 +82,7 @@ class Judge:
         self._margin = Assumption("proven margin", note=note)
         self._margin.check(not gaps, 0.0)
         start = swarm.start()
-        self._start_kept.check(bool((rows.invariants()(start)[0] <= 0.0).all()), 0.0)
+        self._start_kept.check(bool((rows.invariants()(start) <= 0.0).all()), 0.0)
         self.coverage.begin(start)
 
     @property

@@ -18,7 +18,6 @@ from phalanx.theory.expressions.exact import dot
 from phalanx.theory.expressions.mapped import Index, MappedFunction
 from phalanx.theory.safety.composition import ComposedSet
 from phalanx.theory.safety.function import Reaching
-from phalanx.theory.safety.pairs import SwarmPairs
 
 Array = NDArray[np.float64]
 
@@ -36,8 +35,8 @@ class NearPairs:
     def __init__(self, swarm: Swarm, motion: Motion) -> None:
         """Begin with every pair."""
         scenario, function = swarm.scenario, swarm.scenario.safety.safe_set_function()
-        degree, rho = len(scenario.safety.alpha), scenario.safety.rho
-        self._pairs = SwarmPairs(swarm.members, scenario.obstacles, function, degree)
+        rho = scenario.safety.rho
+        self._pairs = swarm.pairs
         self._obstacles, self._motion = scenario.obstacles, motion
         self._normal = np.array([not m.adversary for m in swarm.members])
         self._every = self._pairs.among(range(len(swarm.members)))
@@ -54,21 +53,22 @@ class NearPairs:
         Returns:
             which pairs count, by index, shape (r,); their h, (s, r); and h_tot of all, (s,).
         """
-        h = self._chosen.h(x)
+        h = self.chosen.h(x)
         if self._function is None:
             return self._which, h, self._sum(h)
         positions = self._motion.positions(x)
         if not self._stands(positions, h):
             self._look(self._function, positions[0], h)
-            h = self._chosen.h(x)
+            h = self.chosen.h(x)
             if not self._stands(positions, h):
                 self._choose(self._every)
-                h = self._chosen.h(x)
+                h = self.chosen.h(x)
         return self._which, h, self._sum(h)
 
     def _choose(self, pairs: Index) -> None:
-        self._chosen = self._pairs.choose(pairs)
-        a, b = self._chosen.pairs.T
+        self.chosen = self._pairs.choose(pairs)
+        """The pairs that count at the last states."""
+        a, b = self.chosen.pairs.T
         self._which = self._numbers[a, b]
         self._from: Array | None = None
 

@@ -3,15 +3,14 @@
 import math
 from typing import NamedTuple
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.plant.disturbance import SwarmDisturbance
 from phalanx.plant.motion import Motion
 from phalanx.plant.near import NearPairs
+from phalanx.plant.psi import LargestPsi
 from phalanx.swarm.rows import SafetyRows
-from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.mapped import Index
 from phalanx.theory.safety.composition import stacked_slices
 
@@ -36,7 +35,7 @@ class IntegrationSteps(NamedTuple):
     h_tot: Array
     """Of all pairs, shape (s,)."""
     psi: Array
-    """The largest of all ψ_1 ... ψ_{q-1}, shape (s,); empty if q = 1."""
+    """The largest of their ψ_1 ... ψ_{q-1}, shape (s,); empty if q = 1."""
 
 
 class DisturbanceKnot(NamedTuple):
@@ -59,11 +58,11 @@ class World:
         self._inputs = stacked_slices([len(m.dynamics.inputs) for m in swarm.members])
         self._u = np.zeros(self._inputs[-1].stop)
         self._longest = swarm.scenario.time.integration_step
-        self._disturbances = SwarmDisturbance(swarm, rows.chain)
+        self._disturbances = SwarmDisturbance(rows)
         self._line = self._disturbances.line(0.0, self.x)
         self._motion = Motion(swarm.members, _STEPS_AT_ONCE)
         self._near = NearPairs(swarm, self._motion)
-        self._psi = _largest_psi(rows)
+        self._psi = LargestPsi(rows)
         self._seen: list[IntegrationSteps | DisturbanceKnot] = [
             DisturbanceKnot(0.0, self._line.value)
         ]
@@ -108,16 +107,5 @@ class World:
                 f"the state or h_tot is no longer finite at t = {times[-1]:.3f} s: check dynamics "
                 "and laws for divisions by zero and unbounded growth"
             )
-        psi = np.concatenate([self._psi(each)[0] for each in x]) if self._psi else np.zeros(0)
+        psi = self._psi(x, self._near.chosen)
         self._seen.append(IntegrationSteps(times, pairs, h, h_tot, psi))
-
-
-def _largest_psi(rows: SafetyRows) -> CompiledFunction | None:
-    """x -> the largest of all ψ_1 ... ψ_{q-1}; None if q = 1.
-
-    Neighbourhoods are left out: ψ is of all pairs, as one row for each or as their composition.
-    """
-    composed = rows.swarm.safe_set
-    chains = rows.pair_chains.values() or [rows.chain]
-    psi = [composed.substitute(psi) for chain in chains for psi in chain.psi[1:]]
-    return CompiledFunction([composed.x], [ca.mmax(ca.vertcat(*psi))]) if psi else None

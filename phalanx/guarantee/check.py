@@ -112,8 +112,8 @@ def check(scenario: Scenario) -> CheckReport:
     except ValueError as error:
         unknown.append(f"No margin can be computed: {error}.")
     report = CheckReport(
-        relative_degree=rows.chain.relative_degree,
-        worst_at_start=float(rows.invariants()(x)[0].max()),
+        relative_degree=rows.relative_degree,
+        worst_at_start=float(rows.invariants()(x).max()),
         eta_paper=_given(rows),
         formula=of_all,
         pair_formula=of_pair,
@@ -132,7 +132,7 @@ def check(scenario: Scenario) -> CheckReport:
 def _theorem_four(rows: SafetyRows, x: Array, low: Array, high: Array) -> TheoremFour | None:
     """Σ γ_min + Σ γ_max + α + η at states on the boundary of S_I."""
     inside = rows.invariants()
-    if (inside(x)[0] > 0).any():
+    if (inside(x) > 0).any():
         return None
     evaluate = TermsFunction(rows.chain, margin=_largest_margin(rows))
     worst, asked = -math.inf, 0
@@ -140,7 +140,7 @@ def _theorem_four(rows: SafetyRows, x: Array, low: Array, high: Array) -> Theore
     for y in drawn_states(seed, "boundary", low, high, 10 * _SAMPLES):
         if asked == _BOUNDARY_STATES:
             break
-        if (inside(y)[0] <= 0).all():
+        if (inside(y) <= 0).all():
             continue
         total = joint_sum(evaluate(boundary(inside, x, y)), rows.swarm.normal)
         worst, asked = max(worst, total), asked + 1

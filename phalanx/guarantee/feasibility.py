@@ -2,9 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,15 +44,16 @@ def rigorous(swarm: Swarm) -> SafetyRows:
 
 def _feasible(rows: SafetyRows, i: int, x: Array) -> bool:
     """Whether K_i(x) is non-empty, with nothing received."""
-    swarm, terms = rows.swarm, rows.terms(i)(x)
-    if rows.pair_chains:
-        return _pairs_feasible(rows, i, rows.pair_terms(i)(x), terms.polytopes[i])
+    swarm, seen = rows.swarm, rows.swarm.seen(i, x)
+    terms = rows.terms(i)(x, seen)
+    if rows.pairwise:
+        return _pairs_feasible(rows, rows.pair_terms(i)(x, seen), terms.polytopes[i])
     return joint_sum(terms, swarm.normal if swarm.joint else (i,)) <= 0
 
 
-def _pairs_feasible(rows: SafetyRows, i: int, terms: PairTerms, inputs: Polytope) -> bool:
+def _pairs_feasible(rows: SafetyRows, terms: PairTerms, inputs: Polytope) -> bool:
     sharing = rows.swarm.normal if rows.swarm.joint else ()
-    at_start = pair_rows(terms, rows.own_pairs(i), {}, sharing)
+    at_start = pair_rows(terms, {}, sharing)
     u = least_violation(inputs, at_start)
     return bool((at_start.a @ u <= at_start.bound).all())
 
@@ -64,20 +63,20 @@ class ProvenRows:
 
     def __init__(self, rows: SafetyRows, i: int, x: Array) -> None:
         """rows: as rigorous() has them."""
-        self._rows, self._i, self._x = rows, i, x
-        margin = replace(rows.margin(i), horizon=ca.SX.sym("gap"))
-        self._terms = rows.pair_terms_with(i, margin)
-        self._shared = np.array([pair.shared for pair in rows.own_pairs(i)])
-        self._inputs = rows.terms(i)(x).polytopes[i]
+        self._rows, self._x = rows, x
+        self._seen = rows.swarm.seen(i, x)
+        self._terms = rows.pair_terms_of_gap(i)
+        self._inputs = rows.terms(i)(x, self._seen).polytopes[i]
 
     def margin(self, gap: float) -> float:
         """The largest margin of any row."""
-        terms = self._terms(self._x, gap)
-        return float(np.where(self._shared, terms.half_margin, terms.margin).max())
+        terms = self._terms(self._x, self._seen, [gap])
+        return float(np.where(terms.shared, terms.half_margin, terms.margin).max(initial=0.0))
 
     def feasible(self, gap: float) -> bool:
         """Whether K_i(x(0)) is non-empty."""
-        return _pairs_feasible(self._rows, self._i, self._terms(self._x, gap), self._inputs)
+        terms = self._terms(self._x, self._seen, [gap])
+        return _pairs_feasible(self._rows, terms, self._inputs)
 
 
 def largest_gap(rows: Sequence[ProvenRows]) -> float | None:

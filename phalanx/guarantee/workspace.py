@@ -1,7 +1,7 @@
 """The workspace of a scenario as a box of states, and states of S_I within it."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import casadi as ca
 import numpy as np
@@ -61,18 +61,18 @@ def drawn_states(seed: int, purpose: str, low: Array, high: Array, count: int) -
     return (low + (high - low) * draws[index] for index in range(count))
 
 
-def states_inside(inside: CompiledFunction, x: Array, drawn: Iterable[Array]) -> Array:
+def states_inside(inside: Callable[[Array], Array], x: Array, drawn: Iterable[Array]) -> Array:
     """x(0) and drawn states, those outside S_I moved to its boundary; shape (s, n̄)."""
-    found = (y if (inside(y)[0] <= 0).all() else boundary(inside, x, y) for y in drawn)
+    found = (y if (inside(y) <= 0).all() else boundary(inside, x, y) for y in drawn)
     return np.array([x, *found])
 
 
-def boundary(inside: CompiledFunction, start: Array, outside: Array) -> Array:
+def boundary(inside: Callable[[Array], Array], start: Array, outside: Array) -> Array:
     """The last state in S_I found between one inside and one outside, by bisection."""
     a, b = 0.0, 1.0
     for _ in range(_BISECTIONS):
         middle = (a + b) / 2
-        if (inside(start + middle * (outside - start))[0] <= 0).all():
+        if (inside(start + middle * (outside - start)) <= 0).all():
             a = middle
         else:
             b = middle

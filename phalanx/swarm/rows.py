@@ -4,20 +4,25 @@ Agents, the check before a run, reports and proofs all build from it, so that wh
 what is run.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 from phalanx.scenario.load import ScenarioError
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import added
+from phalanx.theory.expressions.mapped import MappedFunction
 from phalanx.theory.margins.margin import Margin
 from phalanx.theory.margins.paper import MarginConstants
 from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.models.polytope import EmptyPolytopeError
-from phalanx.theory.rows.pairs import OwnPair, PairTermsFunction, own_pairs
+from phalanx.theory.rows.composed import SwarmTerms
+from phalanx.theory.rows.near import obstacles_within
+from phalanx.theory.rows.pairs import OwnPair, OwnPairTerms, PairRowFunction
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.safety_filter import (
     ComposedFilter,
@@ -25,9 +30,12 @@ from phalanx.theory.rows.safety_filter import (
     SafetyFilter,
     Unfiltered,
 )
-from phalanx.theory.rows.terms import TermsFunction
+from phalanx.theory.rows.terms import TermsAt, TermsFunction
 from phalanx.theory.safety.chain import Chain, build_chain
 from phalanx.theory.safety.composition import ComposedSet
+from phalanx.theory.safety.pairs import PairFunctions
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -35,10 +43,26 @@ class SafetyRows:
     """What every row of a swarm is made of."""
 
     swarm: Swarm
-    chain: Chain
-    """Of h_tot, all pairs composed."""
-    pair_chains: Mapping[int, Chain]
-    """Of each pair by its index, where the scenario keeps one row for each pair; else empty."""
+    composed: SwarmTerms
+    """h_tot from its pairs."""
+
+    @cached_property
+    def chain(self) -> Chain:
+        """Of h_tot as one expression of all states: what is composed from pairs, once more.
+
+        It grows with the square of the swarm. Some settings have no row without it (`terms`).
+        """
+        return _chain(self.swarm, self.swarm.safe_set)
+
+    @property
+    def pairwise(self) -> bool:
+        """Whether agents keep one row for each pair, and not one for h_tot."""
+        return self.swarm.scenario.safety.composition == "pairs"
+
+    @property
+    def relative_degree(self) -> int:
+        """q."""
+        return self.swarm.pairs.degree
 
     def filter(self, i: int) -> SafetyFilter:
         """What the scenario asks of agent i on its own."""
@@ -46,47 +70,84 @@ class SafetyRows:
         if swarm.members[i].adversary:
             return self.unfiltered(i)
         information = swarm.information()
-        if not self.pair_chains:
+        if not self.pairwise:
             return ComposedFilter(i, information, self._qp(i), safety.authority)
-        pairs = self.own_pairs(i)
-        return PairwiseFilter(i, information, self._qp(i), pairs, self.pair_terms(i))
+        return PairwiseFilter(i, information, self._qp(i), self.pair_terms(i))
 
     def unfiltered(self, i: int) -> SafetyFilter:
         """An adversary's, or a normal agent's that turned into one."""
         return Unfiltered(i, self._qp(i))
 
-    def terms(self, i: int) -> TermsFunction:
-        """Agent i's compiled h_tot, its margin included; an adversary sees everything."""
-        if self.swarm.members[i].adversary or self.pair_chains:
-            return TermsFunction(self.chain)
-        active = self._active(i)
-        return TermsFunction(self.chain, active, self.margin(i).of(self.chain, i, active=active))
+    def terms(self, i: int) -> TermsAt:
+        """Agent i's h_tot of what it sees, the margin of its row included, if it has one.
 
-    def own_pairs(self, i: int) -> list[OwnPair]:
-        """The pairs that normal agent i keeps a row for."""
-        return own_pairs(self.swarm.safe_set, self.pair_chains, i)
+        With margin = "local", and with "corrected" from q = 3 on, that margin is part of the whole
+        expression, which does not scale.
+        """
+        swarm, radius = self.swarm, self.swarm.sensing(i)
+        if swarm.members[i].adversary or self.pairwise:
+            return self.composed.of(i, radius)
+        margin = self.margin(i)
+        numbers = margin.composed(self.relative_degree)
+        if numbers is not None:
+            return self.composed.of(i, radius, numbers)
+        active = None if radius is None else swarm.safe_set.within(i, radius)
+        return TermsFunction(self.chain, active, margin.of(self.chain, i, active=active))
 
-    def pair_terms(self, i: int) -> PairTermsFunction:
-        """Agent i's compiled pairs, their margins included."""
-        return self.pair_terms_with(i, self.margin(i))
+    def own_pair(self, i: int, other: int) -> OwnPair:
+        """The pair of normal agent i and another member, or N + k for obstacle k.
 
-    def pair_terms_with(self, i: int, margin: Margin) -> PairTermsFunction:
-        """The same with another margin; a symbol for its horizon is a second argument."""
-        pairs = self.own_pairs(i)
-        margins = [
-            (
-                margin.of(p.chain, p.own),
-                margin.of(p.chain, p.own, RowPart.HALF) if p.shared else ca.SX(0),
-            )
-            for p in pairs
-        ]
-        return PairTermsFunction(
-            self.swarm.safe_set, pairs, margins, self._active(i), margin.symbols
-        )
+        The same expressions serve all pairs of members of the same two groups.
+        """
+        pairs, members = self.swarm.pairs, self.swarm.members
+        a, b = pairs.ordered(i, other)
+        friend = other < len(members) and not members[other].adversary
+        return OwnPair(_chain(self.swarm, pairs.alone(a, b)), 0 if a == i else 1, friend)
+
+    def pair_terms(self, i: int) -> OwnPairTerms:
+        """Agent i's pairs, their margins included."""
+        return self._pair_terms(i, self.margin(i))
+
+    def pair_terms_of_gap(self, i: int) -> OwnPairTerms:
+        """The same with a number to give at each call for how long an input may be in force [s]."""
+        return self._pair_terms(i, replace(self.margin(i), horizon=self._gap))
+
+    def _pair_terms(self, i: int, margin: Margin) -> OwnPairTerms:
+        swarm, radius = self.swarm, self.swarm.sensing(i)
+        near = obstacles_within(radius, swarm.members[i].dynamics, swarm.pairs.obstacles)
+
+        def function(other: int) -> PairRowFunction:
+            sides = (i, other) if other < len(swarm.members) else (i,)
+            a, b = swarm.pairs.ordered(i, other)
+            (kind,) = swarm.pairs.kind_of(np.array([[a, b]])).tolist()
+            alike = kind, a == i, *[id(swarm.groups[l]) for l in sides], bool(margin.symbols)
+            if alike not in self._row_functions:
+                self._row_functions[alike] = self._row_function(self.own_pair(i, other), margin)
+            return self._row_functions[alike]
+
+        return OwnPairTerms(swarm.pairs, i, function, near)
+
+    @staticmethod
+    def _row_function(pair: OwnPair, margin: Margin) -> PairRowFunction:
+        whole, half = margin.of(pair.chain, pair.own), ca.SX(0)
+        if pair.shared:
+            half = margin.of(pair.chain, pair.own, RowPart.HALF)
+        return PairRowFunction(pair, (whole, half), margin.symbols)
 
     def pair_chain(self, pair: int) -> Chain:
         """The chain of one pair of h_tot alone, by the pair's index."""
         return _chain(self.swarm, self.swarm.safe_set.alone(pair))
+
+    @cached_property
+    def pair_psi(self) -> PairFunctions:
+        """ψ_0 ... ψ_{q-1} of pairs alone."""
+        swarm = self.swarm
+        groups = list({id(group): None for group in swarm.groups})
+        sorts = [groups.index(id(group)) for group in swarm.groups]
+        return PairFunctions(swarm.pairs, sorts, self._psi)
+
+    def _psi(self, pair: ComposedSet, _: tuple[int, int]) -> MappedFunction:
+        return MappedFunction([pair.x, pair.parameters], list(_chain(self.swarm, pair).psi))
 
     def margin(self, i: int) -> Margin:
         """How agent i's margins are made."""
@@ -99,18 +160,17 @@ class SafetyRows:
             bounds=self.swarm.disturbance_bounds,
         )
 
-    def invariants(self) -> CompiledFunction:
+    def invariants(self) -> Callable[[Array], Array]:
         """x -> all ψ_0 ... ψ_{q-1} that are not above 0 in S_I, as this scenario composes them."""
-        composed = self.swarm.safe_set
-        if self.pair_chains:
-            values = [psi for chain in self.pair_chains.values() for psi in chain.psi]
-        else:
-            # With limited sensing every agent composes a set of its own.
-            views = self.swarm.normal if self.swarm.limited else self.swarm.normal[:1]
-            values = [
-                composed.substitute(psi, self._active(i)) for i in views for psi in self.chain.psi
-            ]
-        return CompiledFunction([composed.x], [ca.vertcat(*values)])
+        swarm = self.swarm
+        if self.pairwise:
+            every = swarm.pairs.among(range(len(swarm.members)))
+            psi = self.pair_psi.choose(every)
+            return lambda x: psi(x).ravel()
+        # With limited sensing every agent composes a set of its own.
+        views = swarm.normal if swarm.limited else swarm.normal[:1]
+        terms = {i: self.terms(i) for i in views}
+        return lambda x: np.concatenate([terms[i](x, swarm.seen(i, x)).psi for i in views])
 
     def _eta(self, i: int) -> float:
         """η(Γ_i + δ^max) of agent i, given or from constants."""
@@ -121,34 +181,32 @@ class SafetyRows:
         longest = groups[i].clock.period + max(group.clock.jitter for group in groups)
         disturbances = added(group.disturbance.bound for group in groups)
         # For q > 1 Eq. (etaprimedef) has no term of theirs; corrected, D_q is added at each state.
-        return eta.eta(longest, disturbances if self.chain.relative_degree == 1 else 0.0)
+        return eta.eta(longest, disturbances if self.relative_degree == 1 else 0.0)
 
-    def _active(self, i: int) -> ca.SX | None:
-        """Which pairs agent i composes, shape (p,), 0 or 1; None for all."""
-        radius = self.swarm.sensing(i)
-        return None if radius is None else self.swarm.safe_set.within(i, radius)
+    @cached_property
+    def _row_functions(self) -> dict[tuple[object, ...], PairRowFunction]:
+        """By kind of pair, whose row it is, and the groups, whose bounds and clocks count."""
+        return {}
+
+    @cached_property
+    def _gap(self) -> ca.SX:
+        return ca.SX.sym("gap")
 
     def _qp(self, i: int) -> NearestInput:
         return NearestInput(self.swarm.members[i].dynamics.input_metric())
 
 
 def build_rows(swarm: Swarm) -> SafetyRows:
-    """Differentiate a swarm's safe set.
+    """What the rows of all agents have in common.
 
-    Raises:
-        ScenarioError: mixed relative degree, wrong number of gains, or a user's expression that
-            cannot be differentiated.
+    Raises ScenarioError if an input polytope is empty or unbounded.
     """
-    scenario, composed = swarm.scenario, swarm.safe_set
+    scenario, safety = swarm.scenario, swarm.scenario.safety
+    xi = 0.0 if safety.computes_margin else safety.xi
     try:
-        pairs = range(len(composed.pairs)) if scenario.safety.composition == "pairs" else ()
-        pair_chains = {p: _chain(swarm, composed.alone(p)) for p in pairs}
-        return SafetyRows(swarm, _chain(swarm, composed), pair_chains)
+        return SafetyRows(swarm, SwarmTerms(swarm.pairs, safety.rho, safety.class_k(), xi))
     except (ValueError, EmptyPolytopeError) as error:
         raise ScenarioError(f"{scenario.name}: {error}") from error
-    except Exception as error:  # CasADi, on expressions of a user's own
-        reason = str(error).strip().splitlines()[-1]
-        raise ScenarioError(f"{scenario.name}: the safe set cannot be built: {reason}") from error
 
 
 def require_runnable(swarm: Swarm) -> None:
@@ -159,8 +217,10 @@ def require_runnable(swarm: Swarm) -> None:
     """
     rows, i = build_rows(swarm), swarm.normal[0]
     try:
-        rows.terms(i)
-        rows.filter(i)
+        x = swarm.start()
+        rows.terms(i)(x)
+        if rows.pairwise:
+            rows.pair_terms(i)(x)
     except ValueError as error:
         raise ScenarioError(f"{swarm.scenario.name}: safety: {error}") from error
 

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,11 +13,14 @@ from phalanx.scenario.load import ScenarioError
 from phalanx.scenario.model import Scenario
 from phalanx.seeded.clock import SamplingClock
 from phalanx.seeded.draws import Draws
+from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.expressions.exact import dot
 from phalanx.theory.laws.formation import Goal, hold
 from phalanx.theory.laws.law import Law, TeamLaw
 from phalanx.theory.models.polytope import EmptyPolytopeError
 from phalanx.theory.rows.information import Information, InformationModel
 from phalanx.theory.safety.composition import ComposedSet, Member, compose
+from phalanx.theory.safety.pairs import SwarmPairs
 
 Array = NDArray[np.float64]
 
@@ -28,6 +32,8 @@ class Swarm:
     scenario: Scenario
     safe_set: ComposedSet
     """All pairs, composed."""
+    pairs: SwarmPairs
+    """The same pairs, to be evaluated kind by kind."""
 
     @property
     def members(self) -> tuple[Member, ...]:
@@ -60,6 +66,21 @@ class Swarm:
     def limited(self) -> bool:
         """Whether some normal agent sees, and so composes, less than everything."""
         return any(self.sensing(i) is not None for i in self.normal)
+
+    def seen(self, i: int, x: Array) -> tuple[int, ...]:
+        """Whom agent i sees at the stacked state x, shape (n̄,), itself included."""
+        radius = self.sensing(i)
+        if radius is None:
+            return tuple(range(len(self.members)))
+        points = self._positions(x)
+        apart = points - points[i]
+        return tuple(np.flatnonzero(dot(apart, apart) <= radius * radius).tolist())
+
+    @cached_property
+    def _positions(self) -> Callable[[Array], Array]:
+        composed = self.safe_set
+        points = CompiledFunction([composed.x], [ca.horzcat(*composed.positions).T])
+        return lambda x: points(x)[0].reshape(len(self.members), -1)
 
     def heard_by(self, i: int) -> tuple[int, ...]:
         """The agents whose broadcasts count for agent i, wherever they are."""
@@ -157,7 +178,8 @@ def build_swarm(scenario: Scenario) -> Swarm:
     """Compose the scenario's safe set.
 
     Raises:
-        ScenarioError: positions that do not fit together, or a user's expression that fails.
+        ScenarioError: positions that do not fit together, mixed relative degree, a wrong number of
+            gains, or a user's expression that fails.
     """
     safety = scenario.safety
     members = [
@@ -165,10 +187,12 @@ def build_swarm(scenario: Scenario) -> Swarm:
         for name, group, _ in scenario.roster()
     ]
     try:
-        composed = compose(members, scenario.obstacles, safety.safe_set_function(), safety.rho)
+        function = safety.safe_set_function()
+        composed = compose(members, scenario.obstacles, function, safety.rho)
+        pairs = SwarmPairs(composed.members, composed.obstacles, function, len(safety.alpha))
     except (ValueError, EmptyPolytopeError) as error:
         raise ScenarioError(f"{scenario.name}: {error}") from error
     except Exception as error:  # CasADi, on expressions of a user's own
         reason = str(error).strip().splitlines()[-1]
         raise ScenarioError(f"{scenario.name}: the safe set cannot be built: {reason}") from error
-    return Swarm(scenario, composed)
+    return Swarm(scenario, composed, pairs)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import casadi as ca
 
@@ -12,6 +12,15 @@ from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.safety.chain import Chain
 
 MarginKind = Literal["paper", "corrected", "local", "integrated"]
+
+
+class ComposedMargin(NamedTuple):
+    """The margin of a row for h_tot that is composed from pairs: scale (η + D)."""
+
+    eta: float
+    scale: float = 1.0
+    bounds: tuple[float, ...] = ()
+    """φ_l^max of every member, for D = Σ_l ‖∂ψ_{q-1}/∂x_l‖ φ_l^max; empty if D has no part."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +60,20 @@ class Margin:
                 state or some operation has no interval rule.
         """
         return self.scale * (part.value * self.eta + self._at_state(chain, own, part, active))
+
+    def composed(self, degree: int) -> ComposedMargin | None:
+        """The same for a row of h_tot, from pairs; None if only the whole expression gives it.
+
+        A bound computed at each sample does, and D_2 within ψ_2, whose gradient is needed too.
+
+        Args:
+            degree: q.
+        """
+        if self.kind == "paper" or (self.kind == "corrected" and degree == 1):
+            return ComposedMargin(self.eta, self.scale)
+        if self.kind == "corrected" and degree == 2:
+            return ComposedMargin(self.eta, self.scale, tuple(self.bounds.values()))
+        return None
 
     def _at_state(self, chain: Chain, own: int, part: RowPart, active: ca.SX | None) -> ca.SX:
         bounds = [self.bounds[m.name] for m in chain.set.members]

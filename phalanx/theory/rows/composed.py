@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.theory.expressions.exact import added
+from phalanx.theory.margins.margin import ComposedMargin
 from phalanx.theory.rows.members import ChosenMembers, SwarmMembers
 from phalanx.theory.rows.near import obstacles_within
 from phalanx.theory.rows.terms import Terms
@@ -21,16 +22,7 @@ from phalanx.theory.safety.pairs import ChosenPairs, SwarmPairs
 Array = NDArray[np.float64]
 
 
-class PushMargin(NamedTuple):
-    """A margin of a row for h_tot: scale (η + D), as margins.margin.Margin has it."""
-
-    eta: float
-    scale: float = 1.0
-    bounds: Sequence[float] = ()
-    """φ_l^max of every member, for D = Σ_l ‖∂ψ_{q-1}/∂x_l‖ φ_l^max; empty if D has no part."""
-
-
-_NONE = PushMargin(0.0)
+_NONE = ComposedMargin(0.0)
 
 
 class SwarmTerms:
@@ -55,9 +47,10 @@ class SwarmTerms:
         )
         """What one evaluation takes: the state, obstacles, c of all members and corners of U."""
         self.jets = LogSumExpJets(rho, alphas, xi)
+        self.everybody = tuple(range(len(pairs.members)))
         self.dynamics = [m.dynamics for m in pairs.members]
 
-    def of(self, i: int, radius: float | None, margin: PushMargin = _NONE) -> "ComposedTerms":
+    def of(self, i: int, radius: float | None, margin: ComposedMargin = _NONE) -> "ComposedTerms":
         """Agent i's terms. radius: how far it sees obstacles [m]; None for all."""
         return ComposedTerms(self, i, radius, margin)
 
@@ -73,22 +66,25 @@ class _Selection(NamedTuple):
 class ComposedTerms:
     """One agent's terms of h_tot at any state."""
 
-    def __init__(self, swarm: SwarmTerms, i: int, radius: float | None, margin: PushMargin) -> None:
+    def __init__(
+        self, swarm: SwarmTerms, i: int, radius: float | None, margin: ComposedMargin
+    ) -> None:
         self._swarm, self._margin = swarm, margin
         self._own = swarm.members.states[i]
         self._near = obstacles_within(radius, swarm.dynamics[i], swarm.pairs.obstacles)
         self._numbers = swarm.numbers.copy()
         self._selected: _Selection | None = None
 
-    def __call__(self, x: Array, seen: Sequence[int]) -> Terms:
+    def __call__(self, x: Array, seen: Sequence[int] | None = None) -> Terms:
         """Evaluate at a stacked state, shape (n̄,), of which only the members seen are known.
 
         Args:
             x: anything where it is not known.
-            seen: in ascending order.
+            seen: in ascending order; None for all.
         """
         swarm, numbers = self._swarm, self._numbers
-        selected = self._select(x, tuple(seen))
+        seen = swarm.everybody if seen is None else tuple(seen)
+        selected = self._select(x, seen)
         pairs, inputs = selected.pairs, swarm.members.inputs
         numbers[: len(x)] = x
         h, forces = pairs.jets_at(numbers)

@@ -77,7 +77,7 @@ def _residual(row: Row, u: Array) -> float | None:
 
 def _worst_residual(rows: Rows, u: Array) -> float | None:
     """The largest a u - bound, at least FAR; None if it is infinite."""
-    worst = float(np.maximum(dot(rows.a, u) - rows.bound, FAR).max())
+    worst = float(np.maximum(dot(rows.a, u) - rows.bound, FAR).max(initial=FAR))
     return worst if math.isfinite(worst) else None
 
 

@@ -126,14 +126,17 @@ class OwnPairTerms:
         self._key: tuple[tuple[int, ...], bytes] | None = None
         self._groups: list[_Group] = []
 
-    def __call__(self, x: Array, seen: Sequence[int], *symbols: float) -> PairTerms:
+    def __call__(
+        self, x: Array, seen: Sequence[int] | None = None, symbols: Sequence[float] = ()
+    ) -> PairTerms:
         """Evaluate at a stacked state, shape (n̄,), of which only the members seen are known.
 
         Args:
             x: anything where it is not known.
-            seen: in ascending order.
+            seen: in ascending order; None for all.
             symbols: values of those in the margins.
         """
+        seen = range(len(self._swarm.members)) if seen is None else seen
         near = self._near(x[self._own])[0] if self._near else None
         key = tuple(seen), b"" if near is None else near.tobytes()
         if key != self._key:
@@ -145,7 +148,7 @@ class OwnPairTerms:
 
     def _grouped(self, seen: Sequence[int], near: Array | None, symbols: int) -> list[_Group]:
         swarm, i = self._swarm, self._i
-        pairs = swarm.of(i, seen, None if near is None else np.flatnonzero(near))
+        pairs = swarm.of(i, seen, None if near is None else np.flatnonzero(near).tolist())
         functions: dict[PairRowFunction, list[tuple[int, int]]] = {}
         for a, b in pairs.tolist():
             functions.setdefault(self._function(b if a == i else a), []).append((a, b))

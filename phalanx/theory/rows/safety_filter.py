@@ -4,7 +4,7 @@ A filter is a row or rows, a QP and a backup put together. Which inputs of the o
 on is the information model's to say.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from phalanx.theory.rows.decision import Decision, decide, decide_pairs
 from phalanx.theory.rows.information import Information, InformationModel, ReceivedInput
 from phalanx.theory.rows.origin import Origin
-from phalanx.theory.rows.pairs import OwnPair, PairTermsFunction, pair_rows
+from phalanx.theory.rows.pairs import OwnPairTerms, pair_rows
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import paper_row, split_row
 from phalanx.theory.rows.terms import Terms
@@ -74,23 +74,17 @@ class ComposedFilter:
             counted = self._information.usable(now.received, now.t)
             row = paper_row(terms, i, counted)
         decision = decide(terms, i, row, now.u_nom, self._qp, self._authority)
-        return Filtered(decision, [l for l in counted if any(terms.c[l].tolist())])
+        return Filtered(decision, [l for l in counted if l in terms.c and any(terms.c[l].tolist())])
 
 
 class PairwiseFilter:
-    """One row for each pair of the agent's own."""
+    """One row for each pair of the agent's own that it sees."""
 
     def __init__(
-        self,
-        i: int,
-        information: InformationModel,
-        qp: NearestInput,
-        pairs: Sequence[OwnPair],
-        terms: PairTermsFunction,
+        self, i: int, information: InformationModel, qp: NearestInput, terms: OwnPairTerms
     ) -> None:
-        """terms: of these pairs."""
-        self._i, self._information, self._qp = i, information, qp
-        self._pairs, self._terms = pairs, terms
+        """terms: of agent i's pairs."""
+        self._i, self._information, self._qp, self._terms = i, information, qp, terms
         self._split = information.kind is Information.SPLIT
 
     def __call__(self, now: Situation) -> Filtered:
@@ -98,7 +92,7 @@ class PairwiseFilter:
         information, i = self._information, self._i
         sharing = information.sharing(i, now.received, now.t) if self._split else []
         counted = information.usable(now.received, now.t)
-        rows = pair_rows(self._terms(now.x, seen=now.seen), self._pairs, counted, sharing)
+        rows = pair_rows(self._terms(now.x, now.seen), counted, sharing)
         decision = decide_pairs(now.terms.polytopes[i], rows, now.u_nom, self._qp)
         return Filtered(decision, list(counted))
 

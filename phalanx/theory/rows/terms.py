@@ -1,7 +1,7 @@
 """The numbers of one sampled state that a row is made of: the chain, compiled and evaluated."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import casadi as ca
 import numpy as np
@@ -37,6 +37,16 @@ class Terms(NamedTuple):
     """Output positions, likewise [m]."""
     margin: float = 0.0
     """η with all that is added to it at this state, as margins.margin.Margin sums it."""
+
+
+class TermsAt(Protocol):
+    """Terms of h_tot as one agent has them."""
+
+    def __call__(self, x: Array, seen: Sequence[int] | None = None) -> Terms:
+        """At a stacked state x, shape (n̄,), of which only the members seen are known.
+
+        seen: in ascending order; None for all.
+        """
 
 
 class TermsFunction:

@@ -81,28 +81,38 @@ class SwarmPairs:
 
     def choose(self, pairs: Index) -> "ChosenPairs":
         """Pairs that are evaluated together, shape (r, 2)."""
-        kinds = self._kind[self._class[pairs[:, 0]], self._class[pairs[:, 1]]]
+        kinds = self.kind_of(pairs)
         order = np.argsort(kinds, kind="stable")
         return ChosenPairs(self, pairs[order], kinds[order])
 
     def of(self, i: int, seen: Sequence[int], obstacles: Sequence[int] | None = None) -> Index:
         """Normal member i's pairs among those: with normal members, adversaries and obstacles."""
         pairs = self.among(seen, obstacles)
-        return pairs[(pairs == i).any(axis=1)]
+        found: Index = pairs[(pairs == i).any(axis=1)]
+        return found
 
-    def alone(self, a: int, b: int) -> tuple[int, ComposedSet]:
-        """The number of a pair's kind, and one such pair as a safe set of its own.
+    def ordered(self, i: int, other: int) -> tuple[int, int]:
+        """Normal member i and another member or an obstacle as a pair: of two normal members the
+        first one comes first."""
+        friend = other < len(self.members) and not self.members[other].adversary
+        return (other, i) if friend and other < i else (i, other)
 
-        Of pairs with spheres that differ in numbers alone it is that of any sphere.
-        """
-        own, number = self.members[a], int(self._kind[self._class[a], self._class[b]])
+    def kind_of(self, pairs: Index) -> Index:
+        """The number of each pair's kind, shape (r,)."""
+        found: Index = self._kind[self._class[pairs[:, 0]], self._class[pairs[:, 1]]]
+        return found
+
+    def alone(self, a: int, b: int) -> ComposedSet:
+        """A pair as a safe set of its own; of spheres that differ in numbers alone, any one."""
+        own = self.members[a]
         if b < len(self.members):
-            return number, of_pair(own, self.members[b], self._function)
+            return of_pair(own, self.members[b], self._function)
         obstacle = self.obstacles[b - len(self.members)]
-        if isinstance(obstacle, Sphere) and self.kinds[number].kind.parameters.numel():
+        kind = self.kinds[self._kind[self._class[a], self._class[b]]].kind
+        if isinstance(obstacle, Sphere) and kind.parameters.numel():
             sphere, parameters = any_sphere(obstacle)
-            return number, of_pair(own, sphere, self._function, parameters)
-        return number, of_pair(own, obstacle, self._function)
+            return of_pair(own, sphere, self._function, parameters)
+        return of_pair(own, obstacle, self._function)
 
     def numbers(self, x: Array) -> Array:
         """Stacked states x, shape (n̄,) or (s, n̄), followed by what is known of obstacles."""
@@ -212,6 +222,59 @@ class JetsAt:
             into_h[:] = h
             into_forces[:] = forces
         return self._jets
+
+
+class PairFunctions:
+    """A function for each kind of pair, where more than h tells kinds apart: sorts of members."""
+
+    def __init__(
+        self,
+        swarm: SwarmPairs,
+        sorts: Sequence[int],
+        make: Callable[[ComposedSet, tuple[int, int]], MappedFunction],
+    ) -> None:
+        """Sort pairs by more than their h.
+
+        Args:
+            swarm: whose pairs they are.
+            sorts: of each member.
+            make: the function of a pair alone, such as (a, b) is: of its states and parameters.
+        """
+        self._swarm, self._make = swarm, make
+        self._sorts = np.concatenate([sorts, np.full(len(swarm.obstacles), -1)])
+        self._made: dict[tuple[int, ...], MappedFunction] = {}
+
+    def choose(self, pairs: Index) -> "ChosenFunctions":
+        """Pairs that are evaluated together, shape (r, 2)."""
+        swarm = self._swarm
+        sorts = np.column_stack([self._sorts[pairs], swarm.kind_of(pairs)])
+        found, which = np.unique(sorts, axis=0, return_inverse=True)
+        order = np.argsort(which.ravel(), kind="stable")
+        groups = []
+        for number, key in enumerate(map(tuple, found.tolist())):
+            own = pairs[which.ravel() == number]
+            a, b = own[0].tolist()
+            alone = swarm.alone(a, b)
+            if key not in self._made:
+                self._made[key] = self._make(alone, (a, b))
+            sizes = [part.stop - part.start for part in alone.parts]
+            places = spread(swarm.begin, own, [*sizes, alone.parameters.numel()])
+            groups.append((self._made[key], places))
+        return ChosenFunctions(swarm, pairs[order], groups)
+
+
+class ChosenFunctions(NamedTuple):
+    """Functions of pairs, at any state of the swarm."""
+
+    swarm: SwarmPairs
+    pairs: Index
+    """In the order of the results, shape (r, 2)."""
+    groups: list[tuple[MappedFunction, Index]]
+
+    def __call__(self, x: Array) -> Array:
+        """At a stacked state, shape (n̄,) or (s, n̄); shape (r, outputs) or (s, r, outputs)."""
+        numbers = self.swarm.numbers(x)
+        return np.concatenate([f(numbers, places) for f, places in self.groups], axis=-2)
 
 
 def _classes(members: Sequence[Member]) -> tuple[list[Member], Index]:

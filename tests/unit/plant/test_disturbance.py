@@ -1,5 +1,6 @@
 """The disturbance: in its ball, continuous, a pure function of seed, agent and time."""
 
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given
@@ -58,10 +59,24 @@ def test_agents_are_disturbed_differently_and_no_bound_means_none():
     assert not phi(0.3, Disturbance(bound=0.0)).any()
 
 
+def test_an_adverse_disturbance_pushes_along_the_gradient_of_the_last_psi_before_inputs():
+    """For q = 2 that of ψ_1, in which the gradient of h has a part too."""
+    rows = rows_of_scenario("formation3d", "agents.1.disturbance.kind=adverse")
+    swarm, chain = rows.swarm, rows.chain
+    composed, x = swarm.safe_set, swarm.start()
+    gradient = composed.substitute(ca.jacobian(chain.psi[-1], composed.x))
+    expected = np.array(ca.Function("g", [composed.x], [gradient])(x))[0]
+    pushed = SwarmDisturbance(rows).line(0.0, x).value
+    for i, part in enumerate(composed.parts):
+        if i not in swarm.normal:
+            push = 0.4899 * expected[part] / np.linalg.norm(expected[part])
+            assert pushed[part] == pytest.approx(push, rel=1e-10, abs=1e-14)
+
+
 def test_the_swarms_disturbance_stacks_its_agents():
     rows = rows_of_scenario("unicycles", "agents.1.disturbance.every=0.13")
     swarm = rows.swarm
-    stacked = SwarmDisturbance(swarm, rows.chain)
+    stacked = SwarmDisturbance(rows)
     for t in (0.0, 0.05, 0.13, 0.2, 0.31):
         line = stacked.line(t, swarm.start())
         each = [

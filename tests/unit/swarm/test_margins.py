@@ -23,10 +23,16 @@ def test_an_agents_rows_have_the_margin_of_its_own_place_until_it_samples_again(
     for i in swarm.normal:
         clock = swarm.groups[i].clock
         horizon = clock.period + 0.001 + 0.003
-        terms, pairs = rows.pair_terms(i)(x), rows.own_pairs(i)
-        for k, pair in enumerate(pairs):
+        terms = rows.pair_terms(i)(x)
+        beside = [o for o in terms.others if o is not None]
+        assert sorted(beside) == [l for l in range(5) if l != i]
+        for k, other in enumerate(terms.others):
+            if other is None:
+                continue
+            pair = rows.own_pair(i, other)
             members = [swarm.names.index(m.name) for m in pair.chain.set.members]
             assert members[pair.own] == i
+            assert pair.shared == terms.shared[k] == (other in swarm.normal)
             phi = [bounds[l] for l in members]
             parts = {RowPart.WHOLE: terms.margin}
             if pair.shared:

@@ -39,8 +39,3 @@ def sample_swarm(name: str) -> ComposedSet:
     normal = len(dynamics) - 2
     members = [Member(f"a{l}", d, l >= normal) for l, d in enumerate(dynamics)]
     return compose(members, SPHERES if isinstance(function, Oval) else AROUND, function, RHO)
-
-
-def function_of(name: str) -> Separation | HeadingAware | Oval | Distance:
-    """Its safe-set function."""
-    return _SWARMS[name][1]

@@ -8,12 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phalanx.theory.rows.composed import ComposedTerms, PushMargin, SwarmTerms
+from phalanx.theory.margins.margin import ComposedMargin
+from phalanx.theory.rows.composed import ComposedTerms, SwarmTerms
 from phalanx.theory.rows.terms import Terms, TermsFunction
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.class_k import Linear, Power
 from phalanx.theory.safety.composition import FAR
-from tests.unit.theory.sample_swarms import DEGREES, RHO, function_of, sample_swarm
+from phalanx.theory.safety.pairs import SwarmPairs
+from tests.unit.theory.sample_swarms import DEGREES, RHO, sample_swarm
 
 ALPHAS = (Power(0.8, 3.0), Linear(1.7), Power(0.6, 2.0))
 XI, ETA, SCALE, REACH = 2.5, 1.3, 0.9, 2.5
@@ -23,8 +25,8 @@ seeds = st.integers(0, 2**32 - 1)
 @cache
 def swarm_terms(name: str) -> SwarmTerms:
     composed = sample_swarm(name)
-    members, obstacles = composed.members, composed.obstacles
-    return SwarmTerms(members, obstacles, function_of(name), RHO, ALPHAS[: DEGREES[name]], XI)
+    pairs = SwarmPairs(composed.members, composed.obstacles, composed.function, DEGREES[name])
+    return SwarmTerms(pairs, RHO, ALPHAS[: DEGREES[name]], XI)
 
 
 @cache
@@ -37,7 +39,7 @@ def reference(name: str, i: int | None) -> TermsFunction:
 
 @cache
 def composed_terms(name: str, i: int, radius: float | None) -> ComposedTerms:
-    return swarm_terms(name).of(i, radius, PushMargin(ETA, SCALE))
+    return swarm_terms(name).of(i, radius, ComposedMargin(ETA, SCALE))
 
 
 def largest_difference(found: Terms, expected: Terms) -> float:
@@ -96,7 +98,7 @@ def test_what_disturbances_push_is_the_gradient_of_the_chain(name, seed):
     composed = sample_swarm(name)
     x = np.random.default_rng(seed).uniform(-3.0, 3.0, composed.x.numel())
     bounds = [0.3 + 0.1 * l for l in range(len(composed.members))]
-    found = swarm_terms(name).of(0, None, PushMargin(ETA, SCALE, bounds))
+    found = swarm_terms(name).of(0, None, ComposedMargin(ETA, SCALE, tuple(bounds)))
     margin = found(x, range(len(bounds))).margin
     expected = push(name, tuple(bounds))(x)
     assert margin == pytest.approx(SCALE * (ETA + expected.margin), rel=1e-11)
@@ -133,7 +135,7 @@ def test_terms_do_not_depend_on_what_was_asked_before(name):
         seen = tuple(l for l in range(members) if l == 0 or random.random() < 0.5)
         found, fresh = (
             kept(x, seen),
-            swarm_terms(name).of(0, REACH, PushMargin(ETA, SCALE))(x, seen),
+            swarm_terms(name).of(0, REACH, ComposedMargin(ETA, SCALE))(x, seen),
         )
         assert found.psi.tobytes() == fresh.psi.tobytes()
         assert found.unforced == fresh.unforced

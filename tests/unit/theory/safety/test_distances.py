@@ -110,7 +110,7 @@ def test_wherever_it_faces_a_unicycle_can_open_its_distance_at_nearly_full_speed
 
 def test_no_other_dynamics_has_a_heading():
     with pytest.raises(ValueError, match="unicycles, with states x, y, theta; got x, y"):
-        pair(HeadingAware(R, KAPPA), SingleIntegrator(1.0))
+        assert pair(HeadingAware(R, KAPPA), SingleIntegrator(1.0)).h.numel()
     point = '{ type = "single-integrator", speed = 4.0 }'
     scenario = load("heading-aware", [f"agents.0.dynamics={point}", "agents.0.spread=[0, 0]"])
     with pytest.raises(ScenarioError, match="heading-aware needs normal agents that are unicycles"):

@@ -15,7 +15,7 @@ from phalanx.theory.safety.composition import ComposedSet, Member, compose
 from phalanx.theory.safety.function import Separation
 from phalanx.theory.safety.obstacles import Sphere
 from phalanx.theory.safety.pairs import SwarmPairs
-from tests.unit.theory.sample_swarms import DEGREES, SPHERES, function_of, sample_swarm
+from tests.unit.theory.sample_swarms import DEGREES, SPHERES, sample_swarm
 
 seeds = st.integers(0, 2**32 - 1)
 close = {"rel": 1e-12, "abs": 1e-12}
@@ -25,7 +25,7 @@ close = {"rel": 1e-12, "abs": 1e-12}
 def swarm(name: str) -> tuple[ComposedSet, SwarmPairs, ca.Function]:
     """A swarm, its pairs, and what is expected of them."""
     composed, degree = sample_swarm(name), DEGREES[name]
-    pairs = SwarmPairs(composed.members, composed.obstacles, function_of(name), degree)
+    pairs = SwarmPairs(composed.members, composed.obstacles, composed.function, degree)
     return composed, pairs, expected(composed, degree)
 
 
