@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from phalanx.theory.models.polytope import Polytope, extremes, polytope
 from phalanx.theory.rows.box import nearest_in_box
 from phalanx.theory.rows.qp import NearestInput
-from phalanx.theory.rows.row import Row, Rows
+from phalanx.theory.rows.row import Row
 from tests.unit.theory.rows.test_qp import nearest_by_active_sets
 
 seeds = st.integers(0, 2**32 - 1)
@@ -46,17 +46,18 @@ def test_it_finds_the_nearest_input_that_satisfies_the_row(seed, m, log_size, sh
     assert a @ u - bound <= 1e-9 * np.abs(a).sum()
 
 
-@given(seed=seeds, m=st.integers(1, 6), share=st.floats(0.01, 0.9))
-@settings(max_examples=200)
+@given(seed=seeds, m=st.integers(1, 3), share=st.floats(0.01, 0.9))
+@settings(max_examples=50)
 def test_it_answers_as_osqp_does(seed, m, share):
-    """Two rows, the same twice, are for OSQP."""
+    """A polytope that is not known to be a box is for OSQP, which gives up now and then."""
     rng, box, weights, u_nom = drawn(seed, m)
     a = rng.normal(size=m)
     least, most = extremes(a, box.corners)
-    bound = least + share * (most - least)
-    qp = NearestInput(tuple(weights))
-    twice = qp.solve(u_nom, box, Rows(np.array([a, a]), np.array([bound, bound])))
-    assert qp.solve(u_nom, box, Row(a, bound)) == pytest.approx(twice, abs=2e-5)
+    row = Row(a, least + share * (most - least))
+    qp = NearestInput(tuple(weights), most_steps=2000)
+    other = qp.solve(u_nom, box._replace(box=None), row)
+    assume(other is not None)
+    assert qp.solve(u_nom, box, row) == pytest.approx(other, abs=2e-5)
 
 
 @given(seed=seeds, m=st.integers(1, 3), gap=st.floats(1e-3, 3.0))
