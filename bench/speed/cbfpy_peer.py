@@ -50,7 +50,7 @@ class Problem(CBFConfig):  # type: ignore[misc]
     def __init__(self, rows: SafetyRows, i: int, backend: str) -> None:
         swarm = rows.swarm
         composed, self._i = swarm.safe_set, i
-        self._degree = rows.chain.relative_degree
+        self._degree = rows.relative_degree
         self._alphas = [float(a) for a in swarm.scenario.safety.alpha if isinstance(a, float)]
         self._rho = swarm.scenario.safety.rho
         self._dynamics = swarm.members[i].dynamics

@@ -63,7 +63,7 @@ def worst_pair(rows: SafetyRows, region: Region) -> Formula:
     swarm, found = rows.swarm, {}
     for number, pair in enumerate(swarm.safe_set.pairs):
         groups = [id(swarm.groups[l]) for l in (pair.a, pair.b) if l is not None]
-        alike = (*groups, number if pair.b is None else None)
+        alike = (*groups, pair.obstacle)
         normal = any(l in swarm.normal for l in (pair.a, pair.b))
         if normal and alike not in found:
             found[alike] = formula(rows, rows.pair_chain(number), region)

@@ -62,6 +62,7 @@ def serve(
     redirect_output(logs / LOG)
     load_programs(programs)
     rows = build_rows(build_swarm(from_json(scenario)))
+    rows.compile()
     # What programs inherit stays shared as long as nobody writes to it, as a collector would.
     gc.collect()
     gc.freeze()

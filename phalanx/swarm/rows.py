@@ -116,23 +116,42 @@ class SafetyRows:
         swarm, radius = self.swarm, self.swarm.sensing(i)
         near = obstacles_within(radius, swarm.members[i].dynamics, swarm.pairs.obstacles)
 
-        def function(other: int) -> PairRowFunction:
-            sides = (i, other) if other < len(swarm.members) else (i,)
-            a, b = swarm.pairs.ordered(i, other)
-            (kind,) = swarm.pairs.kind_of(np.array([[a, b]])).tolist()
-            alike = kind, a == i, *[id(swarm.groups[l]) for l in sides], bool(margin.symbols)
-            if alike not in self._row_functions:
-                self._row_functions[alike] = self._row_function(self.own_pair(i, other), margin)
-            return self._row_functions[alike]
+        return OwnPairTerms(
+            swarm.pairs, i, lambda other: self._row_function(i, other, margin), near
+        )
 
-        return OwnPairTerms(swarm.pairs, i, function, near)
+    def compile(self) -> None:
+        """Compile what agents have in common, for processes that are forked to inherit it."""
+        swarm = self.swarm
+        for kind in swarm.pairs.kinds:
+            kind.jets  # noqa: B018
+        if not self.pairwise:
+            return
+        groups: dict[int, list[int]] = {}
+        for l, group in enumerate(swarm.groups):
+            groups.setdefault(id(group), []).append(l)
+        # The first and the last of a group have every place in every kind of pair.
+        ends = sorted({l for members in groups.values() for l in (members[0], members[-1])})
+        obstacles = range(len(swarm.members), len(swarm.members) + len(swarm.pairs.obstacles))
+        for i in ends:
+            if i in swarm.normal:
+                for other in (*ends, *obstacles):
+                    if other != i:
+                        self._row_function(i, other, self.margin(i))
 
-    @staticmethod
-    def _row_function(pair: OwnPair, margin: Margin) -> PairRowFunction:
-        whole, half = margin.of(pair.chain, pair.own), ca.SX(0)
-        if pair.shared:
-            half = margin.of(pair.chain, pair.own, RowPart.HALF)
-        return PairRowFunction(pair, (whole, half), margin.symbols)
+    def _row_function(self, i: int, other: int, margin: Margin) -> PairRowFunction:
+        swarm = self.swarm
+        a, b = swarm.pairs.ordered(i, other)
+        (kind,) = swarm.pairs.kinds_of(np.array([[a, b]])).tolist()
+        sides = [l for l in (i, other) if l < len(swarm.members)]
+        alike = kind, a == i, *[id(swarm.groups[l]) for l in sides], bool(margin.symbols)
+        if alike not in self._row_functions:
+            pair = self.own_pair(i, other)
+            whole, half = margin.of(pair.chain, pair.own), ca.SX(0)
+            if pair.shared:
+                half = margin.of(pair.chain, pair.own, RowPart.HALF)
+            self._row_functions[alike] = PairRowFunction(pair, (whole, half), margin.symbols)
+        return self._row_functions[alike]
 
     def pair_chain(self, pair: int) -> Chain:
         """The chain of one pair of h_tot alone, by the pair's index."""

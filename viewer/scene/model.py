@@ -73,12 +73,12 @@ class SceneModel:
     @cached_property
     def values(self) -> SafetyValues:
         """h of pairs, and ψ_1 ... ψ_{q-1}."""
-        return SafetyValues(self.rows.chain)
+        return SafetyValues(self.rows)
 
     @property
     def psi_levels(self) -> range:
         """The k of ψ_1 ... ψ_{q-1}."""
-        return range(1, len(self.rows.chain.psi))
+        return range(1, self.rows.relative_degree)
 
     def input_names(self, i: int) -> tuple[str, ...]:
         """The names of agent i's inputs."""

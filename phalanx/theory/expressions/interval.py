@@ -25,7 +25,8 @@ class Interval(NamedTuple):
 
 def point(value: ca.SX | float) -> Interval:
     """The interval that holds one number."""
-    return Interval(ca.SX(value), ca.SX(value))
+    number = ca.SX(value)
+    return Interval(number, number)
 
 
 def extend(
@@ -99,12 +100,19 @@ def negate(a: Interval) -> Interval:
 
 def multiply(a: Interval, b: Interval) -> Interval:
     """a b; everything where zero meets infinity, whose product is not a number."""
-    ends = ca.vertcat(a.lo * b.lo, a.lo * b.hi, a.hi * b.lo, a.hi * b.hi)
+    # Of a number both ends are one expression, and of the four products two are two others.
+    first = [a.lo] if _is_point(a) else [a.lo, a.hi]
+    second = [b.lo] if _is_point(b) else [b.lo, b.hi]
+    ends = ca.vertcat(*[x * y for x in first for y in second])
     # Comparisons are false for NaN, which min and max would pass over.
     known = ca.sum1(ends) <= ca.inf
     return Interval(
         ca.if_else(known, ca.mmin(ends), -ca.inf), ca.if_else(known, ca.mmax(ends), ca.inf)
     )
+
+
+def _is_point(a: Interval) -> bool:
+    return bool(a.lo.element_hash() == a.hi.element_hash())
 
 
 def hull(a: Interval, b: Interval) -> Interval:

@@ -12,16 +12,18 @@ from numpy.typing import NDArray
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.laws.law import View
 from phalanx.theory.laws.tracking import Gains, output_derivatives
+from phalanx.theory.margins.margin import ComposedMargin
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.outputs import OutputDerivatives
+from phalanx.theory.rows.composed import SwarmTerms
 from phalanx.theory.rows.decision import decide
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import split_row
-from phalanx.theory.rows.terms import TermsFunction
-from phalanx.theory.safety.chain import build_chain
-from phalanx.theory.safety.composition import Member, compose
+from phalanx.theory.safety.class_k import Linear
+from phalanx.theory.safety.composition import Member
 from phalanx.theory.safety.function import Separation
 from phalanx.theory.safety.obstacles import Obstacle, Sphere
+from phalanx.theory.safety.pairs import SwarmPairs
 
 Array = NDArray[np.float64]
 Positive = Annotated[float, Gt(0)]
@@ -112,9 +114,10 @@ class _Team:
             Sphere(o.center, guard.obstacle_clearance) if isinstance(o, Sphere) else o
             for o in obstacles
         ]
-        composed = compose(team, around, Separation(guard.radius), guard.rho)
-        self._terms = TermsFunction(build_chain(composed, guard.alpha, guard.xi), margin=guard.eta)
-        self._states = composed.parts
+        pairs = SwarmPairs(team, around, Separation(guard.radius), len(guard.alpha))
+        swarm = SwarmTerms(pairs, guard.rho, [Linear(gain) for gain in guard.alpha], guard.xi)
+        self._terms = swarm.of(self._self, None, ComposedMargin(guard.eta))
+        self._states = swarm.members.states
         self._qp = NearestInput(members[i].dynamics.input_metric())
 
     def guarded(self, x: Mapping[int, Array], u_nom: Array) -> Array:

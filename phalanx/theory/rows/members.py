@@ -68,7 +68,10 @@ class SwarmMembers:
 
         Raises EmptyPolytopeError: a constant input polytope is empty or unbounded.
         """
-        each = {id(m.dynamics): _Kind(m.dynamics) for m in members}
+        each: dict[int, _Kind] = {}
+        for m in members:
+            if id(m.dynamics) not in each:
+                each[id(m.dynamics)] = _Kind(m.dynamics)
         compiled = {kind.text: MappedFunction(kind.row, kind.outputs) for kind in each.values()}
         self.kinds = [each[id(m.dynamics)] for m in members]
         self.functions = [compiled[kind.text] for kind in self.kinds]

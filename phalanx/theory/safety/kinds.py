@@ -43,6 +43,11 @@ class PairKind:
         return [*self.x, self.parameters]
 
     @property
+    def sizes(self) -> list[int]:
+        """How many numbers each side has: states, or parameters of an obstacle."""
+        return [*[x.numel() for x in self.x], self.parameters.numel()]
+
+    @property
     def text(self) -> str:
         """What tells kinds apart: the expressions of h and of the members' dynamics."""
         parts = [

@@ -65,6 +65,8 @@ class SwarmPairs:
     def among(self, seen: Sequence[int], obstacles: Sequence[int] | None = None) -> Index:
         """The pairs of h_tot whose both sides are among these members and obstacles, shape (r, 2).
 
+        They come in the order of ComposedSet.pairs.
+
         Args:
             seen: members, in ascending order.
             obstacles: None for all.
@@ -73,17 +75,20 @@ class SwarmPairs:
         normal = members[self._normal[members]]
         others = members[~self._normal[members]]
         around = range(len(self._class) - known) if obstacles is None else obstacles
-        rest = np.concatenate([others, known + np.array(around, dtype=np.intp)])
+        near = known + np.array(around, dtype=np.intp)
         first, second = np.triu_indices(len(normal), 1)
         friends = np.stack([normal[first], normal[second]], axis=1)
-        mixed = np.stack([np.repeat(normal, len(rest)), np.tile(rest, len(normal))], axis=1)
-        return np.concatenate([friends, mixed])
+        mixed = [
+            np.stack([np.repeat(normal, len(side)), np.tile(side, len(normal))], axis=1)
+            for side in (others, near)
+        ]
+        return np.concatenate([friends, *mixed])
 
     def choose(self, pairs: Index) -> "ChosenPairs":
         """Pairs that are evaluated together, shape (r, 2)."""
-        kinds = self.kind_of(pairs)
+        kinds = self.kinds_of(pairs)
         order = np.argsort(kinds, kind="stable")
-        return ChosenPairs(self, pairs[order], kinds[order])
+        return ChosenPairs(self, pairs[order], kinds[order], order)
 
     def of(self, i: int, seen: Sequence[int], obstacles: Sequence[int] | None = None) -> Index:
         """Normal member i's pairs among those: with normal members, adversaries and obstacles."""
@@ -97,8 +102,8 @@ class SwarmPairs:
         friend = other < len(self.members) and not self.members[other].adversary
         return (other, i) if friend and other < i else (i, other)
 
-    def kind_of(self, pairs: Index) -> Index:
-        """The number of each pair's kind, shape (r,)."""
+    def kinds_of(self, pairs: Index) -> Index:
+        """Which of `kinds` each pair is of, shape (r,)."""
         found: Index = self._kind[self._class[pairs[:, 0]], self._class[pairs[:, 1]]]
         return found
 
@@ -146,10 +151,12 @@ class _Group(NamedTuple):
 class ChosenPairs:
     """Pairs to evaluate at any state of the swarm; worth keeping while they stay the same ones."""
 
-    def __init__(self, swarm: SwarmPairs, pairs: Index, kinds: Index) -> None:
-        """kinds: of each pair, ascending."""
+    def __init__(self, swarm: SwarmPairs, pairs: Index, kinds: Index, order: Index) -> None:
+        """kinds: of each pair, ascending. order: their places before they were put so."""
         self.pairs = pairs
         """In the order of all results, shape (r, 2)."""
+        self.order = order
+        """Their places among the pairs that were to be chosen, shape (r,)."""
         self._swarm, self._groups = swarm, list[_Group]()
         forces, slopes = [], []
         begin = 0
@@ -157,13 +164,12 @@ class ChosenPairs:
             which = np.flatnonzero(kinds == number)
             compiled, own = swarm.kinds[number], pairs[which]
             kind = compiled.kind
-            states = [x.numel() for x in kind.x]
-            places = spread(swarm.begin, own, [*states, kind.parameters.numel()])
+            places = spread(swarm.begin, own, kind.sizes)
             pushed = spread(swarm.inputs, own, [len(d.inputs) for d in kind.dynamics])
             of_group = slice(which[0], which[-1] + 1), slice(begin, begin := begin + pushed.size)
             self._groups.append(_Group(compiled, places, *of_group))
             forces.append((which, pushed))
-            slopes.append((which, places[:, : sum(states)]))
+            slopes.append((which, places[:, : sum(kind.sizes[:-1])]))
         self.force_pair, self.force_input = _flat(forces)
         """Of each force: its pair, and its input's place in the stack of all; shapes (f,)."""
         self.slope_pair, self.slope_state = _flat(slopes)
@@ -247,7 +253,7 @@ class PairFunctions:
     def choose(self, pairs: Index) -> "ChosenFunctions":
         """Pairs that are evaluated together, shape (r, 2)."""
         swarm = self._swarm
-        sorts = np.column_stack([self._sorts[pairs], swarm.kind_of(pairs)])
+        sorts = np.column_stack([self._sorts[pairs], swarm.kinds_of(pairs)])
         found, which = np.unique(sorts, axis=0, return_inverse=True)
         order = np.argsort(which.ravel(), kind="stable")
         groups = []
