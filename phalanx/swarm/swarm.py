@@ -72,15 +72,18 @@ class Swarm:
         radius = self.sensing(i)
         if radius is None:
             return tuple(range(len(self.members)))
-        points = self._positions(x)
+        points = self.positions(x)
         apart = points - points[i]
         return tuple(np.flatnonzero(dot(apart, apart) <= radius * radius).tolist())
 
+    def positions(self, x: Array) -> Array:
+        """Output positions [m] at the stacked state x, shape (N, 2) or (N, 3)."""
+        return self._positions(x)[0].reshape(len(self.members), -1)
+
     @cached_property
-    def _positions(self) -> Callable[[Array], Array]:
+    def _positions(self) -> CompiledFunction:
         composed = self.safe_set
-        points = CompiledFunction([composed.x], [ca.horzcat(*composed.positions).T])
-        return lambda x: points(x)[0].reshape(len(self.members), -1)
+        return CompiledFunction([composed.x], [ca.horzcat(*composed.positions).T])
 
     def heard_by(self, i: int) -> tuple[int, ...]:
         """The agents whose broadcasts count for agent i, wherever they are."""

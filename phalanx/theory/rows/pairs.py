@@ -59,6 +59,8 @@ class PairTerms(NamedTuple):
     """Of agent i's half of a pair of two normal agents; 0 for other pairs."""
     forces: list[Array]
     """c_l of the other member, shapes (m_l,); empty for an obstacle."""
+    beside: tuple[int, ...]
+    """The other member's index, or N + k for obstacle k."""
     others: tuple[int | None, ...]
     """The other member's index; None for an obstacle."""
     shared: tuple[bool, ...]
@@ -170,6 +172,7 @@ class OwnPairTerms:
         known = [np.zeros((0, end)), *[group.rows.results[:, :end] for group in self._groups]]
         numbers = np.concatenate(known)
         unforced, most, margin, half = numbers[:, q : q + 4].T
+        beside = tuple(other for group in self._groups for other in group.others)
         return PairTerms(
             psi=numbers[:, :q],
             a=numbers[:, q + 4 :],
@@ -178,11 +181,8 @@ class OwnPairTerms:
             margin=margin,
             half_margin=half,
             forces=[c for group in self._groups for c in group.rows.results[:, end:].copy()],
-            others=tuple(
-                other if other < members else None
-                for group in self._groups
-                for other in group.others
-            ),
+            beside=beside,
+            others=tuple(other if other < members else None for other in beside),
             shared=tuple(group.shared for group in self._groups for _ in group.others),
         )
 
