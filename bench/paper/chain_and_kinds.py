@@ -25,6 +25,7 @@ from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.mapped import Index
 from phalanx.theory.margins.row_part import RowPart
+from phalanx.theory.rows.pairs import PairTerms
 from phalanx.theory.rows.terms import TermsAt, TermsFunction
 from phalanx.theory.safety.composition import FAR
 
@@ -145,23 +146,13 @@ def _of_pairs(rows: SafetyRows) -> Callable[[Array], float]:
     chains = [_chain_of_pair(rows, i, pair) for pair in pairs.tolist()]
 
     def difference(x: Array) -> float:
-        found = kinds(x)
-        rest = {other: k for k, other in enumerate(found.beside)}
         worst = 0.0
-        for other, part, own, chain, half in chains:
-            if other not in rest:  # an obstacle that is too far away
-                continue
-            k, expected = rest[other], chain(x[part])
-            most = 0.0 if len(expected.most) == 1 else expected.most[1 - own]
-            worst = max(
-                worst,
-                _relative(found.psi[k], expected.psi),
-                _relative(found.unforced[k], expected.unforced),
-                _relative(found.a[k], expected.c[own]),
-                _relative(found.most[k], most),
-                _relative(found.margin[k], expected.margin),
-                _relative(found.half_margin[k], half(x[part])[0]),
-            )
+        for sharing in ((), swarm.normal):
+            found = kinds(x, sharing=sharing)
+            where = {other: k for k, other in enumerate(found.beside)}
+            for pair in chains:
+                if pair.other in where:  # else an obstacle that is too far away
+                    worst = max(worst, pair.difference(found, where[pair.other], x))
         return worst
 
     return difference
@@ -171,27 +162,39 @@ class _Reference(NamedTuple):
     """One pair of an agent, by its own chain."""
 
     other: int
-    part: Index
+    states: Index
     """Where the pair's state lies in that of the swarm."""
     own: int
     chain: TermsFunction
     half: CompiledFunction
     """x -> the margin of its half; 0 if it is not shared."""
 
+    def difference(self, found: PairTerms, k: int, x: Array) -> float:
+        """Of the k-th row."""
+        expected = self.chain(x[self.states])
+        most = 0.0 if len(expected.most) == 1 else expected.most[1 - self.own]
+        margin = expected.margin
+        if found.parts[k] is RowPart.HALF:
+            margin = float(self.half(x[self.states])[0][0])
+        return max(
+            _relative(found.psi[k], expected.psi),
+            _relative(found.unforced[k], expected.unforced),
+            _relative(found.a[k], expected.c[self.own]),
+            _relative(found.most[k], most),
+            _relative(found.margin[k], margin),
+        )
+
 
 def _chain_of_pair(rows: SafetyRows, i: int, ends: list[int]) -> _Reference:
     swarm = rows.swarm
     composed, members = swarm.safe_set, len(swarm.members)
     number = swarm.pairs.among(range(members)).tolist().index(ends)
-    chain, own = rows.pair_chain(number), ends.index(i)
+    chain, own, margin = rows.pair_chain(number), ends.index(i), rows.margin(i)
     other = ends[1 - own]
-    shared = other in swarm.normal
-    margin = rows.margin(i)
-    whole = margin.of(chain, own)
-    half = margin.of(chain, own, RowPart.HALF) if shared else ca.SX(0)
-    part = np.concatenate([np.r_[composed.parts[l]] for l in ends if l < members])
-    evaluate = TermsFunction(chain, margin=whole)
-    return _Reference(other, part, own, evaluate, CompiledFunction([chain.set.x], [half]))
+    half = margin.of(chain, own, RowPart.HALF) if other in swarm.normal else ca.SX(0)
+    states = np.concatenate([np.r_[composed.parts[l]] for l in ends if l < members])
+    whole = TermsFunction(chain, margin=margin.of(chain, own))
+    return _Reference(other, states, own, whole, CompiledFunction([chain.set.x], [half]))
 
 
 def _relative(found: Array | float, expected: Array | float) -> float:

@@ -47,13 +47,13 @@ def _feasible(rows: SafetyRows, i: int, x: Array) -> bool:
     swarm, seen = rows.swarm, rows.swarm.seen(i, x)
     terms = rows.terms(i)(x, seen)
     if rows.pairwise:
-        return _pairs_feasible(rows, rows.pair_terms(i)(x, seen), terms.polytopes[i])
+        sharing = swarm.normal if swarm.joint else ()
+        return _pairs_feasible(rows.pair_terms(i)(x, seen, sharing), terms.polytopes[i])
     return joint_sum(terms, swarm.normal if swarm.joint else (i,)) <= 0
 
 
-def _pairs_feasible(rows: SafetyRows, terms: PairTerms, inputs: Polytope) -> bool:
-    sharing = rows.swarm.normal if rows.swarm.joint else ()
-    at_start = pair_rows(terms, {}, sharing)
+def _pairs_feasible(terms: PairTerms, inputs: Polytope) -> bool:
+    at_start = pair_rows(terms, {})
     u = least_violation(inputs, at_start)
     return bool((at_start.a @ u <= at_start.bound).all())
 
@@ -63,20 +63,20 @@ class ProvenRows:
 
     def __init__(self, rows: SafetyRows, i: int, x: Array) -> None:
         """rows: as rigorous() has them."""
-        self._rows, self._x = rows, x
-        self._seen = rows.swarm.seen(i, x)
+        self._x, self._seen, self._sharing = x, rows.swarm.seen(i, x), rows.swarm.normal
         self._terms = rows.pair_terms_of_gap(i)
         self._inputs = rows.terms(i)(x, self._seen).polytopes[i]
 
     def margin(self, gap: float) -> float:
         """The largest margin of any row."""
-        terms = self._terms(self._x, self._seen, [gap])
-        return float(np.where(terms.shared, terms.half_margin, terms.margin).max(initial=0.0))
+        return float(self._at(gap).margin.max(initial=0.0))
 
     def feasible(self, gap: float) -> bool:
         """Whether K_i(x(0)) is non-empty."""
-        terms = self._terms(self._x, self._seen, [gap])
-        return _pairs_feasible(self._rows, terms, self._inputs)
+        return _pairs_feasible(self._at(gap), self._inputs)
+
+    def _at(self, gap: float) -> PairTerms:
+        return self._terms(self._x, self._seen, self._sharing, [gap])
 
 
 def largest_gap(rows: Sequence[ProvenRows]) -> float | None:

@@ -16,7 +16,7 @@ from phalanx.scenario.load import ScenarioError
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.exact import added
 from phalanx.theory.expressions.mapped import MappedFunction
-from phalanx.theory.margins.margin import Margin
+from phalanx.theory.margins.margin import ComposedMargin, Margin
 from phalanx.theory.margins.paper import MarginConstants
 from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.models.polytope import EmptyPolytopeError
@@ -36,6 +36,10 @@ from phalanx.theory.safety.composition import ComposedSet
 from phalanx.theory.safety.pairs import PairFunctions
 
 Array = NDArray[np.float64]
+
+
+_FEW = 64
+"""So many pairs are faster evaluated as one expression."""
 
 
 @dataclass(frozen=True)
@@ -85,24 +89,24 @@ class SafetyRows:
         expression, which does not scale.
         """
         swarm, radius = self.swarm, self.swarm.sensing(i)
-        if swarm.members[i].adversary or self.pairwise:
-            return self.composed.of(i, radius)
-        margin = self.margin(i)
-        numbers = margin.composed(self.relative_degree)
-        if numbers is not None:
+        margin = None if swarm.members[i].adversary or self.pairwise else self.margin(i)
+        numbers = margin.composed(self.relative_degree) if margin else ComposedMargin(0.0)
+        # One expression of few pairs, all of them seen, shares what they have in common.
+        small = radius is None and len(swarm.safe_set.pairs) <= _FEW
+        if numbers is not None and not small:
             return self.composed.of(i, radius, numbers)
         active = None if radius is None else swarm.safe_set.within(i, radius)
-        return TermsFunction(self.chain, active, margin.of(self.chain, i, active=active))
+        known = 0.0 if margin is None else margin.of(self.chain, i, active=active)
+        return TermsFunction(self.chain, active, known)
 
     def own_pair(self, i: int, other: int) -> OwnPair:
         """The pair of normal agent i and another member, or N + k for obstacle k.
 
         The same expressions serve all pairs of members of the same two groups.
         """
-        pairs, members = self.swarm.pairs, self.swarm.members
+        pairs = self.swarm.pairs
         a, b = pairs.ordered(i, other)
-        friend = other < len(members) and not members[other].adversary
-        return OwnPair(_chain(self.swarm, pairs.alone(a, b)), 0 if a == i else 1, friend)
+        return OwnPair(_chain(self.swarm, pairs.alone(a, b)), 0 if a == i else 1)
 
     def pair_terms(self, i: int) -> OwnPairTerms:
         """Agent i's pairs, their margins included."""
@@ -117,7 +121,7 @@ class SafetyRows:
         near = obstacles_within(radius, swarm.members[i].dynamics, swarm.pairs.obstacles)
 
         return OwnPairTerms(
-            swarm.pairs, i, lambda other: self._row_function(i, other, margin), near
+            swarm.pairs, i, lambda other, part: self._row_function(i, other, part, margin), near
         )
 
     def compile(self) -> None:
@@ -136,21 +140,20 @@ class SafetyRows:
         for i in ends:
             if i in swarm.normal:
                 for other in (*ends, *obstacles):
-                    if other != i:
-                        self._row_function(i, other, self.margin(i))
+                    for part in RowPart if other in swarm.normal else (RowPart.WHOLE,):
+                        if other != i:
+                            self._row_function(i, other, part, self.margin(i))
 
-    def _row_function(self, i: int, other: int, margin: Margin) -> PairRowFunction:
+    def _row_function(self, i: int, other: int, part: RowPart, margin: Margin) -> PairRowFunction:
         swarm = self.swarm
         a, b = swarm.pairs.ordered(i, other)
         (kind,) = swarm.pairs.kinds_of(np.array([[a, b]])).tolist()
         sides = [l for l in (i, other) if l < len(swarm.members)]
-        alike = kind, a == i, *[id(swarm.groups[l]) for l in sides], bool(margin.symbols)
+        alike = kind, a == i, *[id(swarm.groups[l]) for l in sides], part, bool(margin.symbols)
         if alike not in self._row_functions:
             pair = self.own_pair(i, other)
-            whole, half = margin.of(pair.chain, pair.own), ca.SX(0)
-            if pair.shared:
-                half = margin.of(pair.chain, pair.own, RowPart.HALF)
-            self._row_functions[alike] = PairRowFunction(pair, (whole, half), margin.symbols)
+            known = margin.of(pair.chain, pair.own, part)
+            self._row_functions[alike] = PairRowFunction(pair, part, known, margin.symbols)
         return self._row_functions[alike]
 
     def pair_chain(self, pair: int) -> Chain:

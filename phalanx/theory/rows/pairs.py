@@ -33,8 +33,6 @@ class OwnPair(NamedTuple):
     """Of the pair alone."""
     own: int
     """Agent i's place in the pair: 0 or 1."""
-    shared: bool
-    """Whether the other is a normal agent, which has a part in it."""
 
     @property
     def other(self) -> int | None:
@@ -54,37 +52,40 @@ class PairTerms(NamedTuple):
     most: Array
     """max over U_l of c_l u of the other member; 0 for an obstacle."""
     margin: Array
-    """Of the whole row, as margins.margin.Margin sums it."""
-    half_margin: Array
-    """Of agent i's half of a pair of two normal agents; 0 for other pairs."""
+    """Of the row, or of agent i's half, as margins.margin.Margin sums it."""
     forces: list[Array]
     """c_l of the other member, shapes (m_l,); empty for an obstacle."""
     beside: tuple[int, ...]
     """The other member's index, or N + k for obstacle k."""
     others: tuple[int | None, ...]
     """The other member's index; None for an obstacle."""
-    shared: tuple[bool, ...]
-    """Whether the other is a normal agent."""
+    parts: tuple[RowPart, ...]
+    """What agent i keeps of each pair: all of it, or its half."""
 
 
 class PairRowFunction:
     """The row of every pair of one kind, compiled."""
 
     def __init__(
-        self, pair: OwnPair, margins: tuple[ca.SX, ca.SX], symbols: Sequence[ca.SX] = ()
+        self,
+        pair: OwnPair,
+        part: RowPart,
+        margin: ca.SX,
+        symbols: Sequence[ca.SX] = (),
     ) -> None:
         """Compile.
 
         Args:
             pair: one of the kind.
-            margins: of the whole row and of the half, expressions of its state.
-            symbols: scalars that they contain beside it.
+            part: which row.
+            margin: of that row, an expression of the pair's state.
+            symbols: scalars that it contains beside.
 
         Raises:
             ValueError: the other member's input bounds depend on its state.
         """
         chain, other = pair.chain, pair.other
-        self.shared = pair.shared
+        self.part = part
         forces = ca.SX(1, 0) if other is None else chain.actuation[other]
         unforced = ca.sum1(chain.drift) + chain.alpha
         own = chain.actuation[pair.own]
@@ -93,7 +94,7 @@ class PairRowFunction:
         """How many numbers each side has: states, or parameters of an obstacle."""
         self.evaluate = MappedFunction(
             [chain.set.x, chain.set.parameters, *symbols],
-            [*chain.psi, unforced, _most(pair), *margins, own, forces],
+            [*chain.psi, unforced, _most(pair), margin, own, forces],
         )
 
 
@@ -102,7 +103,7 @@ class _Group(NamedTuple):
 
     others: list[int]
     """The other members, or N + k for obstacle k."""
-    shared: bool
+    part: RowPart
     rows: MappedRows
 
 
@@ -113,47 +114,56 @@ class OwnPairTerms:
         self,
         swarm: SwarmPairs,
         i: int,
-        function: Callable[[int], PairRowFunction],
+        function: Callable[[int, RowPart], PairRowFunction],
         near: CompiledFunction | None,
     ) -> None:
         """For normal agent i of the swarm.
 
         Args:
-            function: of its pair with another member, or N + k for obstacle k; the same object
-                for all pairs of a kind.
+            function: of its row for another member, or N + k for obstacle k; the same object for
+                all pairs of a kind.
             near: as near.obstacles_within has it.
         """
         self._swarm, self._i, self._function, self._near = swarm, i, function, near
         self._own = slice(swarm.begin[i], swarm.begin[i] + len(swarm.members[i].dynamics.states))
-        self._key: tuple[tuple[int, ...], bytes] | None = None
+        self._key: tuple[object, ...] | None = None
         self._groups: list[_Group] = []
 
     def __call__(
-        self, x: Array, seen: Sequence[int] | None = None, symbols: Sequence[float] = ()
+        self,
+        x: Array,
+        seen: Sequence[int] | None = None,
+        sharing: Sequence[int] = (),
+        symbols: Sequence[float] = (),
     ) -> PairTerms:
         """Evaluate at a stacked state, shape (n̄,), of which only the members seen are known.
 
         Args:
             x: anything where it is not known.
             seen: in ascending order; None for all.
+            sharing: normal agents that keep their half; empty unless the model is split.
             symbols: values of those in the margins.
         """
         seen = range(len(self._swarm.members)) if seen is None else seen
         near = self._near(x[self._own])[0] if self._near else None
-        key = tuple(seen), b"" if near is None else near.tobytes()
+        key = tuple(seen), tuple(sharing), b"" if near is None else near.tobytes()
         if key != self._key:
-            self._key, self._groups = key, self._grouped(seen, near, len(symbols))
+            self._key, self._groups = key, self._grouped(seen, near, sharing, len(symbols))
         numbers = np.concatenate([x, self._swarm.parameters, symbols])
         for group in self._groups:
             group.rows(numbers)
         return self._terms()
 
-    def _grouped(self, seen: Sequence[int], near: Array | None, symbols: int) -> list[_Group]:
+    def _grouped(
+        self, seen: Sequence[int], near: Array | None, sharing: Sequence[int], symbols: int
+    ) -> list[_Group]:
         swarm, i = self._swarm, self._i
         pairs = swarm.of(i, seen, None if near is None else np.flatnonzero(near).tolist())
         functions: dict[PairRowFunction, list[tuple[int, int]]] = {}
         for a, b in pairs.tolist():
-            functions.setdefault(self._function(b if a == i else a), []).append((a, b))
+            other = b if a == i else a
+            part = RowPart.HALF if other in sharing else RowPart.WHOLE
+            functions.setdefault(self._function(other, part), []).append((a, b))
         after = swarm.states + len(swarm.parameters) + np.arange(symbols)
         groups = []
         for function, own in functions.items():
@@ -161,44 +171,42 @@ class OwnPairTerms:
             tail = np.broadcast_to(after, (len(own), symbols))
             rows = function.evaluate.at(np.concatenate([places, tail], axis=1))
             others = [b if a == i else a for a, b in own]
-            groups.append(_Group(others, function.shared, rows))
+            groups.append(_Group(others, function.part, rows))
         return groups
 
     def _terms(self) -> PairTerms:
         """What the groups' rows came to, one group after the other."""
         q, members = self._swarm.degree, len(self._swarm.members)
         inputs = len(self._swarm.members[self._i].dynamics.inputs)
-        end = q + 4 + inputs
+        end = q + 3 + inputs
         known = [np.zeros((0, end)), *[group.rows.results[:, :end] for group in self._groups]]
         numbers = np.concatenate(known)
-        unforced, most, margin, half = numbers[:, q : q + 4].T
+        unforced, most, margin = numbers[:, q : q + 3].T
         beside = tuple(other for group in self._groups for other in group.others)
         return PairTerms(
             psi=numbers[:, :q],
-            a=numbers[:, q + 4 :],
+            a=numbers[:, q + 3 :],
             unforced=unforced,
             most=most,
             margin=margin,
-            half_margin=half,
             forces=[c for group in self._groups for c in group.rows.results[:, end:].copy()],
             beside=beside,
             others=tuple(other if other < members else None for other in beside),
-            shared=tuple(group.shared for group in self._groups for _ in group.others),
+            parts=tuple(group.part for group in self._groups for _ in group.others),
         )
 
 
-def pair_rows(terms: PairTerms, received: Mapping[int, Array], sharing: Sequence[int]) -> Rows:
+def pair_rows(terms: PairTerms, received: Mapping[int, Array]) -> Rows:
     """Agent i's rows.
 
     Args:
         terms: at agent i's sampled state.
         received: û_l, shape (m_l,), of normal agents that count; others count at γ_l^max.
-        sharing: normal agents that keep their half; empty unless the model is split.
     """
     bound = -(terms.unforced + terms.most + terms.margin)
-    for k, (other, shared) in enumerate(zip(terms.others, terms.shared, strict=True)):
-        if shared and other in sharing:
-            bound[k] = -(RowPart.HALF.value * terms.unforced[k] + terms.half_margin[k])
+    for k, (other, part) in enumerate(zip(terms.others, terms.parts, strict=True)):
+        if part is RowPart.HALF:
+            bound[k] = -(part.value * terms.unforced[k] + terms.margin[k])
         elif other is not None and (u := received.get(other)) is not None:
             bound[k] += terms.most[k] - float(dot(terms.forces[k], u))
     return Rows(terms.a, bound)

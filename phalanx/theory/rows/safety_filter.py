@@ -92,7 +92,7 @@ class PairwiseFilter:
         information, i = self._information, self._i
         sharing = information.sharing(i, now.received, now.t) if self._split else []
         counted = information.usable(now.received, now.t)
-        rows = pair_rows(self._terms(now.x, now.seen), counted, sharing)
+        rows = pair_rows(self._terms(now.x, now.seen, sharing), counted)
         decision = decide_pairs(now.terms.polytopes[i], rows, now.u_nom, self._qp)
         return Filtered(decision, list(counted))
 

@@ -23,7 +23,8 @@ def test_an_agents_rows_have_the_margin_of_its_own_place_until_it_samples_again(
     for i in swarm.normal:
         clock = swarm.groups[i].clock
         horizon = clock.period + 0.001 + 0.003
-        terms = rows.pair_terms(i)(x)
+        whole = rows.pair_terms(i)(x)
+        terms = rows.pair_terms(i)(x, sharing=swarm.normal)
         beside = [o for o in terms.others if o is not None]
         assert sorted(beside) == [l for l in range(5) if l != i]
         for k, other in enumerate(terms.others):
@@ -32,16 +33,15 @@ def test_an_agents_rows_have_the_margin_of_its_own_place_until_it_samples_again(
             pair = rows.own_pair(i, other)
             members = [swarm.names.index(m.name) for m in pair.chain.set.members]
             assert members[pair.own] == i
-            assert pair.shared == terms.shared[k] == (other in swarm.normal)
+            parts = {RowPart.WHOLE: whole.margin[whole.others.index(other)]}
+            parts[terms.parts[k]] = terms.margin[k]
+            assert (RowPart.HALF in parts) == (other in swarm.normal)
             phi = [bounds[l] for l in members]
-            parts = {RowPart.WHOLE: terms.margin}
-            if pair.shared:
-                parts[RowPart.HALF] = terms.half_margin
             for part, found in parts.items():
                 own = margin(pair.chain, pair.own, horizon, phi, part)
                 state = np.concatenate([x[swarm.safe_set.parts[l]] for l in members])
                 expected = CompiledFunction([pair.chain.set.x], [own])(state)[0]
-                assert found[k] == pytest.approx(expected[0])
+                assert found == pytest.approx(expected[0])
 
 
 def test_for_q_1_the_corrected_margin_is_the_papers_and_for_q_2_no_disturbance_counts_twice():

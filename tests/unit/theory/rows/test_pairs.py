@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.rows.decision import decide_pairs
@@ -35,15 +36,19 @@ SPHERE = Sphere((0.0, 5.0), 1.0)
 @cache
 def own_terms(i: int, radius: float | None = None) -> OwnPairTerms:
     pairs = SwarmPairs(MEMBERS, [SPHERE], Separation(1.0), 1)
-    functions = {other: row_function(pairs, i, other) for other in {0, 1, 2, 3} - {i}}
+    functions = {
+        (other, part): row_function(pairs, i, other, part)
+        for other in {0, 1, 2, 3} - {i}
+        for part in (RowPart if other < 2 else [RowPart.WHOLE])
+    }
     near = obstacles_within(radius, MEMBERS[i].dynamics, [SPHERE])
-    return OwnPairTerms(pairs, i, functions.__getitem__, near)
+    return OwnPairTerms(pairs, i, lambda other, part: functions[other, part], near)
 
 
-def row_function(pairs: SwarmPairs, i: int, other: int) -> PairRowFunction:
+def row_function(pairs: SwarmPairs, i: int, other: int, part: RowPart) -> PairRowFunction:
     a, b = pairs.ordered(i, other)
-    own = OwnPair(build_chain(pairs.alone(a, b), [1.5]), 0 if a == i else 1, other < 2)
-    return PairRowFunction(own, (ca.SX(ETA), ca.SX(ETA / 2 if own.shared else 0.0)))
+    own = OwnPair(build_chain(pairs.alone(a, b), [1.5]), 0 if a == i else 1)
+    return PairRowFunction(own, part, ca.SX(part.value * ETA))
 
 
 @given(seed=seeds)
@@ -51,7 +56,7 @@ def test_the_halves_of_two_normal_agents_add_up_to_their_pairs_condition(seed):
     x = np.random.default_rng(seed).uniform(-3, 3, 6)
     rows = {}
     for i in (0, 1):
-        rows[i] = pair_rows(own_terms(i)(x), {}, [0, 1])
+        rows[i] = pair_rows(own_terms(i)(x, sharing=[0, 1]), {})
     d = x[:2] - x[2:4]
     assert rows[0].a[0] == pytest.approx(-2 * d)
     assert rows[1].a[0] == pytest.approx(2 * d)
@@ -62,12 +67,12 @@ def test_the_halves_of_two_normal_agents_add_up_to_their_pairs_condition(seed):
 @given(seed=seeds)
 def test_a_pair_with_an_adversary_or_an_obstacle_is_the_normal_agents_alone(seed):
     x = np.random.default_rng(seed).uniform(-3, 3, 6)
-    terms = own_terms(0)(x)
-    rows = pair_rows(terms, {}, [0, 1])
+    terms = own_terms(0)(x, sharing=[0, 1])
+    rows = pair_rows(terms, {})
     d, o = x[:2] - x[4:], x[:2] - np.array([0.0, 5.0])
     worst = 2 * np.abs(d).sum()
     assert terms.others == (1, 2, None)
-    assert terms.shared == (True, False, False)
+    assert terms.parts == (RowPart.HALF, RowPart.WHOLE, RowPart.WHOLE)
     assert rows.bound[1] == pytest.approx(-(1.5 * (1 - d @ d) + worst + ETA))
     assert rows.bound[2] == pytest.approx(-(1.5 * (1 - o @ o) + ETA))
     assert rows.a[2] == pytest.approx(-2 * o)
@@ -77,9 +82,9 @@ def test_a_neighbour_that_shares_no_more_counts_at_its_worst_and_a_received_inpu
     x = np.array([0.0, 0.0, 1.5, 0.0, 9.0, 9.0])
     terms = own_terms(0)(x)
     alpha = 1.5 * (1 - 2.25)
-    alone = pair_rows(terms, {}, [0])
+    alone = pair_rows(terms, {})
     assert alone.bound[0] == pytest.approx(-(alpha + 3.0 * 2.0 + ETA))
-    told = pair_rows(terms, {1: np.array([0.5, -1.0])}, [])
+    told = pair_rows(terms, {1: np.array([0.5, -1.0])})
     assert told.bound[0] == pytest.approx(-(alpha - 3.0 * 0.5 + ETA))
 
 
@@ -87,11 +92,11 @@ def test_there_are_rows_for_what_is_seen_alone():
     x = np.array([0.0, 0.0, np.nan, np.nan, 3.0, 0.0])
     terms = own_terms(0, 4.9)(x, (0, 2))
     assert terms.others == (2,)
-    assert pair_rows(terms, {}, [0, 1]).bound.shape == (1,)
+    assert pair_rows(terms, {}).bound.shape == (1,)
     assert own_terms(0, 5.1)(x, (0, 2)).others == (2, None)
     alone = own_terms(0, 4.9)(x, (0,))
     assert alone.others == ()
-    rows = pair_rows(alone, {}, [0, 1])
+    rows = pair_rows(alone, {})
     u_nom, polytope = (
         np.array([1.5, -3.0]),
         constant_polytope(*SingleIntegrator(2.0).input_polytope(ca.SX.sym("x", 2))),
