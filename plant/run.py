@@ -58,6 +58,7 @@ class PlantRun:
             self._frames,
             agents.await_telemetry,
             agents.publish_status,
+            swarm.scenario.time.recording_step,
         )
         clocks = [swarm.clock(i) for i in range(len(swarm.members))]
         schedule = Schedule(clocks, swarm.scenario.time.latency)

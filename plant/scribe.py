@@ -3,6 +3,8 @@
 import time
 from collections.abc import Callable
 
+import numpy as np
+
 from phalanx.faults.commands import described
 from phalanx.plant.events import CommandObeyed, Event, InputApplied, Sampled, StateReached
 from phalanx.plant.frames import FramePublisher
@@ -28,8 +30,19 @@ class RunScribe:
         frames: FramePublisher,
         telemetry: Callable[[int, int], Telemetry],
         publish_status: Callable[[Status], None],
+        recording_step: float = 0.0,
     ) -> None:
-        """telemetry: agent i's of its sample k, waited for if need be."""
+        """Write to a recording, and show.
+
+        Args:
+            names: of all agents.
+            judge: is told every event.
+            recording: of the run.
+            frames: for viewers.
+            telemetry: agent i's of its sample k, waited for if need be.
+            publish_status: tells whoever watches how far the run is.
+            recording_step: least time between two recorded states [s].
+        """
         self._names, self._judge = names, judge
         self._recording, self._frames = recording, frames
         self._telemetry, self._publish_status = telemetry, publish_status
@@ -40,6 +53,9 @@ class RunScribe:
         """Pairs whose h is above zero."""
         self._began = self._status_at = time.monotonic()
         self._t = 0.0
+        self._recording_step, self._state_due = recording_step, 0.0
+        self._peak = -np.inf
+        """Largest h_tot since the last recorded state."""
 
     @property
     def rejected_by_agents(self) -> dict[str, int]:
@@ -82,8 +98,11 @@ class RunScribe:
         self._judge.reached(event)
         self.trajectory.add(event)
         peak = self._judge.truth.take_peak()
-        self._recording.write(State(event.t, event.x.tolist(), peak))
         self._frames.saw_state(event, peak)
+        self._peak = max(self._peak, peak)
+        if event.t >= self._state_due:
+            self._recording.write(State(event.t, event.x.tolist(), self._peak))
+            self._state_due, self._peak = event.t + self._recording_step, -np.inf
         unsafe = self._judge.truth.take_unsafe()
         for pair in sorted(unsafe - self._unsafe):
             self._say(event.t, f"{self._judge.truth.label(pair)} left the safe set")

@@ -9,14 +9,17 @@ SUMMARY = "summary.json"
 
 
 class State(msgspec.Struct):
-    """The world at an event: a sample taken or an input applied. Topic /state."""
+    """The world at an event: a sample taken or an input applied. Topic /state.
+
+    At every event, or as often as time.recording_step says.
+    """
 
     t: float
     """[s]"""
     x: list[float]
     """Stacked state, shape (n̄,)."""
     h_tot: float
-    """Largest h_tot since the event before."""
+    """Largest h_tot since the state before."""
 
 
 class Step(msgspec.Struct):

@@ -47,6 +47,8 @@ class Time(Strict):
     """From an agent's sample to its input being applied and broadcast [s]."""
     integration_step: Annotated[Positive, Field(le=1e-3)] = 1e-3
     """Longest step of the plant's fourth-order Runge-Kutta [s]."""
+    recording_step: NonNegative = 0.0
+    """Least time between two states in the recording [s]; 0 records one at every event."""
     timeout: Positive = 30.0
     """How long the plant waits for an agent, in wall time [s]."""
 

@@ -2,7 +2,10 @@
 
 from pathlib import Path
 
+import pytest
+
 import phalanx
+from phalanx.guarantee.checker.certify import UncertifiableError, certify
 
 LINE = {
     "name": "line",
@@ -55,3 +58,20 @@ def test_a_backup_is_a_step_at_which_the_backup_input_was_applied():
     assert counted["no-authority"] > 0
     assert run.summary.origins["backup"] == counted["backup"] > 0
     assert max(status.backups for status in told) <= counted["backup"]
+
+
+def test_states_are_recorded_no_more_often_than_asked_for_and_no_peak_is_lost():
+    whole = phalanx.run(phalanx.load("unicycles", {"duration": 1.0}), engine="in-process")
+    thinned = phalanx.load("unicycles", {"duration": 1.0, "time.recording_step": 0.05})
+    run = phalanx.run(thinned, engine="in-process")
+    assert run.summary.trajectory == whole.summary.trajectory
+    assert run.states["t"].diff().min() >= 0.05
+    assert 15 < len(run.states) <= 20
+    for t, x in run.states.select("t", "1.x").iter_rows():
+        assert whole.states.filter(whole.states["t"] == t)["1.x"].to_list() == [x]
+    bounds = [-1.0, *run.states["t"]]
+    for begin, end, peak in zip(bounds[:-1], bounds[1:], run.states["h_tot"], strict=True):
+        since = whole.states.filter((whole.states["t"] > begin) & (whole.states["t"] <= end))
+        assert peak == since["h_tot"].max()
+    with pytest.raises(UncertifiableError, match="in a state not recorded"):
+        certify(run.scenario, run.recording.states, run.recording.steps)
