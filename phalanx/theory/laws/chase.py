@@ -70,7 +70,7 @@ class Chase:
         Raises ValueError if a target is not a member or its output has another degree.
         """
         names, joined = [m.name for m in members], copy(self)
-        joined._outputs = [OutputDerivatives(m.dynamics) for m in members]
+        joined._outputs = _outputs([m.dynamics for m in members])
         if (target := self.targets.get(names[i])) is not None:
             if target not in names:
                 raise ValueError(f"targets: expected one of {names}, got {target!r}")
@@ -99,6 +99,16 @@ class Chase:
             key=lambda n: float(np.sum((view.positions[n] - here) ** 2)),
             default=None,
         )
+
+
+def _outputs(dynamics: Sequence[Dynamics]) -> list[OutputDerivatives]:
+    """Of each dynamics, compiled once for those that are equal."""
+    different: list[Dynamics] = []
+    for each in dynamics:
+        if each not in different:
+            different.append(each)
+    compiled = [OutputDerivatives(each) for each in different]
+    return [compiled[different.index(each)] for each in dynamics]
 
 
 class _Team:
