@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import phalanx
-from phalanx.guarantee.certificate import AgentCertificates, Known
+from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.margins.enclosure import admissible_inputs, enclose
 from phalanx.theory.margins.integrated import INFLATIONS, growth
@@ -221,8 +221,9 @@ class Certified(NamedTuple):
 def certify(name: str, overrides: Sequence[str], seed: int) -> Certified:
     """Run a scenario and certify every sample of its recording."""
     run = phalanx.run(phalanx.load(name, overrides, seed), engine="in-process")
-    swarm, known = build_swarm(run.scenario), Known()
-    certificates = {swarm.names[i]: AgentCertificates(swarm, i, known) for i in swarm.normal}
+    swarm = build_swarm(run.scenario)
+    every = SwarmCertificates(swarm)
+    certificates = {swarm.names[i]: every.of(i) for i in swarm.normal}
     states = {state.t: np.array(state.x) for state in run.recording.states}
     times, shares = [], []
     for step in run.recording.steps:

@@ -13,9 +13,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.swarm.swarm import Swarm
-from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.expressions.interval import Interval, UnboundedOperationError, extend
+from phalanx.theory.expressions.interval import (
+    Interval,
+    UnboundedOperationError,
+    extend,
+    point,
+)
+from phalanx.theory.expressions.mapped import MappedFunction
 from phalanx.theory.margins.enclosure import (
     Enclosure,
     admissible_inputs,
@@ -38,27 +42,34 @@ sums of sampling periods round, and a certificate that is over before the next i
 
 @dataclass(frozen=True)
 class PairCertificate:
-    """Of one pair, for agent i in it."""
+    """Of pairs of one kind, for agent i in them."""
 
     horizons: tuple[float, ...]
     """What is tried, the longest first [s]."""
-    proven: CompiledFunction | None
-    """(x, u_i, T) -> how much of [0, T] is proven safe [s]; None if nothing ever is."""
+    proven: MappedFunction | None
+    """(x and the obstacle's numbers, u_i, T) -> how much of [0, T] is proven safe [s]; None if
+    nothing ever is."""
     refused: str = ""
     """What could not be bounded, in words."""
 
-    def horizon(self, x: Array, u: Array) -> float:
-        """How long h <= 0 is proven from now on [s]; 0 if not at all.
+    def times(self, pairs: Array, u: Array) -> Array:
+        """How long h <= 0 is proven from now on [s], shape (r,); 0 if not at all.
 
         Args:
-            x: the pair's state, its members' in order.
+            pairs: each one's state, its members' in order, and numbers of its obstacle; (r, n).
             u: the input that agent i holds, shape (m_i,).
         """
-        best = 0.0
+        best = np.zeros(len(pairs))
+        if self.proven is None:
+            return best
         for horizon in self.horizons:
-            if self.proven is None or best >= horizon:
+            open_ = np.flatnonzero(best < horizon)
+            if not len(open_):
                 break
-            best = max(best, float(self.proven(x, u, horizon)[0][0]))
+            asked = np.tile(np.append(u, horizon), (len(open_), 1))
+            rows = np.concatenate([pairs[open_], asked], axis=1)
+            places = np.arange(rows.size).reshape(rows.shape)
+            best[open_] = np.maximum(best[open_], self.proven(rows.ravel(), places)[:, 0])
         return best
 
 
@@ -72,7 +83,7 @@ def pair_certificate(
     """Compile one pair's certificate.
 
     Args:
-        pair: one pair alone.
+        pair: one pair alone; its obstacle may be one of symbols.
         own: agent i's place in it.
         alphas: α_1 ... α_q; the last has no part in it.
         bounds: φ_l^max of each member.
@@ -97,7 +108,7 @@ def pair_certificate(
     chain = build_chain(pair, alphas, None, bounds)
 
     def reached() -> ca.SX:
-        return ca.if_else(_highest(pair.h_tot, moving) <= 0, horizon, 0)
+        return ca.if_else(_highest(pair, moving) <= 0, horizon, 0)
 
     def integrated(value: ca.SX) -> ca.SX:
         return time_until_zero(growth(value, pair, own, moving, bounds), horizon)
@@ -115,88 +126,23 @@ def pair_certificate(
             refused.append(str(error))
     if not times:
         return PairCertificate(horizons, None, "; ".join(refused))
-    proven = CompiledFunction([pair.x, moving[own].u, horizon], [ca.mmax(ca.vertcat(*times))])
+    row = [pair.x, pair.parameters, moving[own].u, horizon]
+    proven = MappedFunction(row, [ca.mmax(ca.vertcat(*times))])
     return PairCertificate(horizons, proven, "; ".join(refused))
 
 
-Known = dict[tuple[object, ...], PairCertificate]
-"""Certificates by what sets their pairs apart: i's place, the members' groups, and h."""
-
-
-class AgentCertificates:
-    """Of all pairs of normal agent i, compiled once."""
-
-    def __init__(self, swarm: Swarm, i: int, known: Known) -> None:
-        """known: certificates of agents of the swarm that were compiled before; added to."""
-        composed, tau = swarm.safe_set, swarm.horizon(i)
-        self.pairs = tuple(n for n, p in enumerate(composed.pairs) if i in (p.a, p.b))
-        """Indices of agent i's pairs in the composed set."""
-        self.tau = tau
-        """τ = Γ_i + δ_i^max and the latency [s]."""
-        self._longest = MULTIPLES[0] * tau
-        self._certificates, self._states = [], []
-        for number in self.pairs:
-            pair = composed.pairs[number]
-            involved = [pair.a] if pair.b is None else [pair.a, pair.b]
-            own = involved.index(i)
-            alone = composed.alone(number)
-            alike = (own, *[id(swarm.groups[l]) for l in involved], _written(alone))
-            if alike not in known:
-                bounds = [swarm.disturbance_bounds[swarm.names[l]] for l in involved]
-                alphas = swarm.scenario.safety.class_k()
-                known[alike] = pair_certificate(alone, own, alphas, bounds, tau)
-            self._certificates.append(known[alike])
-            self._states.append(np.concatenate([np.r_[composed.parts[l]] for l in involved]))
-        self._highest = _highest_of_all(swarm, self.pairs, self._longest)
-
-    @property
-    def refused(self) -> dict[int, str]:
-        """Pairs that no input of the agent's can ever certify, by index, and why."""
-        known = zip(self.pairs, self._certificates, strict=True)
-        return {pair: each.refused for pair, each in known if each.proven is None}
-
-    def __call__(self, x: Array, u: Array) -> Array:
-        """How long each pair's h <= 0 is proven from now on [s], in the order of `pairs`.
-
-        Args:
-            x: the true stacked state, shape (n̄,).
-            u: the input that agent i holds from now on, shape (m_i,).
-        """
-        (highest,) = self._highest(x)
-        # Most pairs are too far apart to meet within the longest horizon.
-        times: Array = np.where(highest <= 0.0, self._longest, 0.0)
-        for k in np.flatnonzero(times == 0.0):
-            times[k] = self._certificates[k].horizon(x[self._states[k]], u)
-        return times
-
-
-def _written(pair: ComposedSet) -> str:
-    """h as a text, whatever the states are called: a user's may tell agents of one group apart."""
-    x = ca.SX.sym("x", pair.x.numel())
-    text: str = ca.Function("h", [x], [ca.substitute(pair.h_tot, pair.x, x)]).serialize()
-    return text
-
-
-def _highest_of_all(swarm: Swarm, pairs: Sequence[int], horizon: float) -> CompiledFunction:
-    """x -> the highest that each pair's h can be within the horizon; inf if unknown.
-
-    Whatever all agents do, agent i too: with few operations, to be done with most pairs.
-    """
-    composed = swarm.safe_set
-    reach: dict[int, Reach] = {}
-    highest = []
-    for number in pairs:
-        pair = composed.pairs[number]
-        involved = [l for l in (pair.a, pair.b) if l is not None]
-        try:
-            for l in involved:
-                x = composed.x[composed.parts[l]]
-                bound = swarm.disturbance_bounds[swarm.names[l]]
-                reach[l] = reach.get(l) or _reach(swarm.members[l], x, bound, horizon)
-            highest.append(_highest(composed.h[number], [reach[l] for l in involved]))
-        except ValueError:  # a pair that is refused
-            highest.append(ca.SX(ca.inf))
-    return CompiledFunction([composed.x], [ca.vertcat(*highest)])
+def highest_within(
+    pair: ComposedSet, bounds: Sequence[float], horizon: float
+) -> MappedFunction | None:
+    """(x, parameters) -> the highest that h can be within the horizon; None if unknown."""
+    try:
+        reach = [
+            reach_within(member, pair.x[part], bound, horizon)
+            for member, part, bound in zip(pair.members, pair.parts, bounds, strict=True)
+        ]
+        return MappedFunction([pair.x, pair.parameters], [_highest(pair, reach)])
+    except ValueError:  # a pair that is refused
+        return None
 
 
 class Reach(NamedTuple):
@@ -208,7 +154,11 @@ class Reach(NamedTuple):
     """1 if the state is proven to stay there."""
 
 
-def _reach(member: Member, x: ca.SX, bound: float, horizon: float) -> Reach:
+def reach_within(member: Member, x: ca.SX, bound: float, horizon: float) -> Reach:
+    """Where a member's state can be within a horizon [s], whatever it does.
+
+    Raises ValueError if that has no bound.
+    """
     inputs = admissible_inputs(member)
     rates = fastest(member, inputs, bound)
     if rates is not None:
@@ -217,10 +167,11 @@ def _reach(member: Member, x: ca.SX, bound: float, horizon: float) -> Reach:
     return Reach(x, e.states, e.certain)
 
 
-def _highest(h: ca.SX, reach: Sequence[Reach | Enclosure]) -> ca.SX:
+def _highest(pair: ComposedSet, reach: Sequence[Reach | Enclosure]) -> ca.SX:
     """sup of h over the boxes, which needs no continuity; inf where it is unknown."""
-    boxes = [interval for r in reach for interval in r.states]
-    (found,) = extend([h], scalars([r.x for r in reach]), boxes)
+    numbers = scalars([pair.parameters])
+    boxes = [*[interval for r in reach for interval in r.states], *map(point, numbers)]
+    (found,) = extend([pair.h_tot], scalars([r.x for r in reach]) + numbers, boxes)
     certain = ca.SX(1)
     for r in reach:
         certain = ca.logic_and(certain, r.certain)

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.guarantee.certificate import AgentCertificates, Known
+from phalanx.guarantee.certificates import AgentCertificates, SwarmCertificates
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.models.polytope import constant_polytope
 
@@ -32,8 +32,8 @@ class CertifiedStart(NamedTuple):
 
 def certified_start(swarm: Swarm) -> CertifiedStart:
     """Ask the certificates that a run is judged by, at x(0)."""
-    known: Known = {}
-    agents = {i: AgentCertificates(swarm, i, known) for i in swarm.normal}
+    certificates = SwarmCertificates(swarm)
+    agents = {i: certificates.of(i) for i in swarm.normal}
     composed, x = swarm.safe_set, swarm.start()
     refused = {}
     for number, pair in enumerate(composed.pairs):

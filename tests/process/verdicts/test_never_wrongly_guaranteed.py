@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from phalanx.faults.commands import NO_COMMANDS
-from phalanx.guarantee.certificate import AgentCertificates, pair_certificate
+from phalanx.guarantee.certificate import pair_certificate
+from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.guarantee.check import check
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.in_process_engine import DirectAgents
@@ -341,7 +342,7 @@ def test_an_alpha_that_is_none_is_refused_and_proves_nothing(alpha, x):
     pair = compose(members, [Wall((1.0, 0.0), 0.5)], Separation(1.0), 1.0).alone(0)
     alphas = [getattr(attack_own, alpha)(), Linear(1.0)]
     found = pair_certificate(pair, 0, alphas, [0.0], 0.1)
-    assert found.horizon(np.array(x), np.zeros(2)) <= (0.5 - x[0]) / x[2]
+    assert found.times(np.array([x]), np.zeros(2))[0] <= (0.5 - x[0]) / x[2]
 
 
 def nominal(name: str, sample: Sample, answer: Actuation) -> tuple[float, ...]:
@@ -374,7 +375,7 @@ def test_a_hijacked_answer_is_judged_as_it_was_applied(tmp_path):
     """Agent 1 drives where it did not want to go, and nearer to agent 2."""
     table = swarm([[0.0, 0.0], [1.2, 0.0]], duration=0.1)
     _, recording = judged(table, tmp_path, ahead(agent1=1.0))
-    certificates = AgentCertificates(build_swarm(load(table)), 0, {})
+    certificates = SwarmCertificates(build_swarm(load(table))).of(0)
     states = {state.t: np.array(state.x) for state in recording.states}
     steps = [s for s in recording.steps if s.agent == "1"]
     for step in steps:
@@ -425,7 +426,7 @@ def test_who_cannot_stand_still_does_so_until_its_first_input(tmp_path):
 def test_pairs_that_differ_in_h_have_certificates_of_their_own(tmp_path):
     """Agents 2 and 3 are of one group, but agent 3 is to be kept farther off: 2 m, not 1 m."""
     table = swarm([[0.0, 0.0], [0.0, 8.0], [2.05, 0.0]], {"type": "attack_own:ByName"})
-    certificates = AgentCertificates(build_swarm(load(table)), 0, {})
+    certificates = SwarmCertificates(build_swarm(load(table))).of(0)
     x = np.array([0.0, 0.0, 0.0, 8.0, 1.95, 0.0])
     assert certificates(x, np.zeros(2)).tolist() == [0.08, 0.0]
     summary, _ = judged(table, tmp_path, ahead(agent3=-1.0))

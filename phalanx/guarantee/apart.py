@@ -1,0 +1,95 @@
+"""Who is too far away to meet, whatever all agents do: boxes around where each of them can be.
+
+For swarms of hundreds: an agent's certificates then ask for its neighbours alone.
+"""
+
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.guarantee.certificate import MULTIPLES, reach_within
+from phalanx.swarm.swarm import Swarm
+from phalanx.theory.expressions.exact import dot
+from phalanx.theory.expressions.interval import UnboundedOperationError, extend
+from phalanx.theory.expressions.mapped import Index, MappedFunction
+from phalanx.theory.margins.enclosure import scalars
+from phalanx.theory.safety.function import Reaching
+from phalanx.theory.safety.obstacles import Sphere
+
+Array = NDArray[np.float64]
+
+_LASTING = 2.0
+"""For how many τ boxes are kept: they are made for so much longer than a certificate lasts."""
+
+
+class _Alike(NamedTuple):
+    """Agents of one group."""
+
+    members: Index
+    states: Index
+    """Where their states lie, shape (r, n)."""
+    box: MappedFunction | None
+    """x -> least and largest of each component of p; None if unknown."""
+
+
+class Surroundings:
+    """The boxes of all agents, made anew when they are too old, and the obstacles beside them."""
+
+    def __init__(self, swarm: Swarm, function: Reaching) -> None:
+        scenario, members = swarm.scenario, swarm.members
+        tau = max(swarm.horizon(i) for i in swarm.normal)
+        self._lasting = _LASTING * tau
+        self._until = -np.inf
+        axes, count = scenario.agents[0].axes, len(members) + len(scenario.obstacles)
+        self._low, self._high = np.full((count, axes), -np.inf), np.full((count, axes), np.inf)
+        self._reach = np.full(count, function.reach(0.0))
+        for k, obstacle in enumerate(scenario.obstacles, start=len(members)):
+            self._reach[k] = function.reach(0.0, obstacle)
+            if isinstance(obstacle, Sphere):
+                self._low[k] = self._high[k] = obstacle.center
+        self._alike = []
+        for group in scenario.agents:
+            own = np.array([i for i, other in enumerate(swarm.groups) if other is group])
+            horizon = MULTIPLES[0] * tau + self._lasting
+            states = np.array([np.r_[swarm.safe_set.parts[i]] for i in own])
+            box = _box(swarm, int(own[0]), group.disturbance.bound, horizon)
+            self._alike.append(_Alike(own, states, box))
+
+    def near(self, i: int, others: Index, t: float, x: Array) -> Array:
+        """Which others agent i may meet within the longest horizon of a certificate from t [s] on.
+
+        Args:
+            i: an agent.
+            others: members, or N + k for obstacle k, shape (r,).
+            t: now, not before it was asked last.
+            x: the true stacked state, shape (n̄,).
+        """
+        if t > self._until:
+            self._until = t + self._lasting
+            for alike in self._alike:
+                if alike.box is not None:
+                    low, high = np.split(alike.box(x, alike.states), 2, axis=1)
+                    self._low[alike.members], self._high[alike.members] = low, high
+        low, high = self._low[others], self._high[others]
+        gap = np.maximum(0.0, np.maximum(low - self._high[i], self._low[i] - high))
+        reach = self._reach[others]
+        # What is not a number is near.
+        near: Array = ~(dot(gap, gap) > reach * reach)
+        return near
+
+
+def _box(swarm: Swarm, i: int, bound: float, horizon: float) -> MappedFunction | None:
+    """x_i -> least and largest of each component of p_i within the horizon; None if unknown."""
+    member = swarm.members[i]
+    x = ca.SX.sym("x", len(member.dynamics.states))
+    try:
+        reach = reach_within(member, x, bound, horizon)
+        p = ca.vertsplit(member.dynamics.position(x))
+        found = extend(p, scalars([x]), reach.states)
+    except (ValueError, UnboundedOperationError):
+        return None
+    low = [ca.if_else(reach.certain, each.lo, -ca.inf) for each in found]
+    high = [ca.if_else(reach.certain, each.hi, ca.inf) for each in found]
+    return MappedFunction([x], [ca.vertcat(*low, *high)])
