@@ -151,7 +151,8 @@ def observed(scenario: phalanx.Scenario) -> tuple[Started, phalanx.Summary]:
 def bare_processes(count: int, peers: int) -> tuple[float, float]:
     """How long `count` processes take to start and join [s], and an exchange with one of them."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["zenoh", "numpy", "casadi", "osqp", "msgspec"])
+    # What a bare process is made of is imported once, before they are forked.
+    context.set_forkserver_preload(["__main__"])
     names, endpoint = [str(k) for k in range(count)], wire.free_endpoint()
     joined: SimpleQueue[str] = SimpleQueue()
     answers: SimpleQueue[bytes] = SimpleQueue()
@@ -173,7 +174,7 @@ def bare_processes(count: int, peers: int) -> tuple[float, float]:
         _token = wire.announce(session, KEYS.alive(PLANT, "bench"))
         missing = {*names, PLANT}
         while missing:
-            missing.discard(joined.get())
+            missing.discard(joined.get(timeout=120.0))
         startup = time.perf_counter() - began
         began = time.perf_counter()
         for step in range(EXCHANGES):
