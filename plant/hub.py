@@ -1,5 +1,6 @@
 """The plant's side of the wire: the hub all programs meet in, samples out, answers in."""
 
+import contextlib
 import logging
 import queue
 import time
@@ -94,6 +95,13 @@ class Hub:
         """
         return self._await(i, lambda: self._answers.take_actuation(i), "did not answer")
 
+    def take_actuation(self, i: int) -> Actuation | None:
+        """The same, if it has come. Raises SwarmBrokenError if an agent died."""
+        with contextlib.suppress(queue.Empty):
+            while True:
+                self._handle(*self._events.get_nowait())
+        return self._answers.take_actuation(i)
+
     def await_telemetry(self, i: int, k: int) -> Telemetry:
         """How agent i made its input for sample k. Raises SwarmBrokenError as await_actuation."""
         return self._await(i, lambda: self._answers.take_telemetry(i, k), "did not report on")
@@ -134,10 +142,10 @@ class Hub:
             because = f" (dropped payloads: {dropped})" if dropped else ""
             hint = "see its log, or raise time.timeout"
             raise SwarmBrokenError(f"{complaint} within {self._timeout:g} s{because}: {hint}")
-        try:
-            key, content = self._events.get(timeout=_POLL)
-        except queue.Empty:
-            return
+        with contextlib.suppress(queue.Empty):
+            self._handle(*self._events.get(timeout=_POLL))
+
+    def _handle(self, key: str, content: bytes | bool) -> None:
         if isinstance(content, bool):
             if broken := self._joining.on_token(key, content):
                 raise SwarmBrokenError(broken)

@@ -1,27 +1,40 @@
 """Lockstep virtual time: integrate to the next event, sample, await, apply; as fast as it goes.
 
 Events are sampling instants and the instants at which inputs take effect. The wall clock decides
-nothing: the plant waits for every input at the virtual time at which it is due.
+nothing: an input counts from the virtual time at which it is due, however late it comes. Samples
+are handed out in the order of their times, and further ones before earlier answers are there, as
+long as these cannot change them; what happened is told in order, once it is known.
 """
 
 import contextlib
 from collections import deque
-from typing import Protocol
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind
 from phalanx.faults.state import Condition, FaultState, Orders
 from phalanx.plant.commands import CommandQueue
 from phalanx.plant.contacts import Contacts
 from phalanx.plant.events import CommandObeyed, Event, InputApplied, Sampled, StateReached
+from phalanx.plant.lookahead import Lookahead
 from phalanx.plant.schedule import Schedule
-from phalanx.plant.sensing import Sensing
+from phalanx.plant.sensing import Sensing, Sight
+from phalanx.plant.stop import SwarmBrokenError
 from phalanx.plant.world import World
 from phalanx.recording.write import RecordingError
+from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.seen import SeenStates
-from phalanx.swarm.swarm import Swarm
 from phalanx.wire.messages import Actuation, Sample
+
+Array = NDArray[np.float64]
+
+_AT_ONCE = 8
+"""How many answers may be awaited at once before the plant waits for the oldest: enough for the
+cores of a host, and few to work out anew when they come."""
 
 
 class Agents(Protocol):
@@ -32,6 +45,9 @@ class Agents(Protocol):
 
     def await_actuation(self, i: int) -> Actuation:
         """What agent i's actuator gets for its sample."""
+
+    def take_actuation(self, i: int) -> Actuation | None:
+        """The same, if it is there."""
 
 
 class Witness(Protocol):
@@ -44,26 +60,64 @@ class Witness(Protocol):
         """Called when all events so far were taken."""
 
 
+class _Awaited(NamedTuple):
+    """An input that answers sample k of agent i."""
+
+    i: int
+    k: int
+    sampled: float
+    """[s]"""
+
+
+@dataclass
+class _Moment:
+    """What is due at one instant; over once every input that takes effect then is there."""
+
+    t: float
+    """[s]"""
+    commands: list[CommandObeyed]
+    handed_out: dict[int, tuple[Sight, bytes]]
+    """By agent that samples: whom it sees, and their states."""
+    awaited: deque[_Awaited]
+    """Inputs that take effect, and are not there yet."""
+    reached: bool = False
+    """Whether the world is there."""
+
+
 class Lockstep:
     """One run in virtual time."""
 
     def __init__(
         self,
-        swarm: Swarm,
+        rows: SafetyRows,
         world: World,
         schedule: Schedule,
         agents: Agents,
         scribe: Witness,
         faults: FaultState,
         commands: CommandQueue | None = None,
+        concurrent: bool = False,
     ) -> None:
+        """concurrent: whether agents compute while the plant goes on."""
+        swarm = rows.swarm
         self.world = world
         self._schedule, self._agents, self._scribe = schedule, agents, scribe
         self._faults = faults
-        self._sensing, self._states = Sensing(swarm), SeenStates(swarm)
+        self._sensing, self._states = Sensing(swarm, world.motion), SeenStates(swarm)
         self._contacts = Contacts(len(swarm.members), swarm.scenario.time.latency)
         self._commands = commands or CommandQueue(NO_COMMANDS, ())
-        self._sampled_at: dict[int, float] = {}
+        adverse = any(group.disturbance.kind == "adverse" for group in swarm.groups)
+        self._ahead: Lookahead | None = None
+        if concurrent and swarm.scenario.time.lookahead and not adverse:
+            self._ahead = Lookahead(rows, world.motion, self._sensing.radii)
+        self._now = 0.0
+        """How far samples were handed out [s]; the world may be behind."""
+        self._newest: dict[int, _Awaited] = {}
+        """What answers each agent's last sample."""
+        self._moments: deque[_Moment] = deque()
+        """In order; all but the first are ahead of the world."""
+        self._answers: dict[_Awaited, Actuation] = {}
+        """Inputs that were needed before their moment was the first."""
         self._happened: deque[Event] = deque()
 
     def run(self, duration: float) -> None:
@@ -77,8 +131,8 @@ class Lockstep:
         try:
             while (t := self._next_event()) < duration:
                 self._event_at(t)
-            self.world.advance(duration)
-            self._reached()
+            self._settle()
+            self._reach(duration)
             self._write_down()
         except RecordingError:
             raise
@@ -92,30 +146,27 @@ class Lockstep:
         return min(self._schedule.next_event(), self._commands.next)
 
     def _event_at(self, t: float) -> None:
-        commands = self._commands.take(self.world.t, t, self._write_down)
-        self.world.advance(t)
-        self._reached()
-        for command in commands:
-            self._obey(command)
-        self._sample(t)
+        commands = self._commands.take(self._now, t, self._go_on)
+        if commands or self._ahead is None:
+            self._settle()
+        self._now = t
+        obeyed = [self._obey(command) for command in commands]
+        handed_out = self._sample(t)
+        self._moments.append(_Moment(t, obeyed, handed_out, deque(self._due(t))))
         # The agents compute now: writing down costs no time while it takes less than they do.
-        self._write_down()
-        self._apply(t)
+        self._go_on()
 
-    def _reached(self) -> None:
-        self._happened.append(StateReached(self.world.t, self.world.x, self.world.take_seen()))
-
-    def _obey(self, command: Command) -> None:
+    def _obey(self, command: Command) -> CommandObeyed:
         """Let a command take effect."""
         i = self._faults.obey(command)
         silenced = i if i is not None and self._faults.silent(i) else None
-        self._happened.append(CommandObeyed(command, silenced))
         if silenced is not None:
             self._schedule.silence(silenced)
             if command.kind == CommandKind.KILL and not self._schedule.awaits(silenced):
                 self._kill(silenced)
         elif i is not None and command.kind == CommandKind.THAW:
             self._schedule.resume(i, command.t)
+        return CommandObeyed(command, silenced)
 
     def _kill(self, i: int) -> None:
         """Tell agent i to die; the order travels in a sample that it does not answer."""
@@ -124,7 +175,7 @@ class Lockstep:
             i,
             Sample(
                 k=self._schedule.next_number(i),
-                t=self.world.t,
+                t=self._now,
                 seen=itself,
                 x=self._states.packed(self.world.x, itself),
                 since=(-1,),
@@ -134,41 +185,116 @@ class Lockstep:
             ),
         )
 
-    def _sample(self, t: float) -> None:
+    def _sample(self, t: float) -> dict[int, tuple[Sight, bytes]]:
         """Hand a sample to every agent due at t; those due together do not hear each other."""
         due = self._schedule.sampling_at(t)
-        if not due:
-            return
-        for i, sight in zip(due, self._sensing.sights(self.world.x, due), strict=True):
+        x = self._state_at(t, due)
+        handed_out = {}
+        for i, sight in zip(due, self._sensing.sights(x, due), strict=True):
             since, latest = self._contacts.existing(i, t, sight.seen)
             k = self._schedule.sampled(i, t)
             self._contacts.sampled(i, k, t, sight)
-            self._sampled_at[i] = t
-            self._happened.append(Sampled(i, t))
+            self._newest[i] = _Awaited(i, k, t)
+            packed = self._states.packed(x, sight.seen)
+            handed_out[i] = sight, packed
             self._agents.send_sample(
                 i,
                 Sample(
                     k=k,
                     t=t,
                     seen=sight.seen,
-                    x=self._states.packed(self.world.x, sight.seen),
+                    x=packed,
                     since=since,
                     latest=latest,
                     hearers=sight.hearers,
                     orders=self._faults.orders(i),
                 ),
             )
+        return handed_out
 
-    def _apply(self, t: float) -> None:
-        """Await and apply every input that takes effect at t."""
+    def _state_at(self, t: float, due: list[int]) -> Array:
+        """The stacked state at t [s], of which is known at least what those due can see."""
+        ahead = self._ahead
+        if ahead is None:
+            self.world.advance(t)
+            return self.world.x
+        ahead.advance(t)
+        while wanted := ahead.in_question(due) or ahead.open[:-_AT_ONCE]:
+            self._go_on()
+            if wanted[0] in ahead.open:
+                awaited = self._newest[wanted[0]]
+                self._answers[awaited] = self._known(
+                    awaited, self._agents.await_actuation(awaited.i)
+                )
+        return ahead.x
+
+    def _due(self, t: float) -> Iterator[_Awaited]:
+        """The inputs that take effect at t [s]."""
         for i in self._schedule.applying_at(t):
-            message = self._agents.await_actuation(i)
             self._schedule.applied(i)
+            if self._ahead is not None:
+                self._ahead.begin_awaiting(i)
+            yield self._newest[i]
+
+    def _settle(self) -> None:
+        """Wait until all that was handed out has been answered, and has taken effect."""
+        while self._moments:
+            self._finish(self._moments[0], wait=True)
+
+    def _go_on(self) -> None:
+        """Let take effect what has been answered, and tell of it."""
+        while self._moments and self._finish(self._moments[0], wait=False):
+            pass
+        self._write_down()
+
+    def _finish(self, moment: _Moment, wait: bool) -> bool:
+        """Let the first moment's inputs take effect; False if one is not there yet."""
+        if not moment.reached:
+            self._reach(moment.t)
+            self._require_truth(moment)
+            self._happened += moment.commands
+            self._happened += [Sampled(i, moment.t) for i in moment.handed_out]
+            moment.reached = True
+        while moment.awaited:
+            message = self._answer_to(moment.awaited[0], wait)
+            if message is None:
+                return False
+            i, k, sampled = moment.awaited.popleft()
             self.world.apply(i, np.array(message.u))
-            sampled = self._sampled_at[i]
-            self._happened.append(InputApplied(i, message.k, sampled, t, message.u))
+            self._happened.append(InputApplied(i, k, sampled, moment.t, message.u))
             if self._faults.condition[i] == Condition.DEAD:
                 self._kill(i)
+        self._moments.popleft()
+        return True
+
+    def _reach(self, t: float) -> None:
+        self.world.advance(t)
+        self._happened.append(StateReached(t, self.world.x, self.world.take_seen()))
+
+    def _require_truth(self, moment: _Moment) -> None:
+        """What was handed out ahead of the world must be what the world came to."""
+        if self._ahead is None:
+            return
+        who, x = list(moment.handed_out), self.world.x
+        for i, sight in zip(who, self._sensing.sights(x, who), strict=True):
+            if (sight, self._states.packed(x, sight.seen)) != moment.handed_out[i]:
+                raise SwarmBrokenError(
+                    f"the sample at t = {moment.t:.3f} s that was handed out ahead is not the "
+                    "truth: some dynamics travel farther than their `travel` says; correct it, or "
+                    "set time.lookahead = false"
+                )
+
+    def _answer_to(self, awaited: _Awaited, wait: bool) -> Actuation | None:
+        if (kept := self._answers.pop(awaited, None)) is not None:
+            return kept
+        agents, i = self._agents, awaited.i
+        message = agents.await_actuation(i) if wait else agents.take_actuation(i)
+        return None if message is None else self._known(awaited, message)
+
+    def _known(self, awaited: _Awaited, message: Actuation) -> Actuation:
+        if self._ahead is not None:
+            self._ahead.end_awaiting(awaited.i, np.array(message.u))
+        return message
 
     def _write_down(self) -> None:
         while self._happened:

@@ -53,7 +53,7 @@ def run(
         if policy.secret:
             hub.listen_for_commands(commands.on_command)
         viewers = hub.open_view(commandable=bool(policy.secret))
-        plant = PlantRun(rows, hub, recording, commands, viewers)
+        plant = PlantRun(rows, hub, recording, commands, viewers, concurrent=True)
 
         def join() -> None:
             hub.wait_for_agents(lambda missing: hub.publish_status(Status(waiting_for=missing)))

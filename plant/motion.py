@@ -45,7 +45,16 @@ class Motion:
             steps = [_runge_kutta(dynamics, count) for count in range(1, most + 1)]
             self._alike.append(_Alike(own, x, numbers, steps, _position(dynamics)))
 
-    def steps(self, count: int, x: Array, u: Array, phi: Array, slope: Array, dt: float) -> Array:
+    def steps(
+        self,
+        count: int,
+        x: Array,
+        u: Array,
+        phi: Array,
+        slope: Array,
+        dt: float,
+        only: int | None = None,
+    ) -> Array:
         """The stacked states after each of `count` steps, shape (count, n̄).
 
         Args:
@@ -55,12 +64,16 @@ class Motion:
             phi: stacked disturbance at the first step's begin, shape (n̄,).
             slope: of the disturbance's line, shape (n̄,).
             dt: of each step [s].
+            only: the member to move; the others' states are anything. None for all.
         """
         numbers = np.concatenate([x, u, phi, slope, [dt]])
         after = np.empty((count, len(x)))
         for alike in self._alike:
-            found = alike.steps[count - 1](numbers, alike.numbers)
-            after[:, alike.states] = found.reshape(len(found), count, -1).swapaxes(0, 1)
+            if only is not None and only not in alike.members:
+                continue
+            which = slice(None) if only is None else alike.members == only
+            found = alike.steps[count - 1](numbers, alike.numbers[which])
+            after[:, alike.states[which]] = found.reshape(len(found), count, -1).swapaxes(0, 1)
         return after
 
     def positions(self, x: Array) -> Array:

@@ -42,7 +42,9 @@ class PlantRun:
         recording: RecordingWriter,
         commands: CommandQueue,
         audience: FrameAudience | None = None,
+        concurrent: bool = False,
     ) -> None:
+        """concurrent: whether agents compute while the plant goes on."""
         swarm = rows.swarm
         self._scenario = swarm.scenario
         self._world = World(rows)
@@ -63,7 +65,7 @@ class PlantRun:
         clocks = [swarm.clock(i) for i in range(len(swarm.members))]
         schedule = Schedule(clocks, swarm.scenario.time.latency)
         self._lockstep = Lockstep(
-            swarm, self._world, schedule, agents, self._scribe, faults, commands
+            rows, self._world, schedule, agents, self._scribe, faults, commands, concurrent
         )
 
     def run(

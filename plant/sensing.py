@@ -3,12 +3,11 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.plant.motion import Motion
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.expressions.compiled import CompiledFunction
 
 Array = NDArray[np.float64]
 
@@ -29,23 +28,23 @@ class Sensing:
     than a spatial index takes to build.
     """
 
-    def __init__(self, swarm: Swarm) -> None:
+    def __init__(self, swarm: Swarm, motion: Motion) -> None:
+        """motion: of the same members, for their positions."""
         members = range(len(swarm.members))
         radii = [swarm.sensing(i) for i in members]
-        self._reach = np.array([np.inf if r is None else r * r for r in radii])
-        """The square of each agent's radius [m²]."""
+        self.radii = np.array([np.inf if r is None else r for r in radii])
+        """Each agent's radius [m]; infinite where it sees everything."""
+        self._reach = self.radii * self.radii
         self._everybody = tuple(members)
         self._listeners = [tuple(i for i in members if j in swarm.heard_by(i)) for j in members]
-        self._x = swarm.safe_set.x
         self._limited = bool(np.isfinite(self._reach).any())
-        positions = ca.horzcat(*swarm.safe_set.positions)
-        self._positions = CompiledFunction([self._x], [positions.T])
+        self._motion = motion
 
     def sights(self, x: Array, who: Sequence[int]) -> list[Sight]:
         """Of each agent in `who`, at the true stacked state x, shape (n̄,)."""
         if not self._limited:
             return [Sight(self._everybody, self._listeners[i]) for i in who]
-        (p,) = self._positions(x)
+        (p,) = self._motion.positions(x[None])
         return [self._sight(p, i) for i in who]
 
     def _sight(self, p: Array, i: int) -> Sight:

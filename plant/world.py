@@ -1,6 +1,5 @@
 """The true continuous dynamics, integrated between events, and the true h along the way."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -10,13 +9,12 @@ from phalanx.plant.disturbance import SwarmDisturbance
 from phalanx.plant.motion import Motion
 from phalanx.plant.near import NearPairs
 from phalanx.plant.psi import LargestPsi
+from phalanx.plant.steps import STEPS_AT_ONCE, next_stretch
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.expressions.mapped import Index
 from phalanx.theory.safety.composition import stacked_slices
 
 Array = NDArray[np.float64]
-
-_STEPS_AT_ONCE = 4
 
 
 class DivergedError(ArithmeticError):
@@ -60,8 +58,8 @@ class World:
         self._longest = swarm.scenario.time.integration_step
         self._disturbances = SwarmDisturbance(rows)
         self._line = self._disturbances.line(0.0, self.x)
-        self._motion = Motion(swarm.members, _STEPS_AT_ONCE)
-        self._near = NearPairs(swarm, self._motion)
+        self.motion = Motion(swarm.members, STEPS_AT_ONCE)
+        self._near = NearPairs(swarm, self.motion)
         self._psi = LargestPsi(rows)
         self._seen: list[IntegrationSteps | DisturbanceKnot] = [
             DisturbanceKnot(0.0, self._line.value)
@@ -86,14 +84,11 @@ class World:
             if self._line.end <= self.t:
                 self._line = self._disturbances.line(self.t, self.x)
                 self._seen.append(DisturbanceKnot(self.t, self._line.value))
-            stop = min(until, self._line.end)
-            count = min(math.ceil((stop - self.t) / self._longest), _STEPS_AT_ONCE)
-            stop = min(stop, self.t + count * self._longest)
-            length = (stop - self.t) / count
+            count, dt, stop = next_stretch(self.t, until, self._line.end, self._longest)
             phi = self._line.at(self.t)
-            x = self._motion.steps(count, self.x, self._u, phi, self._line.slope, length)
+            x = self.motion.steps(count, self.x, self._u, phi, self._line.slope, dt)
             self.x = x[-1]
-            self._see(self.t + length * np.arange(1.0, count + 1), x)
+            self._see(self.t + dt * np.arange(1.0, count + 1), x)
             self.t = stop
 
     def _see(self, times: Array, x: Array) -> None:

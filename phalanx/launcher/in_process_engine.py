@@ -77,7 +77,13 @@ class DirectAgents:
 
     def await_actuation(self, i: int) -> Actuation:
         """What agent i's actuator gets for its last sample."""
-        return self._actuations.pop(i)
+        actuation = self.take_actuation(i)
+        assert actuation is not None, "whoever was handed a sample has answered it"
+        return actuation
+
+    def take_actuation(self, i: int) -> Actuation | None:
+        """The same, if it was not taken yet."""
+        return self._actuations.pop(i, None)
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:
         """How agent i made its input for sample k."""

@@ -49,6 +49,9 @@ class Time(Strict):
     """Longest step of the plant's fourth-order Runge-Kutta [s]."""
     recording_step: NonNegative = 0.0
     """Least time between two states in the recording [s]; 0 records one at every event."""
+    lookahead: bool = True
+    """Whether agents that cannot see each other before both have answered compute at once; the
+    trajectory is the same."""
     timeout: Positive = 30.0
     """How long the plant waits for an agent, in wall time [s]."""
 

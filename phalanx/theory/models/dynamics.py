@@ -5,7 +5,9 @@ from typing import Annotated, Protocol, runtime_checkable
 import casadi as ca
 import numpy as np
 from annotated_types import Gt
+from numpy.typing import NDArray
 
+Array = NDArray[np.float64]
 Positive = Annotated[float, Gt(0)]
 
 
@@ -38,6 +40,20 @@ class Dynamics(Protocol):
 
     def input_metric(self) -> tuple[float, ...]:
         """Weights w, shape (m,): the QP minimises the sum of w (u - u_nom)²."""
+
+
+@runtime_checkable
+class Bounded(Protocol):
+    """Dynamics that can say how far their output point gets, and so who cannot be near whom yet."""
+
+    def travel(self, x: Array, time: float, disturbance: float) -> float:
+        """At most how far p gets from p(x) within `time` [m], whatever the inputs in U.
+
+        Args:
+            x: state, shape (n,).
+            time: [s].
+            disturbance: bound on the norm of φ.
+        """
 
 
 def box_polytope(bounds: tuple[float, ...]) -> tuple[ca.SX, ca.SX]:

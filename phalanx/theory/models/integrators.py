@@ -1,12 +1,17 @@
 """Integrators of first, second and third order, in the plane and in space."""
 
+import math
 from dataclasses import dataclass
 from typing import Annotated
 
 import casadi as ca
+import numpy as np
 from annotated_types import Ge, Gt
+from numpy.typing import NDArray
 
 from phalanx.theory.models.dynamics import box_polytope
+
+Array = NDArray[np.float64]
 
 Positive = Annotated[float, Gt(0)]
 
@@ -44,6 +49,9 @@ class SingleIntegrator:
 
     def input_metric(self) -> tuple[float, ...]:
         return (1.0,) * self.dimension
+
+    def travel(self, x: Array, time: float, disturbance: float) -> float:
+        return (_longest(self.speed, self.dimension) + disturbance) * time
 
 
 @dataclass(frozen=True)
@@ -86,6 +94,11 @@ class DoubleIntegrator:
     def input_metric(self) -> tuple[float, ...]:
         return (1.0,) * self.dimension
 
+    def travel(self, x: Array, time: float, disturbance: float) -> float:
+        speed = math.hypot(*x[self.dimension :]) + disturbance
+        gain = _longest(self.acceleration, self.dimension) + disturbance
+        return speed * time + gain * time**2 / 2
+
 
 @dataclass(frozen=True)
 class TripleIntegrator:
@@ -122,11 +135,23 @@ class TripleIntegrator:
     def input_metric(self) -> tuple[float, ...]:
         return (1.0,) * self.dimension
 
+    def travel(self, x: Array, time: float, disturbance: float) -> float:
+        d = self.dimension
+        speed = math.hypot(*x[d : 2 * d]) + disturbance
+        gain = math.hypot(*x[2 * d :]) + disturbance
+        jerk = _longest(self.jerk, d) + disturbance
+        return speed * time + gain * time**2 / 2 + jerk * time**3 / 6
+
 
 def _last_of(order: int, dimension: int) -> ca.SX:
     """g of an integrator: inputs enter the last of `order` blocks, and structurally no other."""
     zeros = ca.SX((order - 1) * dimension, dimension)
     return ca.vertcat(zeros, ca.SX.eye(dimension))
+
+
+def _longest(bound: float, dimension: int) -> float:
+    """Of the vectors whose components are at most `bound`."""
+    return math.sqrt(dimension) * bound
 
 
 def _check_dimension(dimension: int) -> None:

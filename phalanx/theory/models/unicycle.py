@@ -1,12 +1,17 @@
 """The unicycle of Simulation 1, its output point ahead of the axle."""
 
+import math
 from dataclasses import dataclass
 from typing import Annotated
 
 import casadi as ca
+import numpy as np
 from annotated_types import Gt
+from numpy.typing import NDArray
 
 from phalanx.theory.models.dynamics import box_polytope
+
+Array = NDArray[np.float64]
 
 Positive = Annotated[float, Gt(0)]
 
@@ -45,3 +50,8 @@ class Unicycle:
     def input_metric(self) -> tuple[float, ...]:
         # ‖u - u_nom‖² of the output input, written in (ν, ω).
         return (1.0, self.offset * self.offset)
+
+    def travel(self, x: Array, time: float, disturbance: float) -> float:
+        # p' = ν (cos θ, sin θ) + b (ω + φ_θ) (-sin θ, cos θ) + φ_xy.
+        fastest = math.hypot(self.speed, self.offset * self.turn_rate)
+        return (fastest + math.hypot(1.0, self.offset) * disturbance) * time

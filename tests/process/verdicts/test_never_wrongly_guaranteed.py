@@ -134,8 +134,10 @@ class Hijacked(DirectAgents):
         super().send_sample(i, sample)
         self._sample = sample
 
-    def await_actuation(self, i: int) -> Actuation:
-        answer = super().await_actuation(i)
+    def take_actuation(self, i: int) -> Actuation | None:
+        answer = super().take_actuation(i)
+        if answer is None:
+            return None
         u = type(self).inputs(self._names[i], self._sample, answer)
         return msgspec.structs.replace(answer, u=u)
 
@@ -143,8 +145,10 @@ class Hijacked(DirectAgents):
 class Liars(Hijacked):
     """The same, and they say that all is well and lasts long."""
 
-    def await_actuation(self, i: int) -> Actuation:
-        answer = super().await_actuation(i)
+    def take_actuation(self, i: int) -> Actuation | None:
+        answer = super().take_actuation(i)
+        if answer is None:
+            return None
         return msgspec.structs.replace(answer, t_apply=answer.t_apply + 1e6)
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:

@@ -3,10 +3,11 @@
 import sys
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind, CommandPolicy
-from phalanx.guarantee.verdict import Outcome
+from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.plant.commands import CommandQueue
 from phalanx.plant.run import PlantRun
 from phalanx.recording.read import read
@@ -14,6 +15,7 @@ from phalanx.recording.write import RecordingWriter
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.models.unicycle import Unicycle
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Actuation, Sample, Status, Telemetry
 from tests.unit.swarms import rows_of_scenario
@@ -60,6 +62,9 @@ class Coasting:
         sample = self._open.pop(i)
         return Actuation(k=sample.k, t_apply=sample.t + self._latency, u=(0.0, 0.0))
 
+    def take_actuation(self, i: int) -> Actuation | None:
+        return self.await_actuation(i) if i in self._open else None
+
     def await_telemetry(self, i: int, k: int) -> Telemetry:
         rest = (0.0, 0.0)
         return Telemetry(k=k, origin=Origin.QP, residual=0.0, u_nom=rest, solve_time=0.0, ages=())
@@ -98,3 +103,58 @@ def test_an_agent_thawed_while_its_input_is_on_its_way_samples_after_that_took_e
         summary = PlantRun(rows, agents, recording, commands).run()
     assert summary.outcome is not Outcome.BROKEN
     assert summary.steps == agents.asked
+
+
+class Slow(Coasting):
+    """Agents whose answers are never there when they are looked for, but when they are awaited."""
+
+    def __init__(self, wanted: tuple[float, float] = (0.0, 0.0)) -> None:
+        super().__init__()
+        self.most, self._wanted = 0, wanted
+
+    def send_sample(self, i: int, sample: Sample) -> None:
+        super().send_sample(i, sample)
+        if sample.t > 0.0:  # at 0 everybody samples
+            self.most = max(self.most, len(self._open))
+
+    def take_actuation(self, i: int) -> Actuation | None:
+        return None
+
+    def await_actuation(self, i: int) -> Actuation:
+        return msgspec.structs.replace(super().await_actuation(i), u=self._wanted)
+
+
+def run_of(agents: Slow, folder: Path, *overrides: str, concurrent: bool = True) -> Summary:
+    rows = rows_of_scenario("unicycles", "duration=0.5", "agents.1.sensing=4.0", *overrides)
+    commands = CommandQueue(NO_COMMANDS, rows.swarm.names)
+    with RecordingWriter(
+        folder / f"{len(overrides)}.mcap", rows.swarm.scenario, "run"
+    ) as recording:
+        return PlantRun(rows, agents, recording, commands, concurrent=concurrent).run()
+
+
+def test_agents_out_of_each_others_sight_compute_at_once_and_the_trajectory_is_the_same(
+    tmp_path: Path,
+) -> None:
+    wanted, near = (1.5, 0.5), "safety.neighbourhood=4.0"
+    after_one_another, at_once = Slow(wanted), Slow(wanted)
+    alone = run_of(after_one_another, tmp_path, near, "time.lookahead=false")
+    together = run_of(at_once, tmp_path, near)
+    assert (after_one_another.most, at_once.most) == (1, 5)
+    assert together.trajectory == alone.trajectory
+    assert together.steps == alone.steps > 200
+
+
+def test_who_sees_everything_waits_for_everybody(tmp_path: Path) -> None:
+    agents = Slow()
+    assert run_of(agents, tmp_path).outcome is not Outcome.BROKEN
+    assert agents.most == 3, "the two adversaries, which see 4 m far, and one that does not"
+
+
+def test_dynamics_that_travel_farther_than_they_say_end_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Unicycle, "travel", lambda *_: 0.0)
+    summary = run_of(Slow((4.0, 0.0)), tmp_path, "safety.neighbourhood=4.7")
+    assert summary.outcome is Outcome.BROKEN
+    assert "travel farther than" in summary.reason

@@ -1,0 +1,72 @@
+"""States ahead of the answers: the world's own, to the last bit, for whoever is known."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from phalanx.plant.lookahead import Lookahead
+from phalanx.plant.world import World
+from tests.unit.swarms import rows_of_scenario
+
+EVENTS = np.cumsum([0.0013, 0.0002, 0.004, 0.0031, 0.0007, 0.19, 0.0009, 0.006])
+"""Instants [s] of any distance, and a knot of the disturbances (every 0.2 s) among them."""
+
+
+def both(radius: float = 2.0) -> tuple[World, Lookahead]:
+    rows = rows_of_scenario("unicycles")
+    world = World(rows)
+    return world, Lookahead(rows, world.motion, np.full(5, radius))
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=15)
+def test_whoever_has_answered_is_where_the_world_will_have_it_however_late_the_answer(seed):
+    rng = np.random.default_rng(seed)
+    world, ahead = both()
+    late: list[tuple[int, int, np.ndarray]] = []  # until which event, who, which input
+    for event, t in enumerate(EVENTS):
+        world.advance(t)
+        ahead.advance(t)
+        for due in [entry for entry in late if entry[0] <= event]:
+            late.remove(due)
+            ahead.end_awaiting(due[1], due[2])
+        open_ = set(ahead.open)
+        for i, (known, true) in enumerate(
+            zip(ahead.x.reshape(5, 3), world.x.reshape(5, 3), strict=True)
+        ):
+            assert np.isnan(known).all() if i in open_ else np.array_equal(known, true)
+        for i in set(range(5)) - open_:
+            if rng.random() < 0.5:
+                u = rng.uniform(-1.0, 1.0, 2)
+                world.apply(i, u)
+                ahead.begin_awaiting(i)
+                late.append((event + int(rng.integers(1, 4)), i, u))
+    assert late or ahead.open == []
+
+
+def test_only_who_may_be_in_sight_by_now_is_in_question():
+    """Agents 1 and 2 of Simulation 1 are 4.7 m apart at first; a unicycle goes 4 m/s."""
+    _, ahead = both(radius=4.0)
+    ahead.begin_awaiting(1)
+    assert ahead.in_question([0]) == []
+    assert ahead.in_question([1]) == [1], "nobody is handed a sample before it has answered"
+    ahead.advance(0.05)
+    assert ahead.in_question([0]) == []
+    ahead.advance(0.2)
+    assert ahead.in_question([0]) == [1]
+    ahead.end_awaiting(1, np.array([0.0, 0.0]))
+    assert ahead.in_question([0]) == []
+
+
+def test_with_unlimited_sensing_everybody_is_in_question():
+    _, ahead = both(radius=np.inf)
+    ahead.begin_awaiting(3)
+    assert ahead.in_question([0]) == [3]
+
+
+@pytest.mark.parametrize("radius", [0.0, 100.0])
+def test_who_does_not_move_at_all_is_in_question_by_where_it_is(radius):
+    _, ahead = both(radius)
+    ahead.begin_awaiting(2)
+    assert bool(ahead.in_question([0])) == (radius > 0.0)

@@ -1,0 +1,60 @@
+"""How far an output point gets: never farther than its dynamics say, and hardly less."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.models.dynamics import Bounded, Dynamics
+from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
+from phalanx.theory.models.unicycle import Unicycle
+
+TIME, PHI = 0.4, 0.3
+BOUNDED = {
+    "single": (SingleIntegrator(2.0), [2.0, 2.0]),
+    "single in space": (SingleIntegrator(2.0, 3), [2.0] * 3),
+    "double": (DoubleIntegrator(2.0), [2.0] * 3),
+    "double with drag": (DoubleIntegrator(2.0, drag=0.7, dimension=2), [2.0] * 2),
+    "triple": (TripleIntegrator(3.0), [3.0] * 3),
+    "unicycle": (Unicycle(4.0, 2.0), [4.0, 2.0]),
+}
+
+
+def motion(dynamics: Dynamics) -> tuple[CompiledFunction, CompiledFunction]:
+    """(x, u) -> x', and x -> p."""
+    x, u = ca.SX.sym("x", len(dynamics.states)), ca.SX.sym("u", len(dynamics.inputs))
+    rate = dynamics.drift(x) + dynamics.actuation(x) @ u
+    return CompiledFunction([x, u], [rate]), CompiledFunction([x], [dynamics.position(x)])
+
+
+@pytest.mark.parametrize("name", BOUNDED)
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=25)
+def test_no_input_and_no_disturbance_carry_the_output_farther(name, seed):
+    dynamics, most = BOUNDED[name]
+    assert isinstance(dynamics, Bounded)
+    rng = np.random.default_rng(seed)
+    n = len(dynamics.states)
+    x = rng.normal(size=n)
+    travel = dynamics.travel(x, TIME, PHI)
+    rate, position = motion(dynamics)
+    begin, steps = position(x)[0], 200
+    for step in range(steps):
+        if step % 20 == 0:
+            u = rng.choice([-1.0, 1.0], len(most)) * most
+            phi = rng.normal(size=n)
+            phi *= PHI / np.linalg.norm(phi)
+        middle = x + TIME / steps / 2 * (rate(x, u)[0] + phi)
+        x = x + TIME / steps * (rate(middle, u)[0] + phi)
+    assert np.linalg.norm(position(x)[0] - begin) <= travel + 1e-6
+
+
+def test_a_single_integrator_at_full_speed_gets_as_far_as_it_says():
+    assert SingleIntegrator(2.0).travel(np.zeros(2), 0.5, 0.0) == pytest.approx(np.sqrt(2.0))
+
+
+def test_a_double_integrator_from_rest_gets_as_far_as_it_says():
+    travel = DoubleIntegrator(2.0).travel(np.zeros(6), 0.5, 0.0)
+    assert travel == pytest.approx(np.sqrt(3.0) * 2.0 * 0.5**2 / 2)
