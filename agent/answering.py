@@ -6,6 +6,7 @@ import signal
 from collections.abc import Callable
 
 from phalanx.agent.step import Answer, ControlStep
+from phalanx.profile.stopwatch import Stopwatch
 from phalanx.wire.keys import kind_and_name
 from phalanx.wire.messages import Broadcast, Sample
 from phalanx.wire.seal import Malformed, Sealer
@@ -35,6 +36,12 @@ class SampleAnswering:
         self._owns_process = owns_process
         self._pending: Sample | None = None
 
+    def time(self, stopwatch: Stopwatch) -> None:
+        """Have the stopwatch tell computing from handling messages; what is left is waiting."""
+        stopwatch.time(self, "answer", "compute")
+        stopwatch.time(self, "on_sample", "message")
+        stopwatch.time(self, "on_broadcast", "message")
+
     def on_sample(self, key: str, payload: bytes) -> None:
         """Take a sample."""
         try:
@@ -60,6 +67,10 @@ class SampleAnswering:
         else:
             self._answer_if_complete()
 
+    def answer(self, sample: Sample) -> Answer:
+        """What the agent makes of a sample."""
+        return self._step(sample)
+
     def _answer_if_complete(self) -> None:
         # Broadcasts come from other sessions than samples do: nothing orders the two, so a sample
         # may be here before a broadcast that it counts.
@@ -68,7 +79,7 @@ class SampleAnswering:
             return
         self._pending = None
         try:
-            self._send(self._step(sample))
+            self._send(self.answer(sample))
         except Exception as error:  # a user's law may raise anything, and Zenoh would swallow it
             self.error = error
             self._give_up()

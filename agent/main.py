@@ -4,9 +4,11 @@ import gc
 import logging
 import signal
 import threading
+from pathlib import Path
 
 from phalanx.agent.answering import SampleAnswering
 from phalanx.agent.step import Answer, ControlStep, control_steps
+from phalanx.profile.stopwatch import Stopwatch
 from phalanx.scenario.load import digest
 from phalanx.swarm.rows import SafetyRows
 from phalanx.wire import session as wire
@@ -17,12 +19,13 @@ from phalanx.wire.seal import Sealer
 log = logging.getLogger("phalanx.agent")
 
 
-def run(rows: SafetyRows, membership: Membership) -> int:
+def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None) -> int:
     """Run one agent, or the controller of several, until the plant leaves.
 
     Args:
         rows: of the scenario, whose digest must be the plant's.
         membership: of the run; its identity says which of the scenario's programs to be.
+        profile: folder in which to leave how the time was spent.
 
     Returns:
         Exit status 0.
@@ -32,6 +35,7 @@ def run(rows: SafetyRows, membership: Membership) -> int:
     """
     steps = control_steps(rows, membership.identity)
     keys, sealer = membership.keys, membership.sealer
+    stopwatch = Stopwatch() if profile else None
     over = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: over.set())
     with wire.open_client(membership.endpoint, membership.timeout) as session:
@@ -41,6 +45,8 @@ def run(rows: SafetyRows, membership: Membership) -> int:
             for step, sender in zip(steps, senders, strict=True)
         ]
         for step, answering in zip(steps, answerings, strict=True):
+            if stopwatch:
+                answering.time(stopwatch)
             wire.subscribe(session, keys.broadcast("*", step.name), answering.on_broadcast)
             wire.subscribe(session, keys.sample(step.name), answering.on_sample)
         wire.watch(session, keys.alive(PLANT), lambda _, alive: None if alive else over.set())
@@ -54,6 +60,8 @@ def run(rows: SafetyRows, membership: Membership) -> int:
         log.info("joined run %s at %s", membership.run, membership.endpoint)
         over.wait()
     log.info("left; %d payloads were rejected", sum(step.rejected for step in steps))
+    if stopwatch and profile:
+        stopwatch.write(profile, membership.identity)
     for answering in answerings:
         if answering.error is not None:
             raise answering.error

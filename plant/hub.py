@@ -11,6 +11,7 @@ from typing import Self, TypeVar
 from phalanx.plant.answers import Answers
 from phalanx.plant.joining import Joining
 from phalanx.plant.stop import SwarmBrokenError
+from phalanx.profile.stopwatch import Stopwatch
 from phalanx.scenario.load import to_json
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire import session as wire
@@ -63,6 +64,13 @@ class Hub:
 
     def __exit__(self, *_: object) -> None:
         self._session.close()  # type: ignore[no-untyped-call]
+
+    def time(self, stopwatch: Stopwatch) -> None:
+        """Have the stopwatch tell sending, opening answers, and waiting for them apart."""
+        stopwatch.time(self, "send_sample", "send")
+        stopwatch.time(self, "_on_message", "receive")
+        stopwatch.time(self, "await_actuation", "wait")
+        stopwatch.time(self, "await_telemetry", "wait")
 
     def wait_for_agents(self, waiting_for: Callable[[tuple[str, ...]], None]) -> None:
         """Return when every agent has joined with this very scenario.

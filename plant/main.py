@@ -12,9 +12,11 @@ from phalanx.plant.commands import CommandQueue
 from phalanx.plant.hub import Hub
 from phalanx.plant.run import PlantRun
 from phalanx.plant.stop import StopRequest
+from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.records import RECORDING, SUMMARY
 from phalanx.recording.write import RecordingWriter
 from phalanx.swarm.rows import SafetyRows
+from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Ended, Status
 
@@ -27,6 +29,7 @@ def run(
     *,
     folder: Path,
     policy: CommandPolicy = NO_COMMANDS,
+    profile: Path | None = None,
 ) -> int:
     """Run the plant to the end of the scenario.
 
@@ -35,6 +38,7 @@ def run(
         membership: of the run; the plant listens on its endpoint.
         folder: where the recording and the summary go.
         policy: who may command the run, and which commands are scheduled.
+        profile: folder in which to leave how the time was spent.
 
     Returns:
         The exit status of the verdict.
@@ -45,6 +49,7 @@ def run(
     """
     stop = StopRequest()
     scenario = rows.swarm.scenario
+    stopwatch = Stopwatch() if profile else None
     with (
         RecordingWriter(folder / RECORDING, scenario, membership.run) as recording,
         Hub(rows.swarm, membership, stop.check) as hub,
@@ -53,13 +58,19 @@ def run(
         if policy.secret:
             hub.listen_for_commands(commands.on_command)
         viewers = hub.open_view(commandable=bool(policy.secret))
+        if stopwatch:
+            hub.time(stopwatch)  # the scribe keeps some of the hub's calls
         plant = PlantRun(rows, hub, recording, commands, viewers, concurrent=True)
+        if stopwatch:
+            plant.time(stopwatch)
 
         def join() -> None:
             hub.wait_for_agents(lambda missing: hub.publish_status(Status(waiting_for=missing)))
             gc.freeze()
 
         summary = plant.run(prepare=join, rejected=lambda: hub.rejected)
+        if stopwatch and profile:
+            stopwatch.write(profile, PLANT)
         hub.publish_verdict(Ended(summary=msgspec.json.encode(summary)))
         try:
             recording.finish(summary)

@@ -15,6 +15,7 @@ from phalanx.plant.schedule import Schedule
 from phalanx.plant.scribe import RunScribe
 from phalanx.plant.stop import AbandonedError, StoppedError, SwarmBrokenError
 from phalanx.plant.world import DivergedError, World
+from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.write import RecordingError, RecordingWriter
 from phalanx.swarm.rows import SafetyRows
 from phalanx.wire.messages import Status, Telemetry
@@ -46,7 +47,7 @@ class PlantRun:
     ) -> None:
         """concurrent: whether agents compute while the plant goes on."""
         swarm = rows.swarm
-        self._scenario = swarm.scenario
+        self._scenario, self._recording = swarm.scenario, recording
         self._world = World(rows)
         self._judge = Judge(rows)
         self._judge.saw(self._world.take_seen())
@@ -67,6 +68,15 @@ class PlantRun:
         self._lockstep = Lockstep(
             rows, self._world, schedule, agents, self._scribe, faults, commands, concurrent
         )
+
+    def time(self, stopwatch: Stopwatch) -> None:
+        """Have the stopwatch tell the plant's own phases apart."""
+        stopwatch.time(self._world, "advance", "integrate")
+        for call in ("reached", "sampled", "applied"):
+            stopwatch.time(self._judge, call, "judge")
+        stopwatch.time(self._recording, "write", "record")
+        stopwatch.time(self._frames, "show", "show")
+        stopwatch.time(self._commands, "take", "wait")
 
     def run(
         self,

@@ -1,12 +1,13 @@
-"""Wall time of one agent step of `unicycles`, beside its parts, measured in one go.
+"""Wall time of one agent step of both simulations, beside its parts, measured in turn.
 
     python bench/speed/step.py
 
-step      a real run: plant, hub and five agents, each a process
+step      a real run: plant, hub and agents, each a process
 exchange  the same processes, hub, subscriptions and message sizes, but nothing computed
 compute   the same run by the in-process engine: nothing sealed or sent
 
-The ratio step / (exchange + compute) is what the design adds.
+The ratio step / (exchange + compute) is what the design adds; each figure is the median of rounds,
+and the ratio is the median of the rounds' own ratios.
 """
 
 import argparse
@@ -39,32 +40,47 @@ class Sizes(NamedTuple):
     telemetry: int
 
 
+SIMULATIONS = {"unicycles": ("Simulation 1", 6.0), "formation3d": ("Simulation 2", 24.0)}
+"""What each is called, and how much virtual time a round takes [s]."""
+
+
+class Round(NamedTuple):
+    """Wall times of one agent step [s]."""
+
+    step: float
+    exchange: float
+    compute: float
+
+    @property
+    def ratio(self) -> float:
+        """What the design adds, as a factor."""
+        return self.step / (self.exchange + self.compute)
+
+
 def main() -> None:
-    """Measure each part in turn, several times, and print the medians."""
+    """Measure each part in turn, several times, and print a table of medians."""
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    arguments.add_argument("--duration", type=float, default=12.0, help="virtual time [s]")
-    arguments.add_argument("--rounds", type=int, default=3)
+    arguments.add_argument("--only", choices=list(SIMULATIONS), help="one simulation")
+    arguments.add_argument("--rounds", type=int, default=5)
     options = arguments.parse_args()
-    scenario = phalanx.load("unicycles", {"duration": options.duration})
-    times: dict[str, list[float]] = {"step": [], "exchange": [], "compute": []}
-    sizes = payload_sizes(scenario)
-    for _ in range(options.rounds):
-        step, steps = per_step(phalanx.run(scenario))
-        compute, _ = per_step(phalanx.run(scenario, engine="in-process"))
-        times["step"].append(step)
-        times["compute"].append(compute)
-        times["exchange"].append(measure_exchange(scenario, steps, sizes))
-    report({name: statistics.median(values) for name, values in times.items()}, scenario)
+    print("| | step [µs] | exchange [µs] | compute [µs] | step / (exchange + compute) |")
+    print("|---|---|---|---|---|")
+    for name, (title, duration) in SIMULATIONS.items():
+        if options.only in (None, name):
+            scenario = phalanx.load(name, {"duration": duration})
+            sizes = payload_sizes(scenario)
+            rounds = [measured(scenario, sizes) for _ in range(options.rounds)]
+            times = [f"{statistics.median(part) * 1e6:.0f}" for part in zip(*rounds, strict=True)]
+            ratio = statistics.median(each.ratio for each in rounds)
+            print("|", " | ".join([title, *times, f"{ratio:.2f}"]), "|", flush=True)
 
 
-def report(median: dict[str, float], scenario: phalanx.Scenario) -> None:
-    """Print the medians, their ratio and the real-time factor."""
-    for name, seconds in median.items():
-        print(f"{name:9} {seconds * 1e6:7.1f} µs per agent step")
-    ratio = median["step"] / (median["exchange"] + median["compute"])
-    print(f"step / (exchange + compute) = {ratio:.2f}")
-    rate = sum(1 / group.clock.period for _, group, _ in scenario.roster())
-    print(f"real-time factor {1 / (rate * median['step']):.1f}")
+def measured(scenario: phalanx.Scenario, sizes: Sizes) -> Round:
+    """One round."""
+    step, steps = per_step(phalanx.run(scenario))
+    exchange = measure_exchange(scenario, steps, sizes)
+    compute, _ = per_step(phalanx.run(scenario, engine="in-process"))
+    return Round(step, exchange, compute)
 
 
 def per_step(run: phalanx.Run) -> tuple[float, int]:

@@ -8,6 +8,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from phalanx.guarantee.verdict import Outcome, Summary, certified
+from phalanx.launcher.run import Run
 from phalanx.scenario.model import Scenario
 from phalanx.wire.messages import Status
 
@@ -87,6 +88,20 @@ def print_summary(summary: Summary) -> None:
     for reason, count in summary.rejected.items():
         table.add_row("payloads dropped", f"{count} {reason}")
     table.add_row("trajectory", summary.trajectory[:16])
+    Console().print(table)
+
+
+def print_profile(run: Run) -> None:
+    """Print where the wall time of the plant, and of each group's agents on average, went."""
+    groups = {name: ", ".join(group.names) for name, group, _ in run.scenario.roster()}
+    by_phase: dict[tuple[str, str], list[tuple[float, float]]] = {}
+    for program, phase, _, share, per_step in run.profile.iter_rows():
+        part = by_phase.setdefault((groups.get(program, program), phase), [])
+        part.append((share, per_step))
+    table = Table("program", "phase", "µs per step", "share", box=None, pad_edge=False)
+    for (program, phase), values in by_phase.items():
+        share, per_step = (sum(column) / len(values) for column in zip(*values, strict=True))
+        table.add_row(program, phase, f"{per_step * 1e6:.0f}", f"{share:.0%}")
     Console().print(table)
 
 

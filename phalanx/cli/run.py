@@ -39,6 +39,9 @@ def run(
     strict: Annotated[
         bool, typer.Option(help="Exit with 1 if the run was safe but not guaranteed.")
     ] = False,
+    profile: Annotated[
+        bool, typer.Option("--profile", help="Say where every program's wall time went.")
+    ] = False,
     view: Annotated[
         bool, typer.Option("--view", help="Show the run on a page, and replay it when it is over.")
     ] = False,
@@ -67,9 +70,10 @@ def run(
       phalanx run unicycles --engine in-process --no-report
       phalanx run my-scenario.toml --out /data/runs --strict
       phalanx run unicycles --view --commands
+      phalanx run formation3d --profile --no-report
     """
     import phalanx
-    from phalanx.cli.display import print_summary, progress
+    from phalanx.cli.display import print_profile, print_summary, progress
     from phalanx.guarantee.verdict import exit_status
 
     if engine == "in-process" and (view or listen or secret):
@@ -88,6 +92,7 @@ def run(
                 listen=listen,
                 secret=secret.encode(),
                 viewer=page,
+                profile=profile,
             )
     except phalanx.EngineError as error:
         print(f"broken: {error}", file=sys.stderr)
@@ -97,6 +102,8 @@ def run(
     summary = finished.summary
     assert summary is not None
     print_summary(summary)
+    if profile:
+        print_profile(finished)
     if report:
         _write_report(finished)
     print(f"{summary.outcome}: {summary.reason} ({finished.folder})")

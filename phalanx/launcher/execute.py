@@ -21,6 +21,7 @@ def execute(
     listen: str | None = None,
     secret: bytes = b"",
     viewer: Mapping[str, Any] | None = None,
+    profile: bool = False,
 ) -> Summary:
     """Run a scenario to its summary; arguments as phalanx.run has them.
 
@@ -31,7 +32,7 @@ def execute(
     if engine == "in-process":
         from phalanx.launcher.in_process_engine import run_in_process
 
-        return run_in_process(scenario, folder, commands, progress)
+        return run_in_process(scenario, folder, commands, progress, profile)
     from phalanx.launcher.process_engine import run_processes
     from phalanx.wire.membership import Membership
     from phalanx.wire.session import free_endpoint
@@ -41,4 +42,4 @@ def execute(
         endpoint=listen or free_endpoint(),
         secret=secret or secrets.token_bytes(16),
     )
-    return run_processes(scenario, folder, membership, commands, progress, viewer)
+    return run_processes(scenario, folder, membership, commands, progress, viewer, profile)

@@ -15,7 +15,8 @@ from phalanx.launcher.engine import Progress
 from phalanx.plant.commands import CommandQueue
 from phalanx.plant.run import PlantRun
 from phalanx.plant.stop import SwarmBrokenError
-from phalanx.recording.records import RECORDING, SUMMARY
+from phalanx.profile.stopwatch import Stopwatch
+from phalanx.recording.records import PROFILE, RECORDING, SUMMARY
 from phalanx.recording.write import RecordingWriter
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows, build_rows
@@ -24,7 +25,11 @@ from phalanx.wire.messages import Actuation, Sample, Status, Telemetry
 
 
 def run_in_process(
-    scenario: Scenario, folder: Path, policy: CommandPolicy, progress: Progress
+    scenario: Scenario,
+    folder: Path,
+    policy: CommandPolicy,
+    progress: Progress,
+    profile: bool = False,
 ) -> Summary:
     """Run a scenario to its verdict in this process.
 
@@ -33,12 +38,19 @@ def run_in_process(
         folder: of the run; recording and summary go there.
         policy: which commands are scheduled; nobody can command such a run live.
         progress: called with the run's status, in this thread.
+        profile: whether to leave in the folder how the time was spent.
     """
     rows = build_rows(build_swarm(scenario))
     with RecordingWriter(folder / RECORDING, scenario, folder.name) as recording:
         agents = DirectAgents(rows, progress)
         plant = PlantRun(rows, agents, recording, CommandQueue(policy, rows.swarm.names))
+        stopwatch = Stopwatch()
+        if profile:
+            plant.time(stopwatch)
+            stopwatch.time(agents, "send_sample", "compute")
         summary = plant.run()
+        if profile:
+            stopwatch.write(folder / PROFILE, "in-process")
         recording.finish(summary)
     (folder / SUMMARY).write_bytes(msgspec.json.encode(summary))
     return summary

@@ -17,7 +17,7 @@ from phalanx.launcher.engine import EngineError, Progress
 from phalanx.launcher.live import announced
 from phalanx.launcher.processes import Processes
 from phalanx.launcher.programs import Program
-from phalanx.recording.records import SUMMARY
+from phalanx.recording.records import PROFILE, SUMMARY
 from phalanx.scenario.fields import CONTROLLER
 from phalanx.scenario.model import Scenario
 from phalanx.wire.keys import PLANT
@@ -34,6 +34,7 @@ def run_processes(
     policy: CommandPolicy,
     progress: Progress,
     viewer: Mapping[str, Any] | None = None,
+    profile: bool = False,
 ) -> Summary:
     """Run a scenario to its verdict.
 
@@ -44,13 +45,15 @@ def run_processes(
         policy: who may command the run, and which commands are scheduled.
         progress: called with the plant's status, in a thread of Zenoh's.
         viewer: start one too, with these options of the viewer's program; it ends with the run.
+        profile: whether every program leaves in the folder how its time was spent.
 
     Raises:
         EngineError: the plant died and there is no verdict.
     """
-    programs = [Program(PLANT, PLANT, {"folder": folder, "policy": policy})]
+    timed = {"profile": folder / PROFILE} if profile else {}
+    programs = [Program(PLANT, PLANT, {"folder": folder, "policy": policy, **timed})]
     for name in scenario.programs():
-        programs.append(Program(CONTROLLER if name == CONTROLLER else "agent", name))
+        programs.append(Program(CONTROLLER if name == CONTROLLER else "agent", name, timed))
     if viewer is not None:
         options = {"command_secret": policy.secret, **viewer}
         programs.append(Program("viewer", "viewer", options))

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 
 from phalanx.guarantee.verdict import Outcome, Summary, certified
 from phalanx.launcher.engine import Engine, Progress, silent
+from phalanx.profile.stopwatch import read_profile
 from phalanx.recording.read import Recording, read
+from phalanx.recording.records import PROFILE
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import Swarm, build_swarm
 
@@ -89,6 +91,17 @@ class Run:
         from phalanx.recording.tables import events_table
 
         return events_table(self.recording)
+
+    @cached_property
+    def profile(self) -> "pl.DataFrame":
+        """Where every program's wall time went, if the run was made with profile=True; else empty.
+
+        One row for each program and phase: seconds, share of the program's wall time, and
+        per_step [s]: of an agent's own steps; of the plant's, which are all agents'.
+        """
+        from phalanx.recording.tables import profile_table
+
+        return profile_table(read_profile(self.folder / PROFILE), self.summary)
 
     def report(self, progress: Callable[[str], None] | None = None) -> Path:
         """Write report.html and its figures into the run's folder; the path of report.html.

@@ -25,6 +25,7 @@ def run(
     listen: str | None = None,
     secret: bytes = b"",
     viewer: Mapping[str, Any] | None = None,
+    profile: bool = False,
 ) -> Run:
     """Run a scenario to its verdict.
 
@@ -39,6 +40,7 @@ def run(
         listen: Zenoh endpoint of the hub; by default a free port on 127.0.0.1.
         secret: seals the run's messages; drawn at random unless given.
         viewer: show the run on a page while it goes on; options of the viewer's program.
+        profile: measure where every program's wall time goes; see Run.profile.
 
     Returns:
         The finished run, also if it was stopped by Ctrl-C or broke on the way: see its verdict.
@@ -66,6 +68,7 @@ def run(
         listen=listen,
         secret=secret,
         viewer=viewer,
+        profile=profile,
     )
     return Run(folder, summary, temporary)
 

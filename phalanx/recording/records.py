@@ -6,6 +6,8 @@ from phalanx.faults.commands import Command
 
 RECORDING = "recording.mcap"
 SUMMARY = "summary.json"
+PROFILE = "profile"
+"""A folder, in a run whose programs were timed."""
 
 
 class State(msgspec.Struct):

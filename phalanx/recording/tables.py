@@ -5,9 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 import polars as pl
 
+from phalanx.guarantee.verdict import Summary
+from phalanx.profile.stopwatch import TimeSpent
 from phalanx.recording.read import Recording
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.expressions.exact import added
 
 
 def states_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
@@ -93,3 +96,26 @@ def events_table(recording: Recording) -> pl.DataFrame:
 def _component(values: Sequence[float], names: Sequence[str], name: str) -> float | None:
     """The component of that name, or None if the agent has none."""
     return values[names.index(name)] if name in names and values else None
+
+
+def profile_table(programs: Sequence[TimeSpent], summary: Summary | None) -> pl.DataFrame:
+    """One row for each program and phase: seconds, share of its wall time, and per_step [s].
+
+    A program that computes has so many steps; the plant has those of all agents. What is in no
+    phase is an agent's waiting, and the rest of the plant.
+    """
+    rows = []
+    for spent in programs:
+        steps = spent.calls.get("compute") or (summary.steps if summary else 0)
+        left = "rest" if "integrate" in spent.phases else "wait"
+        phases = {**spent.phases, left: spent.wall - added(spent.phases.values())}
+        rows += [
+            (spent.program, phase, seconds, seconds / spent.wall, seconds / max(steps, 1))
+            for phase, seconds in phases.items()
+        ]
+    return pl.DataFrame(rows, schema=_PROFILE, orient="row")
+
+
+_PROFILE = {"program": pl.String, "phase": pl.String} | dict.fromkeys(
+    ("seconds", "share", "per_step"), pl.Float64
+)

@@ -109,3 +109,19 @@ def test_a_replay_is_served_until_it_is_closed(run: phalanx.Run):
         assert page.url in page._repr_html_()
     with pytest.raises(OSError, match="refused"):
         urllib.request.urlopen(page.url, timeout=5)
+
+
+@pytest.mark.parametrize("engine", ["processes", "in-process"])
+def test_a_profile_accounts_for_all_of_every_programs_time(run: phalanx.Run, engine):
+    assert run.profile.is_empty()
+    timed = phalanx.run(run.scenario, engine=engine, profile=True)
+    assert timed.summary.trajectory == run.summary.trajectory
+    profile = timed.profile
+    programs = {"plant", "1", "2", "3", "4", "5"} if engine == "processes" else {"in-process"}
+    assert set(profile["program"]) == programs
+    shares = profile.group_by("program").agg(pl.col("share").sum(), pl.col("seconds").min())
+    assert (shares["share"] - 1.0).abs().max() < 1e-9
+    assert (shares["seconds"] >= 0.0).all()
+    plant = profile.filter(pl.col("phase") == "integrate")
+    assert plant["seconds"].sum() <= timed.summary.wall_time
+    assert profile.filter(pl.col("phase") == "compute")["per_step"].min() > 1e-6

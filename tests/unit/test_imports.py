@@ -22,7 +22,7 @@ THEORY = rooms(
 SCENARIO = rooms("seeded network faults scenario", THEORY)
 SWARM = rooms("swarm", SCENARIO)
 GUARANTEE = rooms("guarantee", SWARM)
-WIRE = rooms("wire", GUARANTEE)
+WIRE = rooms("profile wire", GUARANTEE)
 RECORDING = rooms("recording", WIRE)
 REPORT = rooms("report", RECORDING)
 LAUNCHER = rooms("launcher", REPORT)
@@ -45,6 +45,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.guarantee": GUARANTEE,
     # Shares nothing with controller and plant but dynamics and h; records are handed to it.
     "phalanx.guarantee.checker": rooms("theory.models theory.safety scenario"),
+    "phalanx.profile": set(),
     "phalanx.wire": WIRE,
     "phalanx.recording": RECORDING,
     "phalanx.report": REPORT,

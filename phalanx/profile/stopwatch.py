@@ -1,0 +1,72 @@
+"""A stopwatch for the phases of a program: how much of its wall time each call takes."""
+
+import time
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+
+class TimeSpent(msgspec.Struct):
+    """How one program of a run spent its wall time."""
+
+    program: str
+    wall: float
+    """From its first timed call to the end of its last [s]."""
+    phases: dict[str, float]
+    """Time in each phase [s]; what is left of the wall time is in none."""
+    calls: dict[str, int]
+    """Timed calls of each phase."""
+
+
+class Stopwatch:
+    """Counts the time of chosen calls; a timed call within another is taken out of that one.
+
+    Nothing is stamped but what was chosen, so an object that nobody times costs nothing. All timed
+    calls of one stopwatch must come from one thread at a time.
+    """
+
+    def __init__(self) -> None:
+        self._seconds: dict[str, float] = defaultdict(float)
+        self._calls: dict[str, int] = defaultdict(int)
+        self._inner = 0.0
+        """Time in timed calls within the one that is going on [s]."""
+        self._began: float | None = None
+        self._ended = 0.0
+
+    def time(self, whose: object, call: str, phase: str) -> None:
+        """Count calls of one object's method to a phase from now on."""
+        timed = getattr(whose, call)
+
+        def stamped(*arguments: Any, **named: Any) -> Any:
+            outer, self._inner = self._inner, 0.0
+            began = time.perf_counter()
+            if self._began is None:
+                self._began = began
+            try:
+                return timed(*arguments, **named)
+            finally:
+                self._ended = time.perf_counter()
+                took = self._ended - began
+                self._seconds[phase] += took - self._inner
+                self._calls[phase] += 1
+                self._inner = outer + took
+
+        setattr(whose, call, stamped)
+
+    def spent(self, program: str) -> TimeSpent:
+        """What was counted so far."""
+        began = self._ended if self._began is None else self._began
+        return TimeSpent(program, self._ended - began, dict(self._seconds), dict(self._calls))
+
+    def write(self, folder: Path, program: str) -> None:
+        """Leave what was counted in a folder. Raises OSError."""
+        folder.mkdir(exist_ok=True)
+        (folder / f"{program}.json").write_bytes(msgspec.json.encode(self.spent(program)))
+
+
+def read_profile(folder: Path) -> list[TimeSpent]:
+    """What the programs of a run left in a folder; none if it is not there."""
+    files = sorted(folder.glob("*.json"))
+    return [msgspec.json.decode(file.read_bytes(), type=TimeSpent) for file in files]
