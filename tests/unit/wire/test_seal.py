@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+import struct
 
 import msgspec
 import pytest
@@ -158,6 +159,20 @@ def test_numbers_that_are_not_finite_are_refused(message, change, bad):
     """JSON has no NaN: one that got into the recording would make it unreadable."""
     payload = SEALER.seal(KEY, msgspec.structs.replace(message, **change(bad)))
     assert reason(payload, kind=type(message)) == "not finite"
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_they_are_refused_in_half_the_bits_too(bad):
+    body = msgspec.msgpack.encode(msgspec.structs.replace(TELEMETRY, solve_time=0.625))
+    whole, half = (b"\xcb" + struct.pack(">d", 0.625), b"\xca" + struct.pack(">f", bad))
+    assert body.count(whole) == 1
+    assert reason(forged(body.replace(whole, half))) == "not finite"
+
+
+def test_a_finite_number_with_bytes_as_of_an_infinite_one_is_accepted():
+    (chance,) = struct.unpack(">d", b"\x40\xcb\x7f\xf0\0\0\0\0")
+    message = msgspec.structs.replace(TELEMETRY, residual=chance)
+    assert SEALER.open(KEY, SEALER.seal(KEY, message), Telemetry) == message
 
 
 @pytest.mark.parametrize(
