@@ -92,7 +92,7 @@ class SafetyRows:
         margin = None if swarm.members[i].adversary or self.pairwise else self.margin(i)
         numbers = margin.composed(self.relative_degree) if margin else ComposedMargin(0.0)
         # One expression of few pairs, all of them seen, shares what they have in common.
-        small = radius is None and len(swarm.safe_set.pairs) <= _FEW
+        small = radius is None and swarm.pairs.count <= _FEW
         if numbers is not None and not small:
             return self.composed.of(i, radius, numbers)
         active = None if radius is None else swarm.safe_set.within(i, radius)

@@ -62,6 +62,12 @@ class SwarmPairs:
         self.inputs: Index = _begins([len(m.dynamics.inputs) for m in members])
         """Where each member's input begins in the stack of all."""
 
+    @property
+    def count(self) -> int:
+        """How many pairs h_tot has."""
+        normal = int(self._normal.sum())
+        return normal * (normal - 1) // 2 + normal * (len(self._class) - normal)
+
     def among(self, seen: Sequence[int], obstacles: Sequence[int] | None = None) -> Index:
         """The pairs of h_tot whose both sides are among these members and obstacles, shape (r, 2).
 

@@ -1,0 +1,111 @@
+"""Shipped scenarios by kinds of pairs, against the chain of the whole swarm."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from phalanx.plant.psi import LargestPsi
+from phalanx.scenario.load import shipped
+from phalanx.swarm.rows import SafetyRows
+from phalanx.theory.margins.margin import ComposedMargin
+from phalanx.theory.margins.row_part import RowPart
+from phalanx.theory.rows.terms import TermsFunction
+from phalanx.theory.safety.chain import build_chain
+from phalanx.theory.safety.composition import FAR
+from tests.unit.swarms import rows_of_scenario
+
+close = {"rel": 1e-12, "abs": 1e-12}
+
+
+def states(rows: SafetyRows, count: int) -> np.ndarray:
+    """Around the start, ever closer together, shape (count, n̄)."""
+    start = rows.swarm.start()
+    size = np.abs(start).max() + 2.0
+    drawn = np.random.default_rng(5).uniform(-size, size, (count, len(start)))
+    return (start + drawn) / (1 + np.arange(count) % 7)[:, None]
+
+
+@pytest.mark.parametrize("name", shipped())
+@pytest.mark.parametrize("radius", [None, 6.0])
+def test_terms_from_kinds_are_those_of_the_printed_chain(name, radius):
+    rows = rows_of_scenario(name)
+    swarm, safety = rows.swarm, rows.swarm.scenario.safety
+    composed, i = swarm.safe_set, swarm.normal[0]
+    xi = 0.0 if safety.computes_margin else safety.xi
+    chain = build_chain(composed, safety.class_k(), xi)
+    active = None if radius is None else composed.within(i, radius)
+    reference = TermsFunction(chain, active, 1.5)
+    terms = rows.composed.of(i, radius, ComposedMargin(1.5))
+    for x in states(rows, 12):
+        apart = np.linalg.norm(swarm.positions(x) - swarm.positions(x)[i], axis=1)
+        seen = np.flatnonzero(apart <= (radius or np.inf)).tolist()
+        found, expected = terms(x, seen), reference(x)
+        if found.psi[0] == FAR:
+            continue
+        assert found.psi == pytest.approx(expected.psi, **close)
+        assert found.unforced == pytest.approx(expected.unforced, **close)
+        for l in seen:
+            assert found.c[l] == pytest.approx(expected.c[l], **close)
+            assert found.least[l] == pytest.approx(expected.least[l], **close)
+            assert found.most[l] == pytest.approx(expected.most[l], **close)
+
+
+@pytest.mark.parametrize("name", ["formation3d", "formation3d-distance", "unicycles"])
+def test_the_truths_largest_psi_is_that_of_the_chains(name):
+    """Of h_tot, or of every pair alone."""
+    rows = rows_of_scenario(name)
+    composed = rows.swarm.safe_set
+    pairs = rows.swarm.pairs.choose(rows.swarm.pairs.among(range(len(composed.members))))
+    x = states(rows, 4)
+    found = LargestPsi(rows)(x, pairs)
+    if rows.relative_degree == 1:
+        assert found.shape == (0,)
+        return
+    chains = [rows.chain]
+    if rows.pairwise:
+        chains = [rows.pair_chain(k) for k in range(len(composed.pairs))]
+    largest = []
+    for chain in chains:
+        members = [rows.swarm.names.index(m.name) for m in chain.set.members]
+        own = np.concatenate([np.r_[composed.parts[l]] for l in members])
+        psi = ca.Function("psi", [chain.set.x], [chain.set.substitute(chain.psi[1])])
+        largest.append([float(psi(state[own])) for state in x])
+    assert found == pytest.approx(np.max(largest, axis=0), rel=1e-11)
+
+
+def test_what_must_not_be_above_zero_is_every_pairs_or_every_agents_own():
+    pairs = rows_of_scenario("formation3d-distance")
+    x = pairs.swarm.start()
+    assert len(pairs.invariants()(x)) == 2 * len(pairs.swarm.safe_set.pairs)
+    limited = rows_of_scenario("formation3d")
+    found = limited.invariants()(x).reshape(4, 2)
+    for place, i in enumerate(limited.swarm.normal):
+        seen = limited.swarm.seen(i, x)
+        assert found[place].tolist() == limited.terms(i)(x, seen).psi.tolist()
+    assert len(rows_of_scenario("unicycles").invariants()(limited.swarm.start()[:15])) == 1
+
+
+@pytest.mark.parametrize("name", ["guaranteed", "swarm", "formation3d"])
+def test_forked_programs_have_nothing_left_to_compile(name, monkeypatch):
+    """But memory for as many pairs as they see."""
+    rows = SafetyRows(rows_of_scenario(name).swarm, rows_of_scenario(name).composed)
+    rows.compile()
+    monkeypatch.setattr(rows.__class__, "own_pair", None)
+    if not rows.pairwise:
+        assert all("jets" in vars(kind) for kind in rows.swarm.pairs.kinds)
+        return
+    x = rows.swarm.start()
+    for i in rows.swarm.normal:
+        for sharing in ((), rows.swarm.normal):
+            assert len(rows.pair_terms(i)(x, sharing=sharing).parts)
+
+
+def test_agents_of_one_group_share_what_is_compiled():
+    rows = rows_of_scenario("swarm")
+    x = rows.swarm.start()
+    for i in rows.swarm.normal:
+        for part in (RowPart.WHOLE, RowPart.HALF):
+            rows.pair_terms(i)(x, sharing=rows.swarm.normal if part is RowPart.HALF else ())
+    # Normal on either side, whole and half; adversary; sphere.
+    assert len(rows._row_functions) == 6
+    assert rows.swarm.pairs.count == len(rows.swarm.safe_set.pairs)
