@@ -111,9 +111,10 @@ def local_margins(recording: Recording, composition: Composition) -> Array:
     sampled = [states[step.t] for step in recording.steps if step.agent == swarm.names[i]]
     if composition == "lse":
         one = rows.terms(i)
-        return np.array([one(x).margin for x in sampled])
+        return np.array([one(x, swarm.seen(i, x)).margin for x in sampled])
     each = rows.pair_terms(i)
-    return np.array([terms.margin[terms.psi[:, 0].argmax()] for terms in map(each, sampled)])
+    found = (each(x, swarm.seen(i, x)) for x in sampled)
+    return np.array([terms.margin[terms.psi[:, 0].argmax()] for terms in found])
 
 
 def _formula(found: Formula) -> str:

@@ -134,7 +134,7 @@ def push(swarm: Swarm, i: int, terms: Terms, heard: dict[int, Array], x: Array) 
     """Σ_{l≠i} g_l w_l, shape (n̄,): w_l = û_l where heard, else what attains γ_l^max."""
     total = np.zeros(len(x))
     for l, (member, part) in enumerate(zip(swarm.members, swarm.safe_set.parts, strict=True)):
-        if l == i:
+        if l == i or l not in terms.c:  # who is not seen pushes nothing that counts
             continue
         _, actuation = _limits(member.dynamics)
         corners = terms.polytopes[l].corners

@@ -46,6 +46,7 @@ class Sampled(NamedTuple):
 
     t: float
     x: Array
+    seen: tuple[int, ...]
     u_nom: Array
     received: dict[int, ReceivedInput]
     applied: Array
@@ -92,7 +93,9 @@ def sampled(recording: Recording, swarm: Swarm, i: int) -> Iterator[Sampled]:
             }
             u, u_nom = np.array(step.u), np.array(step.u_nom)
             binding = step.residual is not None and step.residual > -1e-3
-            yield Sampled(step.t, states[step.t], u_nom, received, u, binding)
+            x = states[step.t]
+            seen = swarm.seen(i, x)
+            yield Sampled(step.t, x, seen, u_nom, received, u, binding)
         elif l in newest:
             newest[l].append(ReceivedInput(np.array(step.u), step.t_apply))
 
@@ -100,10 +103,10 @@ def sampled(recording: Recording, swarm: Swarm, i: int) -> Iterator[Sampled]:
 def our_step(rows: SafetyRows, i: int) -> Callable[[Sampled], Array]:
     """Terms, row and QP, as agent i's process has them."""
     terms, decide = rows.terms(i), rows.filter(i)
-    everybody = tuple(range(len(rows.swarm.members)))
 
     def step(now: Sampled) -> Array:
-        situation = Situation(now.t, now.x, everybody, terms(now.x), now.u_nom, now.received)
+        found = terms(now.x, now.seen)
+        situation = Situation(now.t, now.x, now.seen, found, now.u_nom, now.received)
         return decide(situation).decision.u
 
     return step
@@ -120,7 +123,9 @@ def cbfpy_step(
     near = CompiledFunction([composed.x], [chosen])
     told = {
         now.t: (
-            push(swarm, i, terms(now.x), {l: h.u for l, h in now.received.items()}, now.x),
+            push(
+                swarm, i, terms(now.x, now.seen), {l: h.u for l, h in now.received.items()}, now.x
+            ),
             near(now.x)[0].ravel(),
         )
         for now in steps

@@ -13,7 +13,7 @@ from phalanx.guarantee.gaps import gaps_in_the_proof, words_on_alpha
 from phalanx.guarantee.start import CertifiedStart, certified_start
 from phalanx.guarantee.workspace import boundary, drawn_states, states_inside, workspace
 from phalanx.scenario.model import Scenario
-from phalanx.swarm.rows import SafetyRows, build_rows, require_runnable
+from phalanx.swarm.rows import SafetyRows, require_runnable
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.row import joint_sum
@@ -90,8 +90,7 @@ def check(scenario: Scenario) -> CheckReport:
         ScenarioError: the safe set cannot be built, as when relative degrees are mixed.
     """
     swarm = build_swarm(scenario)
-    require_runnable(swarm)
-    rows, x, box = build_rows(swarm), swarm.start(), workspace(swarm)
+    rows, x, box = require_runnable(swarm), swarm.start(), workspace(swarm)
     unknown: list[str] = []
     of_all = of_pair = theorem = None
     proven: dict[int, ProvenRows] = {}

@@ -33,7 +33,11 @@ class SafeSetFunction(Protocol):
         """h_ab, scalar, of a normal agent a and any other agent b."""
 
     def to_obstacle(self, a: Body, obstacle: Obstacle) -> ca.SX:
-        """h of a normal agent a and an obstacle, scalar."""
+        """h of a normal agent a and an obstacle, scalar.
+
+        A sphere of symbols comes first: one expression serves all spheres. If that fails, or is
+        another h than that of the numbers, every sphere gets an expression of its own.
+        """
 
 
 @runtime_checkable
