@@ -149,14 +149,14 @@ def observed(scenario: phalanx.Scenario) -> tuple[Started, phalanx.Summary]:
 
 
 def bare_processes(count: int, peers: int) -> tuple[float, float]:
-    """How long `count` processes take to start and join [s], and an exchange with one of them."""
-    context = multiprocessing.get_context("forkserver")
-    # What a bare process is made of is imported once, before they are forked.
-    context.set_forkserver_preload(["__main__"])
+    """How long `count` processes take to start and join [s], and an exchange with one of them.
+
+    To be called in a process that has no session: they are forked from it.
+    """
+    context = multiprocessing.get_context("fork")
     names, endpoint = [str(k) for k in range(count)], wire.free_endpoint()
     joined: SimpleQueue[str] = SimpleQueue()
     answers: SimpleQueue[bytes] = SimpleQueue()
-    # Started before the session is opened, for who has one must not fork.
     began = time.perf_counter()
     processes = [
         context.Process(
