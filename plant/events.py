@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.faults.commands import Command
-from phalanx.plant.world import DisturbanceKnot, IntegrationSteps
+from phalanx.plant.world import DisturbanceKnot, Passage
 
 Array = NDArray[np.float64]
 
@@ -18,8 +18,8 @@ class StateReached(NamedTuple):
     """[s]"""
     x: Array
     """Stacked state, shape (n̄,)."""
-    seen: list[IntegrationSteps | DisturbanceKnot]
-    """What integration showed since the event before."""
+    way: list[Passage | DisturbanceKnot]
+    """What the world went through since the event before."""
 
 
 class Sampled(NamedTuple):

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from phalanx.guarantee.gaps import gaps_in_the_proof
 from phalanx.guarantee.verdict import Assumption
 from phalanx.plant.actuators import Actuators
+from phalanx.plant.along import IntegrationSteps
 from phalanx.plant.coverage import Coverage
 from phalanx.plant.events import InputApplied, Sampled, StateReached
 from phalanx.plant.truth import PairExtremes
-from phalanx.plant.world import DisturbanceKnot, IntegrationSteps
+from phalanx.plant.world import DisturbanceKnot
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.origin import EMPTY, Origin
@@ -107,9 +108,9 @@ class Judge:
         relies_on_received = safety.information in (Information.PAPER, Information.IN_FLIGHT)
         return [*found, self._fresh] if relies_on_received else found
 
-    def reached(self, event: StateReached) -> None:
-        """The world went on to another event."""
-        self.saw(event.seen)
+    def reached(self, event: StateReached, seen: list[IntegrationSteps | DisturbanceKnot]) -> None:
+        """The world went on to another event; seen: on the way."""
+        self.saw(seen)
         self.coverage.reached(event.t)
         if event.t > 0.0:
             for i in range(len(self._zeros)):

@@ -269,7 +269,7 @@ class Lockstep:
 
     def _reach(self, t: float) -> None:
         self.world.advance(t)
-        self._happened.append(StateReached(t, self.world.x, self.world.take_seen()))
+        self._happened.append(StateReached(t, self.world.x, self.world.take_way()))
 
     def _require_truth(self, moment: _Moment) -> None:
         """What was handed out ahead of the world must be what the world came to."""

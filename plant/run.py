@@ -7,6 +7,7 @@ from typing import Protocol
 
 from phalanx.faults.state import FaultState
 from phalanx.guarantee.verdict import Outcome, Summary, judge
+from phalanx.plant.along import TruthAlong
 from phalanx.plant.commands import CommandQueue
 from phalanx.plant.frames import FrameAudience, FramePublisher
 from phalanx.plant.judge import Judge
@@ -50,12 +51,14 @@ class PlantRun:
         self._scenario, self._recording = swarm.scenario, recording
         self._world = World(rows)
         self._judge = Judge(rows)
-        self._judge.saw(self._world.take_seen())
+        self._truth = TruthAlong(rows, self._world.motion)
+        self._judge.saw(self._truth.of(self._world.take_way()))
         self._commands = commands
         faults = FaultState(swarm.names)
         self._frames = FramePublisher(audience, self._judge, commands, faults, self._world.x)
         self._scribe = RunScribe(
             swarm.names,
+            self._truth,
             self._judge,
             recording,
             self._frames,
@@ -72,6 +75,7 @@ class PlantRun:
     def time(self, stopwatch: Stopwatch) -> None:
         """Have the stopwatch tell the plant's own phases apart."""
         stopwatch.time(self._world, "advance", "integrate")
+        stopwatch.time(self._truth, "of", "truth")
         for call in ("reached", "sampled", "applied"):
             stopwatch.time(self._judge, call, "judge")
         stopwatch.time(self._recording, "write", "record")

@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from phalanx.faults.commands import described
+from phalanx.plant.along import TruthAlong
 from phalanx.plant.events import CommandObeyed, Event, InputApplied, Sampled, StateReached
 from phalanx.plant.frames import FramePublisher
 from phalanx.plant.judge import Judge
@@ -25,6 +26,7 @@ class RunScribe:
     def __init__(
         self,
         names: tuple[str, ...],
+        truth: TruthAlong,
         judge: Judge,
         recording: RecordingWriter,
         frames: FramePublisher,
@@ -36,6 +38,7 @@ class RunScribe:
 
         Args:
             names: of all agents.
+            truth: of the way that the world went.
             judge: is told every event.
             recording: of the run.
             frames: for viewers.
@@ -43,7 +46,7 @@ class RunScribe:
             publish_status: tells whoever watches how far the run is.
             recording_step: least time between two recorded states [s].
         """
-        self._names, self._judge = names, judge
+        self._names, self._truth, self._judge = names, truth, judge
         self._recording, self._frames = recording, frames
         self._telemetry, self._publish_status = telemetry, publish_status
         self.trajectory = TrajectoryHash()
@@ -95,7 +98,7 @@ class RunScribe:
 
     def _on_state(self, event: StateReached) -> None:
         self._t = event.t
-        self._judge.reached(event)
+        self._judge.reached(event, self._truth.of(event.way))
         self.trajectory.add(event)
         peak = self._judge.truth.take_peak()
         self._frames.saw_state(event, peak)

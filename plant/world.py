@@ -1,4 +1,4 @@
-"""The true continuous dynamics, integrated between events, and the true h along the way."""
+"""The true continuous dynamics, integrated between events."""
 
 from typing import NamedTuple
 
@@ -7,11 +7,8 @@ from numpy.typing import NDArray
 
 from phalanx.plant.disturbance import SwarmDisturbance
 from phalanx.plant.motion import Motion
-from phalanx.plant.near import NearPairs
-from phalanx.plant.psi import LargestPsi
 from phalanx.plant.steps import STEPS_AT_ONCE, next_stretch
 from phalanx.swarm.rows import SafetyRows
-from phalanx.theory.expressions.mapped import Index
 from phalanx.theory.safety.composition import stacked_slices
 
 Array = NDArray[np.float64]
@@ -20,20 +17,21 @@ Array = NDArray[np.float64]
 class DivergedError(ArithmeticError):
     """The true dynamics, or h along them, left the finite numbers."""
 
+    def __init__(self, what: str, t: float) -> None:
+        """what: which number it was. t: when, at the latest [s]."""
+        super().__init__(
+            f"{what} is no longer finite at t = {t:.3f} s: check dynamics and laws for divisions "
+            "by zero and unbounded growth"
+        )
 
-class IntegrationSteps(NamedTuple):
-    """What s integration steps showed."""
+
+class Passage(NamedTuple):
+    """Where s integration steps led."""
 
     times: Array
     """[s], shape (s,)"""
-    pairs: Index
-    """Which pairs count, shape (r,): no other is above them or above zero."""
-    h: Array
-    """Of each, shape (s, r)."""
-    h_tot: Array
-    """Of all pairs, shape (s,)."""
-    psi: Array
-    """The largest of their ψ_1 ... ψ_{q-1}, shape (s,); empty if q = 1."""
+    x: Array
+    """Stacked states, shape (s, n̄)."""
 
 
 class DisturbanceKnot(NamedTuple):
@@ -59,17 +57,15 @@ class World:
         self._disturbances = SwarmDisturbance(rows)
         self._line = self._disturbances.line(0.0, self.x)
         self.motion = Motion(swarm.members, STEPS_AT_ONCE)
-        self._near = NearPairs(swarm, self.motion)
-        self._psi = LargestPsi(rows)
-        self._seen: list[IntegrationSteps | DisturbanceKnot] = [
-            DisturbanceKnot(0.0, self._line.value)
+        self._way: list[Passage | DisturbanceKnot] = [
+            DisturbanceKnot(0.0, self._line.value),
+            Passage(np.zeros(1), self.x[None]),
         ]
-        self._see(np.zeros(1), self.x[None])
 
-    def take_seen(self) -> list[IntegrationSteps | DisturbanceKnot]:
-        """What integration showed since this was last called, in order."""
-        seen, self._seen = self._seen, []
-        return seen
+    def take_way(self) -> list[Passage | DisturbanceKnot]:
+        """What the world went through since this was last called, in order."""
+        way, self._way = self._way, []
+        return way
 
     def apply(self, i: int, u: Array) -> None:
         """Agent i's actuator holds u, shape (m_i,), from now on."""
@@ -83,24 +79,12 @@ class World:
         while self.t < until:
             if self._line.end <= self.t:
                 self._line = self._disturbances.line(self.t, self.x)
-                self._seen.append(DisturbanceKnot(self.t, self._line.value))
+                self._way.append(DisturbanceKnot(self.t, self._line.value))
             count, dt, stop = next_stretch(self.t, until, self._line.end, self._longest)
             phi = self._line.at(self.t)
             x = self.motion.steps(count, self.x, self._u, phi, self._line.slope, dt)
+            if not np.isfinite(x).all():
+                raise DivergedError("the state", stop)
             self.x = x[-1]
-            self._see(self.t + dt * np.arange(1.0, count + 1), x)
+            self._way.append(Passage(self.t + dt * np.arange(1.0, count + 1), x))
             self.t = stop
-
-    def _see(self, times: Array, x: Array) -> None:
-        """Keep what states x, shape (s, n̄), are worth. Raises DivergedError."""
-        finite = bool(np.isfinite(x).all())
-        if finite:
-            pairs, h, h_tot = self._near(x)
-            finite = bool(np.isfinite(h_tot).all())
-        if not finite:
-            raise DivergedError(
-                f"the state or h_tot is no longer finite at t = {times[-1]:.3f} s: check dynamics "
-                "and laws for divisions by zero and unbounded growth"
-            )
-        psi = self._psi(x, self._near.chosen)
-        self._seen.append(IntegrationSteps(times, pairs, h, h_tot, psi))

@@ -26,8 +26,9 @@ from phalanx.guarantee.checker.intervals import UncertifiableError
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.in_process_engine import run_in_process
 from phalanx.plant import run as plant_run
+from phalanx.plant.along import IntegrationSteps
 from phalanx.plant.judge import Judge
-from phalanx.plant.world import DisturbanceKnot, IntegrationSteps
+from phalanx.plant.world import DisturbanceKnot
 from phalanx.recording.read import Recording, read
 from phalanx.scenario.load import ScenarioError, load
 from phalanx.scenario.model import Scenario

@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from phalanx.plant.along import IntegrationSteps, TruthAlong
 from phalanx.plant.disturbance import KnottedDisturbance
-from phalanx.plant.world import DisturbanceKnot, IntegrationSteps, World
+from phalanx.plant.world import DisturbanceKnot, World
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
 from tests.unit.swarms import rows_of_scenario
@@ -108,10 +109,11 @@ def test_the_world_starts_at_the_scenarios_start_with_actuators_at_zero():
 
 
 def test_the_truth_is_seen_at_every_step_of_at_most_a_millisecond():
-    own = world(rows_of_scenario("unicycles"))
+    rows = rows_of_scenario("unicycles")
+    own = world(rows)
     own.advance(0.45)
-    seen = own.take_seen()
-    assert own.take_seen() == []
+    seen = TruthAlong(rows, own.motion).of(own.take_way())
+    assert own.take_way() == []
     truths = [s for s in seen if isinstance(s, IntegrationSteps)]
     steps = np.concatenate([s.times for s in truths])
     assert steps[0] == 0.0
