@@ -26,8 +26,8 @@ class LargestPsi:
         if rows.relative_degree == 1:
             return np.zeros(0)
         if not rows.pairwise:
-            composed = rows.composed.jets
-            return np.array([composed(h).psi[1:].max() for h in pairs.jets(x).h])
+            composed: Array = rows.composed.jets.psi(pairs.jets(x).h)[:, 1:].max(axis=1)
+            return composed
         if self._each is None or self._of is not pairs:
             self._of, self._each = pairs, rows.pair_psi.choose(pairs.pairs)
         largest: Array = self._each(x)[..., 1:].max(axis=(1, 2))

@@ -45,7 +45,10 @@ class LogSumExpJets:
         self._chain = _chain_of_sum(rho, alphas, xi)
         h, sigma = ca.SX.sym("h"), ca.SX.sym("sigma")
         self._exponential = portable_function([ca.vertcat(h, sigma)], ca.exp(rho * (h - sigma)))
-        self._bound: dict[int, BoundFunction] = {}
+        self._of_one: dict[int, ca.Function] = {}
+        """The composition at one state, by how many pairs it has room for."""
+        self._bound: dict[tuple[int, int], BoundFunction] = {}
+        """At so many states, with room for so many pairs."""
         self._nobody = np.array([FAR] + [0.0] * self._degree)
 
     def __call__(self, h: Array) -> ComposedJets:
@@ -54,16 +57,28 @@ class LogSumExpJets:
         The weights are there until the next call.
         """
         pairs, q = len(h), self._degree
-        capacity = rounded_up(pairs)
-        if capacity not in self._bound:
-            self._bound[capacity] = BoundFunction(self._composition(capacity))
-        bound = self._bound[capacity]
-        rows = bound.inputs[0].reshape(capacity, q + 1)
-        rows[:pairs] = h
-        rows[pairs:] = self._nobody
+        chain, weights = self._composed(h[None])
+        return ComposedJets(chain[0, :q].copy(), chain.item(q), weights[0, :pairs])
+
+    def psi(self, h: Array) -> Array:
+        """ψ_0 ... ψ_{q-1} at s states, shape (s, q); h of r pairs as above, (s, r, q+1)."""
+        return self._composed(h)[0][:, : self._degree].copy()
+
+    def _composed(self, h: Array) -> tuple[Array, Array]:
+        """The chain and the weights at s states; room for more pairs is filled with FAR ones."""
+        (states, pairs, above), q = h.shape, self._degree
+        room = states, rounded_up(pairs)
+        if room not in self._bound:
+            if room[1] not in self._of_one:
+                self._of_one[room[1]] = self._composition(room[1])
+            self._bound[room] = BoundFunction(self._of_one[room[1]].map(states))
+        bound = self._bound[room]
+        rows = bound.inputs[0].reshape(*room, above)
+        rows[:, :pairs] = h
+        rows[:, pairs:] = self._nobody
         bound.call()
         chain, weights = bound.outputs
-        return ComposedJets(chain[:q].copy(), chain.item(q), weights.reshape(capacity, q)[:pairs])
+        return chain.reshape(states, above), weights.reshape(*room, q)
 
     def _composition(self, pairs: int) -> ca.Function:
         """(q+1, pairs) -> ψ_0 ... ψ_{q-1} and the unforced part; the weights, (q, pairs).
