@@ -16,9 +16,11 @@ seeds, and in parentheses how many certificates were false and how many of these
 import argparse
 import itertools
 from collections import defaultdict
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 from variants import simulated
@@ -28,9 +30,10 @@ from phalanx.recording.records import Step
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.information import Information
-from phalanx.theory.rows.terms import TermsFunction
+from phalanx.theory.rows.terms import Terms, TermsFunction
 
-_ROUNDING = 1e-4
+ROUNDING = 1e-4
+"""What solvers leave of a row."""
 
 
 class Certificates(NamedTuple):
@@ -97,38 +100,67 @@ def words(found: Certificates) -> str:
 
 def certificates(recording: Recording) -> Certificates:
     """Judge every update of the normal agents by the inputs that were in force after it."""
+    split = recording.scenario.safety.information is Information.SPLIT
+    updates = certified = false = short = 0
+    worst = -np.inf
+    for now in joint_sums(recording):
+        for agent in now.updated:
+            updates += 1
+            if all(now.held.values()) if split else now.held[agent]:
+                certified += 1
+                false += now.joint > ROUNDING
+                short += now.joint > now.eta + ROUNDING
+                worst = max(worst, now.joint)
+    return Certificates(updates, certified, false, short, worst)
+
+
+class JointSum(NamedTuple):
+    """J with the inputs in force at one instant."""
+
+    joint: float
+    eta: float
+    """What of it is η."""
+    updated: list[str]
+    """Normal agents whose inputs have just taken effect."""
+    held: dict[str, bool]
+    """Whether the row of each normal agent's input held."""
+
+
+def joint_sums(recording: Recording) -> Iterator[JointSum]:
+    """J at every recorded instant, from the first input of every normal agent on.
+
+    Each instant comes twice: with the inputs until then, when nobody has updated, and with those
+    from then on.
+    """
     rows = build_rows(build_swarm(recording.scenario))
     swarm, first = rows.swarm, rows.swarm.normal[0]
     margin = rows.margin(first)
     evaluate = TermsFunction(rows.chain, margin=margin.of(rows.chain, first))
-    names, in_force, eta = swarm.names, {}, margin.scale * margin.eta
+    eta = margin.scale * margin.eta
     states = {state.t: np.array(state.x) for state in recording.states}
-    split = recording.scenario.safety.information is Information.SPLIT
-    held: dict[int, bool] = {}
-    updates = certified = false = short = 0
-    worst = -np.inf
+    in_force: dict[int, NDArray[np.float64]] = {}
+    held: dict[str, bool] = {}
     for t, together in itertools.groupby(recording.steps, key=lambda step: step.t_apply):
-        steps = [step for step in together if names.index(step.agent) in swarm.normal]
-        in_force.update({names.index(step.agent): np.array(step.u) for step in steps})
-        held.update({names.index(step.agent): _holds(step) for step in steps})
-        if len(in_force) < len(swarm.normal):
-            continue
+        steps = [step for step in together if swarm.names.index(step.agent) in swarm.normal]
         terms = evaluate(states[t])
-        joint = terms.unforced + terms.margin
-        for l, most in terms.most.items():
-            joint += float(terms.c[l] @ in_force[l]) if l in in_force else most
-        for step in steps:
-            updates += 1
-            if all(held.values()) if split else held[names.index(step.agent)]:
-                certified += 1
-                false += joint > _ROUNDING
-                short += joint > eta + _ROUNDING
-                worst = max(worst, joint)
-    return Certificates(updates, certified, false, short, worst)
+        if len(in_force) == len(swarm.normal):
+            yield JointSum(_joint_sum(terms, in_force), eta, [], held)
+        in_force.update({swarm.names.index(step.agent): np.array(step.u) for step in steps})
+        held = held | {step.agent: _holds(step) for step in steps}
+        if len(in_force) == len(swarm.normal):
+            updated = [step.agent for step in steps]
+            yield JointSum(_joint_sum(terms, in_force), eta, updated, held)
+
+
+def _joint_sum(terms: Terms, in_force: Mapping[int, NDArray[np.float64]]) -> float:
+    joint = terms.unforced + terms.margin
+    for l, most in terms.most.items():
+        joint += float(terms.c[l] @ in_force[l]) if l in in_force else most
+    return joint
 
 
 def _holds(step: Step) -> bool:
-    return step.residual is not None and step.residual <= _ROUNDING
+    return step.residual is not None and step.residual <= ROUNDING
 
 
 if __name__ == "__main__":

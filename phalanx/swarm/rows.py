@@ -21,6 +21,7 @@ from phalanx.theory.margins.paper import MarginConstants
 from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.models.polytope import EmptyPolytopeError
 from phalanx.theory.rows.composed import SwarmTerms
+from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.near import obstacles_within
 from phalanx.theory.rows.pairs import OwnPair, OwnPairTerms, PairRowFunction
 from phalanx.theory.rows.qp import NearestInput
@@ -30,6 +31,7 @@ from phalanx.theory.rows.safety_filter import (
     SafetyFilter,
     Unfiltered,
 )
+from phalanx.theory.rows.share_margin import ShareMargin
 from phalanx.theory.rows.terms import TermsAt, TermsFunction
 from phalanx.theory.safety.chain import Chain, build_chain
 from phalanx.theory.safety.composition import ComposedSet
@@ -75,7 +77,8 @@ class SafetyRows:
             return self.unfiltered(i)
         information = swarm.information()
         if not self.pairwise:
-            return ComposedFilter(i, information, self._qp(i), safety.authority)
+            margin = self.share_margin(i)
+            return ComposedFilter(i, information, self._qp(i), safety.authority, margin)
         return PairwiseFilter(i, information, self._qp(i), self.pair_terms(i))
 
     def unfiltered(self, i: int) -> SafetyFilter:
@@ -181,6 +184,16 @@ class SafetyRows:
             horizon=self.swarm.horizon(i),
             bounds=self.swarm.disturbance_bounds,
         )
+
+    def share_margin(self, i: int) -> ShareMargin | None:
+        """What agent i's share of h_tot's condition keeps back; None if it keeps no share of it."""
+        safety, margin = self.swarm.scenario.safety, self.margin(i)
+        one = self.pairwise or safety.control == "centralised"
+        if one or safety.information is not Information.SPLIT:
+            return None
+        bounds = [margin.bounds[m.name] for m in self.chain.set.members]
+        horizon = margin.scale * self.swarm.horizon(i)  # it scales as all that a margin sums
+        return ShareMargin(self.chain, horizon, bounds)
 
     def invariants(self) -> Callable[[Array], Array]:
         """x -> all ψ_0 ... ψ_{q-1} that are not above 0 in S_I, as this scenario composes them."""

@@ -32,9 +32,9 @@ class Information(StrEnum):
     bounds; checked too (fresh û, sampling gap)."""
     SPLIT = "split"
     """No û: each agent keeps its share of the joint condition. Sound for any delay and loss, as
-    all normal agents compose the same h_tot. Shares are computed from different samples: with
-    `lse` Σ_i Lip(share_i) ε(Γ + δ) must be in η, which no margin here proves; with `pairs` shares
-    are constant, and each agent's own margin is enough."""
+    all normal agents compose the same h_tot. With `lse` shares are computed from different samples,
+    and keep back what that costs to first order (ShareMargin); the rest is in η, and not proven.
+    With `pairs` shares are constant, and each agent's own margin is enough."""
     WORST_CASE = "worst-case"
     """γ_l^max for everybody else. Sound always, feasible least often."""
 

@@ -57,33 +57,43 @@ _FLOOR = 0.01
 """What the span of an agent without authority counts as, so that it has a share too."""
 
 
-def split_row(terms: Terms, i: int, normal: Sequence[int]) -> Row:
+def split_row(terms: Terms, i: int, normal: Sequence[int], kept_back: float = 0.0) -> Row:
     """Agent i's share of the joint condition; needs nothing from the others.
 
     With m_l = min over U_l of c_l u and T = Σ drift + Σ_N m_l + Σ_A max c_j u + α_q + η, agent i
     keeps c_i u_i <= m_i + ω_i (-T). Summed over N, with Σ ω_i = 1, this is the condition of
     Eq. (KNx). As ω_i > 0 and the least c_i u_i is m_i, the row has a solution if and only if
-    -T >= 0: every agent's row has one whenever the joint condition has.
+    T <= 0: every agent's row has one whenever the joint condition has.
+
+    Args:
+        terms: at agent i's sampled state.
+        i: the agent.
+        normal: those that keep a share.
+        kept_back: added to T, for shares are computed from different samples; ShareMargin has it.
     """
     place = list(normal).index(i)
-    share = float(shares(terms, normal)[place] * -joint_sum(terms, normal))
-    return Row(terms.c[i], terms.least[i] + share)
+    share = shares(terms, normal)[place] * -(joint_sum(terms, normal) + kept_back)
+    return Row(terms.c[i], terms.least[i] + float(share))
 
 
 def shares(terms: Terms, normal: Sequence[int]) -> Array:
     """ω_l of each normal agent, positive, of sum 1: in proportion to what it can do, its span.
 
-    The span s_l = max c_l u - min c_l u is how far its input moves ψ_q. Equal shares would give
-    leeway to agents that cannot use it, and take it from those that stand in a conflict.
-
-    Agents compute their shares from different samples. Row i binds only if ω_i (-T) < s_i, hence
-    -T < W = Σ (s_l + floor); there ω_i (-T) has the Lipschitz constant
-    Lip(s_i) + ω_i (Σ Lip(s_l) + Lip(T)), so that samples ε apart cost the joint condition at most
-    ε (2 Σ Lip(s_l) + Lip(T)). No margin here contains that.
+    The span s_l = max c_l u - min c_l u is how far its input moves ψ_q: all may use the same part
+    of what they can do. Equal shares would give leeway to agents that cannot use it, and take it
+    from those that stand in a conflict.
     """
-    spans = np.array([terms.most[l] - terms.least[l] + _FLOOR for l in normal])
-    parts: Array = spans / added(spans.tolist())
+    parts: Array = _spans(terms, normal) / total_span(terms, normal)
     return parts
+
+
+def total_span(terms: Terms, normal: Sequence[int]) -> float:
+    """W = Σ s_l, how far normal agents together move ψ_q; above 0."""
+    return added(_spans(terms, normal).tolist())
+
+
+def _spans(terms: Terms, normal: Sequence[int]) -> Array:
+    return np.array([terms.most[l] - terms.least[l] + _FLOOR for l in normal])
 
 
 def joint_sum(terms: Terms, helping: Sequence[int]) -> float:

@@ -16,6 +16,7 @@ from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.pairs import OwnPairTerms, pair_rows
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import paper_row, split_row
+from phalanx.theory.rows.share_margin import ShareMargin
 from phalanx.theory.rows.terms import Terms
 
 Array = NDArray[np.float64]
@@ -57,19 +58,30 @@ class ComposedFilter:
     """One row for h_tot, (QPdistributed) and (psiQPdistributed)."""
 
     def __init__(
-        self, i: int, information: InformationModel, qp: NearestInput, authority: float
+        self,
+        i: int,
+        information: InformationModel,
+        qp: NearestInput,
+        authority: float,
+        share_margin: ShareMargin | None,
     ) -> None:
-        """authority: as decide has it."""
+        """Put it together.
+
+        Args:
+            authority: as decide has it.
+            share_margin: where the information model is split, else None.
+        """
         self._i, self._information = i, information
         self._qp, self._authority = qp, authority
-        self._split = information.kind is Information.SPLIT
+        self._share_margin = share_margin
 
     def __call__(self, now: Situation) -> Filtered:
         """The input to apply."""
         terms, i = now.terms, self._i
         counted: dict[int, Array] = {}
-        if self._split:
-            row = split_row(terms, i, self._information.sharing(i, now.received, now.t))
+        if self._share_margin is not None:
+            sharing = self._information.sharing(i, now.received, now.t)
+            row = split_row(terms, i, sharing, self._share_margin(now.x, terms, sharing))
         else:
             counted = self._information.usable(now.received, now.t)
             row = paper_row(terms, i, counted)
