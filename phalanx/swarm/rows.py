@@ -56,7 +56,8 @@ class SafetyRows:
     def chain(self) -> Chain:
         """Of h_tot as one expression of all states: what is composed from pairs, once more.
 
-        It grows with the square of the swarm. Some settings have no row without it (`terms`).
+        It grows with the square of the swarm. Some settings have no row without it (`terms`,
+        `share_margin`).
         """
         return _chain(self.swarm, self.swarm.safe_set)
 
