@@ -12,6 +12,7 @@ from phalanx.profile.stopwatch import Stopwatch
 from phalanx.scenario.load import digest
 from phalanx.swarm.rows import SafetyRows
 from phalanx.wire import session as wire
+from phalanx.wire.door import Door
 from phalanx.wire.keys import PLANT, Keys
 from phalanx.wire.membership import Membership
 from phalanx.wire.seal import Sealer
@@ -33,8 +34,8 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
     Raises:
         HubError: the hub cannot be reached. Exception: whatever a control step raised.
     """
-    steps = control_steps(rows, membership.identity)
     keys, sealer = membership.keys, membership.sealer
+    steps = control_steps(rows, membership.identity, Door(keys, sealer))
     stopwatch = Stopwatch() if profile else None
     over = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: over.set())

@@ -1,20 +1,32 @@
 """One control step: a sample in, and out what the actuator, the peers and the plant get of it."""
 
 import time
+from functools import partial
 from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from phalanx.agent.centralised import CentralisedController, CentralisedPart
 from phalanx.agent.controller import Controller
 from phalanx.agent.distributed import DistributedController
 from phalanx.faults.state import Orders
-from phalanx.network.inbox import BroadcastInbox, Existing
+from phalanx.network.inbox import BroadcastInbox, Existing, Fate
 from phalanx.network.link import Link
 from phalanx.scenario.fields import CONTROLLER
+from phalanx.swarm.distances import Distances
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import Swarm
+from phalanx.wire.door import Door
+from phalanx.wire.keys import Keys
 from phalanx.wire.messages import Actuation, Broadcast, Sample, Telemetry
-from phalanx.wire.seal import Malformed
+from phalanx.wire.seal import Malformed, Sealer
+
+_AT_HOME = Door(Keys("in-process"), Sealer())
+"""Where nothing is sent, damage is done to what would have been."""
+
+Array = NDArray[np.float64]
 
 
 class Answer(NamedTuple):
@@ -30,7 +42,13 @@ class Answer(NamedTuple):
 class ControlStep:
     """Agent i beside its controller: what may come, what it has received, what it says."""
 
-    def __init__(self, rows: SafetyRows, i: int, controller: Controller | None = None) -> None:
+    def __init__(
+        self,
+        rows: SafetyRows,
+        i: int,
+        controller: Controller | None = None,
+        door: Door = _AT_HOME,
+    ) -> None:
         """controller: agent i's own unless said otherwise."""
         swarm = rows.swarm
         self.swarm = swarm
@@ -41,6 +59,8 @@ class ControlStep:
         self.rejected = 0
         """Payloads dropped so far."""
         self._states = SeenStates(swarm)
+        self._door = door
+        self._distances = Distances(swarm) if self.inbox.asks_distance else None
         self._next: int | None = None
         """The sample that has to come next; None before the first."""
         self._orders: Orders | None = None
@@ -89,8 +109,8 @@ class ControlStep:
         """Answer a sample. The inbox must not be missing a broadcast that the sample counts."""
         began = time.perf_counter()
         self._obey(sample.orders)
-        fates = self.inbox.advance(_existing(sample), sample.t)
         x = self._states.stacked(self._states.of(sample.x, sample.seen))
+        fates = self._decide_fates(sample, x)
         received = self.inbox.received()
         decision, u_nom, used = self._controller(x, sample.seen, sample.t, received)
         ages = {l: sample.t - received[l].since for l in used}
@@ -111,6 +131,19 @@ class ControlStep:
             ),
         )
 
+    def _decide_fates(self, sample: Sample, x: Array) -> tuple[Fate, ...]:
+        if self._distances is None:
+            fates = self.inbox.advance(_existing(sample), sample.t)
+        else:
+            between = partial(self._distances.between, x, self.i)
+            fates = self.inbox.advance(_existing(sample), sample.t, between)
+        for sender, message in self.inbox.take_corrupt():
+            try:
+                self._door.open_damaged(self.swarm.names[sender], self.name, message)
+            except Malformed:
+                self.rejected += 1
+        return fates
+
     def _obey(self, orders: Orders | None) -> None:
         if orders is None or orders == self._orders:
             return
@@ -121,19 +154,19 @@ class ControlStep:
             self._controller = self._controller.turned()
 
 
-def control_steps(rows: SafetyRows, name: str) -> list[ControlStep]:
+def control_steps(rows: SafetyRows, name: str, door: Door = _AT_HOME) -> list[ControlStep]:
     """The steps of one process: an agent's own, or the controller's for every normal agent."""
     if name != CONTROLLER:
-        return [ControlStep(rows, rows.swarm.names.index(name))]
+        return [ControlStep(rows, rows.swarm.names.index(name), door=door)]
     whole = CentralisedController(rows)
-    return [ControlStep(rows, i, CentralisedPart(whole, i)) for i in rows.swarm.normal]
+    return [ControlStep(rows, i, CentralisedPart(whole, i), door) for i in rows.swarm.normal]
 
 
 def _links(swarm: Swarm, i: int) -> dict[int, Link]:
     """The links on which agent i listens."""
-    names, scenario = swarm.names, swarm.scenario
+    names, seed = swarm.names, swarm.scenario.seed
     return {
-        j: Link(scenario.seed, names[j], names[i], scenario.network.link(names[j], names[i]))
+        j: Link(seed, names[j], names[i], swarm.links.model(names[j], names[i]))
         for j in swarm.heard_by(i)
     }
 

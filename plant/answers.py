@@ -18,6 +18,7 @@ class Answers:
         self._actuators, self._states = Actuators(swarm), SeenStates(swarm)
         self._agents = len(swarm.names)
         self._sizes = [len(m.dynamics.inputs) for m in swarm.members]
+        self._faults = len(swarm.links.declared)
         self._latency = swarm.scenario.time.latency
         self._samples: dict[int, Sample] = {}
         self._actuations: dict[int, Actuation] = {}
@@ -65,6 +66,8 @@ class Answers:
             raise Malformed("wrong size")
         if any(not 0 <= fate.sender < self._agents for fate in message.fates):
             raise Malformed("unknown sender")
+        if any(not 0 <= n < self._faults for fate in message.fates for n in fate.faults):
+            raise Malformed("unknown fault")
         # The actuation alone is waited for, so a report may come after the next sample was sent.
         if not self._reported[i] < message.k <= self.expected(i):
             raise Malformed("out of order")

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from phalanx.faults.state import FaultState
-from phalanx.guarantee.verdict import Outcome, Summary, judge
+from phalanx.guarantee.verdict import FaultCount, Outcome, Summary, judge
 from phalanx.plant.along import TruthAlong
 from phalanx.plant.commands import CommandQueue
 from phalanx.plant.frames import FrameAudience, FramePublisher
@@ -49,6 +49,7 @@ class PlantRun:
         """concurrent: whether agents compute while the plant goes on."""
         swarm = rows.swarm
         self._scenario, self._recording = swarm.scenario, recording
+        self._declared = swarm.links.declared
         self._world = World(rows)
         self._judge = Judge(rows)
         self._truth = TruthAlong(rows, self._world.motion)
@@ -132,4 +133,5 @@ class PlantRun:
             violations=truth.violations(),
             rejected=rejected,
             wall_time=wall,
+            faults=[FaultCount(f, self._scribe.faults[i]) for i, f in enumerate(self._declared)],
         )

@@ -1,6 +1,7 @@
 """The scribe: has every event judged, recorded and shown, while the agents compute."""
 
 import time
+from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
@@ -51,6 +52,8 @@ class RunScribe:
         self._telemetry, self._publish_status = telemetry, publish_status
         self.trajectory = TrajectoryHash()
         self._rejected = [0 for _ in names]
+        self.faults: Counter[int] = Counter()
+        """Messages on which each declared fault had an effect."""
         self._backed_up: set[int] = set()
         self._unsafe: set[int] = set()
         """Pairs whose h is above zero."""
@@ -122,6 +125,7 @@ class RunScribe:
         i, name = event.i, self._names[event.i]
         telemetry = self._telemetry(i, event.k)
         self._rejected[i] = telemetry.rejected
+        self.faults.update(fault for fate in telemetry.fates for fault in fate.faults)
         certified = self._judge.applied(event, telemetry)
         self.trajectory.add(event)
         self._frames.saw_input(event, telemetry, certified)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from phalanx.cli import certify, check, programs, recordings, run, tap, viewing
+from phalanx.cli import certify, check, network, programs, recordings, run, tap, viewing
 from phalanx.scenario.load import ScenarioError
 
 USAGE_ERROR = 64
@@ -28,6 +28,7 @@ check.register(app)
 recordings.register(app)
 certify.register(app)
 tap.register(app)
+network.register(app)
 programs.register(app)
 viewing.register(app)
 

@@ -63,6 +63,15 @@ class CertificateSummary(msgspec.Struct):
         self.shortest = ratio if self.shortest is None else min(self.shortest, ratio)
 
 
+class FaultCount(msgspec.Struct):
+    """A fault that the scenario declares, and what came of it."""
+
+    name: str
+    """Its field: "network.links.0.loss", "faults.2 (partition)"."""
+    count: int = 0
+    """Messages on which it had an effect."""
+
+
 class Violation(msgspec.Struct):
     """A pair that left the safe set."""
 
@@ -106,6 +115,13 @@ class Summary(msgspec.Struct):
     """Payloads dropped by the plant and by the agents, by reason."""
     wall_time: float
     """[s]"""
+    faults: list[FaultCount] = []
+    """Every fault that the scenario declares."""
+
+    @property
+    def notes(self) -> list[str]:
+        """What a reader of the verdict should know: faults that never had an effect."""
+        return [f"{f.name} never had an effect" for f in self.faults if not f.count]
 
     @property
     def real_time_factor(self) -> float:

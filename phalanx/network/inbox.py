@@ -1,6 +1,7 @@
 """An agent's inbox for broadcasts: all that were sent arrive; the link rule says what it got."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from typing import NamedTuple, Protocol
 
 import msgspec
@@ -41,7 +42,9 @@ class Fate(msgspec.Struct, array_like=True, frozen=True):
     sender: int
     k: int
     delay: float
-    """[s]; negative: lost."""
+    """Of the first copy that can be read [s]; negative if there is none: lost."""
+    faults: tuple[int, ...] = ()
+    """Which of the faults that the scenario declares had a part in it, by number."""
 
 
 class BroadcastInbox:
@@ -65,6 +68,7 @@ class BroadcastInbox:
         self._in_flight: dict[int, list[tuple[float, SentInput]]] = {s: [] for s in links}
         self._newest = dict.fromkeys(links, -1)
         self._received: dict[int, ReceivedInput] = {}
+        self._corrupt: list[tuple[int, SentInput]] = []
 
     def override_links(self, loss: float | None, delay: float | None) -> None:
         """Replace loss and delay [s] of every link's model, where given."""
@@ -98,10 +102,21 @@ class BroadcastInbox:
             for k in range(max(self._decided[sender] + 1, since), latest + 1)
         )
 
-    def advance(self, existing: Mapping[int, Existing], t: float) -> tuple[Fate, ...]:
+    @property
+    def asks_distance(self) -> bool:
+        """Whether a fate depends on how far away its sender is."""
+        return any(link.asks_distance for link in self._links.values())
+
+    def advance(
+        self,
+        existing: Mapping[int, Existing],
+        t: float,
+        distance: Callable[[int], float] = lambda _: math.nan,
+    ) -> tuple[Fate, ...]:
         """Decide every broadcast that exists by now, by sender, and deliver those due by t [s].
 
         Returns the fates of those decided now. Of several delivered, the newest counts.
+        distance: to a sender, at the sample that first counts its broadcast [m].
         """
         for sender in [sender for sender in self._since if sender not in existing]:
             self._forget(sender)
@@ -113,14 +128,24 @@ class BroadcastInbox:
                 self._skip_to(sender, since - 1)
             for k in range(self._decided[sender] + 1, latest + 1):
                 message = self._arrived[sender].pop(k)
-                delay = self._links[sender].fate(k)
-                fates.append(Fate(sender, k, -1.0 if delay is None else delay))
-                if delay is not None:
-                    # A delay counts from when the input takes effect: it is sent then.
-                    self._in_flight[sender].append((message.t_apply + delay, message))
+                # It is sent when the input takes effect, and delays count from then.
+                sent = message.t_apply
+                passage = self._links[sender].fate(k, sent, distance(sender))
+                delay = -1.0 if passage.delay is None else passage.delay
+                fates.append(Fate(sender, k, delay, passage.faults))
+                for copy in passage.copies:
+                    if copy.corrupt:
+                        self._corrupt.append((sender, message))
+                    else:
+                        self._in_flight[sender].append((sent + copy.after, message))
             self._decided[sender] = latest
             self._deliver(sender, t)
         return tuple(fates)
+
+    def take_corrupt(self) -> list[tuple[int, SentInput]]:
+        """Senders and broadcasts of which a copy with a flipped byte has come since last asked."""
+        taken, self._corrupt = self._corrupt, []
+        return taken
 
     def received(self) -> Mapping[int, ReceivedInput]:
         """û_l by sender; one never heard since it came into sight is absent."""

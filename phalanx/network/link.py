@@ -1,44 +1,82 @@
 """Links between agents: the fate of every broadcast, a pure function of (seed, link, number)."""
 
+import math
 from dataclasses import dataclass
-from typing import Annotated
+from functools import cache, partial
+from typing import NamedTuple
 
-from annotated_types import Ge, Le
-
+from phalanx.network.chance import Chance
+from phalanx.network.delay import ConstantDelay
+from phalanx.network.loss import RandomLoss
+from phalanx.network.rule import DELIVER, Copy, Message, Rule
 from phalanx.seeded.draws import Draws
 
-NonNegative = Annotated[float, Ge(0)]
-Probability = Annotated[float, Ge(0), Le(1)]
+LOSS, DELAY = "loss", "delay"
 
 
 @dataclass(frozen=True)
-class UniformDelay:
-    """A delay drawn anew for every message, uniformly between two bounds."""
+class Stage:
+    """A rule in its place on a link."""
 
-    low: NonNegative
-    """[s]"""
-    high: NonNegative
-    """[s]"""
+    field: str
+    """What it is called in its table: "loss". Draws go by this name, so an exception to a link
+    model draws as the model does."""
+    rule: Rule
+    declared: int = -1
+    """Its place among all that the scenario declares; -1: by command."""
 
-    def __post_init__(self) -> None:
-        if self.low > self.high:
-            raise ValueError(f"expected low <= high, got {self.low} > {self.high}")
+    @property
+    def asks_distance(self) -> bool:
+        """Whether its rule looks at distances; a user's is taken to."""
+        module = type(self.rule).__module__
+        own = module.startswith("phalanx.network.")
+        return getattr(self.rule, "asks_distance", not own)
 
 
 @dataclass(frozen=True)
 class LinkModel:
-    """What the network does to the broadcasts on a link."""
+    """What the network does to the messages on a link: rules, one after the other."""
 
-    delay: NonNegative | UniformDelay = 0.0
-    """[s]"""
-    loss: Probability = 0.0
-    """Probability that a broadcast is lost, independently of the others."""
+    stages: tuple[Stage, ...] = ()
 
     def changed(self, loss: float | None, delay: float | None) -> "LinkModel":
         """The same model with loss and delay [s] replaced where given."""
-        return LinkModel(
-            self.delay if delay is None else delay, self.loss if loss is None else loss
-        )
+        model = self
+        if delay is not None:
+            model = model._with(Stage(DELAY, ConstantDelay(delay)))
+        if loss is not None:
+            model = model._with(Stage(LOSS, RandomLoss(Chance(loss))))
+        return model
+
+    @property
+    def loss(self) -> float:
+        """The share of messages that its field `loss` asks for."""
+        shares = [getattr(s.rule, "mean", 0.0) for s in self.stages if s.field == LOSS]
+        return float(sum(shares))
+
+    def described(self, field: str) -> str:
+        """What a field of the model asks for, in words."""
+        return ", ".join(str(stage.rule) for stage in self.stages if stage.field == field) or "none"
+
+    def _with(self, new: Stage) -> "LinkModel":
+        fields = [stage.field for stage in self.stages]
+        if new.field not in fields:
+            return LinkModel((new, *self.stages))
+        return LinkModel(tuple(new if s.field == new.field else s for s in self.stages))
+
+
+class Passage(NamedTuple):
+    """What became of one message."""
+
+    copies: tuple[Copy, ...]
+    """What arrives of it, each so long after it was sent [s]; nothing if it was lost."""
+    faults: tuple[int, ...]
+    """Which of the declared rules had an effect."""
+
+    @property
+    def delay(self) -> float | None:
+        """Of the first copy that can be read [s]; None if there is none."""
+        return min((copy.after for copy in self.copies if not copy.corrupt), default=None)
 
 
 class Link:
@@ -47,24 +85,57 @@ class Link:
     def __init__(self, seed: int, sender: str, receiver: str, model: LinkModel) -> None:
         """Draws are keyed by seed and both names, so no link's fates depend on another's."""
         self._as_declared = model
-        self._draws = Draws(seed, "link", sender, receiver, width=2)
+        self._ends = sender, receiver
+        self._table = cache(partial(_table, seed, sender, receiver))
         self.become(model)
 
     def become(self, model: LinkModel) -> None:
         """Follow another model for the broadcasts not decided yet."""
         self.model = model
-        self._random = model.loss > 0.0 or isinstance(model.delay, UniformDelay)
+        self._left = [-math.inf for _ in model.stages]
+        self._tables = [partial(self._of_stage, stage.field) for stage in model.stages]
 
     def override(self, loss: float | None, delay: float | None) -> None:
         """Follow the model as declared, with loss and delay [s] replaced where given."""
         self.become(self._as_declared.changed(loss, delay))
 
-    def fate(self, k: int) -> float | None:
-        """Delay of broadcast k [s], or None if it is lost."""
-        lost, place = self._draws[k] if self._random else (1.0, 0.0)
-        if lost < self.model.loss:
-            return None
-        delay = self.model.delay
-        if isinstance(delay, UniformDelay):
-            return delay.low + float(place) * (delay.high - delay.low)
-        return delay
+    @property
+    def asks_distance(self) -> bool:
+        """Whether a fate depends on the distance between the two."""
+        return any(stage.asks_distance for stage in self.model.stages)
+
+    def fate(self, k: int, sent: float = 0.0, distance: float = math.nan) -> Passage:
+        """What becomes of broadcast k.
+
+        Args:
+            k: sequence numbers come in order, where a rule has a memory.
+            sent: when it leaves its sender [s].
+            distance: between the two [m].
+        """
+        copies: tuple[Copy, ...] = (Copy(),)
+        faults = []
+        for place, stage in enumerate(self.model.stages):
+            passed: list[Copy] = []
+            acted = False
+            for number, copy in enumerate(copies):
+                message = Message(
+                    *self._ends, k, sent, copy.after, distance, number,
+                    self._left[place], self._tables[place],
+                )  # fmt: skip
+                treatment = stage.rule.treat(message)
+                acted = acted or treatment != DELIVER
+                for new in treatment:
+                    self._left[place] = message.t + new.after
+                    passed.append(Copy(copy.after + new.after, copy.corrupt or new.corrupt))
+            if acted and stage.declared >= 0 and stage.declared not in faults:
+                faults.append(stage.declared)
+            copies = tuple(passed)
+        return Passage(copies, tuple(faults))
+
+    def _of_stage(self, field: str, purpose: str) -> Draws:
+        # What fields of a link model draw for differs by purpose; rules of one's own may not know.
+        return self._table(purpose if "." not in field else f"{field} {purpose}")
+
+
+def _table(seed: int, sender: str, receiver: str, purpose: str) -> Draws:
+    return Draws(seed, "link", sender, receiver, *filter(None, [purpose]), width=2)

@@ -222,7 +222,7 @@ def losses(links: list[LinkStatistics]) -> Figure:
         color=LIMIT,
         markersize=14,
         capsize=4,
-        label="link model, ±2 standard deviations",
+        label="link model, ±2 standard deviations of independent losses",
     )
     axes.set_xticks(places, [f"{link.sender} → {link.receiver}" for link in shown])
     axes.tick_params(axis="x", rotation=90 if len(shown) > 14 else 0, labelsize=8)

@@ -6,7 +6,7 @@ from html import escape
 from string import Template
 
 from phalanx.guarantee.verdict import Outcome, Summary, certified
-from phalanx.network.link import LinkModel, UniformDelay
+from phalanx.network.link import DELAY, LOSS
 from phalanx.recording.read import Recording
 from phalanx.report.measures import LinkStatistics, origins, worst
 from phalanx.theory.rows.origin import EMPTY
@@ -144,6 +144,7 @@ def _judgement(summary: Summary | None) -> list[str]:
         for v in summary.violations
     ]
     rejected = [(reason, str(count)) for reason, count in summary.rejected.items()]
+    faults = [(f.name, str(f.count) if f.count else "never had an effect") for f in summary.faults]
     return [
         _section("What a guarantee rests on", _table(_ASSUMPTIONS, guarantee)),
         _section("What the paper's theorem would have needed", _table(_ASSUMPTIONS, theorem)),
@@ -151,6 +152,7 @@ def _judgement(summary: Summary | None) -> list[str]:
             "Violations",
             _table(("pair", "first", "worst h", "worst at", "time with h > 0"), violations),
         ),
+        _section("Declared faults", _table(("fault", "messages affected"), faults)),
         _section("Rejected payloads", _table(("by whom or why", "payloads"), rejected)),
     ]
 
@@ -166,9 +168,9 @@ def _links(links: Sequence[LinkStatistics]) -> str:
             str(link.decided),
             str(link.lost),
             _percent(link.lost, link.decided),
-            f"{100 * link.model.loss:g} %",
+            link.model.described(LOSS),
             *_delays(link.delays),
-            _asked_delay(link.model),
+            link.model.described(DELAY),
         )
         for link in shown[:_MOST_LINKS]
     ]
@@ -182,12 +184,6 @@ def _delays(delays: Sequence[float]) -> tuple[str, str, str]:
         return ("none arrived",) * 3
     mean = sum(delays) / len(delays)
     return _milliseconds(mean), _milliseconds(min(delays)), _milliseconds(max(delays))
-
-
-def _asked_delay(model: LinkModel) -> str:
-    if isinstance(model.delay, UniformDelay):
-        return f"{1e3 * model.delay.low:g} to {_milliseconds(model.delay.high)}, uniform"
-    return _milliseconds(model.delay)
 
 
 def _events(recording: Recording) -> str:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from phalanx.network.link import LinkModel
 from phalanx.recording.read import Recording
 from phalanx.recording.records import Step
+from phalanx.scenario.links import Links
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.safety.composition import Pair
@@ -87,11 +88,11 @@ def link_statistics(recording: Recording) -> list[LinkStatistics]:
     for step in recording.steps:
         for sender, _, delay in step.fates:
             decided[sender, step.agent].append(delay)
-    found = []
+    found, links = [], Links(recording.scenario)
     for sender, receiver in ((a, b) for a in steps for b in steps if (a, b) in decided):
         delays = decided[sender, receiver]
         kept = [delay for delay in delays if delay >= 0.0]
-        model = recording.scenario.network.link(sender, receiver)
+        model = links.model(sender, receiver)
         lost = len(delays) - len(kept)
         found.append(LinkStatistics(sender, receiver, model, len(steps[sender]), lost, kept))
     return found

@@ -30,7 +30,11 @@ Probability = Annotated[Finite, Field(ge=0, le=1)]
 Table = dict[str, Any]
 
 NUMBER, TABLE, SPHERE, WALL = "number", "table", "sphere", "wall"
-ALTERNATIVES = frozenset((NUMBER, TABLE, SPHERE, WALL))
+BOUNDS, JITTER, CHANCE, BURST, GEMODEL = "bounds", "jittered", "chance", "bursts", "gemodel"
+PARTITION, HOLD, LINK = "partition", "hold", "link"
+ALTERNATIVES = frozenset(
+    (NUMBER, TABLE, SPHERE, WALL, BOUNDS, JITTER, CHANCE, BURST, GEMODEL, PARTITION, HOLD, LINK)
+)
 """Names of alternatives in an error's place, where fields are not called so."""
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from phalanx.scenario.agents import AgentGroup
+from phalanx.scenario.faults import Fault
 from phalanx.scenario.fields import (
     CONTROLLER,
     SPHERE,
@@ -67,6 +68,7 @@ class Scenario(Strict):
     time: Time = Time()
     safety: Safety
     network: Network = Network()
+    faults: tuple[Fault, ...] = ()
     formation: Formation | None = None
     flows: Flows | None = None
     """Where agents without a slot go, and start unless their start is given."""
@@ -98,10 +100,9 @@ class Scenario(Strict):
                 message = f"expected less than {gap:g} s, the shortest time between two samples"
                 raise misplaced(("time", "latency"), message, self.time.latency)
         for index, link in enumerate(self.network.links):
-            for field, name in (("from", link.sender), ("to", link.receiver)):
-                if name != "*" and name not in names:
-                    where = ("network", "links", index, field)
-                    raise misplaced(where, f"expected an agent's name or '*', one of {names}", name)
+            link.check(names, ("network", "links", index))
+        for index, fault in enumerate(self.faults):
+            fault.check(names, ("faults", index))
         return self
 
     def _check_places(self, index: int, group: AgentGroup) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 
 import pydantic
 
+from phalanx.network.rule import Rule
 from phalanx.theory.laws.chase import Chase
 from phalanx.theory.laws.law import Law
 from phalanx.theory.laws.tracking import Track
@@ -45,6 +46,7 @@ BUILT_IN: Mapping[type, Mapping[str, type]] = {
         "chase": Chase,
         "worst": WorstCase,
     },
+    Rule: {},
 }
 
 
@@ -52,7 +54,7 @@ def lookup(kind: type, name: str) -> type:
     """The class that a scenario names.
 
     Args:
-        kind: Dynamics, SafeSetFunction, ClassK or Law.
+        kind: Dynamics, SafeSetFunction, ClassK, Law or Rule.
         name: a built-in name, or "package.module:Name" of a dataclass, looked for in the
             working directory too.
 
@@ -63,7 +65,7 @@ def lookup(kind: type, name: str) -> type:
     if name in known:
         return known[name]
     if ":" not in name:
-        raise ValueError(f"expected one of {', '.join(known)} or package.module:Name")
+        raise ValueError(f"expected {_choices(kind)}")
     found = _import(name)
     missing = [m for m in _members(kind) if not hasattr(found, m) and m not in _fields(found)]
     if not inspect.isclass(found) or not dataclasses.is_dataclass(found) or missing:
@@ -79,9 +81,14 @@ def construct(kind: type, table: Mapping[str, Any]) -> Any:
         ValueError: as lookup. pydantic.ValidationError: a field is unknown, missing or wrong.
     """
     if "type" not in table:
-        raise ValueError(f"expected a field type, one of {', '.join(BUILT_IN[kind])}")
+        raise ValueError(f"expected a field type, {_choices(kind)}")
     checked = _validated(lookup(kind, str(table["type"])))
     return checked(**{key: value for key, value in table.items() if key != "type"})
+
+
+def _choices(kind: type) -> str:
+    known = BUILT_IN[kind]
+    return f"one of {', '.join(known)} or package.module:Name" if known else "package.module:Name"
 
 
 @cache

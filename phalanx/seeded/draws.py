@@ -5,6 +5,7 @@ that ask for the same draw get the same bits.
 """
 
 import hashlib
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
@@ -30,6 +31,18 @@ class Draws:
         block, row = divmod(index, _BLOCK)
         draws: Array = self._block(block)[row]
         return draws
+
+    def last(self, index: int, holds: Callable[[Array], NDArray[np.bool_]]) -> int:
+        """The last row up to `index` of which something holds; 0 if it holds of none.
+
+        holds: of rows, shape (r, width), which they are, shape (r,).
+        """
+        block, row = divmod(index, _BLOCK)
+        found = np.flatnonzero(holds(self._block(block)[: row + 1]))
+        while not len(found) and block:
+            block -= 1
+            found = np.flatnonzero(holds(self._block(block)))
+        return block * _BLOCK + int(found[-1]) if len(found) else 0
 
     def _generate(self, block: int) -> Array:
         # The block number is the counter's high word, so blocks never overlap.

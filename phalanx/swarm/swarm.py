@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.scenario.agents import AgentGroup
+from phalanx.scenario.links import Links
 from phalanx.scenario.load import ScenarioError
 from phalanx.scenario.model import Scenario
 from phalanx.seeded.clock import SamplingClock
@@ -61,6 +62,11 @@ class Swarm:
         if self.members[i].adversary:
             return own
         return None if safety.needs_all_states else own or safety.neighbourhood
+
+    @cached_property
+    def links(self) -> Links:
+        """What goes wrong on links."""
+        return Links(self.scenario)
 
     @cached_property
     def limited(self) -> bool:

@@ -119,6 +119,8 @@ TO_PLANT = {
         REPORT, INSIDER.seal(REPORT, a_report(residual=math.nan)), "not finite"),
     "fates of nobody's messages": (
         REPORT, INSIDER.seal(REPORT, a_report(fates=(Fate(77, 0, 0.0),))), "unknown sender"),
+    "fates of faults that nobody declared": (
+        REPORT, INSIDER.seal(REPORT, a_report(fates=(Fate(0, 0, 0.0, (9,)),))), "unknown fault"),
     "a report from the past": (REPORT, INSIDER.seal(REPORT, a_report(k=-1)), "out of order"),
     "a report from the future": (REPORT, INSIDER.seal(REPORT, a_report()), "out of order"),
 }  # fmt: skip

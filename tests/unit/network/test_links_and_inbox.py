@@ -9,25 +9,25 @@ from hypothesis import strategies as st
 from scipy.stats import kstest
 
 from phalanx.network.inbox import BroadcastInbox, Existing, Fate
-from phalanx.network.link import Link
+from phalanx.network.link import Link, LinkModel
 from phalanx.scenario.load import load
-from phalanx.scenario.network import LinkModel, UniformDelay
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire.messages import Broadcast
+from tests.unit.network.models import model
 
-LOSSY = LinkModel(loss=0.3, delay=UniformDelay(low=0.002, high=0.05))
+LOSSY = model(loss=0.3, delay={"low": 0.002, "high": 0.05})
 MANY = 4000
 
 
 def fates(link: Link, ks: "range | list[int]" = range(MANY)) -> list[float | None]:
-    return [link.fate(k) for k in ks]
+    return [link.fate(k).delay for k in ks]
 
 
 @given(st.permutations(range(600)))
 def test_a_fate_depends_on_seed_link_and_number_alone_not_on_the_order_of_asking(order):
     once = dict(zip(range(600), fates(Link(3, "a", "b", LOSSY), range(600)), strict=True))
     link = Link(3, "a", "b", LOSSY)
-    assert {k: link.fate(k) for k in order} == once
+    assert {k: link.fate(k).delay for k in order} == once
 
 
 def test_links_in_each_direction_and_seeds_have_fates_of_their_own():
@@ -46,13 +46,13 @@ def test_links_in_each_direction_and_seeds_have_fates_of_their_own():
 
 @pytest.mark.parametrize("loss", [0.05, 0.3, 0.9])
 def test_the_share_of_losses_is_the_models(loss):
-    lost = sum(f is None for f in fates(Link(0, "a", "b", LinkModel(loss=loss))))
+    lost = sum(f is None for f in fates(Link(0, "a", "b", model(loss=loss))))
     assert lost / MANY == pytest.approx(loss, abs=4 * np.sqrt(loss * (1 - loss) / MANY))
 
 
 def test_loss_zero_loses_nothing_and_loss_one_everything():
-    assert None not in fates(Link(0, "a", "b", LinkModel(loss=0.0, delay=LOSSY.delay)))
-    assert set(fates(Link(0, "a", "b", LinkModel(loss=1.0)))) == {None}
+    assert None not in fates(Link(0, "a", "b", model(delay={"low": 0.002, "high": 0.05})))
+    assert set(fates(Link(0, "a", "b", model(loss=1.0)))) == {None}
 
 
 def test_losses_are_independent_of_one_another():
@@ -61,8 +61,8 @@ def test_losses_are_independent_of_one_another():
 
 
 def test_a_constant_delay_is_that_delay():
-    assert set(fates(Link(0, "a", "b", LinkModel(delay=0.01)))) == {0.01}
-    delays = set(fates(Link(0, "a", "b", LinkModel(delay=0.01, loss=0.5))))
+    assert set(fates(Link(0, "a", "b", model(delay=0.01)))) == {0.01}
+    delays = set(fates(Link(0, "a", "b", model(delay=0.01, loss=0.5))))
     assert delays == {None, 0.01}
 
 
@@ -77,12 +77,12 @@ def test_an_override_governs_its_links_and_no_others():
     scenario = load(
         "unicycles", ['network.links=[{ from = "1", to = "2", loss = 1.0 }]', "network.delay=0.01"]
     )
-    names = build_swarm(scenario).names
-    for one in names:
-        for other in names:
+    swarm = build_swarm(scenario)
+    for one in swarm.names:
+        for other in swarm.names:
             if one != other:
-                link = Link(0, one, other, scenario.network.link(one, other))
-                assert link.fate(5) == (None if (one, other) == ("1", "2") else 0.01)
+                link = Link(0, one, other, swarm.links.model(one, other))
+                assert link.fate(5).delay == (None if (one, other) == ("1", "2") else 0.01)
 
 
 # The inbox. Broadcast k is sent at k/100 s.
@@ -97,9 +97,9 @@ def upto(*latest: int) -> dict[int, Existing]:
     return {s: Existing(0, k) for s, k in enumerate(latest) if k >= 0}
 
 
-def inbox_of(model: LinkModel, senders: int = 1) -> BroadcastInbox:
+def inbox_of(links: LinkModel, senders: int = 1) -> BroadcastInbox:
     """The inbox of agent 9, which listens to senders 0, 1, ..."""
-    return BroadcastInbox({s: Link(0, f"s{s}", "me", model) for s in range(senders)})
+    return BroadcastInbox({s: Link(0, f"s{s}", "me", links) for s in range(senders)})
 
 
 def newest(inbox: BroadcastInbox, sender: int = 0) -> int | None:
@@ -116,14 +116,14 @@ def test_what_was_received_does_not_depend_on_the_order_of_arrival(order):
         arrived = [
             k
             for k in range(now + 1)
-            if (delay := Link(0, "s0", "me", LOSSY).fate(k)) is not None
+            if (delay := Link(0, "s0", "me", LOSSY).fate(k).delay) is not None
             and k / 100 + delay <= now / 100
         ]
         assert newest(inbox) == max(arrived, default=None)
 
 
 def test_a_broadcast_is_missing_until_it_is_here_and_not_again_after_it_was_decided():
-    inbox = inbox_of(LinkModel(), senders=2)
+    inbox = inbox_of(model(), senders=2)
     assert not inbox.missing(upto(-1, -1))
     assert inbox.missing(upto(0, -1))
     inbox.put(0, broadcast(0))
@@ -140,7 +140,7 @@ def test_a_broadcast_is_missing_until_it_is_here_and_not_again_after_it_was_deci
 
 
 def test_duplicates_and_replays_are_refused_and_change_nothing():
-    inbox = inbox_of(LinkModel())
+    inbox = inbox_of(model())
     assert inbox.put(0, broadcast(0))
     assert not inbox.put(0, broadcast(0))
     inbox.put(0, broadcast(1))
@@ -152,7 +152,7 @@ def test_duplicates_and_replays_are_refused_and_change_nothing():
 
 
 def test_the_first_of_two_claims_to_one_number_counts():
-    inbox = inbox_of(LinkModel())
+    inbox = inbox_of(model())
     inbox.put(0, broadcast(0))
     rival = Broadcast(k=0, t_apply=0.0, u=(99.0, 0.0))
     assert not inbox.put(0, rival)
@@ -161,7 +161,7 @@ def test_the_first_of_two_claims_to_one_number_counts():
 
 
 def test_a_broadcast_that_came_early_counts_only_once_the_sample_says_it_exists():
-    inbox = inbox_of(LinkModel())
+    inbox = inbox_of(model())
     for k in range(3):
         inbox.put(0, broadcast(k))
     inbox.advance(upto(0), 1.0)
@@ -171,7 +171,7 @@ def test_a_broadcast_that_came_early_counts_only_once_the_sample_says_it_exists(
 
 
 def test_a_delayed_broadcast_is_received_when_its_delay_is_over():
-    inbox = inbox_of(LinkModel(delay=0.025))
+    inbox = inbox_of(model(delay=0.025))
     inbox.put(0, broadcast(1))
     inbox.put(0, broadcast(0))
     inbox.advance(upto(1), 0.02)
@@ -183,21 +183,21 @@ def test_a_delayed_broadcast_is_received_when_its_delay_is_over():
 
 
 def test_a_lost_broadcast_leaves_the_one_before_in_place():
-    inbox = inbox_of(LinkModel(loss=0.5))
-    link = Link(0, "s0", "me", LinkModel(loss=0.5))
+    inbox = inbox_of(model(loss=0.5))
+    link = Link(0, "s0", "me", model(loss=0.5))
     kept = None
     for k in range(40):
         inbox.put(0, broadcast(k))
         inbox.advance(upto(k), k / 100)
-        kept = kept if link.fate(k) is None else k
+        kept = kept if link.fate(k).delay is None else k
         assert newest(inbox) == kept
     assert kept is not None
 
 
 def test_an_overtaken_broadcast_does_not_replace_the_newer_one():
-    wild = LinkModel(delay=UniformDelay(low=0.0, high=0.2))
+    wild = model(delay={"low": 0.0, "high": 0.2})
     inbox, link = inbox_of(wild), Link(0, "s0", "me", wild)
-    due = [k / 100 + link.fate(k) for k in range(60)]
+    due = [k / 100 + link.fate(k).delay for k in range(60)]
     assert any(a > b for a, b in itertools.pairwise(due)), "no overtaking to test"
     for k in range(60):
         inbox.put(0, broadcast(k))
@@ -225,14 +225,15 @@ def test_each_fate_is_told_once_with_its_delay_and_a_negative_one_for_a_loss():
     expected = []
     for s, count in ((0, 30), (1, 5)):
         for k in range(count):
-            delay = links[s].fate(k)
-            expected.append(Fate(s, k, -1.0 if delay is None else delay))
+            passage = links[s].fate(k)
+            delay = -1.0 if passage.delay is None else passage.delay
+            expected.append(Fate(s, k, delay, passage.faults))
     assert sorted(told, key=lambda f: (f.sender, f.k)) == expected
     assert any(f.delay < 0 for f in told)
 
 
 def test_senders_do_not_disturb_one_another():
-    inbox = inbox_of(LinkModel(), senders=3)
+    inbox = inbox_of(model(), senders=3)
     inbox.put(1, broadcast(0))
     inbox.advance(upto(-1, 0, -1), 1.0)
     assert set(inbox.received()) == {1}
@@ -240,7 +241,7 @@ def test_senders_do_not_disturb_one_another():
 
 
 def test_who_goes_out_of_sight_is_forgotten_with_all_that_is_on_its_way():
-    inbox = inbox_of(LinkModel(delay=0.03))
+    inbox = inbox_of(model(delay=0.03))
     for k in range(3):
         inbox.put(0, broadcast(k))
     inbox.advance({0: Existing(0, 2)}, 0.035)
@@ -252,7 +253,7 @@ def test_who_goes_out_of_sight_is_forgotten_with_all_that_is_on_its_way():
 
 
 def test_who_comes_back_is_heard_again_from_its_first_broadcast_since():
-    inbox = inbox_of(LinkModel())
+    inbox = inbox_of(model())
     for k in (0, 1, 2, 5, 6):
         inbox.put(0, broadcast(k))
     inbox.advance({0: Existing(0, 1)}, 0.02)
@@ -266,7 +267,7 @@ def test_who_comes_back_is_heard_again_from_its_first_broadcast_since():
 
 
 def test_a_new_contact_between_two_samples_ends_the_old_one_though_nobody_was_out_of_sight():
-    slow = LinkModel(delay=0.03)
+    slow = model(delay=0.03)
     inbox = inbox_of(slow)
     inbox.put(0, broadcast(0))
     inbox.advance({0: Existing(0, 0)}, 0.03)

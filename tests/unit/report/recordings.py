@@ -10,6 +10,7 @@ from phalanx.guarantee.verdict import Assumption, CertificateSummary, Outcome, S
 from phalanx.network.link import Link
 from phalanx.recording.records import RECORDING, Log, State, Step
 from phalanx.recording.write import RecordingWriter
+from phalanx.scenario.links import Links
 from phalanx.scenario.load import load, validate
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import build_swarm
@@ -63,7 +64,8 @@ def step(scenario: Scenario, names: tuple[str, ...], i: int, k: int) -> Step:
 
 
 def fate(scenario: Scenario, sender: str, receiver: str, k: int) -> float | None:
-    return Link(scenario.seed, sender, receiver, scenario.network.link(sender, receiver)).fate(k)
+    model = Links(scenario).model(sender, receiver)
+    return Link(scenario.seed, sender, receiver, model).fate(k, 0.01 * k).delay
 
 
 def summary_of(scenario: Scenario, reason: str = "h <= 0 throughout") -> Summary:

@@ -4,6 +4,8 @@ import tomllib
 
 import pytest
 
+from phalanx.network.delay import UniformDelay
+from phalanx.scenario.links import Links
 from phalanx.scenario.load import (
     ScenarioError,
     apply_override,
@@ -12,7 +14,6 @@ from phalanx.scenario.load import (
     load,
     to_json,
 )
-from phalanx.scenario.network import UniformDelay
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.margins.paper import MarginConstants
 from phalanx.theory.rows.information import Information
@@ -161,7 +162,7 @@ def test_links_take_the_last_override_that_matches():
         { to = "2", loss = 0.2 },
         { from = "3", to = "1", loss = 0.3, delay = 0.01 },
     ]""".replace("\n", "")
-    network = load("unicycles", [links, "network.loss=0.5"]).network
+    found = Links(load("unicycles", [links, "network.loss=0.5"]))
     expected = {
         ("1", "3"): 0.1,
         ("1", "2"): 0.2,
@@ -169,5 +170,5 @@ def test_links_take_the_last_override_that_matches():
         ("3", "1"): 0.3,
         ("2", "1"): 0.5,
     }
-    assert {link: network.link(*link).loss for link in expected} == expected
-    assert network.link("3", "1").delay == 0.01
+    assert {link: found.model(*link).loss for link in expected} == expected
+    assert found.model("3", "1").described("delay") == "10 ms"

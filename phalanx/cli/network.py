@@ -1,0 +1,64 @@
+"""phalanx network: link models by name, and from what was measured."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+commands = typer.Typer(no_args_is_help=True, help="Link models: presets, and fits to a capture.")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.add_typer(commands, name="network")
+
+
+@commands.command()
+def presets() -> int:
+    """Print every preset with its fields and where they are from."""
+    from phalanx.network.presets import PRESETS
+
+    for name, preset in PRESETS.items():
+        print(f"# {name}: {preset.source}")
+        print(_toml(preset.table))
+    return 0
+
+
+@commands.command()
+def fit(
+    capture: Annotated[
+        Path, typer.Argument(help="CSV with a column delay [s], empty where a message was lost.")
+    ],
+) -> int:
+    """Print the [network] table that fits measured delays and losses best.
+
+    One line for each message, in the order in which they were sent: losses in a row make bursts.
+
+    Examples:
+
+      phalanx network fit capture.csv
+      phalanx network fit capture.csv > network.toml
+    """
+    from phalanx.network.fit import CaptureError, fit, read_capture
+
+    try:
+        with capture.open(encoding="utf-8", newline="") as lines:
+            found = fit(read_capture(lines))
+    except (CaptureError, OSError, UnicodeDecodeError) as error:
+        print(f"{capture}: {error}", file=sys.stderr)
+        return 64
+    print(f"# {found.messages} messages, {found.lost} lost; the delays of the model are")
+    print(f"# off by {found.distance:.3g} at most (Kolmogorov and Smirnov's distance)")
+    print(_toml(found.table))
+    return 0
+
+
+def _toml(fields: Any) -> str:
+    return "\n".join(["[network]", *(f"{k} = {_value(v)}" for k, v in fields.items()), ""])
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{k} = {_value(v)}' for k, v in value.items())} }}"
+    return f'"{value}"' if isinstance(value, str) else repr(value)

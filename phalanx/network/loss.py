@@ -1,0 +1,115 @@
+"""Which messages are lost: by chance, in bursts, by distance."""
+
+from dataclasses import dataclass
+
+from phalanx.network.chance import Chance, NonNegative, Probability
+from phalanx.network.delay import BASIC
+from phalanx.network.rule import DELIVER, DROP, Message, Treatment
+
+
+@dataclass(frozen=True)
+class RandomLoss:
+    """netem's `loss random PERCENT CORRELATION`."""
+
+    chance: Chance
+
+    @property
+    def mean(self) -> float:
+        """The share that is lost."""
+        return self.chance.probability
+
+    def __str__(self) -> str:
+        kept = self.chance.correlation
+        return f"{100 * self.chance.probability:g} %" + (f", correlation {kept:g}" if kept else "")
+
+    def treat(self, message: Message) -> Treatment:
+        """Drop by chance."""
+        return DROP if self.chance.befalls(message, BASIC) else DELIVER
+
+
+@dataclass(frozen=True)
+class GilbertElliott:
+    """netem's `loss gemodel p r 1-h 1-k`: a link that is good or bad, and changes between."""
+
+    p: Probability
+    """Of a good link to be bad at the next message."""
+    r: Probability
+    """Of a bad link to be good at the next message."""
+    lost_if_bad: Probability = 1.0
+    """1-h."""
+    lost_if_good: Probability = 0.0
+    """1-k."""
+
+    def __post_init__(self) -> None:
+        if self.p + self.r == 0.0:
+            raise ValueError("expected p or r above 0, for a link that is ever good or bad")
+
+    def __str__(self) -> str:
+        return f"{100 * self.mean:.4g} % in bursts"
+
+    @property
+    def mean(self) -> float:
+        """The share that is lost in the long run."""
+        bad = self.p / (self.p + self.r)
+        return bad * self.lost_if_bad + (1.0 - bad) * self.lost_if_good
+
+    def treat(self, message: Message) -> Treatment:
+        """Drop by the state of the link."""
+        lost = self.lost_if_bad if self._bad(message) else self.lost_if_good
+        return DROP if message.draw(BASIC) < lost else DELIVER
+
+    def _bad(self, message: Message) -> bool:
+        """The link's state at message k, whoever asks and in which order.
+
+        One draw u moves a good link to bad where u < p, and leaves a bad one bad where u < 1 - r.
+        Below both, or above both, the state before has no part in it: the search back ends there.
+        """
+        both, either = sorted((self.p, 1.0 - self.r))
+        draws = message.table("state of the link")
+        k = draws.last(message.k, lambda rows: (rows[:, 0] < both) | (rows[:, 0] >= either))
+        # The first message finds the link as it is in the long run.
+        bad = bool(draws[k][0] < (both if k else self.p / (self.p + self.r)))
+        # Between both the state stays, or, where p > 1 - r, turns into the other each time.
+        return bad ^ (self.p > 1.0 - self.r and (message.k - k) % 2 == 1)
+
+
+def bursts(mean: float, burst: float) -> GilbertElliott:
+    """The simple Gilbert model by what one sees of it.
+
+    Args:
+        mean: share of messages lost, below 1.
+        burst: mean number of messages lost in a row, at least 1.
+
+    Raises:
+        ValueError: no such link: bursts as short as that cannot make up so large a share.
+    """
+    r = 1.0 / burst
+    p = mean * r / (1.0 - mean)
+    if p > 1.0:
+        least = mean / (1.0 - mean)
+        raise ValueError(f"expected burst >= {least:.4g} for a mean loss of {mean:g}, got {burst}")
+    return GilbertElliott(p, r)
+
+
+@dataclass(frozen=True)
+class DistanceLoss:
+    """Loss by distance: none near, all far, and linear between."""
+
+    none_within: NonNegative
+    """[m]"""
+    all_beyond: NonNegative
+    """[m]"""
+
+    asks_distance = True
+
+    def __post_init__(self) -> None:
+        if self.none_within > self.all_beyond:
+            message = "expected none_within <= all_beyond"
+            raise ValueError(f"{message}, got {self.none_within} > {self.all_beyond}")
+
+    def treat(self, message: Message) -> Treatment:
+        """Drop the farther the likelier."""
+        over, width = message.distance - self.none_within, self.all_beyond - self.none_within
+        if over <= 0.0:
+            return DELIVER
+        return DROP if over >= width * message.draw("distance") else DELIVER

@@ -1,0 +1,92 @@
+"""The seam of the network: a rule says what becomes of one message, and of nothing else.
+
+A class of your own is a rule if it has the method `treat`; a dozen lines are enough:
+
+    @dataclass(frozen=True)
+    class Rain:
+        \"\"\"The farther apart, the more is lost.\"\"\"
+
+        per_metre: float
+
+        def treat(self, message):
+            return DROP if message.draw("rain") < self.per_metre * message.distance else DELIVER
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+from phalanx.seeded.draws import Draws
+
+
+class Copy(NamedTuple):
+    """One copy of a message that a rule lets through."""
+
+    after: float = 0.0
+    """Later than it came to the rule [s]."""
+    corrupt: bool = False
+    """With a flipped byte, which the receiver's seal refuses."""
+
+
+Treatment = tuple[Copy, ...]
+"""What a rule makes of a message: no copy of it, one, or several."""
+
+DELIVER: Treatment = (Copy(),)
+DROP: Treatment = ()
+DUPLICATE: Treatment = (Copy(), Copy())
+CORRUPT: Treatment = (Copy(corrupt=True),)
+
+
+def delay(after: float) -> Treatment:
+    """Deliver the message so much later [s]."""
+    return (Copy(after),)
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One message on its way over one link, as it comes to a rule."""
+
+    sender: str
+    receiver: str
+    k: int
+    """Its sequence number on the link."""
+    sent: float
+    """When it left its sender [s]."""
+    waited: float
+    """How long the rules before this one have delayed it [s]."""
+    distance: float
+    """From sender to receiver [m]; not a number where no rule of the link asks for it."""
+    copy: int
+    """0; a duplicate made by a rule before this one: 1, 2, ..."""
+    previous: float
+    """When the message before it left this rule [s]; -inf if there was none."""
+    table: Callable[[str], Draws]
+    """Tables of draws that belong to this link and this rule, by their purpose."""
+
+    @property
+    def t(self) -> float:
+        """When it comes to this rule [s]."""
+        return self.sent + self.waited
+
+    def draw(self, purpose: str, column: int = 0, kept: float = 0.0) -> float:
+        """A uniform draw in [0, 1) of this message's own: the same whenever it is asked for.
+
+        Args:
+            purpose: draws of different purposes are independent.
+            column: 0 or 1: each purpose has two draws for every message.
+            kept: with this probability the draw is that of the message before. So whatever is
+                made of draws has exactly this correlation from one message to the next, and the
+                distribution that it has without.
+        """
+        name = purpose if self.copy == 0 else f"{purpose} of copy {self.copy}"
+        k = self.k
+        if kept > 0.0:
+            k = self.table(f"{name} kept").last(k, lambda rows: rows[:, column] >= kept)
+        return float(self.table(name)[k][column])
+
+
+class Rule(Protocol):
+    """What becomes of messages: a pure function of the message, its link and the seed."""
+
+    def treat(self, message: Message) -> Treatment:
+        """DELIVER, DROP, DUPLICATE, CORRUPT, delay(after), or any copies."""

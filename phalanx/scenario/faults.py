@@ -1,0 +1,90 @@
+"""The [[faults]] list: what goes wrong on links for a time."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from phalanx.network.partition import Shape, between, shaped
+from phalanx.network.rule import Rule
+from phalanx.network.window import During
+from phalanx.scenario.fields import Name, NonNegative, Positive, Strict, misplaced
+from phalanx.scenario.network import LinkTable, SomeLinks
+from phalanx.seeded.draws import Draws
+
+
+class _Timed(Strict):
+    at: NonNegative = 0.0
+    """From when on [s]."""
+    lasts: Positive = Field(alias="for")
+    """For how long [s]."""
+
+    @property
+    def end(self) -> float:
+        """When it is over [s]."""
+        return self.at + self.lasts
+
+    def during(self, rule: Rule) -> Rule:
+        """The rule, in force in this fault's time."""
+        return During(self.at, self.end, rule)
+
+
+class Partition(_Timed):
+    """Links between groups of agents carry nothing."""
+
+    kind: Literal["partition"]
+    groups: tuple[tuple[Name, ...], ...] = ()
+    """Who is together; all that are in none make a group of their own."""
+    shape: Shape | None = None
+    """Instead of groups: who is together is drawn at random."""
+    one_way: bool = False
+    """Only what leaves the first group is lost."""
+
+    @model_validator(mode="after")
+    def _groups_or_shape(self) -> Self:
+        if bool(self.groups) == bool(self.shape):
+            raise ValueError("expected groups, or a shape")
+        members = [name for group in self.groups for name in group]
+        for name in members:
+            if members.count(name) > 1:
+                raise misplaced(("groups",), f"expected {name!r} in one group", members)
+        if self.shape and self.one_way:
+            raise misplaced(("one_way",), "expected groups, of which the first is meant", True)
+        return self
+
+    def check(self, names: list[str], where: tuple[str | int, ...]) -> None:
+        """Raise ValidationError for a name that nobody has, or if nobody is apart."""
+        for group in self.groups:
+            for name in group:
+                if name not in names:
+                    message = f"expected agents' names, of {names}"
+                    raise misplaced((*where, "groups"), message, name)
+        if len(self._complete(names)) < 2 and not self.shape:
+            raise misplaced(
+                (*where, "groups"), "expected two groups, or somebody in none", self.groups
+            )
+
+    def cut(self, names: list[str], seed: int, place: int) -> frozenset[tuple[str, str]]:
+        """The links (sender, receiver) that carry nothing, if this is fault number `place`."""
+        if self.shape:
+            return shaped(self.shape, names, Draws(seed, "partition", str(place)))
+        return between(self._complete(names), self.one_way)
+
+    def _complete(self, names: list[str]) -> list[tuple[str, ...]]:
+        members = {name for group in self.groups for name in group}
+        rest = tuple(name for name in names if name not in members)
+        return [*self.groups, rest] if rest else list(self.groups)
+
+
+class HoldFault(_Timed, SomeLinks):
+    """Links keep what they carry, and deliver all of it at once when it is over."""
+
+    kind: Literal["hold"]
+
+
+class LinkFault(_Timed, SomeLinks, LinkTable):
+    """Fields of a link model that act before those of [network], for what is sent meanwhile."""
+
+    kind: Literal["link"]
+
+
+Fault = Annotated[Partition | HoldFault | LinkFault, Field(discriminator="kind")]

@@ -1,0 +1,31 @@
+"""Link models from the fields of a [network] table, without a scenario around them."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.network.link import Link, LinkModel, Stage
+from phalanx.scenario.network import LinkTable
+
+Array = NDArray[np.float64]
+
+MANY = 100_000
+
+
+def model(**fields: Any) -> LinkModel:
+    """The model of a link with these fields; rules are numbered in their order."""
+    rules = LinkTable.model_validate(fields).fields()
+    return LinkModel(tuple(Stage(field, rule, i) for i, (field, rule) in enumerate(rules)))
+
+
+def lost(count: int = MANY, **fields: Any) -> NDArray[np.bool_]:
+    """Which of so many messages are lost, shape (count,)."""
+    link = Link(0, "a", "b", model(**fields))
+    return np.array([link.fate(k).delay is None for k in range(count)])
+
+
+def delays(count: int = MANY, **fields: Any) -> Array:
+    """Delays of so many messages [s], shape (count,); none may be lost."""
+    link = Link(0, "a", "b", model(**fields))
+    return np.array([link.fate(k).delay for k in range(count)], dtype=float)

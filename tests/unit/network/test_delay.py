@@ -1,0 +1,88 @@
+"""Delays over 100 000 messages against the distributions that they are named after."""
+
+import numpy as np
+import pytest
+from scipy.stats import ks_1samp, norm, spearmanr
+
+from phalanx.network.distributions import LONGEST
+from tests.unit.network.models import MANY, delays, model
+
+TIME, JITTER = 0.1, 0.02
+
+
+def uniform(s):
+    return np.clip((s + 1.0) / 2.0, 0.0, 1.0)
+
+
+def pareto(s):
+    """Of netem's scaled Pareto: x = 3/2 + 3/4 s >= 1 has the tail x^-3."""
+    return np.where(s >= LONGEST, 1.0, 1.0 - np.maximum(1.0, 1.5 + 0.75 * s) ** -3.0)
+
+
+def paretonormal(s):
+    """A quarter normal and three quarters Pareto of one draw, inverted on a fine grid."""
+    u = np.linspace(1e-7, 1.0 - 1e-7, 2_000_001)
+    x = np.minimum(((1.0 - u) ** (-1.0 / 3.0) - 1.5) * 4.0 / 3.0, LONGEST)
+    return np.interp(s, 0.25 * norm.ppf(u) + 0.75 * x, u)
+
+
+EXPECTED = {"uniform": uniform, "normal": norm.cdf, "pareto": pareto, "paretonormal": paretonormal}
+
+
+@pytest.mark.parametrize("distribution", EXPECTED)
+def test_a_delay_has_the_distribution_that_it_is_named_after(distribution):
+    drawn = delays(delay={"time": TIME, "jitter": JITTER, "distribution": distribution})
+    scaled = (drawn - TIME) / JITTER
+    expected = EXPECTED[distribution]
+    # Of Pareto's one in ninety is at the end of netem's table, where the distribution jumps.
+    inside = scaled < LONGEST - 1e-9
+    share = float(expected(np.array(LONGEST - 1e-9)))
+    assert np.mean(inside) == pytest.approx(share, abs=4.0 * np.sqrt(0.02 / MANY))
+    assert ks_1samp(scaled[inside], lambda s: expected(s) / share).pvalue > 0.01
+    others = [cdf for name, cdf in EXPECTED.items() if name != distribution]
+    assert all(ks_1samp(scaled, cdf).pvalue < 1e-6 for cdf in others)
+
+
+@pytest.mark.parametrize("distribution", EXPECTED)
+@pytest.mark.parametrize("correlation", [0.25, 0.9])
+def test_a_correlation_is_met_and_leaves_the_distribution_as_it_is(distribution, correlation):
+    table = {"time": TIME, "jitter": JITTER, "distribution": distribution}
+    drawn = delays(delay={**table, "correlation": correlation})
+    # Runs of equal draws: of so many messages (1 - correlation) are draws of their own.
+    effective = MANY * (1.0 - correlation) / (1.0 + correlation)
+    for ahead in (1, 2, 5):
+        found = spearmanr(drawn[ahead:], drawn[:-ahead]).statistic
+        assert found == pytest.approx(correlation**ahead, abs=5.0 / np.sqrt(effective))
+    scaled = (drawn - TIME) / JITTER
+    distance = ks_1samp(scaled, EXPECTED[distribution]).statistic
+    ends = 0.012 if distribution == "pareto" else 0.0  # the jump at the end of the table
+    assert distance < 1.63 / np.sqrt(effective) + ends
+
+
+def test_no_delay_is_below_zero():
+    drawn = delays(delay={"time": 0.01, "jitter": 0.02, "distribution": "normal"})
+    assert drawn.min() == 0.0
+    assert np.mean(drawn == 0.0) == pytest.approx(norm.cdf(-0.5), abs=0.01)
+
+
+def test_a_floor_grows_with_the_distance():
+    from phalanx.network.link import Link
+
+    floor = {"time": 0.001, "per_metre": 0.002}
+    link = Link(0, "a", "b", model(delay_floor=floor, delay={"low": 0.0, "high": 0.02}))
+    bare = Link(0, "a", "b", model(delay={"low": 0.0, "high": 0.02}))
+    for metres in (0.0, 1.0, 5.0):
+        least = 0.001 + 0.002 * metres
+        for k in range(200):
+            drawn = bare.fate(k).delay
+            found = link.fate(k, distance=metres).delay
+            assert found == pytest.approx(max(drawn, least), abs=1e-15)
+
+
+def test_messages_that_are_reordered_are_not_delayed():
+    share = np.mean(delays(delay=0.01, reorder={"probability": 0.25}) == 0.0)
+    assert share == pytest.approx(0.25, abs=4.0 * np.sqrt(0.25 * 0.75 / MANY))
+    every_fifth = delays(50, delay=0.01, reorder={"gap": 5})
+    assert np.flatnonzero(every_fifth == 0.0).tolist() == list(range(4, 50, 5))
+    early = delays(delay=0.01, reorder={"probability": 0.25, "correlation": 0.5}) == 0.0
+    assert np.corrcoef(early[1:], early[:-1])[0, 1] == pytest.approx(0.5, abs=0.02)

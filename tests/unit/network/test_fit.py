@@ -1,0 +1,84 @@
+"""A link model fitted to what a link model did is that model."""
+
+import math
+
+import pytest
+
+from phalanx.cli.app import status
+from phalanx.network.fit import CaptureError, fit, read_capture
+from phalanx.network.link import Link
+from phalanx.scenario.load import load
+from phalanx.scenario.network import LinkTable
+from tests.unit.network.models import model
+
+MODELS = {
+    "constant": {"delay": 0.02},
+    "uniform": {"delay": {"time": 0.05, "jitter": 0.02, "distribution": "uniform"}},
+    "normal": {"delay": {"time": 0.1, "jitter": 0.01, "distribution": "normal"}, "loss": 0.1},
+    "pareto": {
+        "delay": {"time": 0.1, "jitter": 0.02, "distribution": "pareto", "correlation": 0.5},
+        "loss": {"mean": 0.2, "burst": 5.0},
+    },
+    "paretonormal": {
+        "delay": {"time": 0.04, "jitter": 0.005, "distribution": "paretonormal"},
+        "loss": {"mean": 0.02, "burst": 3.0},
+    },
+}
+
+
+def captured(count: int = 20_000, **fields: object) -> list[str]:
+    link = Link(5, "a", "b", model(**fields))
+    found = (link.fate(k).delay for k in range(count))
+    return ["k,delay", *(f"{k},{'' if d is None else repr(d)}" for k, d in enumerate(found))]
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_what_a_model_did_is_fitted_by_that_model(name):
+    asked = MODELS[name]
+    found = fit(read_capture(captured(**asked))).table
+    LinkTable.model_validate(found)
+    assert set(found) == set(asked)
+    for field, value in asked.items():
+        if isinstance(value, dict):
+            assert set(found[field]) == set(value)
+            for key, part in value.items():
+                assert found[field][key] == (
+                    part if isinstance(part, str) else pytest.approx(part, rel=0.08)
+                )
+        else:
+            assert found[field] == pytest.approx(value, rel=0.05)
+
+
+def test_the_distance_tells_a_model_that_fits_from_one_that_does_not():
+    good = fit(read_capture(captured(**MODELS["normal"])))
+    two_ways = ["delay", *(["0.01", "0.5"] * 500)]
+    assert good.distance < 0.02
+    assert fit(read_capture(two_ways)).distance > 0.2
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        (["time", "0.1"], "line 1: expected a column delay"),
+        (["delay", "0.1", "soon"], "line 3: expected a delay in seconds or nothing, got 'soon'"),
+        (["delay", "-0.1"], "line 2: expected a delay"),
+        (["delay", "inf"], "line 2: expected a delay"),
+        (["delay", *["0.1"] * 5], "expected at least 30 messages"),
+    ],
+)
+def test_a_capture_that_is_none_is_refused_with_its_line(lines, message):
+    with pytest.raises(CaptureError, match=message):
+        read_capture(lines)
+
+
+def test_what_the_command_prints_is_a_table_of_a_scenario(tmp_path, capsys):
+    import tomllib
+
+    capture = tmp_path / "capture.csv"
+    capture.write_text("\n".join(captured(3000, **MODELS["pareto"])))
+    assert status(["network", "fit", str(capture)]) == 0
+    table = tomllib.loads(capsys.readouterr().out)
+    delay = load("unicycles", {"network": table["network"]}).network.delay
+    assert delay.distribution == "pareto"
+    assert math.isclose(delay.time, 0.1, rel_tol=0.05)
+    assert status(["network", "fit", str(tmp_path / "none.csv")]) == 64

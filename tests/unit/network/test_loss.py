@@ -1,0 +1,103 @@
+"""Losses over 100 000 messages: shares, bursts and correlation as asked for."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import chisquare
+
+from phalanx.network.link import Link
+from tests.unit.network.models import MANY, lost, model
+
+
+def runs(of: np.ndarray) -> np.ndarray:
+    """Lengths of the runs of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], of.astype(int), [0]])))
+    return edges[1::2] - edges[::2]
+
+
+def chi_square_of_geometric(lengths: np.ndarray, stay: float) -> float:
+    """How well lengths fit a geometric distribution; bins of at least some twenty."""
+    longest = max(2, int(np.floor(np.log(20.0 / len(lengths)) / np.log(stay))))
+    shares = [(1.0 - stay) * stay ** (n - 1) for n in range(1, longest)]
+    shares.append(1.0 - sum(shares))
+    found = np.bincount(np.minimum(lengths, longest), minlength=longest + 1)[1:]
+    return float(chisquare(found, np.array(shares) * len(lengths)).pvalue)
+
+
+def test_independent_losses_are_as_many_as_asked_for_and_do_not_know_of_one_another():
+    gone = lost(loss=0.3)
+    assert np.mean(gone) == pytest.approx(0.3, abs=4.0 * np.sqrt(0.21 / MANY))
+    assert chi_square_of_geometric(runs(gone), 0.3) > 0.01
+    pairs = np.bincount(2 * gone[:-1:2] + gone[1::2], minlength=4)
+    expected = np.outer([0.7, 0.3], [0.7, 0.3]).ravel() * (MANY // 2)
+    assert chisquare(pairs, expected).pvalue > 0.01
+
+
+@pytest.mark.parametrize("correlation", [0.25, 0.8])
+def test_random_losses_have_the_correlation_asked_for_and_the_share(correlation):
+    gone = lost(loss={"random": 0.2, "correlation": correlation})
+    effective = MANY * (1.0 - correlation) / (1.0 + correlation)
+    assert np.mean(gone) == pytest.approx(0.2, abs=4.0 * np.sqrt(0.16 / effective))
+    found = np.corrcoef(gone[1:], gone[:-1])[0, 1]
+    assert found == pytest.approx(correlation, abs=5.0 / np.sqrt(effective))
+
+
+@pytest.mark.parametrize(("mean", "burst"), [(0.1, 4.0), (0.02, 10.0), (0.7, 25.0), (0.5, 1.2)])
+def test_bursts_are_as_long_as_asked_for_and_the_share_is_kept(mean, burst):
+    gone = lost(loss={"mean": mean, "burst": burst})
+    stay = 1.0 - 1.0 / burst
+    kept = stay - mean / burst / (1.0 - mean)  # 1 - p - r: the correlation of the chain
+    effective = MANY * (1.0 - kept) / (1.0 + kept)
+    assert np.mean(gone) == pytest.approx(mean, abs=4.0 * np.sqrt(mean * (1 - mean) / effective))
+    lengths = runs(gone)
+    assert np.mean(lengths) == pytest.approx(burst, abs=4.0 * burst / np.sqrt(len(lengths)))
+    assert chi_square_of_geometric(lengths, stay) > 0.01
+
+
+def test_gilbert_and_elliotts_four_numbers_mean_what_netem_says():
+    p, r, bad, good = 0.05, 0.2, 0.8, 0.01
+    gone = lost(loss={"p": p, "r": r, "1-h": bad, "1-k": good})
+    share_bad = p / (p + r)
+    mean = share_bad * bad + (1.0 - share_bad) * good
+    assert np.mean(gone) == pytest.approx(mean, abs=0.01)
+    # Autocovariance of the losses: that of the state, times how much the state matters, squared.
+    state = share_bad * (1.0 - share_bad) * (bad - good) ** 2
+    for ahead in (1, 2, 6):
+        expected = state * (1.0 - p - r) ** ahead / (mean * (1.0 - mean))
+        assert np.corrcoef(gone[ahead:], gone[:-ahead])[0, 1] == pytest.approx(expected, abs=0.02)
+
+
+def test_a_link_that_changes_more_often_than_not_alternates():
+    p, r = 0.9, 0.8
+    gone = lost(loss={"p": p, "r": r})
+    assert np.mean(gone) == pytest.approx(p / (p + r), abs=0.005)
+    assert np.corrcoef(gone[1:], gone[:-1])[0, 1] == pytest.approx(1.0 - p - r, abs=0.02)
+
+
+def test_p_alone_is_bernoullis():
+    assert np.mean(lost(loss={"p": 0.25})) == pytest.approx(0.25, abs=0.006)
+
+
+BURSTY = model(
+    loss={"p": 0.02, "r": 0.1, "1-h": 0.9, "1-k": 0.05},
+    delay={"time": 0.1, "jitter": 0.02, "correlation": 0.8, "distribution": "paretonormal"},
+    duplicate={"probability": 0.1, "correlation": 0.5},
+)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.permutations(range(300, 700, 7)))
+def test_bursts_and_correlation_do_not_depend_on_the_order_of_asking(order):
+    straight = Link(3, "a", "b", BURSTY)
+    once = {k: straight.fate(k) for k in range(700)}
+    other = Link(3, "a", "b", BURSTY)
+    assert {k: other.fate(k) for k in order} == {k: once[k] for k in order}
+
+
+def test_loss_by_distance_is_none_near_all_far_and_linear_between():
+    link = Link(0, "a", "b", model(loss_by_distance={"none_within": 10.0, "all_beyond": 30.0}))
+    for metres, share in ((0.0, 0.0), (10.0, 0.0), (15.0, 0.25), (25.0, 0.75), (30.0, 1.0)):
+        gone = [link.fate(k, distance=metres).delay is None for k in range(4000)]
+        assert np.mean(gone) == pytest.approx(share, abs=0.03 if 0.0 < share < 1.0 else 0.0)
+    assert link.asks_distance

@@ -1,0 +1,59 @@
+"""Which links each shape of a partition cuts."""
+
+import itertools
+
+import pytest
+
+from phalanx.network.partition import between, shaped
+from phalanx.seeded.draws import Draws
+
+NAMES = [str(n) for n in range(1, 8)]
+LINKS = set(itertools.permutations(NAMES, 2))
+
+
+def draws(seed: int = 0) -> Draws:
+    return Draws(seed, "partition", "0")
+
+
+def heard_by(cut, receiver: str) -> set[str]:
+    return {receiver, *(s for s, r in LINKS - cut if r == receiver)}
+
+
+def test_groups_hear_themselves_alone():
+    cut = between([NAMES[:3], NAMES[3:5], NAMES[5:]])
+    for group in (NAMES[:3], NAMES[3:5], NAMES[5:]):
+        assert all(heard_by(cut, name) == set(group) for name in group)
+
+
+def test_one_way_only_what_leaves_the_first_group_is_lost():
+    cut = between([["1"], ["2", "3"], ["4"]], one_way=True)
+    assert cut == {("1", "2"), ("1", "3"), ("1", "4")}
+
+
+def test_a_majority_is_parted_from_the_rest():
+    cut = shaped("majority", NAMES, draws())
+    groups = {frozenset(heard_by(cut, name)) for name in NAMES}
+    assert sorted(map(len, groups)) == [3, 4]
+
+
+def test_one_is_isolated():
+    cut = shaped("isolate", NAMES, draws())
+    assert sorted(len(heard_by(cut, name)) for name in NAMES) == [1] + [6] * 6
+
+
+@pytest.mark.parametrize("count", [3, 5, 6, 7])
+def test_in_a_ring_everybody_hears_a_majority_and_no_two_the_same(count):
+    names = NAMES[:count]
+    cut = shaped("ring", names, draws())
+    heard = [
+        frozenset({r, *(s for s, other in itertools.permutations(names, 2) if other == r
+                        and (s, r) not in cut)})
+        for r in names
+    ]  # fmt: skip
+    assert {len(h) for h in heard} == {count // 2 + 1}
+    assert len(set(heard)) == count
+
+
+def test_who_is_parted_is_drawn_by_the_seed():
+    assert len({shaped("isolate", NAMES, draws(seed)) for seed in range(20)}) > 3
+    assert shaped("ring", NAMES, draws(4)) == shaped("ring", NAMES, draws(4))

@@ -1,0 +1,187 @@
+"""Duplicates, damage, queues, slots, faults of a time, and rules of one's own."""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from phalanx.network.inbox import BroadcastInbox, Existing
+from phalanx.network.link import Link, LinkModel, Stage
+from phalanx.network.rule import CORRUPT, DELIVER, DROP, DUPLICATE, delay
+from phalanx.network.window import Cut, During, Hold
+from phalanx.wire.door import Door
+from phalanx.wire.keys import Keys
+from phalanx.wire.messages import Broadcast
+from phalanx.wire.seal import Malformed, Sealer
+from tests.unit.network.models import MANY, model
+
+
+def broadcast(k: int, every: float = 0.01) -> Broadcast:
+    return Broadcast(k=k, t_apply=k * every, u=(float(k), 0.0))
+
+
+def inbox_of(links: LinkModel, count: int) -> BroadcastInbox:
+    """An inbox that holds so many broadcasts of sender 0."""
+    inbox = BroadcastInbox({0: Link(0, "a", "b", links)})
+    for k in range(count):
+        inbox.put(0, broadcast(k))
+    return inbox
+
+
+def test_a_duplicate_goes_its_own_way_and_the_first_to_arrive_counts():
+    uniform = {"low": 0.0, "high": 0.1}
+    link = Link(0, "a", "b", model(duplicate=0.25, delay=uniform))
+    passages = [link.fate(k) for k in range(MANY)]
+    twice = [p for p in passages if len(p.copies) == 2]
+    assert len(twice) / MANY == pytest.approx(0.25, abs=4.0 * np.sqrt(0.25 * 0.75 / MANY))
+    assert np.mean([p.delay for p in twice]) == pytest.approx(0.1 / 3.0, rel=0.03)
+    one, two = np.array([[copy.after for copy in p.copies] for p in twice]).T
+    assert abs(np.corrcoef(one, two)[0, 1]) < 0.03
+    single = Link(0, "a", "b", model(delay=uniform))
+    assert all(p.copies[0] == single.fate(k).copies[0] for k, p in enumerate(passages[:1000]))
+
+
+def test_an_inbox_takes_a_duplicate_once():
+    inbox = inbox_of(LinkModel((Stage("duplicate", Always(DUPLICATE)),)), 3)
+    fates = inbox.advance({0: Existing(0, 2)}, 1.0)
+    assert [fate.delay for fate in fates] == [0.0, 0.0, 0.0]
+    assert inbox.received()[0].u.tolist() == [2.0, 0.0]
+    assert not inbox.put(0, broadcast(2))
+
+
+def test_a_damaged_broadcast_is_lost_and_refused_by_the_seal():
+    link = Link(0, "a", "b", model(corrupt=0.2))
+    damaged = [k for k in range(MANY) if link.fate(k).delay is None]
+    assert len(damaged) / MANY == pytest.approx(0.2, abs=4.0 * np.sqrt(0.16 / MANY))
+    inbox = inbox_of(model(corrupt=0.2), 200)
+    told = inbox.advance({0: Existing(0, 199)}, 9.0)
+    taken = inbox.take_corrupt()
+    assert [m.k for _, m in taken] == [f.k for f in told if f.delay < 0.0] == damaged[: len(taken)]
+    assert inbox.take_corrupt() == []
+    door = Door(Keys("run"), Sealer(b"secret"))
+    for _, message in taken:
+        with pytest.raises(Malformed, match="bad seal"):
+            door.open_damaged("a", "b", message)
+
+
+def test_a_narrow_link_carries_one_message_after_the_other():
+    # 128 bytes at 51.2 kbit/s take 20 ms; one is sent every 10 ms: each waits 10 ms more.
+    link = Link(0, "a", "b", model(rate={"bits_per_second": 51_200.0}))
+    found = [link.fate(k, sent=0.01 * k).delay for k in range(50)]
+    assert found == pytest.approx([0.02 + 0.01 * k for k in range(50)])
+    # After a pause nothing waits any more.
+    assert link.fate(50, sent=10.0).delay == pytest.approx(0.02)
+
+
+def test_a_full_queue_loses_what_comes():
+    link = Link(0, "a", "b", model(rate={"bits_per_second": 51_200.0, "limit": 3}))
+    found = [link.fate(k, sent=0.0).delay for k in range(6)]
+    assert found[:3] == pytest.approx([0.02, 0.04, 0.06])
+    assert found[3:] == [None, None, None]
+
+
+def test_what_comes_in_a_slot_is_delivered_at_its_end():
+    link = Link(0, "a", "b", model(slot=0.1, delay=0.03))
+    arrivals = [0.01 * k + link.fate(k, sent=0.01 * k).delay for k in range(25)]
+    assert sorted(set(np.round(arrivals, 12))) == [0.1, 0.2, 0.3]
+    assert arrivals[:8] == pytest.approx([0.1] * 8)
+
+
+def test_a_partition_loses_what_is_sent_in_its_time():
+    link = Link(0, "a", "b", LinkModel((Stage("faults.0", During(0.2, 0.5, Cut()), 0),)))
+    gone = [k for k in range(100) if link.fate(k, sent=k / 100).delay is None]
+    assert gone == list(range(20, 50))
+    assert link.fate(20, sent=0.2).faults == (0,)
+    assert link.fate(19, sent=0.19).faults == ()
+
+
+def test_a_hold_releases_all_that_would_have_arrived_meanwhile_at_once():
+    held = LinkModel((*model(delay=0.05).stages, Stage("faults.0", During(0.2, 0.5, Hold(0.5)), 0)))
+    link = Link(0, "a", "b", held)
+    arrivals = [k / 100 + link.fate(k, sent=k / 100).delay for k in range(100)]
+    expected = [t + 0.05 for t in np.arange(100) / 100]
+    assert arrivals == pytest.approx([0.5 if 0.2 <= t < 0.5 else t for t in expected])
+    inbox = inbox_of(held, 60)
+    inbox.advance({0: Existing(0, 48)}, 0.499)
+    assert inbox.received()[0].u[0] == 14
+    inbox.advance({0: Existing(0, 49)}, 0.5)
+    assert inbox.received()[0].u[0] == 45
+
+
+@dataclass(frozen=True)
+class Always:
+    """One treatment for everybody."""
+
+    treatment: tuple
+
+    def treat(self, message):
+        return self.treatment
+
+
+@dataclass(frozen=True)
+class Rain:
+    """The farther apart, the more is lost; what is left is late at times."""
+
+    per_metre: float
+
+    def treat(self, message):
+        if message.draw("rain") < self.per_metre * message.distance:
+            return DROP
+        return delay(0.01) if message.draw("late") < 0.5 else DELIVER
+
+
+RAIN = {"type": f"{__name__}:Rain", "per_metre": 0.01}
+
+
+def test_a_rule_of_ones_own_takes_a_dozen_lines():
+    link = Link(0, "a", "b", model(rules=[RAIN]))
+    assert link.asks_distance
+    found = [link.fate(k, distance=30.0) for k in range(20_000)]
+    assert np.mean([f.delay is None for f in found]) == pytest.approx(0.3, abs=0.015)
+    kept = [f.delay for f in found if f.delay is not None]
+    assert np.mean(np.array(kept) == 0.01) == pytest.approx(0.5, abs=0.02)
+
+
+def test_two_rules_of_one_class_draw_each_for_itself():
+    link = Link(0, "a", "b", model(rules=[RAIN, RAIN]))
+    found = [link.fate(k, distance=50.0).delay is None for k in range(20_000)]
+    assert np.mean(found) == pytest.approx(0.75, abs=0.015)
+
+
+def test_what_changes_on_one_link_changes_nothing_on_another():
+    calm = {"loss": 0.2, "delay": {"low": 0.0, "high": 0.1}}
+    wild = {**calm, "loss": {"mean": 0.5, "burst": 3.0}, "duplicate": 0.3, "corrupt": 0.1}
+    ends = list(itertools.permutations("abc", 2))
+
+    def fates(models):
+        return {
+            e: [Link(1, *e, model(**models.get(e, calm))).fate(k).copies for k in range(200)]
+            for e in ends
+        }
+
+    before, after = fates({}), fates({("a", "b"): wild})
+    assert {e for e in ends if before[e] != after[e]} == {("a", "b")}
+
+
+def test_effects_are_told_by_the_number_of_the_rule():
+    link = Link(0, "a", "b", model(loss=0.5, duplicate=0.5, delay=0.01))
+    for k in range(500):
+        passage = link.fate(k)
+        expected = (0,) if passage.delay is None else (1, 2) if len(passage.copies) == 2 else (2,)
+        assert passage.faults == expected
+
+
+def test_damage_to_one_copy_leaves_the_other():
+    stages = (Stage("a", Always(DUPLICATE)), Stage("b", OnlyFirst()))
+    passage = Link(0, "a", "b", LinkModel(stages)).fate(0)
+    assert [copy.corrupt for copy in passage.copies] == [True, False]
+    assert passage.delay == 0.0
+
+
+@dataclass(frozen=True)
+class OnlyFirst:
+    """Damages the original alone."""
+
+    def treat(self, message):
+        return DELIVER if message.copy else CORRUPT

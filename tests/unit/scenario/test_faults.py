@@ -1,0 +1,167 @@
+"""[network] and [[faults]] as a scenario writes them: read, refused, written down again."""
+
+import tomllib
+
+import pytest
+
+from phalanx.network.presets import PRESETS
+from phalanx.scenario.links import Links
+from phalanx.scenario.load import ScenarioError, from_json, load, to_json
+
+ALL = """
+[network]
+preset = "lossy-wifi"
+delay = { time = 0.02, jitter = 0.004, correlation = 0.25, distribution = "pareto" }
+delay_floor = { time = 0.001, per_metre = 1e-4 }
+loss = { p = 0.01, r = 0.2, 1-h = 0.9, 1-k = 0.001 }
+loss_by_distance = { none_within = 20.0, all_beyond = 40.0 }
+duplicate = 0.01
+corrupt = { probability = 0.02, correlation = 0.1 }
+reorder = { probability = 0.25, gap = 5 }
+rate = { bits_per_second = 1e6, limit = 20 }
+slot = 0.01
+
+[[network.links]]
+from = "1"
+preset = "jammed"
+
+[[faults]]
+kind = "partition"
+at = 1.0
+for = 2.0
+groups = [["1", "2"]]
+
+[[faults]]
+kind = "hold"
+for = 0.5
+to = "3"
+
+[[faults]]
+kind = "link"
+at = 2.0
+for = 1.0
+loss = { mean = 0.5, burst = 5.0 }
+"""
+
+
+def with_tables(text: str) -> dict[str, object]:
+    return {**tomllib.loads(text)}
+
+
+def test_everything_that_may_be_declared_is_numbered_and_survives_being_written_down():
+    scenario = load("unicycles", with_tables(ALL))
+    declared = Links(scenario).declared
+    before = ["loss", "loss_by_distance", "duplicate", "corrupt", "rate"]
+    fields = [*before, "delay", "reorder", "delay_floor", "slot"]
+    assert declared[:9] == tuple(f"network.{field}" for field in fields)
+    assert set(declared[9:-3]) == {f"network.links.0.{f}" for f in ("loss", "corrupt", "delay")}
+    assert declared[-3:] == ("faults.0 (partition)", "faults.1 (hold)", "faults.2 (link)")
+    again = from_json(to_json(scenario))
+    assert again == scenario
+    assert Links(again).model("1", "3") == Links(scenario).model("1", "3")
+
+
+def test_faults_act_on_the_links_that_they_concern_in_their_order():
+    links = Links(load("unicycles", with_tables(ALL)))
+    faults = {
+        link: [s.field for s in links.model(*link).stages if s.field.startswith("faults")]
+        for link in (("1", "2"), ("1", "3"), ("3", "1"), ("2", "1"))
+    }
+    assert faults == {
+        ("1", "2"): ["faults.2"],
+        ("2", "1"): ["faults.2"],
+        ("1", "3"): ["faults.0", "faults.2", "faults.1"],
+        ("3", "1"): ["faults.0", "faults.2"],
+    }
+    held = links.model("2", "3").stages
+    assert held[-1].field == "faults.1"
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_preset_is_the_fields_that_it_names_and_those_given_replace_its(name):
+    plain = load("unicycles", {"network.preset": name})
+    fields = {d.removeprefix("network.") for d in Links(plain).declared}
+    assert fields == set(PRESETS[name].table)
+    quiet = load("unicycles", {"network.preset": name, "network.loss": 0.0})
+    assert Links(quiet).model("1", "2").loss == 0.0
+    assert PRESETS[name].source
+
+
+def partition(**fields: object) -> dict[str, object]:
+    return {"faults": [{"kind": "partition", "for": 1.0, **fields}]}
+
+
+BROKEN = {
+    "a share that bursts cannot make up": (
+        {"network.loss": {"mean": 0.9, "burst": 2.0}},
+        ["network.loss: expected burst >= 9 for a mean loss of 0.9"],
+    ),
+    "netem's number misspelt": (
+        {"network.loss": {"p": 0.1, "1-j": 0.1}},
+        ["network.loss.1-j: unknown field"],
+    ),
+    "a distribution that nobody knows": (
+        {"network.delay": {"time": 0.1, "jitter": 0.1, "distribution": "cauchy"}},
+        ["network.delay.distribution: expected 'uniform', 'normal', 'pareto' or 'paretonormal'"],
+    ),
+    "a jitter alone": (
+        {"network.delay": {"jitter": 0.1}},
+        ["network.delay.time: expected a value, got nothing"],
+    ),
+    "correlation one": (
+        {"network.corrupt": {"probability": 0.1, "correlation": 1.0}},
+        ["network.corrupt.correlation: expected less than 1", "got 1.0"],
+    ),
+    "distances the wrong way round": (
+        {"network.loss_by_distance": {"none_within": 9.0, "all_beyond": 3.0}},
+        ["network.loss_by_distance: expected none_within <= all_beyond, got 9.0 > 3.0"],
+    ),
+    "a gap of nothing": (
+        {"network.reorder": {"gap": 0}},
+        ["network.reorder.gap: expected greater than or equal to 1"],
+    ),
+    "a preset that nobody knows": (
+        {"network.preset": "carrier-pigeon"},
+        ["network.preset: expected 'lan', 'wifi'", "got 'carrier-pigeon'"],
+    ),
+    "a rule that is none": (
+        {"network.rules": [{"type": "dataclasses:Field"}]},
+        ["network.rules.0: expected a dataclass that is a Rule; it lacks treat"],
+    ),
+    "a fault of no kind": (
+        {"faults": [{"kind": "gremlin", "for": 1.0}]},
+        ["faults.0: ", "'partition', 'hold', 'link'"],
+    ),
+    "a fault without end": (
+        {"faults": [{"kind": "hold"}]},
+        ["faults.0.for: expected a value, got nothing"],
+    ),
+    "a stranger in a group": (
+        partition(groups=[["9"]]),
+        ["faults.0.groups: expected agents' names", "got '9'"],
+    ),
+    "in two groups at once": (
+        partition(groups=[["1"], ["2", "1"]]),
+        ["faults.0.groups: expected '1' in one group"],
+    ),
+    "everybody together": (
+        partition(groups=[["1", "2", "3", "4", "5"]]),
+        ["faults.0.groups: expected two groups, or somebody in none"],
+    ),
+    "groups and a shape": (
+        partition(groups=[["1"]], shape="ring"),
+        ["faults.0: expected groups, or a shape"],
+    ),
+    "a link of a stranger": (
+        {"faults": [{"kind": "link", "for": 1.0, "from": "9", "loss": 1.0}]},
+        ["faults.0.from: expected an agent's name or '*'"],
+    ),
+}
+
+
+@pytest.mark.parametrize(("overrides", "fragments"), BROKEN.values(), ids=BROKEN)
+def test_a_mistake_is_named_with_its_field(overrides, fragments):
+    with pytest.raises(ScenarioError) as error:
+        load("unicycles", overrides)
+    for fragment in fragments:
+        assert fragment in str(error.value)
