@@ -50,4 +50,13 @@ class InputApplied(NamedTuple):
     """Native input, shape (m_i,)."""
 
 
-Event = StateReached | Sampled | CommandObeyed | InputApplied
+class InputLost(NamedTuple):
+    """The input that answers sample k never came to its actuator, which was due to take it at t."""
+
+    i: int
+    k: int
+    t: float
+    """[s]"""
+
+
+Event = StateReached | Sampled | CommandObeyed | InputApplied | InputLost

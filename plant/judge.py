@@ -12,7 +12,7 @@ from phalanx.guarantee.verdict import Assumption
 from phalanx.plant.actuators import Actuators
 from phalanx.plant.along import IntegrationSteps
 from phalanx.plant.coverage import Coverage
-from phalanx.plant.events import InputApplied, Sampled, StateReached
+from phalanx.plant.events import InputApplied, InputLost, Sampled, StateReached
 from phalanx.plant.truth import PairExtremes
 from phalanx.plant.world import DisturbanceKnot
 from phalanx.swarm.rows import SafetyRows
@@ -38,6 +38,7 @@ class Judge:
         self.origins = {str(o): 0 for o in Origin if o is not Origin.ATTACK}
         """Steps of normal agents by how their input was made."""
         self._swarm = swarm
+        self._latency = swarm.scenario.time.latency
         self._longest_gap = [g.clock.period + g.clock.jitter + _ROUNDING for g in swarm.groups]
         self._bounds = np.array([g.disturbance.bound for g in swarm.groups])
         self._parts = swarm.safe_set.parts
@@ -68,6 +69,9 @@ class Judge:
             "disturbance bound", note="no disturbance was larger than disturbance.bound"
         )
         self._inputs = Assumption("admissible inputs", note="no actuator held an input outside U")
+        self._prompt = Assumption(
+            "inputs in time", note="every input came to its actuator when it was due"
+        )
         self._rows = Assumption(
             "non-empty K_i", note="at every step of every normal agent some input kept its rows"
         )
@@ -94,13 +98,15 @@ class Judge:
     @property
     def assumptions(self) -> list[Assumption]:
         """What `guaranteed` rests on, and how often each failed so far."""
-        return [self._start, self._gap, self._phi, self._inputs, self.coverage.assumption]
+        found = [self._start, self._gap, self._phi, self._inputs, self.coverage.assumption]
+        return [*found, self._prompt] if self._prompt.failed else found
 
     @property
     def theorem(self) -> list[Assumption]:
         """What the paper's theorem needs, and how often each failed so far."""
         found = [self._start_kept, self._gap, self._phi, self._rows, self._margin]
         found += [self._stayed] if self._stayed.checked else []
+        found += [self._prompt] if self._prompt.failed else []
         found += [self._faithful] if self._faithful.failed else []
         safety = self._swarm.scenario.safety
         if safety.control == "centralised":
@@ -159,6 +165,7 @@ class Judge:
         Returns how long all pairs of a normal agent are certified from now on [s].
         """
         self.steps += 1
+        self._prompt.check(event.t_apply - event.t <= self._latency + _ROUNDING, event.t_apply)
         if event.i in self._swarm.normal:
             if telemetry.origin == Origin.ATTACK:
                 self._faithful.check(False, event.t)
@@ -168,6 +175,10 @@ class Judge:
         self._in_force[event.i] = event.t_apply
         self._check_input(event.i, self._sampled_in.get(event.i, self._x), u, event.t_apply)
         return self.coverage.applied(event.i, event.t_apply, self._x, u)
+
+    def lost(self, event: InputLost) -> None:
+        """An input never came to its actuator."""
+        self._prompt.check(False, event.t)
 
     def _check_input(self, i: int, x: Array, u: Array, t: float) -> None:
         self._inputs.check(self._actuators.takes(i, x[self._parts[i]], u), t)

@@ -19,7 +19,14 @@ from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind
 from phalanx.faults.state import Condition, FaultState, Orders
 from phalanx.plant.commands import CommandQueue
 from phalanx.plant.contacts import Contacts
-from phalanx.plant.events import CommandObeyed, Event, InputApplied, Sampled, StateReached
+from phalanx.plant.events import (
+    CommandObeyed,
+    Event,
+    InputApplied,
+    InputLost,
+    Sampled,
+    StateReached,
+)
 from phalanx.plant.lookahead import Lookahead
 from phalanx.plant.schedule import Schedule
 from phalanx.plant.sensing import Sensing, Sight
@@ -67,6 +74,8 @@ class _Awaited(NamedTuple):
     k: int
     sampled: float
     """[s]"""
+    lost: bool
+    """Whether it never comes to the actuator."""
 
 
 @dataclass
@@ -194,7 +203,7 @@ class Lockstep:
             since, latest = self._contacts.existing(i, t, sight.seen)
             k = self._schedule.sampled(i, t)
             self._contacts.sampled(i, k, t, sight)
-            self._newest[i] = _Awaited(i, k, t)
+            self._newest[i] = _Awaited(i, k, t, self._schedule.loses_input(i))
             packed = self._states.packed(x, sight.seen)
             handed_out[i] = sight, packed
             self._agents.send_sample(
@@ -259,9 +268,12 @@ class Lockstep:
             message = self._answer_to(moment.awaited[0], wait)
             if message is None:
                 return False
-            i, k, sampled = moment.awaited.popleft()
-            self.world.apply(i, np.array(message.u))
-            self._happened.append(InputApplied(i, k, sampled, moment.t, message.u))
+            i, k, sampled, lost = moment.awaited.popleft()
+            if lost:
+                self._happened.append(InputLost(i, k, moment.t))
+            else:
+                self.world.apply(i, np.array(message.u))
+                self._happened.append(InputApplied(i, k, sampled, moment.t, message.u))
             if self._faults.condition[i] == Condition.DEAD:
                 self._kill(i)
         self._moments.popleft()
@@ -293,7 +305,7 @@ class Lockstep:
 
     def _known(self, awaited: _Awaited, message: Actuation) -> Actuation:
         if self._ahead is not None:
-            self._ahead.end_awaiting(awaited.i, np.array(message.u))
+            self._ahead.end_awaiting(awaited.i, None if awaited.lost else np.array(message.u))
         return message
 
     def _write_down(self) -> None:

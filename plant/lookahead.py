@@ -43,6 +43,8 @@ class _Open(NamedTuple):
     """shape (n_i,)"""
     p: Array
     """Output position [m]."""
+    u: Array
+    """What its actuator held until then, shape (m_i,)."""
     course: int
     """Number of the first stretch that it went since."""
 
@@ -88,13 +90,17 @@ class Lookahead:
         """From now on agent i holds an input that is not known yet."""
         p = self._motion.positions(self.x[None])[0, i]
         course = self._first + len(self._courses)
-        self._open[i] = _Open(self.t, self.x[self._parts[i]].copy(), p, course)
+        u = self._u[self._inputs[i]].copy()
+        self._open[i] = _Open(self.t, self.x[self._parts[i]].copy(), p, u, course)
         self._u[self._inputs[i]] = np.nan
 
-    def end_awaiting(self, i: int, u: Array) -> None:
-        """Agent i's awaited input is u, shape (m_i,): its state is known again."""
+    def end_awaiting(self, i: int, u: Array | None) -> None:
+        """Agent i's awaited input is u, shape (m_i,): its state is known again.
+
+        None: it was lost, and the actuator holds what it did.
+        """
         begun = self._open.pop(i)
-        self._u[self._inputs[i]] = u
+        self._u[self._inputs[i]] = begun.u if u is None else u
         x = self.x.copy()
         x[self._parts[i]] = begun.x
         for place in range(begun.course - self._first, len(self._courses)):

@@ -10,6 +10,7 @@ from phalanx.guarantee.verdict import FaultCount, Outcome, Summary, judge
 from phalanx.plant.along import TruthAlong
 from phalanx.plant.commands import CommandQueue
 from phalanx.plant.frames import FrameAudience, FramePublisher
+from phalanx.plant.harness import Harness
 from phalanx.plant.judge import Judge
 from phalanx.plant.lockstep import Agents, Lockstep
 from phalanx.plant.schedule import Schedule
@@ -68,7 +69,8 @@ class PlantRun:
             swarm.scenario.time.recording_step,
         )
         clocks = [swarm.clock(i) for i in range(len(swarm.members))]
-        schedule = Schedule(clocks, swarm.scenario.time.latency)
+        self._harness = Harness(swarm)
+        schedule = Schedule(clocks, swarm.scenario.time.latency, self._harness)
         self._lockstep = Lockstep(
             rows, self._world, schedule, agents, self._scribe, faults, commands, concurrent
         )
@@ -116,6 +118,7 @@ class PlantRun:
         self, outcome: Outcome, reason: str, rejected: dict[str, int], wall: float
     ) -> Summary:
         truth = self._judge.truth
+        hits = self._scribe.faults + self._harness.faults
         return Summary(
             outcome=outcome,
             reason=reason,
@@ -133,5 +136,5 @@ class PlantRun:
             violations=truth.violations(),
             rejected=rejected,
             wall_time=wall,
-            faults=[FaultCount(f, self._scribe.faults[i]) for i, f in enumerate(self._declared)],
+            faults=[FaultCount(name, hits[number]) for number, name in enumerate(self._declared)],
         )

@@ -3,19 +3,29 @@
 import math
 from collections.abc import Sequence
 
+from phalanx.plant.harness import Harness
 from phalanx.seeded.clock import SamplingClock
 
 
 class Schedule:
     """The sampling instants of all agents and the instants at which their inputs take effect."""
 
-    def __init__(self, clocks: Sequence[SamplingClock], latency: float) -> None:
-        """Everybody samples at 0; inputs take effect `latency` after their sample [s]."""
-        self._clocks, self._latency = clocks, latency
+    def __init__(self, clocks: Sequence[SamplingClock], latency: float, harness: Harness) -> None:
+        """Everybody samples at 0; inputs take effect `latency` after their sample [s].
+
+        harness: loses samples, and brings inputs late or never.
+        """
+        self._clocks, self._latency, self._harness = clocks, latency, harness
         self._k = [0 for _ in clocks]
+        self._tick = [0 for _ in clocks]
+        """Number of each clock's next tick: one at which no sample is lost."""
         self._next_sample = [0.0 for _ in clocks]
         self._due: dict[int, float] = {}
-        """When each awaited input takes effect [s], by agent."""
+        """When each awaited input takes effect, or is found to be lost [s], by agent."""
+        self._lost: set[int] = set()
+        """Whose awaited inputs are lost."""
+        for i in range(len(clocks)):
+            self._skip_lost(i)
 
     def next_event(self) -> float:
         """The earliest instant at which something is due [s]; infinite if nothing is."""
@@ -36,14 +46,33 @@ class Schedule:
     def sampled(self, i: int, t: float) -> int:
         """Agent i samples at t [s]; the sample's number."""
         k = self._k[i]
-        self._next_sample[i] = self._clocks[i].after(k, t)
         self._k[i] = k + 1
-        self._due[i] = t + self._latency
+        self._next_sample[i] = self._clocks[i].after(self._tick[i], t)
+        self._tick[i] += 1
+        self._skip_lost(i)
+        due = t + self._latency
+        late = self._harness.input_delay(i, k, due)
+        if late is None or due + late >= self._next_sample[i]:
+            # By then there is a newer sample: an input that late is never applied.
+            self._lost.add(i)
+        else:
+            due += late
+        self._due[i] = due
         return k
 
+    def loses_input(self, i: int) -> bool:
+        """Whether agent i's awaited input never comes to its actuator."""
+        return i in self._lost
+
     def applied(self, i: int) -> None:
-        """Agent i's input took effect."""
+        """Agent i's input took effect, or was found to be lost."""
         del self._due[i]
+        self._lost.discard(i)
+
+    def _skip_lost(self, i: int) -> None:
+        while not self._harness.brings_sample(i, self._tick[i], self._next_sample[i]):
+            self._next_sample[i] = self._clocks[i].after(self._tick[i], self._next_sample[i])
+            self._tick[i] += 1
 
     def awaits(self, i: int) -> bool:
         """Whether an input of agent i is on its way to its actuator."""

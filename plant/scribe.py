@@ -8,7 +8,14 @@ import numpy as np
 
 from phalanx.faults.commands import described
 from phalanx.plant.along import TruthAlong
-from phalanx.plant.events import CommandObeyed, Event, InputApplied, Sampled, StateReached
+from phalanx.plant.events import (
+    CommandObeyed,
+    Event,
+    InputApplied,
+    InputLost,
+    Sampled,
+    StateReached,
+)
 from phalanx.plant.frames import FramePublisher
 from phalanx.plant.judge import Judge
 from phalanx.plant.trajectory import TrajectoryHash
@@ -55,6 +62,8 @@ class RunScribe:
         self.faults: Counter[int] = Counter()
         """Messages on which each declared fault had an effect."""
         self._backed_up: set[int] = set()
+        self._without_input: set[int] = set()
+        """Agents of which an input was lost on its way to the actuator."""
         self._unsafe: set[int] = set()
         """Pairs whose h is above zero."""
         self._began = self._status_at = time.monotonic()
@@ -80,6 +89,8 @@ class RunScribe:
                 self._on_command(event)
             case InputApplied():
                 self._on_input(event)
+            case InputLost():
+                self._on_lost_input(event)
 
     def idle(self) -> None:
         """Show what is due to be shown."""
@@ -123,9 +134,7 @@ class RunScribe:
 
     def _on_input(self, event: InputApplied) -> None:
         i, name = event.i, self._names[event.i]
-        telemetry = self._telemetry(i, event.k)
-        self._rejected[i] = telemetry.rejected
-        self.faults.update(fault for fate in telemetry.fates for fault in fate.faults)
+        telemetry = self._take_telemetry(i, event.k)
         certified = self._judge.applied(event, telemetry)
         self.trajectory.add(event)
         self._frames.saw_input(event, telemetry, certified)
@@ -133,6 +142,19 @@ class RunScribe:
             self._backed_up.add(i)
             self._say(event.t_apply, f"agent {name}: first backup")
         self._recording.write(self._step(event, telemetry, certified))
+
+    def _on_lost_input(self, event: InputLost) -> None:
+        self._take_telemetry(event.i, event.k)
+        self._judge.lost(event)
+        if event.i not in self._without_input:
+            self._without_input.add(event.i)
+            self._say(event.t, f"agent {self._names[event.i]}: first input lost")
+
+    def _take_telemetry(self, i: int, k: int) -> Telemetry:
+        telemetry = self._telemetry(i, k)
+        self._rejected[i] = telemetry.rejected
+        self.faults.update(fault for fate in telemetry.fates for fault in fate.faults)
+        return telemetry
 
     def _say(self, t: float, text: str) -> None:
         self._recording.write(Log(t, text))

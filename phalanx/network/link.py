@@ -1,9 +1,9 @@
-"""Links between agents: the fate of every broadcast, a pure function of (seed, link, number)."""
+"""Links: the fate of every message, a pure function of (seed, link, number, time, distance)."""
 
 import math
 from dataclasses import dataclass
 from functools import cache, partial
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from phalanx.network.chance import Chance
 from phalanx.network.delay import ConstantDelay
@@ -12,6 +12,9 @@ from phalanx.network.rule import DELIVER, Copy, Message, Rule
 from phalanx.seeded.draws import Draws
 
 LOSS, DELAY = "loss", "delay"
+Kind = Literal["broadcast", "sample", "actuation"]
+"""What a link carries: inputs from peer to peer, or within one robot, states from its sensors and
+inputs to its actuators."""
 
 
 @dataclass(frozen=True)
@@ -79,14 +82,25 @@ class Passage(NamedTuple):
         return min((copy.after for copy in self.copies if not copy.corrupt), default=None)
 
 
-class Link:
-    """One direction between two agents, as its receiver decides it."""
+_UNTOUCHED = Passage(DELIVER, ())
 
-    def __init__(self, seed: int, sender: str, receiver: str, model: LinkModel) -> None:
-        """Draws are keyed by seed and both names, so no link's fates depend on another's."""
+
+class Link:
+    """One direction between two agents, as its receiver decides it, or a robot's own."""
+
+    def __init__(
+        self,
+        seed: int,
+        sender: str,
+        receiver: str,
+        model: LinkModel,
+        kind: Kind = "broadcast",
+    ) -> None:
+        """Draws are keyed by seed, names and kind, so no link's fates depend on another's."""
         self._as_declared = model
         self._ends = sender, receiver
-        self._table = cache(partial(_table, seed, sender, receiver))
+        purpose = () if kind == "broadcast" else (kind,)
+        self._table = cache(partial(_table, seed, "link", sender, receiver, *purpose))
         self.become(model)
 
     def become(self, model: LinkModel) -> None:
@@ -105,15 +119,17 @@ class Link:
         return any(stage.asks_distance for stage in self.model.stages)
 
     def fate(self, k: int, sent: float = 0.0, distance: float = math.nan) -> Passage:
-        """What becomes of broadcast k.
+        """What becomes of message k.
 
         Args:
             k: sequence numbers come in order, where a rule has a memory.
             sent: when it leaves its sender [s].
             distance: between the two [m].
         """
-        copies: tuple[Copy, ...] = (Copy(),)
-        faults = []
+        if not self.model.stages:
+            return _UNTOUCHED
+        copies: tuple[Copy, ...] = DELIVER
+        faults: list[int] = []
         for place, stage in enumerate(self.model.stages):
             passed: list[Copy] = []
             acted = False
@@ -137,5 +153,5 @@ class Link:
         return self._table(purpose if "." not in field else f"{field} {purpose}")
 
 
-def _table(seed: int, sender: str, receiver: str, purpose: str) -> Draws:
-    return Draws(seed, "link", sender, receiver, *filter(None, [purpose]), width=2)
+def _table(seed: int, *purpose: str) -> Draws:
+    return Draws(seed, *filter(None, purpose), width=2)

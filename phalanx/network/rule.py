@@ -13,7 +13,6 @@ A class of your own is a rule if it has the method `treat`; a dozen lines are en
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from phalanx.seeded.draws import Draws
@@ -42,8 +41,7 @@ def delay(after: float) -> Treatment:
     return (Copy(after),)
 
 
-@dataclass(frozen=True, slots=True)
-class Message:
+class Message(NamedTuple):
     """One message on its way over one link, as it comes to a rule."""
 
     sender: str

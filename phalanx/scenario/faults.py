@@ -8,7 +8,7 @@ from phalanx.network.partition import Shape, between, shaped
 from phalanx.network.rule import Rule
 from phalanx.network.window import During
 from phalanx.scenario.fields import Name, NonNegative, Positive, Strict, misplaced
-from phalanx.scenario.network import LinkTable, SomeLinks
+from phalanx.scenario.network import LinkTable, SomeLinks, require_in_time
 from phalanx.seeded.draws import Draws
 
 
@@ -80,11 +80,25 @@ class HoldFault(_Timed, SomeLinks):
 
     kind: Literal["hold"]
 
+    @model_validator(mode="after")
+    def _in_time(self) -> Self:
+        if self.of == "sample":
+            raise misplaced(
+                ("of",), "expected broadcast or actuation: samples are not late", self.of
+            )
+        return self
+
 
 class LinkFault(_Timed, SomeLinks, LinkTable):
     """Fields of a link model that act before those of [network], for what is sent meanwhile."""
 
     kind: Literal["link"]
+
+    @model_validator(mode="after")
+    def _in_time(self) -> Self:
+        if self.of == "sample":
+            require_in_time(self, ())
+        return self
 
 
 Fault = Annotated[Partition | HoldFault | LinkFault, Field(discriminator="kind")]

@@ -1,4 +1,4 @@
-"""The [network] table: what happens to broadcasts on each link."""
+"""The [network] table: what happens to messages on each link."""
 
 from collections.abc import Callable, Iterator
 from typing import Annotated, Any, Literal, Self
@@ -13,7 +13,7 @@ from phalanx.network.delay import (
     Reorder,
     UniformDelay,
 )
-from phalanx.network.link import DELAY, LOSS
+from phalanx.network.link import DELAY, LOSS, Kind
 from phalanx.network.loss import DistanceLoss, GilbertElliott, RandomLoss, bursts
 from phalanx.network.presets import PRESETS, Preset
 from phalanx.network.queue import Rate, Slot
@@ -189,14 +189,16 @@ def _chance(chance: float | Chance) -> Chance:
 
 
 class SomeLinks(Strict):
-    """Which links something is about."""
+    """Which links something is about. Both ends of a robot's own links are called like it."""
 
+    of: Kind = "broadcast"
+    """What the links carry."""
     sender: Name | Literal["*"] = Field(default="*", alias="from")
     receiver: Name | Literal["*"] = Field(default="*", alias="to")
 
-    def concerns(self, sender: str, receiver: str) -> bool:
+    def concerns(self, sender: str, receiver: str, of: Kind) -> bool:
         """Whether it is about this link."""
-        return self.sender in ("*", sender) and self.receiver in ("*", receiver)
+        return self.of == of and self.sender in ("*", sender) and self.receiver in ("*", receiver)
 
     def check(self, names: list[str], where: tuple[str | int, ...]) -> None:
         """Raise ValidationError for a name that nobody has."""
@@ -209,8 +211,31 @@ class SomeLinks(Strict):
 class LinkOverride(SomeLinks, LinkTable):
     """A link model for some links only; of several that match, the last counts."""
 
+    @model_validator(mode="after")
+    def _in_time(self) -> Self:
+        if self.of == "sample":
+            require_in_time(self, ())
+        return self
+
 
 class Network(LinkTable):
-    """The model of every agent-to-agent link, and exceptions to it."""
+    """The model of every agent-to-agent link, those within the robots, and exceptions to them."""
 
+    sample: LinkTable = LinkTable()
+    """From each robot's sensors: a sample that is lost is missed."""
+    actuation: LinkTable = LinkTable()
+    """To each robot's actuators: they hold what they have until another input comes."""
     links: tuple[LinkOverride, ...] = ()
+
+    @model_validator(mode="after")
+    def _in_time(self) -> Self:
+        require_in_time(self.sample, ("sample",))
+        return self
+
+
+def require_in_time(table: LinkTable, where: tuple[str, ...]) -> None:
+    """Raise ValidationError if a table for samples delays them."""
+    for field, _ in table.fields():
+        if field not in (LOSS, "corrupt") and not field.startswith("rules"):
+            message = "expected loss and corrupt alone: samples are not late, see time.latency"
+            raise misplaced((*where, field), message, getattr(table, field))

@@ -34,6 +34,11 @@ VARIANTS = {
             {"kind": "link", "at": 1.1, "for": 0.3, "loss": 0.5, "delay": 0.01},
         ],
     },
+    "sensors and actuators": {
+        "network.sample.loss": {"mean": 0.1, "burst": 2.0},
+        "network.actuation": {"loss": 0.1, "delay": {"low": 0.0, "high": 0.015}},
+        "faults": [{"kind": "hold", "of": "actuation", "from": "2", "at": 0.5, "for": 0.2}],
+    },
     "latency": {"time.latency": 0.004, "safety.information": "in-flight"},
     "one controller": {"safety.control": "centralised"},
     "one row for each pair": {"safety.composition": "pairs", "safety.information": "split"},

@@ -1,0 +1,100 @@
+"""Every kind of fault in a run: its effect is there and counted, without it there is none."""
+
+import pytest
+
+import phalanx
+
+DURATION = 0.6
+
+FAULTS = {
+    "loss": {"network.loss": 0.2},
+    "correlated loss": {"network.loss": {"random": 0.2, "correlation": 0.5}},
+    "bursts": {"network.loss": {"mean": 0.2, "burst": 4.0}},
+    "Gilbert and Elliott": {"network.loss": {"p": 0.1, "r": 0.3, "1-h": 0.9, "1-k": 0.02}},
+    "loss by distance": {"network.loss_by_distance": {"none_within": 1.0, "all_beyond": 9.0}},
+    "delay": {"network.delay": 0.01},
+    "jitter": {"network.delay": {"time": 0.02, "jitter": 0.01, "distribution": "pareto"}},
+    "floor": {"network.delay_floor": {"per_metre": 0.001}},
+    "duplicate": {"network.duplicate": 0.2},
+    "corrupt": {"network.corrupt": 0.2},
+    "reorder": {"network.delay": 0.02, "network.reorder": {"probability": 0.3}},
+    "rate": {"network.rate": {"bits_per_second": 1e5}},
+    "slot": {"network.slot": 0.04},
+    "partition": {"faults": [{"kind": "partition", "at": 0.2, "for": 0.2, "groups": [["1"]]}]},
+    "ring": {"faults": [{"kind": "partition", "at": 0.2, "for": 0.2, "shape": "ring"}]},
+    "hold": {"faults": [{"kind": "hold", "at": 0.2, "for": 0.2}]},
+    "link": {"faults": [{"kind": "link", "at": 0.2, "for": 0.2, "delay": 0.05}]},
+    "lost samples": {"network.sample.loss": 0.2},
+    "lost inputs": {"network.actuation.loss": 0.2},
+    "late inputs": {"network.actuation.delay": 0.004},
+}
+
+
+def run(overrides: dict, folder) -> phalanx.Run:
+    scenario = phalanx.load("unicycles", {"duration": DURATION, **overrides}, seed=2)
+    return phalanx.run(scenario, engine="in-process", out=folder)
+
+
+def seen(run: phalanx.Run) -> tuple:
+    """What of a run faults of links change: fates, sampling instants, when inputs take effect."""
+    inputs = run.inputs.select("agent", "k", "t", "t_apply")
+    return run.links.rows(), inputs.rows(), run.summary.rejected
+
+
+@pytest.fixture(scope="module")
+def calm(tmp_path_factory) -> tuple:
+    return seen(run({}, tmp_path_factory.mktemp("calm")))
+
+
+# What a duplicate arrives beside is there already, and a sample counts it once: it is only counted.
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_has_its_effect_and_is_counted(name, calm, tmp_path):
+    found = run(FAULTS[name], tmp_path)
+    assert found.summary.faults
+    assert all(fault.count for fault in found.summary.faults)
+    assert found.summary.notes == []
+    assert (seen(found) == calm) == (name == "duplicate")
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        {"network.loss_by_distance": {"none_within": 900.0, "all_beyond": 901.0}},
+        {"network.links": [{"from": "4", "loss": 1.0}]},  # an adversary: nobody listens
+        {"faults": [{"kind": "partition", "at": 9.0, "for": 1.0, "groups": [["1"]]}]},
+        {"faults": [{"kind": "hold", "of": "actuation", "at": 9.0, "for": 1.0}]},
+    ],
+)
+def test_a_fault_without_effect_changes_nothing_and_is_named(overrides, calm, tmp_path):
+    found = run(overrides, tmp_path)
+    assert seen(found) == calm
+    (fault,) = found.summary.faults
+    assert found.summary.notes == [f"{fault.name} never had an effect"]
+
+
+def test_corrupt_broadcasts_are_counted_as_refused(tmp_path):
+    found = run(FAULTS["corrupt"], tmp_path).summary
+    assert sum(found.rejected.values()) == found.faults[0].count > 0
+
+
+def test_lost_and_late_inputs_are_told_of_in_the_verdict(tmp_path):
+    for name in ("lost inputs", "late inputs"):
+        found = run(FAULTS[name], tmp_path / name).summary
+        (prompt,) = (a for a in found.assumptions if a.name == "inputs in time")
+        on_their_way = len(phalanx.load("unicycles").programs())
+        assert 0 <= found.faults[0].count - prompt.failed <= on_their_way
+        assert prompt.failed > 0
+        assert found.outcome == phalanx.Outcome.SAFE
+    gap = run(FAULTS["lost samples"], tmp_path / "gap").summary
+    (sampling,) = (a for a in gap.assumptions if a.name == "sampling gap")
+    assert sampling.failed > 0
+
+
+def test_a_run_with_every_kind_of_fault_is_repeated_bit_by_bit(tmp_path):
+    everything: dict = {"faults": []}
+    for overrides in FAULTS.values():
+        everything["faults"] += overrides.get("faults", [])
+        everything.update({k: v for k, v in overrides.items() if k != "faults"})
+    first = run(everything, tmp_path)
+    assert all(fault.count for fault in first.summary.faults)
+    assert phalanx.verify(first, engine="in-process")

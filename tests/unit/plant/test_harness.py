@@ -1,0 +1,108 @@
+"""What sensors lose and actuators get late: who samples when, and what is applied when."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from phalanx.plant.harness import Harness
+from phalanx.plant.schedule import Schedule
+from phalanx.scenario.load import ScenarioError, load
+from phalanx.swarm.swarm import Swarm, build_swarm
+
+END = 4.0
+
+
+def swarm_with(**network: Any) -> Swarm:
+    return build_swarm(load("unicycles", {"duration": END, "network": network}))
+
+
+def course(swarm: Swarm, end: float = END) -> tuple[Harness, dict[int, list[float]], list[Any]]:
+    """The harness, when each agent samples, and each input: (agent, k, due, takes effect)."""
+    latency = swarm.scenario.time.latency
+    harness = Harness(swarm)
+    schedule = Schedule([swarm.clock(i) for i in range(len(swarm.names))], latency, harness)
+    samples: dict[int, list[float]] = {i: [] for i in range(len(swarm.names))}
+    inputs, newest = [], {}
+    while (t := schedule.next_event()) < end:
+        for i in schedule.sampling_at(t):
+            newest[i] = schedule.sampled(i, t)
+            samples[i].append(t)
+        for i in schedule.applying_at(t):
+            inputs.append((i, newest[i], t, schedule.applied(i)))
+    return harness, samples, inputs
+
+
+def test_a_lost_sample_is_missed_and_the_clock_goes_on_as_it_would_have():
+    _, whole, _ = course(swarm_with())
+    harness, kept, inputs = course(swarm_with(sample={"loss": 0.3}))
+    count = sum(map(len, whole.values()))
+    for i, times in kept.items():
+        assert set(times) < set(whole[i])
+        assert [k for j, k, *_ in inputs if j == i] == list(range(len(times)))
+    missed = count - sum(map(len, kept.values()))
+    assert harness.faults == {0: missed}
+    assert missed / count == pytest.approx(0.3, abs=4.0 * np.sqrt(0.21 / count))
+
+
+def test_samples_that_all_are_lost_end_with_the_run():
+    harness, samples, inputs = course(swarm_with(sample={"loss": 1.0}))
+    assert not any(samples.values())
+    assert not inputs
+    assert harness.faults[0] > 0
+
+
+def test_a_late_input_takes_effect_late():
+    swarm = swarm_with(actuation={"delay": 0.004})
+    _, samples, inputs = course(swarm)
+    assert all(takes for *_, takes in inputs)
+    for i, k, t, _ in inputs:
+        assert t == samples[i][k] + 0.004
+
+
+def test_an_input_that_comes_after_the_next_sample_is_never_applied():
+    latest = 0.03
+    swarm = swarm_with(actuation={"delay": {"low": 0.0, "high": latest}})
+    _, samples, inputs = course(swarm)
+    applied = [(i, k, t) for i, k, t, takes in inputs if takes]
+    assert 0 < len(applied) < len(inputs)
+    for i, k, t in applied:
+        assert k + 1 >= len(samples[i]) or t < samples[i][k + 1]
+    # Delays are uniform: as many come in time as the gap is of the longest.
+    gap = np.mean([np.mean(np.diff(times)) for times in samples.values()])
+    assert gap < latest
+    assert len(applied) / len(inputs) == pytest.approx(gap / latest, abs=0.05)
+
+
+def test_a_lost_input_is_lost_and_the_others_are_not_late():
+    harness, samples, inputs = course(swarm_with(actuation={"loss": {"mean": 0.2, "burst": 3.0}}))
+    lost = [takes for *_, takes in inputs].count(False)
+    assert harness.faults == {0: lost}
+    assert lost / len(inputs) == pytest.approx(0.2, abs=0.06)
+    assert all(t == samples[i][k] for i, k, t, _ in inputs)
+
+
+def test_one_robots_harness_is_no_other_robots():
+    links = [{"of": "sample", "to": "2", "loss": 0.5}]
+    _, whole, _ = course(swarm_with())
+    _, kept, _ = course(swarm_with(links=links))
+    assert {i for i in whole if whole[i] != kept[i]} == {1}
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        ({"network.sample": {"delay": 0.1}}, "network.sample.delay: expected loss and corrupt"),
+        (
+            {"network.links": [{"of": "sample", "rate": {"bits_per_second": 1e3}}]},
+            "network.links.0.rate: expected loss and corrupt alone",
+        ),
+        (
+            {"faults": [{"kind": "hold", "of": "sample", "for": 1.0}]},
+            "faults.0.of: expected broadcast or actuation",
+        ),
+    ],
+)
+def test_samples_are_not_late(overrides, message):
+    with pytest.raises(ScenarioError, match=message.replace(".", r"\.")):
+        load("unicycles", overrides)
