@@ -1,0 +1,47 @@
+"""What docs/network-faults.md shows works as it stands, and names every field and preset."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from phalanx.network.link import Link
+from phalanx.network.presets import PRESETS
+from phalanx.scenario.links import Links
+from phalanx.scenario.load import load
+from phalanx.scenario.network import LinkTable
+from tests.unit.network.models import model
+
+PAGE = (Path(__file__).parents[3] / "docs" / "network-faults.md").read_text(encoding="utf-8")
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
+
+
+def test_its_scenario_loads_and_declares_what_it_shows():
+    (text,) = blocks("toml")
+    declared = Links(load("unicycles", tomllib.loads(text))).declared
+    assert "network.loss" in declared
+    assert declared[-1] == "faults.0 (partition)"
+
+
+def test_its_rule_works(tmp_path, monkeypatch):
+    (text,) = blocks("python")
+    (tmp_path / "rain_of_the_page.py").write_text(text)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    rain = {"type": "rain_of_the_page:Rain", "per_metre": 0.01}
+    link = Link(0, "a", "b", model(rules=[rain]))
+    assert [link.fate(k, distance=100.0).delay for k in range(20)] == [None] * 20
+    assert [link.fate(k, distance=0.0).delay for k in range(20)] == [0.0] * 20
+
+
+@pytest.mark.parametrize("field", LinkTable.model_fields)
+def test_every_field_has_its_row(field):
+    assert f"`{field}" in PAGE
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_every_preset_has_its_row(name):
+    assert f"| `{name}` |" in PAGE
