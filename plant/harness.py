@@ -2,7 +2,8 @@
 
 from collections import Counter
 
-from phalanx.network.link import Kind, Link, Passage
+from phalanx.network.link import Kind, Link, Passage, RuleError
+from phalanx.plant.stop import SwarmBrokenError
 from phalanx.swarm.swarm import Swarm
 
 
@@ -29,7 +30,10 @@ class Harness:
         return self._decided(self._actuators[i], k, t).delay
 
     def _decided(self, link: Link, number: int, t: float) -> Passage:
-        passage = link.fate(number, t, 0.0)
+        try:
+            passage = link.fate(number, t, 0.0)
+        except RuleError as error:
+            raise SwarmBrokenError(f"a robot's own link: {error}") from error
         self.faults.update(passage.faults)
         return passage
 

@@ -8,13 +8,18 @@ from typing import Literal, NamedTuple
 from phalanx.network.chance import Chance
 from phalanx.network.delay import ConstantDelay
 from phalanx.network.loss import RandomLoss
-from phalanx.network.rule import DELIVER, Copy, Message, Rule
+from phalanx.network.rule import DELIVER, Copy, Message, Rule, Treatment
+from phalanx.network.window import During
 from phalanx.seeded.draws import Draws
 
 LOSS, DELAY = "loss", "delay"
 Kind = Literal["broadcast", "sample", "actuation"]
 """What a link carries: inputs from peer to peer, or within one robot, states from its sensors and
 inputs to its actuators."""
+
+
+class RuleError(RuntimeError):
+    """A rule failed, or said what cannot be; the message names it."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +36,20 @@ class Stage:
     @property
     def asks_distance(self) -> bool:
         """Whether its rule looks at distances; a user's is taken to."""
-        module = type(self.rule).__module__
-        own = module.startswith("phalanx.network.")
-        return getattr(self.rule, "asks_distance", not own)
+        rule = self.rule.rule if isinstance(self.rule, During) else self.rule
+        own = type(rule).__module__.startswith("phalanx.network.")
+        return getattr(rule, "asks_distance", not own)
+
+    def treat(self, message: Message) -> Treatment:
+        """What the rule makes of a message. Raises RuleError if it is no treatment."""
+        try:
+            treatment = self.rule.treat(message)
+            if all(0.0 <= message.waited + copy.after < math.inf for copy in treatment):
+                return treatment
+            problem = f"expected delays that end after the message was sent, got {treatment}"
+        except Exception as error:  # a user's rule may raise anything
+            problem = f"{type(error).__name__}: {error}"
+        raise RuleError(f"rule {self.field} failed at message {message.k}: {problem}")
 
 
 @dataclass(frozen=True)
@@ -128,25 +144,21 @@ class Link:
         """
         if not self.model.stages:
             return _UNTOUCHED
-        copies: tuple[Copy, ...] = DELIVER
-        faults: list[int] = []
+        copies, faults = DELIVER, []
         for place, stage in enumerate(self.model.stages):
-            passed: list[Copy] = []
-            acted = False
-            for number, copy in enumerate(copies):
+            came, copies = copies, ()
+            for number, copy in enumerate(came):
                 message = Message(
                     *self._ends, k, sent, copy.after, distance, number,
                     self._left[place], self._tables[place],
                 )  # fmt: skip
-                treatment = stage.rule.treat(message)
-                acted = acted or treatment != DELIVER
+                treatment = stage.treat(message)
+                if treatment != DELIVER and stage.declared not in faults:
+                    faults.append(stage.declared)
                 for new in treatment:
                     self._left[place] = message.t + new.after
-                    passed.append(Copy(copy.after + new.after, copy.corrupt or new.corrupt))
-            if acted and stage.declared >= 0 and stage.declared not in faults:
-                faults.append(stage.declared)
-            copies = tuple(passed)
-        return Passage(copies, tuple(faults))
+                    copies += (Copy(copy.after + new.after, copy.corrupt or new.corrupt),)
+        return Passage(copies, tuple(fault for fault in faults if fault >= 0))
 
     def _of_stage(self, field: str, purpose: str) -> Draws:
         # What fields of a link model draw for differs by purpose; rules of one's own may not know.

@@ -15,11 +15,6 @@ class During:
     """[s]; no longer in force at this instant."""
     rule: Rule
 
-    @property
-    def asks_distance(self) -> bool:
-        """Whether the rule does."""
-        return getattr(self.rule, "asks_distance", False)
-
     def treat(self, message: Message) -> Treatment:
         """As the rule does, in its time."""
         return self.rule.treat(message) if self.begin <= message.t < self.end else DELIVER

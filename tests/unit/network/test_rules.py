@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from phalanx.network.inbox import BroadcastInbox, Existing
-from phalanx.network.link import Link, LinkModel, Stage
+from phalanx.network.link import Link, LinkModel, RuleError, Stage
 from phalanx.network.rule import CORRUPT, DELIVER, DROP, DUPLICATE, delay
 from phalanx.network.window import Cut, During, Hold
 from phalanx.wire.door import Door
@@ -185,3 +185,26 @@ class OnlyFirst:
 
     def treat(self, message):
         return DELIVER if message.copy else CORRUPT
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """Says what cannot be."""
+
+    says: str
+
+    def treat(self, message):
+        return {"nothing": None, "early": delay(-0.1), "never": delay(float("inf"))}[self.says]
+
+
+@pytest.mark.parametrize("says", ["nothing", "early", "never", "a secret"])
+def test_a_rule_that_says_what_cannot_be_is_named(says):
+    link = Link(0, "a", "b", model(rules=[{"type": f"{__name__}:Wrong", "says": says}]))
+    with pytest.raises(RuleError, match=r"rule rules\.0 failed at message 7: "):
+        link.fate(7)
+
+
+def test_a_rule_of_ones_own_asks_for_distances_for_a_time_too():
+    rain = Stage("faults.0", During(0.0, 1.0, Rain(0.1)))
+    assert Link(0, "a", "b", LinkModel((rain,))).asks_distance
+    assert not Link(0, "a", "b", model(loss=0.1, delay=0.1, slot=0.1)).asks_distance
