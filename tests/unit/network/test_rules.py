@@ -14,7 +14,9 @@ from phalanx.wire.door import Door
 from phalanx.wire.keys import Keys
 from phalanx.wire.messages import Broadcast
 from phalanx.wire.seal import Malformed, Sealer
-from tests.unit.network.models import MANY, model
+from tests.unit.network.models import model
+
+MANY = 20_000
 
 
 def broadcast(k: int, every: float = 0.01) -> Broadcast:
@@ -35,9 +37,9 @@ def test_a_duplicate_goes_its_own_way_and_the_first_to_arrive_counts():
     passages = [link.fate(k) for k in range(MANY)]
     twice = [p for p in passages if len(p.copies) == 2]
     assert len(twice) / MANY == pytest.approx(0.25, abs=4.0 * np.sqrt(0.25 * 0.75 / MANY))
-    assert np.mean([p.delay for p in twice]) == pytest.approx(0.1 / 3.0, rel=0.03)
+    assert np.mean([p.delay for p in twice]) == pytest.approx(0.1 / 3.0, rel=0.05)
     one, two = np.array([[copy.after for copy in p.copies] for p in twice]).T
-    assert abs(np.corrcoef(one, two)[0, 1]) < 0.03
+    assert abs(np.corrcoef(one, two)[0, 1]) < 0.06
     single = Link(0, "a", "b", model(delay=uniform))
     assert all(p.copies[0] == single.fate(k).copies[0] for k, p in enumerate(passages[:1000]))
 
