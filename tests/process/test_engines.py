@@ -35,6 +35,7 @@ VARIANTS = {
         ],
     },
     "sensors and actuators": {
+        "safety.neighbourhood": 4.7,
         "network.sample.loss": {"mean": 0.1, "burst": 2.0},
         "network.actuation": {"loss": 0.1, "delay": {"low": 0.0, "high": 0.015}},
         "faults": [{"kind": "hold", "of": "actuation", "from": "2", "at": 0.5, "for": 0.2}],

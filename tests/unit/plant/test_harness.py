@@ -29,7 +29,8 @@ def course(swarm: Swarm, end: float = END) -> tuple[Harness, dict[int, list[floa
             newest[i] = schedule.sampled(i, t)
             samples[i].append(t)
         for i in schedule.applying_at(t):
-            inputs.append((i, newest[i], t, schedule.applied(i)))
+            inputs.append((i, newest[i], t, not schedule.loses_input(i)))
+            schedule.applied(i)
     return harness, samples, inputs
 
 

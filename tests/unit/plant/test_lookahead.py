@@ -24,7 +24,7 @@ def both(radius: float = 2.0) -> tuple[World, Lookahead]:
 def test_whoever_has_answered_is_where_the_world_will_have_it_however_late_the_answer(seed):
     rng = np.random.default_rng(seed)
     world, ahead = both()
-    late: list[tuple[int, int, np.ndarray]] = []  # until which event, who, which input
+    late: list[tuple[int, int, np.ndarray | None]] = []  # until which event, who, which input
     for event, t in enumerate(EVENTS):
         world.advance(t)
         ahead.advance(t)
@@ -38,8 +38,10 @@ def test_whoever_has_answered_is_where_the_world_will_have_it_however_late_the_a
             assert np.isnan(known).all() if i in open_ else np.array_equal(known, true)
         for i in set(range(5)) - open_:
             if rng.random() < 0.5:
-                u = rng.uniform(-1.0, 1.0, 2)
-                world.apply(i, u)
+                lost = rng.random() < 0.3
+                u = None if lost else rng.uniform(-1.0, 1.0, 2)
+                if u is not None:
+                    world.apply(i, u)
                 ahead.begin_awaiting(i)
                 late.append((event + int(rng.integers(1, 4)), i, u))
     assert late or ahead.open == []
