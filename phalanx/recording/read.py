@@ -2,6 +2,7 @@
 
 import struct
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -75,8 +76,8 @@ def read(run: Path) -> Recording:
     """
     path = find(run)
     contents = _Contents()
-    with path.open("rb") as file:
-        damage = contents.collect(StreamReader(file, validate_crcs=True))
+    # In memory: where a flipped bit makes a length a terabyte, a file would set that much aside.
+    damage = contents.collect(StreamReader(BytesIO(path.read_bytes()), validate_crcs=True))
     if contents.scenario is None:
         raise UnreadableRecordingError(f"{path}: not a recording of a run ({damage or 'empty'})")
     try:
@@ -116,6 +117,8 @@ class _Contents:
             return f"cut short after {self._extent()}"
         except (McapError, CRCValidationError, ZstdError, msgspec.DecodeError, ValueError) as error:
             return f"damaged after {self._extent()}: {error}"
+        except (MemoryError, OverflowError):  # lengths that nothing has
+            return f"damaged after {self._extent()}: a length that nothing has"
         return None
 
     def _attach(self, record: Attachment) -> None:

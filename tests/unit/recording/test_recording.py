@@ -190,8 +190,11 @@ def messages_before(whole: bytes, cut: int) -> int:
 
 bits = st.integers(0, 7)
 shares = st.floats(0.0, 1.0, exclude_max=True)
-CHUNK_HEAD = 9 + 8 + 8 + 8
-"""Bytes of a chunk before its checksum and data: opcode, length, first and last time, size."""
+CHUNK_LENGTH = 9 + 8 + 8 + 8 + 4 + 8
+"""Where a chunk says how long its data are: after opcode, length, first and last time, size,
+checksum and "zstd"."""
+CHUNK_HEAD = CHUNK_LENGTH + 8
+"""Bytes of a chunk before its data."""
 
 
 def flipped(whole: bytes, at: int, bit: int) -> bytes:
@@ -214,6 +217,16 @@ def test_a_flipped_bit_inside_a_chunk_is_damage_and_nothing_it_altered_is_taken(
     kept = len(found.states) + len(found.steps) + len(found.log)
     before = messages_before(whole, begin)
     assert kept == (len(records()) if still_decodes(whole, at, bit, chunk) else before)
+
+
+@pytest.mark.parametrize("byte", range(8))
+def test_a_chunk_that_says_it_is_longer_than_the_file_is_damage_and_takes_no_memory(
+    whole, tmp_path, byte
+):
+    begin, _ = chunks(whole)[1]
+    found = reread(tmp_path, flipped(whole, begin + CHUNK_LENGTH + byte, 7))
+    assert found.damage is not None
+    assert_is_a_beginning(found)
 
 
 def still_decodes(whole: bytes, at: int, bit: int, chunk: int) -> bool:
