@@ -113,7 +113,6 @@ class ControlStep:
         fates = self._decide_fates(sample, x)
         received = self.inbox.received()
         decision, u_nom, used = self._controller(x, sample.seen, sample.t, received)
-        ages = {l: sample.t - received[l].since for l in used}
         u, t_apply = tuple(decision.u.tolist()), sample.t + self._latency
         return Answer(
             Actuation(k=sample.k, t_apply=t_apply, u=u),
@@ -125,7 +124,7 @@ class ControlStep:
                 residual=decision.residual,
                 u_nom=tuple(u_nom.tolist()),
                 solve_time=time.perf_counter() - began,
-                ages=tuple(ages.get(j) for j in range(len(self.swarm.members))),
+                ages=tuple((l, sample.t - received[l].since) for l in used),
                 fates=fates,
                 rejected=self.rejected,
             ),

@@ -62,9 +62,10 @@ class Answers:
 
     def on_telemetry(self, i: int, message: Telemetry) -> None:
         """Agent i's report came. Raises Malformed unless it is the first on a sample of its."""
-        if len(message.ages) != self._agents or len(message.u_nom) != self._sizes[i]:
+        if len(message.u_nom) != self._sizes[i]:
             raise Malformed("wrong size")
-        if any(not 0 <= fate.sender < self._agents for fate in message.fates):
+        senders = [fate.sender for fate in message.fates] + [l for l, _ in message.ages]
+        if any(not 0 <= sender < self._agents for sender in senders):
             raise Malformed("unknown sender")
         if any(not 0 <= n < self._faults for fate in message.fates for n in fate.faults):
             raise Malformed("unknown fault")

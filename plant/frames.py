@@ -125,7 +125,6 @@ class FramePublisher:
         if last is None:
             return AgentStatus(condition)
         applied, telemetry, certified = last
-        ages = [age for age in telemetry.ages if age is not None]
         return AgentStatus(
             condition=condition,
             u=applied.u,
@@ -135,7 +134,7 @@ class FramePublisher:
             without_authority=self._without_authority[i],
             residual=telemetry.residual,
             solve_time=telemetry.solve_time,
-            age=max(ages, default=None),
+            age=max((age for _, age in telemetry.ages), default=None),
             certified=certified,
         )
 

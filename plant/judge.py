@@ -188,9 +188,7 @@ class Judge:
         self._rows.check(telemetry.origin not in EMPTY, event.t)
         together = self._instants.setdefault(event.k, event.t) == event.t
         self._together.check(together, event.t)
-        for other, age in enumerate(telemetry.ages):
-            if age is not None:
-                sent = event.t - age
-                # An agent never heard of has no input in force; an age of one is a lie.
-                in_force = self._in_force.get(other, -np.inf)
-                self._fresh.check(abs(in_force - sent) <= _ROUNDING, event.t)
+        for other, age in telemetry.ages:
+            # An agent never heard of has no input in force; an age of one is a lie.
+            in_force = self._in_force.get(other, -np.inf)
+            self._fresh.check(abs(in_force - (event.t - age)) <= _ROUNDING, event.t)

@@ -161,7 +161,7 @@ class RunScribe:
         self._frames.say(t, text)
 
     def _step(self, event: InputApplied, telemetry: Telemetry, certified: float | None) -> Step:
-        names = self._names
+        names, ages = self._names, dict(telemetry.ages)
         return Step(
             agent=names[event.i],
             k=event.k,
@@ -171,7 +171,7 @@ class RunScribe:
             origin=telemetry.origin,
             residual=telemetry.residual,
             solve_time=telemetry.solve_time,
-            ages=list(telemetry.ages),
+            ages=[ages.get(l) for l in range(len(names))],
             fates=[(names[fate.sender], fate.k, fate.delay) for fate in telemetry.fates],
             u_nom=list(telemetry.u_nom),
             certified=certified,

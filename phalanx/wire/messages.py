@@ -88,8 +88,8 @@ class Telemetry(Message, frozen=True, kw_only=True):
     """The nominal input, or the attack before its projection onto U_i, shape (m_i,)."""
     solve_time: float
     """Wall time from sample to input [s]; not part of the trajectory."""
-    ages: tuple[float | None, ...]
-    """For each agent, age of the û_l its row used [s]; null if none."""
+    ages: tuple[tuple[int, float], ...]
+    """(agent's index, age [s]) of each û_l that its row used."""
     fates: tuple[Fate, ...] = ()
     """Fates of the broadcasts that this step was the first to know of."""
     rejected: int = 0

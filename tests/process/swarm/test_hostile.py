@@ -50,7 +50,7 @@ def an_input(**changes: Any) -> Actuation:
 def a_report(**changes: Any) -> Telemetry:
     message = Telemetry(
         k=10**9, origin=Origin.ATTACK, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0,
-        ages=(None,) * AGENTS,
+        ages=(),
     )  # fmt: skip
     return msgspec.structs.replace(message, **changes)
 
@@ -114,7 +114,8 @@ TO_PLANT = {
     "a report for an input": (KEY, INSIDER.seal(KEY, a_report()), "wrong fields"),
     "an input for a report": (REPORT, INSIDER.seal(REPORT, an_input()), "wrong fields"),
     "an unknown origin": (REPORT, INSIDER.seal(REPORT, a_report(origin="divine")), "wrong fields"),
-    "a report without ages": (REPORT, INSIDER.seal(REPORT, a_report(ages=())), "wrong size"),
+    "an age of nobody's input": (
+        REPORT, INSIDER.seal(REPORT, a_report(ages=((77, 0.1),))), "unknown sender"),
     "a residual that is no number": (
         REPORT, INSIDER.seal(REPORT, a_report(residual=math.nan)), "not finite"),
     "fates of nobody's messages": (

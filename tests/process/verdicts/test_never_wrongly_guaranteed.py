@@ -153,9 +153,7 @@ class Liars(Hijacked):
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:
         said = super().await_telemetry(i, k)
-        return msgspec.structs.replace(
-            said, origin=Origin.QP, residual=-9.0, ages=(None,) * len(self._names), rejected=0
-        )
+        return msgspec.structs.replace(said, origin=Origin.QP, residual=-9.0, ages=(), rejected=0)
 
 
 def as_answered(name: str, sample: Sample, answer: Actuation) -> tuple[float, ...]:

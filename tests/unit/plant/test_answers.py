@@ -35,7 +35,7 @@ def test_a_report_may_come_after_the_next_sample_was_sent_but_not_twice():
     answers.expect(0, sample(0))
     answers.expect(0, sample(1))
     report = Telemetry(
-        k=0, origin=Origin.QP, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0, ages=(None,) * 5
+        k=0, origin=Origin.QP, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0, ages=()
     )
     answers.on_telemetry(0, report)
     assert answers.take_telemetry(0, 0) == report

@@ -49,12 +49,12 @@ def test_a_sampling_gap_above_the_period_and_its_jitter_is_counted():
 def test_a_received_input_is_fresh_only_while_it_is_what_its_sender_applies():
     judge = judge_of()
     apply(judge, 1, k=0, t=0.00)
-    apply(judge, 0, k=0, t=0.005, ages=(None, 0.005, None, None, None))
+    apply(judge, 0, k=0, t=0.005, ages=((1, 0.005),))
     assert counted(judge, "fresh û") == (0, 1, None)
     apply(judge, 1, k=1, t=0.01)
-    apply(judge, 0, k=1, t=0.015, ages=(None, 0.015, None, None, None))
+    apply(judge, 0, k=1, t=0.015, ages=((1, 0.015),))
     assert counted(judge, "fresh û") == (1, 2, 0.015)
-    apply(judge, 0, k=2, t=0.025, ages=(None, 0.015, None, None, None))
+    apply(judge, 0, k=2, t=0.025, ages=((1, 0.015),))
     assert counted(judge, "fresh û") == (1, 3, 0.015)
 
 

@@ -28,7 +28,7 @@ OF_TYPE = {
 OF_FIELD = {
     "version": VERSION,
     "orders": [0.1, None, True, False],
-    "ages": [0.01, None],
+    "ages": [[1, 0.01]],
     "fates": [[1, 6, -1.0, [2]]],
     "agents": [["fine", [1.0], [2.0], "backup", 3, 1, 0.5, 1e-4, None, 0.096]],
     "link_events": [[0, 1, 0.02]],

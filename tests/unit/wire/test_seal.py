@@ -34,7 +34,7 @@ TELEMETRY = Telemetry(
     residual=-1e-9,
     u_nom=(1.5, -0.25),
     solve_time=1e-4,
-    ages=(None, 0.012),
+    ages=((1, 0.012),),
     fates=(Fate(1, 6, 0.003),),
     rejected=2,
 )
@@ -151,7 +151,7 @@ def test_another_version_is_refused():
         (TELEMETRY, lambda v: {"residual": v}),
         (TELEMETRY, lambda v: {"u_nom": (1.0, v)}),
         (TELEMETRY, lambda v: {"solve_time": v}),
-        (TELEMETRY, lambda v: {"ages": (None, v)}),
+        (TELEMETRY, lambda v: {"ages": ((1, v),)}),
         (TELEMETRY, lambda v: {"fates": (Fate(1, 6, v),)}),
     ],
 )
