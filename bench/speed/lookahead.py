@@ -1,0 +1,123 @@
+"""What lookahead gains: the same swarm one sample after another, and as many at once as may be.
+
+    python bench/speed/lookahead.py --agents 64
+
+A real hub and a process for each agent; the plant integrates and keeps the trajectory's hash, but
+judges and records nothing. Both ways take turns; their hashes must agree.
+"""
+
+import argparse
+import multiprocessing
+import statistics
+import time
+from multiprocessing.queues import SimpleQueue as Answers
+
+import phalanx
+from phalanx.agent import main as agent
+from phalanx.faults.state import FaultState
+from phalanx.plant.events import Event, InputApplied, StateReached
+from phalanx.plant.hub import Hub
+from phalanx.plant.lockstep import Lockstep
+from phalanx.plant.schedule import Schedule
+from phalanx.plant.trajectory import TrajectoryHash
+from phalanx.plant.world import World
+from phalanx.swarm.rows import SafetyRows, build_rows
+from phalanx.swarm.swarm import build_swarm
+from phalanx.wire.membership import Membership
+from phalanx.wire.session import free_endpoint
+
+# Rows that are built in no time: what is measured is the exchange, with a computation in it.
+SIMPLE = {
+    "safety.composition": "lse",
+    "safety.margin": "paper",
+    "safety.eta": 1.0,
+    "safety.xi": 0.5,
+    "safety.information": "in-flight",
+    "time.timeout": 120.0,
+}
+
+
+class Keeper:
+    """The hash of what happened, and how many inputs there were."""
+
+    def __init__(self) -> None:
+        self.trajectory, self.steps = TrajectoryHash(), 0
+        self.began = time.perf_counter()
+
+    def witness(self, event: Event) -> None:
+        """Take the next event."""
+        if isinstance(event, StateReached | InputApplied):
+            self.trajectory.add(event)
+            self.steps += isinstance(event, InputApplied)
+            if event.t == 0.0:  # the first samples build what is built at first use
+                self.began = time.perf_counter()
+
+    def idle(self) -> None:
+        """Nobody is shown anything."""
+
+
+def main() -> None:
+    """Run both ways in turns, and print times and their ratio."""
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    arguments.add_argument("--agents", type=int, default=64)
+    arguments.add_argument("--duration", type=float, default=0.5, help="virtual time [s]")
+    arguments.add_argument("--rounds", type=int, default=3)
+    options = arguments.parse_args()
+    count = {
+        "agents.0.count": options.agents - options.agents // 8,
+        "agents.1.count": options.agents // 8,
+        "agents.1.sensing": 15.0,
+        "duration": options.duration,
+    }
+    rows = {
+        lookahead: build_rows(
+            build_swarm(phalanx.load("swarm", {**count, **SIMPLE, "time.lookahead": lookahead}))
+        )
+        for lookahead in (False, True)
+    }
+    times: dict[bool, list[float]] = {False: [], True: []}
+    hashes = set()
+    for _ in range(options.rounds):
+        for lookahead in (False, True):
+            seconds, trajectory = measured(rows[lookahead])
+            times[lookahead].append(seconds)
+            hashes.add(trajectory)
+    off, on = (statistics.median(times[lookahead]) for lookahead in (False, True))
+    gains = [a / b for a, b in zip(times[False], times[True], strict=True)]
+    print(f"{options.agents} agents: {off * 1e6:.0f} µs a step one after another, "
+          f"{on * 1e6:.0f} µs with lookahead: {statistics.median(gains):.2f} times as fast "
+          f"({min(gains):.2f} to {max(gains):.2f}); "
+          f"{'one trajectory' if len(hashes) == 1 else 'DIFFERENT TRAJECTORIES'}")  # fmt: skip
+
+
+def measured(rows: SafetyRows) -> tuple[float, str]:
+    """Wall time of a step [s], and the trajectory's hash, of one run."""
+    context = multiprocessing.get_context("fork")
+    membership = Membership("bench", free_endpoint(), b"bench")
+    answers = context.SimpleQueue()
+    programs = [context.Process(target=plant, args=(rows, membership, answers))]
+    for name in rows.swarm.names:
+        programs.append(context.Process(target=agent.run, args=(rows, membership.of(name))))
+    for program in programs:
+        program.start()
+    found: tuple[float, str] = answers.get()
+    for program in programs:
+        program.join()
+    return found
+
+
+def plant(rows: SafetyRows, membership: Membership, answers: "Answers[tuple[float, str]]") -> None:
+    """World, schedule and hub; the time counts from when everybody has answered once."""
+    swarm, keeper = rows.swarm, Keeper()
+    clocks = [swarm.clock(i) for i in range(len(swarm.members))]
+    with Hub(swarm, membership, lambda: None) as hub:
+        schedule, faults = Schedule(clocks, 0.0), FaultState(swarm.names)
+        lockstep = Lockstep(rows, World(rows), schedule, hub, keeper, faults, concurrent=True)
+        hub.wait_for_agents(lambda _: None)
+        lockstep.run(swarm.scenario.duration)
+        seconds = (time.perf_counter() - keeper.began) / (keeper.steps - len(clocks))
+        answers.put((seconds, keeper.trajectory.hexadecimal))
+
+
+if __name__ == "__main__":
+    main()
