@@ -16,6 +16,7 @@ import phalanx
 from phalanx.agent import main as agent
 from phalanx.faults.state import FaultState
 from phalanx.plant.events import Event, InputApplied, StateReached
+from phalanx.plant.harness import Harness
 from phalanx.plant.hub import Hub
 from phalanx.plant.lockstep import Lockstep
 from phalanx.plant.schedule import Schedule
@@ -66,7 +67,6 @@ def main() -> None:
     count = {
         "agents.0.count": options.agents - options.agents // 8,
         "agents.1.count": options.agents // 8,
-        "agents.1.sensing": 15.0,
         "duration": options.duration,
     }
     rows = {
@@ -111,7 +111,7 @@ def plant(rows: SafetyRows, membership: Membership, answers: "Answers[tuple[floa
     swarm, keeper = rows.swarm, Keeper()
     clocks = [swarm.clock(i) for i in range(len(swarm.members))]
     with Hub(swarm, membership, lambda: None) as hub:
-        schedule, faults = Schedule(clocks, 0.0), FaultState(swarm.names)
+        schedule, faults = Schedule(clocks, 0.0, Harness(swarm)), FaultState(swarm.names)
         lockstep = Lockstep(rows, World(rows), schedule, hub, keeper, faults, concurrent=True)
         hub.wait_for_agents(lambda _: None)
         lockstep.run(swarm.scenario.duration)

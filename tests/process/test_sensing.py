@@ -15,6 +15,7 @@ pytestmark = pytest.mark.swarm
 
 RADIUS = {"1": 4.7, "2": 4.7, "3": 4.7, "4": 7.6, "5": 7.6}
 """Next to what is between neighbours in the formation, so that they come and go."""
+FORMATION = ("1", "2", "3")
 CHANGES = {"duration": 1.0, "safety.neighbourhood": 4.7, "agents.1.sensing": 7.6}
 
 
@@ -45,6 +46,43 @@ def test_no_agent_is_sent_a_state_or_a_broadcast_from_beyond_its_radius(tmp_path
                 assert sender in within(truth[t], names, receiver)
                 broadcasts += 1
     assert min(samples, broadcasts, left_out) > 100
+
+
+def test_what_an_agent_is_sent_does_not_depend_on_who_is_out_of_its_sight(tmp_path: Path) -> None:
+    few, many = (sent_to_the_formation(tmp_path / str(n), far_away=n) for n in (1, 6))
+    common = few.keys() & many.keys()
+    assert len(common) > 100
+    assert {kind for kind, *_ in common} == {"sample", "broadcast"}
+    assert {which: few[which] for which in common} == {which: many[which] for which in common}
+
+
+def sent_to_the_formation(folder: Path, far_away: int) -> dict[tuple[str | int, ...], object]:
+    """All that is sent to agents 1, 2 and 3, by key and number, with adversaries at 500 m.
+
+    Of states and inputs their lengths alone: everybody's events divide the integration's steps, so
+    that last digits differ.
+    """
+    scenario = phalanx.load(
+        "unicycles",
+        {
+            "duration": 0.5,
+            "safety.neighbourhood": 9.0,
+            "agents.1.names": [str(4 + n) for n in range(far_away)],
+            "agents.1.slots": [],
+            "agents.1.start": [[-500.0, 9.0 * n, 0.0] for n in range(far_away)],
+        },
+    )
+    found = {}
+    with live_run(scenario, folder, PACED) as run:
+        for key, fields in tapped(folder.name, run.endpoint, timeout=60.0):
+            _, _, kind, *who = key.split("/")
+            if kind == "sample" and who[0] in FORMATION:
+                _, k, t, seen, x, *rest = fields
+                found[kind, *who, k] = [t, seen, len(x), *rest]
+            elif kind == "broadcast" and who[1] in FORMATION:
+                _, k, t_apply, u = fields
+                found[kind, *who, k] = [t_apply, len(u)]
+    return found
 
 
 def within(x: np.ndarray, names: tuple[str, ...], agent: str) -> list[str]:

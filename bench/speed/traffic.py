@@ -1,0 +1,90 @@
+"""What one agent is sent in a step, in a small swarm and in a large one of the same density.
+
+    python bench/speed/traffic.py --agents 32,256
+
+Counted where it arrives, at the session of each agent's own process: all messages that Zenoh hands
+over, with their lengths. It depends on how many an agent sees, which is printed beside it.
+"""
+
+import argparse
+import multiprocessing
+import statistics
+from collections import Counter
+from multiprocessing.queues import SimpleQueue as Answers
+
+from lookahead import SIMPLE, plant
+
+import phalanx
+from phalanx.agent import main as agent
+from phalanx.swarm.rows import SafetyRows, build_rows
+from phalanx.swarm.swarm import build_swarm
+from phalanx.wire import session as wire
+from phalanx.wire.keys import kind_and_name
+from phalanx.wire.membership import Membership
+from phalanx.wire.messages import Sample
+from phalanx.wire.seal import Sealer
+
+SECRET = b"bench"
+
+
+def main() -> None:
+    """Run each size, and print a row of a table for each."""
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    arguments.add_argument("--agents", default="32,256", help="sizes, with commas between")
+    arguments.add_argument("--duration", type=float, default=0.5, help="virtual time [s]")
+    options = arguments.parse_args()
+    print("| agents | seen | messages a step | bytes a step |\n|---|---|---|---|")
+    for size in map(int, options.agents.split(",")):
+        count = {"agents.0.count": size - size // 8, "agents.1.count": size // 8}
+        scenario = phalanx.load("swarm", {**count, **SIMPLE, "duration": options.duration})
+        rows = build_rows(build_swarm(scenario))
+        found = [counted for counted in received(rows) if counted["samples"] > 1]
+        means = [
+            statistics.mean(counted[what] / counted["samples"] for counted in found)
+            for what in ("seen", "messages", "bytes")
+        ]
+        print(f"| {size} | " + " | ".join(f"{mean:.1f}" for mean in means) + " |", flush=True)
+
+
+def received(rows: SafetyRows) -> list[Counter[str]]:
+    """Of each normal agent: samples, whom they held, and all messages with their bytes."""
+    context = multiprocessing.get_context("fork")
+    membership = Membership("bench", wire.free_endpoint(), SECRET)
+    times, counts = context.SimpleQueue(), context.SimpleQueue()
+    programs = [context.Process(target=plant, args=(rows, membership, times))]
+    for name in rows.swarm.names:
+        own = (rows, membership.of(name), counts)
+        programs.append(context.Process(target=counted_agent, args=own))
+    for program in programs:
+        program.start()
+    times.get()
+    found = dict(counts.get() for _ in rows.swarm.names)
+    for program in programs:
+        program.join()
+    return [found[rows.swarm.names[i]] for i in rows.swarm.normal]
+
+
+def counted_agent(
+    rows: SafetyRows, membership: Membership, counts: "Answers[tuple[str, Counter[str]]]"
+) -> None:
+    """The agent as ever, with a count of what its subscriptions are handed."""
+    counted, sealer, subscribe = Counter[str](), Sealer(SECRET), wire.subscribe
+
+    def subscribe_and_count(session: wire.Session, key: str, deliver: wire.Deliver) -> None:
+        def count(at: str, payload: bytes) -> None:
+            counted["messages"] += 1
+            counted["bytes"] += len(payload)
+            if kind_and_name(at)[0] == "sample":
+                counted["samples"] += 1
+                counted["seen"] += len(sealer.open(at, payload, Sample).seen)
+            deliver(at, payload)
+
+        subscribe(session, key, count)
+
+    wire.subscribe = subscribe_and_count
+    agent.run(rows, membership)
+    counts.put((membership.identity, counted))
+
+
+if __name__ == "__main__":
+    main()
