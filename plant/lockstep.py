@@ -116,8 +116,10 @@ class Lockstep:
         self._contacts = Contacts(len(swarm.members), swarm.scenario.time.latency)
         self._commands = commands or CommandQueue(NO_COMMANDS, ())
         adverse = any(group.disturbance.kind == "adverse" for group in swarm.groups)
+        # A sample that sees everybody waits for everybody: to look ahead pays where most do not.
+        limited = 2 * np.isfinite(self._sensing.radii).sum() > len(swarm.members)
         self._ahead: Lookahead | None = None
-        if concurrent and swarm.scenario.time.lookahead and not adverse:
+        if concurrent and swarm.scenario.time.lookahead and limited and not adverse:
             self._ahead = Lookahead(rows, world.motion, self._sensing.radii)
         self._now = 0.0
         """How far samples were handed out [s]; the world may be behind."""

@@ -51,8 +51,8 @@ class Time(Strict):
     recording_step: NonNegative = 0.0
     """Least time between two states in the recording [s]; 0 records one at every event."""
     lookahead: bool = True
-    """Whether agents that cannot see each other before both have answered compute at once; the
-    trajectory is the same."""
+    """Whether agents that cannot see each other before both have answered compute at once, in a
+    swarm most of which has a limited sight; the trajectory is the same."""
     timeout: Positive = 30.0
     """How long the plant waits for an agent, in wall time [s]."""
 

@@ -114,7 +114,7 @@ class Slow(Coasting):
 
     def send_sample(self, i: int, sample: Sample) -> None:
         super().send_sample(i, sample)
-        if sample.t > 0.0:  # at 0 everybody samples
+        if sample.t > 0.02:  # at 0 everybody samples, whoever sees whom
             self.most = max(self.most, len(self._open))
 
     def take_actuation(self, i: int) -> Actuation | None:
@@ -125,7 +125,7 @@ class Slow(Coasting):
 
 
 def run_of(agents: Slow, folder: Path, *overrides: str, concurrent: bool = True) -> Summary:
-    rows = rows_of_scenario("unicycles", "duration=0.5", "agents.1.sensing=4.0", *overrides)
+    rows = rows_of_scenario("unicycles", "duration=0.5", *overrides)
     commands = CommandQueue(NO_COMMANDS, rows.swarm.names)
     with RecordingWriter(
         folder / f"{len(overrides)}.mcap", rows.swarm.scenario, "run"
@@ -136,10 +136,10 @@ def run_of(agents: Slow, folder: Path, *overrides: str, concurrent: bool = True)
 def test_agents_out_of_each_others_sight_compute_at_once_and_the_trajectory_is_the_same(
     tmp_path: Path,
 ) -> None:
-    wanted, near = (1.5, 0.5), "safety.neighbourhood=4.0"
+    wanted, near = (1.5, 0.5), ("safety.neighbourhood=4.0", "agents.1.sensing=4.0")
     after_one_another, at_once = Slow(wanted), Slow(wanted)
-    alone = run_of(after_one_another, tmp_path, near, "time.lookahead=false")
-    together = run_of(at_once, tmp_path, near)
+    alone = run_of(after_one_another, tmp_path, *near, "time.lookahead=false")
+    together = run_of(at_once, tmp_path, *near)
     assert (after_one_another.most, at_once.most) == (1, 5)
     assert together.trajectory == alone.trajectory
     assert together.steps == alone.steps > 200
@@ -147,14 +147,20 @@ def test_agents_out_of_each_others_sight_compute_at_once_and_the_trajectory_is_t
 
 def test_who_sees_everything_waits_for_everybody(tmp_path: Path) -> None:
     agents = Slow()
-    assert run_of(agents, tmp_path).outcome is not Outcome.BROKEN
-    assert agents.most == 3, "the two adversaries, which see 4 m far, and one that does not"
+    assert run_of(agents, tmp_path, "agents.0.sensing=4.0").outcome is not Outcome.BROKEN
+    assert agents.most == 4, "the three normal agents, which see 4 m far, and one that does not"
+
+
+def test_where_most_see_everything_nobody_looks_ahead(tmp_path: Path) -> None:
+    agents = Slow()
+    assert run_of(agents, tmp_path, "agents.1.sensing=4.0").outcome is not Outcome.BROKEN
+    assert agents.most == 1
 
 
 def test_dynamics_that_travel_farther_than_they_say_end_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Unicycle, "travel", lambda *_: 0.0)
-    summary = run_of(Slow((4.0, 0.0)), tmp_path, "safety.neighbourhood=4.7")
+    summary = run_of(Slow((4.0, 0.0)), tmp_path, "safety.neighbourhood=4.7", "agents.1.sensing=4.0")
     assert summary.outcome is Outcome.BROKEN
     assert "travel farther than" in summary.reason
