@@ -9,6 +9,7 @@ from phalanx.agent.step import Answer, ControlStep
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.wire.keys import kind_and_name
 from phalanx.wire.messages import Broadcast, Sample
+from phalanx.wire.refusals import Refusals
 from phalanx.wire.seal import Malformed, Sealer
 
 log = logging.getLogger("phalanx.agent")
@@ -34,6 +35,7 @@ class SampleAnswering:
         self._step, self._sealer = step, sealer
         self._send, self._give_up = send, give_up
         self._owns_process = owns_process
+        self._refusals = Refusals(log)
         self._pending: Sample | None = None
 
     def time(self, stopwatch: Stopwatch) -> None:
@@ -86,4 +88,4 @@ class SampleAnswering:
 
     def _drop(self, key: str, reason: Malformed) -> None:
         self._step.rejected += 1
-        log.warning("dropped a payload on %s: %s", key, reason)
+        self._refusals.add(key, reason)

@@ -56,6 +56,9 @@ class ControlStep:
         self.name = swarm.names[i]
         self.inbox = BroadcastInbox(_links(swarm, i))
         self._senders = {swarm.names[j]: j for j in swarm.heard_by(i)}
+        duration = swarm.scenario.duration
+        self._most = {j: swarm.clock(j).most_samples(duration) for j in self._senders.values()}
+        """By sender, more broadcasts than it can send in the run."""
         self.rejected = 0
         """Payloads dropped so far."""
         self._states = SeenStates(swarm)
@@ -79,6 +82,8 @@ class ControlStep:
             states = self._states.of(sample.x, sample.seen)
         except ValueError as error:
             raise Malformed("wrong size") from error
+        if not np.isfinite(np.frombuffer(sample.x, dtype="<f8")).all():
+            raise Malformed("not finite")
         existing = _existing(sample)
         if self.i not in states or not set(self._senders.values()).issuperset(existing):
             raise Malformed("wrong agents")
@@ -100,6 +105,9 @@ class ControlStep:
         if sender not in self._senders:
             raise Malformed("unknown sender")
         j = self._senders[sender]
+        if message.k >= self._most[j]:
+            # More of them would only fill the memory.
+            raise Malformed("from the future")
         if len(message.u) != len(self.swarm.members[j].dynamics.inputs):
             raise Malformed("wrong size")
         if not self.inbox.put(j, message):

@@ -3,7 +3,7 @@
 import logging
 import queue
 import time
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable
 
 import msgspec
@@ -11,6 +11,7 @@ import numpy as np
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy, refusal
 from phalanx.wire.frames import CommandMessage
+from phalanx.wire.refusals import Refusals
 from phalanx.wire.seal import Malformed, Sealer
 
 log = logging.getLogger("phalanx.plant")
@@ -30,7 +31,7 @@ class CommandQueue:
     ) -> None:
         """check_stop is called at every wait and may raise to end the run."""
         self.speed = policy.speed
-        self.rejected: Counter[str] = Counter()
+        self.refusals = Refusals(log)
         self._schedule = deque(
             sorted((c for c in policy.schedule if c.changes_trajectory), key=lambda c: c.t)
         )
@@ -110,11 +111,10 @@ class CommandQueue:
             message = self._sealer.open(key, payload, CommandMessage)
             if message.number <= self._latest:
                 raise Malformed("out of order")
-            if problem := refusal(message.command, self._names):
-                log.warning("a command cannot be obeyed: %s", problem)
+            if refusal(message.command, self._names):
                 raise Malformed("wrong command")
         except Malformed as reason:
-            self.rejected[f"command: {reason}"] += 1
+            self.refusals.add(key, f"command: {reason}")
             return
         self._latest = message.number
         self._live.put(message.command)

@@ -4,21 +4,23 @@ import contextlib
 import logging
 import queue
 import time
-from collections import Counter
 from collections.abc import Callable
 from typing import Self, TypeVar
 
 from phalanx.plant.answers import Answers
+from phalanx.plant.arrivals import Arrivals
 from phalanx.plant.joining import Joining
 from phalanx.plant.stop import SwarmBrokenError
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.scenario.load import to_json
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire import session as wire
+from phalanx.wire.access import access_control
 from phalanx.wire.frames import Setup
-from phalanx.wire.keys import PLANT, kind_and_name
+from phalanx.wire.keys import PLANT, VIEWER
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Actuation, Message, Sample, Telemetry
+from phalanx.wire.refusals import Refusals
 from phalanx.wire.seal import Malformed, Sealer
 
 log = logging.getLogger("phalanx.plant")
@@ -39,24 +41,28 @@ class Hub:
 
         check_stop is called at every wait and may raise to end the run. Raises HubError.
         """
-        self.rejected: Counter[str] = Counter()
-        """Payloads dropped, by reason."""
+        self.refusals = Refusals(log)
+        """Payloads dropped."""
         self._timeout = swarm.scenario.time.timeout
         self._check_stop = check_stop
         self._keys, self._sealer = membership.keys, membership.sealer
         self._names, self._scenario = swarm.names, swarm.scenario
         self._joining, self._answers = Joining(swarm), Answers(swarm)
-        # Zenoh's threads only put here; everything is opened and believed in the plant's own.
-        self._events: queue.SimpleQueue[tuple[str, bytes | bool]] = queue.SimpleQueue()
-        self._session = wire.open_hub(membership.endpoint)
         keys = self._keys
+        of_agents = ((Actuation, keys.actuation), (Telemetry, keys.telemetry))
+        self._from = {
+            key(name): (i, kind) for i, name in enumerate(self._names) for kind, key in of_agents
+        }
+        """By key expression, which agent sends what there."""
+        self._arrivals = Arrivals(self._from, self.refusals)
+        self._session = wire.open_hub(membership.endpoint, _door(swarm, membership))
         self._sample_keys = [keys.sample(name) for name in self._names]
         self._samples = [wire.publisher(self._session, key) for key in self._sample_keys]
         self._status = wire.publisher(self._session, keys.status)
         self._verdict = wire.publisher(self._session, keys.verdict)
         for every in (keys.actuation("*"), keys.telemetry("*")):
-            wire.subscribe(self._session, every, lambda *m: self._events.put(m))
-        wire.watch(self._session, keys.alive("*"), lambda *m: self._events.put(m))
+            wire.subscribe(self._session, every, self._arrivals.put_payload)
+        wire.watch(self._session, keys.alive("*"), self._arrivals.put_token)
         self._token = wire.announce(self._session, keys.alive(PLANT, self._joining.digest))
 
     def __enter__(self) -> Self:
@@ -105,9 +111,9 @@ class Hub:
 
     def take_actuation(self, i: int) -> Actuation | None:
         """The same, if it has come. Raises SwarmBrokenError if an agent died."""
-        with contextlib.suppress(queue.Empty):
-            while True:
-                self._handle(*self._events.get_nowait())
+        # Those that are there now: more may come faster than they are handled.
+        for _ in range(self._arrivals.waiting):
+            self._handle(*self._arrivals.get(timeout=0.0))
         return self._answers.take_actuation(i)
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:
@@ -146,12 +152,12 @@ class Hub:
     def _take_event(self, deadline: float, complaint: str) -> None:
         self._check_stop()
         if time.monotonic() > deadline:
-            dropped = ", ".join(f"{n} {reason}" for reason, n in self.rejected.items())
+            dropped = ", ".join(f"{n} {reason}" for reason, n in self.refusals.counts.items())
             because = f" (dropped payloads: {dropped})" if dropped else ""
             hint = "see its log, or raise time.timeout"
             raise SwarmBrokenError(f"{complaint} within {self._timeout:g} s{because}: {hint}")
         with contextlib.suppress(queue.Empty):
-            self._handle(*self._events.get(timeout=_POLL))
+            self._handle(*self._arrivals.get(timeout=_POLL))
 
     def _handle(self, key: str, content: bytes | bool) -> None:
         if isinstance(content, bool):
@@ -161,18 +167,21 @@ class Hub:
         try:
             self._on_message(key, content)
         except Malformed as reason:
-            self.rejected[str(reason)] += 1
-            log.warning("dropped a payload on %s: %s", key, reason)
+            self.refusals.add(key, reason)
 
     def _on_message(self, key: str, payload: bytes) -> None:
-        kind, name = kind_and_name(key)
-        if name not in self._names:
-            raise Malformed("unknown sender")
-        i = self._names.index(name)
-        if kind == "actuation":
+        i, kind = self._from[key]
+        if kind is Actuation:
             self._answers.on_actuation(i, self._sealer.open(key, payload, Actuation))
         else:
             self._answers.on_telemetry(i, self._sealer.open(key, payload, Telemetry))
+
+
+def _door(swarm: Swarm, membership: Membership) -> wire.Door:
+    """The hub's: the scenario's programs and viewers, each in its own name."""
+    programs = swarm.scenario.programs()
+    passwords = {name: membership.password_of(name) for name in (VIEWER, *programs)}
+    return wire.Door(passwords, access_control(membership.keys, programs))
 
 
 class Viewers:

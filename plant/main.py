@@ -68,7 +68,7 @@ def run(
             hub.wait_for_agents(lambda missing: hub.publish_status(Status(waiting_for=missing)))
             gc.freeze()
 
-        summary = plant.run(prepare=join, rejected=lambda: hub.rejected)
+        summary = plant.run(prepare=join, rejected=lambda: hub.refusals.counts)
         if stopwatch and profile:
             stopwatch.write(profile, PLANT)
         hub.publish_verdict(Ended(summary=msgspec.json.encode(summary)))

@@ -111,7 +111,11 @@ class PlantRun:
             outcome, reason = Outcome.BROKEN, str(error)
         log.info("%s at t = %.3f s: %s", outcome, self._world.t, reason)
         wall = time.monotonic() - began
-        dropped = {**rejected(), **self._commands.rejected, **self._scribe.rejected_by_agents}
+        dropped = {
+            **rejected(),
+            **self._commands.refusals.counts,
+            **self._scribe.rejected_by_agents,
+        }
         return self._summary(outcome, reason, dropped, wall)
 
     def _summary(

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from phalanx.cli.options import Secret
+
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
@@ -23,6 +25,7 @@ def tap(
             envvar="PHALANX_CONNECT", help="Zenoh endpoint of its hub, where RUN is a name."
         ),
     ] = "",
+    secret: Secret = "",
     kind: Annotated[
         str,
         typer.Option(
@@ -45,16 +48,18 @@ def tap(
       phalanx tap r1 --connect tcp/127.0.0.1:7447 --kind broadcast
     """
     from phalanx.launcher.live import find_live
+    from phalanx.wire.membership import Membership
     from phalanx.wire.session import HubError
     from phalanx.wire.tap import tapped
 
+    membership = Membership(run, connect, secret.encode(), timeout=10.0)
     if not connect:
         found = find_live(Path(run))
         if found is None:
             raise typer.BadParameter(f"{run}: no run goes on there; or give its name and --connect")
-        run, connect = found.run, found.endpoint
+        membership = found.membership
     try:
-        for number, (key, fields) in enumerate(tapped(run, connect, kind), start=1):
+        for number, (key, fields) in enumerate(tapped(membership, kind), start=1):
             print(json.dumps([key, fields], default=repr), flush=True)
             if number == count:
                 break

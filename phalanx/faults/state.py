@@ -1,6 +1,7 @@
 """The state that commands leave behind: who is frozen, dead or turned, and what links do."""
 
 from enum import StrEnum
+from typing import Annotated
 
 import msgspec
 
@@ -20,9 +21,9 @@ class Condition(StrEnum):
 class Orders(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """What commands ask of an agent, in every sample from then on."""
 
-    loss: float | None = None
+    loss: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] | None = None
     """Replaces the scenario's loss on every link to this agent."""
-    delay: float | None = None
+    delay: Annotated[float, msgspec.Meta(ge=0.0, le=1e6)] | None = None
     """Replaces the scenario's delay [s] on every link to this agent."""
     adversary: bool = False
     """Attack from now on."""

@@ -1,28 +1,40 @@
 """Where a run that goes on can be met: a small file in its folder, there as long as it runs."""
 
 import contextlib
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
 
+from phalanx.wire.keys import VIEWER
 from phalanx.wire.membership import Membership
 
 LIVE = "live.json"
 
 
 class LiveRun(msgspec.Struct):
-    """How to listen to a run; its secret is not told."""
+    """How to listen to a run: what a viewer may know, for those who may read the file."""
 
     run: str
     endpoint: str
+    held: dict[str, bytes]
+    """As phalanx.wire.membership.Membership."""
+
+    @property
+    def membership(self) -> Membership:
+        """A viewer's."""
+        return Membership(self.run, self.endpoint, held=self.held)
 
 
 @contextlib.contextmanager
 def announced(folder: Path, membership: Membership) -> Iterator[None]:
     """Say in the run's folder where it can be met, while the block runs."""
     file = folder / LIVE
-    file.write_bytes(msgspec.json.encode(LiveRun(membership.run, membership.endpoint)))
+    viewer = membership.of(VIEWER)
+    found = LiveRun(viewer.run, viewer.endpoint, dict(viewer.held or {}))
+    with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as out:
+        out.write(msgspec.json.encode(found))
     try:
         yield
     finally:

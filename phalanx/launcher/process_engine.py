@@ -20,7 +20,7 @@ from phalanx.launcher.programs import Program
 from phalanx.recording.records import PROFILE, SUMMARY
 from phalanx.scenario.fields import CONTROLLER
 from phalanx.scenario.model import Scenario
-from phalanx.wire.keys import PLANT
+from phalanx.wire.keys import PLANT, VIEWER
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Ended, Status
 from phalanx.wire.seal import Malformed
@@ -56,7 +56,7 @@ def run_processes(
         programs.append(Program(CONTROLLER if name == CONTROLLER else "agent", name, timed))
     if viewer is not None:
         options = {"command_secret": policy.secret, **viewer}
-        programs.append(Program("viewer", "viewer", options))
+        programs.append(Program(VIEWER, VIEWER, options))
     processes = Processes(scenario, membership, folder / "logs", programs)
     verdict = _Verdict(folder)
     try:
@@ -107,7 +107,7 @@ def _listening(
     session = None
     while session is None and processes.plant_runs:
         with contextlib.suppress(HubError):
-            session = open_client(membership.endpoint, timeout=0.5)
+            session = open_client(membership.endpoint, 0.5, membership.credentials)
     if session is None:
         yield
         return

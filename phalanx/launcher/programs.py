@@ -59,7 +59,9 @@ def start_program(program: Program, rows: SafetyRows, membership: Membership, lo
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     configure_logging()
-    return run_program(program.kind, rows, membership.of(program.identity), program.options)
+    decides_for = rows.swarm.scenario.programs().get(program.identity, ())
+    own = membership.of(program.identity, decides_for)
+    return run_program(program.kind, rows, own, program.options)
 
 
 def run_program(

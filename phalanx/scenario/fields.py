@@ -8,16 +8,16 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from phalanx.scenario.registry import construct
 
-_PLANT = "plant"
 CONTROLLER = "controller"
 """The process that decides for all normal agents where safety.control is "centralised"."""
+_PROGRAMS = frozenset({"plant", "viewer", CONTROLLER})
 _NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,31}")
 
 
 def _check_name(name: str) -> str:
     if not _NAME.fullmatch(name):
         raise ValueError("expected 1 to 32 of a-z 0-9 _ - (it becomes part of a key expression)")
-    if name in (_PLANT, CONTROLLER):
+    if name in _PROGRAMS:
         raise ValueError(f"expected another name: this one is the {name}'s")
     return name
 

@@ -185,8 +185,13 @@ class Scenario(Strict):
             for place, name in enumerate(group.names):
                 yield name, group, place
 
-    def programs(self) -> list[str]:
-        """Names of the processes beside the plant: every agent, or the controller of several."""
+    def programs(self) -> dict[str, tuple[str, ...]]:
+        """The processes beside the plant: every agent, or the controller of several.
+
+        With the names of the agents that each decides for.
+        """
         if self.safety.control == "distributed":
-            return [name for name, _, _ in self.roster()]
-        return [CONTROLLER, *(n for n, group, _ in self.roster() if group.role == "adversary")]
+            return {name: (name,) for name, _, _ in self.roster()}
+        normal = tuple(name for name, group, _ in self.roster() if group.role == "normal")
+        adversaries = {n: (n,) for n, group, _ in self.roster() if group.role == "adversary"}
+        return {CONTROLLER: normal, **adversaries}

@@ -1,5 +1,7 @@
 """Sampling instants t_i^{k+1} = t_i^k + Γ_i + δ_i(k), Eq. (perturbedT)."""
 
+import math
+
 from phalanx.seeded.draws import Draws
 
 
@@ -16,3 +18,10 @@ class SamplingClock:
         """t_i^{k+1}, given that sample k was at t_i^k = t [s]."""
         delta = self._jitter * (2.0 * float(self._draws[k][0]) - 1.0)
         return t + self._period + delta
+
+    def most_samples(self, duration: float) -> int:
+        """More samples than this clock can take in a run of so long [s].
+
+        Twice as many as fit: whoever is frozen and thawed samples at once, out of turn.
+        """
+        return 1000 + 2 * math.ceil(duration / (self._period - self._jitter))

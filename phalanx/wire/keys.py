@@ -7,6 +7,10 @@ from dataclasses import dataclass
 
 PLANT = "plant"
 """The plant's name where an agent's would stand; scenarios cannot use it."""
+VIEWER = "viewer"
+"""Whoever looks at a run without taking part; scenarios cannot use the name."""
+EVERYBODY = ""
+"""The name of no program: of what all of a run have."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +74,23 @@ class Keys:
 
 
 def kind_and_name(key: str) -> tuple[str, str]:
-    """The kind of a run's key expression and the name in it; two empty texts if it is no such."""
+    """The kind of a run's key expression and the name in it; two empty texts if it is no such.
+
+    Somebody may put on a wildcard: that is no key of a run.
+    """
     chunks = key.split("/")
-    return (chunks[2], chunks[3]) if len(chunks) >= 4 and chunks[0] == "phalanx" else ("", "")
+    if len(chunks) not in (4, 5) or chunks[0] != "phalanx" or "*" in key:
+        return "", ""
+    return chunks[2], chunks[3]
+
+
+_ONES_OWN = {"sample", "actuation", "telemetry"}
+
+
+def owner(key: str) -> str:
+    """Whose key seals what is put on a key expression.
+
+    The agent's own where only the agent and the plant have to read it; else everybody's.
+    """
+    kind, name = kind_and_name(key)
+    return name if kind in _ONES_OWN else EVERYBODY

@@ -1,25 +1,30 @@
-"""What a program needs in order to take part in a run."""
+"""What a program needs in order to take part in a run, and how it shows who it is."""
 
+import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from phalanx.wire.keys import Keys
-from phalanx.wire.seal import Sealer
+from phalanx.wire.keys import EVERYBODY, PLANT, VIEWER, Keys, owner
+from phalanx.wire.seal import RunSealer, Sealer
+from phalanx.wire.session import Credentials
 
 
 @dataclass(frozen=True)
 class Membership:
-    """Which run, where its hub is, the secret that its programs share, and who one is in it."""
+    """Which run, where its hub is, who one is in it, and what proves that."""
 
     run: str
     """Part of every key expression."""
     endpoint: str
     """Where the plant listens and everybody else connects, as Zenoh writes it."""
     secret: bytes = field(default=b"", repr=False)
-    """Seals the run's messages; with none, corruption is detected but not forgery."""
-    identity: str = ""
-    """The program's name: an agent's, or PLANT; empty for who only listens."""
+    """The run's. Who has it can be anybody in the run; with none, so can everybody."""
+    identity: str = VIEWER
+    """The program's name: an agent's, or another of phalanx.wire.keys."""
     timeout: float = 60.0
     """How long to try to reach the hub [s of wall time]."""
+    held: Mapping[str, bytes] | None = field(default=None, repr=False)
+    """The keys of those that one may be, in place of the secret from which all are made."""
 
     @property
     def keys(self) -> Keys:
@@ -28,9 +33,34 @@ class Membership:
 
     @property
     def sealer(self) -> Sealer:
-        """Seals and opens the run's messages."""
-        return Sealer(self.secret)
+        """Seals and opens the run's messages, each with the key of the program that it is about."""
+        return RunSealer(lambda key: self.key_of(owner(key)))
 
-    def of(self, identity: str) -> "Membership":
-        """The same run's membership for another program."""
-        return replace(self, identity=identity)
+    @property
+    def credentials(self) -> Credentials:
+        """What the hub asks for before it lets this program in."""
+        return Credentials(self.identity, self.password_of(self.identity))
+
+    def key_of(self, name: str) -> bytes:
+        """The key of a program, or the one that everybody in the run has. Raises KeyError.
+
+        A key tells nothing of another, nor of the secret.
+        """
+        if self.held is not None:
+            return self.held[name]
+        secret = hashlib.blake2b(self.secret, digest_size=32).digest()
+        return hashlib.blake2b(name.encode(), key=secret, digest_size=32).digest()
+
+    def password_of(self, name: str) -> str:
+        """What a program shows at the hub's door; it tells nothing of its key."""
+        return hashlib.blake2b(b"password", key=self.key_of(name), digest_size=16).hexdigest()
+
+    def of(self, identity: str, speaks_for: tuple[str, ...] = ()) -> "Membership":
+        """What another program of the run gets: its own keys, and the secret only if it is the plant.
+
+        speaks_for: the agents that it decides for, if it is not one itself.
+        """
+        if identity == PLANT:
+            return replace(self, identity=PLANT)
+        held = {name: self.key_of(name) for name in (EVERYBODY, identity, *speaks_for)}
+        return replace(self, identity=identity, secret=b"", held=held)

@@ -4,7 +4,7 @@ An agent's answer to a sample is three things for three receivers: what its actu
 peers hear, and what the plant records about how it was made.
 """
 
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import msgspec
 
@@ -32,7 +32,7 @@ class Sample(Message, frozen=True, kw_only=True):
     """Plant to agent i at its sampling instant: what it sees, and nothing else."""
 
     k: int
-    t: float
+    t: Annotated[float, msgspec.Meta(ge=0.0, le=1e300)]
     """t_i^k [s]."""
     seen: tuple[int, ...]
     """Indices of the agents that it sees, itself among them, in order."""

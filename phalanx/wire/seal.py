@@ -2,14 +2,15 @@
 
 The seal is a keyed BLAKE2b over the key expression and the body. It refuses what the network
 corrupted, what was meant for another key or another run and, when the run has a secret, what
-somebody else forged. Who sent a message is said by its key expression, which the seal covers.
+somebody else forged. Who sent a message is said by its key expression, which the seal covers, and
+what passes between an agent and the plant is sealed with a key that these two alone have.
 """
 
 import hashlib
 import math
 import re
-from collections.abc import Iterator
-from functools import cache
+from collections.abc import Callable, Iterator
+from functools import cache, lru_cache
 from typing import Any, TypeVar
 
 import msgspec
@@ -35,11 +36,12 @@ def _decoder(kind: type[M]) -> "msgspec.msgpack.Decoder[M]":
 
 
 class Sealer:
-    """Seals and opens payloads of one run."""
+    """Seals and opens payloads with one secret."""
 
     def __init__(self, secret: bytes = b"") -> None:
         """With an empty secret the seal still detects corruption, but not forgery."""
-        self._key = hashlib.blake2b(secret, digest_size=32).digest()
+        secret_key = hashlib.blake2b(secret, digest_size=32).digest()
+        self._key_for: Callable[[str], bytes] = lambda key: secret_key
 
     def seal(self, key: str, message: Message) -> bytes:
         """The payload to put under a key expression."""
@@ -75,9 +77,17 @@ class Sealer:
         return message
 
     def _mac(self, key: str, body: bytes) -> bytes:
-        mac = hashlib.blake2b(key.encode(), key=self._key, digest_size=SEAL_BYTES)
+        mac = hashlib.blake2b(key.encode(), key=self._key_for(key), digest_size=SEAL_BYTES)
         mac.update(body)
         return mac.digest()
+
+
+class RunSealer(Sealer):
+    """Seals and opens payloads of a run, each with the key of the program that it is about."""
+
+    def __init__(self, key_of: Callable[[str], bytes]) -> None:
+        """key_of: the secret key, of 32 bytes, that seals what is put on a key expression."""
+        self._key_for = lru_cache(maxsize=4096)(key_of)
 
 
 def _numbers(value: Any) -> Iterator[float]:

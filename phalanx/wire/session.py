@@ -1,12 +1,14 @@
 """Zenoh sessions: the plant's is the hub (a router), every other program is its client."""
 
+import contextlib
 import json
 import os
 import resource
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import zenoh
@@ -29,6 +31,25 @@ class HubError(RuntimeError):
     """The hub cannot listen, or cannot be reached; the message names the endpoint."""
 
 
+@dataclass(frozen=True)
+class Credentials:
+    """How a program shows the hub who it is."""
+
+    name: str
+    password: str = field(repr=False)
+    """Never sent: it proves itself by its answer to what the hub asks."""
+
+
+@dataclass(frozen=True)
+class Door:
+    """Whom a hub lets in, and what each may do there."""
+
+    passwords: Mapping[str, str] = field(repr=False)
+    """By name."""
+    access_control: Mapping[str, Any]
+    """As phalanx.wire.access makes it."""
+
+
 def free_endpoint() -> str:
     """A TCP endpoint on loopback that is free now."""
     with socket.socket() as probe:
@@ -36,8 +57,10 @@ def free_endpoint() -> str:
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
-def open_hub(endpoint: str) -> zenoh.Session:
+def open_hub(endpoint: str, door: Door | None = None) -> zenoh.Session:
     """Open the session that all programs of a run meet in. Raises HubError.
+
+    Without a door everybody may come in and do everything.
 
     This process may open as many files from then on as its hard limit allows: each connection takes
     some, and the usual soft limit of 1024 is too low for a few hundred programs.
@@ -50,14 +73,37 @@ def open_hub(endpoint: str) -> zenoh.Session:
         "listen": {"endpoints": [endpoint]},
     }
     # Half-open connections must not keep agents out.
-    config["transport"]["unicast"] = {"accept_pending": 1000, "accept_timeout": 1000}
-    try:
-        return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
-    except zenoh.ZError as error:
-        raise HubError(f"cannot listen on {endpoint}: {_reason(error)}") from error
+    config["transport"]["unicast"] = {
+        "accept_pending": 1000,
+        "accept_timeout": 1000,
+        "max_sessions": 10_000,
+    }
+    # Who is let in and then does not read is sent away; until then the plant's samples wait.
+    blocked = {"wait_before_close": 1_000_000}
+    config["transport"]["link"]["tx"] = {"queue": {"congestion_control": {"block": blocked}}}
+    with contextlib.ExitStack() as stack:
+        if door is not None:
+            passwords = stack.enter_context(_file_in_memory(door.passwords))
+            config["transport"]["auth"] = {"usrpwd": {"dictionary_file": passwords}}
+            config["access_control"] = dict(door.access_control)
+        try:
+            return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+        except zenoh.ZError as error:
+            raise HubError(f"cannot listen on {endpoint}: {_reason(error)}") from error
 
 
-def open_client(endpoint: str, timeout: float) -> zenoh.Session:
+@contextlib.contextmanager
+def _file_in_memory(passwords: Mapping[str, str]) -> Iterator[str]:
+    """The path of a file that nobody else can open: Zenoh takes passwords from nowhere else."""
+    with os.fdopen(os.memfd_create("phalanx"), "w") as file:
+        file.writelines(f"{name}:{password}\n" for name, password in passwords.items())
+        file.flush()
+        yield f"/proc/self/fd/{file.fileno()}"
+
+
+def open_client(
+    endpoint: str, timeout: float, credentials: Credentials | None = None
+) -> zenoh.Session:
     """Join the hub, trying for `timeout` seconds. Raises HubError."""
     os.environ.setdefault("ZENOH_RUNTIME", _CLIENT_RUNTIME)
     config = {
@@ -69,10 +115,15 @@ def open_client(endpoint: str, timeout: float) -> zenoh.Session:
             "retry": {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 1.5},
         },
     }
+    if credentials is not None:
+        login = {"user": credentials.name, "password": credentials.password}
+        config["transport"]["auth"] = {"usrpwd": login}
     try:
         return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
     except zenoh.ZError as error:
-        raise HubError(f"no hub at {endpoint} within {timeout:g} s: {_reason(error)}") from error
+        # Who is refused is not told so: there is nothing to tell it from a hub that is not there.
+        cause = f"{_reason(error)}; is the secret the run's?" if credentials else _reason(error)
+        raise HubError(f"no hub at {endpoint} within {timeout:g} s: {cause}") from error
 
 
 def _common() -> dict[str, Any]:

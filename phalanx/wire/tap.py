@@ -6,29 +6,28 @@ from typing import Any
 
 import msgpack
 
-from phalanx.wire.keys import PLANT, Keys
+from phalanx.wire.keys import PLANT
+from phalanx.wire.membership import Membership
 from phalanx.wire.seal import SEAL_BYTES
 from phalanx.wire.session import open_client, subscribe, watch
 
 
-def tapped(run: str, endpoint: str, kind: str = "*", timeout: float = 10.0) -> Iterator[Any]:
+def tapped(membership: Membership, kind: str = "*") -> Iterator[Any]:
     """(key expression, fields) of each message put in a run from now on, until the plant leaves.
 
     What is not msgpack under a seal comes as its bytes.
 
     Args:
-        run: its name.
-        endpoint: the hub's Zenoh endpoint.
+        membership: of the run, as a viewer.
         kind: of the messages, as it stands in their key expressions; "*" for all.
-        timeout: how long to try to reach the hub [s].
 
     Raises:
         HubError: the hub cannot be reached.
     """
-    keys = Keys(run)
+    keys = membership.keys
     arrived: queue.SimpleQueue[tuple[str, bytes] | None] = queue.SimpleQueue()
-    with open_client(endpoint, timeout) as session:
-        every = keys.everything if kind == "*" else f"phalanx/{run}/{kind}/**"
+    with open_client(membership.endpoint, membership.timeout, membership.credentials) as session:
+        every = keys.everything if kind == "*" else f"phalanx/{membership.run}/{kind}/**"
         subscribe(session, every, lambda key, payload: arrived.put((key, payload)))
         watch(session, keys.alive(PLANT), lambda _, alive: None if alive else arrived.put(None))
         while (message := arrived.get()) is not None:

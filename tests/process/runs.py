@@ -29,10 +29,12 @@ PACED = CommandPolicy(secret=COMMAND_SECRET, speed=0.2)
 class LiveRun:
     """A launch under way."""
 
-    def __init__(self, scenario: Scenario, folder: Path, policy: CommandPolicy) -> None:
+    def __init__(
+        self, scenario: Scenario, folder: Path, policy: CommandPolicy, endpoint: str = ""
+    ) -> None:
         """Start the real launcher in a thread, with processes as ever."""
         folder.mkdir()
-        self.folder, self.endpoint = folder, free_endpoint()
+        self.folder, self.endpoint = folder, endpoint or free_endpoint()
         self.status: Status | None = None
         self._summary: Summary | None = None
         self._thread = threading.Thread(target=self._run, args=(scenario, policy), daemon=True)
@@ -77,10 +79,10 @@ class LiveRun:
 
 @contextlib.contextmanager
 def live_run(
-    scenario: Scenario, folder: Path, policy: CommandPolicy = NO_COMMANDS
+    scenario: Scenario, folder: Path, policy: CommandPolicy = NO_COMMANDS, endpoint: str = ""
 ) -> Iterator[LiveRun]:
     """A run in the background; whatever the test does, it is over at the end."""
-    run = LiveRun(scenario, folder, policy)
+    run = LiveRun(scenario, folder, policy, endpoint)
     try:
         yield run
     except BaseException:

@@ -24,7 +24,7 @@ def start(*command: object) -> subprocess.Popen[str]:
 @pytest.mark.swarm
 def test_it_prints_every_broadcast(tmp_path):
     endpoint = free_endpoint()
-    follower = start(EXAMPLE, endpoint, "--secret", "s")
+    follower = start(EXAMPLE, endpoint, "r1", "s")
     plant = start("-m", "phalanx", "plant", *RUN, "--listen", endpoint, "--out", tmp_path)
     # No agent comes before it listens, so it cannot miss the first broadcast.
     assert follower.stdout.readline() == "following run r1\n"

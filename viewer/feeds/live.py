@@ -20,6 +20,7 @@ from phalanx.wire.frames import CommandMessage, Frame, Setup
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Ended
+from phalanx.wire.refusals import Refusals
 from phalanx.wire.seal import Malformed, Sealer
 
 Array = NDArray[np.float64]
@@ -46,12 +47,15 @@ class Live:
         """
         self.summary: Summary | None = None
         self.over = False
+        self._refusals = Refusals(log)
         self._keys, self._sealer = membership.keys, membership.sealer
         self._command_sealer, self._commanding = Sealer(command_secret), threading.Lock()
         # Frames come in a thread of Zenoh's, which must be free again at once, and are added to the
         # history in the page's thread, where the plots read it.
         self._frames: queue.SimpleQueue[Frame] = queue.SimpleQueue()
-        self._session = wire.open_client(membership.endpoint, membership.timeout)
+        self._session = wire.open_client(
+            membership.endpoint, membership.timeout, membership.credentials
+        )
         try:
             setup = self._ask_for_setup(membership)
             self.model = scene_model(from_json(setup.scenario.decode()))
@@ -115,14 +119,14 @@ class Live:
         try:
             self._frames.put(self._sealer.open(key, payload, Frame))
         except Malformed as reason:
-            log.warning("dropped a frame: %s", reason)
+            self._refusals.add(key, reason)
 
     def _on_verdict(self, key: str, payload: bytes) -> None:
         try:
             ended = self._sealer.open(key, payload, Ended)
             self.summary = msgspec.json.decode(ended.summary, type=Summary)
         except (Malformed, msgspec.DecodeError) as reason:
-            log.warning("dropped a verdict: %s", reason)
+            self._refusals.add(key, reason)
 
     def _on_plant(self, _key: str, alive: bool) -> None:
         self.over = not alive

@@ -9,7 +9,7 @@ import pytest
 
 from phalanx.scenario.load import load
 from phalanx.wire.messages import VERSION
-from tests.process.runs import PACED, live_run, wait_for
+from tests.process.runs import PACED, SECRET, live_run, wait_for
 
 pytestmark = pytest.mark.swarm
 
@@ -25,7 +25,15 @@ def test_tap_prints_every_kind_of_message_of_a_run_that_goes_on(tmp_path: Path):
         wait_for(lambda: run.status is not None and run.status.t > 0)
         done = tap(str(run.folder), "--count", "60")
         only = tap(
-            run.folder.name, "--connect", run.endpoint, "--kind", "broadcast", "--count", "5"
+            run.folder.name,
+            "--connect",
+            run.endpoint,
+            "--kind",
+            "broadcast",
+            "--count",
+            "5",
+            "--secret",
+            SECRET.decode(),
         )
     assert done.returncode == 0, done.stderr
     lines = [json.loads(line) for line in done.stdout.splitlines()]

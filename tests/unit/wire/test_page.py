@@ -2,17 +2,19 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import msgpack
 import pytest
 
 from phalanx.wire import frames, messages
 from phalanx.wire.keys import Keys
+from phalanx.wire.membership import Membership
 from phalanx.wire.messages import VERSION, Message
-from phalanx.wire.seal import Sealer
 
 PAGE = (Path(__file__).parents[3] / "docs" / "wire.md").read_text(encoding="utf-8")
 SECRET = b"secret"
+MEMBERSHIP = Membership("r", "", SECRET)
 OF_TYPE = {
     "int": 7,
     "float": 0.25,
@@ -56,11 +58,12 @@ def kinds() -> dict[str, type[Message]]:
     }
 
 
-def sealed(key: str, fields: list[object]) -> bytes:
-    """A payload, made by the function that the page shows."""
-    scope: dict[str, object] = {}
+@pytest.fixture(scope="module")
+def page() -> dict[str, Any]:
+    """The functions that the page shows."""
+    scope: dict[str, Any] = {}
     exec(re.search(r"```python\n(.*?)```", PAGE, re.DOTALL).group(1), scope)
-    return scope["sealed"](key, fields, SECRET)
+    return scope
 
 
 def test_the_page_has_every_message_and_no_other():
@@ -68,16 +71,22 @@ def test_the_page_has_every_message_and_no_other():
     assert f"now **{VERSION}**" in PAGE
 
 
+@pytest.mark.parametrize("of", ["telemetry", "broadcast"])
 @pytest.mark.parametrize("name", sorted(tables()))
-def test_a_message_written_from_the_page_is_read_and_read_back(name):
-    table, kind, key = tables()[name], kinds()[name], f"phalanx/r/{name}/4"
+def test_a_message_written_from_the_page_is_read_and_read_back(name, of, page):
+    table, kind, key = tables()[name], kinds()[name], f"phalanx/r/{of}/4"
     assert [field for field, _ in table] == list(kind.__struct_fields__)
     fields = [OF_FIELD[f] if f in OF_FIELD else OF_TYPE[type_] for f, type_ in table]
-    payload = sealed(key, fields)
-    message = Sealer(SECRET).open(key, payload, kind)
-    again = Sealer(SECRET).seal(key, message)
-    assert again[:16] == sealed(key, msgpack.unpackb(again[16:]))[:16]
+    message = MEMBERSHIP.sealer.open(key, page["sealed"](key, fields, SECRET), kind)
+    again = MEMBERSHIP.sealer.seal(key, message)
+    assert again[:16] == page["sealed"](key, msgpack.unpackb(again[16:]), SECRET)[:16]
     assert msgpack.unpackb(again[16:]) == fields
+
+
+@pytest.mark.parametrize("name", ["", "4", "viewer"])
+def test_the_keys_and_passwords_of_the_page_are_those_of_the_code(name, page):
+    assert page["key_of"](name, SECRET) == MEMBERSHIP.key_of(name)
+    assert page["password_of"](name, SECRET) == MEMBERSHIP.password_of(name)
 
 
 def test_the_keys_of_the_page_are_those_of_the_code():

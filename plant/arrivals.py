@@ -1,0 +1,59 @@
+"""What has come from agents and waits for the plant's own thread: never more than it can hold."""
+
+import queue
+import threading
+from collections.abc import Iterable
+
+from phalanx.wire.messages import MAX_BYTES
+from phalanx.wire.refusals import Refusals
+
+_MOST = 256
+"""Payloads that wait under one key expression; an agent has a few at most on their way."""
+
+
+class Arrivals:
+    """Payloads and tokens in the order in which they came.
+
+    Zenoh's threads only put here; everything is opened and believed in the plant's own.
+    """
+
+    def __init__(self, keys: Iterable[str], refusals: Refusals) -> None:
+        """keys: under which payloads may come; all others are refused."""
+        self._refusals = refusals
+        self._arrived: queue.SimpleQueue[tuple[str, bytes | bool]] = queue.SimpleQueue()
+        self._waiting = dict.fromkeys(keys, 0)
+        self._lock = threading.Lock()
+
+    def put_payload(self, key: str, payload: bytes) -> None:
+        """A payload came."""
+        reason = self._reason_against(key, payload)
+        if reason is not None:
+            self._refusals.add(key, reason)
+            return
+        with self._lock:
+            self._waiting[key] += 1
+        self._arrived.put((key, payload))
+
+    def put_token(self, key: str, alive: bool) -> None:
+        """A liveliness token appeared or disappeared."""
+        self._arrived.put((key, alive))
+
+    @property
+    def waiting(self) -> int:
+        """How many there are."""
+        return self._arrived.qsize()
+
+    def get(self, timeout: float) -> tuple[str, bytes | bool]:
+        """The next payload, or whether a token is there. Raises queue.Empty after timeout [s]."""
+        key, content = self._arrived.get(timeout=timeout)
+        if key in self._waiting:
+            with self._lock:
+                self._waiting[key] -= 1
+        return key, content
+
+    def _reason_against(self, key: str, payload: bytes) -> str | None:
+        if key not in self._waiting:
+            return "unknown sender"
+        if len(payload) > MAX_BYTES:
+            return "oversized"
+        return "too many" if self._waiting[key] >= _MOST else None

@@ -1,0 +1,61 @@
+"""An attacker's process beside a run, from the run's first moment to its last."""
+
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+from bench.attacks.attacker import OVERRIDES, UNDER_WAY
+from bench.attacks.attacker import SCENARIO as NAME
+from phalanx.guarantee.verdict import Summary
+from phalanx.scenario.load import load
+from phalanx.wire.session import free_endpoint
+from tests.process.runs import HELD, SECRET, live_run, wait_for
+
+SCENARIO = load(NAME, OVERRIDES)
+ROOT = Path(__file__).parents[3]
+
+
+class AttackUnderWay:
+    """An attacker, and what it has said so far."""
+
+    def __init__(self, attack: str, endpoint: str, run: str) -> None:
+        command = [sys.executable, "-m", "bench.attacks.attacker", attack, endpoint, run]
+        if attack.startswith("insider"):
+            command.append(SECRET.hex())
+        self.process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, text=True, cwd=ROOT, bufsize=1
+        )
+        self.said: list[str] = []
+        self._listening = threading.Thread(target=self._listen)
+        self._listening.start()
+
+    def _listen(self) -> None:
+        assert self.process.stdout
+        for line in self.process.stdout:
+            self.said.append(line.strip())
+
+    @property
+    def let_in(self) -> bool | None:
+        """Whether the hub gave it a session; None before that is known."""
+        return None if len(self.said) < 2 else self.said[1] == UNDER_WAY
+
+    def end(self) -> None:
+        """Kill it."""
+        self.process.kill()
+        self.process.wait()
+        self._listening.join()
+
+
+def assailed(attack: str, folder: Path) -> tuple[Summary, AttackUnderWay]:
+    """A run beside an attacker who waits for its hub to listen."""
+    endpoint = free_endpoint()
+    attacker = AttackUnderWay(attack, endpoint, folder.name)
+    try:
+        wait_for(lambda: attacker.said)
+        with live_run(SCENARIO, folder, HELD, endpoint) as run:
+            wait_for(lambda: attacker.let_in is not None)
+            run.set_speed(0.2)
+            return run.summary(), attacker
+    finally:
+        attacker.end()

@@ -1,0 +1,15 @@
+"""The run that every attack is measured against."""
+
+import pytest
+
+from phalanx.guarantee.verdict import Summary
+from phalanx.launcher.execute import execute
+from tests.process.hostile.attacks import SCENARIO
+
+
+@pytest.fixture(scope="session")
+def calm(tmp_path_factory: pytest.TempPathFactory) -> Summary:
+    """The run that nobody attacks."""
+    folder = tmp_path_factory.mktemp("calm") / "run"
+    folder.mkdir()
+    return execute(SCENARIO, folder, engine="in-process")

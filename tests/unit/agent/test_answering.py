@@ -1,0 +1,122 @@
+"""What an agent does not believe: dropped and counted, and it neither answers nor dies of it."""
+
+import math
+import os
+from typing import Any
+
+import msgspec
+import pytest
+
+from phalanx.agent.answering import SampleAnswering
+from phalanx.agent.step import Answer, ControlStep
+from phalanx.faults.state import Orders
+from phalanx.wire.keys import Keys
+from phalanx.wire.membership import Membership
+from phalanx.wire.messages import Actuation, Broadcast, Sample
+from tests.unit.swarms import rows_of_scenario
+
+KEYS = Keys("r")
+SAMPLE, HEARD = KEYS.sample("1"), KEYS.broadcast("2")
+PLANT = Membership("r", "", b"secret").sealer
+INSIDER = Membership("r", "", b"secret").of("2")
+AGENTS = 5
+
+
+def a_sample(**changes: Any) -> Sample:
+    """The first that agent 1 gets."""
+    sample = Sample(k=0, t=0.0, x=bytes(8 * 3 * AGENTS), latest=(-1,) * AGENTS)
+    return msgspec.structs.replace(sample, **changes)
+
+
+def a_broadcast(**changes: Any) -> Broadcast:
+    return msgspec.structs.replace(Broadcast(k=0, t_apply=0.0, u=(0.0, 0.0)), **changes)
+
+
+def by_another_key(sample: Sample) -> bytes:
+    """Sealed by another agent, which has its own key and everybody's."""
+    knows = Membership("r", "", held={"1": INSIDER.key_of("2"), "": INSIDER.key_of("")})
+    return knows.sealer.seal(SAMPLE, sample)
+
+
+NAN = msgspec.structs.replace(a_sample(), x=b"\xff" * (8 * 3 * AGENTS))
+SAMPLES = {
+    "nothing": b"",
+    "noise": os.urandom(300),
+    "an order by another agent": by_another_key(a_sample(orders=Orders(die=True))),
+    "an input for a sample": PLANT.seal(SAMPLE, Actuation(k=0, t_apply=0.0, u=(0.0, 0.0))),
+    "a state of another size": PLANT.seal(SAMPLE, a_sample(x=bytes(8))),
+    "a state that is no number": PLANT.seal(SAMPLE, NAN),
+    "a time that is no number": PLANT.seal(SAMPLE, a_sample(t=math.nan)),
+    "an endless time": PLANT.seal(SAMPLE, a_sample(t=math.inf)),
+    "before the beginning": PLANT.seal(SAMPLE, a_sample(k=-1)),
+    "a loss that is no number": PLANT.seal(SAMPLE, a_sample(orders=Orders(loss=math.nan))),
+    "a loss above one": PLANT.seal(SAMPLE, a_sample(orders=Orders(loss=1.5))),
+    "a delay into the past": PLANT.seal(SAMPLE, a_sample(orders=Orders(delay=-1.0))),
+    "an endless delay": PLANT.seal(SAMPLE, a_sample(orders=Orders(delay=math.inf))),
+}
+BROADCASTS = {
+    "noise": (HEARD, os.urandom(60)),
+    "an input that is no number": (HEARD, PLANT.seal(HEARD, a_broadcast(u=(math.nan, 0.0)))),
+    "an input too many": (HEARD, PLANT.seal(HEARD, a_broadcast(u=(0.0,) * 3))),
+    "from the past": (HEARD, PLANT.seal(HEARD, a_broadcast(k=-1))),
+    "from the far future": (HEARD, PLANT.seal(HEARD, a_broadcast(k=10**6))),
+    "under every name": (KEYS.broadcast("*"), PLANT.seal(KEYS.broadcast("*"), a_broadcast())),
+    "under no name": ("**", PLANT.seal("**", a_broadcast())),
+    "of one that is not listened to": (
+        KEYS.broadcast("4"), PLANT.seal(KEYS.broadcast("4"), a_broadcast())),
+}  # fmt: skip
+
+
+class Agent:
+    """Agent 1 of Simulation 1, and what it answered."""
+
+    def __init__(self) -> None:
+        self.answers: list[Answer] = []
+        self.step = ControlStep(rows_of_scenario("unicycles"), 0)
+        sealer = Membership("r", "", b"secret").of("1").sealer
+        self.answering = SampleAnswering(
+            self.step, sealer, self.answers.append, self.fail, owns_process=True
+        )
+
+    def fail(self) -> None:
+        raise AssertionError(self.answering.error)
+
+
+@pytest.fixture
+def agent() -> Agent:
+    return Agent()
+
+
+@pytest.mark.parametrize("which", SAMPLES)
+def test_a_sample_that_cannot_be_the_plants_next_is_dropped(agent: Agent, which: str) -> None:
+    agent.answering.on_sample(SAMPLE, SAMPLES[which])
+    assert agent.answers == []
+    assert agent.step.rejected == 1
+    agent.answering.on_sample(SAMPLE, PLANT.seal(SAMPLE, start(agent)))
+    assert len(agent.answers) == 1, "and the true one is answered"
+
+
+@pytest.mark.parametrize("which", BROADCASTS)
+def test_a_broadcast_that_cannot_be_its_senders_is_dropped(agent: Agent, which: str) -> None:
+    agent.answering.on_broadcast(*BROADCASTS[which])
+    assert agent.step.rejected == 1
+    assert agent.step.inbox.missing((0,) * AGENTS)
+
+
+def test_a_broadcast_that_came_before_is_dropped(agent: Agent) -> None:
+    for _ in range(2):
+        agent.answering.on_broadcast(HEARD, PLANT.seal(HEARD, a_broadcast()))
+    assert agent.step.rejected == 1
+
+
+def test_one_who_fills_inboxes_is_bounded_by_what_the_run_can_hold(agent: Agent) -> None:
+    for k in range(20_000):
+        agent.answering.on_broadcast(HEARD, INSIDER.sealer.seal(HEARD, a_broadcast(k=k)))
+    kept = 20_000 - agent.step.rejected
+    duration = agent.step.swarm.scenario.duration
+    assert kept == agent.step.swarm.clock(1).most_samples(duration)
+    assert kept > duration / 0.008
+
+
+def start(agent: Agent) -> Sample:
+    return a_sample(x=agent.step.swarm.start().astype("<f8").tobytes())

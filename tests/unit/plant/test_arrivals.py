@@ -1,0 +1,78 @@
+"""What comes to the plant is bounded, and what is refused is counted without filling the log."""
+
+import logging
+import queue
+
+import pytest
+
+from phalanx.plant.arrivals import _MOST, Arrivals
+from phalanx.wire.messages import MAX_BYTES
+from phalanx.wire.refusals import Refusals
+
+KEY, OTHER = "phalanx/r/actuation/1", "phalanx/r/actuation/2"
+LOG = logging.getLogger("phalanx.test")
+
+
+@pytest.fixture
+def refusals() -> Refusals:
+    return Refusals(LOG)
+
+
+@pytest.fixture
+def arrivals(refusals) -> Arrivals:
+    return Arrivals((KEY, OTHER), refusals)
+
+
+def taken(arrivals: Arrivals) -> list[tuple[str, bytes | bool]]:
+    found = []
+    while True:
+        try:
+            found.append(arrivals.get(timeout=0.0))
+        except queue.Empty:
+            return found
+
+
+def test_a_flood_is_bounded_and_leaves_room_for_others(arrivals, refusals):
+    for _ in range(10 * _MOST):
+        arrivals.put_payload(KEY, b"?")
+    arrivals.put_payload(OTHER, b"!")
+    arrivals.put_token("phalanx/r/alive/1/d", False)
+    assert taken(arrivals) == [
+        *[(KEY, b"?")] * _MOST,
+        (OTHER, b"!"),
+        ("phalanx/r/alive/1/d", False),
+    ]
+    assert refusals.counts == {"too many": 9 * _MOST}
+
+
+def test_there_is_room_again_for_what_was_taken(arrivals, refusals):
+    for _ in range(3):
+        for _ in range(_MOST):
+            arrivals.put_payload(KEY, b"?")
+        assert len(taken(arrivals)) == _MOST
+    assert refusals.counts == {}
+
+
+@pytest.mark.parametrize(
+    "key", ["**", "phalanx/r/**", "phalanx/r/actuation/*", "phalanx/r/actuation/3", ""]
+)
+def test_under_any_other_key_nothing_comes(arrivals, refusals, key):
+    arrivals.put_payload(key, b"?")
+    assert taken(arrivals) == []
+    assert refusals.counts == {"unknown sender": 1}
+
+
+def test_what_is_too_large_does_not_wait(arrivals, refusals):
+    arrivals.put_payload(KEY, bytes(MAX_BYTES + 1))
+    assert taken(arrivals) == []
+    assert refusals.counts == {"oversized": 1}
+
+
+def test_a_million_refusals_are_seven_lines(refusals, caplog):
+    with caplog.at_level(logging.WARNING, LOG.name):
+        for _ in range(10**6):
+            refusals.add(KEY, "bad seal")
+        refusals.add(KEY, "truncated")
+    assert refusals.counts == {"bad seal": 10**6, "truncated": 1}
+    assert len(caplog.records) == 8
+    assert "bad seal (1000000 so far)" in caplog.text

@@ -1,0 +1,67 @@
+"""What each program of a run is given to show who it is, and what it cannot make of that."""
+
+import pickle
+
+import pytest
+
+from phalanx.wire.keys import EVERYBODY, PLANT, VIEWER, Keys, kind_and_name, owner
+from phalanx.wire.membership import Membership
+from phalanx.wire.messages import Actuation, Broadcast
+from phalanx.wire.seal import Malformed
+
+ROOT = Membership("r", "tcp/127.0.0.1:1", b"hidden", PLANT)
+KEYS = Keys("r")
+
+
+def test_a_program_gets_its_own_keys_and_nothing_from_which_others_could_be_made():
+    agent = ROOT.of("4")
+    assert agent.credentials == Membership("r", "", b"hidden", "4").credentials
+    assert agent.key_of("4") == ROOT.key_of("4")
+    assert agent.key_of(EVERYBODY) == ROOT.key_of(EVERYBODY)
+    assert b"hidden" not in pickle.dumps(agent)
+    assert ROOT.key_of("5") not in pickle.dumps(agent)
+    with pytest.raises(KeyError):
+        agent.key_of("5")
+
+
+def test_a_controller_gets_the_keys_of_those_that_it_decides_for():
+    controller = ROOT.of("controller", ("1", "2"))
+    assert controller.key_of("2") == ROOT.key_of("2")
+
+
+@pytest.mark.parametrize("name", ["1", VIEWER, EVERYBODY])
+def test_what_one_shows_at_the_door_is_no_key(name):
+    assert bytes.fromhex(ROOT.password_of(name)) != ROOT.key_of(name)[:16]
+
+
+def test_an_agent_cannot_seal_what_passes_between_another_and_the_plant():
+    """Not even where the hub would let it put that."""
+    key = KEYS.actuation("5")
+    with pytest.raises(KeyError):
+        ROOT.of("4").sealer.seal(key, Actuation(k=0, t_apply=0.0, u=()))
+    own = Membership("r", "", held={"4": ROOT.key_of("4"), "5": ROOT.key_of("4")})
+    payload = own.sealer.seal(key, Actuation(k=0, t_apply=0.0, u=()))
+    with pytest.raises(Malformed, match="bad seal"):
+        ROOT.sealer.open(key, payload, Actuation)
+
+
+def test_all_of_a_run_can_read_a_broadcast():
+    key, said = KEYS.broadcast("4"), Broadcast(k=0, t_apply=0.0, u=(1.0,))
+    assert ROOT.of("5").sealer.open(key, ROOT.of("4").sealer.seal(key, said), Broadcast) == said
+
+
+@pytest.mark.parametrize("seal_under_other_secret", [b"", b"Secret", b"another"])
+def test_another_secret_makes_other_keys(seal_under_other_secret):
+    other = Membership("r", "", seal_under_other_secret)
+    assert other.key_of("4") != ROOT.key_of("4")
+    assert other.password_of("4") != ROOT.password_of("4")
+
+
+@pytest.mark.parametrize(
+    "key",
+    ["", "**", "phalanx/**", "phalanx/r/**", "phalanx/r/*/*", "phalanx/r/actuation/*", "x/r/a/1",
+     "phalanx/r/actuation", "phalanx/r/alive/1/d/e", "phalanx/*/actuation/1", "phalanx/r/act$*/1"],
+)  # fmt: skip
+def test_what_is_no_key_of_a_run_names_nobody(key):
+    assert kind_and_name(key) == ("", "")
+    assert owner(key) == EVERYBODY
