@@ -110,7 +110,7 @@ def build_time(scenario_json: str) -> float:
     """How long theory and one agent's controller take [s]."""
     scenario = from_json(scenario_json)
     began = time.perf_counter()
-    control_steps(build_rows(build_swarm(scenario)), scenario.programs()[0])
+    control_steps(build_rows(build_swarm(scenario)), next(iter(scenario.programs())))
     return time.perf_counter() - began
 
 

@@ -56,7 +56,7 @@ class Membership:
         return hashlib.blake2b(b"password", key=self.key_of(name), digest_size=16).hexdigest()
 
     def of(self, identity: str, speaks_for: tuple[str, ...] = ()) -> "Membership":
-        """What another program of the run gets: its own keys, and the secret only if it is the plant.
+        """What one program of the run gets: its own keys; the secret is the plant's alone.
 
         speaks_for: the agents that it decides for, if it is not one itself.
         """

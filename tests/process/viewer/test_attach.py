@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from phalanx.scenario.load import load
-from tests.process.runs import HELD, live_run
+from tests.process.runs import HELD, SECRET, live_run
 from tests.process.viewer.pages import viewer
 
 pytestmark = pytest.mark.swarm
@@ -34,16 +34,25 @@ def test_viewers_attached_killed_attached_again_and_stopped_leave_the_trajectory
             second.process.send_signal(signal.SIGCONT)
 
 
-def test_a_viewer_of_a_run_that_is_not_there_says_which(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("run_id", "secret", "complaint"),
+    [
+        ("imagined", SECRET, "knows no run 'imagined'"),
+        ("real", b"guessed", "is the secret the run's?"),
+    ],
+)
+def test_a_viewer_that_finds_no_run_says_why(
+    tmp_path: Path, run_id: str, secret: bytes, complaint: str
+) -> None:
     with live_run(load("unicycles", ["duration=4.0"]), tmp_path / "real", HELD) as run:
         command = [sys.executable, "-m", "phalanx", "viewer", "--connect", run.endpoint]
         asked = subprocess.run(
-            [*command, "--run", "imagined", "--timeout", "1"],
+            [*command, "--run", run_id, "--timeout", "2", "--secret", secret.decode()],
             capture_output=True, text=True, timeout=60,
         )  # fmt: skip
         run.set_speed(0.0)
     assert asked.returncode == 3
-    assert "knows no run 'imagined'" in asked.stderr
+    assert complaint in asked.stderr
 
 
 def test_a_taken_port_is_an_error_that_names_it(tmp_path: Path) -> None:
