@@ -15,14 +15,14 @@ import zenoh
 VERSION = 3
 
 
-def key_of(name: str, secret: str) -> bytes:  # everybody's has no name
+def key_of(name: str, secret: str) -> bytes:
     root = hashlib.blake2b(secret.encode(), digest_size=32).digest()
     return hashlib.blake2b(name.encode(), key=root, digest_size=32).digest()
 
 
 def opened(key: str, payload: bytes, secret: str) -> list | None:
     """The fields of a sealed broadcast, or None if it was not made with the secret for this key."""
-    content, own = key.encode() + payload[16:], key_of("", secret)
+    content, own = key.encode() + payload[16:], key_of(">".join(key.split("/")[3:]), secret)
     made = payload[:16] == hashlib.blake2b(content, key=own, digest_size=16).digest()
     fields = msgpack.unpackb(payload[16:]) if made else [None]
     return fields if fields[0] == VERSION else None

@@ -29,7 +29,7 @@ from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Actuation, Broadcast, Ended, Message, Sample, Telemetry
 
 SCENARIO, OVERRIDES = "unicycles", ("duration=0.5",)
-VICTIM, INSIDER = "1", "4"
+VICTIM, PEER, INSIDER = "1", "2", "4"
 READY, REFUSED, UNDER_WAY, READ = "ready", "refused", "under way", "read"
 _PATIENCE = 3000
 """How long a session is tried for [ms]."""
@@ -196,7 +196,7 @@ def reads(by: Attacker) -> Iterator[None]:
 
 def floods(by: Attacker) -> Iterator[None]:
     keys = [by.keys.actuation(VICTIM), by.keys.telemetry(VICTIM), by.keys.sample(VICTIM)]
-    yield from _flooded(by, [*keys, by.keys.broadcast(VICTIM), by.keys.status], b"?" * 60)
+    yield from _flooded(by, [*keys, by.keys.broadcast(VICTIM, PEER), by.keys.status], b"?" * 60)
 
 
 def sends_large_messages(by: Attacker) -> Iterator[None]:
@@ -205,9 +205,8 @@ def sends_large_messages(by: Attacker) -> Iterator[None]:
 
 def answers_for_another(by: Attacker) -> Iterator[None]:
     """Every sample, before the victim can: when it samples follows from the scenario."""
-    key, report, heard = (
-        kind(VICTIM) for kind in (by.keys.actuation, by.keys.telemetry, by.keys.broadcast)
-    )
+    key, report = by.keys.actuation(VICTIM), by.keys.telemetry(VICTIM)
+    heard = by.keys.broadcast(VICTIM, PEER)
     u = (0.0, 0.0)
     with by.open() as session:
         while True:
@@ -227,7 +226,16 @@ def orders_another_to_die(by: Attacker) -> Iterator[None]:
         while True:
             for k in range(200):
                 orders = Orders(die=True)
-                sample = Sample(k=k, t=0.01 * k, x=bytes(120), latest=(-1,) * 5, orders=orders)
+                sample = Sample(
+                    k=k,
+                    t=0.01 * k,
+                    seen=(0, 1, 2, 3, 4),
+                    x=bytes(120),
+                    since=(-1,) * 5,
+                    latest=(-1,) * 5,
+                    hearers=(),
+                    orders=orders,
+                )
                 by.forge(session, key, sample)
             yield
 
@@ -242,7 +250,7 @@ def speaks_for_the_plant(by: Attacker) -> Iterator[None]:
 
 def fills_inboxes(by: Attacker) -> Iterator[None]:
     """With broadcasts of its own from the far future."""
-    key, first = by.keys.broadcast(INSIDER), 10**6
+    key, first = by.keys.broadcast(INSIDER, VICTIM), 10**6
     with by.open() as session:
         while True:
             for k in range(first, first + 1000):
@@ -252,7 +260,8 @@ def fills_inboxes(by: Attacker) -> Iterator[None]:
 
 
 def floods_as_himself(by: Attacker) -> Iterator[None]:
-    keys = by.keys.actuation(INSIDER), by.keys.telemetry(INSIDER), by.keys.broadcast(INSIDER)
+    own = by.keys.actuation(INSIDER), by.keys.telemetry(INSIDER)
+    keys = (*own, by.keys.broadcast(INSIDER, VICTIM))
     yield from _flooded(by, list(keys), b"?" * 60)
 
 

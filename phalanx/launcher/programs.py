@@ -60,7 +60,7 @@ def start_program(program: Program, rows: SafetyRows, membership: Membership, lo
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     configure_logging()
     decides_for = rows.swarm.scenario.programs().get(program.identity, ())
-    own = membership.of(program.identity, decides_for)
+    own = membership.of(program.identity, decides_for, rows.swarm.names)
     return run_program(program.kind, rows, own, program.options)
 
 

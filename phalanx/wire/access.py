@@ -56,8 +56,9 @@ _Rule = tuple[str, tuple[str, ...], tuple[str, ...]]
 
 
 def _agent(keys: Keys, names: tuple[str, ...]) -> list[_Rule]:
-    own = [key(name) for name in names for key in (keys.actuation, keys.broadcast, keys.telemetry)]
-    seen = (*(keys.sample(name) for name in names), keys.broadcast("*"))
+    own = [key(name) for name in names for key in (keys.actuation, keys.telemetry)]
+    own += [keys.broadcast(name, "*") for name in names]
+    seen = tuple(key for n in names for key in (keys.sample(n), keys.broadcast("*", n)))
     return [
         ("ingress", ("put",), tuple(own)),
         ("ingress", ("liveliness_token",), tuple(keys.alive(name) for name in names)),

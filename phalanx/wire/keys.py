@@ -87,10 +87,17 @@ def kind_and_name(key: str) -> tuple[str, str]:
 _ONES_OWN = {"sample", "actuation", "telemetry"}
 
 
+def link(sender: str, receiver: str) -> str:
+    """The name of what two agents have alone, in this direction; no program's."""
+    return f"{sender}>{receiver}"
+
+
 def owner(key: str) -> str:
     """Whose key seals what is put on a key expression.
 
-    The agent's own where only the agent and the plant have to read it; else everybody's.
+    The agent's own between it and the plant, a link's between two agents; else everybody's.
     """
     kind, name = kind_and_name(key)
+    if kind == "broadcast":
+        return link(name, key.rsplit("/", 1)[-1])
     return name if kind in _ONES_OWN else EVERYBODY

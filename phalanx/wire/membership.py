@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from phalanx.wire.keys import EVERYBODY, PLANT, VIEWER, Keys, owner
+from phalanx.wire.keys import EVERYBODY, PLANT, VIEWER, Keys, link, owner
 from phalanx.wire.seal import RunSealer, Sealer
 from phalanx.wire.session import Credentials
 
@@ -55,12 +55,18 @@ class Membership:
         """What a program shows at the hub's door; it tells nothing of its key."""
         return hashlib.blake2b(b"password", key=self.key_of(name), digest_size=16).hexdigest()
 
-    def of(self, identity: str, speaks_for: tuple[str, ...] = ()) -> "Membership":
+    def of(
+        self, identity: str, speaks_for: tuple[str, ...] = (), peers: tuple[str, ...] = ()
+    ) -> "Membership":
         """What one program of the run gets: its own keys; the secret is the plant's alone.
 
-        speaks_for: the agents that it decides for, if it is not one itself.
+        Args:
+            identity: its name.
+            speaks_for: the agents that it decides for: itself, if it is one.
+            peers: all agents; their broadcasts are sealed with a key for each link.
         """
         if identity == PLANT:
             return replace(self, identity=PLANT)
-        held = {name: self.key_of(name) for name in (EVERYBODY, identity, *speaks_for)}
+        links = {link(*ends) for i in speaks_for for j in peers for ends in ((i, j), (j, i))}
+        held = {name: self.key_of(name) for name in (EVERYBODY, identity, *speaks_for, *links)}
         return replace(self, identity=identity, secret=b"", held=held)

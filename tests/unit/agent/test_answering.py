@@ -10,21 +10,27 @@ import pytest
 from phalanx.agent.answering import SampleAnswering
 from phalanx.agent.step import Answer, ControlStep
 from phalanx.faults.state import Orders
+from phalanx.network.inbox import Existing
 from phalanx.wire.keys import Keys
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Actuation, Broadcast, Sample
 from tests.unit.swarms import rows_of_scenario
 
 KEYS = Keys("r")
-SAMPLE, HEARD = KEYS.sample("1"), KEYS.broadcast("2")
+SAMPLE, HEARD = KEYS.sample("1"), KEYS.broadcast("2", "1")
 PLANT = Membership("r", "", b"secret").sealer
-INSIDER = Membership("r", "", b"secret").of("2")
-AGENTS = 5
+NAMES = ("1", "2", "3", "4", "5")
+INSIDER = Membership("r", "", b"secret").of("2", ("2",), NAMES)
+AGENTS = len(NAMES)
+EVERYBODY = tuple(range(AGENTS))
 
 
 def a_sample(**changes: Any) -> Sample:
     """The first that agent 1 gets."""
-    sample = Sample(k=0, t=0.0, x=bytes(8 * 3 * AGENTS), latest=(-1,) * AGENTS)
+    sample = Sample(
+        k=0, t=0.0, seen=EVERYBODY, x=bytes(8 * 3 * AGENTS), since=(-1,) * AGENTS,
+        latest=(-1,) * AGENTS, hearers=(1, 2),
+    )  # fmt: skip
     return msgspec.structs.replace(sample, **changes)
 
 
@@ -54,16 +60,19 @@ SAMPLES = {
     "a delay into the past": PLANT.seal(SAMPLE, a_sample(orders=Orders(delay=-1.0))),
     "an endless delay": PLANT.seal(SAMPLE, a_sample(orders=Orders(delay=math.inf))),
 }
+EVERY, FROM_4 = KEYS.broadcast("*", "1"), KEYS.broadcast("4", "1")
+BY_3 = Membership("r", "", held={"2>1": INSIDER.key_of("3>2")}).sealer
 BROADCASTS = {
     "noise": (HEARD, os.urandom(60)),
     "an input that is no number": (HEARD, PLANT.seal(HEARD, a_broadcast(u=(math.nan, 0.0)))),
     "an input too many": (HEARD, PLANT.seal(HEARD, a_broadcast(u=(0.0,) * 3))),
     "from the past": (HEARD, PLANT.seal(HEARD, a_broadcast(k=-1))),
     "from the far future": (HEARD, PLANT.seal(HEARD, a_broadcast(k=10**6))),
-    "under every name": (KEYS.broadcast("*"), PLANT.seal(KEYS.broadcast("*"), a_broadcast())),
+    "under every name": (EVERY, PLANT.seal(EVERY, a_broadcast())),
     "under no name": ("**", PLANT.seal("**", a_broadcast())),
     "of one that is not listened to": (
-        KEYS.broadcast("4"), PLANT.seal(KEYS.broadcast("4"), a_broadcast())),
+        FROM_4, PLANT.seal(FROM_4, a_broadcast())),
+    "sealed by a third": (HEARD, BY_3.seal(HEARD, a_broadcast())),
 }  # fmt: skip
 
 
@@ -73,7 +82,7 @@ class Agent:
     def __init__(self) -> None:
         self.answers: list[Answer] = []
         self.step = ControlStep(rows_of_scenario("unicycles"), 0)
-        sealer = Membership("r", "", b"secret").of("1").sealer
+        sealer = Membership("r", "", b"secret").of("1", ("1",), NAMES).sealer
         self.answering = SampleAnswering(
             self.step, sealer, self.answers.append, self.fail, owns_process=True
         )
@@ -100,7 +109,7 @@ def test_a_sample_that_cannot_be_the_plants_next_is_dropped(agent: Agent, which:
 def test_a_broadcast_that_cannot_be_its_senders_is_dropped(agent: Agent, which: str) -> None:
     agent.answering.on_broadcast(*BROADCASTS[which])
     assert agent.step.rejected == 1
-    assert agent.step.inbox.missing((0,) * AGENTS)
+    assert agent.step.inbox.missing({1: Existing(0, 0)})
 
 
 def test_a_broadcast_that_came_before_is_dropped(agent: Agent) -> None:

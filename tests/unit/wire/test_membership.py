@@ -6,20 +6,24 @@ import pytest
 
 from phalanx.wire.keys import EVERYBODY, PLANT, VIEWER, Keys, kind_and_name, owner
 from phalanx.wire.membership import Membership
-from phalanx.wire.messages import Actuation, Broadcast
+from phalanx.wire.messages import Actuation, Broadcast, Status
 from phalanx.wire.seal import Malformed
 
 ROOT = Membership("r", "tcp/127.0.0.1:1", b"hidden", PLANT)
 KEYS = Keys("r")
+NAMES = ("4", "5", "6")
 
 
 def test_a_program_gets_its_own_keys_and_nothing_from_which_others_could_be_made():
-    agent = ROOT.of("4")
+    agent = ROOT.of("4", ("4",), NAMES)
     assert agent.credentials == Membership("r", "", b"hidden", "4").credentials
     assert agent.key_of("4") == ROOT.key_of("4")
     assert agent.key_of(EVERYBODY) == ROOT.key_of(EVERYBODY)
     assert b"hidden" not in pickle.dumps(agent)
-    assert ROOT.key_of("5") not in pickle.dumps(agent)
+    assert agent.key_of("4>5") == ROOT.key_of("4>5")
+    assert agent.key_of("5>4") == ROOT.key_of("5>4")
+    for other in ("5", "5>6", "6>5"):
+        assert ROOT.key_of(other) not in pickle.dumps(agent)
     with pytest.raises(KeyError):
         agent.key_of("5")
 
@@ -45,9 +49,18 @@ def test_an_agent_cannot_seal_what_passes_between_another_and_the_plant():
         ROOT.sealer.open(key, payload, Actuation)
 
 
-def test_all_of_a_run_can_read_a_broadcast():
-    key, said = KEYS.broadcast("4"), Broadcast(k=0, t_apply=0.0, u=(1.0,))
-    assert ROOT.of("5").sealer.open(key, ROOT.of("4").sealer.seal(key, said), Broadcast) == said
+def test_those_at_the_ends_of_a_link_can_read_a_broadcast_and_nobody_else_can_make_it():
+    key, said = KEYS.broadcast("4", "5"), Broadcast(k=0, t_apply=0.0, u=(1.0,))
+    sender, receiver, other = (ROOT.of(name, (name,), NAMES) for name in "456")
+    assert receiver.sealer.open(key, sender.sealer.seal(key, said), Broadcast) == said
+    with pytest.raises(KeyError):
+        other.sealer.seal(key, said)
+
+
+def test_all_of_a_run_can_read_what_the_plant_says_to_all():
+    said = Status(t=1.0)
+    payload = ROOT.sealer.seal(KEYS.status, said)
+    assert ROOT.of("5").sealer.open(KEYS.status, payload, Status) == said
 
 
 @pytest.mark.parametrize("seal_under_other_secret", [b"", b"Secret", b"another"])
