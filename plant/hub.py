@@ -15,7 +15,7 @@ from phalanx.profile.stopwatch import Stopwatch
 from phalanx.scenario.load import to_json
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire import session as wire
-from phalanx.wire.access import access_control
+from phalanx.wire.access import Subject, access_control
 from phalanx.wire.frames import Setup
 from phalanx.wire.keys import PLANT, VIEWER
 from phalanx.wire.membership import Membership
@@ -181,7 +181,10 @@ def _door(swarm: Swarm, membership: Membership) -> wire.Door:
     """The hub's: the scenario's programs and viewers, each in its own name."""
     programs = swarm.scenario.programs()
     passwords = {name: membership.password_of(name) for name in (VIEWER, *programs)}
-    return wire.Door(passwords, access_control(membership.keys, programs))
+    heard = {swarm.names[j] for i in range(len(swarm.names)) for j in swarm.heard_by(i)}
+    subject: Subject = "cert_common_names" if membership.certificates else "usernames"
+    rules = access_control(membership.keys, programs, heard, subject)
+    return wire.Door(passwords, rules, membership.certificates)
 
 
 class Viewers:

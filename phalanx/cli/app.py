@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from phalanx.cli import certify, check, network, programs, recordings, run, tap, viewing
+from phalanx.cli import certify, check, keys, network, programs, recordings, run, tap, viewing
 from phalanx.scenario.load import ScenarioError
 
 USAGE_ERROR = 64
@@ -30,6 +30,7 @@ certify.register(app)
 tap.register(app)
 network.register(app)
 programs.register(app)
+keys.register(app)
 viewing.register(app)
 
 

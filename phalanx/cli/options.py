@@ -1,5 +1,6 @@
 """Options that several commands share."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -48,6 +49,28 @@ Secret = Annotated[
         show_default=False,
     ),
 ]
+
+KeysFolder = Annotated[
+    Path | None,
+    typer.Option(
+        "--keys",
+        envvar="PHALANX_KEYS",
+        metavar="DIR",
+        help="Certificates made by `phalanx keys`; the endpoint is then tls/HOST:PORT.",
+        show_default=False,
+    ),
+]
+
+
+def certificates_for(folder: Path | None, endpoint: str, identity: str) -> Path | None:
+    """The folder, if it has this program's certificate and the endpoint asks for one."""
+    if (folder is not None) != endpoint.startswith(("tls/", "quic/")):
+        raise typer.BadParameter(f"--keys: expected with a tls/ endpoint alone, got {endpoint}")
+    if folder is not None:
+        for name in ("ca.crt", f"{identity}.crt", f"{identity}.key"):
+            if not (folder / name).is_file():
+                raise typer.BadParameter(f"--keys: expected {name} in {folder}; see phalanx keys")
+    return folder
 
 
 def require_port(port: int | None) -> int | None:

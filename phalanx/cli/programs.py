@@ -6,7 +6,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from phalanx.cli.options import Overrides, RunId, ScenarioOption, Secret, Seed
+from phalanx.cli.options import (
+    KeysFolder,
+    Overrides,
+    RunId,
+    ScenarioOption,
+    Secret,
+    Seed,
+    certificates_for,
+)
 
 if TYPE_CHECKING:
     from phalanx.scenario.model import Scenario
@@ -38,6 +46,7 @@ def plant(
     seed: Seed = None,
     overrides: Overrides = None,
     secret: Secret = "",
+    keys: KeysFolder = None,
     command_secret: Annotated[
         str,
         typer.Option(
@@ -65,7 +74,8 @@ def plant(
     from phalanx.wire.membership import Membership
 
     policy = CommandPolicy(secret=command_secret.encode(), speed=speed)
-    membership = Membership(run, listen, secret.encode(), PLANT)
+    certificates = certificates_for(keys, listen, PLANT)
+    membership = Membership(run, listen, secret.encode(), PLANT, certificates=certificates)
     options = {"folder": out, "policy": policy}
     return _run_here("plant", _load(scenario, overrides, seed), membership, options)
 
@@ -79,6 +89,7 @@ def agent(
     seed: Seed = None,
     overrides: Overrides = None,
     secret: Secret = "",
+    keys: KeysFolder = None,
 ) -> int:
     """Run one agent alone, normal or adversary as the scenario says.
 
@@ -93,7 +104,8 @@ def agent(
     names = resolved.programs()
     if name not in names:
         raise typer.BadParameter(f"agent: expected one of {', '.join(names)}, got {name!r}")
-    membership = Membership(run, connect, secret.encode(), name, timeout)
+    certificates = certificates_for(keys, connect, name)
+    membership = Membership(run, connect, secret.encode(), name, timeout, certificates)
     return _run_here("agent", resolved, membership, {})
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from phalanx.cli.options import Secret, require_port
+from phalanx.cli.options import KeysFolder, Secret, certificates_for, require_port
 
 Connect = Annotated[
     str,
@@ -57,6 +57,7 @@ def view(
     connect: Connect = "",
     run: LiveRun = "",
     secret: Secret = "",
+    keys: KeysFolder = None,
     command_secret: CommandSecret = "",
     host: Host = "127.0.0.1",
     port: Port = None,
@@ -75,13 +76,14 @@ def view(
     page = {"host": host, "port": port, "origins": tuple(origins or ())}
     if recording is not None:
         return _show("run_replay", recording, **page)
-    return _show_live(run, connect, secret, command_secret, timeout, page)
+    return _show_live(run, connect, secret, keys, command_secret, timeout, page)
 
 
 def viewer(
     run: LiveRun,
     connect: Connect = "tcp/127.0.0.1:7447",
     secret: Secret = "",
+    keys: KeysFolder = None,
     command_secret: CommandSecret = "",
     host: Host = "127.0.0.1",
     port: Port = None,
@@ -90,7 +92,7 @@ def viewer(
 ) -> int:
     """Run the viewer alone, as plant and agents are run in containers and on many hosts."""
     page = {"host": host, "port": port, "origins": tuple(origins or ())}
-    return _show_live(run, connect, secret, command_secret, timeout, page)
+    return _show_live(run, connect, secret, keys, command_secret, timeout, page)
 
 
 def export(
@@ -121,11 +123,20 @@ def export(
 
 
 def _show_live(
-    run: str, connect: str, secret: str, command_secret: str, timeout: float, page: dict[str, Any]
+    run: str,
+    connect: str,
+    secret: str,
+    keys: Path | None,
+    command_secret: str,
+    timeout: float,
+    page: dict[str, Any],
 ) -> int:
+    from phalanx.wire.keys import OPERATOR, VIEWER
     from phalanx.wire.membership import Membership
 
-    membership = Membership(run=run, endpoint=connect, secret=secret.encode(), timeout=timeout)
+    identity = OPERATOR if keys and command_secret else VIEWER
+    certificates = certificates_for(keys, connect, identity)
+    membership = Membership(run, connect, secret.encode(), identity, timeout, certificates)
     return _show("run_live", None, membership, command_secret=command_secret.encode(), **page)
 
 

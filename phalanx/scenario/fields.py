@@ -10,7 +10,7 @@ from phalanx.scenario.registry import construct
 
 CONTROLLER = "controller"
 """The process that decides for all normal agents where safety.control is "centralised"."""
-_PROGRAMS = frozenset({"plant", "viewer", CONTROLLER})
+_PROGRAMS = frozenset({"ca", "plant", "viewer", "operator", CONTROLLER})
 _NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,31}")
 
 

@@ -5,49 +5,56 @@ door who it is: so nobody can put, declare or withdraw anything in another's nam
 knows. Zenoh tells a denied sender nothing.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from typing import Any, Literal
 
-from phalanx.wire.keys import PLANT, VIEWER, Keys
+from phalanx.wire.keys import OPERATOR, PLANT, VIEWER, Keys
 
 Subject = Literal["usernames", "cert_common_names"]
 """By what Zenoh knows a session: the name with its password, or that in its certificate."""
 
 
 def access_control(
-    keys: Keys, agents: Mapping[str, tuple[str, ...]], subject: Subject = "usernames"
+    keys: Keys,
+    agents: Mapping[str, tuple[str, ...]],
+    heard: Container[str],
+    subject: Subject = "usernames",
 ) -> dict[str, Any]:
     """Zenoh's `access_control` of one run's hub.
 
     Args:
         keys: the run's.
         agents: the programs that decide for agents, each with the names of those.
+        heard: those of them whose broadcasts count for somebody; the others may send none.
         subject: by what sessions are known.
     """
-    programs = {VIEWER: _viewer(keys)}
-    programs |= {program: _agent(keys, names) for program, names in agents.items()}
-    rules = [
-        {
-            "id": f"{program} {flow} {' '.join(messages)}",
-            "permission": "allow",
-            "flows": [flow],
-            "messages": list(messages),
-            "key_exprs": list(key_exprs),
+    # Passwords know no operator: there the command secret alone says who may command.
+    may_command = {VIEWER: subject == "usernames", OPERATOR: True}
+    programs = {name: _viewer(keys, may) for name, may in may_command.items()}
+    programs |= {name: _agent(keys, own, heard) for name, own in agents.items()}
+    named = {
+        name: {
+            f"{name} {flow} {' '.join(messages)}": (flow, messages, on)
+            for flow, messages, on in allowed
         }
-        for program, allowed in programs.items()
-        for flow, messages, key_exprs in allowed
-    ]
-    policies = [
-        {"subjects": [name], "rules": [r["id"] for r in rules if str(r["id"]).split()[0] == name]}
-        for name in programs
-    ]
-    subjects = [{"id": name, subject: [name]} for name in programs]
+        for name, allowed in programs.items()
+    }
     return {
         "enabled": True,
         "default_permission": "deny",
-        "rules": rules,
-        "subjects": subjects,
-        "policies": policies,
+        "rules": [
+            {
+                "id": rule,
+                "permission": "allow",
+                "flows": [flow],
+                "messages": list(messages),
+                "key_exprs": list(key_exprs),
+            }
+            for rules in named.values()
+            for rule, (flow, messages, key_exprs) in rules.items()
+        ],
+        "subjects": [{"id": name, subject: [name]} for name in programs],
+        "policies": [{"subjects": [name], "rules": list(rules)} for name, rules in named.items()],
     }
 
 
@@ -55,9 +62,9 @@ _Rule = tuple[str, tuple[str, ...], tuple[str, ...]]
 """To the hub (ingress) or from it (egress), the messages of Zenoh's protocol, key expressions."""
 
 
-def _agent(keys: Keys, names: tuple[str, ...]) -> list[_Rule]:
+def _agent(keys: Keys, names: tuple[str, ...], heard: Container[str]) -> list[_Rule]:
     own = [key(name) for name in names for key in (keys.actuation, keys.telemetry)]
-    own += [keys.broadcast(name, "*") for name in names]
+    own += [keys.broadcast(name, "*") for name in names if name in heard]
     seen = tuple(key for n in names for key in (keys.sample(n), keys.broadcast("*", n)))
     return [
         ("ingress", ("put",), tuple(own)),
@@ -66,10 +73,10 @@ def _agent(keys: Keys, names: tuple[str, ...]) -> list[_Rule]:
     ]
 
 
-def _viewer(keys: Keys) -> list[_Rule]:
-    """A viewer may see everything; its commands need the command secret besides."""
+def _viewer(keys: Keys, may_command: bool) -> list[_Rule]:
+    """A viewer may see everything; a command needs the command secret besides."""
     return [
-        ("ingress", ("put",), (keys.command,)),
+        *([("ingress", ("put",), (keys.command,))] if may_command else []),
         ("ingress", ("query",), (keys.scenario,)),
         ("egress", ("reply", "declare_queryable"), (keys.scenario,)),
         *_listening(keys, (keys.everything,), keys.alive("*")),

@@ -9,6 +9,8 @@ PLANT = "plant"
 """The plant's name where an agent's would stand; scenarios cannot use it."""
 VIEWER = "viewer"
 """Whoever looks at a run without taking part; scenarios cannot use the name."""
+OPERATOR = "operator"
+"""A viewer that may command, where certificates say who is who; scenarios cannot use the name."""
 EVERYBODY = ""
 """The name of no program: of what all of a run have."""
 

@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from phalanx.wire.keys import EVERYBODY, PLANT, VIEWER, Keys, link, owner
 from phalanx.wire.seal import RunSealer, Sealer
@@ -23,6 +24,8 @@ class Membership:
     """The program's name: an agent's, or another of phalanx.wire.keys."""
     timeout: float = 60.0
     """How long to try to reach the hub [s of wall time]."""
+    certificates: Path | None = None
+    """The folder of its certificate, where certificates and not passwords say who is who."""
     held: Mapping[str, bytes] | None = field(default=None, repr=False)
     """The keys of those that one may be, in place of the secret from which all are made."""
 
@@ -39,7 +42,7 @@ class Membership:
     @property
     def credentials(self) -> Credentials:
         """What the hub asks for before it lets this program in."""
-        return Credentials(self.identity, self.password_of(self.identity))
+        return Credentials(self.identity, self.password_of(self.identity), self.certificates)
 
     def key_of(self, name: str) -> bytes:
         """The key of a program, or the one that everybody in the run has. Raises KeyError.

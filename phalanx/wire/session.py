@@ -9,10 +9,13 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import zenoh
 
+from phalanx.wire.certificates import tls
+from phalanx.wire.keys import PLANT
 from phalanx.wire.messages import MAX_BYTES
 
 # Three threads instead of seven in a client, and a third less latency. Never in the hub: what
@@ -38,6 +41,14 @@ class Credentials:
     name: str
     password: str = field(repr=False)
     """Never sent: it proves itself by its answer to what the hub asks."""
+    certificates: Path | None = None
+    """The folder of its certificate, which takes the password's place."""
+
+    def to_connect(self) -> dict[str, Any]:
+        """A client's part of Zenoh's `transport`."""
+        if self.certificates is None:
+            return {"auth": {"usrpwd": {"user": self.name, "password": self.password}}}
+        return {"link": {"tls": tls(self.certificates, self.name, "connect")}}
 
 
 @dataclass(frozen=True)
@@ -48,6 +59,9 @@ class Door:
     """By name."""
     access_control: Mapping[str, Any]
     """As phalanx.wire.access makes it."""
+    certificates: Path | None = None
+    """The folder of the plant's certificate; whoever has one of the same authority is let in, and
+    no password is asked for."""
 
 
 def free_endpoint() -> str:
@@ -83,9 +97,12 @@ def open_hub(endpoint: str, door: Door | None = None) -> zenoh.Session:
     config["transport"]["link"]["tx"] = {"queue": {"congestion_control": {"block": blocked}}}
     with contextlib.ExitStack() as stack:
         if door is not None:
+            config["access_control"] = dict(door.access_control)
+        if door is not None and door.certificates is not None:
+            config["transport"]["link"]["tls"] = tls(door.certificates, PLANT, "listen")
+        elif door is not None:
             passwords = stack.enter_context(_file_in_memory(door.passwords))
             config["transport"]["auth"] = {"usrpwd": {"dictionary_file": passwords}}
-            config["access_control"] = dict(door.access_control)
         try:
             return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
         except zenoh.ZError as error:
@@ -116,13 +133,15 @@ def open_client(
         },
     }
     if credentials is not None:
-        login = {"user": credentials.name, "password": credentials.password}
-        config["transport"]["auth"] = {"usrpwd": login}
+        shown = credentials.to_connect()
+        config["transport"]["link"] |= shown.pop("link", {})
+        config["transport"] |= shown
     try:
         return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
     except zenoh.ZError as error:
         # Who is refused is not told so: there is nothing to tell it from a hub that is not there.
-        cause = f"{_reason(error)}; is the secret the run's?" if credentials else _reason(error)
+        proof = "certificate" if credentials and credentials.certificates else "secret"
+        cause = f"{_reason(error)}; is the {proof} the run's?" if credentials else _reason(error)
         raise HubError(f"no hub at {endpoint} within {timeout:g} s: {cause}") from error
 
 

@@ -1,0 +1,163 @@
+"""A run with certificates: the same trajectory, and nobody is let in without one of its own."""
+
+import datetime
+import subprocess
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+import zenoh
+
+from phalanx.faults.commands import Command, CommandKind
+from phalanx.guarantee.verdict import Outcome, Summary
+from phalanx.launcher.execute import execute
+from phalanx.scenario.load import load
+from phalanx.wire.authority import make_certificates
+from phalanx.wire.frames import CommandMessage
+from phalanx.wire.keys import OPERATOR, PLANT, VIEWER, Keys
+from phalanx.wire.membership import Membership
+from phalanx.wire.seal import Sealer
+from phalanx.wire.session import HubError, free_endpoint, open_client
+from tests.process.runs import wait_for
+
+pytestmark = pytest.mark.swarm
+
+SCENARIO = ("--scenario", "one-on-one", "--set", "duration=0.3", "--run", "r")
+NAMES = [PLANT, VIEWER, OPERATOR, "1", "2"]
+HOSTS = ["127.0.0.1"]
+MONTH = datetime.timedelta(days=30)
+BLOCK = zenoh.CongestionControl.BLOCK
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("keys")
+    make_certificates(folder, NAMES, HOSTS, MONTH)
+    return folder
+
+
+class Programs:
+    """A plant and agents as commands, on one TLS endpoint."""
+
+    def __init__(self, keys: Path, out: Path) -> None:
+        self.keys, self.out = keys, out
+        self.endpoint = free_endpoint().replace("tcp/", "tls/")
+        self.running = [
+            self.start("plant", "--listen", self.endpoint, "--out", str(out),
+                       "--command-secret", "c")
+        ]  # fmt: skip
+
+    def start(self, *arguments: str) -> subprocess.Popen[str]:
+        command = [sys.executable, "-m", "phalanx", *arguments, *SCENARIO, "--keys", str(self.keys)]
+        return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+    def start_agents(self) -> None:
+        self.running += [self.start("agent", n, "--connect", self.endpoint) for n in ("1", "2")]
+
+    def membership(self, identity: str, keys: Path | None = None) -> Membership:
+        """Of somebody who tries for a moment only."""
+        folder = keys or self.keys
+        return Membership("r", self.endpoint, b"", identity, 1.5, folder)
+
+    def summary(self) -> Summary:
+        """Of the run, when all have ended."""
+        ended = [program.communicate(timeout=90) for program in self.running]
+        assert [p.returncode for p in self.running] == [0] * len(self.running), ended
+        return msgspec.json.decode((self.out / "summary.json").read_bytes(), type=Summary)
+
+
+@pytest.fixture
+def programs(keys: Path, tmp_path: Path):
+    started = Programs(keys, tmp_path)
+    # The plant's answer: it listens.
+    with open_patiently(started.membership(VIEWER)):
+        pass
+    yield started
+    for program in started.running:
+        program.kill()
+        program.communicate()
+
+
+def open_patiently(membership: Membership) -> zenoh.Session:
+    return open_client(membership.endpoint, 60.0, membership.credentials)
+
+
+def refused(membership: Membership) -> bool:
+    """Whether the hub lets it in; it is there."""
+    try:
+        open_client(membership.endpoint, membership.timeout, membership.credentials).close()
+    except HubError:
+        return True
+    return False
+
+
+def test_certificates_keep_strangers_out_and_change_nothing(programs: Programs, tmp_path: Path):
+    make_certificates(other := tmp_path / "other", NAMES, HOSTS, MONTH)
+    make_certificates(expired := tmp_path / "expired", NAMES, HOSTS, -MONTH)
+    plain = programs.endpoint.replace("tls/", "tcp/")
+    assert refused(programs.membership("1", other)), "a certificate of another authority"
+    assert refused(programs.membership("1", expired)), "one that is no longer valid"
+    assert refused(Membership("r", plain, b"", "1", 1.5)), "plain TCP, with a password"
+    bare = zenoh.Config.from_json5(bare_config(programs))
+    with pytest.raises(zenoh.ZError):
+        zenoh.open(bare)
+    assert not refused(programs.membership("1"))
+    programs.start_agents()
+    with_certificates = programs.summary()
+    calm = tmp_path / "calm"
+    calm.mkdir()
+    alone = execute(load("one-on-one", ["duration=0.3"]), calm, engine="in-process")
+    assert with_certificates.trajectory == alone.trajectory
+    assert with_certificates.outcome is alone.outcome is Outcome.GUARANTEED
+
+
+def test_who_has_a_certificate_speaks_for_himself_alone(programs: Programs):
+    one = programs.membership("1")
+    with open_patiently(one) as agent, open_patiently(programs.membership(VIEWER)) as viewer:
+        passed: list[str] = []
+        viewer.declare_subscriber(
+            "phalanx/r/**",
+            zenoh.handlers.Callback(lambda s: passed.append(str(s.key_expr)), indirect=False),
+        )
+        mine, last = one.keys.actuation("1"), one.keys.telemetry("1")
+        # Until the hub knows of the subscriber, it sends it nothing.
+        wait_for(lambda: agent.put(mine, b"?", congestion_control=BLOCK) or mine in passed)
+        for key in (*not_of_1(one.keys), last):
+            agent.put(key, b"?", congestion_control=BLOCK)
+        agent.liveliness().declare_token(one.keys.alive("2", "d")).undeclare()
+        wait_for(lambda: last in passed)
+        assert set(passed) - {one.keys.status} == {mine, last}
+    programs.start_agents()
+    refusals = programs.summary().rejected
+    assert set(refusals) == {"truncated"}, "what it said of itself, and nothing in another's name"
+
+
+def not_of_1(keys: Keys) -> list[str]:
+    """What agent 1 may not put."""
+    of_2 = [keys.actuation("2"), keys.telemetry("2"), keys.sample("2"), keys.broadcast("2", "1")]
+    return [*of_2, keys.status, keys.verdict, keys.command, keys.scenario, "**", keys.everything]
+
+
+@pytest.mark.parametrize("identity", [VIEWER, OPERATOR])
+def test_only_the_operators_certificate_can_command(programs: Programs, identity: str):
+    """Even with the command secret."""
+    who = programs.membership(identity)
+    key = who.keys.command
+    command = Command(t=0.0, kind=CommandKind.LOSS, value=1.0)
+    with open_patiently(who) as session:
+        payload = Sealer(b"c").seal(key, CommandMessage(number=1, command=command))
+        session.put(key, payload, congestion_control=BLOCK)
+        session.put(key, b"?" * 40, congestion_control=BLOCK)
+        programs.start_agents()
+        summary = programs.summary()
+    assert summary.rejected == ({} if identity == VIEWER else {"command: bad seal": 1})
+
+
+def bare_config(programs: Programs) -> str:
+    """A TLS client that trusts the authority and shows nothing."""
+    tls = {"root_ca_certificate": str(programs.keys / "ca.crt"), "enable_mtls": False}
+    connect = {"endpoints": [programs.endpoint], "timeout_ms": 1500}
+    return msgspec.json.encode(
+        {"mode": "client", "connect": connect, "transport": {"link": {"tls": tls}}}
+    ).decode()
