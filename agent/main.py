@@ -52,9 +52,10 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
                 answering.time(stopwatch)
             wire.subscribe(session, keys.broadcast("*", step.name), answering.on_broadcast)
             wire.subscribe(session, keys.sample(step.name), answering.on_sample)
+        wire.on_parting(session, over.set)
         wire.watch(session, keys.alive(PLANT), lambda _, alive: None if alive else over.set())
         for sender in senders:
-            sender.wait_for_listeners(membership.timeout)
+            sender.wait_for_listeners(membership.timeout, over)
         # What was built so far lives as long as the process: the collector need not look at it
         # again in the middle of a step.
         gc.freeze()
@@ -94,7 +95,7 @@ class _Sender:
             self._broadcasts.put(key, self._sealer.seal(key, answer.broadcast))
         self._telemetry.put(self._sealer.seal(self._telemetry_key, answer.telemetry))
 
-    def wait_for_listeners(self, timeout: float) -> None:
+    def wait_for_listeners(self, timeout: float, over: threading.Event) -> None:
         """Return when the hub takes what is put: what comes earlier is lost. Raises HubError."""
         for publisher in (self._actuation, self._telemetry):
-            wire.wait_for_listener(publisher, timeout)
+            wire.wait_for_listener(publisher, timeout, over.is_set)

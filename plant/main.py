@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 
 from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
-from phalanx.guarantee.verdict import exit_status
+from phalanx.guarantee.verdict import Outcome, exit_status
 from phalanx.plant.commands import CommandQueue
 from phalanx.plant.hub import Hub
 from phalanx.plant.run import PlantRun
@@ -71,11 +71,15 @@ def run(
         summary = plant.run(prepare=join, rejected=lambda: hub.refusals.counts)
         if stopwatch and profile:
             stopwatch.write(profile, PLANT)
-        hub.publish_verdict(Ended(summary=msgspec.json.encode(summary)))
         try:
             recording.finish(summary)
             (folder / SUMMARY).write_bytes(msgspec.json.encode(summary))
         except OSError as error:
-            log.error("the summary could not be written: %s", error)
+            # Whatever the run was, there is no whole record of it.
+            if summary.outcome is not Outcome.BROKEN:
+                summary.reason = f"{summary.outcome}, but not written down to its end: {error}"
+            summary.outcome = Outcome.BROKEN
+            (folder / SUMMARY).unlink(missing_ok=True)
+        hub.publish_verdict(Ended(summary=msgspec.json.encode(summary)))
     log.info("%s: %s", summary.outcome, summary.reason)
     return exit_status(summary.outcome)

@@ -65,6 +65,10 @@ def status(arguments: list[str]) -> int:
     except ScenarioError as error:
         print(error, file=sys.stderr)
         return USAGE_ERROR
+    except (MemoryError, ImportError) as error:
+        # Under a tight limit it is often a library's file that cannot be mapped.
+        print(f"too little memory, or a broken installation: {error}", file=sys.stderr)
+        return 3
     except (KeyboardInterrupt, typer.Abort):
         print("stopped", file=sys.stderr)
         return 130

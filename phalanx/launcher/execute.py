@@ -35,11 +35,12 @@ def execute(
         return run_in_process(scenario, folder, commands, progress, profile)
     from phalanx.launcher.process_engine import run_processes
     from phalanx.wire.membership import Membership
-    from phalanx.wire.session import free_endpoint
+    from phalanx.wire.session import reserved_endpoint
 
-    membership = Membership(
-        run=folder.name,
-        endpoint=listen or free_endpoint(),
-        secret=secret or secrets.token_bytes(16),
-    )
-    return run_processes(scenario, folder, membership, commands, progress, viewer, profile)
+    with reserved_endpoint() as endpoint:
+        membership = Membership(
+            run=folder.name,
+            endpoint=listen or endpoint,
+            secret=secret or secrets.token_bytes(16),
+        )
+        return run_processes(scenario, folder, membership, commands, progress, viewer, profile)

@@ -4,6 +4,8 @@ It never opens a session: a process that has opened one must not fork.
 """
 
 import gc
+import multiprocessing
+import multiprocessing.connection
 import os
 import signal
 import sys
@@ -67,9 +69,14 @@ def serve(
     gc.collect()
     gc.freeze()
     running: dict[int, str] = {}
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    launcher = parent.sentinel
     try:
         signal.signal(signal.SIGTERM, _stop)
         for program in programs:
+            if multiprocessing.connection.wait([launcher], timeout=0.0):
+                break  # it died while the theory was built: nobody waits for the run
             # Until the child is known here it must not be missed, and it must not take what is
             # meant for this process.
             signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})

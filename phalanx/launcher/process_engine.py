@@ -57,7 +57,10 @@ def run_processes(
     if viewer is not None:
         options = {"command_secret": policy.secret, **viewer}
         programs.append(Program(VIEWER, VIEWER, options))
-    processes = Processes(scenario, membership, folder / "logs", programs)
+    try:
+        processes = Processes(scenario, membership, folder / "logs", programs)
+    except (OSError, MemoryError) as error:
+        raise EngineError(f"no program could be started: {error}") from error
     verdict = _Verdict(folder)
     try:
         with announced(folder, membership), _listening(membership, processes, progress, verdict):

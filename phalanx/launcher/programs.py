@@ -3,10 +3,13 @@
 import contextlib
 import logging
 import multiprocessing
+import multiprocessing.connection
 import os
 import pkgutil
 import signal
 import sys
+import threading
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,6 +18,8 @@ from phalanx.scenario.fields import CONTROLLER
 from phalanx.swarm.rows import SafetyRows
 from phalanx.wire.membership import Membership
 
+log = logging.getLogger("phalanx.launcher")
+
 PROGRAMS = {
     "plant": "phalanx.plant.main:run",
     "agent": "phalanx.agent.main:run",
@@ -22,6 +27,10 @@ PROGRAMS = {
     "viewer": "phalanx.viewer.main:run_live",
 }
 """The programs by name; resolved where they run, so that nothing here imports them."""
+
+
+_GRACE, _GRACE_OF_PLANT = 2.5, 4.0
+"""How long programs may live without their launcher [s]: the plant writes a recording down."""
 
 
 class Program(NamedTuple):
@@ -58,6 +67,7 @@ def start_program(program: Program, rows: SafetyRows, membership: Membership, lo
         # Ctrl-C reaches the whole terminal; only the plant decides what it means.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    end_with_launcher(_GRACE_OF_PLANT if program.kind == "plant" else _GRACE)
     configure_logging()
     decides_for = rows.swarm.scenario.programs().get(program.identity, ())
     own = membership.of(program.identity, decides_for, rows.swarm.names)
@@ -70,6 +80,22 @@ def run_program(
     """Run one program in this process; its exit status."""
     status: int = pkgutil.resolve_name(PROGRAMS[kind])(rows, membership, **options)
     return status
+
+
+def end_with_launcher(grace: float) -> None:
+    """End this process at most `grace` seconds after its launcher, whatever it is doing then."""
+    launcher = multiprocessing.parent_process()
+    if launcher is None:
+        return
+    sentinel = launcher.sentinel
+
+    def watch() -> None:
+        multiprocessing.connection.wait([sentinel])
+        time.sleep(grace)
+        log.error("the launcher died")
+        os._exit(3)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def show_as(title: str) -> None:

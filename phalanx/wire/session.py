@@ -25,6 +25,9 @@ _CLIENT_RUNTIME = (
     "app: (worker_threads: 1))"
 )
 
+_GLANCE = 0.2
+"""How often a wait looks up to see whether it is over [s]."""
+
 Deliver = Callable[[str, bytes], None]
 Publisher = zenoh.Publisher
 Session = zenoh.Session
@@ -66,9 +69,20 @@ class Door:
 
 def free_endpoint() -> str:
     """A TCP endpoint on loopback that is free now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    with reserved_endpoint() as endpoint:
+        return endpoint
+
+
+@contextlib.contextmanager
+def reserved_endpoint() -> Iterator[str]:
+    """A TCP endpoint on loopback that nobody else is given while the block runs."""
+    with socket.socket() as holder:
+        holder.bind(("127.0.0.1", 0))
+        # Bound without it, so that the kernel gives the port to nobody who asks for any; with it
+        # from now on, so that a hub, which asks for this one, may listen beside a socket that
+        # does not.
+        holder.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        yield f"tcp/127.0.0.1:{holder.getsockname()[1]}"
 
 
 def open_hub(endpoint: str, door: Door | None = None) -> zenoh.Session:
@@ -195,8 +209,30 @@ def ask(session: zenoh.Session, key: str, timeout: float) -> bytes | None:
         time.sleep(0.05)  # nobody has declared the key yet, so the query ended at once
 
 
-def wait_for_listener(publisher: zenoh.Publisher, timeout: float) -> None:
-    """Wait until somebody listens: messages put earlier are lost. Raises HubError."""
+def on_parting(session: zenoh.Session, parted: Callable[[], None]) -> None:
+    """Call parted() when the hub is gone, at once if it is gone already.
+
+    A liveliness token says so too, but only to who had seen it before.
+    """
+
+    def on_event(event: zenoh.TransportEvent) -> None:
+        if event.kind == zenoh.SampleKind.DELETE:
+            parted()
+
+    session.info.declare_transport_events_listener(
+        zenoh.handlers.Callback(on_event, indirect=False)
+    )
+    if not session.info.transports():
+        parted()
+
+
+def wait_for_listener(
+    publisher: zenoh.Publisher, timeout: float, over: Callable[[], bool] = lambda: False
+) -> None:
+    """Wait until somebody listens: messages put earlier are lost.
+
+    Raises HubError if nobody does within `timeout` seconds, or `over` before.
+    """
     listener = threading.Event()
 
     def on_match(status: zenoh.MatchingStatus) -> None:
@@ -205,8 +241,10 @@ def wait_for_listener(publisher: zenoh.Publisher, timeout: float) -> None:
 
     publisher.declare_matching_listener(zenoh.handlers.Callback(on_match, indirect=False))
     matching: bool = publisher.matching_status.matching  # type: ignore[attr-defined]
-    if not matching and not listener.wait(timeout):
-        raise HubError(f"nobody listens to {publisher.key_expr} after {timeout:g} s")
+    deadline = time.monotonic() + timeout
+    while not matching and not listener.wait(_GLANCE):
+        if over() or time.monotonic() > deadline:
+            raise HubError(f"nobody listens to {publisher.key_expr} after {timeout:g} s")
 
 
 def subscribe(session: zenoh.Session, key: str, deliver: Deliver) -> None:

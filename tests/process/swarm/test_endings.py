@@ -4,10 +4,12 @@ import os
 import resource
 import signal
 
+import psutil
 import pytest
 
 from phalanx.guarantee.verdict import Outcome
 from phalanx.recording.read import read
+from phalanx.wire.session import free_endpoint
 from tests.process.runs import wait_for
 
 pytestmark = pytest.mark.swarm
@@ -62,8 +64,6 @@ def test_a_killed_plant_stops_the_agents_and_leaves_what_it_recorded(phalanx):
 
 def test_agents_leave_by_themselves_when_the_hub_is_closed(phalanx, tmp_path):
     """Nothing is shared but Zenoh: there is no launcher here that could stop them."""
-    from phalanx.wire.session import free_endpoint
-
     endpoint = free_endpoint()
     common = ("--scenario", "unicycles", "--run", "r")
     plant = phalanx("plant", *common, "--listen", endpoint, "--out", str(tmp_path))
@@ -85,6 +85,67 @@ def test_a_killed_launcher_leaves_no_orphan(phalanx):
     assert recording.damage is None
     assert recording.summary.outcome is Outcome.BROKEN
     assert recording.summary.reason == "the launcher died"
+
+
+STARTING = {
+    "at once": lambda run: True,
+    "when it has a child": lambda run: len(run.descendants()) > 1,
+    "when the first program is there": lambda run: run.programs(),
+    "when half of the programs are there": lambda run: len(run.programs()) >= 3,
+}
+
+
+@pytest.mark.parametrize("instant", STARTING)
+def test_a_launcher_killed_while_it_starts_leaves_no_orphan(phalanx, instant):
+    run = phalanx("run", "unicycles")
+    wait_for(lambda: STARTING[instant](run))
+    run.process.kill()
+    run.wait_until_gone(ORPHAN_LIMIT)
+
+
+@pytest.mark.parametrize("program", ["phx-plant", "phx-agent-3"])
+def test_a_program_killed_at_its_first_instant_ends_the_run(phalanx, program):
+    run = phalanx("run", "unicycles")
+    wait_for(lambda: program in run.programs())
+    run.programs()[program].kill()
+    status, output = run.finish(timeout=60)
+    run.wait_until_gone(ORPHAN_LIMIT)
+    assert status == 3
+    assert f"{program} died (killed by SIGKILL)" in output
+
+
+def test_an_agent_leaves_a_hub_that_is_killed_as_soon_as_it_has_met_it(phalanx, tmp_path):
+    """Even one that has not yet seen that the plant is there."""
+    endpoint = free_endpoint()
+    common = ("--scenario", "one-on-one", "--run", "r")
+    plant = phalanx("plant", *common, "--listen", endpoint, "--out", str(tmp_path))
+    wait_for(lambda: "LISTEN" in states(plant))
+    agent = phalanx("agent", "1", *common, "--connect", endpoint, "--timeout", "3")
+    wait_for(lambda: "ESTABLISHED" in states(agent))
+    plant.process.kill()
+    agent.finish(timeout=ORPHAN_LIMIT)
+
+
+def states(run) -> list[str]:
+    """Of a command's TCP connections."""
+    return [c.status for c in psutil.Process(run.process.pid).net_connections("tcp4")]
+
+
+@pytest.mark.parametrize("short_of", [100, 1500, 4000])
+def test_a_disk_that_fills_at_the_end_breaks_the_run(phalanx, short_of):
+    """A verdict without a whole record of it is none."""
+    fast = ("one-on-one", "--set", "duration=0.5")
+    calm = phalanx("run", *fast)
+    assert calm.finish()[0] == 0
+    size = (calm.folder / "recording.mcap").stat().st_size - short_of
+    run = phalanx(
+        "run", *fast, limit=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size,) * 2)
+    )
+    status, output = run.finish()
+    assert status == 3
+    assert "recording.mcap" in output.splitlines()[-1]
+    assert not (run.folder / "summary.json").exists()
+    assert "cut short" in read(run.folder).damage
 
 
 def test_a_full_disk_breaks_the_run_and_names_the_file(phalanx):

@@ -1,0 +1,32 @@
+"""Ports for hubs: many runs that start at once get one each, and keep it until they listen."""
+
+import contextlib
+import socket
+
+from phalanx.wire.session import open_hub, reserved_endpoint
+
+MANY = 100
+
+
+def port_of(endpoint: str) -> int:
+    return int(endpoint.rsplit(":", 1)[1])
+
+
+def any_port() -> int:
+    """What the kernel gives to whoever asks for any port."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def test_a_reserved_endpoint_is_given_to_nobody_else():
+    with contextlib.ExitStack() as runs:
+        reserved = [port_of(runs.enter_context(reserved_endpoint())) for _ in range(MANY)]
+        assert len(set(reserved)) == MANY
+        assert not {any_port() for _ in range(20 * MANY)} & set(reserved)
+
+
+def test_a_hub_can_listen_where_an_endpoint_is_reserved():
+    with reserved_endpoint() as endpoint, open_hub(endpoint):
+        host = ("127.0.0.1", port_of(endpoint))
+        socket.create_connection(host, timeout=5.0).close()
