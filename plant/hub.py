@@ -57,7 +57,7 @@ class Hub:
         self._arrivals = Arrivals(self._from, self.refusals)
         self._session = wire.open_hub(membership.endpoint, _door(swarm, membership))
         self._sample_keys = [keys.sample(name) for name in self._names]
-        self._samples = [wire.publisher(self._session, key) for key in self._sample_keys]
+        self._samples = [wire.urgent_publisher(self._session, key) for key in self._sample_keys]
         self._status = wire.publisher(self._session, keys.status)
         self._verdict = wire.publisher(self._session, keys.verdict)
         for every in (keys.actuation("*"), keys.telemetry("*")):

@@ -29,7 +29,7 @@ from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Actuation, Broadcast, Ended, Message, Sample, Telemetry
 
 SCENARIO, OVERRIDES = "unicycles", ("duration=0.5",)
-VICTIM, PEER, INSIDER = "1", "2", "4"
+VICTIM, PEER, INSIDER = "1", "2", "3"
 READY, REFUSED, UNDER_WAY, READ = "ready", "refused", "under way", "read"
 _PATIENCE = 3000
 """How long a session is tried for [ms]."""
@@ -259,10 +259,13 @@ def fills_inboxes(by: Attacker) -> Iterator[None]:
             yield
 
 
-def floods_as_himself(by: Attacker) -> Iterator[None]:
+def floods_the_plant(by: Attacker) -> Iterator[None]:
     own = by.keys.actuation(INSIDER), by.keys.telemetry(INSIDER)
-    keys = (*own, by.keys.broadcast(INSIDER, VICTIM))
-    yield from _flooded(by, list(keys), b"?" * 60)
+    yield from _flooded(by, list(own), b"?" * 60)
+
+
+def floods_a_peer(by: Attacker) -> Iterator[None]:
+    yield from _flooded(by, [by.keys.broadcast(INSIDER, VICTIM)], b"?" * 60)
 
 
 STRANGERS: dict[str, Attack] = {
@@ -297,7 +300,8 @@ INSIDERS: dict[str, Attack] = {
         "declares wildcard tokens": declares_wildcard_tokens,
         "fills inboxes": fills_inboxes,
         "floods others": floods,
-        "floods as himself": floods_as_himself,
+        "floods the plant in his own name": floods_the_plant,
+        "floods a peer in his own name": floods_a_peer,
     }.items()
 }
 ATTACKS = {**STRANGERS, **INSIDERS}

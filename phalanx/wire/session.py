@@ -25,6 +25,7 @@ _CLIENT_RUNTIME = (
     "app: (worker_threads: 1))"
 )
 
+_SOCKET_BYTES = 128 * 1024
 _GLANCE = 0.2
 """How often a wait looks up to see whether it is over [s]."""
 
@@ -106,9 +107,13 @@ def open_hub(endpoint: str, door: Door | None = None) -> zenoh.Session:
         "accept_timeout": 1000,
         "max_sessions": 10_000,
     }
-    # Who is let in and then does not read is sent away; until then the plant's samples wait.
-    blocked = {"wait_before_close": 1_000_000}
-    config["transport"]["link"]["tx"] = {"queue": {"congestion_control": {"block": blocked}}}
+    # Samples go before all else: what an agent floods a peer with must not stand before them.
+    behind = {"priority": "data"}
+    config["qos"] = {
+        "network": [
+            {"flows": ["ingress"], "messages": ["put"], "key_exprs": ["**"], "overwrite": behind}
+        ]
+    }
     with contextlib.ExitStack() as stack:
         if door is not None:
             config["access_control"] = dict(door.access_control)
@@ -168,18 +173,30 @@ def _common() -> dict[str, Any]:
         },
         "transport": {
             "shared_memory": {"enabled": False},
-            "link": {"rx": {"max_message_size": 4 * MAX_BYTES}},
+            "link": {
+                "rx": {"max_message_size": 4 * MAX_BYTES},
+                # What is in the kernel's buffers cannot be overtaken.
+                "tcp": {"so_sndbuf": _SOCKET_BYTES, "so_rcvbuf": _SOCKET_BYTES},
+            },
         },
     }
 
 
-def publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
+def publisher(
+    session: zenoh.Session, key: str, priority: zenoh.Priority = zenoh.Priority.DATA
+) -> zenoh.Publisher:
     """A publisher whose messages are never dropped by a full queue: lockstep needs them all."""
     return session.declare_publisher(
         key,
         congestion_control=zenoh.CongestionControl.BLOCK,
         reliability=zenoh.Reliability.RELIABLE,
+        priority=priority,
     )
+
+
+def urgent_publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
+    """A publisher whose messages overtake others on their way; only the hub's session has any."""
+    return publisher(session, key, zenoh.Priority.INTERACTIVE_HIGH)
 
 
 def view_publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:

@@ -1,0 +1,105 @@
+"""Run every attack against a run of real processes and write the table of docs/security.md.
+
+python bench/attacks/table.py            all of them, each beside a run of its own
+python bench/attacks/table.py stranger   those whose name contains the word
+"""
+
+import secrets
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+from attacker import ATTACKS, OVERRIDES, READ, SCENARIO, UNDER_WAY
+
+import phalanx
+from phalanx.faults.commands import CommandPolicy
+from phalanx.guarantee.verdict import Summary
+from phalanx.launcher.execute import execute
+from phalanx.wire.session import free_endpoint
+
+ROOT = Path(__file__).parents[2]
+BEGIN, END = "<!-- made by bench/attacks/table.py -->", "<!-- end -->"
+PAGE = ROOT / "docs" / "security.md"
+SPEED = 0.1
+"""Virtual seconds for each of wall time: every attack gets some five seconds of the run."""
+
+
+class Outcome(NamedTuple):
+    """What an attack came to."""
+
+    let_in: bool
+    read: int
+    summary: Summary
+
+
+def attacked(attack: str, scenario: phalanx.Scenario) -> Outcome:
+    """A run beside an attacker who waits for its hub to listen."""
+    secret, endpoint = secrets.token_bytes(16), free_endpoint()
+    with tempfile.TemporaryDirectory() as parent:
+        folder = Path(parent) / "assailed"
+        folder.mkdir()
+        command = [sys.executable, "-m", "bench.attacks.attacker", attack, endpoint, folder.name]
+        if attack.startswith("insider"):
+            command.append(secret.hex())
+        attacker = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT)
+        assert attacker.stdout
+        said = [attacker.stdout.readline()]
+        listening = threading.Thread(
+            target=lambda lines: said.extend(lines), args=(attacker.stdout,)
+        )
+        listening.start()
+        try:
+            policy = CommandPolicy(speed=SPEED)
+            summary = execute(scenario, folder, commands=policy, listen=endpoint, secret=secret)
+        finally:
+            attacker.kill()
+            attacker.wait()
+            listening.join()
+    return Outcome(said[1].startswith(UNDER_WAY), said.count(f"{READ}\n"), summary)
+
+
+def row(attack: str, outcome: Outcome, calm: Summary, wall_time: float) -> str:
+    """A row of the table."""
+    summary = outcome.summary
+    same = "same" if summary.trajectory == calm.trajectory else "another"
+    refused = ", ".join(f"{n} {reason}" for reason, n in summary.rejected.items())
+    if not outcome.let_in:
+        refused = "at the door"
+    cells = (
+        attack,
+        f"{summary.outcome}, {same} trajectory",
+        refused or "by the hub's rules",
+        f"{wall_time:.1f}",
+    )
+    return f"| {' | '.join(cells)} |"
+
+
+def main() -> None:
+    """Print the table as it grows; with all attacks, put it into the page."""
+    words = sys.argv[1:]
+    chosen = [name for name in ATTACKS if all(word in name for word in words)]
+    scenario = phalanx.load(SCENARIO, OVERRIDES)
+    calm = phalanx.run(scenario, engine="in-process").summary
+    assert calm is not None
+    lines = ["| who and what | outcome | refused | wall time [s] |", "|---|---|---|---|"]
+    print("\n".join(lines))
+    for attack in chosen:
+        began = time.monotonic()
+        outcome = attacked(attack, scenario)
+        lines.append(row(attack, outcome, calm, time.monotonic() - began))
+        print(lines[-1], flush=True)
+        if outcome.summary.outcome == "broken":
+            print(outcome.summary.reason)
+    if not words:
+        text = PAGE.read_text(encoding="utf-8")
+        before, after = text.split(BEGIN)[0], text.split(END)[1]
+        table = "\n".join([BEGIN, *lines, END])
+        PAGE.write_text(f"{before}{table}{after}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
