@@ -214,7 +214,7 @@ def answers_for_another(by: Attacker) -> Iterator[None]:
                 by.forge(session, key, Actuation(k=k, t_apply=t, u=u))
                 by.forge(session, heard, Broadcast(k=k, t_apply=t, u=u))
                 made = Telemetry(
-                    k=k, origin=Origin.QP, residual=0.0, u_nom=u, solve_time=0.0, ages=(None,) * 5
+                    k=k, origin=Origin.QP, residual=0.0, u_nom=u, solve_time=0.0, ages=()
                 )
                 by.forge(session, report, made)
             yield
