@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from phalanx.scenario.load import ScenarioError
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import added
 from phalanx.theory.expressions.mapped import MappedFunction
 from phalanx.theory.margins.margin import ComposedMargin, Margin
@@ -99,9 +100,12 @@ class SafetyRows:
         small = radius is None and swarm.pairs.count <= _FEW
         if numbers is not None and not small:
             return self.composed.of(i, radius, numbers)
-        active = None if radius is None else swarm.safe_set.within(i, radius)
-        known = 0.0 if margin is None else margin.of(self.chain, i, active=active)
-        return TermsFunction(self.chain, active, known)
+        alike = i if numbers is None else numbers
+        if alike not in self._whole:
+            active = None if radius is None else swarm.safe_set.within(i, radius)
+            known = 0.0 if margin is None else margin.of(self.chain, i, active=active)
+            self._whole[alike] = TermsFunction(self.chain, active, known)
+        return self._whole[alike]
 
     def own_pair(self, i: int, other: int) -> OwnPair:
         """The pair of normal agent i and another member, or N + k for obstacle k.
@@ -133,13 +137,15 @@ class SafetyRows:
         swarm = self.swarm
         for kind in swarm.pairs.kinds:
             kind.jets  # noqa: B018
-        if not self.pairwise:
-            return
         groups: dict[int, list[int]] = {}
         for l, group in enumerate(swarm.groups):
             groups.setdefault(id(group), []).append(l)
         # The first and the last of a group have every place in every kind of pair.
         ends = sorted({l for members in groups.values() for l in (members[0], members[-1])})
+        for i in ends:
+            self.terms(i)
+        if not self.pairwise:
+            return
         obstacles = range(len(swarm.members), len(swarm.members) + len(swarm.pairs.obstacles))
         for i in ends:
             if i in swarm.normal:
@@ -204,9 +210,19 @@ class SafetyRows:
             psi = self.pair_psi.choose(every)
             return lambda x: psi(x).ravel()
         # With limited sensing every agent composes a set of its own.
-        views = swarm.normal if swarm.limited else swarm.normal[:1]
-        terms = {i: self.terms(i) for i in views}
-        return lambda x: np.concatenate([terms[i](x, swarm.seen(i, x)).psi for i in views])
+        views = [self._psi_of(i) for i in (swarm.normal if swarm.limited else swarm.normal[:1])]
+        return lambda x: np.concatenate([psi(x) for psi in views])
+
+    def _psi_of(self, i: int) -> Callable[[Array], Array]:
+        """x -> ψ_0 ... ψ_{q-1} of what normal agent i composes."""
+        swarm, radius = self.swarm, self.swarm.sensing(i)
+        if self.margin(i).composed(self.relative_degree) is None:
+            active = None if radius is None else swarm.safe_set.within(i, radius)
+            chain = ca.vertcat(*[swarm.safe_set.substitute(psi, active) for psi in self.chain.psi])
+            whole = CompiledFunction([swarm.safe_set.x], [chain])
+            return lambda x: whole(x)[0]
+        composed = self.composed.of(i, radius)
+        return lambda x: composed.psi(x, swarm.seen(i, x))
 
     def _eta(self, i: int) -> float:
         """η(Γ_i + δ^max) of agent i, given or from constants."""
@@ -222,6 +238,11 @@ class SafetyRows:
     @cached_property
     def _row_functions(self) -> dict[tuple[object, ...], PairRowFunction]:
         """By kind of pair, whose row it is, and the groups, whose bounds and clocks count."""
+        return {}
+
+    @cached_property
+    def _whole(self) -> dict[object, TermsFunction]:
+        """By margin, or by agent where that is told apart."""
         return {}
 
     @cached_property

@@ -108,6 +108,11 @@ class ComposedTerms:
             margin=margin.scale * (margin.eta + push),
         )
 
+    def psi(self, x: Array, seen: Sequence[int] | None = None) -> Array:
+        """ψ_0 ... ψ_{q-1} alone, shape (q,)."""
+        selected = self._select(x, self._swarm.everybody if seen is None else tuple(seen))
+        return self._swarm.jets(selected.pairs.jets(x).h).psi
+
     def _select(self, x: Array, seen: tuple[int, ...]) -> _Selection:
         near = self._near(x[self._own])[0] if self._near else None
         key = seen, b"" if near is None else near.tobytes()
