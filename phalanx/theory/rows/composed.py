@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from phalanx.theory.expressions.exact import added
 from phalanx.theory.margins.margin import ComposedMargin
 from phalanx.theory.rows.members import ChosenMembers, SwarmMembers
-from phalanx.theory.rows.near import obstacles_within
+from phalanx.theory.rows.near import ObstaclesInSight
 from phalanx.theory.rows.terms import Terms
 from phalanx.theory.safety.chain import rounded_norm
 from phalanx.theory.safety.class_k import ClassK
@@ -49,6 +49,7 @@ class SwarmTerms:
         self.jets = LogSumExpJets(rho, alphas, xi)
         self.everybody = tuple(range(len(pairs.members)))
         self.dynamics = [m.dynamics for m in pairs.members]
+        self.in_sight = ObstaclesInSight(pairs.obstacles)
 
     def of(self, i: int, radius: float | None, margin: ComposedMargin = _NONE) -> "ComposedTerms":
         """Agent i's terms. radius: how far it sees obstacles [m]; None for all."""
@@ -71,7 +72,7 @@ class ComposedTerms:
     ) -> None:
         self._swarm, self._margin = swarm, margin
         self._own = swarm.members.states[i]
-        self._near = obstacles_within(radius, swarm.dynamics[i], swarm.pairs.obstacles)
+        self._near = swarm.in_sight.of(swarm.dynamics[i], radius)
         self._numbers = swarm.numbers.copy()
         self._selected: _Selection | None = None
 

@@ -122,7 +122,7 @@ class OwnPairTerms:
         Args:
             function: of its row for another member, or N + k for obstacle k; the same object for
                 all pairs of a kind.
-            near: as near.obstacles_within has it.
+            near: as near.ObstaclesInSight has it.
         """
         self._swarm, self._i, self._function, self._near = swarm, i, function, near
         self._own = slice(swarm.begin[i], swarm.begin[i] + len(swarm.members[i].dynamics.states))

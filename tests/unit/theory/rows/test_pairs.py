@@ -12,7 +12,7 @@ from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.rows.decision import decide_pairs
-from phalanx.theory.rows.near import obstacles_within
+from phalanx.theory.rows.near import ObstaclesInSight
 from phalanx.theory.rows.pairs import OwnPair, OwnPairTerms, PairRowFunction, pair_rows
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.safety.chain import build_chain
@@ -41,7 +41,7 @@ def own_terms(i: int, radius: float | None = None) -> OwnPairTerms:
         for other in {0, 1, 2, 3} - {i}
         for part in (RowPart if other < 2 else [RowPart.WHOLE])
     }
-    near = obstacles_within(radius, MEMBERS[i].dynamics, [SPHERE])
+    near = ObstaclesInSight([SPHERE]).of(MEMBERS[i].dynamics, radius)
     return OwnPairTerms(pairs, i, lambda other, part: functions[other, part], near)
 
 
