@@ -40,7 +40,7 @@ class Sizes(NamedTuple):
     telemetry: int
 
 
-SIMULATIONS = {"unicycles": ("Simulation 1", 6.0), "formation3d": ("Simulation 2", 24.0)}
+SIMULATIONS = {"unicycles": ("Simulation 1", 4.0), "formation3d": ("Simulation 2", 12.0)}
 """What each is called, and how much virtual time a round takes [s]."""
 
 
