@@ -24,6 +24,7 @@ from phalanx.plant.trajectory import TrajectoryHash
 from phalanx.plant.world import World
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
+from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
 from phalanx.wire.session import free_endpoint
 
@@ -95,9 +96,10 @@ def measured(rows: SafetyRows) -> tuple[float, str]:
     context = multiprocessing.get_context("fork")
     membership = Membership("bench", free_endpoint(), b"bench")
     answers = context.SimpleQueue()
-    programs = [context.Process(target=plant, args=(rows, membership, answers))]
+    programs = [context.Process(target=plant, args=(rows, membership.of(PLANT), answers))]
     for name in rows.swarm.names:
-        programs.append(context.Process(target=agent.run, args=(rows, membership.of(name))))
+        own = membership.of(name, (name,), rows.swarm.names)
+        programs.append(context.Process(target=agent.run, args=(rows, own)))
     for program in programs:
         program.start()
     found: tuple[float, str] = answers.get()

@@ -19,12 +19,9 @@ from phalanx.agent import main as agent
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire import session as wire
-from phalanx.wire.keys import kind_and_name
+from phalanx.wire.keys import PLANT, kind_and_name
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Sample
-from phalanx.wire.seal import Sealer
-
-SECRET = b"bench"
 
 
 def main() -> None:
@@ -49,12 +46,12 @@ def main() -> None:
 def received(rows: SafetyRows) -> list[Counter[str]]:
     """Of each normal agent: samples, whom they held, and all messages with their bytes."""
     context = multiprocessing.get_context("fork")
-    membership = Membership("bench", wire.free_endpoint(), SECRET)
+    membership = Membership("bench", wire.free_endpoint(), b"bench")
     times, counts = context.SimpleQueue(), context.SimpleQueue()
-    programs = [context.Process(target=plant, args=(rows, membership, times))]
+    programs = [context.Process(target=plant, args=(rows, membership.of(PLANT), times))]
     for name in rows.swarm.names:
-        own = (rows, membership.of(name), counts)
-        programs.append(context.Process(target=counted_agent, args=own))
+        own = membership.of(name, (name,), rows.swarm.names)
+        programs.append(context.Process(target=counted_agent, args=(rows, own, counts)))
     for program in programs:
         program.start()
     times.get()
@@ -68,7 +65,7 @@ def counted_agent(
     rows: SafetyRows, membership: Membership, counts: "Answers[tuple[str, Counter[str]]]"
 ) -> None:
     """The agent as ever, with a count of what its subscriptions are handed."""
-    counted, sealer, subscribe = Counter[str](), Sealer(SECRET), wire.subscribe
+    counted, sealer, subscribe = Counter[str](), membership.sealer, wire.subscribe
 
     def subscribe_and_count(session: wire.Session, key: str, deliver: wire.Deliver) -> None:
         def count(at: str, payload: bytes) -> None:
