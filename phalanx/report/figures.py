@@ -1,11 +1,11 @@
 """Figures over time: safety, inputs, ages of received inputs; and solve times and losses."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from phalanx.recording.read import Recording
@@ -16,7 +16,7 @@ from phalanx.report.measures import (
     steps_by_agent,
     worst,
 )
-from phalanx.report.style import LIMIT, MOST_NAMED, MUTED, PEAK, colours, legend, panels
+from phalanx.report.style import LIMIT, MUTED, PEAK, colours, legend, logarithmic, panels
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.models.polytope import Box, constant_polytope
 from phalanx.theory.rows.origin import Origin
@@ -24,19 +24,26 @@ from phalanx.theory.rows.origin import Origin
 Array = NDArray[np.float64]
 
 _MOST_LINKS = 40
-_LEAST_RATIO = 0.1
+_TIME_POINTS = 600
+LEAST_RATIO = 0.1
 """Where a certified time is drawn that is shorter than this share of τ: no logarithm has a 0."""
 
 
-def safety(recording: Recording) -> Figure:
-    """h_tot over time with the zero line, and a closer look if it was crossed; needs a state."""
+def safety(recording: Recording, largest: Array | None = None) -> Figure:
+    """h_tot over time with the zero line, and a closer look if it was crossed; needs a state.
+
+    largest: the largest h of a pair at each state, to be drawn as well.
+    """
     peak = worst(recording)
     assert peak is not None
     figure, rows = panels(2 if peak.h_tot > 0.0 else 1, 3.0)
     kept = extremes_kept(recording.h_tot)
     t, h = recording.times[kept], recording.h_tot[kept]
     for axes in rows:
-        axes.plot(t, h, color="#1f5fbf", linewidth=1.2)
+        axes.plot(t, h, color="#1f5fbf", linewidth=1.2, label=r"$h_{tot}$")
+        if largest is not None:
+            label = "largest h of a pair"
+            axes.plot(recording.times, largest, color="#111111", linewidth=0.9, label=label)
         axes.axhline(0.0, color=LIMIT, linewidth=1.2)
         axes.fill_between(t, h, 0.0, where=h > 0.0, interpolate=True, color=PEAK, alpha=0.5)
         axes.plot([peak.t], [peak.h_tot], "o", color=PEAK, markersize=5)
@@ -48,6 +55,8 @@ def safety(recording: Recording) -> Figure:
     words = f"worst {peak.h_tot:.4g} at {peak.t:.3f} s"
     rows[0].set_title(words, loc="right", color=PEAK, fontsize=10)
     rows[-1].set_xlabel("t [s]")
+    if largest is not None:
+        legend(rows[0])
     return figure
 
 
@@ -111,7 +120,7 @@ def certified(recording: Recording, swarm: Swarm) -> Figure | None:
         if not known:
             continue
         t, proven = np.array(known).T
-        ratio = np.maximum(proven / swarm.horizon(i), _LEAST_RATIO)
+        ratio = np.maximum(proven / swarm.horizon(i), LEAST_RATIO)
         kept, below = extremes_kept(ratio), ratio < 1.0
         label = f"{name}: shortest {proven.min() / swarm.horizon(i):.3g} τ"
         axes.plot(t[kept], ratio[kept], color=palette[name], linewidth=0.8, label=label)
@@ -121,10 +130,7 @@ def certified(recording: Recording, swarm: Swarm) -> Figure | None:
     if not axes.lines:
         return None
     axes.axhline(1.0, color=LIMIT, linewidth=1.2)
-    axes.set_yscale("log")
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.yaxis.set_major_formatter(lambda ratio, _: f"{ratio:g}")
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    logarithmic(axes)
     axes.margins(x=0.01)
     axes.set_ylabel("certified time [τ]")
     axes.set_xlabel("t [s]")
@@ -162,14 +168,11 @@ def ages(recording: Recording) -> Figure | None:
         age = np.array([s.ages for s in steps], dtype=float).reshape(len(steps), -1)
         if np.isfinite(age).any():
             received[receiver] = np.array([s.t for s in steps]), 1e3 * age
-    oldest = sorted(received, key=lambda name: -np.nanmax(received[name][1]))[:MOST_NAMED]
-    if not oldest:
+    if not received:
         return None
-    shown = [name for name in received if name in oldest]
-    figure, rows = panels(len(shown), 1.7)
+    figure, rows = panels(len(received), 1.7)
     palette = colours(recording.scenario)
-    for receiver, axes in zip(shown, rows, strict=True):
-        t, age = received[receiver]
+    for (receiver, (t, age)), axes in zip(received.items(), rows, strict=True):
         senders = np.flatnonzero(np.isfinite(age).any(axis=0))
         for l in sorted(senders, key=lambda l: -np.nanmax(age[:, l])):
             kept = extremes_kept(age[:, l])
@@ -189,20 +192,30 @@ def solve_times(recording: Recording) -> Figure:
     figure, (axes,) = panels(1, 3.2)
     palette = colours(recording.scenario)
     for name, steps in steps_by_agent(recording).items():
-        if steps:
-            taken = np.sort([1e3 * s.solve_time for s in steps])
-            longer = 1.0 - np.arange(len(taken)) / len(taken)
-            middle, late = np.percentile(taken, [50, 99])
-            label = f"{name}: median {middle:.2g}, 99 % {late:.2g} ms"
-            axes.plot(taken, longer, color=palette[name], linewidth=1.3, label=label)
+        draw_time_shares(axes, steps, palette[name], name, 1.3)
+    legend(axes, "agent")
+    return figure
+
+
+def draw_time_shares(
+    axes: Axes, steps: Sequence[Step], colour: str, name: str, width: float
+) -> None:
+    """Draw what share of these steps, if there are any, took longer than a wall time."""
+    if not steps:
+        return
+    taken = np.sort([1e3 * s.solve_time for s in steps])
+    longer = 1.0 - np.arange(len(taken)) / len(taken)
+    middle, late = np.percentile(taken, [50, 99])
+    label = f"{name}: median {middle:.3g}, 99 % {late:.3g} ms"
+    # The slowest step, and ever fewer of those that are ever faster: the axis is logarithmic.
+    kept = np.unique(len(taken) - np.geomspace(1, len(taken), _TIME_POINTS).astype(int))
+    axes.plot(taken[kept], longer[kept], color=colour, linewidth=width, label=label)
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter(lambda share, _: f"{100 * share:g} %")
     axes.xaxis.set_major_formatter(lambda ms, _: f"{ms:g}")
     axes.set_xlabel("wall time of a step [ms]")
     axes.set_ylabel("steps that took at least this long")
-    legend(axes, "agent")
-    return figure
 
 
 def losses(links: list[LinkStatistics]) -> Figure:

@@ -8,10 +8,12 @@ from string import Template
 from phalanx.guarantee.verdict import Outcome, Summary, certified
 from phalanx.network.link import DELAY, LOSS
 from phalanx.recording.read import Recording
+from phalanx.recording.size import size_in_words
 from phalanx.report.measures import LinkStatistics, origins, worst
 from phalanx.theory.rows.origin import EMPTY
 
-_MOST_LINKS = 240
+_MOST_ROWS = 60
+"""Of a table."""
 _ASSUMPTIONS = ("assumption", "in words", "failed", "first failure")
 
 _MEANING = {
@@ -128,6 +130,7 @@ def _key_figures(recording: Recording) -> list[tuple[str, str]]:
             ("Trajectory, SHA-256", summary.trajectory),
         ]
     versions = {k: v for k, v in recording.metadata.items() if k not in ("run", "seed")}
+    rows.append(("Recording", size_in_words(recording)))
     return [*rows, ("Made with", ", ".join(f"{k} {v}" for k, v in versions.items()))]
 
 
@@ -141,7 +144,7 @@ def _judgement(summary: Summary | None) -> list[str]:
     )
     violations = [
         (v.pair, _time(v.first), f"{v.worst:.6g}", _time(v.worst_at), _time(v.duration))
-        for v in summary.violations
+        for v in sorted(summary.violations, key=lambda v: -v.worst)
     ]
     rejected = [(reason, str(count)) for reason, count in summary.rejected.items()]
     faults = [(f.name, str(f.count) if f.count else "never had an effect") for f in summary.faults]
@@ -158,7 +161,7 @@ def _judgement(summary: Summary | None) -> list[str]:
 
 
 def _links(links: Sequence[LinkStatistics]) -> str:
-    shown = sorted(links, key=lambda link: -link.loss) if len(links) > _MOST_LINKS else links
+    shown = sorted(links, key=lambda link: -link.excess) if len(links) > _MOST_ROWS else links
     head = ("link", "sent", "decided", "lost", "loss", "scenario's loss",
             "mean delay", "least", "most", "scenario's delay")  # fmt: skip
     rows = [
@@ -172,11 +175,9 @@ def _links(links: Sequence[LinkStatistics]) -> str:
             *_delays(link.delays),
             link.model.described(DELAY),
         )
-        for link in shown[:_MOST_LINKS]
+        for link in shown[:_MOST_ROWS]
     ]
-    left = len(links) - len(rows)
-    more = _note(f"{left} links that lost a smaller share are left out.") if left else ""
-    return _table(head, rows) + more
+    return _table(head, rows, len(links))
 
 
 def _delays(delays: Sequence[float]) -> tuple[str, str, str]:
@@ -214,18 +215,21 @@ def _note(text: str) -> str:
     return f'<p class="none">{escape(text)}</p>'
 
 
-def _table(head: Iterable[str], rows: Sequence[Sequence[str]]) -> str:
+def _table(head: Iterable[str], rows: Sequence[Sequence[str]], total: int | None = None) -> str:
+    """The first rows; total: how many there are where the worst alone were given."""
     if not rows:
         return _note("None.")
+    left = (total or len(rows)) - min(len(rows), _MOST_ROWS)
     titles = "".join(f'<th scope="col">{escape(title)}</th>' for title in head)
     top = f"<thead><tr>{titles}</tr></thead>" if titles else ""
     body = "\n".join(
         f'<tr><th scope="row">{escape(first)}</th>'
         + "".join(f"<td>{escape(cell)}</td>" for cell in rest)
         + "</tr>"
-        for first, *rest in rows
+        for first, *rest in rows[:_MOST_ROWS]
     )
-    return f'<div class="wide"><table>{top}<tbody>\n{body}\n</tbody></table></div>'
+    table = f'<div class="wide"><table>{top}<tbody>\n{body}\n</tbody></table></div>'
+    return table + (_note(f"and {left} more") if left else "")
 
 
 def _time(t: float | None) -> str:

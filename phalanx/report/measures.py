@@ -1,10 +1,10 @@
 """What the report says in numbers, taken from a recording and nothing else."""
 
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +13,7 @@ from phalanx.recording.read import Recording
 from phalanx.recording.records import Step
 from phalanx.scenario.links import Links
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.expressions.mapped import Index
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.safety.composition import Pair
 
@@ -80,6 +81,12 @@ class LinkStatistics:
         """Lost share of the decided."""
         return self.lost / self.decided
 
+    @property
+    def excess(self) -> float:
+        """By how many standard deviations of independent losses it lost more than its model."""
+        p, n = self.model.loss, self.decided
+        return float((self.lost - n * p) / np.sqrt(n * p * (1.0 - p) + 1.0))
+
 
 def link_statistics(recording: Recording) -> list[LinkStatistics]:
     """Every link on which a broadcast was decided, in the scenario's order of agents."""
@@ -103,13 +110,10 @@ class Motion:
 
     def __init__(self, recording: Recording, swarm: Swarm) -> None:
         """For a recording with at least one state."""
-        composed = swarm.safe_set
         x = recording.x
-        evaluate = ca.Function("p", [composed.x], [ca.vertcat(*composed.positions)])
-        stacked = np.array(evaluate.map(len(x))(x.T))
         self.times = recording.times
         """Of the states [s], shape (s,)."""
-        self.positions = stacked.T.reshape(len(x), len(composed.members), -1)
+        self.positions = np.array([swarm.positions(state) for state in x])
         """Output positions [m], shape (s, N, 2) or (s, N, 3)."""
         self.worst = int(np.argmax(recording.h_tot))
         """Index of the state with the largest h_tot."""
@@ -122,6 +126,50 @@ class Motion:
             return self._obstacles[pair.obstacle or 0].distances(own)
         apart: Array = np.linalg.norm(own - self.positions[:, pair.b], axis=1)
         return apart
+
+
+class WorstPairs(NamedTuple):
+    """The pair with the largest h at each state."""
+
+    h: Array
+    """Its h, shape (s,)."""
+    pairs: Index
+    """Its sides as SwarmPairs has them, shape (s, 2)."""
+
+
+def worst_pairs(recording: Recording, swarm: Swarm) -> WorstPairs:
+    """Which pair was worst at each state; needs a state."""
+    chosen = swarm.pairs.choose(swarm.pairs.among(range(len(swarm.members))))
+    found = [(h.max(), h.argmax()) for h in map(chosen.h, recording.x)]
+    h, which = zip(*found, strict=True)
+    return WorstPairs(np.array(h), chosen.pairs[list(which)])
+
+
+class Nearest(NamedTuple):
+    """How near others came to agents."""
+
+    distances: Array
+    """From each agent to whatever was nearest at each state [m], shape (s, n)."""
+    closest: list[tuple[Pair, float]]
+    """The pairs that came closest over the run, and how close [m], the closest first."""
+
+
+def nearest(motion: Motion, pairs: Sequence[Pair], agents: Sequence[int], most: int) -> Nearest:
+    """What of these pairs came nearest to these agents, and the `most` closest pairs.
+
+    A pair's distances are made, used and dropped: those of all pairs would be too many to keep.
+    """
+    least = np.empty(len(pairs))
+    shortest = {l: np.full(len(motion.times), np.inf) for l in agents}
+    for place, pair in enumerate(pairs):
+        distance = motion.distance(pair)
+        least[place] = distance.min()
+        for l in (pair.a, pair.b):
+            if l in shortest:
+                np.minimum(shortest[l], distance, out=shortest[l])
+    order = np.argsort(least, kind="stable")[:most]
+    closest = [(pairs[k], float(least[k])) for k in order]
+    return Nearest(np.array(list(shortest.values())).T, closest)
 
 
 def extremes_kept(y: Array, points: int = _POINTS) -> NDArray[np.intp]:

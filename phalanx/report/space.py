@@ -4,23 +4,28 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
-from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from phalanx.recording.read import Recording
-from phalanx.report.measures import Motion, extremes_kept
+from phalanx.report.envelope import draw_envelope, envelope
+from phalanx.report.measures import Motion, WorstPairs, extremes_kept, nearest
 from phalanx.report.style import (
     DASHES,
+    FEW,
     LIMIT,
     MOST_NAMED,
     MUTED,
     PEAK,
+    WORST,
     colours,
     legend,
+    logarithmic,
     panels,
     style_axes,
+    summarises,
 )
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import Swarm
@@ -31,6 +36,9 @@ Array = NDArray[np.float64]
 
 _PATH_POINTS = 3000
 _MOST_PAIRS = 60
+_CROWD_POINTS = 400
+_CROWD = {"normal": "#8fb3e6", "adversary": "#e8938f"}
+"""A colour for each role where agents are too many for one each."""
 _WIDTH, _MARGIN = 9.0, 1.3
 
 
@@ -40,8 +48,11 @@ def required_distance(scenario: Scenario) -> float | None:
     return float(radius) if isinstance(radius, int | float) else None
 
 
-def paths(recording: Recording, motion: Motion) -> Figure:
-    """Paths in the plane; for 3-D positions, seen from above and from the side."""
+def paths(recording: Recording, motion: Motion, worst: WorstPairs | None = None) -> Figure:
+    """Paths in the plane; for 3-D positions, seen from above and from the side.
+
+    worst: with it, agents are drawn by role, and of the worst pair alone by name.
+    """
     planes = [(0, 1)] if motion.positions.shape[2] == 2 else [(0, 1), (0, 2)]
     points = _outline(recording.scenario, motion)
     margin = 0.04 * float(np.ptp(points, axis=0).max()) + 0.5
@@ -54,7 +65,11 @@ def paths(recording: Recording, motion: Motion) -> Figure:
     rows = figure.subplots(len(planes), 1, squeeze=False, height_ratios=heights)[:, 0]
     for axes, plane in zip(rows, planes, strict=True):
         style_axes(axes)
-        _draw_plane(axes, recording, motion, plane)
+        _draw_scene(axes, recording.scenario, motion, plane)
+        if worst is None:
+            _draw_agents(axes, recording, motion, plane)
+        else:
+            _draw_crowd(axes, recording, motion, plane, worst)
         axes.set_aspect("equal")
         axes.set_xlim(low[plane[0]], high[plane[0]])
         axes.set_ylim(low[plane[1]], high[plane[1]])
@@ -76,30 +91,48 @@ def _outline(scenario: Scenario, motion: Motion) -> Array:
     return np.concatenate(points)
 
 
-def _draw_plane(axes: Axes, recording: Recording, motion: Motion, plane: tuple[int, int]) -> None:
+def _draw_agents(axes: Axes, recording: Recording, motion: Motion, plane: tuple[int, int]) -> None:
     scenario = recording.scenario
-    _draw_scene(axes, scenario, motion, plane)
     keep = np.linspace(0, len(motion.times) - 1, min(len(motion.times), _PATH_POINTS)).astype(int)
     radius = required_distance(scenario)
     palette = colours(scenario)
-    many = len(palette) > 3 * MOST_NAMED
     at_worst = motion.positions[motion.worst][:, plane]
     label = f"worst, {motion.times[motion.worst]:.2f} s"
     axes.plot(*at_worst.T, "x", color=PEAK, markersize=5, label=label, zorder=3)
     for i, (name, group, _) in enumerate(scenario.roster()):
         p = motion.positions[:, i][:, plane]
-        width = 0.6 if many else 1.3
         label = f"{name} ({group.role})"
-        axes.plot(*p[keep].T, color=palette[name], linewidth=width, label=label)
+        axes.plot(*p[keep].T, color=palette[name], linewidth=1.3, label=label)
         axes.plot(*p[0], "o", color=palette[name], markerfacecolor="white", markersize=5)
         axes.plot(*p[-1], "s", color=palette[name], markersize=5)
-        if not many:
-            axes.annotate(
-                name, p[-1], xytext=(6, 4), textcoords="offset points", color=palette[name]
-            )
+        axes.annotate(name, p[-1], xytext=(6, 4), textcoords="offset points", color=palette[name])
         if radius:
             _add_circle(axes, p[-1], radius / 2, "-", palette[name])
             _add_circle(axes, p[motion.worst], radius / 2, (0, (3, 1.5)), palette[name])
+
+
+def _draw_crowd(
+    axes: Axes, recording: Recording, motion: Motion, plane: tuple[int, int], worst: WorstPairs
+) -> None:
+    """Every path in its role's colour, and the two of the worst pair where h was largest."""
+    roster = list(recording.scenario.roster())
+    keep = np.linspace(0, len(motion.times) - 1, min(len(motion.times), _CROWD_POINTS)).astype(int)
+    paths = motion.positions[keep][:, :, plane].swapaxes(0, 1)
+    for role, colour in _CROWD.items():
+        of_role = [i for i, (_, group, _) in enumerate(roster) if group.role == role]
+        if of_role:
+            label = f"{len(of_role)} × {role}"
+            axes.add_collection(LineCollection(list(paths[of_role]), colors=colour, linewidths=0.8))
+            axes.plot(*paths[of_role, -1].T, "s", color=colour, markersize=2.5, label=label)
+    at = int(worst.h.argmax())
+    for i, colour in zip(worst.pairs[at].tolist(), WORST, strict=False):
+        if i < len(roster):
+            p, name = motion.positions[:, i][:, plane], roster[i][0]
+            axes.plot(*p[keep].T, color=colour, linewidth=1.3, label=f"{name}, of the worst pair")
+            axes.plot(*p[at], "x", color=PEAK, markersize=6, zorder=3)
+            axes.annotate(name, p[at], xytext=(5, 4), textcoords="offset points", color=colour)
+        else:
+            axes.plot([], [], " ", label=f"obstacle {i - len(roster)}, of the worst pair")
 
 
 def _draw_scene(axes: Axes, scenario: Scenario, motion: Motion, plane: tuple[int, int]) -> None:
@@ -125,7 +158,30 @@ def _add_circle(axes: Axes, center: Array, radius: float, style: object, colour:
 
 
 def distances(recording: Recording, swarm: Swarm, motion: Motion) -> Figure:
-    """Distances of all pairs over time, by kind of pair, with what is required."""
+    """Distances of pairs over time, by kind of pair, with what is required.
+
+    Of many agents, how far each normal one is from the nearest; and the closest few pairs.
+    """
+    kinds = _pairs_by_kind(swarm)
+    figure, rows = panels(len(kinds), 2.4)
+    for axes, (kind, found) in zip(rows, kinds.items(), strict=True):
+        logarithmic(axes)
+        for value in _required(found, recording.scenario):
+            axes.axhline(value, color=LIMIT, linestyle=":", linewidth=1.3)
+        if summarises(recording.scenario):
+            _draw_nearest(axes, found, swarm, motion)
+            legend(axes, f"{kind}: from each normal agent\nto the nearest, and closest pairs")
+        else:
+            closest = _draw_pairs(axes, found, recording, swarm, motion)
+            some = "" if len(found) == len(closest) else f", {len(closest)} closest of {len(found)}"
+            legend(axes, f"{kind}{some}")
+        axes.set_ylabel("distance [m]")
+        axes.margins(x=0.01)
+    rows[-1].set_xlabel("t [s]")
+    return figure
+
+
+def _pairs_by_kind(swarm: Swarm) -> dict[str, list[Pair]]:
     normal = set(swarm.normal)
     pairs = swarm.safe_set.pairs
     kinds = {
@@ -133,22 +189,21 @@ def distances(recording: Recording, swarm: Swarm, motion: Motion) -> Figure:
         "normal–adversary": [p for p in pairs if p.b is not None and p.b not in normal],
         "normal–obstacle": [p for p in pairs if p.b is None],
     }
-    kinds = {kind: found for kind, found in kinds.items() if found}
-    figure, rows = panels(len(kinds), 2.4)
-    for axes, (kind, found) in zip(rows, kinds.items(), strict=True):
-        closest = _draw_pairs(axes, found, recording, swarm, motion)
-        for value in _required(found, recording.scenario):
-            axes.axhline(value, color=LIMIT, linestyle=":", linewidth=1.3)
-        axes.set_yscale("log")
-        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.yaxis.set_major_formatter(lambda d, _: f"{d:g}")
-        axes.yaxis.set_minor_formatter(NullFormatter())
-        axes.set_ylabel("distance [m]")
-        axes.margins(x=0.01)
-        shown = "" if len(found) == len(closest) else f", {len(closest)} closest of {len(found)}"
-        legend(axes, f"{kind}{shown}")
-    rows[-1].set_xlabel("t [s]")
-    return figure
+    return {kind: found for kind, found in kinds.items() if found}
+
+
+def _draw_nearest(axes: Axes, pairs: Sequence[Pair], swarm: Swarm, motion: Motion) -> None:
+    found = nearest(motion, pairs, swarm.normal, FEW)
+    t = np.repeat(motion.times, found.distances.shape[1])
+    drawn = envelope(t, found.distances.ravel(), len(motion.times))
+    draw_envelope(axes, drawn, "#1f5fbf", "all")
+    for (pair, least), colour in zip(found.closest, WORST, strict=False):
+        distance = motion.distance(pair)
+        kept = extremes_kept(distance)
+        label = f"{swarm.safe_set.label(pair)}, least {least:.3g} m"
+        axes.plot(motion.times[kept], distance[kept], color=colour, linewidth=0.9, label=label)
+    # Those who are far from everybody later would press what matters into the lowest part.
+    axes.set_ylim(top=1.3 * float(drawn.values[-2].max()))
 
 
 def _draw_wall(axes: Axes, wall: Wall, plane: tuple[int, int]) -> None:

@@ -4,15 +4,20 @@ from typing import NamedTuple
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from phalanx.scenario.model import Scenario
 
 _NORMAL = ("#1f5fbf", "#13a3b5", "#6a4fc4", "#0b3c6f", "#4aa8f0", "#1c8a6b")
 _ADVERSARY = ("#d62728", "#8f0f2a", "#f2684a", "#e0559a")
 DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)), (0, (9, 3)))
+WORST = ("#c1121f", "#e07b00", "#8f2fb3", "#111111")
+"""Of the worst few over an envelope."""
 LIMIT, PEAK, MUTED = "#333333", "#c1121f", "#8a8f98"
 MOST_NAMED = 12
-"""Most entries of a legend, and most agents with a panel of their own."""
+"""Most entries of a legend, and most agents that are drawn one by one."""
+FEW = 4
+"""How many of the worst are drawn by name where there are more agents than that."""
 _WIDTH = 9.0
 
 
@@ -34,6 +39,11 @@ def colours(scenario: Scenario) -> dict[str, str]:
     return chosen
 
 
+def summarises(scenario: Scenario) -> bool:
+    """Whether the report shows envelopes and the worst few instead of every agent."""
+    return sum(group.size for group in scenario.agents) > MOST_NAMED
+
+
 def panels(rows: int, height: float) -> tuple[Figure, list[Axes]]:
     """A figure with one column of panels of this height [inch] that share their x axis."""
     figure = Figure(figsize=(_WIDTH, rows * height + 0.3), layout="constrained", facecolor="white")
@@ -48,6 +58,14 @@ def style_axes(axes: Axes) -> None:
     axes.grid(color="#000000", alpha=0.12, linewidth=0.6)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
+
+
+def logarithmic(axes: Axes) -> None:
+    """A logarithmic y axis with plain numbers at 1, 2 and 5."""
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def legend(axes: Axes, title: str | None = None, most: int = MOST_NAMED) -> None:

@@ -1,14 +1,20 @@
 """Write the report of a run: its figures as PNG, and one HTML file."""
 
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from phalanx.recording.read import Recording, read
-from phalanx.report import figures, space
+from phalanx.report import crowd, figures, space
 from phalanx.report.html import page
-from phalanx.report.measures import LinkStatistics, Motion, link_statistics, steps_by_agent
-from phalanx.report.style import MOST_NAMED, ReportFigure
+from phalanx.report.measures import (
+    LinkStatistics,
+    Motion,
+    link_statistics,
+    steps_by_agent,
+    worst_pairs,
+)
+from phalanx.report.style import FEW, MOST_NAMED, ReportFigure, summarises
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.origin import EMPTY
@@ -49,44 +55,61 @@ def write_report(run: Path, progress: Callable[[str], None] | None = None) -> Pa
 
 def plates(recording: Recording, links: list[LinkStatistics]) -> Iterator[ReportFigure]:
     """The figures that the recording has data for, in the report's order."""
-    swarm = build_swarm(recording.scenario)
+    swarm, many = build_swarm(recording.scenario), summarises(recording.scenario)
     if recording.states:
         motion = Motion(recording, swarm)
-        yield ReportFigure("h_tot", _SAFETY, figures.safety(recording))
-        yield ReportFigure("paths", _paths_caption(recording), space.paths(recording, motion))
-        yield ReportFigure("distances", _DISTANCES, space.distances(recording, swarm, motion))
+        pairs = worst_pairs(recording, swarm) if many else None
+        h = pairs.h if pairs else None
+        yield ReportFigure("h_tot", _SAFETY, figures.safety(recording, h))
+        yield ReportFigure(
+            "paths", _paths_caption(recording), space.paths(recording, motion, pairs)
+        )
+        caption = _NEAREST if many else _DISTANCES
+        yield ReportFigure("distances", caption, space.distances(recording, swarm, motion))
     if recording.states and recording.steps:
-        yield from _inputs(recording, swarm)
-        if horizons := figures.certified(recording, swarm):
-            yield ReportFigure("certified", _CERTIFIED, horizons)
-        if ages := figures.ages(recording):
-            yield ReportFigure("ages", _ages_caption(recording), ages)
-        yield ReportFigure("solve-times", _SOLVE_TIMES, figures.solve_times(recording))
+        yield from (_of_many if many else _of_each)(recording, swarm)
     if any(link.lost or link.model.loss for link in links):
-        yield ReportFigure("losses", _LOSSES, figures.losses(links))
+        drawn = (crowd.losses if many else figures.losses)(links)
+        yield ReportFigure("losses", _LOSSES, drawn)
 
 
 def notes(recording: Recording) -> list[str]:
     """What is not drawn, and why."""
     if not recording.states:
         return ["The recording holds no state: there is nothing to draw."]
-    normal = sum(group.role == "normal" for _, group, _ in recording.scenario.roster())
-    if normal > MOST_NAMED:
+    if summarises(recording.scenario):
         return [
-            f"Inputs are drawn for {MOST_NAMED} of {normal} normal agents: those whose K_i was "
-            "empty most often."
+            f"More than {MOST_NAMED} agents: figures show the least, median, largest and the band "
+            "of 10 to 90 % of all agents, and the worst few of them by name."
         ]
     return []
 
 
-def _inputs(recording: Recording, swarm: Swarm) -> Iterator[ReportFigure]:
+def _of_each(recording: Recording, swarm: Swarm) -> Iterator[ReportFigure]:
     steps = steps_by_agent(recording)
-    empty = {
-        i: sum(step.origin in EMPTY for step in steps[swarm.names[i]])
-        for i in swarm.normal
-        if steps[swarm.names[i]]
-    }
-    for i in sorted(sorted(empty, key=lambda i: -empty[i])[:MOST_NAMED]):
+    yield from _inputs(recording, swarm, [i for i in swarm.normal if steps[swarm.names[i]]])
+    if horizons := figures.certified(recording, swarm):
+        yield ReportFigure("certified", _CERTIFIED, horizons)
+    if ages := figures.ages(recording):
+        yield ReportFigure("ages", _ages_caption(recording), ages)
+    yield ReportFigure("solve-times", _SOLVE_TIMES, figures.solve_times(recording))
+
+
+def _of_many(recording: Recording, swarm: Swarm) -> Iterator[ReportFigure]:
+    yield ReportFigure("inputs", _ALL_INPUTS, crowd.inputs(recording, swarm))
+    steps = steps_by_agent(recording)
+    empty = {i: sum(step.origin in EMPTY for step in steps[swarm.names[i]]) for i in swarm.normal}
+    worst = sorted((i for i in empty if empty[i]), key=lambda i: -empty[i])
+    yield from _inputs(recording, swarm, worst[:FEW])
+    if horizons := crowd.certified(recording, swarm):
+        yield ReportFigure("certified", _CERTIFIED, horizons)
+    if ages := crowd.ages(recording):
+        yield ReportFigure("ages", _ages_caption(recording), ages)
+    yield ReportFigure("solve-times", _SOLVE_TIMES, crowd.solve_times(recording, swarm))
+
+
+def _inputs(recording: Recording, swarm: Swarm, agents: Sequence[int]) -> Iterator[ReportFigure]:
+    for i in agents:
         caption = (
             f"Inputs of agent {swarm.names[i]}; bounds dotted. A cross marks each step whose K_i "
             "was empty: dark if the backup input was applied, light if it had no authority."
@@ -101,6 +124,14 @@ _SAFETY = (
 _DISTANCES = (
     "Distances between the output points of all pairs, and to obstacles' centres; dotted: the "
     "distance required. The closest pairs come first."
+)
+_NEAREST = (
+    "How far each normal agent is from the nearest other agent, adversary and obstacle's centre; "
+    "dotted: the distance required. The closest pairs are drawn by name."
+)
+_ALL_INPUTS = (
+    "How much of their bounds the inputs of normal agents use, the component that uses most; and "
+    "the share of steps whose K_i was empty. The agents with most of those follow one by one."
 )
 _CERTIFIED = (
     "How long each normal agent's input is proven to keep all its pairs safe, whatever the others "

@@ -1,0 +1,154 @@
+"""Reports on more than 12 agents: the worst few by name over envelopes of all."""
+
+import re
+
+import msgspec
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+
+from phalanx.recording.read import Recording, read
+from phalanx.recording.size import size_in_words
+from phalanx.report import crowd, space
+from phalanx.report.measures import (
+    Motion,
+    link_statistics,
+    nearest,
+    steps_by_agent,
+    worst_pairs,
+)
+from phalanx.report.write import notes, write_report
+from phalanx.swarm.swarm import Swarm, build_swarm
+from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space
+
+WORST_RECEIVER = "n11"
+
+
+@pytest.fixture(scope="module")
+def crowded(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    """16 normal agents and 3 adversaries; n11's received inputs are a second older than others'."""
+    extra = {"network": {"loss": 0.3}, "obstacles": [{"center": [5.0, 2.0, 1.0], "clearance": 1.0}]}
+    scenario = swarm_in_space(16, 3, extra)
+    records = [
+        msgspec.structs.replace(r, ages=[a if a is None else a + 1.0 for a in r.ages])
+        if getattr(r, "agent", "") == WORST_RECEIVER
+        else r
+        for r in drift(scenario, states=20, steps=10)
+    ]
+    folder = tmp_path_factory.mktemp("crowd")
+    return read(record(folder, scenario, records, summary_of(scenario)))
+
+
+@pytest.fixture(scope="module")
+def swarm(crowded: Recording) -> Swarm:
+    return build_swarm(crowded.scenario)
+
+
+def named(axes: Axes) -> list[str]:
+    return [str(text.get_text()) for text in axes.get_legend().get_texts()]
+
+
+def test_nearest_and_closest_are_those_of_all_distances(crowded: Recording, swarm: Swarm) -> None:
+    motion = Motion(crowded, swarm)
+    pairs = [p for p in swarm.safe_set.pairs if p.b in set(swarm.normal)]
+    found = nearest(motion, pairs, swarm.normal, 3)
+    p = motion.positions[:, list(swarm.normal)]
+    apart = np.linalg.norm(p[:, :, None] - p[:, None], axis=-1) + 1e9 * np.eye(16)
+    np.testing.assert_allclose(found.distances, apart.min(axis=2), rtol=1e-12)
+    least = np.sort(apart[:, *np.triu_indices(16, 1)].min(axis=0))
+    assert [distance for _, distance in found.closest] == pytest.approx(least[:3])
+
+
+def test_the_worst_pair_is_the_one_with_the_largest_h(crowded: Recording, swarm: Swarm) -> None:
+    found, motion = worst_pairs(crowded, swarm), Motion(crowded, swarm)
+    apart = np.array([motion.distance(p) for p in swarm.safe_set.pairs])
+    np.testing.assert_allclose(found.h, 1.0 - apart.min(axis=0) ** 2, rtol=1e-9)
+    a, b = found.pairs[0].tolist()
+    assert (a, b) == (2, 19)  # n2, at (6, 0, 1), and the obstacle
+
+
+def test_distances_name_the_closest_few_of_each_kind(crowded: Recording, swarm: Swarm) -> None:
+    panels = space.distances(crowded, swarm, Motion(crowded, swarm)).axes
+    assert len(panels) == 3
+    for axes in panels:
+        *bands, median, first, second, third, fourth = named(axes)
+        assert bands == ["all: least to largest", "all: 10 to 90 %"]
+        assert median == "all: median"
+        least = [float(label.split()[-2]) for label in (first, second, third, fourth)]
+        assert least == sorted(least)
+        low, high = axes.get_ylim()
+        assert 0.0 < low < 1.0 < high  # what is required is in sight
+
+
+def test_paths_name_the_worst_pair_alone(crowded: Recording, swarm: Swarm) -> None:
+    motion = Motion(crowded, swarm)
+    above, side = space.paths(crowded, motion, worst_pairs(crowded, swarm)).axes
+    assert (above.get_ylabel(), side.get_ylabel()) == ("y [m]", "z [m]")
+    assert named(above)[:2] == ["16 × normal", "3 × adversary"]
+    assert named(above)[2].endswith("of the worst pair")
+    paths = [len(lines.get_segments()) for lines in above.collections]
+    assert paths == [16, 3]
+
+
+def test_inputs_tell_how_many_steps_had_an_empty_set(crowded: Recording, swarm: Swarm) -> None:
+    used, empty = crowd.inputs(crowded, swarm).axes
+    assert len(named(used)) == 7
+    assert named(empty) == ["backup (16 steps)", "no-authority (16 steps)"]
+
+
+def test_without_an_empty_set_there_is_no_panel_of_them(crowded: Recording, swarm: Swarm) -> None:
+    calm = [s for s in crowded.steps if s.k % 5]
+    (used,) = crowd.inputs(
+        Recording(crowded.path, crowded.scenario, {}, crowded.states, calm), swarm
+    ).axes
+    assert "share" in used.get_ylabel()
+
+
+def test_certified_times_count_the_inputs_below_tau(crowded: Recording, swarm: Swarm) -> None:
+    figure = crowd.certified(crowded, swarm)
+    assert figure is not None
+    steps = steps_by_agent(crowded)
+    known = [(i, s.certified) for i in swarm.normal for s in steps[swarm.names[i]]]
+    below = sum(t < swarm.horizon(i) for i, t in known if t is not None)
+    assert figure.axes[0].get_title(loc="right") == f"{below} of {len(known)} inputs below τ"
+
+
+def test_the_receiver_of_the_oldest_inputs_is_named_first(crowded: Recording) -> None:
+    figure = crowd.ages(crowded)
+    assert figure is not None
+    (axes,) = figure.axes
+    assert named(axes)[3].startswith(f"{WORST_RECEIVER}: ")
+
+
+def test_losses_name_the_links_that_lost_more_than_their_model(crowded: Recording) -> None:
+    links = link_statistics(crowded)
+    (axes,) = crowd.losses(links).axes
+    worst = max(links, key=lambda link: link.excess)
+    assert len(links) == 16 * 15
+    assert named(axes)[0] == "240 links"
+    assert f"{worst.sender} → {worst.receiver}: {worst.lost} of 10" in named(axes)
+    assert worst.lost == max(link.lost for link in links)
+
+
+@pytest.mark.filterwarnings("error")
+def test_the_report_is_short_and_says_what_it_leaves_out(crowded: Recording) -> None:
+    report = write_report(crowded.path)
+    names = {image.stem for image in (report.parent / "figures").iterdir()}
+    few = {"inputs-n0", "inputs-n1", "inputs-n2", "inputs-n3"}
+    assert names == few | {
+        "h_tot", "paths", "distances", "inputs", "certified", "ages", "solve-times", "losses",
+    }  # fmt: skip
+    html = report.read_text()
+    assert "and 180 more" in html
+    assert len(re.findall("→", html.split("<h2>Figures")[0])) == 60
+    assert size_in_words(crowded) in html
+    (note,) = notes(crowded)
+    assert note.startswith("More than 12 agents")
+
+
+def test_a_recordings_size_is_told_for_each_agent_and_second(crowded: Recording) -> None:
+    size = crowded.path.stat().st_size
+    each = size / (19 * crowded.states[-1].t)
+    assert size_in_words(crowded) == (
+        f"{size / 1e6:.3g} MB, {each / 1e3:.3g} kB for each agent and second of virtual time"
+    )
