@@ -91,6 +91,14 @@ def read(run: Path) -> Recording:
     )  # fmt: skip
 
 
+def steps_by_agent(recording: Recording) -> dict[str, list[Step]]:
+    """Each agent's steps in order, by name, in the scenario's order."""
+    found: dict[str, list[Step]] = {name: [] for name, _, _ in recording.scenario.roster()}
+    for step in recording.steps:
+        found[step.agent].append(step)
+    return found
+
+
 class _Contents:
     def __init__(self) -> None:
         self.scenario: str | None = None

@@ -7,11 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from phalanx.recording.read import Recording
+from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Step
 from phalanx.report.envelope import draw_envelope, envelope
 from phalanx.report.figures import LEAST_RATIO, draw_time_shares, input_box
-from phalanx.report.measures import LinkStatistics, extremes_kept, steps_by_agent
+from phalanx.report.measures import LinkStatistics, extremes_kept
 from phalanx.report.style import FEW, LIMIT, MUTED, PEAK, WORST, legend, logarithmic, panels
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.rows.origin import EMPTY

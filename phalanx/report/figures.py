@@ -8,12 +8,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from phalanx.recording.read import Recording
+from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Step
 from phalanx.report.measures import (
     LinkStatistics,
     extremes_kept,
-    steps_by_agent,
     worst,
 )
 from phalanx.report.style import LIMIT, MUTED, PEAK, colours, legend, logarithmic, panels

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.network.link import LinkModel
-from phalanx.recording.read import Recording
-from phalanx.recording.records import Step
+from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.scenario.links import Links
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.mapped import Index
@@ -39,14 +38,6 @@ def worst(recording: Recording) -> Worst | None:
         return Worst(recording.summary.worst_h_tot, recording.summary.worst_at)
     state = max(recording.states, key=lambda s: s.h_tot)
     return Worst(state.h_tot, state.t)
-
-
-def steps_by_agent(recording: Recording) -> dict[str, list[Step]]:
-    """Each agent's steps in order, by name, in the scenario's order."""
-    found: dict[str, list[Step]] = {name: [] for name, _, _ in recording.scenario.roster()}
-    for step in recording.steps:
-        found[step.agent].append(step)
-    return found
 
 
 def origins(recording: Recording) -> dict[str, int]:

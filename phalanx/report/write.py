@@ -4,14 +4,13 @@ import io
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from phalanx.recording.read import Recording, read
+from phalanx.recording.read import Recording, read, steps_by_agent
 from phalanx.report import crowd, figures, space
 from phalanx.report.html import page
 from phalanx.report.measures import (
     LinkStatistics,
     Motion,
     link_statistics,
-    steps_by_agent,
     worst_pairs,
 )
 from phalanx.report.style import FEW, MOST_NAMED, ReportFigure, summarises

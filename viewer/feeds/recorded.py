@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.faults.state import FaultState
-from phalanx.recording.read import Recording
+from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.viewer.feeds.agent_steps import AgentSteps
 from phalanx.viewer.feeds.history import History, TimeSeries
 from phalanx.viewer.scene.model import scene_model
@@ -38,8 +38,7 @@ class RecordedRun:
         self._x, self._h_tot = recording.x, recording.h_tot
         self._worst = np.maximum.accumulate(self._h_tot)
         self._log, self._commands = recording.log, recording.commands
-        steps = [[s for s in recording.steps if s.agent == n] for n in self.model.names]
-        self._agents = [AgentSteps(of_agent) for of_agent in steps]
+        self._agents = [AgentSteps(steps) for steps in steps_by_agent(recording).values()]
         self._applied = np.sort([s.t_apply for s in recording.steps])
         poses = [self.model.kinematics.poses(x) for x in self._x]
         self.positions = np.array([p.positions for p in poses])

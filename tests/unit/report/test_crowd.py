@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
-from phalanx.recording.read import Recording, read
+from phalanx.recording.read import Recording, read, steps_by_agent
 from phalanx.recording.size import size_in_words
 from phalanx.report import crowd, space
 from phalanx.report.measures import (
     Motion,
     link_statistics,
     nearest,
-    steps_by_agent,
     worst_pairs,
 )
 from phalanx.report.write import notes, write_report

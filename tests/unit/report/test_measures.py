@@ -4,11 +4,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from phalanx.recording.read import Recording
+from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.report.measures import (
     Motion,
     extremes_kept,
-    steps_by_agent,
 )
 from phalanx.swarm.swarm import build_swarm
 
