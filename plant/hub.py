@@ -55,7 +55,7 @@ class Hub:
         }
         """By key expression, which agent sends what there."""
         self._arrivals = Arrivals(self._from, self.refusals)
-        self._session = wire.open_hub(membership.endpoint, _door(swarm, membership))
+        self._session = wire.open_hub(membership.endpoint, _admission(swarm, membership))
         self._sample_keys = [keys.sample(name) for name in self._names]
         self._samples = [wire.urgent_publisher(self._session, key) for key in self._sample_keys]
         self._status = wire.publisher(self._session, keys.status)
@@ -177,14 +177,14 @@ class Hub:
             self._answers.on_telemetry(i, self._sealer.open(key, payload, Telemetry))
 
 
-def _door(swarm: Swarm, membership: Membership) -> wire.Door:
+def _admission(swarm: Swarm, membership: Membership) -> wire.Admission:
     """The hub's: the scenario's programs and viewers, each in its own name."""
     programs = swarm.scenario.programs()
     passwords = {name: membership.password_of(name) for name in (VIEWER, *programs)}
     heard = {swarm.names[j] for i in range(len(swarm.names)) for j in swarm.heard_by(i)}
     subject: Subject = "cert_common_names" if membership.certificates else "usernames"
     rules = access_control(membership.keys, programs, heard, subject)
-    return wire.Door(passwords, rules, membership.certificates)
+    return wire.Admission(passwords, rules, membership.certificates)
 
 
 class Viewers:

@@ -72,7 +72,7 @@ def row(attack: str, outcome: Outcome, calm: Summary, wall_time: float) -> str:
     cells = (
         attack,
         f"{summary.outcome}, {same} trajectory",
-        refused or "by the hub's rules",
+        refused or "nothing came through",
         f"{wall_time:.1f}",
     )
     return f"| {' | '.join(cells)} |"

@@ -56,7 +56,7 @@ class Credentials:
 
 
 @dataclass(frozen=True)
-class Door:
+class Admission:
     """Whom a hub lets in, and what each may do there."""
 
     passwords: Mapping[str, str] = field(repr=False)
@@ -86,10 +86,10 @@ def reserved_endpoint() -> Iterator[str]:
         yield f"tcp/127.0.0.1:{holder.getsockname()[1]}"
 
 
-def open_hub(endpoint: str, door: Door | None = None) -> zenoh.Session:
+def open_hub(endpoint: str, admission: Admission | None = None) -> zenoh.Session:
     """Open the session that all programs of a run meet in. Raises HubError.
 
-    Without a door everybody may come in and do everything.
+    Without an admission everybody may come in and do everything.
 
     This process may open as many files from then on as its hard limit allows: each connection takes
     some, and the usual soft limit of 1024 is too low for a few hundred programs.
@@ -115,12 +115,12 @@ def open_hub(endpoint: str, door: Door | None = None) -> zenoh.Session:
         ]
     }
     with contextlib.ExitStack() as stack:
-        if door is not None:
-            config["access_control"] = dict(door.access_control)
-        if door is not None and door.certificates is not None:
-            config["transport"]["link"]["tls"] = tls(door.certificates, PLANT, "listen")
-        elif door is not None:
-            passwords = stack.enter_context(_file_in_memory(door.passwords))
+        if admission is not None:
+            config["access_control"] = dict(admission.access_control)
+        if admission is not None and admission.certificates is not None:
+            config["transport"]["link"]["tls"] = tls(admission.certificates, PLANT, "listen")
+        elif admission is not None:
+            passwords = stack.enter_context(_file_in_memory(admission.passwords))
             config["transport"]["auth"] = {"usrpwd": {"dictionary_file": passwords}}
         try:
             return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from bench.attacks.attacker import OVERRIDES, UNDER_WAY
 from bench.attacks.attacker import SCENARIO as NAME
+from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Summary
 from phalanx.scenario.load import load
 from phalanx.wire.session import free_endpoint
@@ -47,15 +48,21 @@ class AttackUnderWay:
         self._listening.join()
 
 
-def assailed(attack: str, folder: Path) -> tuple[Summary, AttackUnderWay]:
-    """A run beside an attacker who waits for its hub to listen."""
+def assailed(
+    attack: str, folder: Path, policy: CommandPolicy = HELD
+) -> tuple[Summary, AttackUnderWay]:
+    """A run beside an attacker who waits for its hub to listen.
+
+    By default the run stands nearly still until the attack is under way.
+    """
     endpoint = free_endpoint()
     attacker = AttackUnderWay(attack, endpoint, folder.name)
     try:
         wait_for(lambda: attacker.said)
-        with live_run(SCENARIO, folder, HELD, endpoint) as run:
-            wait_for(lambda: attacker.let_in is not None)
-            run.set_speed(0.2)
+        with live_run(SCENARIO, folder, policy, endpoint) as run:
+            if policy is HELD:
+                wait_for(lambda: attacker.let_in is not None)
+                run.set_speed(0.2)
             return run.summary(), attacker
     finally:
         attacker.end()
