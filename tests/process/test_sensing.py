@@ -8,8 +8,9 @@ import pytest
 import phalanx
 from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import build_swarm
+from phalanx.wire.membership import Membership
 from phalanx.wire.tap import tapped
-from tests.process.runs import PACED, live_run
+from tests.process.runs import PACED, SECRET, live_run
 
 pytestmark = pytest.mark.swarm
 
@@ -22,7 +23,7 @@ CHANGES = {"duration": 1.0, "safety.neighbourhood": 4.7, "agents.1.sensing": 7.6
 def test_no_agent_is_sent_a_state_or_a_broadcast_from_beyond_its_radius(tmp_path: Path) -> None:
     scenario = phalanx.load("unicycles", CHANGES)
     with live_run(scenario, tmp_path / "live", PACED) as run:
-        messages = list(tapped("live", run.endpoint, timeout=60.0))
+        messages = list(tapped(Membership("live", run.endpoint, SECRET)))
     swarm = build_swarm(scenario)
     states, names = SeenStates(swarm), swarm.names
     table = phalanx.open(tmp_path / "live").states
@@ -74,7 +75,7 @@ def sent_to_the_formation(folder: Path, far_away: int) -> dict[tuple[str | int, 
     )
     found = {}
     with live_run(scenario, folder, PACED) as run:
-        for key, fields in tapped(folder.name, run.endpoint, timeout=60.0):
+        for key, fields in tapped(Membership(folder.name, run.endpoint, SECRET)):
             _, _, kind, *who = key.split("/")
             if kind == "sample" and who[0] in FORMATION:
                 _, k, t, seen, x, *rest = fields
