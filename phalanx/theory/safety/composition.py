@@ -63,7 +63,7 @@ class ComposedSet:
     @cached_property
     def x(self) -> ca.SX:
         """Stacked state, shape (n̄,)."""
-        return ca.vertcat(*[ca.SX.sym(f"x_{m.name}", len(m.dynamics.states)) for m in self.members])
+        return ca.vertcat(*[ca.SX.sym("x", len(m.dynamics.states)) for m in self.members])
 
     @cached_property
     def positions(self) -> tuple[ca.SX, ...]:

@@ -107,9 +107,9 @@ class CompiledKind:
 
 def pair_kind(a: Member, b: Member | Obstacle, function: SafeSetFunction) -> PairKind:
     """The kind of a normal member a and another member, or one obstacle as it is."""
-    own, body = _body(a, "a")
+    own, body = _body(a)
     if isinstance(b, Member):
-        other, there = _body(b, "b")
+        other, there = _body(b)
         h = function.between(body, there)
         return PairKind((a.dynamics, b.dynamics), (own, other), ca.SX(0, 1), ca.SX(h))
     return PairKind((a.dynamics,), (own,), ca.SX(0, 1), ca.SX(function.to_obstacle(body, b)))
@@ -121,7 +121,7 @@ def sphere_kind(a: Member, spheres: list[Sphere], function: SafeSetFunction) -> 
     None if the function wants each sphere by itself: it cannot take symbols for numbers, or it
     tells spheres apart by more than center and clearance.
     """
-    own, body = _body(a, "a")
+    own, body = _body(a)
     sphere, parameters = any_sphere(spheres[0])
     try:
         h = ca.SX(function.to_obstacle(body, sphere))
@@ -152,7 +152,7 @@ def parameters_of(obstacle: Obstacle) -> Array:
     return np.zeros(0)
 
 
-def _body(member: Member, side: str) -> tuple[ca.SX, Body]:
+def _body(member: Member) -> tuple[ca.SX, Body]:
     dynamics = member.dynamics
-    x = ca.SX.sym(side, len(dynamics.states))
+    x = ca.SX.sym("x", len(dynamics.states))
     return x, Body(x, dynamics.position(x), tuple(dynamics.states), member.adversary)

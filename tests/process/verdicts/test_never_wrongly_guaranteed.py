@@ -7,6 +7,7 @@ no h > 0 is ever seen: a judge that believed its eyes, or anybody's word, would 
 import sys
 from collections.abc import Callable
 
+import casadi as ca
 import msgspec
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from phalanx.faults.commands import NO_COMMANDS
 from phalanx.guarantee.certificate import pair_certificate
 from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.guarantee.check import check
+from phalanx.guarantee.checker.certify import certify
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.in_process_engine import DirectAgents
 from phalanx.plant.actuators import Actuators
@@ -425,12 +427,13 @@ def test_who_cannot_stand_still_does_so_until_its_first_input(tmp_path):
     assert failed(late) == {"admissible inputs"}
 
 
-def test_pairs_that_differ_in_h_have_certificates_of_their_own(tmp_path):
-    """Agents 2 and 3 are of one group, but agent 3 is to be kept farther off: 2 m, not 1 m."""
+def test_h_is_of_states_and_cannot_tell_agents_of_one_group_apart_by_name(tmp_path):
+    """It asks for 2 m from agent 3 by the name of its symbols, which are the same for all."""
     table = swarm([[0.0, 0.0], [0.0, 8.0], [2.05, 0.0]], {"type": "attack_own:ByName"})
-    certificates = SwarmCertificates(build_swarm(load(table))).of(0)
+    whole = build_swarm(load(table)).safe_set
     x = np.array([0.0, 0.0, 0.0, 8.0, 1.95, 0.0])
-    assert certificates(x, np.zeros(2)).tolist() == [0.08, 0.0]
-    summary, _ = judged(table, tmp_path, ahead(agent3=-1.0))
-    assert summary.outcome is Outcome.VIOLATED
-    assert never_certified_when_unsafe(summary)
+    h = ca.Function("h", [whole.x], [whole.h])(x).full().ravel()
+    assert h[:2] == pytest.approx([1.0 - 8.0**2, 1.0 - 1.95**2])
+    summary, recording = judged(table, tmp_path, ahead(agent3=-1.0))
+    checked = certify(load(table), recording.states, recording.steps)
+    assert (summary.outcome is Outcome.GUARANTEED) == bool(checked)
