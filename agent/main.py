@@ -39,8 +39,8 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
     stopwatch = Stopwatch() if profile else None
     over = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: over.set())
-    with wire.open_client(
-        membership.endpoint, membership.timeout, membership.credentials
+    with wire.open_member(
+        membership.endpoint, keys.alive(PLANT), membership.timeout, membership.credentials
     ) as session:
         senders = [_Sender(session, keys, sealer, step) for step in steps]
         answerings = [

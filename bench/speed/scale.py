@@ -188,7 +188,7 @@ def bare_processes(count: int, peers: int) -> tuple[float, float]:
 
 def bare(endpoint: str, name: str, peers: list[str]) -> None:
     """Open a session, announce oneself, and answer every payload until the hub is gone."""
-    with wire.open_client(endpoint, timeout=60) as session:
+    with wire.open_member(endpoint, KEYS.alive(PLANT), timeout=60) as session:
         actuation = wire.publisher(session, KEYS.actuation(name))
         others = [wire.publisher(session, f"bench/to/{peer}/{name}") for peer in peers]
 

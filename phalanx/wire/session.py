@@ -164,6 +164,33 @@ def open_client(
         raise HubError(f"no hub at {endpoint} within {timeout:g} s: {cause}") from error
 
 
+def open_member(
+    endpoint: str, token: str, timeout: float, credentials: Credentials | None = None
+) -> zenoh.Session:
+    """Join the hub as open_client does, and return when it has announced itself on `token`.
+
+    A client that comes in while the hub is still being opened may be let in and never be told of
+    anything. The hub announces itself last, so whoever does not see that tries once more.
+    """
+    deadline, patience = time.monotonic() + timeout, 1.0
+    while (left := deadline - time.monotonic()) > 0:
+        session = open_client(endpoint, left, credentials)
+        if _announced(session, token, min(patience, left)):
+            return session
+        session.close()  # type: ignore[no-untyped-call]
+        patience *= 2.0
+    raise HubError(f"nobody is there as {token} at {endpoint} after {timeout:g} s")
+
+
+def _announced(session: zenoh.Session, token: str, timeout: float) -> bool:
+    deadline = time.monotonic() + timeout
+    while (left := deadline - time.monotonic()) > 0:
+        if any(reply.ok is not None for reply in session.liveliness().get(token, timeout=left)):
+            return True
+        time.sleep(0.05)  # nobody has announced himself yet, so the query ended at once
+    return False
+
+
 def _common() -> dict[str, Any]:
     return {
         "scouting": {

@@ -1,10 +1,13 @@
 """The process that forks the programs: they inherit from it, and do not depend on it."""
 
 import resource
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import psutil
 import pytest
+
+from phalanx.wire.session import HubError, announce, free_endpoint, open_hub, open_member
 
 pytestmark = pytest.mark.swarm
 
@@ -53,6 +56,23 @@ def test_every_program_writes_a_log_of_its_own(phalanx):
     assert {log.stem for log in logs.iterdir()} == {*"12345", "plant", "programs"}
     assert all("joined run" in (logs / f"{name}.log").read_text() for name in "12345")
     assert not (logs / "programs.log").read_text()
+
+
+def test_members_that_knock_before_the_hub_opens_all_come_in():
+    endpoint, token = free_endpoint(), "test/alive/plant"
+    with ThreadPoolExecutor(24) as pool:
+        knocking = [pool.submit(open_member, endpoint, token, 60.0) for _ in range(24)]
+        with open_hub(endpoint) as hub:
+            announced = announce(hub, token)
+            for session in [each.result() for each in knocking]:
+                session.close()
+            announced.undeclare()
+
+
+def test_a_member_of_a_hub_that_never_says_it_is_ready_gives_up():
+    endpoint = free_endpoint()
+    with open_hub(endpoint), pytest.raises(HubError, match="nobody is there as test/alive/plant"):
+        open_member(endpoint, "test/alive/plant", 2.0)
 
 
 _FILES = resource.RLIMIT_NOFILE
