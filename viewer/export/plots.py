@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.viewer.feeds.history import certified_horizon, thinned
+from phalanx.viewer.feeds.history import certified_horizon, swarm_horizons, thinned
 from phalanx.viewer.feeds.replay import Replay
 
 Array = NDArray[np.float64]
@@ -30,11 +30,16 @@ def plot_data(replay: Replay) -> dict[str, Any]:
 
 def _swarm_plots(replay: Replay) -> list[dict[str, Any]]:
     rows, model = thinned(replay.history.swarm.rows, _POINTS), replay.model
-    t = rows[:, 0]
+    t, shown = rows[:, 0], swarm_horizons(replay.history.swarm.rows, _POINTS)
     return [
         _plot("h_tot (safe: at most 0)", t, rows[:, 1], [0.0]),
         _plot("Smallest distance [m]", t, rows[:, 2], [2.0 * model.radius]),
-        *(_plot(f"ψ_{k}", t, rows[:, 2 + k], [0.0]) for k in model.psi_levels),
+        *(
+            [_plot("Certified at least for [τ]", shown[:, 0], shown[:, 1], [1.0])]
+            if len(shown)
+            else []
+        ),
+        *(_plot(f"ψ_{k}", t, rows[:, 4 + k], [0.0]) for k in model.psi_levels),
     ]
 
 

@@ -47,6 +47,11 @@ class AgentSteps:
             certified=step.certified,
         )
 
+    def certified(self, times: Array) -> Array:
+        """How long the input in force at each time was proven safe [s]; NaN where none was."""
+        known = [nan_if_none(step.certified) for step in self._steps]
+        return np.array([*known, np.nan])[np.searchsorted(self._applied, times, side="right") - 1]
+
     def applied_within(self, after: float, until: float) -> list[Step]:
         """The steps whose input was applied after one time and not after another [s]."""
         first, last = np.searchsorted(self._applied, [after, until], side="right")

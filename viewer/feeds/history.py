@@ -39,7 +39,8 @@ class History:
     """A run's past."""
 
     swarm: TimeSeries
-    """t, h_tot, smallest distance of a pair of agents, ψ_1 ... ψ_{q-1}."""
+    """t, h_tot, smallest distance of a pair of agents, shortest and median certified time of the
+    normal agents [τ], ψ_1 ... ψ_{q-1}."""
     agent: Callable[[int], Array]
     """One agent's rows: t, 1 at a backup step, age of the oldest û, solve time, how long it is
     certified, its input."""
@@ -63,6 +64,25 @@ def certified_horizon(rows: Array, tau: float, most: int) -> tuple[Array, Array]
     known = rows[np.isfinite(rows[:, 4])]
     shown = thinned(np.column_stack([known[:, 0], -known[:, 4]]), most)
     return shown[:, 0], np.maximum(-shown[:, 1] / tau, LEAST_HORIZON)
+
+
+def shortest_and_median(horizons: Array) -> Array:
+    """Of normal agents' certified times [τ], shape (s, n); shape (s, 2), NaN where all are."""
+    found = np.full((len(horizons), 2), np.nan)
+    known = np.isfinite(horizons).any(axis=1)
+    found[known, 0] = np.nanmin(horizons[known], axis=1)
+    found[known, 1] = np.nanmedian(horizons[known], axis=1)
+    return found
+
+
+def swarm_horizons(rows: Array, most: int) -> Array:
+    """When, shortest and median certified time, of History.swarm's rows, shape (s, 3).
+
+    At most `most` of them, the shortest kept, and none below LEAST_HORIZON, for a logarithm.
+    """
+    known = rows[np.isfinite(rows[:, 3])][:, [0, 3, 4]] * [1.0, -1.0, 1.0]
+    shown = thinned(known, most) * [1.0, -1.0, 1.0]
+    return np.column_stack([shown[:, 0], np.maximum(shown[:, 1:], LEAST_HORIZON)])
 
 
 def thinned(rows: Array, most: int) -> Array:

@@ -5,7 +5,12 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.viewer.feeds.history import History, TimeSeries, nan_if_none
+from phalanx.viewer.feeds.history import (
+    History,
+    TimeSeries,
+    nan_if_none,
+    shortest_and_median,
+)
 from phalanx.viewer.feeds.recent_paths import RecentPaths
 from phalanx.viewer.scene.model import SceneModel
 from phalanx.wire.frames import AgentStatus, Frame
@@ -18,11 +23,13 @@ class LiveHistory:
 
     def __init__(self, model: SceneModel) -> None:
         self._model = model
-        self.history = History(TimeSeries(3 + len(model.psi_levels)), self._agent)
+        self.history = History(TimeSeries(5 + len(model.psi_levels)), self._agent)
         self.recent_paths = RecentPaths(len(model.names))
         self._steps = TimeSeries(1 + 4 * len(model.names) + model.kinematics.inputs[-1].stop)
         """t; of every agent: backup, age, solve time, certified; all inputs."""
         self._backups = np.zeros(len(model.names))
+        self._normal = model.swarm.normal
+        self._taus = np.array([model.swarm.horizon(i) for i in self._normal])
 
     def add(self, frame: Frame) -> None:
         """Append what a frame says."""
@@ -30,7 +37,9 @@ class LiveHistory:
         positions = self._model.kinematics.poses(x).positions
         distance = self._model.smallest_distance(positions)
         psi = self._model.values.higher_psi(x)
-        self.history.swarm.append(frame.t, frame.h_tot, distance, *psi)
+        proven = np.array([[nan_if_none(frame.agents[i].certified) for i in self._normal]])
+        horizons = shortest_and_median(proven / self._taus)[0]
+        self.history.swarm.append(frame.t, frame.h_tot, distance, *horizons, *psi)
         self.recent_paths.add(frame.t, positions)
         self._add_steps(frame.t, frame.agents)
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from phalanx.faults.state import FaultState
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.viewer.feeds.agent_steps import AgentSteps
-from phalanx.viewer.feeds.history import History, TimeSeries
+from phalanx.viewer.feeds.history import History, TimeSeries, shortest_and_median
 from phalanx.viewer.scene.model import scene_model
 from phalanx.wire.frames import Frame, LinkEvent, LogLine, worse
 
@@ -90,7 +90,12 @@ class RecordedRun:
         """The whole run, for the plots."""
         distances = [self.model.smallest_distance(positions) for positions in self.positions]
         psi = np.array([self.model.values.higher_psi(x) for x in self._x])
-        swarm = np.column_stack([self.times, self._h_tot, distances, psi])
+        members = self.model.swarm
+        horizons = [
+            self._agents[i].certified(self.times) / members.horizon(i) for i in members.normal
+        ]
+        certified = shortest_and_median(np.array(horizons).T)
+        swarm = np.column_stack([self.times, self._h_tot, distances, certified, psi])
         rows = [agent.rows() for agent in self._agents]
         return History(TimeSeries(swarm.shape[1], swarm), rows.__getitem__)
 

@@ -29,12 +29,15 @@ class Panels:
         self._status = gui.add_markdown("Waiting for the first frame.")
         self._verdict = gui.add_markdown("")
         self._selected = gui.add_dropdown("Agent", model.names)
+        worst = gui.add_button("Choose from the worst pair")
         self._agent = gui.add_markdown("")
         with gui.add_folder("Event log", order=90):
             self._log = gui.add_markdown("Nothing yet.")
         with gui.add_folder("Colours", expand_by_default=False, order=95):
             gui.add_html(_legend())
+        self._worst_pair: int | None = None
         self._selected.on_update(self._on_choice)
+        worst.on_click(lambda _: self._choose_worst())
 
     def show_selected(self, i: int) -> None:
         """Show agent i as selected."""
@@ -42,6 +45,7 @@ class Panels:
 
     def show(self, frame: Frame, selected: int, summary: Summary | None, over: bool) -> None:
         """Say how things stand."""
+        self._worst_pair = frame.pair
         self._status.content = _status(frame, self._model.scenario.duration, over)
         self._verdict.content = _verdict(frame, summary)
         self._agent.content = _agent(frame, selected)
@@ -51,6 +55,10 @@ class Panels:
     def _on_choice(self, event: viser.GuiEvent[viser.GuiDropdownHandle[str]]) -> None:
         if event.client is not None:  # viser also calls back when show_selected() sets the value
             self._select(self._model.names.index(self._selected.value))
+
+    def _choose_worst(self) -> None:
+        if self._worst_pair is not None:
+            self._select(self._model.swarm.safe_set.pairs[self._worst_pair].a)
 
 
 def _headcount(model: SceneModel) -> str:

@@ -5,7 +5,13 @@ import viser
 from numpy.typing import NDArray
 from viser import uplot
 
-from phalanx.viewer.feeds.history import History, certified_horizon, thinned, until
+from phalanx.viewer.feeds.history import (
+    History,
+    certified_horizon,
+    swarm_horizons,
+    thinned,
+    until,
+)
 from phalanx.viewer.scene.model import SceneModel
 
 Array = NDArray[np.float64]
@@ -24,7 +30,10 @@ _BACKUP: Style = {
 
 
 class Plots:
-    """h_tot, distance, ψ, and the selected agent's certified times, inputs, ages, solve times."""
+    """h_tot, distance, ψ and certified times of the swarm, and what the selected agent did.
+
+    Its certified times, inputs, ages of received inputs and solve times.
+    """
 
     def __init__(self, server: viser.ViserServer, model: SceneModel) -> None:
         self._gui, self._model = server.gui, model
@@ -35,6 +44,10 @@ class Plots:
         self._h_tot = self._plot("h_tot (safe: at most 0)", ["h_tot"], guides=["0"])
         self._distance = self._plot("Smallest distance [m]", ["distance"], guides=["required"])
         self._psi = self._plot("ψ_k of the swarm", levels, guides=["0"]) if levels else None
+        self._horizons = self._plot(
+            "Certified for [τ]: shortest, median", ["shortest", "median"], guides=["1"]
+        )
+        self._horizons.scales = {**self._scales, "y": {"distr": 3}}
         self._certified = self._plot("Certified for [τ]", ["certified"], guides=["1"])
         self._certified.scales = {**self._scales, "y": {"distr": 3}}
         most = max(len(model.input_names(i)) for i in range(len(model.names)))
@@ -47,21 +60,25 @@ class Plots:
 
     def show(self, history: History, t: float, selected: int) -> None:
         """Redraw everything up to t [s]."""
-        swarm = thinned(until(history.swarm.rows, t), _POINTS)
+        past = until(history.swarm.rows, t)
         steps = until(history.agent(selected), t)
         agent = thinned(steps, _POINTS)
-        if len(swarm):
-            self._show_swarm(swarm)
+        if len(past):
+            self._show_swarm(past)
         if len(agent):
             self._show_certified(steps, selected)
             self._show_agent(agent, selected)
 
-    def _show_swarm(self, rows: Array) -> None:
+    def _show_swarm(self, past: Array) -> None:
+        rows, horizons = thinned(past, _POINTS), swarm_horizons(past, _POINTS)
         t, zero = rows[:, 0], np.zeros(len(rows))
         self._h_tot.data = (t, rows[:, 1], zero)
         self._distance.data = (t, rows[:, 2], zero + 2.0 * self._model.radius)
         if self._psi:
-            self._psi.data = (t, *rows[:, 3:].T, zero)
+            self._psi.data = (t, *rows[:, 5:].T, zero)
+        self._horizons.visible = len(horizons) > 0
+        if len(horizons):
+            self._horizons.data = (*horizons.T, np.ones(len(horizons)))
 
     def _show_agent(self, rows: Array, i: int) -> None:
         t, names = rows[:, 0], self._model.input_names(i)

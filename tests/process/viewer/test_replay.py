@@ -9,7 +9,7 @@ import pytest
 from phalanx.faults.commands import CommandKind
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
-from phalanx.viewer.feeds.history import LEAST_HORIZON, certified_horizon
+from phalanx.viewer.feeds.history import LEAST_HORIZON, certified_horizon, swarm_horizons
 from phalanx.viewer.feeds.replay import Replay, open_replay
 from phalanx.viewer.scene.picture import picture
 from phalanx.wire.frames import Frame
@@ -109,3 +109,20 @@ def test_the_marks_lead_to_the_worst_moment_and_the_first_backup(
     assert sum(a.backups for a in replay.frame(first).agents) == 1
     backups = [s.t_apply for s in read(finished).steps if s.origin == "backup"]
     assert first == min(backups)
+
+
+def test_the_swarms_certified_times_are_the_shortest_and_the_median_of_the_inputs_in_force(
+    replay: Replay, finished: Path
+) -> None:
+    rows, recording = replay.history.swarm.rows, read(finished)
+    for row in rows[:: len(rows) // 7]:
+        in_force = [
+            max((s for s in recording.steps if s.agent == n and s.t_apply <= row[0]),
+                key=lambda s: s.t_apply).certified / replay.model.swarm.horizon(i)
+            for i, n in enumerate("123")
+        ]  # fmt: skip
+        assert list(row[3:5]) == pytest.approx([min(in_force), np.median(in_force)])
+    t, shortest, median = swarm_horizons(rows, 20).T
+    assert len(t) == 20
+    assert shortest.min() == max(rows[:, 3].min(), LEAST_HORIZON)
+    assert (shortest <= median).all()
