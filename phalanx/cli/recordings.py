@@ -41,12 +41,16 @@ def scenarios() -> int:
 def report(run: RunArgument) -> int:
     """Make the report of a run: one HTML file, and the figures as PNG.
 
-    A recording that was cut short gives a report of what there is.
+    A recording that was cut short gives a report of what there is. Prints where the report is, and
+    how large the recording.
     """
     import phalanx
+    from phalanx.recording.size import size_in_words
 
     try:
-        print(phalanx.open(run).report())
+        recorded = phalanx.open(run)
+        print(recorded.report())
+        print(f"recording: {size_in_words(recorded.recording)}")
     except (phalanx.UnreadableRecordingError, OSError) as error:
         print(error, file=sys.stderr)
         return 3
