@@ -46,7 +46,7 @@ def main() -> None:
 def received(rows: SafetyRows) -> list[Counter[str]]:
     """Of each normal agent: samples, whom they held, and all messages with their bytes."""
     context = multiprocessing.get_context("fork")
-    membership = Membership("bench", wire.free_endpoint(), b"bench")
+    membership = Membership("bench", wire.free_endpoint(), b"bench", timeout=120.0)
     times, counts = context.SimpleQueue(), context.SimpleQueue()
     programs = [context.Process(target=plant, args=(rows, membership.of(PLANT), times))]
     for name in rows.swarm.names:
