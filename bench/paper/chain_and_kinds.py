@@ -200,7 +200,9 @@ def _chain_of_pair(rows: SafetyRows, i: int, ends: list[int]) -> _Reference:
 def _relative(found: Array | float, expected: Array | float) -> float:
     a, b = np.asarray(found), np.asarray(expected)
     # Where no margin is known both are infinite.
-    return float(np.where(a == b, 0.0, np.abs(a - b) / np.maximum(1.0, np.abs(b))).max())
+    with np.errstate(invalid="ignore"):
+        apart = np.abs(a - b) / np.maximum(1.0, np.abs(b))
+    return float(np.where(a == b, 0.0, apart).max())
 
 
 def built(count: int, still: bool) -> tuple[str, bool]:
