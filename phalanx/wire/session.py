@@ -172,7 +172,7 @@ def open_member(
     A client that comes in while the hub is still being opened may be let in and never be told of
     anything. The hub announces itself last, so whoever does not see that tries once more.
     """
-    deadline, patience = time.monotonic() + timeout, 1.0
+    deadline, patience = time.monotonic() + timeout, 3.0
     while (left := deadline - time.monotonic()) > 0:
         session = open_client(endpoint, left, credentials)
         if _announced(session, token, min(patience, left)):
