@@ -14,8 +14,6 @@ from phalanx.viewer.scene.picture import Picture
 Array = NDArray[np.float64]
 Click = viser.SceneNodePointerEvent[viser.BatchedMeshHandle]
 
-_MOST_NAMES = 24
-"""Up to how many agents every one has its name beside it; a name is a node of its own."""
 _APPLIED, _NOMINAL = (30, 41, 59), (160, 174, 192)
 
 
@@ -31,15 +29,10 @@ class AgentNodes:
         self._bodies, self._discs = _bodies(scene, model), _discs(scene, model)
         self._applied = _arrows(scene, "/arrows/applied", model, _APPLIED)
         self._u_nom = _arrows(scene, "/arrows/nominal", model, _NOMINAL)
-        names = model.names if len(model.names) <= _MOST_NAMES else ()
+        names = () if model.crowded else model.names  # a name is a node of its own
         self._names = [
             scene.add_label(f"/agents/names/{name}", name, anchor="bottom-left") for name in names
         ]
-
-    @property
-    def named(self) -> bool:
-        """Whether every agent has its name beside it."""
-        return bool(self._names)
 
     def show(self, picture: Picture) -> None:
         """Move and colour them."""

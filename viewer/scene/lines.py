@@ -18,6 +18,7 @@ class LineNodes:
     """Nodes that are redrawn as a whole, one for each kind of line."""
 
     def __init__(self, scene: viser.SceneApi, model: SceneModel) -> None:
+        self._crowded = model.crowded
         self._above = (
             2.0 * model.body * np.array([0.0, 1.0, 0.0] if model.flat else [0.0, 0.0, 1.0])
         )
@@ -26,16 +27,17 @@ class LineNodes:
         self._text = scene.add_label("/worst pair/text", "", anchor="bottom-center")
         self._links = _lines(scene, "/links", _AMBER, 1.0)
 
-    def show(self, picture: Picture) -> None:
-        """Redraw the worst pair and the link events."""
+    def show(self, picture: Picture, selected: int | None) -> None:
+        """Redraw the worst pair and the link events; in a crowd, those of the selected agent."""
         a, b = picture.worst_pair
         self._worst_pair.points = np.array([[a, b]], dtype=np.float32)
         self._text.text = picture.worst_pair_text
         self._text.position = tuple((a + b) / 2.0 + self._above)
         links, colours = _NOTHING, np.zeros((1, 2, 3))
-        if len(picture.links):
-            links = picture.links
-            colour = np.where(picture.lost[:, None], np.array(_RED), np.array(_AMBER))
+        shown = picture.links_of(selected) if self._crowded else np.full(len(picture.lost), True)
+        if shown.any():
+            links = picture.links[shown]
+            colour = np.where(picture.lost[shown, None], np.array(_RED), np.array(_AMBER))
             colours = np.repeat(colour[:, None], 2, axis=1)  # of both ends
         self._links.points = links.astype(np.float32)
         self._links.colors = colours.astype(np.uint8)

@@ -17,6 +17,8 @@ from phalanx.viewer.scene.values import SafetyValues
 
 Array = NDArray[np.float64]
 
+_MOST_SHOWN_WHOLE = 24
+
 
 @dataclass(frozen=True)
 class SceneModel:
@@ -38,6 +40,11 @@ class SceneModel:
     def names(self) -> tuple[str, ...]:
         """Every agent's name."""
         return self.swarm.names
+
+    @property
+    def crowded(self) -> bool:
+        """Whether there are too many agents to show every one's name and links."""
+        return len(self.names) > _MOST_SHOWN_WHOLE
 
     @cached_property
     def adversary(self) -> NDArray[np.bool_]:

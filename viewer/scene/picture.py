@@ -34,9 +34,16 @@ class Picture:
     goals: Array
     """Formation centre and goals, shape (1 + g, 3)."""
     links: Array
-    """Links that lost or delayed a broadcast, shape (l, 2, 3)."""
+    """Links that lost or delayed a broadcast, from sender to receiver, shape (l, 2, 3)."""
+    link_agents: NDArray[np.intp]
+    """Their senders and receivers, shape (l, 2)."""
     lost: NDArray[np.bool_]
     """Which of them lost it, shape (l,)."""
+
+    def links_of(self, i: int | None) -> NDArray[np.bool_]:
+        """Which links agent i sends or receives on, shape (l,)."""
+        found: NDArray[np.bool_] = (self.link_agents == (-1 if i is None else i)).any(axis=1)
+        return found
 
     @property
     def colours(self) -> Colours:
@@ -51,7 +58,8 @@ def picture(model: SceneModel, frame: Frame) -> Picture:
     p = poses.positions
     applied = _arrows(model, x, [status.u for status in frame.agents])
     has_heading = poses.headings.any(axis=1, keepdims=True)
-    links = [(p[event.sender], p[event.receiver]) for event in frame.link_events]
+    sides = [(event.sender, event.receiver) for event in frame.link_events]
+    links = np.array(sides, dtype=np.intp).reshape(-1, 2)
     return Picture(
         t=frame.t,
         positions=p,
@@ -62,7 +70,8 @@ def picture(model: SceneModel, frame: Frame) -> Picture:
         worst_pair=model.ends(frame.pair, p),
         worst_pair_text=_told(model, frame.pair, x, p),
         goals=model.surroundings.goals(frame.t),
-        links=np.array(links).reshape(-1, 2, 3),
+        links=p[links],
+        link_agents=links,
         lost=np.array([event.delay < 0.0 for event in frame.link_events], dtype=bool),
     )
 

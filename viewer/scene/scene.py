@@ -33,7 +33,7 @@ class Scene:
         draw_backdrop(server, model)
         self.agents = AgentNodes(server.scene, model)
         self.lines = LineNodes(server.scene, model)
-        self.selection = SelectionNodes(server, model, name_it=not self.agents.named)
+        self.selection = SelectionNodes(server, model, name_it=model.crowded)
         self._positions: Array | None = None
         self.agents.on_click(self._on_click)
 
@@ -43,7 +43,7 @@ class Scene:
         # another.
         with self._server.atomic():
             self.agents.show(picture)
-            self.lines.show(picture)
+            self.lines.show(picture, selected)
             self.selection.show(picture.positions, selected)
         self._positions = picture.positions
 

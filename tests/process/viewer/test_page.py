@@ -91,6 +91,7 @@ def test_a_replay_tells_of_its_agents_scrubs_plays_and_jumps(tab: "Tab", finishe
         enter(number_beside(tab, "t [s]"), "2.5")
         wait_for(lambda: abs(time_shown(tab) - 2.5) < 0.02)
         wait_for(lambda: plot.screenshot() != before)
+        tab.get_by_text("Certified for [τ]: shortest, median").wait_for()
         tab.get_by_text("Agent 1: certified for [τ]").wait_for()
 
         tab.get_by_role("button", name="+10", exact=True).click()
@@ -130,6 +131,11 @@ def test_a_click_selects_the_agent_under_it(tab: "Tab", finished: Path) -> None:
 
         wait_for(clicked)
         tab.get_by_text("Agent 4: nu").wait_for()
+
+        worst = replay.model.swarm.safe_set.pairs[replay.frame(0.0).pair].a
+        assert worst != 3
+        tab.get_by_role("button", name="Choose from the worst pair").click()
+        wait_for(lambda: page.selected == worst)
 
 
 def test_a_page_says_that_the_run_is_over_long_after_its_last_frame(

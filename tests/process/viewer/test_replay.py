@@ -99,6 +99,16 @@ def test_lost_and_late_broadcasts_are_drawn_as_links(replay: Replay) -> None:
     assert 0.2 < lost.mean() < 0.95  # the others were late
 
 
+def test_of_the_links_those_of_one_agent_can_be_told_apart(replay: Replay) -> None:
+    times = replay.times[::20]
+    shown = next(p for t in times if len((p := picture(replay.model, replay.frame(t))).links) > 3)
+    for i in range(3):
+        ends = shown.links == shown.positions[i]
+        np.testing.assert_array_equal(shown.links_of(i), ends.all(axis=2).any(axis=1))
+    assert shown.links_of(0).any()
+    assert not shown.links_of(None).any()
+
+
 def test_the_marks_lead_to_the_worst_moment_and_the_first_backup(
     replay: Replay, finished: Path
 ) -> None:
