@@ -1,6 +1,7 @@
 """Runs in the background of a test, and waiting for what they do."""
 
 import contextlib
+import math
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -24,6 +25,8 @@ HELD = CommandPolicy(secret=COMMAND_SECRET, speed=0.005)
 """So slow that a run is not over before the slowest browser has come; then LiveRun.set_speed."""
 PACED = CommandPolicy(secret=COMMAND_SECRET, speed=0.2)
 """Slow enough for commands to come in time."""
+_ANEW = 10.0
+"""After so long a command is put again [s]: one that is put into a flood may be lost."""
 
 
 class LiveRun:
@@ -60,8 +63,16 @@ class LiveRun:
     def set_speed(self, speed: float) -> None:
         """Change the pace; returns when the run goes at it."""
         with self.watch() as live:
-            live.command(CommandKind.SPEED, value=speed)
-            wait_for(lambda: (frame := live.take()) and frame.speed == speed)
+            asked = [-math.inf]
+
+            def goes_at_it() -> bool:
+                if time.monotonic() > asked[-1] + _ANEW:
+                    live.command(CommandKind.SPEED, value=speed)
+                    asked.append(time.monotonic())
+                frame = live.take()
+                return frame is not None and frame.speed == speed
+
+            wait_for(goes_at_it)
 
     def stop(self) -> None:
         """Do not wait for a run that may stand still for ever."""

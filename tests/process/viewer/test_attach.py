@@ -20,7 +20,7 @@ def test_viewers_attached_killed_attached_again_and_stopped_leave_the_trajectory
 ) -> None:
     scenario = load("unicycles", ["duration=6.0"])
     with live_run(scenario, tmp_path / "alone") as alone:
-        unseen = alone.summary().trajectory
+        unseen = alone.summary()
     with live_run(scenario, tmp_path / "seen", HELD) as run:
         address = ("--connect", run.endpoint, "--run", "seen")
         with viewer(*address) as first:
@@ -30,7 +30,10 @@ def test_viewers_attached_killed_attached_again_and_stopped_leave_the_trajectory
             assert second.answers()
             second.process.send_signal(signal.SIGSTOP)
             run.set_speed(0.5)
-            assert run.summary().trajectory == unseen
+            seen = run.summary()
+            assert (seen.trajectory, seen.outcome) == (unseen.trajectory, unseen.outcome), (
+                seen.reason
+            )
             second.process.send_signal(signal.SIGCONT)
 
 

@@ -45,10 +45,10 @@ def test_the_exported_page_plays_its_scene_and_moves_its_plots_offline(
     wait_for(lambda: slider.get_attribute("aria-valuenow") != started)
     wait_for(lambda: plot.screenshot() != before)
     offline.locator("#phalanx-agent").select_option("4")
-    assert offline.locator("#phalanx-plots canvas").count() == 6
+    assert offline.locator("#phalanx-plots canvas").count() == 7
     offline.locator("#phalanx-agent").select_option("1")
     offline.get_by_text("Certified for [τ]").wait_for()
-    assert offline.locator("#phalanx-plots canvas").count() == 7
+    assert offline.locator("#phalanx-plots canvas").count() == 8
     assert not [url for url in asked if url.startswith(("http", "ws"))]
 
 

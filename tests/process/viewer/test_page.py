@@ -162,7 +162,7 @@ def test_a_commanding_page_changes_the_loss_and_pauses_the_swarm(
         tab.get_by_text("Command", exact=True).wait_for()
         plot = tab.locator(".uplot").first
         before = plot.screenshot()
-        run.set_speed(0.5)
+        run.set_speed(0.1)  # slow enough that a busy machine's page pauses it before it is over
         wait_for(lambda: plot.screenshot() != before)
 
         enter(number_beside(tab, "Loss [%]"), "50")
@@ -178,6 +178,7 @@ def test_a_commanding_page_changes_the_loss_and_pauses_the_swarm(
         tab.get_by_role("button", name="Kill", exact=True).click()
         tab.get_by_role("button", name="Resume", exact=True).click()
         tab.get_by_text("agent 1 killed").first.wait_for()
+        run.set_speed(2.0)
         tab.get_by_text("the run is over").wait_for()
         run.summary()
     recording = read(tmp_path / "live")
