@@ -21,7 +21,7 @@ from typing import Any, get_args
 import numpy as np
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
-from phalanx.guarantee.checker.certify import Certification, Gap, certify
+from phalanx.guarantee.checker.certify import Certification, certify
 from phalanx.guarantee.checker.intervals import UncertifiableError
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.in_process_engine import run_in_process
@@ -29,9 +29,8 @@ from phalanx.plant import run as plant_run
 from phalanx.plant.along import IntegrationSteps
 from phalanx.plant.judge import Judge
 from phalanx.plant.world import DisturbanceKnot
-from phalanx.recording.read import Recording, read
+from phalanx.recording.read import read
 from phalanx.scenario.load import ScenarioError, load
-from phalanx.scenario.model import Scenario
 from phalanx.scenario.safety import Composition, Margin
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import SafetyRows, require_runnable
@@ -264,11 +263,11 @@ class WatchingJudge(Judge):
     def saw(self, seen: list[IntegrationSteps | DisturbanceKnot]) -> None:
         for piece in seen:
             if isinstance(piece, IntegrationSteps):
-                certified = self.coverage.ends >= piece.times[:, None]
+                certified = self.coverage.ends[piece.pairs] >= piece.times[:, None]
                 self.compared += int(certified.sum())
-                for step, pair in np.argwhere(certified & ~(piece.h <= 0.0)):
-                    at, h = float(piece.times[step]), float(piece.h[step, pair])
-                    self.wrong.append((at, self.truth.label(int(pair)), h))
+                for step, place in np.argwhere(certified & ~(piece.h <= 0.0)):
+                    at, h = float(piece.times[step]), float(piece.h[step, place])
+                    self.wrong.append((at, self.truth.label(int(piece.pairs[place])), h))
         super().saw(seen)
 
 
@@ -314,20 +313,8 @@ def run(index: int, folder: Path) -> Seen:
     except UncertifiableError as error:
         checked = " ".join(str(error).split(", at t")[0].split()[2:])
     kind = f"{len(scenario.safety.alpha)} | {scenario.safety.margin}"
-    beyond = "" if isinstance(checked, str) else _beyond(scenario, recording, checked.gap)
+    beyond = "it tries ψ_{q-1} too" if len(scenario.safety.alpha) > 1 else "other"
     return Seen(index, summary, judge.compared, judge.wrong, checked, kind, beyond)
-
-
-def _beyond(scenario: Scenario, recording: Recording, gap: Gap | None) -> str:
-    """Why the judge may be right where the checker found a gap."""
-    if gap is None:
-        return ""
-    for name, group, _ in scenario.roster():
-        tau = group.clock.period + group.clock.jitter + scenario.time.latency
-        applied = [s.t_apply for s in recording.steps if s.agent == name and s.t_apply <= gap.t]
-        if name in gap.pair.split("-") and applied and gap.t >= max(applied) + 3.99 * tau:
-            return "it looks 8 τ ahead, the checker 4"
-    return "it tries ψ_{q-1} too" if len(scenario.safety.alpha) > 1 else "other"
 
 
 def main() -> None:

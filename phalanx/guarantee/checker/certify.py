@@ -49,7 +49,7 @@ from phalanx.theory.safety.composition import ComposedSet, Member, compose
 
 Array = NDArray[np.float64]
 
-_RUNGS = (4.0, 2.0, 1.0 + 1e-9)  # a hair beyond: ends are rounded down
+_RUNGS = (8.0, 4.0, 2.0, 1.0 + 1e-9)  # a hair beyond: ends are rounded down
 """Horizons to try, over the longest planned time between two inputs of an agent."""
 _AT_ONCE = 2048
 """Samples evaluated together: few enough that their intervals stay in a cache."""
