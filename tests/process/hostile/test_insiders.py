@@ -5,16 +5,19 @@ import pytest
 from bench.attacks.attacker import INSIDER, INSIDERS
 from phalanx.guarantee.verdict import Outcome, Summary
 from tests.process.hostile.attacks import assailed
-from tests.process.runs import PACED
+from tests.process.runs import HELD, PACED
 
 pytestmark = pytest.mark.swarm
 
+FLOOD = "insider: floods a peer in his own name"
 AT_ITS_OWN_COST = "insider: floods the plant in his own name"
 
 
 @pytest.mark.parametrize("attack", [name for name in INSIDERS if name != AT_ITS_OWN_COST])
 def test_an_insider_changes_nothing(attack: str, calm: Summary, tmp_path) -> None:
-    summary, attacker = assailed(attack, tmp_path / "assailed")
+    # A flood that is let in may drown the command that lets a held run go.
+    policy = PACED if attack == FLOOD else HELD
+    summary, attacker = assailed(attack, tmp_path / "assailed", policy)
     assert (summary.trajectory, summary.outcome) == (calm.trajectory, calm.outcome)
     assert attacker.let_in
 
