@@ -52,8 +52,15 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
                 answering.time(stopwatch)
             wire.subscribe(session, keys.broadcast("*", step.name), answering.on_broadcast)
             wire.subscribe(session, keys.sample(step.name), answering.on_sample)
-        wire.on_parting(session, over.set)
-        wire.watch(session, keys.alive(PLANT), lambda _, alive: None if alive else over.set())
+
+        def leave(because: str) -> None:
+            log.info("leaving: %s", because)
+            over.set()
+
+        wire.on_parting(session, lambda: leave("the connection to the hub was lost"))
+        wire.watch(
+            session, keys.alive(PLANT), lambda _, alive: None if alive else leave("the plant left")
+        )
         for sender in senders:
             sender.wait_for_listeners(membership.timeout, over)
         # What was built so far lives as long as the process: the collector need not look at it
