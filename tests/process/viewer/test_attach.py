@@ -29,7 +29,7 @@ def test_viewers_attached_killed_attached_again_and_stopped_leave_the_trajectory
         with viewer(*address) as second:
             assert second.answers()
             second.process.send_signal(signal.SIGSTOP)
-            run.set_speed(0.5)
+            run.set_speed(1.0)
             seen = run.summary()
             assert (seen.trajectory, seen.outcome) == (unseen.trajectory, unseen.outcome), (
                 seen.reason
