@@ -1,0 +1,10 @@
+"""The judge and the independent checker look equally far ahead."""
+
+from phalanx.guarantee.certificate import MULTIPLES
+from phalanx.guarantee.checker.certify import _RUNGS
+
+
+def test_the_checker_looks_as_far_as_the_judge_and_a_hair_beyond_the_next_input():
+    """With less, a run that is certified for exactly τ has a gap of one rounding at every input."""
+    assert _RUNGS == MULTIPLES
+    assert min(_RUNGS) > 1.0
