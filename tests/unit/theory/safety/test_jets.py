@@ -16,3 +16,18 @@ def test_several_states_have_the_bits_that_each_has_alone(q):
         each = np.stack([jets(one).psi for one in h])
         assert jets.psi(h).tobytes() == each.tobytes()
         assert each.shape == (states, q)
+
+
+@pytest.mark.parametrize("q", [1, 2, 3])
+def test_weights_are_the_slopes_of_the_last_psi_by_each_pairs_derivatives(q):
+    """By central differences; from q = 3 on the product rule counts terms twice."""
+    rng = np.random.default_rng(q)
+    jets = LogSumExpJets(0.7, [Linear(0.4 + 0.2 * k) for k in range(q)], 0.5)
+    h, step = rng.normal(size=(4, q + 1)), 1e-5
+    weights = jets(h).weights.copy()
+    for p in range(4):
+        for j in range(q):
+            moved = np.zeros_like(h)
+            moved[p, j] = step
+            slope = (jets(h + moved).psi[-1] - jets(h - moved).psi[-1]) / (2.0 * step)
+            assert weights[p, j] == pytest.approx(slope, rel=1e-6, abs=1e-8)
