@@ -26,6 +26,7 @@ def run_live(
     host: str = "127.0.0.1",
     port: int | None = None,
     origins: tuple[str, ...] = (),
+    trust: bool = True,
 ) -> int:
     """Show a run that goes on, until SIGINT or SIGTERM.
 
@@ -36,6 +37,7 @@ def run_live(
         host: address to serve the page on.
         port: to serve the page on; None takes 8080 or the next free one, and says which.
         origins: further origins whose pages may connect; needed behind a proxy only.
+        trust: whether code that the run's scenario names may be imported.
 
     Returns:
         Exit status 0.
@@ -46,7 +48,7 @@ def run_live(
     """
     stop = _told_to_stop()
     choose_port(host, port)  # a port that cannot be had is said before a run is waited for
-    with Live(membership, command_secret) as live:
+    with Live(membership, command_secret, trust) as live:
         if command_secret and not live.commandable:
             log.warning("the plant obeys no commands: it was started without a command secret")
         _show(Page(host, port, origins, live, live=live), stop)
@@ -59,6 +61,7 @@ def run_replay(
     host: str = "127.0.0.1",
     port: int | None = None,
     origins: tuple[str, ...] = (),
+    trust: bool = False,
 ) -> int:
     """Show a run folder or recording file, until SIGINT or SIGTERM; options as of run_live.
 
@@ -68,7 +71,7 @@ def run_replay(
     """
     stop = _told_to_stop()
     choose_port(host, port)  # a port that cannot be had is said before a long recording is read
-    replay = open_replay(recording)
+    replay = open_replay(recording, trust)
     _show(Page(host, port, origins, replay, replay=replay), stop)
     return 0
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from phalanx.cli.options import Trust
 from phalanx.cli.recordings import RunArgument
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ def register(app: typer.Typer) -> None:
     app.command()(certify)
 
 
-def certify(run: RunArgument) -> int:
+def certify(run: RunArgument, trust: Trust = False) -> int:
     """Prove from its recording that no pair of a run could leave its safe set.
 
     At every input of a normal agent, h of its pairs is bounded until the next one, whatever the
@@ -37,7 +38,7 @@ def certify(run: RunArgument) -> int:
     from phalanx.recording.read import UnreadableRecordingError, read
 
     try:
-        recording = read(run)
+        recording = read(run, trust)
     except (UnreadableRecordingError, OSError) as error:
         print(error, file=sys.stderr)
         return 3

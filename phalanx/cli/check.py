@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from phalanx.cli.options import Overrides, ScenarioArgument, Seed
+from phalanx.cli.options import Overrides, ScenarioArgument, Seed, Trust
 
 if TYPE_CHECKING:
     from phalanx.guarantee.check import CheckReport
@@ -31,6 +31,7 @@ def check(
     strict: Annotated[
         bool, typer.Option(help="Exit with 1 if no run of it could end guaranteed.")
     ] = False,
+    trust: Trust = False,
 ) -> int:
     """Say what a scenario guarantees and what it does not, and what to change.
 
@@ -42,10 +43,12 @@ def check(
     """
     import phalanx
     from phalanx.report.backup import backup_plate, backup_slice
+    from phalanx.scenario.user_code import code_trusted
     from phalanx.swarm.rows import build_rows
     from phalanx.swarm.swarm import build_swarm
 
-    resolved = phalanx.load(scenario, overrides or (), seed)
+    with code_trusted(trust):
+        resolved = phalanx.load(scenario, overrides or (), seed)
     report = phalanx.check(resolved)
     _show(resolved.name, report)
     if plot is not None:

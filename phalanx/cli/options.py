@@ -62,6 +62,14 @@ KeysFolder = Annotated[
 ]
 
 
+Trust = Annotated[
+    bool,
+    typer.Option(
+        "--trust", help="Import and so run the modules that its scenario names, if it names any."
+    ),
+]
+
+
 def certificates_for(folder: Path | None, endpoint: str, identity: str) -> Path | None:
     """The folder, if it has this program's certificate and the endpoint asks for one."""
     if (folder is not None) != endpoint.startswith(("tls/", "quic/")):

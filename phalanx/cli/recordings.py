@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 
 import typer
 
+from phalanx.cli.options import Trust
+
 RunArgument = Annotated[
     Path, typer.Argument(metavar="RUN", help="The folder of a run, or its recording.mcap.")
 ]
@@ -38,7 +40,7 @@ def scenarios() -> int:
     return 0
 
 
-def report(run: RunArgument) -> int:
+def report(run: RunArgument, trust: Trust = False) -> int:
     """Make the report of a run: one HTML file, and the figures as PNG.
 
     A recording that was cut short gives a report of what there is. Prints where the report is, and
@@ -48,7 +50,7 @@ def report(run: RunArgument) -> int:
     from phalanx.recording.size import size_in_words
 
     try:
-        recorded = phalanx.open(run)
+        recorded = phalanx.open(run, trust=trust)
         print(recorded.report())
         print(f"recording: {size_in_words(recorded.recording)}")
     except (phalanx.UnreadableRecordingError, OSError) as error:
@@ -65,6 +67,7 @@ def verify(
     engine: Annotated[
         Literal["processes", "in-process"], typer.Option(help="Which engine to run it on.")
     ] = "processes",
+    trust: Trust = False,
 ) -> int:
     """Run a recording's scenario again and say whether the trajectory is bit-identical.
 
@@ -75,7 +78,7 @@ def verify(
     from phalanx.launcher.verify import cut_short
 
     try:
-        recorded = phalanx.open(run)
+        recorded = phalanx.open(run, trust=trust)
         with progress(recorded.scenario) as show:
             verification = recorded.verify(engine=engine, seed=seed, progress=show)
     except (phalanx.UnreadableRecordingError, phalanx.EngineError, OSError) as error:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from phalanx.cli.options import KeysFolder, Secret, certificates_for, require_port
+from phalanx.cli.options import KeysFolder, Secret, Trust, certificates_for, require_port
 
 Connect = Annotated[
     str,
@@ -63,6 +63,7 @@ def view(
     port: Port = None,
     origins: Origins = None,
     timeout: Timeout = 60.0,
+    trust: Trust = False,
 ) -> int:
     """Show a run on a page: a recording, or a live one over Zenoh. Ctrl-C ends it.
 
@@ -73,7 +74,7 @@ def view(
     """
     if (recording is None) != bool(connect and run):
         raise typer.BadParameter("expected either RUN, or --connect and --run")
-    page = {"host": host, "port": port, "origins": tuple(origins or ())}
+    page = {"host": host, "port": port, "origins": tuple(origins or ()), "trust": trust}
     if recording is not None:
         return _show("run_replay", recording, **page)
     return _show_live(run, connect, secret, keys, command_secret, timeout, page)
@@ -89,9 +90,10 @@ def viewer(
     port: Port = None,
     origins: Origins = None,
     timeout: Timeout = 60.0,
+    trust: Trust = False,
 ) -> int:
     """Run the viewer alone, as plant and agents are run in containers and on many hosts."""
-    page = {"host": host, "port": port, "origins": tuple(origins or ())}
+    page = {"host": host, "port": port, "origins": tuple(origins or ()), "trust": trust}
     return _show_live(run, connect, secret, keys, command_secret, timeout, page)
 
 
@@ -106,6 +108,7 @@ def export(
     at: Annotated[
         float | None, typer.Option(help="Time of the picture [s]; by default the worst moment.")
     ] = None,
+    trust: Trust = False,
 ) -> int:
     """Export a run to share it: HTML that plays without a server, or a picture at a time."""
     from phalanx.recording.read import UnreadableRecordingError
@@ -114,7 +117,7 @@ def export(
         raise typer.BadParameter("expected --html FILE, --png FILE or both")
     make = pkgutil.resolve_name("phalanx.viewer.export.write:run")
     try:
-        for path in make(run, html=html, png=png, at=at):
+        for path in make(run, html=html, png=png, at=at, trust=trust):
             print(path)
     except (UnreadableRecordingError, ValueError, OSError) as error:
         print(error, file=sys.stderr)

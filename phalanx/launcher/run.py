@@ -157,18 +157,26 @@ class Run:
         return f"<table>{rows}</table><p>{escape(self.summary.reason)}</p>"
 
 
-def open_run(folder: str | Path) -> Run:
+def open_run(folder: str | Path, *, trust: bool = False) -> Run:
     """A run from its folder or its recording file, whole or cut short.
+
+    Args:
+        folder: of the run, or its recording.
+        trust: whether code that its scenario names may be imported, which runs it.
 
     Raises:
         UnreadableRecordingError: there is no recording, or none that can be read.
     """
-    recording = read(Path(folder))
+    recording = read(Path(folder), trust)
     return Run(recording.path.parent, recording.summary, recording=recording)
 
 
 def verify_run(
-    run: Run | str | Path, *, engine: Engine = "processes", progress: Progress = silent
+    run: Run | str | Path,
+    *,
+    engine: Engine = "processes",
+    progress: Progress = silent,
+    trust: bool = False,
 ) -> "Verification":
     """Run a recording's scenario again and compare the trajectories, bit by bit.
 
@@ -176,12 +184,13 @@ def verify_run(
         run: a finished run, or its folder.
         engine: which engine to run it on.
         progress: as run takes it.
+        trust: as open takes it.
 
     Raises:
         UnreadableRecordingError: there is no recording, or none that can be read.
         EngineError: it cannot be run again.
     """
-    finished = run if isinstance(run, Run) else open_run(run)
+    finished = run if isinstance(run, Run) else open_run(run, trust=trust)
     return finished.verify(engine=engine, progress=progress)
 
 

@@ -19,6 +19,7 @@ from phalanx.guarantee.verdict import Summary
 from phalanx.recording.records import RECORDING, TOPICS, Log, State, Step
 from phalanx.scenario.load import ScenarioError, from_json
 from phalanx.scenario.model import Scenario
+from phalanx.scenario.user_code import code_trusted
 
 Array = NDArray[np.float64]
 
@@ -66,13 +67,19 @@ def find(run: Path) -> Path:
     return path
 
 
-def read(run: Path) -> Recording:
+def read(run: Path, trust: bool = False) -> Recording:
     """Read a run folder or a recording file.
 
     A file that was cut short gives all records up to its last whole chunk, and says so.
 
+    Args:
+        run: the folder or the file.
+        trust: whether modules that the recorded scenario names may be imported, which runs them;
+            those that this program has imported for a scenario before are, anyway.
+
     Raises:
-        UnreadableRecordingError: no such file, not MCAP, or without a scenario.
+        UnreadableRecordingError: no such file, not MCAP, without a scenario, or with one that
+            names code that is not trusted.
     """
     path = find(run)
     contents = _Contents()
@@ -81,7 +88,8 @@ def read(run: Path) -> Recording:
     if contents.scenario is None:
         raise UnreadableRecordingError(f"{path}: not a recording of a run ({damage or 'empty'})")
     try:
-        scenario = from_json(contents.scenario)
+        with code_trusted(trust):
+            scenario = from_json(contents.scenario)
     except ScenarioError as error:
         raise UnreadableRecordingError(f"{path}: {error}") from error
     by_kind: dict[type, list[Any]] = contents.records

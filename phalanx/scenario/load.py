@@ -14,6 +14,7 @@ from pydantic import ValidationError
 
 from phalanx.scenario.fields import ALTERNATIVES
 from phalanx.scenario.model import Scenario
+from phalanx.scenario.user_code import UntrustedCodeError
 
 
 class ScenarioError(ValueError):
@@ -65,6 +66,8 @@ def validate(table: Mapping[str, Any], source: str) -> Scenario:
     except ValidationError as error:
         problems = [_describe(e["loc"], e["msg"], e["input"], e["type"]) for e in error.errors()]
         raise ScenarioError("\n".join(f"{source}: {p}" for p in problems)) from error
+    except UntrustedCodeError as error:
+        raise ScenarioError(f"{source}: {error}") from error
 
 
 def digest(scenario: Scenario) -> str:
@@ -82,6 +85,8 @@ def from_json(text: str) -> Scenario:
     try:
         return Scenario.model_validate_json(text)
     except ValidationError as error:
+        raise ScenarioError(f"recorded scenario: {error}") from error
+    except UntrustedCodeError as error:
         raise ScenarioError(f"recorded scenario: {error}") from error
 
 

@@ -1,17 +1,15 @@
 """Names in a scenario to classes: built-in short names, or a user's "package.module:Name"."""
 
 import dataclasses
-import importlib
 import inspect
-import sys
 from collections.abc import Mapping
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import pydantic
 
 from phalanx.network.rule import Rule
+from phalanx.scenario.user_code import import_named
 from phalanx.theory.laws.chase import Chase
 from phalanx.theory.laws.law import Law
 from phalanx.theory.laws.tracking import Track
@@ -60,13 +58,14 @@ def lookup(kind: type, name: str) -> type:
 
     Raises:
         ValueError: unknown name, module that does not import, or a class that is not of the kind.
+        UntrustedCodeError: the class may not be imported.
     """
     known = BUILT_IN[kind]
     if name in known:
         return known[name]
     if ":" not in name:
         raise ValueError(f"expected {_choices(kind)}")
-    found = _import(name)
+    found = import_named(name)
     missing = [m for m in _members(kind) if not hasattr(found, m) and m not in _fields(found)]
     if not inspect.isclass(found) or not dataclasses.is_dataclass(found) or missing:
         lacks = f"; it lacks {', '.join(missing)}" if missing else ""
@@ -97,17 +96,6 @@ def _validated(cls: type) -> Any:
     forbid = pydantic.ConfigDict(extra="forbid")
     frozen = cls.__dataclass_params__.frozen  # type: ignore[attr-defined]
     return pydantic.dataclasses.dataclass(cls, config=forbid, frozen=frozen)
-
-
-def _import(name: str) -> Any:
-    module, _, attribute = name.partition(":")
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.append(here)
-    try:
-        return getattr(importlib.import_module(module), attribute)
-    except Exception as error:  # a user's module may raise anything while it is imported
-        raise ValueError(f"cannot be imported ({type(error).__name__}: {error})") from error
 
 
 def _members(kind: type) -> list[str]:

@@ -8,7 +8,12 @@ from phalanx.viewer.feeds.replay import open_replay
 
 
 def run(
-    recording: Path, *, html: Path | None = None, png: Path | None = None, at: float | None = None
+    recording: Path,
+    *,
+    html: Path | None = None,
+    png: Path | None = None,
+    at: float | None = None,
+    trust: bool = False,
 ) -> list[Path]:
     """Write what is asked for.
 
@@ -17,6 +22,7 @@ def run(
         html: where a self-contained page goes.
         png: where a picture goes.
         at: time of the picture [s]; by default the worst moment.
+        trust: whether code that the scenario names may be imported.
 
     Returns:
         The files written.
@@ -24,7 +30,7 @@ def run(
     Raises:
         UnreadableRecordingError, ValueError: nothing to export. OSError: it cannot be written.
     """
-    replay = open_replay(recording)
+    replay = open_replay(recording, trust)
     if html is not None:
         html.write_text(document(replay), encoding="utf-8")
     if png is not None:

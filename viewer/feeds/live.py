@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Summary
 from phalanx.scenario.load import from_json
+from phalanx.scenario.user_code import code_trusted
 from phalanx.viewer.feeds.live_history import LiveHistory
 from phalanx.viewer.scene.model import scene_model
 from phalanx.wire import session as wire
@@ -35,15 +36,19 @@ class NoRunError(RuntimeError):
 class Live:
     """A run that goes on now."""
 
-    def __init__(self, membership: Membership, command_secret: bytes = b"") -> None:
+    def __init__(
+        self, membership: Membership, command_secret: bytes = b"", trust: bool = True
+    ) -> None:
         """Join as a listener.
 
         Args:
             membership: of the run.
             command_secret: that of those who may command the run; empty: only look.
+            trust: whether code that the run's scenario names may be imported.
 
         Raises:
             HubError: nobody listens at the endpoint. NoRunError: it knows no such run.
+                ScenarioError: its scenario names code that is not trusted.
         """
         self.summary: Summary | None = None
         self.over = False
@@ -58,7 +63,8 @@ class Live:
         )
         try:
             setup = self._ask_for_setup(membership)
-            self.model = scene_model(from_json(setup.scenario.decode()))
+            with code_trusted(trust):
+                self.model = scene_model(from_json(setup.scenario.decode()))
             self._past = LiveHistory(self.model)
             self.history = self._past.history
             self.commandable = setup.commandable and bool(command_secret)

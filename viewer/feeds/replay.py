@@ -115,6 +115,6 @@ class Replay:
         self.t = float(np.clip(t, self.times[0], self.end))
 
 
-def open_replay(run: Path) -> Replay:
+def open_replay(run: Path, trust: bool = False) -> Replay:
     """Read a run folder or recording file. Raises UnreadableRecordingError, ValueError."""
-    return Replay(read(run))
+    return Replay(read(run, trust))

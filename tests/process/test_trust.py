@@ -1,0 +1,72 @@
+"""Opening a file never runs the code that it names, unless one asks for that."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import phalanx
+
+MODULE = """
+from pathlib import Path
+from phalanx.theory.laws.velocity import TrackVelocity
+
+Path("it-ran").touch()
+
+class Mine(TrackVelocity):
+    pass
+"""
+READERS = ("report", "verify", "certify", "view", "export --png picture.png")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where there is a module, a scenario that names it, and a recording of that."""
+    here = tmp_path_factory.mktemp("elsewhere")
+    (here / "mine.py").write_text(MODULE)
+    table = phalanx.load("one-on-one", {"duration": 0.2}).model_dump_json(by_alias=True)
+    named = table.replace('"type":"track-velocity"', '"type":"mine:Mine"')
+    assert named != table
+    program = (
+        f"import json, phalanx; phalanx.run(phalanx.load(json.loads({named!r})), "
+        "engine='in-process', out='runs')"
+    )
+    subprocess.run([sys.executable, "-c", program], cwd=here, check=True)
+    (here / "it-ran").unlink()
+    return here
+
+
+def opened(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    name, *options = command.split()
+    arguments = [name, "runs/one-on-one-1", *options]
+    return subprocess.run(
+        [sys.executable, "-m", "phalanx", *arguments], cwd=folder, capture_output=True, text=True
+    )
+
+
+@pytest.mark.parametrize("command", READERS)
+def test_a_recording_that_names_code_is_refused_in_one_line(command: str, folder: Path) -> None:
+    ended = opened(command, folder)
+    assert ended.returncode == 3
+    assert "mine:Mine" in ended.stderr
+    assert "--trust" in ended.stderr
+    assert len(ended.stderr.splitlines()) == 1
+    assert not (folder / "it-ran").exists()
+
+
+def test_a_check_of_a_scenario_that_names_code_runs_none_of_it(folder: Path) -> None:
+    command = ["check", "one-on-one", "--set", "agents.0.law.type=mine:Mine"]
+    ended = subprocess.run(
+        [sys.executable, "-m", "phalanx", *command], cwd=folder, capture_output=True, text=True
+    )
+    assert ended.returncode == 64
+    assert "mine:Mine" in ended.stderr
+    assert not (folder / "it-ran").exists()
+
+
+def test_with_trust_it_is_imported(folder: Path) -> None:
+    ended = opened("report --trust", folder)
+    assert ended.returncode == 0, ended.stderr
+    assert (folder / "it-ran").exists()
+    (folder / "it-ran").unlink()
