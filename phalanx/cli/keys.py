@@ -30,13 +30,13 @@ def keys(
 ) -> int:
     """Make a certificate for each program: links are encrypted, and both ends know each other.
 
-    Give each host ca.crt and the .crt and .key files of its own programs, and no others.
+    DIR/NAME is one program's: give each host the folders of its own programs, and no others.
 
     Example:
 
       phalanx keys keys --scenario unicycles --host plant.example.org
-      phalanx plant --keys keys --listen tls/0.0.0.0:7447 --scenario unicycles --run r1
-      phalanx agent 1 --keys keys --connect tls/plant.example.org:7447 ...
+      phalanx plant --keys keys/plant --listen tls/0.0.0.0:7447 --scenario unicycles --run r1
+      phalanx agent 1 --keys keys/1 --connect tls/plant.example.org:7447 ...
     """
     from phalanx.scenario.load import load
     from phalanx.wire.authority import make_certificates

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from phalanx.wire.certificates import AUTHORITY, CERTIFICATE, PRIVATE_KEY
+
 ScenarioArgument = Annotated[
     str,
     typer.Argument(
@@ -56,7 +58,8 @@ KeysFolder = Annotated[
         "--keys",
         envvar="PHALANX_KEYS",
         metavar="DIR",
-        help="Certificates made by `phalanx keys`; the endpoint is then tls/HOST:PORT.",
+        help="This program's folder of those that `phalanx keys` makes; the endpoint is then "
+        "tls/HOST:PORT.",
         show_default=False,
     ),
 ]
@@ -70,12 +73,12 @@ Trust = Annotated[
 ]
 
 
-def certificates_for(folder: Path | None, endpoint: str, identity: str) -> Path | None:
-    """The folder, if it has this program's certificate and the endpoint asks for one."""
+def certificates_for(folder: Path | None, endpoint: str) -> Path | None:
+    """The folder, if it has a program's certificate and the endpoint asks for one."""
     if (folder is not None) != endpoint.startswith(("tls/", "quic/")):
         raise typer.BadParameter(f"--keys: expected with a tls/ endpoint alone, got {endpoint}")
     if folder is not None:
-        for name in ("ca.crt", f"{identity}.crt", f"{identity}.key"):
+        for name in (AUTHORITY, CERTIFICATE, PRIVATE_KEY):
             if not (folder / name).is_file():
                 raise typer.BadParameter(f"--keys: expected {name} in {folder}; see phalanx keys")
     return folder

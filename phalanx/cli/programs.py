@@ -74,7 +74,7 @@ def plant(
     from phalanx.wire.membership import Membership
 
     policy = CommandPolicy(secret=command_secret.encode(), speed=speed)
-    certificates = certificates_for(keys, listen, PLANT)
+    certificates = certificates_for(keys, listen)
     membership = Membership(run, listen, secret.encode(), PLANT, certificates=certificates)
     options = {"folder": out, "policy": policy}
     return _run_here("plant", _load(scenario, overrides, seed), membership, options)
@@ -104,7 +104,7 @@ def agent(
     names = resolved.programs()
     if name not in names:
         raise typer.BadParameter(f"agent: expected one of {', '.join(names)}, got {name!r}")
-    certificates = certificates_for(keys, connect, name)
+    certificates = certificates_for(keys, connect)
     membership = Membership(run, connect, secret.encode(), name, timeout, certificates)
     return _run_here("agent", resolved, membership, {})
 

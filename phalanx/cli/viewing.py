@@ -138,7 +138,7 @@ def _show_live(
     from phalanx.wire.membership import Membership
 
     identity = OPERATOR if keys and command_secret else VIEWER
-    certificates = certificates_for(keys, connect, identity)
+    certificates = certificates_for(keys, connect)
     membership = Membership(run, connect, secret.encode(), identity, timeout, certificates)
     return _show("run_live", None, membership, command_secret=command_secret.encode(), **page)
 

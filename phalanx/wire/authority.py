@@ -11,7 +11,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from phalanx.wire.certificates import AUTHORITY, certificate_file, key_file
+from phalanx.wire.certificates import AUTHORITY, CERTIFICATE, PRIVATE_KEY
 
 _CLOCKS_DIFFER = datetime.timedelta(minutes=5)
 
@@ -19,12 +19,12 @@ _CLOCKS_DIFFER = datetime.timedelta(minutes=5)
 def make_certificates(
     folder: Path, names: Iterable[str], hosts: Iterable[str], valid: datetime.timedelta
 ) -> None:
-    """Make an authority and a certificate with its private key for each name.
+    """Make an authority, and a folder with a certificate and its private key for each name.
 
     The authority's own key is not kept: nobody can add a name later.
 
     Args:
-        folder: new, or empty; only its owner may look into it.
+        folder: of these folders; new, or empty; only its owner may look into it.
         names: of the programs; each becomes the common name of its certificate.
         hosts: names and addresses under which the hub is reached.
         valid: for how long.
@@ -42,7 +42,6 @@ def make_certificates(
         .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
         .sign(issuer_key, hashes.SHA256())
     )
-    _write(certificate_file(folder, AUTHORITY), _pem(authority))
     alternatives = x509.SubjectAlternativeName([_host(host) for host in hosts])
     usage = x509.ExtendedKeyUsage(
         [ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]
@@ -57,13 +56,16 @@ def make_certificates(
             .add_extension(usage, critical=False)
             .sign(issuer_key, hashes.SHA256())
         )
-        _write(certificate_file(folder, name), _pem(certificate))
         secret = own_key.private_bytes(
             serialization.Encoding.PEM,
             serialization.PrivateFormat.PKCS8,
             serialization.NoEncryption(),
         )
-        _write(key_file(folder, name), secret)
+        own = folder / name
+        own.mkdir(mode=0o700)
+        _write(own / AUTHORITY, _pem(authority))
+        _write(own / CERTIFICATE, _pem(certificate))
+        _write(own / PRIVATE_KEY, secret)
 
 
 def _begun(

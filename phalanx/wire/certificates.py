@@ -1,28 +1,20 @@
-"""Where a run's certificates are, and how Zenoh is told of them."""
+"""The certificate of one program: three files in a folder, and how Zenoh is told of them.
+
+Their names are those of a Kubernetes TLS secret, which can be mounted as it is.
+"""
 
 from pathlib import Path
 from typing import Any, Literal
 
-AUTHORITY = "ca"
-"""The name of who signed them all; no program's."""
+AUTHORITY, CERTIFICATE, PRIVATE_KEY = "ca.crt", "tls.crt", "tls.key"
 
 
-def certificate_file(folder: Path, name: str) -> Path:
-    """Where a program's certificate is, or the authority's."""
-    return folder / f"{name}.crt"
-
-
-def key_file(folder: Path, name: str) -> Path:
-    """Where a program's private key is."""
-    return folder / f"{name}.key"
-
-
-def tls(folder: Path, name: str, role: Literal["listen", "connect"]) -> dict[str, Any]:
+def tls(folder: Path, role: Literal["listen", "connect"]) -> dict[str, Any]:
     """Zenoh's `tls` of one program: both ends show a certificate of the run's authority."""
     return {
         "enable_mtls": True,
-        "root_ca_certificate": str(certificate_file(folder, AUTHORITY)),
-        f"{role}_certificate": str(certificate_file(folder, name)),
-        f"{role}_private_key": str(key_file(folder, name)),
+        "root_ca_certificate": str(folder / AUTHORITY),
+        f"{role}_certificate": str(folder / CERTIFICATE),
+        f"{role}_private_key": str(folder / PRIVATE_KEY),
         "close_link_on_expiration": True,
     }

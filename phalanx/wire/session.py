@@ -15,7 +15,6 @@ from typing import Any
 import zenoh
 
 from phalanx.wire.certificates import tls
-from phalanx.wire.keys import PLANT
 from phalanx.wire.messages import MAX_BYTES
 
 # Three threads instead of seven in a client, and a third less latency. Never in the hub: what
@@ -46,13 +45,13 @@ class Credentials:
     password: str = field(repr=False)
     """Never sent: it proves itself by its answer to what the hub asks."""
     certificates: Path | None = None
-    """The folder of its certificate, which takes the password's place."""
+    """The folder of its own certificate, which takes the password's place."""
 
     def to_connect(self) -> dict[str, Any]:
         """A client's part of Zenoh's `transport`."""
         if self.certificates is None:
             return {"auth": {"usrpwd": {"user": self.name, "password": self.password}}}
-        return {"link": {"tls": tls(self.certificates, self.name, "connect")}}
+        return {"link": {"tls": tls(self.certificates, "connect")}}
 
 
 @dataclass(frozen=True)
@@ -118,7 +117,7 @@ def open_hub(endpoint: str, admission: Admission | None = None) -> zenoh.Session
         if admission is not None:
             config["access_control"] = dict(admission.access_control)
         if admission is not None and admission.certificates is not None:
-            config["transport"]["link"]["tls"] = tls(admission.certificates, PLANT, "listen")
+            config["transport"]["link"]["tls"] = tls(admission.certificates, "listen")
         elif admission is not None:
             passwords = stack.enter_context(_file_in_memory(admission.passwords))
             config["transport"]["auth"] = {"usrpwd": {"dictionary_file": passwords}}

@@ -13,6 +13,7 @@ import urllib.request
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -92,19 +93,26 @@ def image(compose: list[str]) -> str:
 @pytest.fixture
 def stack(compose: list[str], image: str) -> Iterator[Stack]:
     """A stack that is taken down, whatever happens."""
-    started = Stack(compose, PHALANX_IMAGE=image, PHALANX_SEED="3", PHALANX_SECRET="sealed")
+    started = Stack(compose, PHALANX_IMAGE=image, PHALANX_SEED="3")
     yield started
     started("down", "--volumes", "--timeout", "2", check=False)
+
+
+def key_volumes(service: dict[str, Any]) -> list[str]:
+    return [volume for volume in map(str, service["volumes"]) if "-keys" in volume]
 
 
 def test_the_file_is_valid_and_its_services_are_what_they_should_be(compose: list[str]) -> None:
     text = Stack(compose)("config")
     services = yaml.safe_load(text)["services"]
-    assert set(services) == {"plant", "viewer", *AGENTS}
+    assert set(services) == {"keys", "plant", "viewer", *AGENTS}
     for name, service in services.items():
+        assert "tls/" in service["environment"]["PHALANX_CONNECT"], name
+        assert len(key_volumes(service)) == 1 or name == "keys", "each has its own alone"
+        assert set(service.get("networks", [])) <= {"swarm", "page"}, name
         assert service["init"], name
         assert service["mem_limit"], name
-        assert service["healthcheck"]["test"], name
+        assert "healthcheck" in service or name == "keys", name
         published = [str(port) for port in service.get("ports", [])]
         assert all("127.0.0.1" in port for port in published), name
 

@@ -48,8 +48,10 @@ class Programs:
                        "--command-secret", "c")
         ]  # fmt: skip
 
-    def start(self, *arguments: str) -> subprocess.Popen[str]:
-        command = [sys.executable, "-m", "phalanx", *arguments, *SCENARIO, "--keys", str(self.keys)]
+    def start(self, program: str, *arguments: str) -> subprocess.Popen[str]:
+        own = self.keys / (arguments[0] if program == "agent" else program)
+        command = [sys.executable, "-m", "phalanx", program, *arguments]
+        command += [*SCENARIO, "--keys", str(own)]
         return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
     def start_agents(self) -> None:
@@ -58,7 +60,7 @@ class Programs:
     def membership(self, identity: str, keys: Path | None = None) -> Membership:
         """Of somebody who tries for a moment only."""
         folder = keys or self.keys
-        return Membership("r", self.endpoint, b"", identity, 1.5, folder)
+        return Membership("r", self.endpoint, b"", identity, 1.5, folder / identity)
 
     def summary(self) -> Summary:
         """Of the run, when all have ended."""
@@ -156,7 +158,7 @@ def test_only_the_operators_certificate_can_command(programs: Programs, identity
 
 def bare_config(programs: Programs) -> str:
     """A TLS client that trusts the authority and shows nothing."""
-    tls = {"root_ca_certificate": str(programs.keys / "ca.crt"), "enable_mtls": False}
+    tls = {"root_ca_certificate": str(programs.keys / "1" / "ca.crt"), "enable_mtls": False}
     connect = {"endpoints": [programs.endpoint], "timeout_ms": 1500}
     return msgspec.json.encode(
         {"mode": "client", "connect": connect, "transport": {"link": {"tls": tls}}}
