@@ -33,7 +33,8 @@ from phalanx.recording.read import read
 from phalanx.scenario.load import ScenarioError, load
 from phalanx.scenario.safety import Composition, Margin
 from phalanx.seeded.draws import Draws
-from phalanx.swarm.rows import SafetyRows, require_runnable
+from phalanx.swarm.rows import SafetyRows
+from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.information import Information
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
+from rich.table import Column, Table
 
 from phalanx.guarantee.verdict import Outcome, Summary, certified
 from phalanx.launcher.run import Run
@@ -26,34 +26,48 @@ _MOST_NAMES = 8
 
 @contextlib.contextmanager
 def progress(scenario: Scenario) -> Iterator[Callable[[Status], None]]:
-    """Show a progress bar while the block runs; gives the function to call with each status."""
+    """Show a progress bar from the first status on; gives the function to call with each.
+
+    It fits 80 columns: the bar takes what the texts leave.
+    """
     columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("t = {task.completed:.2f}/{task.total:g} s"),
-        TextColumn("{task.fields[factor]}"),
-        TextColumn("{task.fields[worst]}"),
-        TextColumn("{task.fields[backups]}"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        agents = sum(group.size for group in scenario.agents)
-        task = bar.add_task("starting", total=scenario.duration, factor="", worst="", backups="")
-
-        def show(status: Status) -> None:
-            if status.waiting_for:
-                bar.update(task, description=_waiting(status.waiting_for, agents))
-                return
-            bar.update(
-                task,
-                description=scenario.name,
-                completed=status.t,
-                factor=f"{status.real_time_factor:.1f}x real time",
-                worst="" if status.worst_h is None else f"worst h_tot {status.worst_h:.3g}",
-                backups=f"{status.backups} backups",
+        TextColumn("{task.description}", table_column=Column(no_wrap=True, overflow="ellipsis")),
+        BarColumn(bar_width=None, table_column=Column(ratio=1, min_width=4)),
+        *[
+            TextColumn(text, table_column=Column(no_wrap=True))
+            for text in (
+                "{task.completed:.2f}/{task.total:g} s",
+                "{task.fields[factor]}",
+                "{task.fields[worst]}",
+                "{task.fields[backups]}",
             )
+        ],
+        TimeRemainingColumn(table_column=Column(no_wrap=True)),
+    )
+    bar = Progress(*columns, console=Console(stderr=True), transient=True, expand=True)
+    agents = sum(group.size for group in scenario.agents)
+    task = bar.add_task("starting", total=scenario.duration, factor="", worst="", backups="")
 
+    def show(status: Status) -> None:
+        bar.start()
+        if status.waiting_for:
+            bar.update(task, description=_waiting(status.waiting_for, agents))
+            return
+        bar.update(
+            task,
+            description=scenario.name,
+            completed=status.t,
+            factor=f"{status.real_time_factor:.1f}x",
+            worst="" if status.worst_h is None else f"h_tot {status.worst_h:.3g}",
+            backups=f"{status.backups} backups",
+        )
+
+    try:
         yield show
+    finally:
+        # One that never began would leave an empty line above what is said instead.
+        if bar.live.is_started:
+            bar.stop()
 
 
 def _waiting(missing: Sequence[str], agents: int) -> str:

@@ -13,7 +13,8 @@ from phalanx.guarantee.gaps import gaps_in_the_proof, words_on_alpha
 from phalanx.guarantee.start import CertifiedStart, certified_start
 from phalanx.guarantee.workspace import boundary, drawn_states, states_inside, workspace
 from phalanx.scenario.model import Scenario
-from phalanx.swarm.rows import SafetyRows, require_runnable
+from phalanx.swarm.rows import SafetyRows
+from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.row import joint_sum

@@ -11,7 +11,7 @@ from phalanx.launcher.execute import execute
 from phalanx.launcher.run import Run
 from phalanx.scenario.load import load
 from phalanx.scenario.model import Scenario
-from phalanx.swarm.rows import require_runnable
+from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import build_swarm
 
 

@@ -7,6 +7,7 @@ from pydantic import Field, PrivateAttr, model_validator
 
 from phalanx.scenario.fields import (
     Finite,
+    InWords,
     Name,
     NonNegative,
     Positive,
@@ -15,8 +16,10 @@ from phalanx.scenario.fields import (
     built,
     misplaced,
 )
+from phalanx.theory.expressions.asked import MistakenMethodError, in_words
 from phalanx.theory.laws.law import Law
 from phalanx.theory.models.dynamics import Dynamics
+from phalanx.theory.models.sound import require_sound
 
 
 class Clock(Strict):
@@ -75,11 +78,11 @@ class AgentGroup(Strict):
     @model_validator(mode="after")
     def _resolve(self) -> Self:
         self._dynamics = built("dynamics", Dynamics, self.dynamics)
-        self._law = built("law", Law, self.law)
         try:
-            self._law.prepare(self._dynamics)
-        except ValueError as error:
-            raise misplaced(("law",), str(error), self.law) from error
+            require_sound(self._dynamics)
+        except MistakenMethodError as error:
+            raise misplaced(("dynamics",), error.expected, InWords(error.got)) from error
+        self._law = self.fresh_law()
         if bool(self.names) == (self.count is not None):
             got = "both" if self.names else "neither"
             raise misplaced((), "expected names, or a count and no names", got)
@@ -108,6 +111,18 @@ class AgentGroup(Strict):
     def dynamics_object(self) -> Dynamics:
         """The dynamics that the table describes."""
         return self._dynamics
+
+    def fresh_law(self) -> Law:
+        """The law that the table describes, built anew and prepared."""
+        law: Law = built("law", Law, self.law)
+        try:
+            law.prepare(self._dynamics)
+        except ValueError as error:
+            raise misplaced(("law",), str(error), self.law) from error
+        except Exception as error:  # of a user's own
+            message = f"{type(law).__name__}.prepare: expected no error"
+            raise misplaced(("law",), message, InWords(in_words(error))) from error
+        return law
 
     def law_object(self) -> Law:
         """The law that the table describes, prepared."""

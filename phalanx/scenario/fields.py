@@ -7,6 +7,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from phalanx.scenario.registry import construct
+from phalanx.theory.expressions.asked import in_words
 
 CONTROLLER = "controller"
 """The process that decides for all normal agents where safety.control is "centralised"."""
@@ -43,6 +44,14 @@ def number_or_table(value: Any) -> str:
     return NUMBER if isinstance(value, int | float | str | None) else TABLE
 
 
+class InWords(str):
+    """What a field got, where that is better said than shown."""
+
+    __slots__ = ()
+
+    __repr__ = str.__str__
+
+
 class Strict(BaseModel):
     """Unknown fields are errors; a scenario does not change once read."""
 
@@ -65,6 +74,9 @@ def built(field: str, kind: type, table: Table) -> Any:
         raise ValidationError.from_exception_data(field, lines) from error
     except ValueError as error:
         raise misplaced((field,), str(error), table.get("type")) from error
+    except Exception as error:  # of a user's own, while it is made
+        message = f"expected {table.get('type')} to be made of its fields"
+        raise misplaced((field,), message, InWords(in_words(error))) from error
 
 
 def misplaced(where: tuple[str | int, ...], message: str, value: Any) -> ValidationError:

@@ -64,7 +64,13 @@ def validate(table: Mapping[str, Any], source: str) -> Scenario:
     try:
         return Scenario.model_validate(table).resolved()
     except ValidationError as error:
-        problems = [_describe(e["loc"], e["msg"], e["input"], e["type"]) for e in error.errors()]
+        found = error.errors()
+        places = [e["loc"] for e in found]
+        problems = [
+            _describe(e["loc"], e["msg"], e["input"], e["type"])
+            for e in found
+            if not any(_is_below(place, e["loc"]) for place in places)
+        ]
         raise ScenarioError("\n".join(f"{source}: {p}" for p in problems)) from error
     except UntrustedCodeError as error:
         raise ScenarioError(f"{source}: {error}") from error
@@ -158,6 +164,11 @@ def _read(source: str) -> str:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise ScenarioError(f"{source}: cannot be read: {error}") from error
+
+
+def _is_below(place: tuple[int | str, ...], other: tuple[int | str, ...]) -> bool:
+    """Whether a problem is the reason of another: a list without its broken items is too short."""
+    return len(place) > len(other) and place[: len(other)] == other
 
 
 def _describe(location: tuple[int | str, ...], message: str, got: Any, kind: str) -> str:

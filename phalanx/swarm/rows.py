@@ -287,22 +287,6 @@ def build_rows(swarm: Swarm) -> SafetyRows:
         raise ScenarioError(f"{scenario.name}: {error}") from error
 
 
-def require_runnable(swarm: Swarm) -> SafetyRows:
-    """Build the rows of the first normal agent, as its process will.
-
-    Raises:
-        ScenarioError: the scenario's margin or composition cannot take its expressions.
-    """
-    rows, i, x = build_rows(swarm), swarm.normal[0], swarm.start()
-    try:
-        rows.terms(i)(x)
-        if rows.pairwise:
-            rows.pair_terms(i)(x)
-    except ValueError as error:
-        raise ScenarioError(f"{swarm.scenario.name}: safety: {error}") from error
-    return rows
-
-
 def _chain(swarm: Swarm, composed: ComposedSet) -> Chain:
     """The chain with the disturbance terms that the scenario's margin asks for."""
     safety = swarm.scenario.safety

@@ -134,9 +134,12 @@ class Swarm:
         unchanged = {l: clock.period - clock.jitter for l, clock in clocks.items()}
         return InformationModel(safety.information, unchanged, safety.silence)
 
-    def law(self, i: int) -> Law:
-        """Agent i's law. Raises ScenarioError if it does not fit the swarm."""
-        law = self.groups[i].law_object()
+    def law(self, i: int, fresh: bool = False) -> Law:
+        """Agent i's law; `fresh`: one that nobody else asks.
+
+        Raises ScenarioError if it does not fit the swarm.
+        """
+        law = self.groups[i].fresh_law() if fresh else self.groups[i].law_object()
         if not isinstance(law, TeamLaw):
             return law
         try:

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.theory.expressions.asked import ask_expression
 from phalanx.theory.expressions.mapped import MappedFunction
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.safety.composition import Member
@@ -110,9 +111,10 @@ def pair_kind(a: Member, b: Member | Obstacle, function: SafeSetFunction) -> Pai
     own, body = _body(a)
     if isinstance(b, Member):
         other, there = _body(b)
-        h = function.between(body, there)
-        return PairKind((a.dynamics, b.dynamics), (own, other), ca.SX(0, 1), ca.SX(h))
-    return PairKind((a.dynamics,), (own,), ca.SX(0, 1), ca.SX(function.to_obstacle(body, b)))
+        h = ask_expression(function, "between", [()], body, there, symbols=[own, other])
+        return PairKind((a.dynamics, b.dynamics), (own, other), ca.SX(0, 1), h)
+    h = ask_expression(function, "to_obstacle", [()], body, b, symbols=[own])
+    return PairKind((a.dynamics,), (own,), ca.SX(0, 1), h)
 
 
 def sphere_kind(a: Member, spheres: list[Sphere], function: SafeSetFunction) -> PairKind | None:

@@ -7,7 +7,8 @@ import pytest
 
 from phalanx.guarantee.check import check
 from phalanx.scenario.load import ScenarioError, load
-from phalanx.swarm.rows import build_rows, require_runnable
+from phalanx.swarm.rows import build_rows
+from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.models.dynamics import Dynamics
 
@@ -96,12 +97,6 @@ class Headless:
     def drift(self, x): ...
     def actuation(self, x): ...
     def input_polytope(self, x): ...
-
-
-@dataclass(frozen=True)
-class Faulty(Swimmer):
-    def position(self, x):
-        return x[7]
 
 
 @dataclass(frozen=True)
@@ -253,12 +248,6 @@ def test_a_broken_class_of_a_user_is_refused_with_its_field_and_cause(own, overr
     for fragment in fragments:
         assert fragment in str(error.value)
     assert str(error.value).startswith("own.toml: ")
-
-
-def test_an_expression_of_a_user_that_fails_is_a_scenario_error(own):
-    scenario = load("own.toml", ["agents.0.dynamics.type=swimming_user:Faulty"])
-    with pytest.raises(ScenarioError, match="own: the safe set cannot be built"):
-        build_swarm(scenario)
 
 
 @pytest.mark.parametrize(

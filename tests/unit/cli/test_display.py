@@ -1,0 +1,51 @@
+"""What a run looks like in a terminal of 80 columns."""
+
+import re
+from io import StringIO
+
+import pytest
+from rich.console import Console
+
+import phalanx
+from phalanx.cli import display
+from phalanx.wire.messages import Status
+
+_CONTROL = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]")
+
+
+@pytest.fixture
+def screen(monkeypatch):
+    text = StringIO()
+    console = Console(file=text, width=80, force_terminal=True)
+    monkeypatch.setattr(display, "Console", lambda stderr: console)
+    return text
+
+
+def lines(screen: StringIO) -> list[str]:
+    """What stood on the screen, line by line."""
+    return re.split(r"[\r\n]+", re.sub(r"\x1b\[2K|\x1b\[1A", "\n", screen.getvalue()))
+
+
+def test_the_progress_bar_fits_80_columns(screen):
+    longest = Status(t=138.25, real_time_factor=112.3, worst_h=-0.0001234, backups=12345)
+    with display.progress(phalanx.load("formation3d-distance")) as show:
+        show(longest)
+    (line,) = [_CONTROL.sub("", part) for part in lines(screen) if "backups" in part]
+    assert len(line) <= 80
+    for part in ("138.25/140 s", "112.3x", "h_tot -0.000123", "12345 backups"):
+        assert part in line
+
+
+def test_agents_that_are_waited_for_leave_the_line_whole(screen):
+    waiting = Status(waiting_for=tuple(f"agent-number-{n}" for n in range(12)))
+    with display.progress(phalanx.load("formation3d-distance")) as show:
+        show(waiting)
+    shown = [_CONTROL.sub("", part) for part in lines(screen) if "have joined" in part]
+    assert shown
+    assert all(len(line) <= 80 for line in shown)
+
+
+def test_what_is_refused_before_it_begins_shows_no_bar(screen):
+    with display.progress(phalanx.load("formation3d-distance")):
+        pass
+    assert screen.getvalue() == ""

@@ -1,0 +1,218 @@
+"""Mistakes in a user's own code: each is one line, and said before any process starts."""
+
+import sys
+import time
+
+import pytest
+
+from phalanx.cli.app import USAGE_ERROR, status
+
+MODULE = """
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from phalanx.theory.models.dynamics import box_polytope
+
+
+@dataclass(frozen=True)
+class Swimmer:
+    states = ("x", "y", "v")
+    inputs = ("a", "b")
+
+    def drift(self, x): return ca.vertcat(ca.sin(x[1]), x[2], 0)
+    def actuation(self, x): return ca.SX([[1, 0], [0, 1], [0, 0]])
+    def position(self, x): return x[:2]
+    def input_polytope(self, x): return box_polytope((1.0, 1.0))
+    def input_metric(self): return (1.0, 1.0)
+
+
+class TextStates(Swimmer): states = "xyv"
+class TwinStates(Swimmer): states = ("x", "y", "y")
+class NoInputs(Swimmer): inputs = ()
+
+class ShortDrift(Swimmer):
+    def drift(self, x): return ca.vertcat(x[1], x[2])
+
+class RowDrift(Swimmer):
+    def drift(self, x): return ca.horzcat(x[1], x[2], 0)
+
+class MathDrift(Swimmer):
+    def drift(self, x):
+        import math
+        return ca.vertcat(math.cos(x[1]), 0, 0)
+
+class ForeignDrift(Swimmer):
+    def drift(self, x): return ca.vertcat(ca.SX.sym("wind"), 0, 0)
+
+class SilentDrift(Swimmer):
+    def drift(self, x): x[1] + 1
+
+class SingularDrift(Swimmer):
+    def drift(self, x): return ca.vertcat(1 / x[2], 0, 0)
+
+class TransposedActuation(Swimmer):
+    def actuation(self, x): return ca.SX([[1, 0, 0], [0, 1, 0]])
+
+class FlatPosition(Swimmer):
+    def position(self, x): return x[0]
+
+class HalfPolytope(Swimmer):
+    def input_polytope(self, x): return ca.SX.eye(2)
+
+class NarrowPolytope(Swimmer):
+    def input_polytope(self, x): return ca.SX([[1], [-1]]), ca.SX([1, 1])
+
+class OpenPolytope(Swimmer):
+    def input_polytope(self, x): return ca.SX.eye(2), ca.SX([1, 1])
+
+class EmptyAtStart(Swimmer):
+    def input_polytope(self, x):
+        A, b = box_polytope((1.0, 1.0))
+        return A, b * (x[0] - 100)
+
+class ShortMetric(Swimmer):
+    def input_metric(self): return (1.0,)
+
+class ZeroMetric(Swimmer):
+    def input_metric(self): return (1.0, 0.0)
+
+class BackwardTravel(Swimmer):
+    def travel(self, x, time, disturbance): return -1.0
+
+class Unmakable(Swimmer):
+    def __post_init__(self): {}["wheel"]
+
+
+@dataclass(frozen=True)
+class Apart:
+    def between(self, a, b): return 1 - ca.sumsqr(a.p - b.p)
+    def to_obstacle(self, a, obstacle): return obstacle.intrusion(a.p)
+
+class Vector(Apart):
+    def between(self, a, b): return a.p - b.p
+
+class Arity(Apart):
+    def between(self, a): return 1.0
+
+class Infinite(Apart):
+    def between(self, a, b): return 1 / (a.x[2] + b.x[2])
+
+class Wordless(Apart):
+    def to_obstacle(self, a, obstacle): obstacle.intrusion(a.p)
+
+class Misspelt(Apart):
+    def to_obstacle(self, a, obstacle): return obstacle.intrusoin(a.p)
+
+
+@dataclass
+class Rest:
+    def prepare(self, dynamics): self.m = len(dynamics.inputs)
+    def input(self, view): return np.zeros(self.m)
+
+class Unprepared(Rest):
+    def prepare(self, dynamics): self.m = dynamics.wheels
+
+class Listed(Rest):
+    def input(self, view): return [0.0, 0.0]
+
+class Long(Rest):
+    def input(self, view): return np.zeros(3)
+
+class Undefined(Rest):
+    def input(self, view): return np.full(self.m, np.nan)
+
+class Missing(Rest):
+    def input(self, view): return view.x[17]
+"""
+
+SCENARIO = """
+name = "own"
+duration = 1.0
+
+[safety]
+function = { type = "mistaken:Apart" }
+rho = 5.0
+alpha = [1.0]
+eta = 0.1
+
+[[obstacles]]
+center = [9.0, 9.0]
+clearance = 1.0
+
+[[agents]]
+names = ["a", "b"]
+role = "normal"
+dynamics = { type = "mistaken:Swimmer" }
+law = { type = "mistaken:Rest" }
+clock = { period = 0.01 }
+start = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0]]
+"""
+
+DYNAMICS = {
+    "TextStates": "TextStates.states: expected a tuple of different names, got 'xyv'",
+    "TwinStates": "TwinStates.states: expected a tuple of different names, got ('x', 'y', 'y')",
+    "NoInputs": "NoInputs.inputs: expected a tuple of different names, got ()",
+    "ShortDrift": "ShortDrift.drift: expected shape (3,), got shape (2,)",
+    "RowDrift": "RowDrift.drift: expected shape (3,), got shape (1, 3)",
+    "MathDrift": "MathDrift.drift: expected finite numbers at the start x = (0, 0, 0), got (nan,",
+    "ForeignDrift": "drift: expected an expression of its arguments alone, got one of wind too",
+    "SilentDrift": "SilentDrift.drift: expected shape (3,), got None",
+    "SingularDrift": "SingularDrift.drift: expected finite numbers at the start x = (0, 0, 0), got "
+    "(inf, 0, 0)",
+    "TransposedActuation": "actuation: expected shape (3, 2), got shape (2, 3)",
+    "FlatPosition": "FlatPosition.position: expected shape (2,) or shape (3,), got shape (1,)",
+    "HalfPolytope": "input_polytope: expected A(x) of shape (r, 2) and b(x) of shape (r,), got SX",
+    "NarrowPolytope": "NarrowPolytope.input_polytope: expected shape (2, 2), got shape (2,)",
+    "OpenPolytope": "input_polytope: expected a compact set that is not empty, got {u : A u <= b}",
+    "EmptyAtStart": "EmptyAtStart.input_polytope: expected a compact set that is not empty at the "
+    "start x = (0, 0, 0), got no point",
+    "ShortMetric": "ShortMetric.input_metric: expected 2 weights above 0, got (1.0,)",
+    "ZeroMetric": "ZeroMetric.input_metric: expected 2 weights above 0, got (1.0, 0.0)",
+    "BackwardTravel": "BackwardTravel.travel: expected a distance [m], got -1.0",
+    "Unmakable": "expected mistaken:Unmakable to be made of its fields, got KeyError: 'wheel'",
+}
+FUNCTIONS = {
+    "Vector": "Vector.between: expected a scalar, got shape (2,)",
+    "Arity": "Arity.between: expected a scalar, got TypeError: ",
+    "Infinite": "Infinite.between: expected a finite h of a and b at the start, got inf",
+    "Wordless": "Wordless.to_obstacle: expected a scalar, got None",
+    "Misspelt": "Misspelt.to_obstacle: expected a scalar, got AttributeError: ",
+}
+LAWS = {
+    "Unprepared": "Unprepared.prepare: expected no error, got AttributeError: ",
+    "Listed": "Listed.input: expected an array of 2 finite numbers for agent a, got [0.0, 0.0]",
+    "Long": "Long.input: expected an array of 2 finite numbers for agent a, got shape (3,)",
+    "Undefined": "input: expected an array of 2 finite numbers for agent a, got (nan, nan)",
+    "Missing": "input: expected an array of 2 finite numbers for agent a, got KeyError: 17",
+}
+MISTAKES = [
+    *[("agents.0.dynamics.type", *mistake) for mistake in DYNAMICS.items()],
+    *[("safety.function.type", *mistake) for mistake in FUNCTIONS.items()],
+    *[("agents.0.law.type", *mistake) for mistake in LAWS.items()],
+]
+
+
+@pytest.fixture
+def own(tmp_path, monkeypatch):
+    (tmp_path / "mistaken.py").write_text(MODULE)
+    (tmp_path / "own.toml").write_text(SCENARIO)
+    monkeypatch.chdir(tmp_path)
+    yield tmp_path
+    sys.modules.pop("mistaken", None)
+
+
+@pytest.mark.parametrize(("field", "name", "line"), MISTAKES, ids=[m[1] for m in MISTAKES])
+def test_a_mistake_is_one_line_before_any_process_starts(own, capsys, field, name, line):
+    began = time.process_time()
+    assert status(["run", "own.toml", "--set", f"{field}=mistaken:{name}"]) == USAGE_ERROR
+    assert time.process_time() - began < 2.0
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 1
+    assert line in said[0]
+    assert not (own / "runs").exists()
+
+
+def test_without_a_mistake_it_runs(own):
+    assert status(["run", "own.toml", "--engine", "in-process", "--no-report"]) == 0
