@@ -7,6 +7,7 @@ its rule each operation that can jump has the condition under which it does not.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache, wraps
 from typing import NamedTuple
 
 import casadi as ca
@@ -27,6 +28,28 @@ def point(value: ca.SX | float) -> Interval:
     """The interval that holds one number."""
     number = ca.SX(value)
     return Interval(number, number)
+
+
+def _written_once(rule: Callable[..., Interval]) -> Callable[..., Interval]:
+    """A rule as a CasADi function, which writes its operations out faster than Python can."""
+
+    @cache
+    def function(points: tuple[bool, ...]) -> ca.Function:
+        a = [point(ca.SX.sym("a")) if p else Interval(*ca.SX.sym("a", 1, 1, 2)) for p in points]
+        return ca.Function("rule", _ends(a, points), [*rule(*a)])
+
+    @wraps(rule)
+    def write(*intervals: Interval) -> Interval:
+        points = tuple(map(_is_point, intervals))
+        return Interval(*function(points).call(_ends(intervals, points)))
+
+    return write
+
+
+def _ends(intervals: Sequence[Interval], points: Sequence[bool]) -> list[ca.SX]:
+    """Both ends of each interval, or the one number that it holds."""
+    each = zip(intervals, points, strict=True)
+    return [end for interval, is_point in each for end in interval[is_point:]]
 
 
 def extend(
@@ -98,6 +121,7 @@ def negate(a: Interval) -> Interval:
     return Interval(-a.hi, -a.lo)
 
 
+@_written_once
 def multiply(a: Interval, b: Interval) -> Interval:
     """a b; everything where zero meets infinity, whose product is not a number."""
     # Of a number both ends are one expression, and of the four products two are two others.
@@ -136,23 +160,27 @@ def subtract(a: Interval, b: Interval) -> Interval:
     return add(a, negate(b))
 
 
+@_written_once
 def _square(a: Interval) -> Interval:
     low, high = a.lo * a.lo, a.hi * a.hi
     crosses = ca.logic_and(a.lo <= 0, a.hi >= 0)
     return Interval(ca.if_else(crosses, 0, ca.fmin(low, high)), ca.fmax(low, high))
 
 
+@_written_once
 def _reciprocal(a: Interval) -> Interval:
     apart = ca.logic_or(a.lo > 0, a.hi < 0)
     return Interval(ca.if_else(apart, 1 / a.hi, -ca.inf), ca.if_else(apart, 1 / a.lo, ca.inf))
 
 
+@_written_once
 def _absolute(a: Interval) -> Interval:
     crosses = ca.logic_and(a.lo <= 0, a.hi >= 0)
     low, high = ca.fabs(a.lo), ca.fabs(a.hi)
     return Interval(ca.if_else(crosses, 0, ca.fmin(low, high)), ca.fmax(low, high))
 
 
+@_written_once
 def _cosine(a: Interval) -> Interval:
     def reaches(phase: float) -> ca.SX:
         """Whether phase + 2πk lies in a, for some whole k."""
@@ -239,6 +267,7 @@ def _equal(a: Interval, b: Interval) -> Interval:
     return _truth(ca.logic_and(d.lo == 0, d.hi == 0), _apart(d))
 
 
+@_written_once
 def _where(condition: Interval, value: Interval) -> Interval:
     """The value where the condition is true, else zero."""
     true = _true(condition)
@@ -249,6 +278,7 @@ def _where(condition: Interval, value: Interval) -> Interval:
     )
 
 
+@_written_once
 def _angle(y: Interval, x: Interval) -> Interval:
     """atan2; every angle where the box meets the cut, else extreme at corners, as angles are."""
     corners = ca.vertcat(*[ca.atan2(b, a) for b in y for a in x])
