@@ -15,9 +15,9 @@ from phalanx.profile.stopwatch import Stopwatch
 from phalanx.scenario.load import to_json
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire import session as wire
-from phalanx.wire.access import Subject, access_control
+from phalanx.wire.admission import admission
 from phalanx.wire.frames import Setup
-from phalanx.wire.keys import PLANT, VIEWER
+from phalanx.wire.keys import PLANT, ROUTER
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Actuation, Message, Sample, Telemetry
 from phalanx.wire.refusals import Refusals
@@ -35,9 +35,13 @@ class Hub:
     """Samples to agents and answers from them, each checked against what may come next."""
 
     def __init__(
-        self, swarm: Swarm, membership: Membership, check_stop: Callable[[], None]
+        self,
+        swarm: Swarm,
+        membership: Membership,
+        check_stop: Callable[[], None],
+        at_router: bool = False,
     ) -> None:
-        """Listen on the membership's endpoint.
+        """Listen on the membership's endpoint, or meet the others at the router that does.
 
         check_stop is called at every wait and may raise to end the run. Raises HubError.
         """
@@ -55,7 +59,7 @@ class Hub:
         }
         """By key expression, which agent sends what there."""
         self._arrivals = Arrivals(self._from, self.refusals)
-        self._session = wire.open_hub(membership.endpoint, _admission(swarm, membership))
+        self._session = _open(swarm, membership, at_router)
         self._sample_keys = [keys.sample(name) for name in self._names]
         self._samples = [wire.urgent_publisher(self._session, key) for key in self._sample_keys]
         self._status = wire.publisher(self._session, keys.status)
@@ -92,6 +96,9 @@ class Hub:
             waiting_for(missing)
             self._take_event(deadline, f"agent {', '.join(missing)} did not join")
         waiting_for(())
+        for publisher in self._samples:
+            # At a router a listener may be known later than its token is.
+            wire.wait_for_listener(publisher, self._timeout)
 
     def send_sample(self, i: int, sample: Sample) -> None:
         """Hand agent i its sample; one that is to die is not missed."""
@@ -177,14 +184,11 @@ class Hub:
             self._answers.on_telemetry(i, self._sealer.open(key, payload, Telemetry))
 
 
-def _admission(swarm: Swarm, membership: Membership) -> wire.Admission:
-    """The hub's: the scenario's programs and viewers, each in its own name."""
-    programs = swarm.scenario.programs()
-    passwords = {name: membership.password_of(name) for name in (VIEWER, *programs)}
-    heard = {swarm.names[j] for i in range(len(swarm.names)) for j in swarm.heard_by(i)}
-    subject: Subject = "cert_common_names" if membership.certificates else "usernames"
-    rules = access_control(membership.keys, programs, heard, subject)
-    return wire.Admission(passwords, rules, membership.certificates)
+def _open(swarm: Swarm, membership: Membership, at_router: bool) -> wire.Session:
+    if not at_router:
+        return wire.open_hub(membership.endpoint, admission(swarm, membership))
+    router = membership.keys.alive(ROUTER)
+    return wire.open_member(membership.endpoint, router, membership.timeout, membership.credentials)
 
 
 class Viewers:

@@ -30,21 +30,23 @@ def run(
     folder: Path,
     policy: CommandPolicy = NO_COMMANDS,
     profile: Path | None = None,
+    at_router: bool = False,
 ) -> int:
     """Run the plant to the end of the scenario.
 
     Args:
         rows: of the scenario.
-        membership: of the run; the plant listens on its endpoint.
+        membership: of the run; the plant listens on its endpoint, unless a router does.
         folder: where the recording and the summary go.
         policy: who may command the run, and which commands are scheduled.
         profile: folder in which to leave how the time was spent.
+        at_router: whether a router listens there.
 
     Returns:
         The exit status of the verdict.
 
     Raises:
-        HubError: the endpoint cannot be listened on.
+        HubError: the endpoint cannot be listened on, or no router is there.
         RecordingError: the recording cannot be begun.
     """
     stop = StopRequest()
@@ -52,7 +54,7 @@ def run(
     stopwatch = Stopwatch() if profile else None
     with (
         RecordingWriter(folder / RECORDING, scenario, membership.run) as recording,
-        Hub(rows.swarm, membership, stop.check) as hub,
+        Hub(rows.swarm, membership, stop.check, at_router) as hub,
     ):
         commands = CommandQueue(policy, rows.swarm.names, stop.check)
         if policy.secret:

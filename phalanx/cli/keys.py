@@ -40,9 +40,9 @@ def keys(
     """
     from phalanx.scenario.load import load
     from phalanx.wire.authority import make_certificates
-    from phalanx.wire.keys import OPERATOR, PLANT, VIEWER
+    from phalanx.wire.keys import OPERATOR, PLANT, ROUTER, VIEWER
 
-    names = [PLANT, VIEWER, OPERATOR, *load(scenario, overrides or ()).programs()]
+    names = [PLANT, ROUTER, VIEWER, OPERATOR, *load(scenario, overrides or ()).programs()]
     reached_as = ["localhost", "127.0.0.1", *(hosts or ())]
     try:
         make_certificates(folder, names, reached_as, datetime.timedelta(days=days))

@@ -1,4 +1,4 @@
-"""phalanx plant, phalanx agent: one program of a run, by itself, for containers and many hosts."""
+"""phalanx plant, agent, router: one program of a run, by itself, for containers and many hosts."""
 
 import sys
 from pathlib import Path
@@ -26,20 +26,27 @@ Endpoint = Annotated[
         "--connect", envvar="PHALANX_CONNECT", help="Zenoh endpoint of the plant or a router."
     ),
 ]
+Listen = Annotated[str, typer.Option(envvar="PHALANX_LISTEN", help="Zenoh endpoint to listen on.")]
 
 
 def register(app: typer.Typer) -> None:
     """Add the commands."""
     app.command(rich_help_panel="Programs of a run")(plant)
     app.command(rich_help_panel="Programs of a run")(agent)
+    app.command(rich_help_panel="Programs of a run")(router)
 
 
 def plant(
     scenario: ScenarioOption,
     run: RunId,
-    listen: Annotated[
-        str, typer.Option(envvar="PHALANX_LISTEN", help="Zenoh endpoint to listen on.")
-    ] = "tcp/127.0.0.1:7447",
+    listen: Listen = "tcp/127.0.0.1:7447",
+    connect: Annotated[
+        str | None,
+        typer.Option(
+            envvar="PHALANX_CONNECT",
+            help="Zenoh endpoint of a router to meet the agents at, in place of --listen.",
+        ),
+    ] = None,
     out: Annotated[
         Path, typer.Option(envvar="PHALANX_OUT", help="Folder for the recording and the summary.")
     ] = Path("."),
@@ -74,9 +81,10 @@ def plant(
     from phalanx.wire.membership import Membership
 
     policy = CommandPolicy(secret=command_secret.encode(), speed=speed)
-    certificates = certificates_for(keys, listen)
-    membership = Membership(run, listen, secret.encode(), PLANT, certificates=certificates)
-    options = {"folder": out, "policy": policy}
+    endpoint = connect or listen
+    certificates = certificates_for(keys, endpoint)
+    membership = Membership(run, endpoint, secret.encode(), PLANT, certificates=certificates)
+    options = {"folder": out, "policy": policy, "at_router": connect is not None}
     return _run_here("plant", _load(scenario, overrides, seed), membership, options)
 
 
@@ -107,6 +115,29 @@ def agent(
     certificates = certificates_for(keys, connect)
     membership = Membership(run, connect, secret.encode(), name, timeout, certificates)
     return _run_here("agent", resolved, membership, {})
+
+
+def router(
+    scenario: ScenarioOption,
+    run: RunId,
+    listen: Listen = "tcp/127.0.0.1:7447",
+    seed: Seed = None,
+    overrides: Overrides = None,
+    secret: Secret = "",
+    keys: KeysFolder = None,
+) -> int:
+    """Run a hub alone, for a plant that is started with --connect; Ctrl-C ends it.
+
+    It may be restarted in the middle of a run in real time.
+
+      phalanx router --scenario unicycles --run r1 --listen tcp/0.0.0.0:7447
+    """
+    from phalanx.wire.keys import ROUTER
+    from phalanx.wire.membership import Membership
+
+    certificates = certificates_for(keys, listen)
+    membership = Membership(run, listen, secret.encode(), ROUTER, certificates=certificates)
+    return _run_here("router", _load(scenario, overrides, seed), membership, {})
 
 
 def _load(source: str, overrides: list[str] | None, seed: int | None) -> "Scenario":

@@ -8,7 +8,7 @@ knows. Zenoh tells a denied sender nothing.
 from collections.abc import Container, Iterator, Mapping
 from typing import Any, Literal
 
-from phalanx.wire.keys import OPERATOR, PLANT, VIEWER, Keys
+from phalanx.wire.keys import OPERATOR, PLANT, ROUTER, VIEWER, Keys
 
 Subject = Literal["usernames", "cert_common_names"]
 """By what Zenoh knows a session: the name with its password, or that in its certificate."""
@@ -19,6 +19,7 @@ def access_control(
     agents: Mapping[str, tuple[str, ...]],
     heard: Container[str],
     subject: Subject = "usernames",
+    with_plant: bool = False,
 ) -> dict[str, Any]:
     """Zenoh's `access_control` of one run's hub.
 
@@ -27,11 +28,13 @@ def access_control(
         agents: the programs that decide for agents, each with the names of those.
         heard: those of them whose broadcasts count for somebody; the others may send none.
         subject: by what sessions are known.
+        with_plant: whether the plant comes in as the others do, and is not the hub itself.
     """
     # Passwords know no operator: there the command secret alone says who may command.
     may_command = {VIEWER: subject == "usernames", OPERATOR: True}
     programs = {name: _viewer(keys, may) for name, may in may_command.items()}
     programs |= {name: _agent(keys, own, heard) for name, own in agents.items()}
+    programs |= {PLANT: _plant(keys)} if with_plant else {}
     named = {
         name: {
             f"{name} {flow} {' '.join(messages)}": (flow, messages, on)
@@ -69,7 +72,17 @@ def _agent(keys: Keys, names: tuple[str, ...], heard: Container[str]) -> list[_R
     return [
         ("ingress", ("put",), tuple(own)),
         ("ingress", ("liveliness_token",), tuple(keys.alive(name) for name in names)),
-        *_listening(keys, seen, keys.alive(PLANT)),
+        *_listening(keys, seen, keys.alive(PLANT), keys.alive(ROUTER)),
+    ]
+
+
+def _plant(keys: Keys) -> list[_Rule]:
+    return [
+        ("ingress", ("put",), keys.from_plant),
+        ("ingress", ("liveliness_token",), (keys.alive(PLANT),)),
+        ("ingress", ("declare_queryable", "reply"), (keys.scenario,)),
+        ("egress", ("query",), (keys.scenario,)),
+        *_listening(keys, keys.to_plant, keys.alive("*")),
     ]
 
 
@@ -83,10 +96,10 @@ def _viewer(keys: Keys, may_command: bool) -> list[_Rule]:
     ]
 
 
-def _listening(keys: Keys, seen: tuple[str, ...], tokens: str) -> Iterator[_Rule]:
+def _listening(keys: Keys, seen: tuple[str, ...], *tokens: str) -> Iterator[_Rule]:
     yield "ingress", ("declare_subscriber",), seen
     yield "egress", ("put",), seen
-    yield "ingress", ("declare_liveliness_subscriber", "liveliness_query"), (tokens,)
-    yield "egress", ("liveliness_token",), (tokens,)
+    yield "ingress", ("declare_liveliness_subscriber", "liveliness_query"), tokens
+    yield "egress", ("liveliness_token",), tokens
     # Without it a publisher believes that nobody listens, and sends nothing, silently.
     yield "egress", ("declare_subscriber",), (keys.everything,)

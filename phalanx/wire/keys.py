@@ -11,8 +11,15 @@ VIEWER = "viewer"
 """Whoever looks at a run without taking part; scenarios cannot use the name."""
 OPERATOR = "operator"
 """A viewer that may command, where certificates say who is who; scenarios cannot use the name."""
+ROUTER = "router"
+"""The program that all others meet in where the plant is not it; scenarios cannot use the name."""
 EVERYBODY = ""
 """The name of no program: of what all of a run have."""
+
+NOT_URGENT = tuple(
+    f"phalanx/*/{kind}/**" for kind in ("actuation", "broadcast", "telemetry", "command")
+)
+"""What members of any run may put."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +75,16 @@ class Keys:
     def verdict(self) -> str:
         """Plant to everyone: the end of the run."""
         return self._key("verdict")
+
+    @property
+    def from_plant(self) -> tuple[str, ...]:
+        """Whatever the plant puts."""
+        return self.sample("*"), self.status, self.frames, self.verdict
+
+    @property
+    def to_plant(self) -> tuple[str, ...]:
+        """Whatever is put for the plant."""
+        return self.actuation("*"), self.telemetry("*"), self.command
 
     @property
     def everything(self) -> str:

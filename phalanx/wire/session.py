@@ -1,4 +1,4 @@
-"""Zenoh sessions: the plant's is the hub (a router), every other program is its client."""
+"""Zenoh sessions: one is the hub, the plant's own or a router's; all others are its clients."""
 
 import contextlib
 import json
@@ -15,6 +15,7 @@ from typing import Any
 import zenoh
 
 from phalanx.wire.certificates import tls
+from phalanx.wire.keys import NOT_URGENT
 from phalanx.wire.messages import MAX_BYTES
 
 # Three threads instead of seven in a client, and a third less latency. Never in the hub: what
@@ -63,7 +64,7 @@ class Admission:
     access_control: Mapping[str, Any]
     """As phalanx.wire.access makes it."""
     certificates: Path | None = None
-    """The folder of the plant's certificate; whoever has one of the same authority is let in, and
+    """The folder of the hub's certificate; whoever has one of the same authority is let in, and
     no password is asked for."""
 
 
@@ -107,12 +108,8 @@ def open_hub(endpoint: str, admission: Admission | None = None) -> zenoh.Session
         "max_sessions": 10_000,
     }
     # Samples go before all else: what an agent floods a peer with must not stand before them.
-    behind = {"priority": "data"}
-    config["qos"] = {
-        "network": [
-            {"flows": ["ingress"], "messages": ["put"], "key_exprs": ["**"], "overwrite": behind}
-        ]
-    }
+    behind = {"flows": ["ingress"], "messages": ["put"], "overwrite": {"priority": "data"}}
+    config["qos"] = {"network": [{**behind, "key_exprs": list(NOT_URGENT)}]}
     with contextlib.ExitStack() as stack:
         if admission is not None:
             config["access_control"] = dict(admission.access_control)
@@ -221,7 +218,7 @@ def publisher(
 
 
 def urgent_publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
-    """A publisher whose messages overtake others on their way; only the hub's session has any."""
+    """A publisher whose messages overtake others on their way: the hub allows the plant alone."""
     return publisher(session, key, zenoh.Priority.INTERACTIVE_HIGH)
 
 
@@ -276,6 +273,9 @@ def wait_for_listener(
 
     Raises HubError if nobody does within `timeout` seconds, or `over` before.
     """
+    matching: bool = publisher.matching_status.matching  # type: ignore[attr-defined]
+    if matching:
+        return
     listener = threading.Event()
 
     def on_match(status: zenoh.MatchingStatus) -> None:
@@ -283,9 +283,8 @@ def wait_for_listener(
             listener.set()
 
     publisher.declare_matching_listener(zenoh.handlers.Callback(on_match, indirect=False))
-    matching: bool = publisher.matching_status.matching  # type: ignore[attr-defined]
     deadline = time.monotonic() + timeout
-    while not matching and not listener.wait(_GLANCE):
+    while not publisher.matching_status.matching and not listener.wait(_GLANCE):  # type: ignore[attr-defined]
         if over() or time.monotonic() > deadline:
             raise HubError(f"nobody listens to {publisher.key_expr} after {timeout:g} s")
 

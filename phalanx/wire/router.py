@@ -1,0 +1,37 @@
+"""The router: a hub that is nobody's but its own, so that it may die and come back in a run."""
+
+import logging
+import signal
+import threading
+
+from phalanx.swarm.rows import SafetyRows
+from phalanx.wire import session as wire
+from phalanx.wire.admission import admission
+from phalanx.wire.keys import ROUTER
+from phalanx.wire.membership import Membership
+
+log = logging.getLogger("phalanx.router")
+
+
+def run(rows: SafetyRows, membership: Membership) -> int:
+    """Pass on what the programs of a run tell one another, until SIGTERM or Ctrl-C.
+
+    Args:
+        rows: of the scenario, which says who may come in.
+        membership: of the run, with its secret or certificates; the router listens on its endpoint.
+
+    Returns:
+        Exit status 0.
+
+    Raises:
+        HubError: the endpoint cannot be listened on.
+    """
+    over = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: over.set())
+    with wire.open_hub(membership.endpoint, admission(rows.swarm, membership)) as session:
+        # Who sees it knows that the hub may come back after it was lost.
+        _token = wire.announce(session, membership.keys.alive(ROUTER, "-"))
+        log.info("run %s meets at %s", membership.run, membership.endpoint)
+        over.wait()
+    return 0

@@ -1,0 +1,64 @@
+"""A hub of its own: the plant meets the agents there, and may do there what it needs alone."""
+
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from phalanx.launcher.execute import execute
+from phalanx.scenario.load import load
+from phalanx.wire.keys import PLANT
+from phalanx.wire.membership import Membership
+from phalanx.wire.session import open_client
+from tests.process.runs import wait_for
+from tests.process.swarm.programs import Programs
+
+pytestmark = pytest.mark.swarm
+
+
+@pytest.fixture
+def started(tmp_path: Path):
+    running: list[Programs] = []
+
+    def start(agents: int, *scenario: str) -> Programs:
+        running.append(Programs(tmp_path, agents, *scenario))
+        return running[-1]
+
+    yield start
+    for programs in running:
+        programs.end()
+
+
+def test_a_run_at_a_router_is_the_run_without_one(started, tmp_path: Path) -> None:
+    programs = started(2, "one-on-one", "--set", "duration=0.3")
+    programs.start_members()
+    scenario = load("one-on-one", ["duration=0.3"])
+    (folder := tmp_path / "in-process").mkdir()
+    alone = execute(scenario, folder, engine="in-process")
+    assert programs.summary().trajectory == alone.trajectory
+
+
+@pytest.mark.parametrize(("identity", "heard"), [(PLANT, True), ("2", False)])
+def test_only_the_plant_may_hand_out_samples(started, identity: str, heard: bool) -> None:
+    programs = started(0, "unicycles")
+    agent = Membership("r", programs.endpoint, b"s", "1")
+    key, came = agent.keys.sample("1"), []
+    own = agent.keys.broadcast("2", "1")
+    one_self = Membership("r", programs.endpoint, b"s", identity)
+    with (
+        open_client(agent.endpoint, 60.0, agent.credentials) as listening,
+        open_client(agent.endpoint, 60.0, one_self.credentials) as putting,
+    ):
+        handler = zenoh.handlers.Callback(lambda m: came.append(str(m.key_expr)), indirect=False)
+        listening.declare_subscriber(key, handler)
+        listening.declare_subscriber(own, handler)
+
+        def put_and_see() -> bool:
+            for each in (key, own):
+                putting.put(each, b"payload", congestion_control=zenoh.CongestionControl.BLOCK)
+            return (key if heard else own) in came
+
+        # One comes through, so the other was refused and not late: they are in order.
+        wait_for(put_and_see)
+    assert (key in came) is heard
+    assert (own in came) is not heard
