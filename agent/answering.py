@@ -27,14 +27,11 @@ class SampleAnswering:
         sealer: Sealer,
         send: Callable[[Answer], None],
         give_up: Callable[[], None],
-        owns_process: bool,
     ) -> None:
-        """owns_process: whether this process is the agent, and dies with it when ordered to."""
         self.error: Exception | None = None
         """What ended the answering, if a control step did."""
         self._step, self._sealer = step, sealer
         self._send, self._give_up = send, give_up
-        self._owns_process = owns_process
         self._refusals = Refusals(log)
         self._pending: Sample | None = None
 
@@ -52,10 +49,8 @@ class SampleAnswering:
             self._drop(key, reason)
             return
         if sample.orders and sample.orders.die:
-            if self._owns_process:
-                # A crash as it would be: no clean-up, no goodbye.
-                os.kill(os.getpid(), signal.SIGKILL)
-            return
+            # A crash as it would be: no clean-up, no goodbye.
+            os.kill(os.getpid(), signal.SIGKILL)
         self._pending = sample
         self._answer_if_complete()
 

@@ -44,7 +44,7 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
     ) as session:
         senders = [_Sender(session, keys, sealer, step) for step in steps]
         answerings = [
-            SampleAnswering(step, sealer, sender, over.set, owns_process=len(steps) == 1)
+            SampleAnswering(step, sealer, sender, over.set)
             for step, sender in zip(steps, senders, strict=True)
         ]
         for step, answering in zip(steps, answerings, strict=True):

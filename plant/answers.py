@@ -37,6 +37,10 @@ class Answers:
         """The number of the sample that agent i has to answer; -1 before the first."""
         return self._samples[i].k if i in self._samples else -1
 
+    def complete(self, i: int) -> bool:
+        """Whether agent i has answered its newest sample, and reported on it."""
+        return self._answered[i] == self._reported[i] == self.expected(i)
+
     def take_actuation(self, i: int) -> Actuation | None:
         """Agent i's input for its newest sample, if it has come."""
         return self._actuations.pop(i, None)

@@ -76,7 +76,7 @@ class CommandQueue:
                 idle()
                 continue
             self._set_pace(command, now)
-            taken.append(msgspec.structs.replace(command, t=t))
+            taken.append(msgspec.structs.replace(command, t=t, fault=-1))
 
     def _wait(self, t: float) -> float:
         """How long to wait before the event at t [s of wall time]."""

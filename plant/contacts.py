@@ -45,6 +45,11 @@ class Contacts:
         since, latest_of = zip(*found, strict=True)
         return since, latest_of
 
+    def forget(self, i: int) -> tuple[int, ...]:
+        """All that agent i has received is lost. Returns of whom it had received something."""
+        forgotten, self._first[i] = self._first[i], {}
+        return tuple(sorted(forgotten))
+
     def sampled(self, i: int, k: int, t: float, sight: Sight) -> None:
         """Agent i takes sample k at t [s]: its broadcast k will go to those who hear it."""
         seen = set(sight.seen)

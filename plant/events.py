@@ -31,10 +31,13 @@ class Sampled(NamedTuple):
 
 
 class CommandObeyed(NamedTuple):
-    """A command took effect; `silenced` is the agent that neither samples nor answers after it."""
+    """A command was obeyed."""
 
     command: Command
-    silenced: int | None
+    changed: int | None
+    """The agent whose condition it changed, if it did."""
+    forgotten: tuple[int, ...] = ()
+    """Agents whose inputs it had received, and does not know any more."""
 
 
 class InputApplied(NamedTuple):

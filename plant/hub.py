@@ -19,7 +19,7 @@ from phalanx.wire.admission import admission
 from phalanx.wire.frames import Setup
 from phalanx.wire.keys import PLANT, ROUTER
 from phalanx.wire.membership import Membership
-from phalanx.wire.messages import Actuation, Message, Sample, Telemetry
+from phalanx.wire.messages import Actuation, Message, Sample, Status, Telemetry
 from phalanx.wire.refusals import Refusals
 from phalanx.wire.seal import Malformed, Sealer
 
@@ -52,6 +52,9 @@ class Hub:
         self._keys, self._sealer = membership.keys, membership.sealer
         self._names, self._scenario = swarm.names, swarm.scenario
         self._joining, self._answers = Joining(swarm), Answers(swarm)
+        programs = swarm.scenario.programs().values()
+        self._alone = {swarm.names.index(who[0]) for who in programs if len(who) == 1}
+        """The agents that have a process of their own."""
         keys = self._keys
         of_agents = ((Actuation, keys.actuation), (Telemetry, keys.telemetry))
         self._from = {
@@ -101,12 +104,33 @@ class Hub:
             wire.wait_for_listener(publisher, self._timeout)
 
     def send_sample(self, i: int, sample: Sample) -> None:
-        """Hand agent i its sample; one that is to die is not missed."""
-        if sample.orders and sample.orders.die:
+        """Hand agent i its sample."""
+        self._answers.expect(i, sample)
+        self._put_sample(i, sample)
+
+    def kill(self, i: int, order: Sample) -> None:
+        """Have agent i's process die of this order, once it has said all that it had to say.
+
+        One that decides for others too lives on. Raises SwarmBrokenError as await_actuation.
+        """
+        self._await(i, lambda: self._answers.complete(i) or None, "did not report on")
+        if i in self._alone:
             self._joining.dismiss(self._names[i])
-        else:
-            self._answers.expect(i, sample)
-        self._samples[i].put(self._sealer.seal(self._sample_keys[i], sample))
+            self._put_sample(i, order)
+
+    def restart(self, i: int, t: float) -> None:
+        """Ask for another process in the dead agent i's place at t [s], and wait until it is there.
+
+        Raises SwarmBrokenError: it does not come, or runs another scenario.
+        """
+        if i not in self._alone:
+            return
+        name, deadline = self._names[i], time.monotonic() + self._timeout
+        while self._joining.has(name):
+            self._take_event(deadline, f"agent {name} did not die")
+        while not self._joining.has(name):
+            self.publish_status(Status(t=t, waiting_for=(name,), restart=True))
+            self._take_event(deadline, f"agent {name} did not join again")
 
     def await_actuation(self, i: int) -> Actuation:
         """What agent i's actuator gets for its last sample.
@@ -145,6 +169,9 @@ class Hub:
     def publish_verdict(self, message: Message) -> None:
         """Tell whoever watches how the run ended."""
         self._put(self._verdict, message)
+
+    def _put_sample(self, i: int, sample: Sample) -> None:
+        self._samples[i].put(self._sealer.seal(self._sample_keys[i], sample))
 
     def _put(self, publisher: wire.Publisher, message: Message) -> None:
         publisher.put(self._sealer.seal(str(publisher.key_expr), message))

@@ -19,8 +19,12 @@ class Joining:
         """Agents that have not joined yet."""
         return tuple(name for name in self._names if name not in self._joined)
 
+    def has(self, name: str) -> bool:
+        """Whether an agent is there."""
+        return name in self._joined
+
     def dismiss(self, name: str) -> None:
-        """An agent that was told to die is not missed."""
+        """An agent that was told to die is not missed, and another process may take its place."""
         self._dismissed.add(name)
 
     def on_token(self, key: str, alive: bool) -> str | None:
@@ -29,8 +33,10 @@ class Joining:
         if name not in self._names:
             return None
         if name in self._joined:
-            gone = not alive and found == self.digest and name not in self._dismissed
-            return f"agent {name} died: see its log" if gone else None
+            if alive or found != self.digest:
+                return None
+            self._joined.remove(name)
+            return None if name in self._dismissed else f"agent {name} died: see its log"
         if alive and found != self.digest:
             return (
                 f"agent {name} runs another scenario, seed or version (digest {found}, here "
@@ -38,4 +44,5 @@ class Joining:
             )
         if alive:
             self._joined.add(name)
+            self._dismissed.discard(name)
         return None

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind
-from phalanx.faults.state import Condition, FaultState, Orders
+from phalanx.faults.state import FaultState, Orders
 from phalanx.plant.commands import CommandQueue
 from phalanx.plant.contacts import Contacts
 from phalanx.plant.events import (
@@ -55,6 +55,12 @@ class Agents(Protocol):
 
     def take_actuation(self, i: int) -> Actuation | None:
         """The same, if it is there."""
+
+    def kill(self, i: int, order: Sample) -> None:
+        """Have agent i's process die of this order, once it has said all that it had to say."""
+
+    def restart(self, i: int, t: float) -> None:
+        """Have another process take the dead agent i's place at t [s]; returns when it is there."""
 
 
 class Witness(Protocol):
@@ -170,30 +176,32 @@ class Lockstep:
     def _obey(self, command: Command) -> CommandObeyed:
         """Let a command take effect."""
         i = self._faults.obey(command)
-        silenced = i if i is not None and self._faults.silent(i) else None
-        if silenced is not None:
-            self._schedule.silence(silenced)
-            if command.kind == CommandKind.KILL and not self._schedule.awaits(silenced):
-                self._kill(silenced)
-        elif i is not None and command.kind == CommandKind.THAW:
+        forgotten: tuple[int, ...] = ()
+        if i is None:
+            return CommandObeyed(command, i)
+        if self._faults.silent(i):
+            self._schedule.silence(i)
+        if command.kind == CommandKind.KILL:
+            self._agents.kill(i, self._order_to_die(i))
+            forgotten = self._contacts.forget(i)
+        if command.kind == CommandKind.RESTART:
+            self._agents.restart(i, command.t)
+        if command.kind in (CommandKind.RESTART, CommandKind.THAW):
             self._schedule.resume(i, command.t)
-        return CommandObeyed(command, silenced)
+        return CommandObeyed(command, i, forgotten)
 
-    def _kill(self, i: int) -> None:
-        """Tell agent i to die; the order travels in a sample that it does not answer."""
+    def _order_to_die(self, i: int) -> Sample:
+        """The order travels in a sample, which is not answered."""
         itself = (i,)
-        self._agents.send_sample(
-            i,
-            Sample(
-                k=self._schedule.next_number(i),
-                t=self._now,
-                seen=itself,
-                x=self._states.packed(self.world.x, itself),
-                since=(-1,),
-                latest=(-1,),
-                hearers=(),
-                orders=Orders(die=True),
-            ),
+        return Sample(
+            k=self._schedule.next_number(i),
+            t=self._now,
+            seen=itself,
+            x=self._states.packed(self.world.x, itself),
+            since=(-1,),
+            latest=(-1,),
+            hearers=(),
+            orders=Orders(die=True),
         )
 
     def _sample(self, t: float) -> dict[int, tuple[Sight, bytes]]:
@@ -201,13 +209,14 @@ class Lockstep:
         due = self._schedule.sampling_at(t)
         x = self._state_at(t, due)
         handed_out = {}
-        for i, sight in zip(due, self._sensing.sights(x, due), strict=True):
+        for i, whole in zip(due, self._sensing.sights(x, due), strict=True):
+            sight = self._present(whole)
             since, latest = self._contacts.existing(i, t, sight.seen)
             k = self._schedule.sampled(i, t)
             self._contacts.sampled(i, k, t, sight)
             self._newest[i] = _Awaited(i, k, t, self._schedule.loses_input(i))
             packed = self._states.packed(x, sight.seen)
-            handed_out[i] = sight, packed
+            handed_out[i] = whole, packed
             self._agents.send_sample(
                 i,
                 Sample(
@@ -222,6 +231,11 @@ class Lockstep:
                 ),
             )
         return handed_out
+
+    def _present(self, sight: Sight) -> Sight:
+        """With those left out who are dead or stand still: they hear nothing."""
+        silent = self._faults.silent
+        return sight._replace(hearers=tuple(l for l in sight.hearers if not silent(l)))
 
     def _state_at(self, t: float, due: list[int]) -> Array:
         """The stacked state at t [s], of which is known at least what those due can see."""
@@ -276,8 +290,6 @@ class Lockstep:
             else:
                 self.world.apply(i, np.array(message.u))
                 self._happened.append(InputApplied(i, k, sampled, moment.t, message.u))
-            if self._faults.condition[i] == Condition.DEAD:
-                self._kill(i)
         self._moments.popleft()
         return True
 

@@ -74,10 +74,6 @@ class Schedule:
             self._next_sample[i] = self._clocks[i].after(self._tick[i], self._next_sample[i])
             self._tick[i] += 1
 
-    def awaits(self, i: int) -> bool:
-        """Whether an input of agent i is on its way to its actuator."""
-        return i in self._due
-
     def silence(self, i: int) -> None:
         """Agent i samples no more."""
         self._next_sample[i] = math.inf

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from phalanx.faults.commands import described
+from phalanx.faults.commands import STRIKES, CommandKind, described
 from phalanx.plant.along import TruthAlong
 from phalanx.plant.events import (
     CommandObeyed,
@@ -59,6 +59,8 @@ class RunScribe:
         self._telemetry, self._publish_status = telemetry, publish_status
         self.trajectory = TrajectoryHash()
         self._rejected = [0 for _ in names]
+        self._rejected_before = [0 for _ in names]
+        """By those processes whose place another has taken."""
         self.faults: Counter[int] = Counter()
         """Messages on which each declared fault had an effect."""
         self._backed_up: set[int] = set()
@@ -75,8 +77,8 @@ class RunScribe:
     @property
     def rejected_by_agents(self) -> dict[str, int]:
         """Payloads that agents dropped, by agent; agents that dropped none are left out."""
-        counts = zip(self._names, self._rejected, strict=True)
-        return {f"by agent {name}": n for name, n in counts if n}
+        counts = zip(self._names, self._rejected, self._rejected_before, strict=True)
+        return {f"by agent {name}": now + before for name, now, before in counts if now + before}
 
     def witness(self, event: Event) -> None:
         """Take the next event. Raises RecordingError."""
@@ -128,9 +130,18 @@ class RunScribe:
     def _on_command(self, event: CommandObeyed) -> None:
         command = event.command
         self._recording.write(command)
-        self._say(command.t, described(command))
-        if event.silenced is not None:
-            self._judge.fell_silent(event.silenced, command.t)
+        of = ", ".join(self._names[j] for j in event.forgotten)
+        lost = f"; lost with it: the inputs received of {of}" if of else ""
+        self._say(command.t, described(command) + lost)
+        if event.changed is None:
+            return
+        if command.fault >= 0 and command.kind in STRIKES:
+            self.faults[command.fault] += 1
+        if command.kind in (CommandKind.KILL, CommandKind.FREEZE):
+            self._judge.fell_silent(event.changed, command.t)
+        if command.kind == CommandKind.RESTART:
+            self._rejected_before[event.changed] += self._rejected[event.changed]
+            self._rejected[event.changed] = 0
 
     def _on_input(self, event: InputApplied) -> None:
         i, name = event.i, self._names[event.i]

@@ -22,6 +22,8 @@ class CommandKind(StrEnum):
     """Every agent-to-agent link takes `value` seconds."""
     KILL = "kill"
     """`agent`'s process dies; its actuator holds the last input."""
+    RESTART = "restart"
+    """Another process takes the place of the dead `agent`, knows nothing, and samples at once."""
     FREEZE = "freeze"
     """`agent` neither samples nor answers; its actuator holds the last input."""
     THAW = "thaw"
@@ -39,6 +41,8 @@ class Command(msgspec.Struct, frozen=True):
     """One of CommandKind; a text here, so that what a stranger sends can be refused in words."""
     agent: str = ""
     value: float = 0.0
+    fault: int = -1
+    """Which of the scenario's declared faults it is, by number; -1: by hand."""
 
     @property
     def changes_trajectory(self) -> bool:
@@ -46,7 +50,9 @@ class Command(msgspec.Struct, frozen=True):
         return self.kind in ON_AGENTS | ON_LINKS
 
 
-ON_AGENTS = frozenset({CommandKind.KILL, CommandKind.FREEZE, CommandKind.THAW, CommandKind.TURN})
+STRIKES = frozenset({CommandKind.KILL, CommandKind.FREEZE, CommandKind.TURN})
+"""Those that make an agent fail; the others on agents end that."""
+ON_AGENTS = STRIKES | {CommandKind.RESTART, CommandKind.THAW}
 ON_LINKS = frozenset({CommandKind.LOSS, CommandKind.DELAY})
 
 
@@ -55,7 +61,7 @@ class CommandPolicy:
     """Who may command a run, and which commands are scheduled. By default nobody, and none."""
 
     schedule: tuple[Command, ...] = ()
-    """Commands at their virtual times: those of a recording make the same run again."""
+    """Commands at their virtual times: those by hand of a recording make the same run again."""
     secret: bytes = field(default=b"", repr=False)
     """Who has it may command the run; empty: nobody may."""
     speed: float = 0.0
@@ -91,6 +97,8 @@ def described(command: Command) -> str:
             return f"step by {command.value:g} s"
         case CommandKind.KILL:
             return f"agent {command.agent} killed"
+        case CommandKind.RESTART:
+            return f"agent {command.agent} restarted, with nothing received"
         case CommandKind.FREEZE:
             return f"agent {command.agent} frozen"
         case CommandKind.THAW:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import msgspec
 
-from phalanx.faults.commands import Command, CommandKind
+from phalanx.faults.commands import ON_AGENTS, Command, CommandKind
 
 
 class Condition(StrEnum):
@@ -33,6 +33,7 @@ class Orders(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
 
 _LEADS_ON_FROM: dict[str, set[Condition]] = {
     CommandKind.KILL: {Condition.FINE, Condition.TURNED, Condition.FROZEN},
+    CommandKind.RESTART: {Condition.DEAD},
     CommandKind.FREEZE: {Condition.FINE, Condition.TURNED},
     CommandKind.THAW: {Condition.FROZEN},
     CommandKind.TURN: {Condition.FINE},
@@ -62,8 +63,8 @@ class FaultState:
                 self.loss = command.value
             case CommandKind.DELAY:
                 self.delay = command.value
-            case CommandKind.KILL | CommandKind.FREEZE | CommandKind.THAW | CommandKind.TURN:
-                return self._change(self._names.index(command.agent), command.kind)
+            case kind if kind in ON_AGENTS:
+                return self._change(self._names.index(command.agent), kind)
         return None
 
     def _change(self, i: int, kind: str) -> int | None:
@@ -74,9 +75,7 @@ class FaultState:
         self.condition[i] = {
             CommandKind.KILL: Condition.DEAD,
             CommandKind.FREEZE: Condition.FROZEN,
-            CommandKind.TURN: Condition.TURNED,
-            CommandKind.THAW: Condition.TURNED if i in self._turned else Condition.FINE,
-        }[CommandKind(kind)]
+        }.get(CommandKind(kind), Condition.TURNED if i in self._turned else Condition.FINE)
         return i
 
     def orders(self, i: int) -> Orders | None:

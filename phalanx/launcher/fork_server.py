@@ -49,7 +49,7 @@ def serve(
     membership: Membership,
     programs: Sequence[Program],
     logs: Path,
-    reports: Connection,
+    launcher: Connection,
 ) -> None:
     """Fork every program, and report on each until all have ended; on SIGTERM kill them.
 
@@ -58,7 +58,8 @@ def serve(
         membership: of the run.
         programs: in the order in which they are to start.
         logs: folder of the logs.
-        reports: takes a Report when a program was started, and when it has ended.
+        launcher: takes a Report when a program was started, and when it has ended; whose identity
+            comes from there is started again.
     """
     show_as("phalanx-forks")
     redirect_output(logs / LOG)
@@ -68,30 +69,45 @@ def serve(
     # What programs inherit stays shared as long as nobody writes to it, as a collector would.
     gc.collect()
     gc.freeze()
-    running: dict[int, str] = {}
+    running: dict[int, Report] = {}
+    """By a file descriptor of the process."""
+
+    def start(program: Program) -> None:
+        # Until the child is known here it must not be missed, and it must not take what is
+        # meant for this process.
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
+        if not (pid := os.fork()):
+            _become(program, rows, membership, logs)
+        started = running[os.pidfd_open(pid)] = Report(program.identity, pid)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
+        launcher.send(started)
+
     parent = multiprocessing.parent_process()
     assert parent is not None
-    launcher = parent.sentinel
     try:
         signal.signal(signal.SIGTERM, _stop)
         for program in programs:
-            if multiprocessing.connection.wait([launcher], timeout=0.0):
+            if multiprocessing.connection.wait([parent.sentinel], timeout=0.0):
                 break  # it died while the theory was built: nobody waits for the run
-            # Until the child is known here it must not be missed, and it must not take what is
-            # meant for this process.
-            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
-            if not (pid := os.fork()):
-                _become(program, rows, membership, logs)
-            running[pid] = program.identity
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
-            reports.send(Report(program.identity, pid))
+            start(program)
         while running:
-            pid, status = os.wait()
-            reports.send(Report(running.pop(pid), pid, os.waitstatus_to_exitcode(status)))
-    except (_StopError, BrokenPipeError) as ended:
+            for ready in multiprocessing.connection.wait([launcher, *running]):
+                if isinstance(ready, int):
+                    launcher.send(_ended(running.pop(ready)))
+                    os.close(ready)
+                else:
+                    identity = launcher.recv()
+                    start(next(p for p in programs if p.identity == identity))
+    except (_StopError, BrokenPipeError, EOFError) as ended:
         if isinstance(ended, _StopError):
-            for pid in running:
-                os.kill(pid, signal.SIGKILL)
+            for report in running.values():
+                os.kill(report.pid, signal.SIGKILL)
+
+
+def _ended(report: Report) -> Report:
+    """Of a program that has ended."""
+    _, status = os.waitpid(report.pid, 0)
+    return report._replace(exit_code=os.waitstatus_to_exitcode(status))
 
 
 def _stop(*_: object) -> None:

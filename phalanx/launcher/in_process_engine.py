@@ -61,6 +61,7 @@ class DirectAgents:
 
     def __init__(self, rows: SafetyRows, progress: Progress) -> None:
         self._names = rows.swarm.names
+        self._rows = rows
         steps = [s for name in rows.swarm.scenario.programs() for s in control_steps(rows, name)]
         self._steps = {step.i: step for step in steps}
         self._actuations: dict[int, Actuation] = {}
@@ -68,12 +69,7 @@ class DirectAgents:
         self._progress = progress
 
     def send_sample(self, i: int, sample: Sample) -> None:
-        """Have agent i answer its sample; one that is to die answers none.
-
-        Raises SwarmBrokenError if its control step does.
-        """
-        if sample.orders and sample.orders.die:
-            return
+        """Have agent i answer its sample. Raises SwarmBrokenError if its control step fails."""
         step, name = self._steps[i], self._names[i]
         try:
             answer = step(step.accept_sample(sample))
@@ -100,6 +96,14 @@ class DirectAgents:
     def await_telemetry(self, i: int, k: int) -> Telemetry:
         """How agent i made its input for sample k."""
         return self._telemetry.pop((i, k))
+
+    def kill(self, i: int, order: Sample) -> None:
+        """There is no process that could die: agent i is not asked any more."""
+
+    def restart(self, i: int, t: float) -> None:
+        """Put a new control step in agent i's place, unless the controller of several decides."""
+        if self._names[i] in self._rows.swarm.scenario.programs():
+            (self._steps[i],) = control_steps(self._rows, self._names[i])
 
     def publish_status(self, message: Status) -> None:
         """Tell whoever watches how far the run is."""

@@ -63,7 +63,10 @@ def run_processes(
         raise EngineError(f"no program could be started: {error}") from error
     verdict = _Verdict(folder)
     try:
-        with announced(folder, membership), _listening(membership, processes, progress, verdict):
+        with (
+            announced(folder, membership),
+            _listening(scenario, membership, processes, progress, verdict),
+        ):
             processes.wait_for_plant()
     finally:
         processes.end()
@@ -94,14 +97,22 @@ class _Verdict:
 
 @contextlib.contextmanager
 def _listening(
-    membership: Membership, processes: Processes, progress: Progress, verdict: _Verdict
+    scenario: Scenario,
+    membership: Membership,
+    processes: Processes,
+    progress: Progress,
+    verdict: _Verdict,
 ) -> Iterator[None]:
-    """Hand the plant's status and verdict messages on, while the block runs."""
+    """Hand the plant's messages on, and start again what it asks for, while the block runs."""
     keys, sealer = membership.keys, membership.sealer
+    program_of = {name: p for p, names in scenario.programs().items() for name in names}
 
     def on_status(key: str, payload: bytes) -> None:
         with contextlib.suppress(Malformed):
-            progress(sealer.open(key, payload, Status))
+            status = sealer.open(key, payload, Status)
+            progress(status)
+            for name in status.waiting_for if status.restart else ():
+                processes.restart(program_of[name])
 
     def on_verdict(key: str, payload: bytes) -> None:
         with contextlib.suppress(Malformed):

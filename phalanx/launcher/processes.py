@@ -49,7 +49,7 @@ class Processes:
         self._logs.mkdir(exist_ok=True)
         context = multiprocessing.get_context("forkserver")
         context.set_forkserver_preload(_PRELOAD)
-        self._reports, theirs = context.Pipe(duplex=False)
+        self._reports, theirs = context.Pipe()
         self._server = context.Process(
             target=serve, args=(to_json(scenario), membership, programs, logs, theirs)
         )
@@ -72,6 +72,11 @@ class Processes:
         """Whether the plant is alive, or has yet to start."""
         self._take_reports(0.0)
         return self._served and PLANT not in self._exits
+
+    def restart(self, identity: str) -> None:
+        """Have a program that was killed started again; may be called from another thread."""
+        if self._exits.pop(identity, None) is not None:
+            self._reports.send(identity)
 
     def wait_for_plant(self) -> None:
         """Return when the plant has ended. Ctrl-C asks it to stop, and waits on.

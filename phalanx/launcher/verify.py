@@ -52,7 +52,8 @@ def verify(
         EngineError: it cannot be run again.
     """
     scenario = as_far_as(recorded).model_copy(update={} if seed is None else {"seed": seed})
-    commands = CommandPolicy(schedule=tuple(recorded.commands))
+    # What the scenario declares happens again by itself.
+    commands = CommandPolicy(schedule=tuple(c for c in recorded.commands if c.fault < 0))
     with tempfile.TemporaryDirectory(prefix="phalanx-") as folder:
         execute(scenario, Path(folder), engine=engine, progress=progress, commands=commands)
         again = read(Path(folder))

@@ -109,6 +109,8 @@ class Status(Message, frozen=True, kw_only=True):
     """Steps of normal agents at which u_i^min was applied."""
     waiting_for: tuple[str, ...] = ()
     """Agents that have not joined yet."""
+    restart: bool = False
+    """Whether these have died, and whoever started them is to start them again."""
 
 
 class Ended(Message, frozen=True, kw_only=True):

@@ -11,12 +11,14 @@ from phalanx.wire.frames import Frame
 
 _SPEEDS = {"as fast as possible": 0.0, **{f"{s:g} ×": s for s in (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)}}
 
+_ON_AGENT = ("Kill", "Restart", "Freeze", "Thaw", "Turn")
+
 
 class CommandPanel:
     """Commands to a live run; only on pages of a viewer that the plant obeys."""
 
     def __init__(self, server: viser.ViserServer, live: Live, selected: Callable[[], str]) -> None:
-        """selected tells the name of the agent that kill, freeze, thaw and turn are meant for."""
+        """selected tells the name of the agent that commands to an agent are meant for."""
         gui = server.gui
         self._live, self._selected = live, selected
         with gui.add_folder("Command", order=10):
@@ -25,7 +27,7 @@ class CommandPanel:
             self._speed = gui.add_dropdown("Speed", tuple(_SPEEDS))
             self._loss = gui.add_slider("Loss [%]", min=0, max=100, step=1, initial_value=0)
             self._delay = gui.add_slider("Delay [ms]", min=0, max=500, step=1, initial_value=0)
-            self._agent = gui.add_button_group("Agent", ("Kill", "Freeze", "Thaw", "Turn"))
+            self._agent = gui.add_button_group("Agent", _ON_AGENT)
         self._shown: tuple[float | None, float | None] = None, None
         """Loss and delay as the plant last told them."""
         self._pause.on_click(lambda _: self._command_pace())

@@ -83,9 +83,7 @@ class Agent:
         self.answers: list[Answer] = []
         self.step = ControlStep(rows_of_scenario("unicycles"), 0)
         sealer = Membership("r", "", b"secret").of("1", ("1",), NAMES).sealer
-        self.answering = SampleAnswering(
-            self.step, sealer, self.answers.append, self.fail, owns_process=True
-        )
+        self.answering = SampleAnswering(self.step, sealer, self.answers.append, self.fail)
 
     def fail(self) -> None:
         raise AssertionError(self.answering.error)
