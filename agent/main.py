@@ -97,9 +97,9 @@ class _Sender:
 
     def __call__(self, answer: Answer) -> None:
         self._actuation.put(self._sealer.seal(self._actuation_key, answer.actuation))
-        for hearer in answer.hearers:
+        for hearer, broadcast in answer.broadcasts.items():
             key = self._broadcast_keys[hearer]
-            self._broadcasts.put(key, self._sealer.seal(key, answer.broadcast))
+            self._broadcasts.put(key, self._sealer.seal(key, broadcast))
         self._telemetry.put(self._sealer.seal(self._telemetry_key, answer.telemetry))
 
     def wait_for_listeners(self, timeout: float, over: threading.Event) -> None:

@@ -1,6 +1,8 @@
 """One control step: a sample in, and out what the actuator, the peers and the plant get of it."""
 
 import time
+from collections import deque
+from collections.abc import Mapping
 from functools import partial
 from typing import NamedTuple
 
@@ -11,6 +13,7 @@ from phalanx.agent.centralised import CentralisedController, CentralisedPart
 from phalanx.agent.controller import Controller
 from phalanx.agent.distributed import DistributedController
 from phalanx.faults.state import Orders
+from phalanx.network.claim import Claim
 from phalanx.network.inbox import BroadcastInbox, Existing, Fate
 from phalanx.network.link import Link
 from phalanx.scenario.fields import CONTROLLER
@@ -33,9 +36,8 @@ class Answer(NamedTuple):
     """What an agent makes of a sample: for its actuator, its peers and the plant."""
 
     actuation: Actuation
-    broadcast: Broadcast
-    hearers: tuple[int, ...]
-    """Indices of the peers that get the broadcast."""
+    broadcasts: Mapping[int, Broadcast]
+    """What each peer that hears the agent is told, by index; a liar tells them different things."""
     telemetry: Telemetry
 
 
@@ -68,6 +70,9 @@ class ControlStep:
         """The sample that has to come next; None before the first."""
         self._orders: Orders | None = None
         self._latency = swarm.scenario.time.latency
+        self._lies = swarm.links.lies(self.name)
+        self._past: deque[tuple[float, ...]] = deque(maxlen=self._lies.reach)
+        """Inputs that lies may look back at, the newest last."""
         self._controller: Controller = controller or DistributedController(rows, i)
 
     def accept_sample(self, sample: Sample) -> Sample:
@@ -124,8 +129,7 @@ class ControlStep:
         u, t_apply = tuple(decision.u.tolist()), sample.t + self._latency
         return Answer(
             Actuation(k=sample.k, t_apply=t_apply, u=u),
-            Broadcast(k=sample.k, t_apply=t_apply, u=u),
-            sample.hearers,
+            self._broadcasts(sample, Claim(t_apply, u)),
             Telemetry(
                 k=sample.k,
                 origin=decision.origin,
@@ -137,6 +141,20 @@ class ControlStep:
                 rejected=self.rejected,
             ),
         )
+
+    def _broadcasts(self, sample: Sample, truth: Claim) -> dict[int, Broadcast]:
+        past, names = self._past, self.swarm.names
+        told = {
+            l: self._lies.tell(
+                names[l], sample.k, truth, lambda ago: past[-ago] if ago <= len(past) else None
+            )
+            for l in sample.hearers
+        }
+        past.append(truth.u)
+        return {
+            l: Broadcast(k=sample.k, t_apply=claim.t_apply, u=claim.u)
+            for l, (claim, _) in told.items()
+        }
 
     def _decide_fates(self, sample: Sample, x: Array) -> tuple[Fate, ...]:
         if self._distances is None:

@@ -4,6 +4,7 @@ from collections import defaultdict
 
 import numpy as np
 
+from phalanx.network.inbox import Fate
 from phalanx.plant.actuators import Actuators
 from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import Swarm
@@ -64,6 +65,12 @@ class Answers:
         self._answered[i] = message.k
         self._actuations[i] = message
 
+    def _may_be(self, fate: Fate) -> bool:
+        """Whether there is such a broadcast, and it is told what it said unless it was lost."""
+        said = None if fate.claim is None else len(fate.claim.u)
+        expected = None if fate.delay < 0.0 else self._sizes[fate.sender]
+        return 0 <= fate.k <= self.expected(fate.sender) and said == expected
+
     def on_telemetry(self, i: int, message: Telemetry) -> None:
         """Agent i's report came. Raises Malformed unless it is the first on a sample of its."""
         if len(message.u_nom) != self._sizes[i]:
@@ -73,6 +80,8 @@ class Answers:
             raise Malformed("unknown sender")
         if any(not 0 <= n < self._faults for fate in message.fates for n in fate.faults):
             raise Malformed("unknown fault")
+        if not all(self._may_be(fate) for fate in message.fates):
+            raise Malformed("unknown broadcast")
         # The actuation alone is waited for, so a report may come after the next sample was sent.
         if not self._reported[i] < message.k <= self.expected(i):
             raise Malformed("out of order")

@@ -58,8 +58,12 @@ class InputLost(NamedTuple):
 
     i: int
     k: int
+    sampled: float
+    """t_i^k of the sample [s]."""
     t: float
     """[s]"""
+    u: tuple[float, ...]
+    """Native input, shape (m_i,)."""
 
 
 Event = StateReached | Sampled | CommandObeyed | InputApplied | InputLost

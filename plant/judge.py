@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from phalanx.guarantee.gaps import gaps_in_the_proof
 from phalanx.guarantee.verdict import Assumption
+from phalanx.network.claim import Claim
 from phalanx.plant.actuators import Actuators
 from phalanx.plant.along import IntegrationSteps
+from phalanx.plant.claims import Claims
 from phalanx.plant.coverage import Coverage
 from phalanx.plant.events import InputApplied, InputLost, Sampled, StateReached
 from phalanx.plant.truth import PairExtremes
@@ -33,6 +35,7 @@ class Judge:
         swarm = rows.swarm
         self.truth = PairExtremes(swarm.safe_set)
         self.coverage = Coverage(swarm)
+        self.claims = Claims(swarm)
         self.steps = 0
         """Inputs applied."""
         self.origins = {str(o): 0 for o in Origin if o is not Origin.ATTACK}
@@ -112,7 +115,7 @@ class Judge:
         if safety.control == "centralised":
             return [*found, self._together]
         relies_on_received = safety.information in (Information.PAPER, Information.IN_FLIGHT)
-        return [*found, self._fresh] if relies_on_received else found
+        return [*found, self._fresh, self.claims.truthful] if relies_on_received else found
 
     def reached(self, event: StateReached, seen: list[IntegrationSteps | DisturbanceKnot]) -> None:
         """The world went on to another event; seen: on the way."""
@@ -165,6 +168,7 @@ class Judge:
         Returns how long all pairs of a normal agent are certified from now on [s].
         """
         self.steps += 1
+        self.claims.given(event.i, event.k, Claim(event.t + self._latency, event.u))
         self._prompt.check(event.t_apply - event.t <= self._latency + _ROUNDING, event.t_apply)
         if event.i in self._swarm.normal:
             if telemetry.origin == Origin.ATTACK:
@@ -178,6 +182,7 @@ class Judge:
 
     def lost(self, event: InputLost) -> None:
         """An input never came to its actuator."""
+        self.claims.given(event.i, event.k, Claim(event.sampled + self._latency, event.u))
         self._prompt.check(False, event.t)
 
     def _check_input(self, i: int, x: Array, u: Array, t: float) -> None:

@@ -286,7 +286,7 @@ class Lockstep:
                 return False
             i, k, sampled, lost = moment.awaited.popleft()
             if lost:
-                self._happened.append(InputLost(i, k, moment.t))
+                self._happened.append(InputLost(i, k, sampled, moment.t, message.u))
             else:
                 self.world.apply(i, np.array(message.u))
                 self._happened.append(InputApplied(i, k, sampled, moment.t, message.u))

@@ -60,6 +60,7 @@ class PlantRun:
         self._frames = FramePublisher(audience, self._judge, commands, faults, self._world.x)
         self._scribe = RunScribe(
             swarm.names,
+            self._declared,
             self._truth,
             self._judge,
             recording,
@@ -122,7 +123,7 @@ class PlantRun:
         self, outcome: Outcome, reason: str, rejected: dict[str, int], wall: float
     ) -> Summary:
         truth = self._judge.truth
-        hits = self._scribe.faults + self._harness.faults
+        hits = self._scribe.faults + self._harness.faults + self._judge.claims.faults
         return Summary(
             outcome=outcome,
             reason=reason,

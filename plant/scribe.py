@@ -8,6 +8,7 @@ import numpy as np
 
 from phalanx.faults.commands import STRIKES, CommandKind, described
 from phalanx.plant.along import TruthAlong
+from phalanx.plant.claims import Finding
 from phalanx.plant.events import (
     CommandObeyed,
     Event,
@@ -34,6 +35,7 @@ class RunScribe:
     def __init__(
         self,
         names: tuple[str, ...],
+        declared: tuple[str, ...],
         truth: TruthAlong,
         judge: Judge,
         recording: RecordingWriter,
@@ -46,6 +48,7 @@ class RunScribe:
 
         Args:
             names: of all agents.
+            declared: names of all faults.
             truth: of the way that the world went.
             judge: is told every event.
             recording: of the run.
@@ -54,7 +57,7 @@ class RunScribe:
             publish_status: tells whoever watches how far the run is.
             recording_step: least time between two recorded states [s].
         """
-        self._names, self._truth, self._judge = names, truth, judge
+        self._names, self._declared, self._truth, self._judge = names, declared, truth, judge
         self._recording, self._frames = recording, frames
         self._telemetry, self._publish_status = telemetry, publish_status
         self.trajectory = TrajectoryHash()
@@ -66,6 +69,8 @@ class RunScribe:
         self._backed_up: set[int] = set()
         self._without_input: set[int] = set()
         """Agents of which an input was lost on its way to the actuator."""
+        self._lied: set[int] = set()
+        """Agents that told a peer what they did not apply."""
         self._unsafe: set[int] = set()
         """Pairs whose h is above zero."""
         self._began = self._status_at = time.monotonic()
@@ -145,34 +150,51 @@ class RunScribe:
 
     def _on_input(self, event: InputApplied) -> None:
         i, name = event.i, self._names[event.i]
-        telemetry = self._take_telemetry(i, event.k)
+        telemetry, findings = self._take_telemetry(i, event.k, event.t)
         certified = self._judge.applied(event, telemetry)
         self.trajectory.add(event)
         self._frames.saw_input(event, telemetry, certified)
         if telemetry.origin == Origin.BACKUP and i not in self._backed_up:
             self._backed_up.add(i)
             self._say(event.t_apply, f"agent {name}: first backup")
-        self._recording.write(self._step(event, telemetry, certified))
+        self._recording.write(self._step(event, telemetry, findings, certified))
 
     def _on_lost_input(self, event: InputLost) -> None:
-        self._take_telemetry(event.i, event.k)
+        self._take_telemetry(event.i, event.k, event.sampled)
         self._judge.lost(event)
         if event.i not in self._without_input:
             self._without_input.add(event.i)
             self._say(event.t, f"agent {self._names[event.i]}: first input lost")
 
-    def _take_telemetry(self, i: int, k: int) -> Telemetry:
+    def _take_telemetry(self, i: int, k: int, t: float) -> tuple[Telemetry, list[Finding]]:
+        """Agent i's report on its sample k at t [s], and what came of each fate that it tells."""
         telemetry = self._telemetry(i, k)
         self._rejected[i] = telemetry.rejected
         self.faults.update(fault for fate in telemetry.fates for fault in fate.faults)
-        return telemetry
+        findings = [self._judge.claims.heard(i, fate, t) for fate in telemetry.fates]
+        for fate, finding in zip(telemetry.fates, findings, strict=True):
+            if finding.false and fate.sender not in self._lied:
+                self._lied.add(fate.sender)
+                self._say(t, f"agent {self._names[fate.sender]}: first false broadcast")
+        return telemetry, findings
 
     def _say(self, t: float, text: str) -> None:
         self._recording.write(Log(t, text))
         self._frames.say(t, text)
 
-    def _step(self, event: InputApplied, telemetry: Telemetry, certified: float | None) -> Step:
+    def _step(
+        self,
+        event: InputApplied,
+        telemetry: Telemetry,
+        findings: list[Finding],
+        certified: float | None,
+    ) -> Step:
         names, ages = self._names, dict(telemetry.ages)
+        hit = [
+            (names[fate.sender], fate.k, [self._declared[n] for n in (*fate.faults, *found.lies)])
+            for fate, found in zip(telemetry.fates, findings, strict=True)
+        ]
+        false = [f for f, found in zip(telemetry.fates, findings, strict=True) if found.false]
         return Step(
             agent=names[event.i],
             k=event.k,
@@ -186,4 +208,10 @@ class RunScribe:
             fates=[(names[fate.sender], fate.k, fate.delay) for fate in telemetry.fates],
             u_nom=list(telemetry.u_nom),
             certified=certified,
+            faults=[entry for entry in hit if entry[2]],
+            false=[
+                (names[fate.sender], fate.k, fate.claim.t_apply, list(fate.claim.u))
+                for fate in false
+                if fate.claim is not None
+            ],
         )

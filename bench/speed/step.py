@@ -98,7 +98,8 @@ def payload_sizes(scenario: phalanx.Scenario) -> Sizes:
     hearers = swarm.heard_by(step.i)
     sample = Sample(k=0, t=0.0, seen=seen, x=x, since=nothing, latest=nothing, hearers=hearers)
     answer = step(step.accept_sample(sample))
-    messages = (sample, answer.actuation, answer.broadcast, answer.telemetry)
+    broadcast = answer.broadcasts[hearers[0]]
+    messages = (sample, answer.actuation, broadcast, answer.telemetry)
     return Sizes(*map(_sealed, messages))
 
 

@@ -80,8 +80,8 @@ class DirectAgents:
             ) from error
         self._actuations[i] = answer.actuation
         self._telemetry[i, sample.k] = answer.telemetry
-        for hearer in answer.hearers:
-            self._steps[hearer].accept_broadcast(name, answer.broadcast)
+        for hearer, broadcast in answer.broadcasts.items():
+            self._steps[hearer].accept_broadcast(name, broadcast)
 
     def await_actuation(self, i: int) -> Actuation:
         """What agent i's actuator gets for its last sample."""

@@ -7,6 +7,7 @@ from typing import NamedTuple, Protocol
 import msgspec
 import numpy as np
 
+from phalanx.network.claim import Claim
 from phalanx.network.link import Link
 from phalanx.theory.rows.information import ReceivedInput
 
@@ -45,6 +46,8 @@ class Fate(msgspec.Struct, array_like=True, frozen=True):
     """Of the first copy that can be read [s]; negative if there is none: lost."""
     faults: tuple[int, ...] = ()
     """Which of the faults that the scenario declares had a part in it, by number."""
+    claim: Claim | None = None
+    """What it said; nothing if it was lost."""
 
 
 class BroadcastInbox:
@@ -131,8 +134,10 @@ class BroadcastInbox:
                 # It is sent when the input takes effect, and delays count from then.
                 sent = message.t_apply
                 passage = self._links[sender].fate(k, sent, distance(sender))
-                delay = -1.0 if passage.delay is None else passage.delay
-                fates.append(Fate(sender, k, delay, passage.faults))
+                delay = passage.delay
+                claim = None if delay is None else Claim(sent, message.u)
+                known = -1.0 if delay is None else delay
+                fates.append(Fate(sender, k, known, passage.faults, claim))
                 for copy in passage.copies:
                     if copy.corrupt:
                         self._corrupt.append((sender, message))

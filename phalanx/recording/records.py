@@ -47,6 +47,10 @@ class Step(msgspec.Struct):
     """The nominal input, or the attack before its projection onto U_i, shape (m_i,)."""
     certified: float | None = None
     """How long all of a normal agent's pairs are proven safe from t_apply on [s]."""
+    faults: list[tuple[str, int, list[str]]] = []
+    """(sender, sequence number, names) of those of `fates` in which declared faults had a part."""
+    false: list[tuple[str, int, float, list[float]]] = []
+    """(sender, sequence number, t_apply [s], u) as told, where that is not the truth."""
 
 
 class Log(msgspec.Struct):

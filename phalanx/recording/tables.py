@@ -69,20 +69,27 @@ def links_table(recording: Recording) -> pl.DataFrame:
     """One row for each broadcast whose fate a receiver decided.
 
     Columns: sender, receiver, k (the broadcast's number), t (when it was decided [s]), lost, and
-    delay [s], null if it was lost.
+    delay [s], null if it was lost; faults, the names of the declared faults that had a part in it;
+    false, whether it said what its sender did not apply.
     """
-    rows = [
-        (sender, step.agent, k, step.t, delay < 0.0, None if delay < 0.0 else delay)
-        for step in recording.steps
-        for sender, k, delay in step.fates
-    ]
-    schema = {
+    rows = []
+    for step in recording.steps:
+        hit = {(sender, k): names for sender, k, names in step.faults}
+        false = {(sender, k) for sender, k, *_ in step.false}
+        for sender, k, delay in step.fates:
+            lost, of = delay < 0.0, (sender, k)
+            known = None if lost else delay
+            faults = hit.get(of, [])
+            rows.append((sender, step.agent, k, step.t, lost, known, faults, of in false))
+    schema: dict[str, pl.DataType | type[pl.DataType]] = {
         "sender": pl.String,
         "receiver": pl.String,
         "k": pl.Int64,
         "t": pl.Float64,
         "lost": pl.Boolean,
         "delay": pl.Float64,
+        "faults": pl.List(pl.String),
+        "false": pl.Boolean,
     }
     return pl.DataFrame(rows, schema=schema, orient="row")
 

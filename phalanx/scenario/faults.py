@@ -1,34 +1,18 @@
-"""The [[faults]] list: what goes wrong on links for a time."""
+"""The [[faults]] list: what goes wrong for a time; lies have a file of their own."""
 
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
 from phalanx.network.partition import Shape, between, shaped
-from phalanx.network.rule import Rule
-from phalanx.network.window import During
-from phalanx.scenario.fields import Name, NonNegative, Positive, Strict, misplaced
+from phalanx.scenario.fields import Name, misplaced
+from phalanx.scenario.lies import LieFault
 from phalanx.scenario.network import LinkTable, SomeLinks, require_in_time
+from phalanx.scenario.timed import Timed
 from phalanx.seeded.draws import Draws
 
 
-class _Timed(Strict):
-    at: NonNegative = 0.0
-    """From when on [s]."""
-    lasts: Positive = Field(alias="for")
-    """For how long [s]."""
-
-    @property
-    def end(self) -> float:
-        """When it is over [s]."""
-        return self.at + self.lasts
-
-    def during(self, rule: Rule) -> Rule:
-        """The rule, in force in this fault's time."""
-        return During(self.at, self.end, rule)
-
-
-class Partition(_Timed):
+class Partition(Timed):
     """Links between groups of agents carry nothing."""
 
     kind: Literal["partition"]
@@ -75,7 +59,7 @@ class Partition(_Timed):
         return [*self.groups, rest] if rest else list(self.groups)
 
 
-class HoldFault(_Timed, SomeLinks):
+class HoldFault(Timed, SomeLinks):
     """Links keep what they carry, and deliver all of it at once when it is over."""
 
     kind: Literal["hold"]
@@ -89,7 +73,7 @@ class HoldFault(_Timed, SomeLinks):
         return self
 
 
-class LinkFault(_Timed, SomeLinks, LinkTable):
+class LinkFault(Timed, SomeLinks, LinkTable):
     """Fields of a link model that act before those of [network], for what is sent meanwhile."""
 
     kind: Literal["link"]
@@ -101,4 +85,4 @@ class LinkFault(_Timed, SomeLinks, LinkTable):
         return self
 
 
-Fault = Annotated[Partition | HoldFault | LinkFault, Field(discriminator="kind")]
+Fault = Annotated[Partition | HoldFault | LinkFault | LieFault, Field(discriminator="kind")]

@@ -32,9 +32,11 @@ Table = dict[str, Any]
 
 NUMBER, TABLE, SPHERE, WALL = "number", "table", "sphere", "wall"
 BOUNDS, JITTER, CHANCE, BURST, GEMODEL = "bounds", "jittered", "chance", "bursts", "gemodel"
-PARTITION, HOLD, LINK = "partition", "hold", "link"
+PARTITION, HOLD, LINK, LIE = "partition", "hold", "link", "lie"
+WORD, INPUT = "word", "input"
 ALTERNATIVES = frozenset(
-    (NUMBER, TABLE, SPHERE, WALL, BOUNDS, JITTER, CHANCE, BURST, GEMODEL, PARTITION, HOLD, LINK)
+    {NUMBER, TABLE, SPHERE, WALL, BOUNDS, JITTER, CHANCE, BURST, GEMODEL, PARTITION, HOLD, LINK}
+    | {LIE, WORD, INPUT}
 )
 """Names of alternatives in an error's place, where fields are not called so."""
 

@@ -1,11 +1,13 @@
-"""All that a scenario declares to go wrong on links: numbered, and put together for each link."""
+"""All that a scenario declares to go wrong: numbered, and put together for each link or liar."""
 
 from collections.abc import Iterator
 
+from phalanx.faults.lies import Lies
 from phalanx.network.link import Kind, LinkModel, Stage
 from phalanx.network.rule import Rule
 from phalanx.network.window import Cut, Hold
 from phalanx.scenario.faults import Fault, HoldFault, LinkFault, Partition
+from phalanx.scenario.lies import LieFault
 from phalanx.scenario.model import Scenario
 from phalanx.scenario.network import LinkTable
 
@@ -30,10 +32,8 @@ class Links:
         ]
         self._first_fault = len(fields)
         self._faults = scenario.faults
-        self._cuts = [
-            fault.cut(self._names, scenario.seed, place) if isinstance(fault, Partition) else None
-            for place, fault in enumerate(self._faults)
-        ]
+        self._seed = scenario.seed
+        self._cuts = [self._cut(place, fault) for place, fault in enumerate(self._faults)]
         self.declared = (
             *fields,
             *(f"faults.{place} ({fault.kind})" for place, fault in enumerate(self._faults)),
@@ -56,9 +56,26 @@ class Links:
         link = sender, receiver, of
         return LinkModel((*self._timed(*link), *static, *self._holds(*link)))
 
+    def lies(self, name: str) -> Lies:
+        """What an agent makes of the truth before it tells its peers."""
+        own = {
+            self._first_fault + place: fault
+            for place, fault in enumerate(self._faults)
+            if isinstance(fault, LieFault) and fault.agent == name and not fault.silent
+        }
+        lies = tuple(fault.declared(number) for number, fault in own.items())
+        reach = max((fault.replay or 0 for fault in own.values()), default=0)
+        return Lies(self._seed, name, lies, reach)
+
+    def _cut(self, place: int, fault: Fault) -> frozenset[tuple[str, str]]:
+        """Links (sender, receiver) that carry no broadcast in the time of a fault."""
+        if isinstance(fault, Partition):
+            return fault.cut(self._names, self._seed, place)
+        return fault.cut(self._names) if isinstance(fault, LieFault) else frozenset()
+
     def _timed(self, sender: str, receiver: str, of: Kind) -> Iterator[Stage]:
         for place, (fault, cut) in enumerate(zip(self._faults, self._cuts, strict=True)):
-            if cut is not None and of == "broadcast" and (sender, receiver) in cut:
+            if of == "broadcast" and (sender, receiver) in cut:
                 yield self._stage(place, fault, Cut())
             if isinstance(fault, LinkFault) and fault.concerns(sender, receiver, of):
                 for _, rule in fault.fields():

@@ -22,6 +22,7 @@ from phalanx.scenario.fields import (
     misplaced,
 )
 from phalanx.scenario.flows import Flows
+from phalanx.scenario.lies import LieFault
 from phalanx.scenario.network import Network
 from phalanx.scenario.safety import Safety
 from phalanx.scenario.scatter import Scatter
@@ -101,8 +102,11 @@ class Scenario(Strict):
                 raise misplaced(("time", "latency"), message, self.time.latency)
         for index, link in enumerate(self.network.links):
             link.check(names, ("network", "links", index))
+        sizes = {name: len(g.dynamics_object().inputs) for g in self.named() for name in g.names}
         for index, fault in enumerate(self.faults):
             fault.check(names, ("faults", index))
+            if isinstance(fault, LieFault):
+                fault.check_input(sizes[fault.agent], ("faults", index))
         return self
 
     def _check_places(self, index: int, group: AgentGroup) -> None:

@@ -40,6 +40,15 @@ VARIANTS = {
         "network.actuation": {"loss": 0.1, "delay": {"low": 0.0, "high": 0.015}},
         "faults": [{"kind": "hold", "of": "actuation", "from": "2", "at": 0.5, "for": 0.2}],
     },
+    "lies": {
+        "faults": [
+            {"kind": "lie", "agent": "2", "at": 0.2, "for": 0.4, "says": "opposite"},
+            {"kind": "lie", "agent": "3", "at": 0.1, "for": 0.4, "equivocate": True},
+            {"kind": "lie", "agent": "1", "at": 0.1, "for": 0.4, "replay": 5, "to": ["2"]},
+            {"kind": "lie", "agent": "1", "at": 0.3, "for": 0.4, "apply_time": 0.01},
+            {"kind": "lie", "agent": "2", "at": 0.5, "for": 0.2, "silent": True, "to": ["1"]},
+        ],
+    },
     "latency": {"time.latency": 0.004, "safety.information": "in-flight"},
     "one controller": {"safety.control": "centralised"},
     "one row for each pair": {"safety.composition": "pairs", "safety.information": "split"},

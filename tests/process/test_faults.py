@@ -6,6 +6,7 @@ import phalanx
 
 DURATION = 0.6
 
+LIE = {"kind": "lie", "agent": "2", "at": 0.05, "for": 0.5}
 FAULTS = {
     "loss": {"network.loss": 0.2},
     "correlated loss": {"network.loss": {"random": 0.2, "correlation": 0.5}},
@@ -24,6 +25,11 @@ FAULTS = {
     "ring": {"faults": [{"kind": "partition", "at": 0.2, "for": 0.2, "shape": "ring"}]},
     "hold": {"faults": [{"kind": "hold", "at": 0.2, "for": 0.2}]},
     "link": {"faults": [{"kind": "link", "at": 0.2, "for": 0.2, "delay": 0.05}]},
+    "another input": {"faults": [{**LIE, "says": [1.0, 0.0]}]},
+    "equivocation": {"faults": [{**LIE, "equivocate": True}]},
+    "replay": {"faults": [{**LIE, "replay": 10, "to": ["1"]}]},
+    "wrong apply time": {"faults": [{**LIE, "apply_time": -0.005}]},
+    "silence": {"faults": [{**LIE, "silent": True, "to": ["3"]}]},
     "lost samples": {"network.sample.loss": 0.2},
     "lost inputs": {"network.actuation.loss": 0.2},
     "late inputs": {"network.actuation.delay": 0.004},
@@ -38,7 +44,7 @@ def run(overrides: dict, folder) -> phalanx.Run:
 def seen(run: phalanx.Run) -> tuple:
     """What of a run faults of links change: fates, sampling instants, when inputs take effect."""
     inputs = run.inputs.select("agent", "k", "t", "t_apply")
-    return run.links.rows(), inputs.rows(), run.summary.rejected
+    return run.links.drop("faults").rows(), inputs.rows(), run.summary.rejected
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +68,7 @@ def test_a_fault_has_its_effect_and_is_counted(name, calm, tmp_path):
         {"network.loss_by_distance": {"none_within": 900.0, "all_beyond": 901.0}},
         {"network.links": [{"from": "4", "loss": 1.0}]},  # an adversary: nobody listens
         {"faults": [{"kind": "partition", "at": 9.0, "for": 1.0, "groups": [["1"]]}]},
+        {"faults": [{"kind": "lie", "agent": "4", "for": 1.0, "says": "zero"}]},  # likewise
         {"faults": [{"kind": "hold", "of": "actuation", "at": 9.0, "for": 1.0}]},
     ],
 )

@@ -47,7 +47,8 @@ def test_whoever_takes_over_from_a_dead_agent_joins_at_any_sample(step: ControlS
     first = step.accept_sample(sample(step, k, latest=k - 1))
     assert not step.lacks_broadcasts(first), "it waits for what was sent before its time"
     answer = step(first)
-    assert answer.actuation.k == answer.broadcast.k == answer.telemetry.k == k
+    assert answer.actuation.k == answer.telemetry.k == k
+    assert [broadcast.k for broadcast in answer.broadcasts.values()] == [k, k]
     assert answer.telemetry.ages == (), "it knows nobody's input yet"
     hear(step, k)
     second = step.accept_sample(sample(step, k + 1, latest=k))
@@ -106,5 +107,7 @@ def test_it_decides_on_those_it_sees_alone():
 
 def test_what_peers_hear_is_the_input_and_nothing_of_how_it_was_made(step: ControlStep):
     answer = step(step.accept_sample(sample(step, 0, latest=-1)))
-    assert answer.broadcast.__struct_fields__ == ("version", "k", "t_apply", "u")
-    assert answer.broadcast.u == answer.actuation.u
+    assert set(answer.broadcasts) == set(step.swarm.heard_by(step.i))
+    for broadcast in answer.broadcasts.values():
+        assert broadcast.__struct_fields__ == ("version", "k", "t_apply", "u")
+        assert broadcast.u == answer.actuation.u

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import kstest
 
+from phalanx.network.claim import Claim
 from phalanx.network.inbox import BroadcastInbox, Existing, Fate
 from phalanx.network.link import Link, LinkModel
 from phalanx.scenario.load import load
@@ -226,8 +227,9 @@ def test_each_fate_is_told_once_with_its_delay_and_a_negative_one_for_a_loss():
     for s, count in ((0, 30), (1, 5)):
         for k in range(count):
             passage = links[s].fate(k)
-            delay = -1.0 if passage.delay is None else passage.delay
-            expected.append(Fate(s, k, delay, passage.faults))
+            lost = passage.delay is None
+            said = None if lost else Claim(broadcast(k).t_apply, broadcast(k).u)
+            expected.append(Fate(s, k, -1.0 if lost else passage.delay, passage.faults, said))
     assert sorted(told, key=lambda f: (f.sender, f.k)) == expected
     assert any(f.delay < 0 for f in told)
 

@@ -2,6 +2,8 @@
 
 import pytest
 
+from phalanx.network.claim import Claim
+from phalanx.network.inbox import Fate
 from phalanx.plant.answers import Answers
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Actuation, Sample, Telemetry
@@ -40,4 +42,35 @@ def test_a_report_may_come_after_the_next_sample_was_sent_but_not_twice():
     answers.on_telemetry(0, report)
     assert answers.take_telemetry(0, 0) == report
     with pytest.raises(Malformed, match="out of order"):
+        answers.on_telemetry(0, report)
+
+
+SAID = Claim(0.0, (1.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    "fate",
+    [
+        Fate(1, 2, 0.0, (), SAID),
+        Fate(1, -1, 0.0, (), SAID),
+        Fate(1, 0, 0.0),
+        Fate(1, 0, -1.0, (), SAID),
+        Fate(1, 0, 0.0, (), Claim(0.0, (1.0,))),
+    ],
+    ids=["of the future", "of none", "said nothing", "lost and heard", "of another size"],
+)
+def test_a_report_on_a_broadcast_that_cannot_have_been_heard_so_is_refused(fate: Fate):
+    answers = Answers(swarm_of_scenario("unicycles"))
+    for i in (0, 1):
+        answers.expect(i, sample(0))
+    report = Telemetry(
+        k=0,
+        origin=Origin.QP,
+        residual=0.0,
+        u_nom=(0.0, 0.0),
+        solve_time=0.0,
+        ages=(),
+        fates=(fate,),
+    )
+    with pytest.raises(Malformed, match="unknown broadcast"):
         answers.on_telemetry(0, report)

@@ -41,6 +41,19 @@ kind = "link"
 at = 2.0
 for = 1.0
 loss = { mean = 0.5, burst = 5.0 }
+
+[[faults]]
+kind = "lie"
+agent = "1"
+for = 1.0
+says = [1.0, 0.0]
+to = ["2"]
+
+[[faults]]
+kind = "lie"
+agent = "1"
+for = 1.0
+replay = 20
 """
 
 
@@ -54,8 +67,10 @@ def test_everything_that_may_be_declared_is_numbered_and_survives_being_written_
     before = ["loss", "loss_by_distance", "duplicate", "corrupt", "rate"]
     fields = [*before, "delay", "reorder", "delay_floor", "slot"]
     assert declared[:9] == tuple(f"network.{field}" for field in fields)
-    assert set(declared[9:-3]) == {f"network.links.0.{f}" for f in ("loss", "corrupt", "delay")}
-    assert declared[-3:] == ("faults.0 (partition)", "faults.1 (hold)", "faults.2 (link)")
+    assert set(declared[9:-5]) == {f"network.links.0.{f}" for f in ("loss", "corrupt", "delay")}
+    kinds = [name.split(" ")[1] for name in declared[-5:]]
+    assert kinds == ["(partition)", "(hold)", "(link)", "(lie)", "(lie)"]
+    assert declared[-5] == "faults.0 (partition)"
     again = from_json(to_json(scenario))
     assert again == scenario
     assert Links(again).model("1", "3") == Links(scenario).model("1", "3")
@@ -89,6 +104,10 @@ def test_a_preset_is_the_fields_that_it_names_and_those_given_replace_its(name):
 
 def partition(**fields: object) -> dict[str, object]:
     return {"faults": [{"kind": "partition", "for": 1.0, **fields}]}
+
+
+def lie(**fields: object) -> dict[str, object]:
+    return {"faults": [{"kind": "lie", "agent": "2", "for": 1.0, **fields}]}
 
 
 BROKEN = {
@@ -130,7 +149,7 @@ BROKEN = {
     ),
     "a fault of no kind": (
         {"faults": [{"kind": "gremlin", "for": 1.0}]},
-        ["faults.0: ", "'partition', 'hold', 'link'"],
+        ["faults.0: ", "'partition', 'hold', 'link', 'lie'"],
     ),
     "a fault without end": (
         {"faults": [{"kind": "hold"}]},
@@ -152,6 +171,25 @@ BROKEN = {
         partition(groups=[["1"]], shape="ring"),
         ["faults.0: expected groups, or a shape"],
     ),
+    "a liar that nobody knows": (
+        lie(agent="9", says="zero"),
+        ["faults.0.agent: expected an agent"],
+    ),
+    "a lie to oneself": (
+        lie(to=["2"], says="zero"),
+        ["faults.0.to: expected others' names", "got '2'"],
+    ),
+    "a lie without content": (
+        lie(),
+        ["faults.0: expected one of says, equivocate, replay, apply_time, silent, got 'none'"],
+    ),
+    "two lies in one": (lie(says="zero", replay=3), ["faults.0: expected one of says", "replay"]),
+    "a word that is no lie": (
+        lie(says="please"),
+        ["faults.0.says: expected 'opposite' or 'zero', got 'please'"],
+    ),
+    "an input of another size": (lie(says=[1.0]), ["faults.0.says: expected 2 components"]),
+    "a replay of the future": (lie(replay=0), ["faults.0.replay: expected greater than or equal"]),
     "a link of a stranger": (
         {"faults": [{"kind": "link", "for": 1.0, "from": "9", "loss": 1.0}]},
         ["faults.0.from: expected an agent's name or '*'"],

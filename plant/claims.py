@@ -1,0 +1,97 @@
+"""What agents tell one another of their inputs, held against what their actuators were given."""
+
+import math
+from array import array
+from collections import Counter, defaultdict
+from typing import NamedTuple
+
+from phalanx.faults.lies import Past
+from phalanx.guarantee.verdict import Assumption
+from phalanx.network.claim import Claim
+from phalanx.network.inbox import Fate
+from phalanx.swarm.swarm import Swarm
+
+_NOTE = "every broadcast said what its sender's actuator was given, and from when on"
+
+
+class Finding(NamedTuple):
+    """What came of one broadcast's claim."""
+
+    false: bool = False
+    lies: tuple[int, ...] = ()
+    """Numbers of the declared lies that made it false."""
+
+
+_NOTHING = Finding()
+
+
+class Claims:
+    """Compares what each receiver reports to have been told with the truth, which the plant knows.
+
+    Nobody is asked whether it lied. A receiver's report is its own word: one that reports what it
+    was not told accuses its sender, and which of the two lies cannot be known here.
+    """
+
+    def __init__(self, swarm: Swarm) -> None:
+        self.truthful = Assumption("truthful broadcasts", note=_NOTE)
+        self.faults: Counter[int] = Counter()
+        """False claims by declared lie."""
+        self._names = swarm.names
+        self._lies = [swarm.links.lies(name) for name in swarm.names]
+        self._given = [_Inputs(len(m.dynamics.inputs)) for m in swarm.members]
+        self._early: defaultdict[tuple[int, int], list[tuple[int, Claim, float]]]
+        self._early = defaultdict(list)
+        """Reports that came before the truth, by sender and number: (receiver, claim, t)."""
+        self._false: Counter[str] = Counter()
+
+    def given(self, i: int, k: int, truth: Claim) -> None:
+        """Agent i's actuator was given an input for sample k."""
+        self._given[i].put(k, truth)
+        for receiver, claim, t in self._early.pop((i, k), ()):
+            self._compare(i, k, receiver, claim, t)
+
+    def heard(self, receiver: int, fate: Fate, t: float) -> Finding:
+        """A receiver reports at t [s] what it was told; nothing, if the broadcast was lost."""
+        if fate.claim is None:
+            return _NOTHING
+        if self._given[fate.sender].get(fate.k) is None:
+            # The input comes late to its actuator: what it will be is not known yet.
+            self._early[fate.sender, fate.k].append((receiver, fate.claim, t))
+            return _NOTHING
+        return self._compare(fate.sender, fate.k, receiver, fate.claim, t)
+
+    def _compare(self, i: int, k: int, receiver: int, claim: Claim, t: float) -> Finding:
+        truth = self._given[i].get(k)
+        assert truth is not None
+        self.truthful.check(claim == truth, t)
+        if claim == truth:
+            return _NOTHING
+        self._false[self._names[i]] += 1
+        counts = ", ".join(f"{count} by {name}" for name, count in self._false.items())
+        self.truthful.note = f"{_NOTE}; false were {counts}"
+        lies = self._lies[i].tell(self._names[receiver], k, truth, self._before(i, k)).lies
+        self.faults.update(lies)
+        return Finding(True, lies)
+
+    def _before(self, i: int, k: int) -> Past:
+        def past(ago: int) -> tuple[float, ...] | None:
+            old = self._given[i].get(k - ago) if ago <= k else None
+            return None if old is None else old.u
+
+        return past
+
+
+class _Inputs:
+    """All inputs of one agent by number, as plain doubles: of a long run there are many."""
+
+    def __init__(self, size: int) -> None:
+        self._width, self._rows = 1 + size, array("d")
+
+    def put(self, k: int, claim: Claim) -> None:
+        lacking = (k + 1) * self._width - len(self._rows)
+        self._rows.extend([math.nan] * max(lacking, 0))
+        self._rows[k * self._width : (k + 1) * self._width] = array("d", (claim.t_apply, *claim.u))
+
+    def get(self, k: int) -> Claim | None:
+        row = self._rows[k * self._width : (k + 1) * self._width]
+        return None if not row or math.isnan(row[0]) else Claim(row[0], tuple(row[1:]))
