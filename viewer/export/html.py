@@ -34,6 +34,7 @@ def _scene(replay: Replay) -> str:
     server = serve_scene("127.0.0.1", 0, replay.model.scenario.name)
     try:
         scene = Scene(server, replay.model, lambda _: None)
+        scene.expect(replay.trajectory)
         scene.show(picture(replay.model, replay.frame(replay.t)), None)
         film = server.get_scene_serializer()
         times = _frame_times(replay)

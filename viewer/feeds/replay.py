@@ -44,6 +44,11 @@ class Replay:
         return float(self.times[-1])
 
     @property
+    def trajectory(self) -> Array:
+        """Positions at every state [m], shape (s, N, 3)."""
+        return self._run.positions
+
+    @property
     def worst_at(self) -> float:
         """When h_tot was largest [s]."""
         return self._run.worst_at

@@ -12,6 +12,7 @@ from phalanx.viewer.page.panels import Panels
 from phalanx.viewer.page.plots import Plots
 from phalanx.viewer.page.server import open_page
 from phalanx.viewer.page.timeline import Timeline
+from phalanx.viewer.scene.display import add_display
 from phalanx.viewer.scene.picture import picture
 from phalanx.viewer.scene.scene import Scene
 from phalanx.wire.frames import Frame
@@ -53,12 +54,14 @@ class Page:
         self.selected = 0
         self.server = open_page(host, port, f"Phalanx: {model.scenario.name}", origins)
         self._scene = Scene(self.server, model, self.select)
+        if replay:
+            self._scene.expect(replay.trajectory)
         self._panels = Panels(self.server, model, self.select)
         self._timeline = Timeline(self.server, replay) if replay else None
         self._commands = None
         if live and live.commandable:
             self._commands = CommandPanel(self.server, live, lambda: model.names[self.selected])
-        self._add_display()
+        add_display(self.server.gui, self._scene)
         self._plots = self._add_plots()
         self._frame: Frame | None = None
         self._standing = feed.summary, feed.over
@@ -81,7 +84,7 @@ class Page:
         if frame is not None or standing != self._standing:
             self._standing, self._stale = standing, True
         self._frame = frame or self._frame
-        if self._frame is None or not self._stale:
+        if self._frame is None or not (self._stale or self._scene.stale):
             return
         now = time.monotonic()
         if texts_due := now >= self._texts_due:
@@ -113,15 +116,3 @@ class Page:
         gui.main_panel.dock_left()
         gui.main_panel.set_width(360)
         return plots
-
-    def _add_display(self) -> None:
-        gui, scene = self.server.gui, self._scene
-        with gui.add_folder("Display", expand_by_default=False, order=80):
-            follow = gui.add_checkbox("Follow the agent", False)
-            arrows = gui.add_checkbox("Inputs", True)
-            paths = gui.add_checkbox("Recent paths", True)
-            links = gui.add_checkbox("Late and lost links", True)
-        follow.on_update(lambda _: setattr(scene.selection, "follow", follow.value))
-        arrows.on_update(lambda _: scene.agents.set_arrows_visible(arrows.value))
-        paths.on_update(lambda _: scene.lines.set_paths_visible(paths.value))
-        links.on_update(lambda _: scene.lines.set_links_visible(links.value))

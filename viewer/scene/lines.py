@@ -1,15 +1,15 @@
-"""Lines between and behind agents: the worst pair, link events and recent paths."""
+"""Lines between and behind agents: unsafe pairs, the worst pair, link events, recent paths."""
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
 from phalanx.viewer.scene.model import SceneModel
+from phalanx.viewer.scene.palette import DANGER, LATE, WORST_PAIR, Colour, Palette
 from phalanx.viewer.scene.picture import Picture
 
 Array = NDArray[np.float64]
 
-_GREY, _GREEN, _AMBER, _RED = (148, 163, 184), (34, 160, 94), (245, 158, 11), (220, 38, 38)
 _NOTHING = np.zeros((1, 2, 3))
 """A line without length, for a node that has none to show."""
 
@@ -17,36 +17,48 @@ _NOTHING = np.zeros((1, 2, 3))
 class LineNodes:
     """Nodes that are redrawn as a whole, one for each kind of line."""
 
-    def __init__(self, scene: viser.SceneApi, model: SceneModel) -> None:
-        self._crowded = model.crowded
-        self._above = (
-            2.0 * model.body * np.array([0.0, 1.0, 0.0] if model.flat else [0.0, 0.0, 1.0])
-        )
-        self._paths = _lines(scene, "/recent paths", _GREY, 1.5)
-        self._worst_pair = _lines(scene, "/worst pair", _GREEN, 3.0)
-        self._text = scene.add_label("/worst pair/text", "", anchor="bottom-center")
-        self._links = _lines(scene, "/links", _AMBER, 1.0)
+    def __init__(self, scene: viser.SceneApi, model: SceneModel, palette: Palette) -> None:
+        self._model, self._palette = model, palette
+        self._paths = _lines(scene, "/recent paths", palette.faint, 2.0)
+        self._drops = _lines(scene, "/ground/drops", palette.faint, 1.0)
+        self._worst_pair = _lines(scene, "/worst pair", WORST_PAIR, 3.0)
+        self._unsafe = _lines(scene, "/unsafe pairs", DANGER, 6.0)
+        self._links = _lines(scene, "/links", LATE, 1.5)
+        self._colours = np.tile(palette.faint, (len(model.names), 1))
 
     def show(self, picture: Picture, selected: int | None) -> None:
-        """Redraw the worst pair and the link events; in a crowd, those of the selected agent."""
-        a, b = picture.worst_pair
-        self._worst_pair.points = np.array([[a, b]], dtype=np.float32)
-        self._text.text = picture.worst_pair_text
-        self._text.position = tuple((a + b) / 2.0 + self._above)
+        """Redraw the pairs and the link events; in a crowd, those of the selected agent."""
+        self._colours = picture.colours
+        self._worst_pair.points = np.array([picture.worst_pair], dtype=np.float32)
+        unsafe = picture.unsafe_ends if picture.unsafe else _NOTHING
+        self._unsafe.points = unsafe.astype(np.float32)
+        if not self._model.flat:
+            p = picture.positions
+            ground = np.column_stack([p[:, :2], np.full(len(p), self._model.floor)])
+            self._drops.points = np.stack([p, ground], axis=1).astype(np.float32)
         links, colours = _NOTHING, np.zeros((1, 2, 3))
-        shown = picture.links_of(selected) if self._crowded else np.full(len(picture.lost), True)
+        every = np.full(len(picture.lost), True)
+        shown = picture.links_of(selected) if self._model.crowded else every
         if shown.any():
             links = picture.links[shown]
-            colour = np.where(picture.lost[shown, None], np.array(_RED), np.array(_AMBER))
+            colour = np.where(picture.lost[shown, None], np.array(DANGER), np.array(LATE))
             colours = np.repeat(colour[:, None], 2, axis=1)  # of both ends
         self._links.points = links.astype(np.float32)
         self._links.colors = colours.astype(np.uint8)
 
     def show_recent_paths(self, positions: Array) -> None:
-        """Draw paths through past positions, shape (s, N, 3)."""
+        """Draw paths through past positions, shape (s, N, 3), in the agents' colours, fading."""
         if len(positions) > 1:
             past = positions.astype(np.float32)
             self._paths.points = np.stack([past[:-1], past[1:]], axis=2).reshape(-1, 2, 3)
+            fresh = np.linspace(0.0, 1.0, len(past))[:, None, None]
+            colours = fresh * self._colours + (1.0 - fresh) * np.array(self._palette.background)
+            ends = np.stack([colours[:-1], colours[1:]], axis=2).reshape(-1, 2, 3)
+            self._paths.colors = ends.astype(np.uint8)
+
+    def set_palette(self, palette: Palette) -> None:
+        """Wear the colours of a page."""
+        self._palette, self._drops.colors = palette, np.array(palette.faint, dtype=np.uint8)
 
     def set_paths_visible(self, visible: bool) -> None:
         """Where agents were."""
@@ -58,7 +70,7 @@ class LineNodes:
 
 
 def _lines(
-    scene: viser.SceneApi, name: str, colour: tuple[int, int, int], pixels: float
+    scene: viser.SceneApi, name: str, colour: Colour, pixels: float
 ) -> viser.LineSegmentsHandle:
     return scene.add_line_segments(
         name, _NOTHING, colour, thickness=pixels, thickness_units="screen"

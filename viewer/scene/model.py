@@ -68,6 +68,21 @@ class SceneModel:
         return 0.8 * self.radius if self.radius else 0.3
 
     @cached_property
+    def extent(self) -> tuple[Array, Array]:
+        """Opposite corners of the box that holds what is known of a run beforehand [m]."""
+        start = self.kinematics.poses(self.swarm.start()).positions
+        centers = [center[None] for center, _ in self.surroundings.spheres]
+        known = np.concatenate([start, self.surroundings.path, *centers])
+        reach = 4.0 * self.body
+        return known.min(axis=0) - reach, known.max(axis=0) + reach
+
+    @property
+    def floor(self) -> float:
+        """Height of the ground [m]: the plane itself, or below all that is known beforehand."""
+        low, high = self.extent
+        return 0.0 if self.flat else float(low[2] - 0.1 * (high - low).max())
+
+    @cached_property
     def surroundings(self) -> Surroundings:
         """Obstacles and formation."""
         return Surroundings(self.scenario, self.radius)
@@ -109,6 +124,11 @@ class SceneModel:
             return first, positions[found.b]
         assert found.obstacle is not None
         return first, self.surroundings.nearest(found.obstacle, first)
+
+    def agents_of(self, pairs: list[int]) -> set[int]:
+        """The agents that are in one of the pairs."""
+        found = [self.swarm.safe_set.pairs[pair] for pair in pairs]
+        return {side for pair in found for side in (pair.a, pair.b) if side is not None}
 
     def label(self, pair: int) -> str:
         """A pair in words."""

@@ -28,9 +28,17 @@ class Picture:
     """Where the applied inputs point, shape (N, 3)."""
     u_nom: Array
     """Where the nominal inputs point, shape (N, 3)."""
+    pair: int
+    """The pair whose h is largest."""
     worst_pair: tuple[Array, Array]
-    """The ends of the pair whose h is largest, shapes (3,)."""
+    """Its ends, shapes (3,)."""
     worst_pair_text: str
+    unsafe: list[int]
+    """The pairs with h > 0, the deepest first."""
+    unsafe_ends: Array
+    """Where their sides are, shape (v, 2, 3)."""
+    unsafe_agents: NDArray[np.bool_]
+    """Which agents are in one of them, shape (N,)."""
     goals: Array
     """Formation centre and goals, shape (1 + g, 3)."""
     links: Array
@@ -58,6 +66,8 @@ def picture(model: SceneModel, frame: Frame) -> Picture:
     p = poses.positions
     applied = _arrows(model, x, [status.u for status in frame.agents])
     has_heading = poses.headings.any(axis=1, keepdims=True)
+    # h_tot is never below the largest h.
+    unsafe = [] if frame.h_tot <= 0.0 else model.values.unsafe(x).tolist()
     sides = [(event.sender, event.receiver) for event in frame.link_events]
     links = np.array(sides, dtype=np.intp).reshape(-1, 2)
     return Picture(
@@ -67,8 +77,12 @@ def picture(model: SceneModel, frame: Frame) -> Picture:
         roles=[role(s, bool(bad)) for s, bad in zip(frame.agents, model.adversary, strict=True)],
         applied=applied,
         u_nom=_arrows(model, x, [status.u_nom for status in frame.agents]),
+        pair=frame.pair,
         worst_pair=model.ends(frame.pair, p),
         worst_pair_text=_told(model, frame.pair, x, p),
+        unsafe=unsafe,
+        unsafe_ends=np.array([model.ends(pair, p) for pair in unsafe]).reshape(-1, 2, 3),
+        unsafe_agents=np.isin(np.arange(len(p)), list(model.agents_of(unsafe))),
         goals=model.surroundings.goals(frame.t),
         links=p[links],
         link_agents=links,

@@ -18,11 +18,11 @@ class Role(StrEnum):
 
 
 COLOURS: dict[Role, tuple[int, int, int]] = {
-    Role.NORMAL: (37, 99, 235),
-    Role.ADVERSARY: (220, 38, 38),
-    Role.BACKUP: (245, 158, 11),
-    Role.NO_AUTHORITY: (192, 132, 252),
-    Role.SILENT: (148, 163, 184),
+    Role.NORMAL: (29, 78, 216),
+    Role.ADVERSARY: (205, 20, 32),
+    Role.BACKUP: (234, 115, 0),
+    Role.NO_AUTHORITY: (126, 50, 230),
+    Role.SILENT: (120, 130, 145),
 }
 
 

@@ -7,13 +7,20 @@ import viser
 from numpy.typing import NDArray
 
 from phalanx.viewer.scene.agents import AgentNodes, Click
-from phalanx.viewer.scene.backdrop import draw_backdrop
+from phalanx.viewer.scene.backdrop import Backdrop
+from phalanx.viewer.scene.cameras import Cameras, Framing
+from phalanx.viewer.scene.labels import LabelNodes
 from phalanx.viewer.scene.lines import LineNodes
 from phalanx.viewer.scene.model import SceneModel
+from phalanx.viewer.scene.palette import DARK, LIGHT
 from phalanx.viewer.scene.picture import Picture
 from phalanx.viewer.scene.selection import SelectionNodes, nearest_to_ray
+from phalanx.viewer.scene.view import View
 
 Array = NDArray[np.float64]
+
+_READABLE, _READABLE_IN_A_CROWD = 0.022, 0.009
+"""Smallest size of a body, in the shorter side of the picture."""
 
 
 class Scene:
@@ -29,23 +36,54 @@ class Scene:
             model: what there is.
             select: called with an agent's index when it is clicked, in a thread of viser's.
         """
-        self._server, self._select = server, select
-        draw_backdrop(server, model)
-        self.agents = AgentNodes(server.scene, model)
-        self.lines = LineNodes(server.scene, model)
-        self.selection = SelectionNodes(server, model, name_it=model.crowded)
+        self._server, self._model, self._select = server, model, select
+        self._backdrop = Backdrop(server.scene, model, LIGHT)
+        self.agents = AgentNodes(server.scene, model, LIGHT)
+        self.lines = LineNodes(server.scene, model, LIGHT)
+        self.labels = LabelNodes(server.scene, model)
+        self.selection = SelectionNodes(server.scene, LIGHT)
+        self.cameras = Cameras(server, _direction(model.flat), 3.0 * model.body)
+        self.cameras.expect(np.stack(model.extent))
+        self.stale = False
+        """Whether a visitor came or moved his camera since the last picture."""
         self._positions: Array | None = None
         self.agents.on_click(self._on_click)
+        server.on_client_connect(self._on_visitor)
+
+    def expect(self, trajectory: Array) -> None:
+        """Hold all of a run in sight: its positions, shape (s, N, 3)."""
+        self.cameras.expect(trajectory.reshape(-1, 3))
+        self.cameras.keep(Framing.RUN)
 
     def show(self, picture: Picture, selected: int | None) -> None:
         """Draw a picture."""
+        self.stale = False
+        positions, model = picture.positions, self._model
         # One message to every page, so that no browser paints bodies of one instant and lines of
         # another.
         with self._server.atomic():
-            self.agents.show(picture)
+            self.cameras.show(positions, selected)
+            view = self.cameras.farthest(positions.mean(axis=0))
+            readable = _READABLE_IN_A_CROWD if model.crowded else _READABLE
+            sizes = np.maximum(model.body, readable * view.spans(positions))
+            self.agents.show(picture, sizes)
             self.lines.show(picture, selected)
-            self.selection.show(picture.positions, selected)
-        self._positions = picture.positions
+            self.labels.show(picture, selected, sizes, view)
+            self.selection.show(positions, selected, sizes)
+        self._positions = positions
+
+    def set_dark(self, dark: bool) -> None:
+        """Wear the colours of a dark page, or of a light one."""
+        palette = DARK if dark else LIGHT
+        for part in (self._backdrop, self.agents, self.lines, self.selection):
+            part.set_palette(palette)
+        self.stale = True
+
+    def _on_visitor(self, client: viser.ClientHandle) -> None:
+        client.camera.on_update(self._on_camera)
+
+    def _on_camera(self, _: viser.CameraHandle) -> None:
+        self.stale = True
 
     def _on_click(self, event: Click) -> None:
         if event.instance_index is not None:
@@ -53,3 +91,11 @@ class Scene:
         elif self._positions is not None:
             ray = np.array(event.ray_origin), np.array(event.ray_direction)
             self._select(nearest_to_ray(self._positions, *ray))
+
+
+def _direction(flat: bool) -> View:
+    """From above the plane, from far away so that nothing tilts; in space at a slant."""
+    slant = [0.0, 0.0, 1.0] if flat else [-0.55, -0.75, 0.6]
+    up = [0.0, 1.0, 0.0] if flat else [0.0, 0.0, 1.0]
+    fov = 0.35 if flat else 0.8
+    return View(np.array(slant), np.zeros(3), np.array(up), fov, aspect=1.0)

@@ -1,49 +1,36 @@
-"""The selected agent: a ring around it, its name, and cameras that follow it."""
+"""The selected agent: a ring around it, and which agent a click means."""
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
 from phalanx.viewer.scene.meshes import ring
-from phalanx.viewer.scene.model import SceneModel
+from phalanx.viewer.scene.palette import Palette
 
 Array = NDArray[np.float64]
 
-_INK = (15, 23, 42)
+_AROUND = 1.9
+"""Radius of the ring, in bodies."""
 
 
 class SelectionNodes:
-    """Nodes that mark one agent."""
+    """What marks one agent."""
 
-    def __init__(self, server: viser.ViserServer, model: SceneModel, name_it: bool) -> None:
-        """name_it: whether to write its name, which stands beside every agent in a small swarm."""
-        self._server, self._names, self._name_it = server, model.names, name_it
-        self._ring = server.scene.add_mesh_simple(
-            "/selected", *ring(model.body), color=_INK, visible=False
+    def __init__(self, scene: viser.SceneApi, palette: Palette) -> None:
+        self._ring = scene.add_mesh_simple(
+            "/selected", *ring(0.95), color=palette.ink, visible=False, cast_shadow=False
         )
-        self._name = server.scene.add_label("/selected/name", "", visible=False)
-        self.follow = False
-        """Whether the cameras move with the selected agent."""
-        self._followed_from: Array | None = None
 
-    def show(self, positions: Array, selected: int | None) -> None:
-        """Mark an agent, or none; positions has shape (N, 3)."""
+    def show(self, positions: Array, selected: int | None, sizes: Array) -> None:
+        """Mark an agent, or none; positions (N, 3) and sizes of the bodies (N,) in metres."""
         self._ring.visible = selected is not None
-        self._name.visible = selected is not None and self._name_it
         if selected is not None:
             self._ring.position = tuple(positions[selected])
-            self._name.text = self._names[selected]
-        if self.follow and selected is not None:
-            self._move_cameras(positions[selected])
-        else:
-            self._followed_from = None
+            self._ring.scale = _AROUND * float(sizes[selected])
 
-    def _move_cameras(self, target: Array) -> None:
-        # By how far the agent moved, not to where it is: visitors keep the view they chose.
-        if self._followed_from is not None:
-            for client in self._server.get_clients().values():
-                client.camera.position = client.camera.position + target - self._followed_from
-        self._followed_from = target.copy()
+    def set_palette(self, palette: Palette) -> None:
+        """Wear the colours of a page."""
+        self._ring.color = palette.ink
 
 
 def nearest_to_ray(positions: Array, origin: Array, direction: Array) -> int:

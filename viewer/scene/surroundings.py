@@ -50,6 +50,12 @@ class Surroundings:
         times = np.linspace(0.0, formation.finish, _PATH_POINTS)
         return np.array([lift(formation.center(float(t)).position) for t in times])
 
+    @property
+    def corridor(self) -> float:
+        """Width of the formation on that path [m]; 0 without one."""
+        formation = self.scenario.formation
+        return 0.0 if formation is None else 2.0 * formation.radius
+
     def goals(self, t: float) -> Array:
         """Centre of the formation and the goals of its agents at t [m], shape (1 + g, 3)."""
         formation = self.scenario.formation

@@ -24,6 +24,14 @@ class SafetyValues:
         chosen = self.rows.swarm.pairs.choose(self._pairs[pair : pair + 1])
         return float(chosen.h(x)[0])
 
+    def unsafe(self, x: Array) -> Index:
+        """The pairs with h > 0, the deepest first."""
+        h = self._every.h(x)
+        # What is not a number is not safe either.
+        found = np.flatnonzero(~(h <= 0.0))
+        deepest: Index = self._every.order[found[np.argsort(-h[found], kind="stable")]]
+        return deepest
+
     def worst_pair(self, x: Array) -> int:
         """The pair whose h is largest."""
         return int(self._every.order[self._every.h(x).argmax()])

@@ -1,0 +1,44 @@
+"""Pairs that left the safe set stand out in the picture, and no others."""
+
+import numpy as np
+
+from phalanx.scenario.load import load
+from phalanx.viewer.scene.model import SceneModel, scene_model
+from phalanx.viewer.scene.picture import Picture, picture
+from phalanx.wire.frames import AgentStatus, Frame
+
+MODEL: SceneModel = scene_model(load("surrounded", []))
+
+
+def shown(*second: float) -> Picture:
+    """The picture with agent 2 at a point, and the others at the start."""
+    x = MODEL.swarm.start().copy()
+    x[2:4] = second
+    h = MODEL.values.worst_pair(x)
+    frame = Frame(
+        t=0.0, x=x.tobytes(), h_tot=MODEL.values.h(h, x), worst_h=0.0, pair=h,
+        agents=(AgentStatus(),) * 5, link_events=(), steps=0, real_time_factor=0.0,
+        assumptions=(), violations=(), log=(), paused=True, speed=0.0, loss=None, delay=None,
+    )  # fmt: skip
+    return picture(MODEL, frame)
+
+
+def test_nobody_is_marked_while_all_are_safe() -> None:
+    found = shown(1.001, 0.0)
+    assert found.unsafe == []
+    assert not found.unsafe_agents.any()
+    assert found.unsafe_ends.shape == (0, 2, 3)
+
+
+def test_the_two_of_a_pair_too_close_are_marked() -> None:
+    found = shown(0.999, 0.0)
+    assert [MODEL.label(pair) for pair in found.unsafe] == ["1-2"]
+    assert found.unsafe_agents.tolist() == [True, True, False, False, False]
+    np.testing.assert_array_equal(found.unsafe_ends, [[[0, 0, 0], [0.999, 0, 0]]])
+
+
+def test_of_several_pairs_the_deepest_comes_first() -> None:
+    x = MODEL.swarm.start().copy()
+    x[2:4], x[4:6] = (0.5, 0.0), (0.0, 0.3)
+    labels = [MODEL.label(int(pair)) for pair in MODEL.values.unsafe(x)]
+    assert labels == ["1-3", "1-2"]

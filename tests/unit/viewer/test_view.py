@@ -1,0 +1,65 @@
+"""A camera put where it sees everything sees everything, and stands no farther than it must."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from phalanx.viewer.scene.view import View
+
+DIRECTIONS = {
+    "from above": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), 0.35),
+    "at a slant": ((-0.55, -0.75, 0.6), (0.0, 0.0, 1.0), 0.8),
+}
+numbers = st.floats(-1e3, 1e3)
+clouds = st.lists(st.tuples(numbers, numbers, numbers), min_size=1, max_size=9)
+
+
+def camera(name: str, aspect: float) -> View:
+    position, up, fov = DIRECTIONS[name]
+    return View(np.array(position), np.zeros(3), np.array(up), fov, aspect)
+
+
+@given(name=st.sampled_from(sorted(DIRECTIONS)), cloud=clouds, aspect=st.floats(0.4, 3.0))
+def test_a_fitted_camera_holds_all_balls_but_no_nearer_one_does(
+    name: str, cloud: list[tuple[float, ...]], aspect: float
+) -> None:
+    centres, reach = np.array(cloud), 2.0
+    fitted = camera(name, aspect).fitted(centres, reach)
+    rims = np.concatenate([centres + reach * axis * s for axis in fitted.axes for s in (-1, 1)])
+    nearer = replace(fitted, position=fitted.position + 0.5 * reach * fitted.axes[2])
+    tangent = np.concatenate([rims, *_tangent_points(fitted, centres, reach)])
+    assert replace(fitted, fov=1.0001 * fitted.fov).holds(tangent)
+    assert not nearer.holds(np.concatenate([rims, *_tangent_points(nearer, centres, reach)]))
+
+
+def _tangent_points(view: View, centres: np.ndarray, reach: float) -> list[np.ndarray]:
+    """The points of balls that are nearest to the edges of the picture."""
+    right, up, forward = view.axes
+    tan = np.tan(view.fov / 2.0)
+    normals = [s * right - tan * view.aspect * forward for s in (-1, 1)]
+    normals += [s * up - tan * forward for s in (-1, 1)]
+    return [centres + reach * n / np.linalg.norm(n) for n in normals]
+
+
+def test_points_fall_where_the_picture_says_they_do() -> None:
+    view = View(np.array([0.0, 0.0, 10.0]), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.5, 2.0)
+    side = 20.0 * np.tan(0.25)
+    points = np.array([[0.0, 0.0, 0.0], [side, 0.0, 0.0], [0.0, -side / 2.0, 0.0]])
+    assert view.spans(points) == pytest.approx(side)
+    np.testing.assert_allclose(view.project(points), [[0, 0], [1, 0], [0, -0.5]], atol=1e-12)
+
+
+def test_a_narrow_picture_is_measured_by_its_width() -> None:
+    wide = camera("from above", 1.0)
+    narrow = replace(wide, aspect=0.5)
+    at = np.array([[0.0, 0.0, -3.0]])
+    assert narrow.spans(at) == pytest.approx(0.5 * wide.spans(at))
+
+
+def test_what_is_behind_the_camera_is_not_in_sight() -> None:
+    view = camera("at a slant", 1.5)
+    assert view.holds(view.look_at[None])
+    assert not view.holds((2.0 * view.position - view.look_at)[None])

@@ -1,0 +1,128 @@
+"""The visitors' cameras: they hold the whole run, follow the swarm, or follow one agent."""
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from phalanx.viewer.scene.view import View
+
+Array = NDArray[np.float64]
+
+_ROOM, _LOOSE = 1.2, 1.8
+"""A camera that follows the swarm is put so many times as far away as it must be; and anew when it
+is nearer than it must be, or more than the second number of times as far."""
+_SAME = 0.02
+"""Distances and aspects that differ by less, relatively, are the same."""
+_STEADY = 1e-3
+"""What moves by less than this share of its distance from the camera seems to stand still."""
+
+
+class Framing(StrEnum):
+    """What cameras keep in sight."""
+
+    RUN = "the whole run"
+    SWARM = "the swarm"
+    AGENT = "the chosen agent"
+
+
+@dataclass
+class _Visitor:
+    """What one visitor's browser was asked to show, and what he made of it."""
+
+    asked: View
+    before: View
+    """What it was asked before: until it obeys, it reports that."""
+    fit: float
+    """The distance at which he sees what is to be kept in sight [m]."""
+    zoom: float = 1.0
+    """By how many times he is farther away."""
+
+    def saw(self, seen: View) -> None:
+        """Take what his browser reports: what is neither of the two is his own doing."""
+        if not any(_close(seen.distance, known.distance) for known in (self.asked, self.before)):
+            self.zoom *= seen.distance / self.asked.distance
+            self.asked = self.before = seen
+
+    def ask(self, client: viser.ClientHandle, view: View) -> None:
+        """Have his browser show a view."""
+        if not _steady(self.asked, view):
+            self.before, self.asked = self.asked, view
+            with client.atomic():
+                client.camera.position, client.camera.look_at = view.position, view.look_at
+
+
+class Cameras:
+    """Moves every visitor's camera; the direction and the zoom are his."""
+
+    def __init__(self, server: viser.ViserServer, direction: View, reach: float) -> None:
+        """Look from a direction; reach is how much around a position is to be seen [m]."""
+        self._server, self._first, self._reach = server, direction, reach
+        self.framing, self._run = Framing.SWARM, np.zeros((1, 3))
+        self._visitors: dict[int, _Visitor] = {}
+
+    def expect(self, positions: Array) -> None:
+        """Have those who come see all of these positions of a run, shape (s, 3)."""
+        self._run = positions
+        self._first = first = self._first.fitted(positions, self._reach)
+        camera = self._server.initial_camera
+        camera.up, camera.fov = tuple(first.up), first.fov
+        camera.near, camera.far = 1e-3 * first.distance, 1e2 * first.distance
+        camera.position, camera.look_at = tuple(first.position), tuple(first.look_at)
+
+    def keep(self, framing: Framing) -> None:
+        """Keep this in sight from now on, from a distance that fits."""
+        self.framing = framing
+        self._visitors = {}
+
+    def farthest(self, point: Array) -> View:
+        """Of what visitors see, that in which things at a point [m], shape (3,), are smallest."""
+        views = [_seen(client) for client in self._server.get_clients().values()]
+        return max(views or [self._first], key=lambda view: float(view.spans(point[None])[0]))
+
+    def show(self, positions: Array, chosen: int | None) -> None:
+        """Keep in sight what is to be kept; positions has shape (N, 3)."""
+        clients, known = self._server.get_clients(), self._visitors
+        self._visitors = {key: known[key] for key in clients if key in known}
+        alone = self.framing is Framing.AGENT and chosen is not None
+        kept = positions[chosen : chosen + 1] if alone and chosen is not None else positions
+        for key, client in clients.items():
+            if self.framing is Framing.RUN:
+                self._fit_run(key, client)
+            else:
+                self._follow(key, client, kept, alone)
+
+    def _fit_run(self, key: int, client: viser.ClientHandle) -> None:
+        """Once, and when the picture's shape changed: the visitor may look elsewhere."""
+        seen, visitor = _seen(client), self._visitors.get(key)
+        if visitor is None or not _close(visitor.asked.aspect, seen.aspect):
+            # Whoever just came has no direction of his own, and may not look where he is to yet.
+            towards = self._first if visitor is None else seen
+            fitted = replace(towards, aspect=seen.aspect).fitted(self._run, self._reach)
+            self._visitors[key] = visitor = _Visitor(seen, seen, fitted.distance)
+            visitor.ask(client, fitted)
+
+    def _follow(self, key: int, client: viser.ClientHandle, positions: Array, alone: bool) -> None:
+        seen = _seen(client)
+        visitor = self._visitors.setdefault(key, _Visitor(seen, seen, seen.distance))
+        visitor.saw(seen)
+        fitted = seen.fitted(positions, self._reach)
+        if not alone and not fitted.distance <= visitor.fit <= _LOOSE * fitted.distance:
+            visitor.fit = _ROOM * fitted.distance
+        visitor.ask(client, seen.moved(fitted.look_at, visitor.fit * visitor.zoom))
+
+
+def _seen(client: viser.ClientHandle) -> View:
+    camera = client.camera
+    return View(camera.position, camera.look_at, camera.up_direction, camera.fov, camera.aspect)
+
+
+def _close(a: float, b: float) -> bool:
+    return abs(a - b) <= _SAME * b
+
+
+def _steady(a: View, b: View) -> bool:
+    moved = max(np.abs(a.position - b.position).max(), np.abs(a.look_at - b.look_at).max())
+    return bool(moved <= _STEADY * b.distance)

@@ -1,0 +1,35 @@
+"""The folder that says what the scene shows, and what the cameras keep in sight."""
+
+import viser
+
+from phalanx.viewer.scene.cameras import Framing
+from phalanx.viewer.scene.scene import Scene
+
+
+def add_display(gui: viser.GuiApi, scene: Scene) -> None:
+    """Add the folder to the panel that is open."""
+    framings = tuple(framing.value for framing in Framing)
+    with gui.add_folder("Display", order=80):
+        framing = gui.add_dropdown("Keep in sight", framings, initial_value=scene.cameras.framing)
+        fit = gui.add_button("Fit the view")
+        arrows = gui.add_checkbox("Inputs", True)
+        paths = gui.add_checkbox("Recent paths", True)
+        links = gui.add_checkbox("Late and lost links", True)
+        dark = gui.add_checkbox("Dark", False)
+
+    def keep(_: object) -> None:
+        scene.cameras.keep(Framing(framing.value))
+        scene.stale = True
+
+    def wear(_: object) -> None:
+        gui.configure_theme(
+            dark_mode=dark.value, show_logo=False, show_share_button=False, control_width="medium"
+        )
+        scene.set_dark(dark.value)
+
+    framing.on_update(keep)
+    fit.on_click(keep)
+    dark.on_update(wear)
+    arrows.on_update(lambda _: scene.agents.set_arrows_visible(arrows.value))
+    paths.on_update(lambda _: scene.lines.set_paths_visible(paths.value))
+    links.on_update(lambda _: scene.lines.set_links_visible(links.value))

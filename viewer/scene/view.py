@@ -1,0 +1,80 @@
+"""What a camera sees: where points fall in its picture, and where it has to be to see them all."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.viewer.scene.geometry import unit
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class View:
+    """A perspective camera."""
+
+    position: Array
+    """[m], shape (3,)."""
+    look_at: Array
+    """What is in the middle of the picture [m], shape (3,)."""
+    up: Array
+    """Shape (3,), not along the line of sight."""
+    fov: float
+    """Vertical field of view [rad]."""
+    aspect: float
+    """Width of the picture over its height."""
+
+    @cached_property
+    def axes(self) -> Array:
+        """Unit vectors to the right, up and forward in the picture, shape (3, 3)."""
+        forward = unit(self.look_at - self.position)
+        right = unit(np.cross(forward, self.up))
+        return np.stack([right, np.cross(right, forward), forward])
+
+    @property
+    def distance(self) -> float:
+        """From the camera to what it looks at [m]."""
+        return float(np.linalg.norm(self.look_at - self.position))
+
+    def spans(self, points: Array) -> Array:
+        """How many metres span the shorter side of the picture at each point, shape (N,)."""
+        depths = np.maximum((points - self.position) @ self.axes[2], 1e-6)
+        found: Array = 2.0 * np.tan(self.fov / 2.0) * min(1.0, self.aspect) * depths
+        return found
+
+    def project(self, points: Array) -> Array:
+        """Where points, shape (N, 3), fall: right and up of the middle, in its shorter sides."""
+        found: Array = (points - self.position) @ self.axes[:2].T / self.spans(points)[:, None]
+        return found
+
+    def holds(self, points: Array) -> bool:
+        """Whether all points, shape (N, 3), are in the picture."""
+        across, high = np.abs(self.project(points)).T * min(1.0, self.aspect)
+        in_front = (points - self.position) @ self.axes[2] > 0.0
+        return bool((in_front & (across <= 0.5 * self.aspect) & (high <= 0.5)).all())
+
+    def fitted(self, points: Array, reach: float) -> Self:
+        """The nearest camera of the same direction that sees balls around points, (N, 3).
+
+        Args:
+            points: centres [m].
+            reach: radius of the balls [m].
+        """
+        tan = np.tan(self.fov / 2.0) * np.array([self.aspect, 1.0])
+        across, along = points @ self.axes[:2].T, points @ self.axes[2]
+        # A ball is left of the picture's right edge if its centre's distance from that plane is at
+        # least `reach`; likewise for the other edges. The camera backs off until all are.
+        beyond = reach * np.sqrt(1.0 + tan**2) - along[:, None] * tan
+        most, least = (beyond + across).max(axis=0), (beyond - across).max(axis=0)
+        depth = float((-(most + least) / (2.0 * tan)).min())
+        sideways = (most - least) / 2.0
+        position = np.array([*sideways, depth]) @ self.axes
+        middle = (along.min() + along.max()) / 2.0
+        return replace(self, position=position, look_at=position + self.axes[2] * (middle - depth))
+
+    def moved(self, look_at: Array, distance: float) -> Self:
+        """The same direction, towards another point and from another distance [m]."""
+        return replace(self, look_at=look_at, position=look_at - distance * self.axes[2])
