@@ -7,7 +7,6 @@ import viser
 from phalanx.faults.state import Condition
 from phalanx.guarantee.verdict import Summary
 from phalanx.viewer.scene.model import SceneModel
-from phalanx.viewer.scene.roles import COLOURS, Role
 from phalanx.wire.frames import Frame
 
 _LOG_LINES = 12
@@ -33,8 +32,6 @@ class Panels:
         self._agent = gui.add_markdown("")
         with gui.add_folder("Event log", order=90):
             self._log = gui.add_markdown("Nothing yet.")
-        with gui.add_folder("Colours", expand_by_default=False, order=95):
-            gui.add_html(_legend())
         self._worst_pair: int | None = None
         self._selected.on_update(self._on_choice)
         worst.on_click(lambda _: self._choose_worst())
@@ -133,13 +130,3 @@ def _agent(frame: Frame, i: int) -> str:
     if status.certified is not None:
         parts.append(f"proven safe for {1e3 * status.certified:.0f} ms")
     return " · ".join(parts) or "no input yet"
-
-
-def _legend() -> str:
-    rows = [
-        f'<div><span style="color:rgb{COLOURS[role]}">&#9632;</span> {role}</div>' for role in Role
-    ]
-    rows.append("<div>dark arrow: applied input, light arrow: nominal input</div>")
-    rows.append("<div>green line: the worst pair, whose h is largest</div>")
-    rows.append("<div>link lines: amber late, red lost</div>")
-    return f'<div style="padding:0 1em;font-size:0.85em">{"".join(rows)}</div>'

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.viewer.scene.alarm import alarms, past_alarms
 from phalanx.viewer.scene.geometry import unit
 from phalanx.viewer.scene.model import SceneModel
 from phalanx.viewer.scene.roles import COLOURS, Role, role
@@ -39,6 +40,10 @@ class Picture:
     """Where their sides are, shape (v, 2, 3)."""
     unsafe_agents: NDArray[np.bool_]
     """Which agents are in one of them, shape (N,)."""
+    alarms: list[str]
+    """A line for each of them: who, how deep and since when."""
+    past_alarms: list[str]
+    """A line for each pair that was unsafe before."""
     goals: Array
     """Formation centre and goals, shape (1 + g, 3)."""
     links: Array
@@ -83,6 +88,8 @@ def picture(model: SceneModel, frame: Frame) -> Picture:
         unsafe=unsafe,
         unsafe_ends=np.array([model.ends(pair, p) for pair in unsafe]).reshape(-1, 2, 3),
         unsafe_agents=np.isin(np.arange(len(p)), list(model.agents_of(unsafe))),
+        alarms=alarms(model, unsafe, frame.violations, x, p),
+        past_alarms=past_alarms(model, unsafe, frame.violations, frame.t),
         goals=model.surroundings.goals(frame.t),
         links=p[links],
         link_agents=links,

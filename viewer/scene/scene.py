@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 
 from phalanx.viewer.scene.agents import AgentNodes, Click
 from phalanx.viewer.scene.backdrop import Backdrop
+from phalanx.viewer.scene.banner import Banner
 from phalanx.viewer.scene.cameras import Cameras, Framing
 from phalanx.viewer.scene.labels import LabelNodes
+from phalanx.viewer.scene.legend import legend
 from phalanx.viewer.scene.lines import LineNodes
 from phalanx.viewer.scene.model import SceneModel
 from phalanx.viewer.scene.palette import DARK, LIGHT
@@ -41,6 +43,8 @@ class Scene:
         self.agents = AgentNodes(server.scene, model, LIGHT)
         self.lines = LineNodes(server.scene, model, LIGHT)
         self.labels = LabelNodes(server.scene, model)
+        self.banner = Banner(server.gui)
+        server.gui.add_html(legend(), order=99.0)
         self.selection = SelectionNodes(server.scene, LIGHT)
         self.cameras = Cameras(server, _direction(model.flat), 3.0 * model.body)
         self.cameras.expect(np.stack(model.extent))
@@ -69,6 +73,7 @@ class Scene:
             self.agents.show(picture, sizes)
             self.lines.show(picture, selected)
             self.labels.show(picture, selected, sizes, view)
+            self.banner.show(picture)
             self.selection.show(positions, selected, sizes)
         self._positions = positions
 

@@ -2,7 +2,10 @@
 
 import numpy as np
 
+from phalanx.guarantee.verdict import Violation
 from phalanx.scenario.load import load
+from phalanx.viewer.scene.alarm import alarms, past_alarms
+from phalanx.viewer.scene.banner import banner
 from phalanx.viewer.scene.model import SceneModel, scene_model
 from phalanx.viewer.scene.picture import Picture, picture
 from phalanx.wire.frames import AgentStatus, Frame
@@ -42,3 +45,35 @@ def test_of_several_pairs_the_deepest_comes_first() -> None:
     x[2:4], x[4:6] = (0.5, 0.0), (0.0, 0.3)
     labels = [MODEL.label(int(pair)) for pair in MODEL.values.unsafe(x)]
     assert labels == ["1-3", "1-2"]
+
+
+def test_the_banner_says_who_how_deep_and_since_when() -> None:
+    x = MODEL.swarm.start().copy()
+    x[2:4] = (0.5, 0.0)
+    known = Violation(pair="1-2", first=1.25, worst=2.0, worst_at=3.0, duration=1.0)
+    p = MODEL.kinematics.poses(x).positions
+    unsafe = MODEL.values.unsafe(x).tolist()
+    (line,) = alarms(MODEL, unsafe, (known,), x, p)
+    assert line == "1-2 unsafe: h = 0.75 where 0 is allowed, 0.50 m apart, since t = 1.250 s"
+    assert line in banner([line], [])
+    assert past_alarms(MODEL, unsafe, (known,), 2.0) == []
+
+
+def test_what_is_over_stays_told_but_not_what_is_still_to_come() -> None:
+    known = Violation(pair="1-2", first=1.25, worst=2.0, worst_at=3.0, duration=1.0)
+    assert past_alarms(MODEL, [], (known,), 1.0) == []
+    assert past_alarms(MODEL, [], (known,), 2.0) == ["1-2 was unsafe from t = 1.250 s on"]
+    (line,) = past_alarms(MODEL, [], (known,), 4.0)
+    assert line.endswith("on, up to h = 2")
+    assert "phalanx-past" in banner([], [line])
+
+
+def test_a_safe_run_has_no_banner_and_a_name_is_no_markup_in_it() -> None:
+    assert banner([], []) == ""
+    assert "<b>" not in banner(["<b>-2 unsafe"], [])
+
+
+def test_a_banner_names_three_pairs_and_counts_the_others() -> None:
+    found = banner([f"1-{k} unsafe" for k in range(5)], [])
+    assert [f"1-{k} unsafe" in found for k in range(5)] == [True, True, True, False, False]
+    assert "and 2 more pairs" in found

@@ -1,0 +1,50 @@
+"""The banner over the scene while a pair is unsafe, and what is left of it afterwards."""
+
+from html import escape
+
+import viser
+
+from phalanx.viewer.scene.picture import Picture
+
+_LINES = 3
+"""Most pairs that the banner names; all are in the event log."""
+OVER_THE_SCENE = """<style>
+.phalanx-over { position: fixed; z-index: 10; transform: translateX(-50%); box-sizing: border-box;
+  left: calc((100vw - var(--phx-plots, 380px) + 360px) / 2);
+  max-width: calc(100vw - var(--phx-plots, 380px) - 392px);
+  font: 13px/1.5 system-ui, sans-serif; border-radius: 6px; }
+@media (max-width: 1000px) { .phalanx-over { max-width: 60vw; } }
+@media (max-width: 576px) { .phalanx-over { left: 50vw; max-width: 94vw; } }
+</style>"""
+"""Style of what lies over the middle of the scene, between the panels."""
+_STYLE = """<style>
+.phalanx-alarm { top: 12px; padding: 8px 16px; color: #fff; background: #e11d2e;
+  box-shadow: 0 2px 12px #e11d2e88; font-weight: 600; width: max-content; }
+.phalanx-alarm.phalanx-past { background: #92400e; box-shadow: none; font-weight: 400; }
+</style>"""
+
+
+class Banner:
+    """Says who is unsafe, how deep and since when."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        self._html = gui.add_html("", order=-1.0)
+
+    def show(self, picture: Picture) -> None:
+        """Sound the alarm, or take it back."""
+        content = banner(picture.alarms, picture.past_alarms)
+        if content != self._html.content:
+            self._html.content = content
+
+
+def banner(alarms: list[str], past: list[str]) -> str:
+    """As HTML; empty while nothing ever happened."""
+    told, kind = (alarms, "") if alarms else (past, " phalanx-past")
+    if not told:
+        return ""
+    lines = [escape(line) for line in told[:_LINES]]
+    more = [f"and {len(told) - _LINES} more pairs"] if len(told) > _LINES else []
+    return (
+        f'{OVER_THE_SCENE}{_STYLE}<div role="alert" class="phalanx-over phalanx-alarm{kind}">'
+        f"{'<br>'.join(lines + more)}</div>"
+    )
