@@ -16,6 +16,7 @@ from phalanx.plant.motion import Motion
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.expressions.mapped import Index, MappedFunction
+from phalanx.theory.safety.beside import reach_beside
 from phalanx.theory.safety.composition import ComposedSet
 from phalanx.theory.safety.function import Reaching
 
@@ -37,7 +38,7 @@ class NearPairs:
         scenario, function = swarm.scenario, swarm.scenario.safety.safe_set_function()
         rho = scenario.safety.rho
         self._pairs = swarm.pairs
-        self._obstacles, self._motion = scenario.obstacles, motion
+        self._obstacles, self._motion = scenario.static, motion
         self._normal = np.array([not m.adversary for m in swarm.members])
         self._every = self._pairs.among(range(len(swarm.members)))
         few = len(self._every) <= _FEW
@@ -98,7 +99,7 @@ class NearPairs:
         pairs = np.where(self._normal[pairs[:, :1]], pairs, pairs[:, ::-1])
         found = [pairs[self._normal[pairs[:, 0]]]]
         for k, obstacle in enumerate(self._obstacles):
-            close = function.reach(self._level, obstacle) + self._room
+            close = reach_beside(function, self._level, obstacle) + self._room
             near = self._normal & (obstacle.distances(positions) <= close)
             beside = np.flatnonzero(near)
             found.append(np.stack([beside, np.full(len(beside), len(positions) + k)], axis=1))

@@ -15,6 +15,7 @@ from phalanx.theory.expressions.exact import dot
 from phalanx.theory.expressions.interval import UnboundedOperationError, extend
 from phalanx.theory.expressions.mapped import Index, MappedFunction
 from phalanx.theory.margins.enclosure import scalars
+from phalanx.theory.safety.beside import reach_beside
 from phalanx.theory.safety.function import Reaching
 from phalanx.theory.safety.obstacles import Sphere
 
@@ -42,11 +43,11 @@ class Surroundings:
         tau = max(swarm.horizon(i) for i in swarm.normal)
         self._lasting = _LASTING * tau
         self._until = -np.inf
-        axes, count = scenario.agents[0].axes, len(members) + len(scenario.obstacles)
+        axes, count = scenario.agents[0].axes, len(members) + len(scenario.static)
         self._low, self._high = np.full((count, axes), -np.inf), np.full((count, axes), np.inf)
         self._reach = np.full(count, function.reach(0.0))
-        for k, obstacle in enumerate(scenario.obstacles, start=len(members)):
-            self._reach[k] = function.reach(0.0, obstacle)
+        for k, obstacle in enumerate(scenario.static, start=len(members)):
+            self._reach[k] = reach_beside(function, 0.0, obstacle)
             if isinstance(obstacle, Sphere):
                 self._low[k] = self._high[k] = obstacle.center
         self._alike = []

@@ -39,7 +39,7 @@ class SwarmCertificates:
         """Of each pair of the composed set: a, and b or N + k for obstacle k; shape (p, 2)."""
         groups = {id(group): number for number, group in enumerate(scenario.agents)}
         own = [groups[id(group)] for group in swarm.groups]
-        number_of: Index = np.array([*own, *[-1 for _ in scenario.obstacles]])
+        number_of: Index = np.array([*own, *[-1 for _ in scenario.static]])
         self.alike: Index = np.column_stack([number_of[self.ends], self.pairs.kinds_of(self.ends)])
         """What makes pairs alike: the groups of both, and the expressions; shape (p, 3)."""
         self._kinds: dict[tuple[int, ...], _Kind] = {}

@@ -108,13 +108,16 @@ class Motion:
         """Output positions [m], shape (s, N, 2) or (s, N, 3)."""
         self.worst = int(np.argmax(recording.h_tot))
         """Index of the state with the largest h_tot."""
-        self._obstacles = recording.scenario.obstacles
+        self._static = recording.scenario.static
 
     def distance(self, pair: Pair) -> Array:
-        """Distance between a pair's output points, or from a center or a wall [m], (s,)."""
+        """Distance between a pair's output points, or from a center or a wall [m], (s,).
+
+        0 from a limit: it is everywhere.
+        """
         own = self.positions[:, pair.a]
         if pair.b is None:
-            return self._obstacles[pair.obstacle or 0].distances(own)
+            return self._static[pair.obstacle or 0].distances(own)
         apart: Array = np.linalg.norm(own - self.positions[:, pair.b], axis=1)
         return apart
 

@@ -29,7 +29,8 @@ from phalanx.report.style import (
 )
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.safety.composition import Pair
+from phalanx.theory.safety.composition import Pair, static_label
+from phalanx.theory.safety.limits import Line, Outlined
 from phalanx.theory.safety.obstacles import Wall
 
 Array = NDArray[np.float64]
@@ -88,7 +89,14 @@ def _outline(scenario: Scenario, motion: Motion) -> Array:
             continue
         center = np.array(obstacle.center)
         points.append(np.array([center - obstacle.clearance, center + obstacle.clearance]))
+    points += [np.array(line) for line in _outlines(scenario)]
     return np.concatenate(points)
+
+
+def _outlines(scenario: Scenario) -> list[Line]:
+    """The lines of limits that can be drawn."""
+    limits = [field.boundary.limit for field in scenario.limits]
+    return [line for limit in limits if isinstance(limit, Outlined) for line in limit.outline()]
 
 
 def _draw_agents(axes: Axes, recording: Recording, motion: Motion, plane: tuple[int, int]) -> None:
@@ -132,7 +140,8 @@ def _draw_crowd(
             axes.plot(*p[at], "x", color=PEAK, markersize=6, zorder=3)
             axes.annotate(name, p[at], xytext=(5, 4), textcoords="offset points", color=colour)
         else:
-            axes.plot([], [], " ", label=f"obstacle {i - len(roster)}, of the worst pair")
+            other = static_label(recording.scenario.static, i - len(roster))
+            axes.plot([], [], " ", label=f"{other}, of the worst pair")
 
 
 def _draw_scene(axes: Axes, scenario: Scenario, motion: Motion, plane: tuple[int, int]) -> None:
@@ -144,6 +153,8 @@ def _draw_scene(axes: Axes, scenario: Scenario, motion: Motion, plane: tuple[int
         center = obstacle.center[plane[0]], obstacle.center[plane[1]]
         axes.add_patch(Circle(center, obstacle.clearance, facecolor="#c9ccd1", edgecolor="#6b7078"))
         axes.annotate(str(k), center, ha="center", va="center", fontsize=8, color="#33363b")
+    for line in _outlines(scenario):
+        axes.plot(*np.array(line)[:, plane].T, color="#6b7078", linewidth=1.2)
     if scenario.formation:
         times = np.linspace(0.0, motion.times[-1], 200)
         path = np.array([scenario.formation.center(t).position for t in times])
@@ -183,11 +194,11 @@ def distances(recording: Recording, swarm: Swarm, motion: Motion) -> Figure:
 
 def _pairs_by_kind(swarm: Swarm) -> dict[str, list[Pair]]:
     normal = set(swarm.normal)
-    pairs = swarm.safe_set.pairs
+    pairs, obstacles = swarm.safe_set.pairs, len(swarm.scenario.obstacles)
     kinds = {
         "normal–normal": [p for p in pairs if p.b in normal],
         "normal–adversary": [p for p in pairs if p.b is not None and p.b not in normal],
-        "normal–obstacle": [p for p in pairs if p.b is None],
+        "normal–obstacle": [p for p in pairs if p.obstacle is not None and p.obstacle < obstacles],
     }
     return {kind: found for kind, found in kinds.items() if found}
 

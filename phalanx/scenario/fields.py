@@ -33,10 +33,10 @@ Table = dict[str, Any]
 NUMBER, TABLE, SPHERE, WALL = "number", "table", "sphere", "wall"
 BOUNDS, JITTER, CHANCE, BURST, GEMODEL = "bounds", "jittered", "chance", "bursts", "gemodel"
 PARTITION, HOLD, LINK, LIE = "partition", "hold", "link", "lie"
-WORD, INPUT = "word", "input"
+WORD, INPUT, LIMIT = "word", "input", "limit"
 ALTERNATIVES = frozenset(
     {NUMBER, TABLE, SPHERE, WALL, BOUNDS, JITTER, CHANCE, BURST, GEMODEL, PARTITION, HOLD, LINK}
-    | {LIE, WORD, INPUT}
+    | {LIE, WORD, INPUT, LIMIT}
 )
 """Names of alternatives in an error's place, where fields are not called so."""
 
@@ -60,7 +60,7 @@ class Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
 
 
-def built(field: str, kind: type, table: Table) -> Any:
+def built(field: str | int, kind: type, table: Table) -> Any:
     """Build an object from its table; its errors become errors of this field."""
     try:
         return construct(kind, table)
@@ -73,7 +73,7 @@ def built(field: str, kind: type, table: Table) -> Any:
             )
             for e in error.errors()
         ]
-        raise ValidationError.from_exception_data(field, lines) from error
+        raise ValidationError.from_exception_data(str(field), lines) from error
     except ValueError as error:
         raise misplaced((field,), str(error), table.get("type")) from error
     except Exception as error:  # of a user's own, while it is made

@@ -6,12 +6,21 @@ from itertools import count, islice
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import (
+    ConfigDict,
+    Discriminator,
+    Field,
+    PrivateAttr,
+    RootModel,
+    Tag,
+    model_validator,
+)
 
 from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.faults import Fault
 from phalanx.scenario.fields import (
     CONTROLLER,
+    LIMIT,
     SPHERE,
     WALL,
     Finite,
@@ -19,6 +28,8 @@ from phalanx.scenario.fields import (
     NonNegative,
     Positive,
     Strict,
+    Table,
+    built,
     misplaced,
 )
 from phalanx.scenario.flows import Flows
@@ -27,6 +38,8 @@ from phalanx.scenario.network import Network
 from phalanx.scenario.safety import Safety
 from phalanx.scenario.scatter import Scatter
 from phalanx.theory.laws.formation import Formation
+from phalanx.theory.safety.beside import Static
+from phalanx.theory.safety.limits import Boundary, Limit
 from phalanx.theory.safety.obstacles import Sphere, Wall
 
 MAX_AGENTS = 256
@@ -40,6 +53,23 @@ def _sphere_or_wall(value: Any) -> str:
 ObstacleField = Annotated[
     Annotated[Sphere, Tag(SPHERE)] | Annotated[Wall, Tag(WALL)], Discriminator(_sphere_or_wall)
 ]
+
+
+class LimitField(RootModel[Table]):
+    """A [[limits]] table, with the limit that it describes."""
+
+    model_config = ConfigDict(frozen=True)
+    _limit: Limit = PrivateAttr()
+
+    @model_validator(mode="after")
+    def _resolve(self) -> Self:
+        self._limit = built(LIMIT, Limit, self.root)
+        return self
+
+    @property
+    def boundary(self) -> Boundary:
+        """The limit as the other side of pairs."""
+        return Boundary(self._limit)
 
 
 class Time(Strict):
@@ -74,6 +104,8 @@ class Scenario(Strict):
     flows: Flows | None = None
     """Where agents without a slot go, and start unless their start is given."""
     obstacles: tuple[ObstacleField, ...] = ()
+    limits: tuple[LimitField, ...] = ()
+    """What every normal agent keeps by itself, such as { type = "fence", center, radius }."""
     scatter: Scatter | None = None
     """Obstacles to draw; a resolved scenario has them among its obstacles instead."""
     agents: Annotated[tuple[AgentGroup, ...], Field(min_length=1)]
@@ -188,6 +220,11 @@ class Scenario(Strict):
         for group in self.agents:
             for place, name in enumerate(group.names):
                 yield name, group, place
+
+    @property
+    def static(self) -> tuple[Static, ...]:
+        """What stands still and agents keep apart from: obstacles, then limits."""
+        return (*self.obstacles, *(limit.boundary for limit in self.limits))
 
     def programs(self) -> dict[str, tuple[str, ...]]:
         """The processes beside the plant: every agent, or the controller of several.

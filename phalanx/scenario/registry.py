@@ -22,6 +22,7 @@ from phalanx.theory.models.unicycle import Unicycle
 from phalanx.theory.safety.class_k import ClassK, Linear, Power
 from phalanx.theory.safety.distances import Distance, HeadingAware
 from phalanx.theory.safety.function import SafeSetFunction, Separation
+from phalanx.theory.safety.limits import Band, Fence, Limit
 
 BUILT_IN: Mapping[type, Mapping[str, type]] = {
     Dynamics: {
@@ -37,6 +38,7 @@ BUILT_IN: Mapping[type, Mapping[str, type]] = {
         "distance": Distance,
         "heading-aware": HeadingAware,
     },
+    Limit: {"fence": Fence, "band": Band},
     Law: {
         "track-velocity": TrackVelocity,
         "track": Track,
@@ -52,7 +54,7 @@ def lookup(kind: type, name: str) -> type:
     """The class that a scenario names.
 
     Args:
-        kind: Dynamics, SafeSetFunction, ClassK, Law or Rule.
+        kind: Dynamics, SafeSetFunction, Limit, ClassK, Law or Rule.
         name: a built-in name, or "package.module:Name" of a dataclass, looked for in the
             working directory too.
 

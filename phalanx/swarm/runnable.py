@@ -13,6 +13,8 @@ from phalanx.theory.expressions.asked import MistakenMethodError, ask
 from phalanx.theory.laws.law import View
 from phalanx.theory.models.dynamics import Bounded, Dynamics
 from phalanx.theory.models.polytope import EmptyPolytopeError, polytope
+from phalanx.theory.safety.composition import static_label
+from phalanx.theory.safety.limits import Boundary
 
 Array = NDArray[np.float64]
 
@@ -82,11 +84,20 @@ def _require_h(swarm: Swarm, x: Array) -> None:
     h = chosen.h(x)
     for k in np.flatnonzero(~np.isfinite(h))[:1]:
         a, b = chosen.pairs[k].tolist()
-        other = swarm.names[b] if b < members else f"obstacle {b - members}"
-        function = swarm.scenario.safety.safe_set_function()
-        method = "between" if b < members else "to_obstacle"
-        expected = f"a finite h of {swarm.names[a]} and {other} at the start"
-        raise MistakenMethodError(function, method, expected, f"{h[k]:g}")
+        raise _infinite(swarm, a, b, f"{h[k]:g}")
+
+
+def _infinite(swarm: Swarm, a: int, b: int, got: str) -> MistakenMethodError:
+    """What to say of the pair of normal member a and member, obstacle or limit b."""
+    composed, members = swarm.safe_set, len(swarm.members)
+    function: object = swarm.scenario.safety.safe_set_function()
+    static = None if b < members else composed.obstacles[b - members]
+    method = "between" if static is None else "to_obstacle"
+    if isinstance(static, Boundary):
+        function, method = static.limit, "alone"
+    other = swarm.names[b] if static is None else static_label(composed.obstacles, b - members)
+    expected = f"a finite h of {swarm.names[a]} and {other} at the start"
+    return MistakenMethodError(function, method, expected, got)
 
 
 def _require_law(rows: SafetyRows, i: int, x: Array) -> None:

@@ -143,7 +143,7 @@ class Swarm:
         if not isinstance(law, TeamLaw):
             return law
         try:
-            return law.join(i, self.members, self.safe_set.obstacles)
+            return law.join(i, self.members, self.scenario.obstacles)
         except ValueError as error:
             raise ScenarioError(f"{self.scenario.name}: law of {self.names[i]}: {error}") from error
 
@@ -200,7 +200,7 @@ def build_swarm(scenario: Scenario) -> Swarm:
     ]
     try:
         function = safety.safe_set_function()
-        composed = compose(members, scenario.obstacles, function, safety.rho)
+        composed = compose(members, scenario.static, function, safety.rho)
         pairs = SwarmPairs(composed.members, composed.obstacles, function, len(safety.alpha))
     except (ValueError, EmptyPolytopeError) as error:
         raise ScenarioError(f"{scenario.name}: {error}") from error

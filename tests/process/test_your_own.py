@@ -29,7 +29,7 @@ def test_a_file_of_ones_own_is_under_40_lines_and_its_relative_degree_is_found(f
     swarm = build_swarm(load("regatta.toml"))
     assert build_rows(swarm).chain.relative_degree == 2
     assert type(swarm.members[0].dynamics).__name__ == "Boat"
-    for file in ("boats.py", "lanes.py"):
+    for file in ("boats.py", "lanes.py", "pools.py"):
         assert len((folder / file).read_text().splitlines()) < 40
 
 
@@ -38,3 +38,14 @@ def test_it_runs_by_name_from_a_scenario(folder):
     summary = phalanx.run(phalanx.load("regatta.toml", {"duration": 2.0})).summary
     assert summary.outcome is Outcome.GUARANTEED
     assert summary.origins["qp"] > 60
+
+
+def test_a_limit_of_ones_own_is_a_pair_of_each_normal_agent(folder):
+    limits = [{"type": "pools:Lane", "half_width": 12.0}]
+    run = phalanx.run(
+        phalanx.load("regatta.toml", overrides={"duration": 1.0, "limits": limits}),
+        engine="in-process",
+    )
+    assert run.summary.outcome is Outcome.GUARANTEED
+    assert run.h.columns[-2:] == ["red-limit 0", "blue-limit 0"]
+    assert run.report().is_file()

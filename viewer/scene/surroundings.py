@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.scenario.model import Scenario
+from phalanx.theory.safety.limits import Boundary
 from phalanx.theory.safety.obstacles import Sphere, Wall
 from phalanx.viewer.scene.geometry import lift
 
@@ -66,8 +67,13 @@ class Surroundings:
         return np.array([lift(goal.position) for goal in goals])
 
     def nearest(self, obstacle: int, p: Array) -> Array:
-        """The point that stands for an obstacle seen from p [m]: a center, or a wall's foot."""
-        found = self.scenario.obstacles[obstacle]
+        """The point that stands for an obstacle seen from p [m]: a center, or a wall's foot.
+
+        Beside a limit, p itself.
+        """
+        found = self.scenario.static[obstacle]
+        if isinstance(found, Boundary):
+            return p
         if isinstance(found, Sphere):
             return lift(np.array(found.center))
         normal = lift(found.unit_normal)

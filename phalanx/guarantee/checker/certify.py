@@ -119,7 +119,7 @@ def certify(
     members = [Member(n, g.dynamics_object(), g.role == "adversary") for n, g, _ in roster]
     normal = [i for i, member in enumerate(members) if not member.adversary]
     safety, latency = scenario.safety, scenario.time.latency
-    swarm = compose(members, scenario.obstacles, safety.safe_set_function(), safety.rho)
+    swarm = compose(members, scenario.static, safety.safe_set_function(), safety.rho)
     agents = [
         _Agent(member, part, group, latency)
         for member, part, (_, group, _) in zip(members, swarm.parts, roster, strict=True)

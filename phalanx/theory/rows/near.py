@@ -6,13 +6,13 @@ import casadi as ca
 
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.dynamics import Dynamics
-from phalanx.theory.safety.obstacles import Obstacle
+from phalanx.theory.safety.beside import Static
 
 
 class ObstaclesInSight:
     """Compiled once for all agents that have dynamics and radius in common."""
 
-    def __init__(self, obstacles: Sequence[Obstacle]) -> None:
+    def __init__(self, obstacles: Sequence[Static]) -> None:
         self._obstacles = obstacles
         self._compiled: list[tuple[Dynamics, float, CompiledFunction]] = []
 

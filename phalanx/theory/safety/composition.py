@@ -13,8 +13,9 @@ import casadi as ca
 from annotated_types import Gt
 
 from phalanx.theory.models.dynamics import Dynamics
+from phalanx.theory.safety.beside import Static, h_beside
 from phalanx.theory.safety.function import Body, SafeSetFunction
-from phalanx.theory.safety.obstacles import Obstacle
+from phalanx.theory.safety.limits import Boundary
 
 Positive = Annotated[float, Gt(0)]
 
@@ -33,7 +34,7 @@ class Member:
 
 @dataclass(frozen=True)
 class Pair:
-    """Who keeps apart from whom: indices into the members, or an obstacle's index."""
+    """Who keeps apart from whom: indices into the members, or of an obstacle or a limit."""
 
     a: int
     b: int | None
@@ -48,7 +49,8 @@ class ComposedSet:
     """
 
     members: tuple[Member, ...]
-    obstacles: tuple[Obstacle, ...]
+    obstacles: tuple[Static, ...]
+    """What stands still: obstacles, then limits."""
     function: SafeSetFunction
     rho: float | None
     """ρ of LSE; None for one pair alone, whose h is h_tot."""
@@ -85,7 +87,7 @@ class ComposedSet:
         """Every pair's h, shape (p,)."""
         bodies, function = self._bodies, self.function
         each = [
-            function.to_obstacle(bodies[p.a], self.obstacles[p.obstacle])
+            h_beside(function, bodies[p.a], self.obstacles[p.obstacle], self.parameters)
             if p.obstacle is not None
             else function.between(bodies[p.a], bodies[p.b or 0])
             for p in self.pairs
@@ -138,8 +140,11 @@ class ComposedSet:
         return ca.vertcat(*[near[p.a] * _other(p, near, hit) for p in self.pairs])
 
     def label(self, pair: Pair) -> str:
-        """A pair in words: "1-4", or "1-obstacle 2"."""
-        other = f"obstacle {pair.obstacle}" if pair.b is None else self.members[pair.b].name
+        """A pair in words: "1-4", "1-obstacle 2", or "1-limit 0"."""
+        if pair.b is not None:
+            other = self.members[pair.b].name
+        else:
+            other = static_label(self.obstacles, pair.obstacle or 0)
         return f"{self.members[pair.a].name}-{other}"
 
     @cached_property
@@ -153,6 +158,13 @@ class ComposedSet:
             )
             for m, part in zip(self.members, self.parts, strict=True)
         ]
+
+
+def static_label(static: Sequence[Static], index: int) -> str:
+    """An obstacle or a limit in words, each counted from 0; limits come after obstacles."""
+    if isinstance(static[index], Boundary):
+        return f"limit {sum(isinstance(one, Boundary) for one in static[:index])}"
+    return f"obstacle {index}"
 
 
 def stacked_slices(sizes: Sequence[int]) -> tuple[slice, ...]:
@@ -173,7 +185,7 @@ def log_sum_exp(h: ca.SX, rho: float, sigma: ca.SX) -> ca.SX:
 
 def compose(
     members: Sequence[Member],
-    obstacles: Sequence[Obstacle],
+    obstacles: Sequence[Static],
     function: SafeSetFunction,
     rho: float,
 ) -> ComposedSet:
@@ -184,14 +196,14 @@ def compose(
     if all(m.adversary for m in members):
         raise ValueError("expected at least one normal agent, got none")
     if len(members) == 1 and not obstacles:
-        raise ValueError("expected a second agent or an obstacle, got one agent alone")
+        raise ValueError("expected a second agent, an obstacle or a limit, got one agent alone")
     return ComposedSet(tuple(members), tuple(obstacles), function, rho)
 
 
 def of_pair(
-    a: Member, b: Member | Obstacle, function: SafeSetFunction, parameters: ca.SX | None = None
+    a: Member, b: Member | Static, function: SafeSetFunction, parameters: ca.SX | None = None
 ) -> ComposedSet:
-    """The safe set of one normal member and another member, or an obstacle.
+    """The safe set of one normal member and another member, an obstacle or a limit.
 
     parameters: symbols that the obstacle is made of.
     """

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from phalanx.theory.expressions.asked import ask_expression
 from phalanx.theory.expressions.mapped import MappedFunction
 from phalanx.theory.models.dynamics import Dynamics
+from phalanx.theory.safety.beside import Static, h_beside
 from phalanx.theory.safety.composition import Member
 from phalanx.theory.safety.function import Body, SafeSetFunction
-from phalanx.theory.safety.obstacles import Obstacle, Sphere
+from phalanx.theory.safety.obstacles import Sphere
 
 Array = NDArray[np.float64]
 
@@ -106,15 +107,15 @@ class CompiledKind:
         return MappedFunction(self.kind.row, [ca.jacobian(value, x) for value in values])
 
 
-def pair_kind(a: Member, b: Member | Obstacle, function: SafeSetFunction) -> PairKind:
-    """The kind of a normal member a and another member, or one obstacle as it is."""
+def pair_kind(a: Member, b: Member | Static, function: SafeSetFunction) -> PairKind:
+    """The kind of a normal member a and another member, or one obstacle or limit as it is."""
     own, body = _body(a)
     if isinstance(b, Member):
         other, there = _body(b)
         h = ask_expression(function, "between", [()], body, there, symbols=[own, other])
         return PairKind((a.dynamics, b.dynamics), (own, other), ca.SX(0, 1), h)
-    h = ask_expression(function, "to_obstacle", [()], body, b, symbols=[own])
-    return PairKind((a.dynamics,), (own,), ca.SX(0, 1), h)
+    none = ca.SX(0, 1)
+    return PairKind((a.dynamics,), (own,), none, h_beside(function, body, b, none))
 
 
 def sphere_kind(a: Member, spheres: list[Sphere], function: SafeSetFunction) -> PairKind | None:
@@ -147,7 +148,7 @@ def any_sphere(like: Sphere) -> tuple[Sphere, ca.SX]:
     return sphere, ca.vertcat(center, clearance)
 
 
-def parameters_of(obstacle: Obstacle) -> Array:
+def parameters_of(obstacle: Static) -> Array:
     """The numbers that tell obstacles of one kind apart, shape (k,)."""
     if isinstance(obstacle, Sphere):
         return np.array([*obstacle.center, obstacle.clearance])

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.theory.expressions.mapped import Index, MappedFunction
+from phalanx.theory.safety.beside import Static
 from phalanx.theory.safety.chain import degree_above, inputs_appear
 from phalanx.theory.safety.composition import ComposedSet, Member, of_pair
 from phalanx.theory.safety.function import SafeSetFunction
@@ -22,7 +23,7 @@ from phalanx.theory.safety.kinds import (
     parameters_of,
     sphere_kind,
 )
-from phalanx.theory.safety.obstacles import Obstacle, Sphere
+from phalanx.theory.safety.obstacles import Sphere
 
 Array = NDArray[np.float64]
 
@@ -33,7 +34,7 @@ class SwarmPairs:
     def __init__(
         self,
         members: Sequence[Member],
-        obstacles: Sequence[Obstacle],
+        obstacles: Sequence[Static],
         function: SafeSetFunction,
         gains: int,
     ) -> None:
@@ -308,7 +309,7 @@ def _classes(members: Sequence[Member]) -> tuple[list[Member], Index]:
 def _kinds(
     classes: Sequence[Member],
     of_member: Index,
-    obstacles: Sequence[Obstacle],
+    obstacles: Sequence[Static],
     function: SafeSetFunction,
 ) -> tuple[list[PairKind], Index]:
     """Kinds with different expressions; and which one a normal class has with what, or -1."""
@@ -332,9 +333,7 @@ def _kinds(
     return kinds, table
 
 
-def _beside(
-    own: Member, obstacles: Sequence[Obstacle], function: SafeSetFunction
-) -> list[PairKind]:
+def _beside(own: Member, obstacles: Sequence[Static], function: SafeSetFunction) -> list[PairKind]:
     """The kinds of one class with every obstacle."""
     spheres = [obstacle for obstacle in obstacles if isinstance(obstacle, Sphere)]
     common = sphere_kind(own, spheres, function) if spheres else None

@@ -1,0 +1,92 @@
+"""Limits of one agent alone: fences and bands, beside pairs and obstacles."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import phalanx
+from phalanx.guarantee.verdict import Outcome
+from phalanx.plant.motion import Motion
+from phalanx.plant.near import NearPairs
+from phalanx.scenario.load import ScenarioError
+from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.safety.function import Body
+from phalanx.theory.safety.limits import Band, Fence
+
+SWARM = {"agents.0.count": 40, "agents.1.count": 4, "duration": 1.0}
+BALL = [{"type": "fence", "center": [0.0, 0.0, 0.0], "radius": 500.0}]
+
+
+def h_of(limit, p):
+    x = ca.SX.sym("x", len(p))
+    value = limit.alone(Body(x, x, ("x", "y", "z")[: len(p)]))
+    return float(CompiledFunction([x], [value])(np.array(p))[0][0])
+
+
+def test_a_fence_is_safe_inside_and_about_the_distance_near_it():
+    fence = Fence((1.0, 0.0), 8.0)
+    assert h_of(fence, [9.0, 0.0]) == pytest.approx(0.0)
+    assert h_of(fence, [1.0, 7.9]) == pytest.approx(-0.1, abs=1e-3)
+    assert h_of(fence, [1.0, 8.1]) == pytest.approx(0.1, abs=1e-3)
+
+
+def test_a_band_is_safe_between_its_ends():
+    band = Band("z", 2.0, 12.0)
+    assert h_of(band, [0.0, 0.0, 2.0]) == h_of(band, [0.0, 0.0, 12.0]) == 0.0
+    assert h_of(band, [50.0, 50.0, 7.0]) < 0.0 < h_of(band, [0.0, 0.0, 1.0])
+
+
+@pytest.mark.parametrize(("center", "circles"), [((1.0, 2.0), 1), ((1.0, 2.0, 3.0), 3)])
+def test_the_outline_of_a_fence_is_where_its_h_is_zero(center, circles):
+    fence = Fence(center, 8.0)
+    lines = fence.outline()
+    assert len(lines) == circles
+    for line in lines:
+        assert line[0] == pytest.approx(line[-1])
+        assert [h_of(fence, point) for point in line] == pytest.approx([0.0] * len(line))
+
+
+def test_agents_stay_in_a_fence_that_their_path_leads_out_of():
+    run = phalanx.run(phalanx.load("fence", overrides={"duration": 9.0}), engine="in-process")
+    assert run.summary.outcome is Outcome.GUARANTEED
+    worst = run.h.select("1-limit 0", "2-limit 0", "3-limit 0").max().row(0)
+    assert all(value <= 0.0 for value in worst)
+    assert max(worst) > -0.2
+
+
+def test_without_the_fence_they_leave_it():
+    run = phalanx.run(phalanx.load("fence", overrides={"limits": []}), engine="in-process")
+    last = run.states.tail(1)
+    assert np.hypot(last["1.x"][0], last["1.y"][0]) > 8.0
+
+
+def test_no_limit_is_left_out_where_distant_pairs_are():
+    swarm = build_swarm(phalanx.load("swarm", overrides={**SWARM, "limits": BALL}))
+    x = swarm.start()
+    motion = Motion(swarm.members, 1)
+    which, h, h_tot = NearPairs(swarm, motion)(np.array([x, x]))
+    composed = swarm.safe_set
+    limits = {k for k, p in enumerate(composed.pairs) if "limit" in composed.label(p)}
+    every = swarm.pairs.choose(swarm.pairs.among(range(len(swarm.members)))).h(x)
+    assert len(which) < len(every)
+    assert len(limits) == 40
+    assert limits <= set(which.tolist())
+    assert h.max() == every.max() <= h_tot[0]
+
+
+@pytest.mark.parametrize(
+    ("table", "line"),
+    [
+        ({"type": "fence", "center": [0.0, 0.0]}, "limits.0.radius: expected a value, got nothing"),
+        ({"type": "fense"}, "limits.0: expected one of fence, band or package.module:Name"),
+        ({"type": "band", "state": "x", "low": 2.0, "high": 1.0}, "expected more than low = 2.0"),
+        ({"type": "band", "state": "z", "low": 0.0, "high": 1.0}, "Band.alone: expected a scalar"),
+        ({"type": "fence", "center": [0.0], "radius": 1.0}, "Fence.alone: expected a scalar"),
+    ],
+)
+def test_a_mistaken_limit_is_one_line(table, line):
+    with pytest.raises(ScenarioError) as error:
+        build_swarm(phalanx.load("fence", overrides={"limits": [table]}))
+    assert line in str(error.value)
+    assert len(str(error.value).splitlines()) == 1
