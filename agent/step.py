@@ -3,7 +3,7 @@
 import time
 from collections import deque
 from collections.abc import Mapping
-from functools import partial
+from functools import cache, cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +20,6 @@ from phalanx.scenario.fields import CONTROLLER
 from phalanx.swarm.distances import Distances
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.seen import SeenStates
-from phalanx.swarm.swarm import Swarm
 from phalanx.wire.door import Door
 from phalanx.wire.keys import Keys
 from phalanx.wire.messages import Actuation, Broadcast, Sample, Telemetry
@@ -56,16 +55,14 @@ class ControlStep:
         self.swarm = swarm
         self.i = i
         self.name = swarm.names[i]
-        self.inbox = BroadcastInbox(_links(swarm, i))
+        self.inbox = BroadcastInbox(swarm.heard_by(i), self._link)
         self._senders = {swarm.names[j]: j for j in swarm.heard_by(i)}
-        duration = swarm.scenario.duration
-        self._most = {j: swarm.clock(j).most_samples(duration) for j in self._senders.values()}
+        self._most = cache(lambda j: swarm.clock(j).most_samples(swarm.scenario.duration))
         """By sender, more broadcasts than it can send in the run."""
         self.rejected = 0
         """Payloads dropped so far."""
         self._states = SeenStates(swarm)
         self._door = door
-        self._distances = Distances(swarm) if self.inbox.asks_distance else None
         self._next: int | None = None
         """The sample that has to come next; None before the first."""
         self._orders: Orders | None = None
@@ -110,7 +107,7 @@ class ControlStep:
         if sender not in self._senders:
             raise Malformed("unknown sender")
         j = self._senders[sender]
-        if message.k >= self._most[j]:
+        if message.k >= self._most(j):
             # More of them would only fill the memory.
             raise Malformed("from the future")
         if len(message.u) != len(self.swarm.members[j].dynamics.inputs):
@@ -157,17 +154,24 @@ class ControlStep:
         }
 
     def _decide_fates(self, sample: Sample, x: Array) -> tuple[Fate, ...]:
-        if self._distances is None:
-            fates = self.inbox.advance(_existing(sample), sample.t)
-        else:
-            between = partial(self._distances.between, x, self.i)
-            fates = self.inbox.advance(_existing(sample), sample.t, between)
+        fates = self.inbox.advance(
+            _existing(sample), sample.t, lambda sender: self._distances.between(x, self.i, sender)
+        )
         for sender, message in self.inbox.take_corrupt():
             try:
                 self._door.open_damaged(self.swarm.names[sender], self.name, message)
             except Malformed:
                 self.rejected += 1
         return fates
+
+    @cached_property
+    def _distances(self) -> Distances:
+        return Distances(self.swarm)
+
+    def _link(self, sender: int) -> Link:
+        swarm, receiver = self.swarm, self.name
+        model = swarm.links.model(swarm.names[sender], receiver)
+        return Link(swarm.scenario.seed, swarm.names[sender], receiver, model)
 
     def _obey(self, orders: Orders | None) -> None:
         if orders is None or orders == self._orders:
@@ -185,15 +189,6 @@ def control_steps(rows: SafetyRows, name: str, door: Door = _AT_HOME) -> list[Co
         return [ControlStep(rows, rows.swarm.names.index(name), door=door)]
     whole = CentralisedController(rows)
     return [ControlStep(rows, i, CentralisedPart(whole, i), door) for i in rows.swarm.normal]
-
-
-def _links(swarm: Swarm, i: int) -> dict[int, Link]:
-    """The links on which agent i listens."""
-    names, seed = swarm.names, swarm.scenario.seed
-    return {
-        j: Link(seed, names[j], names[i], swarm.links.model(names[j], names[i]))
-        for j in swarm.heard_by(i)
-    }
 
 
 def _existing(sample: Sample) -> dict[int, Existing]:

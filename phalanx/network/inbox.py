@@ -1,7 +1,7 @@
 """An agent's inbox for broadcasts: all that were sent arrive; the link rule says what it got."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple, Protocol
 
 import msgspec
@@ -61,27 +61,35 @@ class BroadcastInbox:
     any more, until broadcasts count that were sent since it came back.
     """
 
-    def __init__(self, links: Mapping[int, Link]) -> None:
-        """links: by sender's index; others are not listened to."""
-        self._links = links
-        self._arrived: dict[int, dict[int, SentInput]] = {sender: {} for sender in links}
+    def __init__(self, senders: Iterable[int], link: Callable[[int], Link]) -> None:
+        """Listen to some senders, and to nobody else.
+
+        Args:
+            senders: their indices.
+            link: from a sender; made when its first broadcast is decided, since of a large swarm
+                most stay out of sight.
+        """
+        self._arrived: dict[int, dict[int, SentInput]] = {sender: {} for sender in senders}
+        self._make, self._links = link, dict[int, Link]()
+        self._override: tuple[float | None, float | None] = None, None
         self._since: dict[int, int] = {}
         """Of the senders in sight: the first broadcast that counts."""
-        self._decided = dict.fromkeys(links, -1)
-        self._in_flight: dict[int, list[tuple[float, SentInput]]] = {s: [] for s in links}
-        self._newest = dict.fromkeys(links, -1)
+        self._decided = dict.fromkeys(self._arrived, -1)
+        self._in_flight: dict[int, list[tuple[float, SentInput]]] = {}
+        self._newest = dict.fromkeys(self._arrived, -1)
         self._received: dict[int, ReceivedInput] = {}
         self._corrupt: list[tuple[int, SentInput]] = []
 
     def override_links(self, loss: float | None, delay: float | None) -> None:
         """Replace loss and delay [s] of every link's model, where given."""
+        self._override = loss, delay
         for link in self._links.values():
             link.override(loss, delay)
 
     @property
     def senders(self) -> list[int]:
         """Whom this inbox listens to."""
-        return list(self._links)
+        return list(self._arrived)
 
     def join_at(self, existing: Mapping[int, Existing]) -> None:
         """Begin in the middle of a run: what exists by now will not come any more."""
@@ -104,11 +112,6 @@ class BroadcastInbox:
             for sender, (since, latest) in existing.items()
             for k in range(max(self._decided[sender] + 1, since), latest + 1)
         )
-
-    @property
-    def asks_distance(self) -> bool:
-        """Whether a fate depends on how far away its sender is."""
-        return any(link.asks_distance for link in self._links.values())
 
     def advance(
         self,
@@ -133,7 +136,9 @@ class BroadcastInbox:
                 message = self._arrived[sender].pop(k)
                 # It is sent when the input takes effect, and delays count from then.
                 sent = message.t_apply
-                passage = self._links[sender].fate(k, sent, distance(sender))
+                link = self._link(sender)
+                apart = distance(sender) if link.asks_distance else math.nan
+                passage = link.fate(k, sent, apart)
                 delay = passage.delay
                 claim = None if delay is None else Claim(sent, message.u)
                 known = -1.0 if delay is None else delay
@@ -142,7 +147,8 @@ class BroadcastInbox:
                     if copy.corrupt:
                         self._corrupt.append((sender, message))
                     else:
-                        self._in_flight[sender].append((sent + copy.after, message))
+                        flying = self._in_flight.setdefault(sender, [])
+                        flying.append((sent + copy.after, message))
             self._decided[sender] = latest
             self._deliver(sender, t)
         return tuple(fates)
@@ -160,7 +166,7 @@ class BroadcastInbox:
         """Nothing that a sender broadcast so far counts any more."""
         self._since.pop(sender, None)
         self._received.pop(sender, None)
-        self._in_flight[sender] = []
+        self._in_flight.pop(sender, None)
 
     def _skip_to(self, sender: int, k: int) -> None:
         """Broadcasts up to k are of the past."""
@@ -168,13 +174,18 @@ class BroadcastInbox:
         arrived = self._arrived[sender]
         self._arrived[sender] = {n: message for n, message in arrived.items() if n > k}
 
+    def _link(self, sender: int) -> Link:
+        if sender not in self._links:
+            link = self._links[sender] = self._make(sender)
+            link.override(*self._override)
+        return self._links[sender]
+
     def _deliver(self, sender: int, t: float) -> None:
-        due = [message for arrival, message in self._in_flight[sender] if arrival <= t]
+        flying = self._in_flight.get(sender, [])
+        due = [message for arrival, message in flying if arrival <= t]
         if not due:
             return
-        self._in_flight[sender] = [
-            (arrival, message) for arrival, message in self._in_flight[sender] if arrival > t
-        ]
+        self._in_flight[sender] = [(arrival, message) for arrival, message in flying if arrival > t]
         newest = max(due, key=lambda message: message.k)
         # A slow broadcast may arrive after one that was sent later: the newest counts.
         if newest.k > self._newest[sender]:

@@ -100,7 +100,7 @@ def upto(*latest: int) -> dict[int, Existing]:
 
 def inbox_of(links: LinkModel, senders: int = 1) -> BroadcastInbox:
     """The inbox of agent 9, which listens to senders 0, 1, ..."""
-    return BroadcastInbox({s: Link(0, f"s{s}", "me", links) for s in range(senders)})
+    return BroadcastInbox(range(senders), lambda s: Link(0, f"s{s}", "me", links))
 
 
 def newest(inbox: BroadcastInbox, sender: int = 0) -> int | None:

@@ -25,7 +25,7 @@ def broadcast(k: int, every: float = 0.01) -> Broadcast:
 
 def inbox_of(links: LinkModel, count: int) -> BroadcastInbox:
     """An inbox that holds so many broadcasts of sender 0."""
-    inbox = BroadcastInbox({0: Link(0, "a", "b", links)})
+    inbox = BroadcastInbox([0], lambda _: Link(0, "a", "b", links))
     for k in range(count):
         inbox.put(0, broadcast(k))
     return inbox
