@@ -12,6 +12,7 @@ from tests.process.runs import live_run
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
+    from playwright.sync_api import Page as Tab
 
 _FLAGS = [
     "--no-sandbox",
@@ -37,6 +38,18 @@ def browser() -> Iterator["Browser"]:
         started = playwright.chromium.launch(executable_path=program, args=_FLAGS)
         yield started
         started.close()
+
+
+@pytest.fixture
+def tab(browser: "Browser") -> Iterator["Tab"]:
+    """A tab that fails the test if the page ever reached out to another host."""
+    opened = browser.new_page(viewport={"width": 1400, "height": 900})
+    opened.set_default_timeout(120_000)  # it draws in software, on whatever cores are left
+    foreign: list[str] = []
+    opened.on("request", lambda r: None if "//127.0.0.1" in r.url else foreign.append(r.url))
+    yield opened
+    opened.close()
+    assert [url for url in foreign if url.startswith("http")] == []
 
 
 @pytest.fixture(scope="session")

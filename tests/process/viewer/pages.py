@@ -6,10 +6,13 @@ import re
 import select
 import subprocess
 import sys
+import threading
 import time
 import urllib.request
 from collections.abc import Iterator
 
+from phalanx.viewer.feeds.replay import Replay
+from phalanx.viewer.page.page import Page
 from tests.process.runs import SECRET
 
 
@@ -59,3 +62,23 @@ def viewer(*arguments: str, command_secret: bytes = b"") -> Iterator[Viewer]:
     finally:
         started.process.kill()
         started.process.communicate()
+
+
+@contextlib.contextmanager
+def served(replay: Replay) -> Iterator[Page]:
+    """The page of a replay, kept up to date by a thread of the test's own process."""
+    page = Page("127.0.0.1", None, (), replay, replay=replay)
+    over = threading.Event()
+
+    def serve() -> None:
+        while not over.wait(0.03):
+            page.tick()
+
+    server = threading.Thread(target=serve, daemon=True)
+    server.start()
+    try:
+        yield page
+    finally:
+        over.set()
+        server.join()
+        page.server.stop()

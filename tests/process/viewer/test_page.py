@@ -1,10 +1,7 @@
 """What a visitor sees and does, in a real browser on real runs."""
 
-import contextlib
 import math
 import re
-import threading
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,30 +10,17 @@ import pytest
 
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
-from phalanx.viewer.feeds.replay import Replay, open_replay
-from phalanx.viewer.page.page import Page
+from phalanx.viewer.feeds.replay import open_replay
 from tests.process.runs import COMMAND_SECRET, HELD, live_run, wait_for
-from tests.process.viewer.pages import viewer
+from tests.process.viewer.pages import served, viewer
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Locator
+    from playwright.sync_api import Locator
     from playwright.sync_api import Page as Tab
 
 pytestmark = [pytest.mark.browser, pytest.mark.swarm]
 
 STATUS = re.compile(r"t = ([\d.]+) s of")
-
-
-@pytest.fixture
-def tab(browser: "Browser") -> Iterator["Tab"]:
-    """A tab that fails the test if the page ever reached out to another host."""
-    opened = browser.new_page(viewport={"width": 1400, "height": 900})
-    opened.set_default_timeout(120_000)  # it draws in software, on whatever cores are left
-    foreign: list[str] = []
-    opened.on("request", lambda r: None if "//127.0.0.1" in r.url else foreign.append(r.url))
-    yield opened
-    opened.close()
-    assert [url for url in foreign if url.startswith("http")] == []
 
 
 def time_shown(tab: "Tab") -> float:
@@ -58,26 +42,6 @@ def enter(field: "Locator", value: str) -> None:
     field.fill(value)
     field.press("Enter")
     field.blur()
-
-
-@contextlib.contextmanager
-def served(replay: Replay) -> Iterator[Page]:
-    """The page of a replay, kept up to date by a thread of the test's own process."""
-    page = Page("127.0.0.1", None, (), replay, replay=replay)
-    over = threading.Event()
-
-    def serve() -> None:
-        while not over.wait(0.03):
-            page.tick()
-
-    server = threading.Thread(target=serve, daemon=True)
-    server.start()
-    try:
-        yield page
-    finally:
-        over.set()
-        server.join()
-        page.server.stop()
 
 
 def test_a_replay_tells_of_its_agents_scrubs_plays_and_jumps(tab: "Tab", finished: Path) -> None:
@@ -106,36 +70,6 @@ def test_a_replay_tells_of_its_agents_scrubs_plays_and_jumps(tab: "Tab", finishe
         worst = float(recording.times[int(np.argmax(recording.h_tot))])
         wait_for(lambda: abs(time_shown(tab) - worst) < 0.002)
         assert tab.get_by_text("Command", exact=True).count() == 0
-
-
-def test_a_click_selects_the_agent_under_it(tab: "Tab", finished: Path) -> None:
-    replay = open_replay(finished)
-    with served(replay) as page:
-        tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
-        tab.get_by_text("5 agents").wait_for()
-        wait_for(lambda: page.server.get_clients())
-        tab.get_by_text("h_tot (safe: at most 0)").wait_for()
-        camera = page.server.initial_camera
-        x = replay.model.kinematics.poses(np.frombuffer(replay.frame(0.0).x)).positions[3]
-        canvas = tab.locator("canvas").nth(1).bounding_box()
-        assert canvas is not None
-        offset = x - np.asarray(camera.look_at)
-        distance = np.asarray(camera.position)[2] - x[2]
-        pixels = canvas["height"] / 2.0 / (distance * math.tan(camera.fov / 2.0))
-        across = canvas["x"] + canvas["width"] / 2.0 + offset[0] * pixels
-        down = canvas["y"] + canvas["height"] / 2.0 - offset[1] * pixels
-
-        def clicked() -> bool:  # the first frames are slow in software
-            tab.mouse.click(across, down)
-            return page.selected == 3
-
-        wait_for(clicked)
-        tab.get_by_text("Agent 4: nu").wait_for()
-
-        worst = replay.model.swarm.safe_set.pairs[replay.frame(0.0).pair].a
-        assert worst != 3
-        tab.get_by_role("button", name="Choose from the worst pair").click()
-        wait_for(lambda: page.selected == worst)
 
 
 def test_a_page_says_that_the_run_is_over_long_after_its_last_frame(

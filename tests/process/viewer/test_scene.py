@@ -1,0 +1,158 @@
+"""What cameras show: everybody, or the one that a visitor follows; and who is unsafe."""
+
+from collections.abc import Callable
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+import phalanx
+from phalanx.scenario.load import load
+from phalanx.viewer.feeds.replay import Replay, open_replay
+from phalanx.viewer.page.page import Page
+from phalanx.viewer.scene.cameras import Framing
+from phalanx.viewer.scene.picture import Picture, picture
+from phalanx.viewer.scene.view import View
+from tests.process.runs import wait_for
+from tests.process.viewer.pages import served
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page as Tab
+
+pytestmark = [pytest.mark.browser, pytest.mark.swarm]
+
+Array = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def violated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a run whose agents collide."""
+    out = tmp_path_factory.mktemp("violated")
+    return phalanx.run(load("surrounded", []), engine="in-process", out=out).folder
+
+
+def open_tab(tab: "Tab", page: Page) -> Callable[[], View]:
+    """Go to the page; what the visitor sees of the scene."""
+    tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
+    wait_for(lambda: page.server.get_clients())
+
+    def view() -> View:
+        (client,) = page.server.get_clients().values()
+        camera = client.camera
+        return View(camera.position, camera.look_at, camera.up_direction, camera.fov, camera.aspect)
+
+    return view
+
+
+def keep(tab: "Tab", framing: Framing) -> None:
+    """Choose what the cameras keep in sight."""
+    row = tab.locator("label", has_text="Keep in sight").locator(
+        "xpath=ancestor::div[contains(@class, 'mantine-Flex-root')][1]"
+    )
+    row.locator("input").first.click()
+    tab.get_by_role("option", name=framing.value).click()
+
+
+def pixel(tab: "Tab", view: View, at: Array) -> tuple[float, float]:
+    """Where on the page a point of the scene falls."""
+    canvas = tab.locator("canvas").nth(1).bounding_box()
+    assert canvas is not None
+    right, up = view.project(at[None])[0] * min(canvas["width"], canvas["height"])
+    middle = canvas["x"] + canvas["width"] / 2.0, canvas["y"] + canvas["height"] / 2.0
+    return float(middle[0] + right), float(middle[1] - up)
+
+
+def positions(replay: Replay) -> Array:
+    """Where the agents are that the cursor is at."""
+    x = np.frombuffer(replay.frame(replay.t).x)
+    return replay.model.kinematics.poses(x).positions
+
+
+def paints(tab: "Tab", view: View, shown: Picture) -> bool:
+    """Whether the browser painted every agent's colour where it falls."""
+    page = np.array(Image.open(BytesIO(tab.screenshot())).convert("RGB"), dtype=float)
+    for at, rgb in zip(shown.positions, shown.colours, strict=True):
+        across, down = (round(part) for part in pixel(tab, view, at))
+        patch = page[down - 12 : down + 12, across - 12 : across + 12]
+        lengths = np.linalg.norm(patch, axis=2) * np.linalg.norm(rgb)
+        alike = patch @ rgb.astype(float) > 0.95 * lengths
+        if not (alike & (np.ptp(patch, axis=2) > 60.0)).any():
+            return False
+    return True
+
+
+@pytest.mark.parametrize("framing", [Framing.RUN, Framing.SWARM])
+def test_the_camera_holds_all_agents_throughout(
+    tab: "Tab", finished: Path, framing: Framing
+) -> None:
+    replay = open_replay(finished)
+    with served(replay) as page:
+        view = open_tab(tab, page)
+        keep(tab, framing)
+        for t in (0.0, replay.end / 2.0, replay.end, replay.worst_at):
+            replay.seek(t)
+            wait_for(lambda: view().holds(positions(replay)))
+            wait_for(lambda: paints(tab, view(), picture(replay.model, replay.frame(replay.t))))
+
+
+def test_a_click_selects_the_agent_under_it(tab: "Tab", finished: Path) -> None:
+    replay = open_replay(finished)
+    with served(replay) as page:
+        view = open_tab(tab, page)
+
+        def clicked() -> bool:  # the first frames are slow in software
+            tab.mouse.click(*pixel(tab, view(), positions(replay)[3]))
+            return page.selected == 3
+
+        wait_for(clicked)
+        worst = replay.model.swarm.safe_set.pairs[replay.frame(0.0).pair].a
+        assert worst != 3
+        tab.get_by_role("button", name="Choose from the worst pair").click()
+        wait_for(lambda: page.selected == worst)
+
+
+def test_who_follows_an_agent_has_it_in_the_middle_and_may_zoom(tab: "Tab", finished: Path) -> None:
+    replay = open_replay(finished)
+    with served(replay) as page:
+        view = open_tab(tab, page)
+        page.select(3)
+        keep(tab, Framing.AGENT)
+
+        def in_the_middle() -> bool:
+            return float(np.abs(view().project(positions(replay)[3][None])).max()) < 0.02
+
+        wait_for(in_the_middle)
+        far = view().distance
+        tab.mouse.move(*pixel(tab, view(), view().look_at))
+
+        def zoomed() -> bool:
+            tab.mouse.wheel(0, -300)
+            return view().distance < 0.6 * far
+
+        wait_for(zoomed)
+        before = view().look_at
+        replay.seek(replay.end)
+        wait_for(lambda: np.linalg.norm(view().look_at - before) > 1.0)
+        wait_for(in_the_middle)
+        assert view().distance < 0.7 * far
+
+
+def test_a_banner_sounds_the_alarm_while_a_pair_is_unsafe(tab: "Tab", violated: Path) -> None:
+    replay = open_replay(violated)
+    with served(replay) as page:
+        open_tab(tab, page)
+        tab.get_by_text("Legend").wait_for()
+        assert tab.locator(".phalanx-alarm").count() == 0
+        replay.seek(1.5)
+        banner = tab.locator(".phalanx-alarm")
+        banner.wait_for()
+        assert "1-2 unsafe: h = " in banner.inner_text()
+        assert "since t = 1.001 s" in banner.inner_text()
+        for k in range(2, 6):
+            tab.get_by_role("listitem").filter(has_text=f"1-{k} left the safe set").wait_for()
+        replay.seek(0.5)
+        banner.wait_for(state="hidden")
