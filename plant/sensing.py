@@ -36,7 +36,8 @@ class Sensing:
         """Each agent's radius [m]; infinite where it sees everything."""
         self._reach = self.radii * self.radii
         self._everybody = tuple(members)
-        self._listeners = [tuple(i for i in members if j in swarm.heard_by(i)) for j in members]
+        heard = [frozenset(swarm.heard_by(i)) for i in members]
+        self._listeners = [tuple(i for i in members if j in heard[i]) for j in members]
         self._limited = bool(np.isfinite(self._reach).any())
         self._motion = motion
 
