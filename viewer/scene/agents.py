@@ -81,7 +81,8 @@ class AgentNodes:
         shown = (self._applied, picture.applied, 0.9), (self._u_nom, picture.u_nom, 0.5)
         for arrows, vectors, height in shown:  # the applied input above the nominal one
             above_body = picture.positions + np.array([0.0, 0.0, height * size])
-            arrows.points = _segments(above_body, vectors * scale)
+            seen = np.linalg.norm(vectors, axis=1) * scale > 0.4 * size  # as long as a head
+            arrows.points = _segments(above_body[seen], vectors[seen] * scale)
             arrows.shaft_radius, arrows.head_radius = 0.08 * size, 0.2 * size
             arrows.head_length = 0.4 * size
 

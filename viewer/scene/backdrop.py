@@ -49,7 +49,7 @@ def _draw_corridor(scene: viser.SceneApi, model: SceneModel) -> None:
     path, width = model.surroundings.path, model.surroundings.corridor
     if not len(path):
         return
-    if width > 0.0:
+    if width > 0.0 and model.flat:
         scene.add_mesh_simple(
             "/formation/corridor", *ribbon(path, width), color=WORST_PAIR, opacity=0.04,
             side="double", cast_shadow=False, receive_shadow=False,

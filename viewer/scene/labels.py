@@ -23,7 +23,7 @@ class LabelNodes:
         self._model = model
         count = min(_NODES, len(model.names)) + 1
         self._nodes = [
-            scene.add_label(f"/labels/{k}", "", anchor="bottom-center", visible=False)
+            scene.add_label(f"/labels/{k}", "", anchor="center-center", visible=False)
             for k in range(count)
         ]
 
@@ -44,11 +44,25 @@ class LabelNodes:
         first = [*np.flatnonzero(picture.unsafe_agents), *([] if selected is None else [selected])]
         others = [] if model.crowded else range(len(model.names))
         agents = list(dict.fromkeys([*first, *sorted(model.agents_of([picture.pair])), *others]))
-        above = picture.positions[agents] + 1.1 * sizes[agents, None] * up
-        a, b = picture.worst_pair
-        below = (a + b) / 2.0 - (1.6 * sizes.max() + _LINE * view.spans(a[None])) * up
+        spans = view.spans(picture.positions[agents])
+        clear = 1.1 * sizes[agents] + 0.5 * _LINE * spans
+        above = picture.positions[agents] + clear[:, None] * up
         texts = [picture.worst_pair_text, *(model.names[i] for i in agents)]
-        return texts, np.concatenate([below[None], above])
+        clear_of = 1.5 * float(sizes[sorted(model.agents_of([picture.pair]))].max())
+        beside = _beside(*picture.worst_pair, len(texts[0]), clear_of, view)
+        return texts, np.concatenate([beside[None], above])
+
+
+def _beside(a: Array, b: Array, letters: int, clear: float, view: View) -> Array:
+    """Where the middle of a text stands beside the line from a to b [m], and off it, (3,)."""
+    right, up = view.axes[:2] @ (b - a)
+    # Square to the line in the picture, and downwards rather than up.
+    off = np.array([up, -right]) / max(float(np.hypot(right, up)), 1e-9)
+    off = -off if off[1] > 0.0 else off
+    middle = (a + b) / 2.0
+    halves = float(view.spans(middle[None])[0]) * np.array([_LETTER * letters, _LINE]) / 2.0
+    found: Array = middle + (clear + np.abs(off) @ halves) * off @ view.axes[:2]
+    return found
 
 
 def apart(at: Array, letters: list[int]) -> list[int]:

@@ -20,7 +20,7 @@ class LineNodes:
     def __init__(self, scene: viser.SceneApi, model: SceneModel, palette: Palette) -> None:
         self._model, self._palette = model, palette
         self._paths = _lines(scene, "/recent paths", palette.faint, 2.0)
-        self._drops = _lines(scene, "/ground/drops", palette.faint, 1.0)
+        self._drops = _lines(scene, "/ground/drops", self._of_drops(palette), 1.0)
         self._worst_pair = _lines(scene, "/worst pair", WORST_PAIR, 3.0)
         self._unsafe = _lines(scene, "/unsafe pairs", DANGER, 6.0)
         self._links = _lines(scene, "/links", LATE, 1.5)
@@ -58,7 +58,13 @@ class LineNodes:
 
     def set_palette(self, palette: Palette) -> None:
         """Wear the colours of a page."""
-        self._palette, self._drops.colors = palette, np.array(palette.faint, dtype=np.uint8)
+        self._palette, self._drops.colors = (
+            palette,
+            np.array(self._of_drops(palette), dtype=np.uint8),
+        )
+
+    def _of_drops(self, palette: Palette) -> Colour:
+        return palette.sections if self._model.crowded else palette.faint
 
     def set_paths_visible(self, visible: bool) -> None:
         """Where agents were."""
