@@ -108,16 +108,33 @@ def export(
     at: Annotated[
         float | None, typer.Option(help="Time of the picture [s]; by default the worst moment.")
     ] = None,
+    mcap: Annotated[
+        Path | None, typer.Option(help="Write a recording for Foxglove, rerun and others there.")
+    ] = None,
+    parquet: Annotated[
+        Path | None, typer.Option(help="Write the run's tables there, a folder.")
+    ] = None,
+    csv: Annotated[Path | None, typer.Option(help="The same as CSV.")] = None,
     trust: Trust = False,
 ) -> int:
-    """Export a run to share it: HTML that plays without a server, or a picture at a time."""
+    """Export a run: HTML that plays without a server, a picture, or data for other tools.
+
+    Examples:
+
+      phalanx export runs/unicycles-1 --html run.html
+      phalanx export runs/unicycles-1 --mcap shown.mcap
+      phalanx export runs/unicycles-1 --parquet tables
+    """
     from phalanx.recording.read import UnreadableRecordingError
 
-    if html is None and png is None:
-        raise typer.BadParameter("expected --html FILE, --png FILE or both")
+    wanted = {"html": html, "png": png, "mcap": mcap, "parquet": parquet, "csv": csv}
+    if not any(wanted.values()):
+        raise typer.BadParameter(f"expected one of {', '.join(f'--{name}' for name in wanted)}")
+    if at is not None and png is None:
+        raise typer.BadParameter("--at: expected --png with it")
     make = pkgutil.resolve_name("phalanx.viewer.export.write:run")
     try:
-        for path in make(run, html=html, png=png, at=at, trust=trust):
+        for path in make(run, at=at, trust=trust, **wanted):
             print(path)
     except (UnreadableRecordingError, ValueError, OSError) as error:
         print(error, file=sys.stderr)

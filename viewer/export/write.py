@@ -2,9 +2,11 @@
 
 from pathlib import Path
 
+from phalanx.recording.read import read
 from phalanx.viewer.export.html import document
 from phalanx.viewer.export.still import draw
-from phalanx.viewer.feeds.replay import open_replay
+from phalanx.viewer.export.tables import CSV, PARQUET, write_tables
+from phalanx.viewer.feeds.replay import Replay
 
 
 def run(
@@ -13,6 +15,9 @@ def run(
     html: Path | None = None,
     png: Path | None = None,
     at: float | None = None,
+    mcap: Path | None = None,
+    parquet: Path | None = None,
+    csv: Path | None = None,
     trust: bool = False,
 ) -> list[Path]:
     """Write what is asked for.
@@ -22,17 +27,35 @@ def run(
         html: where a self-contained page goes.
         png: where a picture goes.
         at: time of the picture [s]; by default the worst moment.
+        mcap: where a recording that other tools show goes.
+        parquet: folder for the run's tables, one file each.
+        csv: likewise.
         trust: whether code that the scenario names may be imported.
 
     Returns:
         The files written.
 
     Raises:
-        UnreadableRecordingError, ValueError: nothing to export. OSError: it cannot be written.
+        UnreadableRecordingError, ValueError: nothing to export, or a time outside the run.
+        OSError: it cannot be written.
     """
-    replay = open_replay(recording, trust)
+    recorded = read(recording, trust)
+    replay = Replay(recorded)
+    if at is not None and not replay.times[0] <= at <= replay.end:
+        raise ValueError(f"--at: expected {replay.times[0]:g} to {replay.end:g} s, got {at:g}")
     if html is not None:
         html.write_text(document(replay), encoding="utf-8")
     if png is not None:
         draw(replay, replay.worst_at if at is None else at, png)
-    return [path for path in (html, png) if path is not None]
+    if mcap is not None:
+        # Its libraries are for those who ask for it.
+        from phalanx.viewer.export.mcap import write_mcap
+
+        write_mcap(recorded, mcap)
+    tables = [
+        written
+        for kind, folder in ((PARQUET, parquet), (CSV, csv))
+        if folder is not None
+        for written in write_tables(recorded, replay.model.swarm, folder, kind)
+    ]
+    return [*(path for path in (html, png, mcap) if path is not None), *tables]

@@ -29,6 +29,8 @@ class KinematicBicycle:
 
     states = ("x", "y", "theta", "v")
     inputs = ("a", "s")
+    state_units = ("m", "m", "rad", "m/s")
+    input_units = ("m/s²", "1")
 
     def drift(self, x: ca.SX) -> ca.SX:
         return ca.vertcat(x[3] * ca.cos(x[2]), x[3] * ca.sin(x[2]), 0, 0)

@@ -35,6 +35,14 @@ class SingleIntegrator:
     def inputs(self) -> tuple[str, ...]:
         return ("vx", "vy", "vz")[: self.dimension]
 
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        return _each("m", axes=self.dimension)
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        return _each("m/s", axes=self.dimension)
+
     def drift(self, x: ca.SX) -> ca.SX:
         return ca.SX.zeros(self.dimension)
 
@@ -78,6 +86,14 @@ class DoubleIntegrator:
     def inputs(self) -> tuple[str, ...]:
         return ("ax", "ay", "az")[: self.dimension]
 
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        return _each("m", "m/s", axes=self.dimension)
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        return _each("m/s²", axes=self.dimension)
+
     def drift(self, x: ca.SX) -> ca.SX:
         v = x[self.dimension :]
         return ca.vertcat(v, -self.drag * v)
@@ -120,6 +136,14 @@ class TripleIntegrator:
     def inputs(self) -> tuple[str, ...]:
         return ("jx", "jy", "jz")[: self.dimension]
 
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        return _each("m", "m/s", "m/s²", axes=self.dimension)
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        return _each("m/s³", axes=self.dimension)
+
     def drift(self, x: ca.SX) -> ca.SX:
         return ca.vertcat(x[self.dimension :], ca.SX.zeros(self.dimension))
 
@@ -141,6 +165,11 @@ class TripleIntegrator:
         gain = math.hypot(*x[2 * d :]) + disturbance
         jerk = _longest(self.jerk, d) + disturbance
         return speed * time + gain * time**2 / 2 + jerk * time**3 / 6
+
+
+def _each(*units: str, axes: int) -> tuple[str, ...]:
+    """Every unit once for each axis."""
+    return tuple(unit for unit in units for _ in range(axes))
 
 
 def _last_of(order: int, dimension: int) -> ca.SX:

@@ -22,6 +22,10 @@ def require_sound(dynamics: Dynamics) -> None:
         MistakenMethodError: a shape or a name is wrong, a weight is not above 0, or it failed.
     """
     n, m = (_count(dynamics, field) for field in ("states", "inputs"))
+    for field, count in (("state_units", n), ("input_units", m)):
+        found = getattr(dynamics, field, None)
+        if found is not None and (not isinstance(found, tuple | list) or len(found) != count):
+            raise MistakenMethodError(dynamics, field, f"a tuple of {count} units", repr(found))
     x = ca.SX.sym("x", n)
     ask_expression(dynamics, "drift", [(n,)], x, symbols=[x])
     ask_expression(dynamics, "actuation", [(n, m)], x, symbols=[x])

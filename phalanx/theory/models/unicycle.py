@@ -34,6 +34,8 @@ class Unicycle:
 
     states = ("x", "y", "theta")
     inputs = ("nu", "omega")
+    state_units = ("m", "m", "rad")
+    input_units = ("m/s", "rad/s")
 
     def drift(self, x: ca.SX) -> ca.SX:
         return ca.SX.zeros(3)

@@ -1,0 +1,148 @@
+"""A run exported for other tools, read back with the official libraries."""
+
+from collections import Counter
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
+
+import phalanx
+from phalanx.cli.app import USAGE_ERROR, status
+from phalanx.viewer.export.write import run
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory) -> phalanx.Run:
+    """Agents that a wall and an adversary press together."""
+    out = tmp_path_factory.mktemp("runs")
+    return phalanx.run("surrounded", engine="in-process", out=out)
+
+
+@pytest.fixture(scope="module")
+def exported(finished, tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("exported") / "shown.mcap"
+    assert run(finished.folder, mcap=path) == [path]
+    return path
+
+
+@cache
+def messages(path: Path) -> list[tuple[str, str, float, object]]:
+    """(topic, schema, time [s], message) of all that there is."""
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        return [
+            (channel.topic, schema.name, message.log_time * 1e-9, decoded)
+            for schema, channel, message, decoded in reader.iter_decoded_messages()
+        ]
+
+
+def of(path: Path, topic: str) -> list[object]:
+    return [decoded for name, _, _, decoded in messages(path) if name == topic]
+
+
+def test_every_topic_has_the_schema_that_tools_know(exported):
+    schemas = {topic: schema for topic, schema, _, _ in messages(exported)}
+    assert schemas["/tf"] == "foxglove.FrameTransforms"
+    assert schemas["/poses"] == "foxglove.PosesInFrame"
+    assert schemas["/scene"] == "foxglove.SceneUpdate"
+    assert schemas["/log"] == "foxglove.Log"
+    assert schemas["/agents/1/state"] == "phalanx.SingleIntegratorState"
+    assert schemas["/agents/1/step"] == "phalanx.SingleIntegratorStep"
+
+
+def test_there_is_a_message_for_every_state_and_step(exported, finished):
+    counts = Counter(topic for topic, *_ in messages(exported))
+    states = len(finished.recording.states)
+    for topic in ("/tf", "/poses", "/h", "/agents/1/state", "/agents/3/state"):
+        assert counts[topic] == states
+    for name in ("1", "2", "3"):
+        own = finished.inputs.filter(pl.col("agent") == name)
+        assert counts[f"/agents/{name}/step"] == len(own)
+
+
+def test_states_inputs_and_h_are_those_of_the_recording(exported, finished):
+    shown = of(exported, "/agents/1/state")
+    assert [(s.x, s.y) for s in shown] == finished.states.select("1.x", "1.y").rows()
+    own = finished.inputs.filter(pl.col("agent") == "1").sort("t")
+    shown = of(exported, "/agents/1/step")
+    assert [s.u_vx for s in shown] == own["u.vx"].to_list()
+    assert [s.nominal_vy for s in shown] == own["nominal.vy"].to_list()
+    assert [s.origin for s in shown] == own["origin"].to_list()
+    assert [s.h_1_2 for s in of(exported, "/h")] == pytest.approx(finished.h["1-2"].to_list())
+
+
+def test_an_adversary_has_no_certified_time_rather_than_one_of_zero(exported):
+    assert not any(step.HasField("certified") for step in of(exported, "/agents/2/step"))
+    assert all(step.HasField("certified") for step in of(exported, "/agents/1/step"))
+
+
+def test_units_are_told_for_each_channel(exported):
+    with exported.open("rb") as file:
+        channels = make_reader(file).get_summary().channels.values()
+    told = {channel.topic: channel.metadata for channel in channels}
+    assert told["/agents/1/state"] == {"x": "m", "y": "m"}
+    assert told["/agents/1/step"]["u_vx"] == "m/s"
+    assert told["/agents/1/step"]["certified"] == "s"
+
+
+def test_every_agent_is_drawn_once_and_moves_with_its_frame(exported, finished):
+    opening = of(exported, "/scene")[0]
+    drawn = {entity.id: entity for entity in opening.entities}
+    names = [name for name, _, _ in finished.scenario.roster()]
+    assert set(names) <= drawn.keys()
+    assert all(drawn[n].frame_id == n and drawn[n].frame_locked for n in names)
+    last = of(exported, "/tf")[-1]
+    assert [t.child_frame_id for t in last.transforms] == names
+    for transform, pose in zip(last.transforms, of(exported, "/poses")[-1].poses, strict=True):
+        there, listed = transform.translation, pose.position
+        assert (there.x, there.y, there.z) == (listed.x, listed.y, listed.z)
+    x, y = finished.states.select("1.x", "1.y").row(-1)
+    assert (last.transforms[0].translation.x, last.transforms[0].translation.y) == (x, y)
+
+
+def test_a_violated_pair_is_a_red_line_while_it_lasts(exported, finished):
+    assert finished.verdict is phalanx.Outcome.VIOLATED
+    updates = [(t, m) for topic, _, t, m in messages(exported) if topic == "/scene"]
+    red = {t for t, update in updates[1:] if any("1-2" in e.id for e in update.entities)}
+    deep = finished.h.filter(pl.col("1-2") > 0)["t"].to_list()
+    assert deep
+    assert sorted(red) == pytest.approx(deep)
+
+
+def test_the_verdict_is_the_last_line_of_the_log(exported, finished):
+    last = of(exported, "/log")[-1]
+    assert last.message.startswith("violated: ")
+    assert last.level == last.ERROR
+
+
+@pytest.mark.parametrize(
+    ("kind", "read"), [("parquet", pl.read_parquet), ("csv", pl.read_csv)], ids=["parquet", "csv"]
+)
+def test_tables_are_read_back_as_they_were(finished, tmp_path, kind, read):
+    written = run(finished.folder, **{kind: tmp_path / "tables"})
+    assert {path.stem for path in written} == {"states", "h", "inputs", "links", "events"}
+    states = read(tmp_path / "tables" / f"states.{kind}")
+    assert np.array_equal(states.to_numpy(), finished.states.to_numpy())
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ([], "expected one of --html, --png, --mcap, --parquet, --csv"),
+        (["--at", "1.0", "--html", "x.html"], "--at: expected --png"),
+    ],
+)
+def test_a_wrong_combination_is_wrong_usage(finished, capsys, options, said):
+    assert status(["export", str(finished.folder), *options]) == USAGE_ERROR
+    assert said in capsys.readouterr().err
+
+
+def test_a_moment_outside_the_run_is_refused_and_nothing_is_written(finished, capsys, tmp_path):
+    png = tmp_path / "x.png"
+    assert status(["export", str(finished.folder), "--png", str(png), "--at", "99"]) == 3
+    assert "--at: expected 0 to" in capsys.readouterr().err
+    assert not png.exists()
