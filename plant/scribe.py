@@ -189,7 +189,7 @@ class RunScribe:
         findings: list[Finding],
         certified: float | None,
     ) -> Step:
-        names, ages = self._names, dict(telemetry.ages)
+        names = self._names
         hit = [
             (names[fate.sender], fate.k, [self._declared[n] for n in (*fate.faults, *found.lies)])
             for fate, found in zip(telemetry.fates, findings, strict=True)
@@ -204,7 +204,7 @@ class RunScribe:
             origin=telemetry.origin,
             residual=telemetry.residual,
             solve_time=telemetry.solve_time,
-            ages=[ages.get(l) for l in range(len(names))],
+            ages=[(names[l], age) for l, age in telemetry.ages],
             fates=[(names[fate.sender], fate.k, fate.delay) for fate in telemetry.fates],
             u_nom=list(telemetry.u_nom),
             certified=certified,

@@ -80,10 +80,9 @@ def draw(axes: Axes, name: str, run: phalanx.Run) -> None:
 
 def ages(run: phalanx.Run) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """When the receiver sampled [s], and how old what it knew was by then [s]."""
-    place = [name for name, _, _ in run.scenario.roster()].index(SENDER)
     steps = [step for step in run.recording.steps if step.agent == RECEIVER]
-    known = [np.nan if step.ages[place] is None else step.ages[place] for step in steps]
-    return np.array([step.t for step in steps]), np.array(known, dtype=float)
+    known = [dict(step.ages).get(SENDER, np.nan) for step in steps]
+    return np.array([step.t for step in steps]), np.array(known)
 
 
 if __name__ == "__main__":

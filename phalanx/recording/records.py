@@ -39,8 +39,8 @@ class Step(msgspec.Struct):
     residual: float | None
     solve_time: float
     """Wall time [s]; not part of the trajectory."""
-    ages: list[float | None]
-    """Age of the û_l used, by agent [s]."""
+    ages: list[tuple[str, float]]
+    """(sender, age [s]) of each û_l used."""
     fates: list[tuple[str, int, float]]
     """(sender, sequence number, delay [s]) of broadcasts decided now; delay < 0: lost."""
     u_nom: list[float] = []
@@ -51,6 +51,11 @@ class Step(msgspec.Struct):
     """(sender, sequence number, names) of those of `fates` in which declared faults had a part."""
     false: list[tuple[str, int, float, list[float]]] = []
     """(sender, sequence number, t_apply [s], u) as told, where that is not the truth."""
+
+    @property
+    def oldest(self) -> float | None:
+        """Age of the oldest û_l used [s]; None if none was."""
+        return max((age for _, age in self.ages), default=None)
 
 
 class Log(msgspec.Struct):

@@ -46,7 +46,6 @@ def inputs_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
     names = list(dict.fromkeys(n for m in swarm.members for n in m.dynamics.inputs))
     inputs = {m.name: m.dynamics.inputs for m in swarm.members}
     steps = recording.steps
-    ages = [[age for age in step.ages if age is not None] for step in steps]
     columns: dict[str, Sequence[object]] = {
         "agent": [step.agent for step in steps],
         "k": [step.k for step in steps],
@@ -55,7 +54,7 @@ def inputs_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
         "origin": [step.origin for step in steps],
         "residual": [step.residual for step in steps],
         "solve_time": [step.solve_time for step in steps],
-        "oldest_input": [max(known, default=None) for known in ages],
+        "oldest_input": [step.oldest for step in steps],
     }
     for name in names:
         columns[f"u.{name}"] = [_component(s.u, inputs[s.agent], name) for s in steps]

@@ -103,9 +103,9 @@ def ages(recording: Recording) -> Figure | None:
     """Age of the oldest û that each receiver had at its steps; None if nobody received any."""
     curves: Curves = {}
     for receiver, steps in steps_by_agent(recording).items():
-        oldest = [max((a for a in s.ages if a is not None), default=np.nan) for s in steps]
+        oldest = np.array([s.oldest for s in steps], dtype=float)
         if not np.isnan(oldest).all():
-            curves[receiver] = np.array([s.t for s in steps]), 1e3 * np.array(oldest)
+            curves[receiver] = np.array([s.t for s in steps]), 1e3 * oldest
     if not curves:
         return None
     figure, (axes,) = panels(1, 3.0)

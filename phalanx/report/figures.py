@@ -164,7 +164,8 @@ def ages(recording: Recording) -> Figure | None:
     names = [name for name, _, _ in recording.scenario.roster()]
     received = {}
     for receiver, steps in steps_by_agent(recording).items():
-        age = np.array([s.ages for s in steps], dtype=float).reshape(len(steps), -1)
+        known = [dict(s.ages) for s in steps]
+        age = np.array([[each.get(name, np.nan) for name in names] for each in known])
         if np.isfinite(age).any():
             received[receiver] = np.array([s.t for s in steps]), 1e3 * age
     if not received:

@@ -43,7 +43,7 @@ class AgentSteps:
             without_authority=int(self._without_authority[k]),
             residual=step.residual,
             solve_time=step.solve_time,
-            age=_oldest(step),
+            age=step.oldest,
             certified=step.certified,
         )
 
@@ -63,7 +63,7 @@ class AgentSteps:
             [
                 s.t_apply,
                 backup,
-                nan_if_none(_oldest(s)),
+                nan_if_none(s.oldest),
                 s.solve_time,
                 nan_if_none(s.certified),
                 *s.u,
@@ -71,7 +71,3 @@ class AgentSteps:
             for s, backup in zip(self._steps, self._is_backup, strict=True)
         ]
         return np.array(rows, dtype=float) if rows else np.zeros((0, 5))
-
-
-def _oldest(step: Step) -> float | None:
-    return max((age for age in step.ages if age is not None), default=None)

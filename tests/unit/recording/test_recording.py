@@ -63,7 +63,7 @@ def records(count: int = COUNT) -> list[State | Step | Log]:
         found.append(State(t, rng.normal(size=15).tolist(), float(rng.normal())))
         u = rng.normal(size=2).tolist()
         fates = [("2", k, -1.0), ("3", k, float(rng.uniform()))]
-        ages = [None, float(rng.uniform()), None]
+        ages = [("2", float(rng.uniform()))]
         found.append(Step("1", k, t, t, u, "qp", -1e-9, 1e-4, ages, fates))
     found.append(Log(0.002 * count, "agent 3 said ψ"))
     return found

@@ -57,7 +57,7 @@ def step(scenario: Scenario, names: tuple[str, ...], i: int, k: int) -> Step:
         origin if normal else Origin.ATTACK,
         0.0,
         1e-4 * (1 + k % 7),
-        [0.002 * (k % 4) if k and name in others else None for name in names],
+        [(name, 0.002 * (k % 4)) for name in others if k],
         fates,
         certified=0.012 * (k % 10) / 2 if normal else None,
     )
