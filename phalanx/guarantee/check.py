@@ -12,6 +12,7 @@ from phalanx.guarantee.formula import Formula, Region, formula, worst_pair
 from phalanx.guarantee.gaps import gaps_in_the_proof, words_on_alpha
 from phalanx.guarantee.start import CertifiedStart, certified_start
 from phalanx.guarantee.workspace import boundary, drawn_states, states_inside, workspace
+from phalanx.scenario.lies import LieFault
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import require_runnable
@@ -183,6 +184,16 @@ def _leans_on_the_newest(swarm: Swarm) -> bool:
     return paper and not swarm.joint and len(swarm.normal) > 1
 
 
+def _believed_liars(swarm: Swarm) -> list[str]:
+    """Agents that are declared to lie to those whose rows count on what is said."""
+    believing = Information.PAPER, Information.IN_FLIGHT
+    if swarm.scenario.safety.information not in believing or swarm.joint:
+        return []
+    lies = (f for f in swarm.scenario.faults if isinstance(f, LieFault) and not f.silent)
+    names = {fault.agent for fault in lies}
+    return [name for i, name in enumerate(swarm.names) if name in names and i in swarm.normal]
+
+
 def _words(swarm: Swarm, report: CheckReport, unknown: list[str]) -> list[str]:
     words = _words_on_certificates(report)
     theorem = _words_on_the_theorem(swarm, report) + unknown
@@ -240,6 +251,13 @@ def _words_on_the_theorem(swarm: Swarm, report: CheckReport) -> list[str]:
             "With any delay or loss, or where two agents sample at one instant, the neighbour may "
             "apply another one, and rows may hold that do not hold jointly. Take 'in-flight' or "
             "'split'."
+        )
+    if liars := _believed_liars(swarm):
+        words.append(
+            f"By faults declared here {', '.join(liars)} will say what it does not apply, and "
+            f"safety.information = '{safety.information}' counts on what is said: rows may hold "
+            "that do not hold jointly. Take 'split', which asks nobody, or 'worst-case', where a "
+            "member that does not keep its rows harms nobody's either."
         )
     given = [eta for eta in report.eta_paper.values() if eta is not None]
     if given and report.formula and max(given) < report.formula.eta:

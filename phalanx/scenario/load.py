@@ -4,7 +4,7 @@ import copy
 import difflib
 import hashlib
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -22,9 +22,17 @@ class ScenarioError(ValueError):
 
 
 def shipped() -> dict[str, Traversable]:
-    """The scenarios that come with Phalanx, by name."""
-    found = [f for f in (files(__package__) / "shipped").iterdir() if f.name.endswith(".toml")]
-    return {f.name.removesuffix(".toml"): f for f in sorted(found, key=lambda f: f.name)}
+    """The scenarios that come with Phalanx, by name; those in a folder have it before theirs."""
+    return dict(_in_folder(files(__package__) / "shipped", ""))
+
+
+def _in_folder(folder: Traversable, above: str) -> Iterator[tuple[str, Traversable]]:
+    entries = sorted(folder.iterdir(), key=lambda entry: (entry.is_dir(), entry.name))
+    for entry in entries:
+        if entry.is_dir():
+            yield from _in_folder(entry, f"{above}{entry.name}/")
+        elif entry.name.endswith(".toml"):
+            yield above + entry.name.removesuffix(".toml"), entry
 
 
 def load(
@@ -153,9 +161,9 @@ def _parsed(source: str) -> dict[str, Any]:
 
 def _read(source: str) -> str:
     path = Path(source)
-    looks_like_path = path.suffix == ".toml" or "/" in source
-    if not looks_like_path and source in shipped():
+    if source in shipped():
         return shipped()[source].read_text(encoding="utf-8")
+    looks_like_path = path.suffix == ".toml" or "/" in source
     if not looks_like_path and not path.exists():
         close = difflib.get_close_matches(source, shipped(), n=1)
         hint = f"; did you mean {close[0]!r}?" if close else ""

@@ -29,7 +29,7 @@ class Information(StrEnum):
     IN_FLIGHT = "in-flight"
     """û_l counts only while no newer input of l can be in force, t < t_l + Γ_l - δ_l^max, where
     t_l is when û_l took effect; else γ_l^max. Sound for any delay and loss, if clocks keep their
-    bounds; checked too (fresh û, sampling gap)."""
+    bounds and senders tell the truth; checked too (fresh û, sampling gap, truthful broadcasts)."""
     SPLIT = "split"
     """No û: each agent keeps its share of the joint condition. Sound for any delay and loss, as
     all normal agents compose the same h_tot. With `lse` shares are computed from different samples,

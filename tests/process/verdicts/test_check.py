@@ -55,6 +55,13 @@ def test_with_latency_zero_has_to_be_certified_until_the_first_input_takes_effec
     assert not long.may_be_guaranteed
 
 
+@pytest.mark.parametrize("information", ["paper", "in-flight", "split", "worst-case"])
+def test_a_liar_is_named_where_rows_count_on_what_is_said(information: str):
+    lie = 'faults=[{ kind = "lie", agent = "2", for = 1.0, says = "zero" }]'
+    words = " ".join(checked("stale-inputs", f"safety.information={information}", lie).words)
+    assert ("2 will say what it does not apply" in words) == (information in ("paper", "in-flight"))
+
+
 @pytest.mark.parametrize(
     ("override", "limit"),
     [("safety.information=split", 1 / (0.012 * math.e)), ("safety.information=paper", 1 / 0.012)],

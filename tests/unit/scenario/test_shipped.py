@@ -17,7 +17,7 @@ from tests.unit.swarms import rows_of_scenario
 def test_every_shipped_scenario_has_its_own_name_and_starts_in_its_safe_set(name):
     rows = rows_of_scenario(name)
     swarm = rows.swarm
-    assert swarm.scenario.name == name
+    assert swarm.scenario.name == name.replace("/", "-")
     assert swarm.start().shape == (sum(len(m.dynamics.states) for m in swarm.members),)
     assert (rows.invariants()(swarm.start())[0] <= 0).all()
 

@@ -1,0 +1,112 @@
+"""Lies of members in whole runs: what each does, who notices, and what no lie can do."""
+
+import pytest
+
+import phalanx
+from phalanx.guarantee.checker.certify import certify
+from phalanx.guarantee.verdict import Assumption
+
+LIES = ("input", "equivocation", "replay", "apply-time", "silence")
+FALSE = LIES[:-1]
+"""Who is silent says nothing false."""
+LIAR, BEGIN, END = "2", 0.2, 0.8
+
+
+def run(name: str, folder, **overrides) -> phalanx.Run:
+    scenario = phalanx.load(f"faults/lie-{name}", overrides)
+    return phalanx.run(scenario, engine="in-process", out=folder)
+
+
+def truthful(found: phalanx.Run) -> Assumption:
+    return next(a for a in found.summary.theorem if a.name == "truthful broadcasts")
+
+
+@pytest.fixture(scope="module")
+def honest(tmp_path_factory) -> phalanx.Run:
+    """All five scenarios without their lie."""
+    return run("input", tmp_path_factory.mktemp("honest"), faults=[])
+
+
+def test_without_a_lie_every_broadcast_is_true(honest):
+    assert truthful(honest).failed == 0 < truthful(honest).checked
+    assert not honest.links["false"].any()
+    assert honest.links["faults"].list.len().sum() == 0
+
+
+@pytest.mark.parametrize("name", LIES)
+def test_a_lie_has_its_effect_is_counted_and_named_on_every_broadcast_that_it_made(
+    name, honest, tmp_path
+):
+    found = run(name, tmp_path)
+    assert found.summary.trajectory != honest.summary.trajectory
+    (fault,) = found.summary.faults
+    hit = found.links.filter(found.links["faults"].list.len() > 0)
+    assert hit["faults"].explode().unique().to_list() == [fault.name]
+    assert len(hit) == fault.count > 0
+    assert hit["sender"].unique().to_list() == [LIAR]
+    assert BEGIN <= hit["t"].min() <= hit["t"].max() < END + 0.02
+    false = found.links.filter(found.links["false"])
+    assert false.equals(hit) == (name in FALSE)
+    assert truthful(found).failed == len(false) == fault.count * (name in FALSE)
+
+
+@pytest.mark.parametrize("name", LIES)
+def test_a_run_with_a_lie_is_repeated_bit_by_bit(name, tmp_path):
+    assert phalanx.verify(run(name, tmp_path), engine="in-process")
+
+
+def test_the_log_says_when_who_lied_first(tmp_path):
+    (line,) = run("input", tmp_path).events.filter(text=f"agent {LIAR}: first false broadcast")["t"]
+    assert BEGIN < line < BEGIN + 0.02
+
+
+@pytest.mark.parametrize("information", ["split", "worst-case"])
+@pytest.mark.parametrize("name", FALSE)
+def test_who_asks_nobody_is_not_moved_by_a_lie(information, name, tmp_path):
+    believing = {"safety.information": information}
+    lied_to = run(name, tmp_path / "lie", **believing).summary
+    told_the_truth = run(name, tmp_path / "truth", **believing, faults=[]).summary
+    assert lied_to.trajectory == told_the_truth.trajectory
+    assert lied_to.certificates == told_the_truth.certificates
+    assert lied_to.faults[0].count > 0
+
+
+def attacked(information: str, folder, **overrides) -> phalanx.Run:
+    """Agent 2 of two turns at 0.3 s, drives at agent 1, and says that it flees."""
+    lie = {"kind": "lie", "agent": LIAR, "for": 9.0, "says": "opposite"}
+    table = {"duration": 1.5, "network.delay": 0.0, "safety.information": information}
+    scenario = phalanx.load("stale-inputs", {**table, "faults": [lie], **overrides})
+    turn = phalanx.Command(0.3, phalanx.CommandKind.TURN, LIAR)
+    commands = phalanx.CommandPolicy(schedule=(turn,))
+    return phalanx.run(scenario, engine="in-process", out=folder, commands=commands)
+
+
+@pytest.mark.parametrize("information", ["paper", "in-flight"])
+def test_a_lie_that_ends_in_a_collision_was_never_certified(information, tmp_path):
+    """Told the truth, agent 1 gets out of the way."""
+    lied_to, told = (
+        attacked(information, tmp_path / "l"),
+        attacked(information, tmp_path, faults=[]),
+    )
+    assert told.verdict is phalanx.Outcome.GUARANTEED
+    assert lied_to.verdict is phalanx.Outcome.VIOLATED
+    summary = lied_to.summary
+    assert summary.certificates.uncovered_at <= summary.violations[0].first
+    assert summary.certificates.certified < summary.certificates.samples
+
+
+def test_worst_case_alone_keeps_off_a_member_that_lies_and_attacks(tmp_path):
+    """With `split` each relies on what the other does, though not on what it says."""
+    assert attacked("worst-case", tmp_path / "w").verdict is phalanx.Outcome.GUARANTEED
+    split = attacked("split", tmp_path / "s")
+    assert split.verdict is phalanx.Outcome.VIOLATED
+    assert split.summary.trajectory == attacked("split", tmp_path, faults=[]).summary.trajectory
+
+
+@pytest.mark.parametrize("information", ["paper", "in-flight", "split"])
+def test_a_guarantee_beside_a_liar_is_confirmed_by_who_hears_no_broadcast(information, tmp_path):
+    """The checker is given states and applied inputs alone."""
+    found = run("input", tmp_path, **{"safety.information": information})
+    assert found.verdict is phalanx.Outcome.GUARANTEED
+    recording = found.recording
+    assert certify(found.scenario, recording.states, recording.steps)
