@@ -4,12 +4,13 @@ import logging
 import queue
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import msgspec
 import numpy as np
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy, refusal
+from phalanx.swarm.swarm import Swarm
 from phalanx.wire.frames import CommandMessage
 from phalanx.wire.refusals import Refusals
 from phalanx.wire.seal import Malformed, Sealer
@@ -32,9 +33,7 @@ class CommandQueue:
         """check_stop is called at every wait and may raise to end the run."""
         self.speed = policy.speed
         self.refusals = Refusals(log)
-        self._schedule = deque(
-            sorted((c for c in policy.schedule if c.changes_trajectory), key=lambda c: c.t)
-        )
+        self._schedule = _in_order([c for c in policy.schedule if c.changes_trajectory])
         self._names, self._check_stop = names, check_stop
         self._live: queue.SimpleQueue[Command] = queue.SimpleQueue()
         self._until = np.inf
@@ -87,6 +86,10 @@ class CommandQueue:
         virtual, wall = self._origin
         return wall + (t - virtual) / self.speed - time.monotonic()
 
+    def declare(self, commands: Iterable[Command]) -> None:
+        """Obey these too, before others of their times."""
+        self._schedule = _in_order([*commands, *self._schedule])
+
     def start(self) -> None:
         """The run begins: the wall clock counts from here."""
         self._origin = (0.0, time.monotonic())
@@ -118,3 +121,16 @@ class CommandQueue:
             return
         self._latest = message.number
         self._live.put(message.command)
+
+
+def declared(swarm: Swarm) -> list[Command]:
+    """The commands that the scenario's faults of agents amount to."""
+    return [
+        Command(t, kind, strike.agent, fault=swarm.links.number(place))
+        for place, fault, strike in swarm.struck
+        for t, kind in fault.commands(strike)
+    ]
+
+
+def _in_order(commands: Iterable[Command]) -> deque[Command]:
+    return deque(sorted(commands, key=lambda command: command.t))

@@ -28,6 +28,8 @@ class Sampled(NamedTuple):
     i: int
     t: float
     """[s]"""
+    truthful: bool = True
+    """Whether it was told the true state."""
 
 
 class CommandObeyed(NamedTuple):

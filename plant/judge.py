@@ -82,6 +82,9 @@ class Judge:
             "fresh û", note="every received input that a row counted on was being applied"
         )
         self._faithful = Assumption("faithful agents", note="no normal agent fell silent or turned")
+        self._truthful = Assumption(
+            "truthful sensors", note="every sample of a normal agent told the true state"
+        )
         self._together = Assumption(
             "synchronous sampling", note="all normal agents sample at the same instants"
         )
@@ -110,7 +113,7 @@ class Judge:
         found = [self._start_kept, self._gap, self._phi, self._rows, self._margin]
         found += [self._stayed] if self._stayed.checked else []
         found += [self._prompt] if self._prompt.failed else []
-        found += [self._faithful] if self._faithful.failed else []
+        found += [each for each in (self._faithful, self._truthful) if each.failed]
         safety = self._swarm.scenario.safety
         if safety.control == "centralised":
             return [*found, self._together]
@@ -151,7 +154,9 @@ class Judge:
 
     def sampled(self, event: Sampled) -> None:
         """An agent took a sample."""
-        i, t = event
+        i, t, truthful = event
+        if i in self._swarm.normal:
+            self._truthful.check(truthful, t)
         if i in self._sampled:
             self._gap.check(t - self._sampled[i] <= self._longest_gap[i], t)
         self._sampled[i] = t

@@ -30,6 +30,7 @@ from phalanx.plant.events import (
 from phalanx.plant.lookahead import Lookahead
 from phalanx.plant.schedule import Schedule
 from phalanx.plant.sensing import Sensing, Sight
+from phalanx.plant.sensors import Sensors
 from phalanx.plant.stop import SwarmBrokenError
 from phalanx.plant.world import World
 from phalanx.recording.write import RecordingError
@@ -73,6 +74,17 @@ class Witness(Protocol):
         """Called when all events so far were taken."""
 
 
+class _HandedOut(NamedTuple):
+    """The truth at an agent's sample."""
+
+    sight: Sight
+    """Whom it sees."""
+    packed: bytes
+    """Their states."""
+    truthful: bool
+    """Whether its sensors told it these."""
+
+
 class _Awaited(NamedTuple):
     """An input that answers sample k of agent i."""
 
@@ -91,8 +103,8 @@ class _Moment:
     t: float
     """[s]"""
     commands: list[CommandObeyed]
-    handed_out: dict[int, tuple[Sight, bytes]]
-    """By agent that samples: whom it sees, and their states."""
+    handed_out: dict[int, _HandedOut]
+    """By agent that samples."""
     awaited: deque[_Awaited]
     """Inputs that take effect, and are not there yet."""
     reached: bool = False
@@ -118,6 +130,7 @@ class Lockstep:
         self.world = world
         self._schedule, self._agents, self._scribe = schedule, agents, scribe
         self._faults = faults
+        self.sensors = Sensors(swarm)
         self._sensing, self._states = Sensing(swarm, world.motion), SeenStates(swarm)
         self._contacts = Contacts(len(swarm.members), swarm.scenario.time.latency)
         self._commands = commands or CommandQueue(NO_COMMANDS, ())
@@ -204,7 +217,7 @@ class Lockstep:
             orders=Orders(die=True),
         )
 
-    def _sample(self, t: float) -> dict[int, tuple[Sight, bytes]]:
+    def _sample(self, t: float) -> dict[int, _HandedOut]:
         """Hand a sample to every agent due at t; those due together do not hear each other."""
         due = self._schedule.sampling_at(t)
         x = self._state_at(t, due)
@@ -215,15 +228,16 @@ class Lockstep:
             k = self._schedule.sampled(i, t)
             self._contacts.sampled(i, k, t, sight)
             self._newest[i] = _Awaited(i, k, t, self._schedule.loses_input(i))
+            told = self.sensors.told(i, k, t, x)
             packed = self._states.packed(x, sight.seen)
-            handed_out[i] = whole, packed
+            handed_out[i] = _HandedOut(whole, packed, told is x)
             self._agents.send_sample(
                 i,
                 Sample(
                     k=k,
                     t=t,
                     seen=sight.seen,
-                    x=packed,
+                    x=self._states.packed(told, sight.seen),
                     since=since,
                     latest=latest,
                     hearers=sight.hearers,
@@ -278,7 +292,10 @@ class Lockstep:
             self._reach(moment.t)
             self._require_truth(moment)
             self._happened += moment.commands
-            self._happened += [Sampled(i, moment.t) for i in moment.handed_out]
+            self._happened += [
+                Sampled(i, moment.t, handed_out.truthful)
+                for i, handed_out in moment.handed_out.items()
+            ]
             moment.reached = True
         while moment.awaited:
             message = self._answer_to(moment.awaited[0], wait)
@@ -303,7 +320,7 @@ class Lockstep:
             return
         who, x = list(moment.handed_out), self.world.x
         for i, sight in zip(who, self._sensing.sights(x, who), strict=True):
-            if (sight, self._states.packed(x, sight.seen)) != moment.handed_out[i]:
+            if (sight, self._states.packed(x, sight.seen)) != moment.handed_out[i][:2]:
                 raise SwarmBrokenError(
                     f"the sample at t = {moment.t:.3f} s that was handed out ahead is not the "
                     "truth: some dynamics travel farther than their `travel` says; correct it, or "

@@ -2,13 +2,15 @@
 
 import logging
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from phalanx.faults.state import FaultState
 from phalanx.guarantee.verdict import FaultCount, Outcome, Summary, judge
 from phalanx.plant.along import TruthAlong
-from phalanx.plant.commands import CommandQueue
+from phalanx.plant.clocks import AgentClock
+from phalanx.plant.commands import CommandQueue, declared
 from phalanx.plant.frames import FrameAudience, FramePublisher
 from phalanx.plant.harness import Harness
 from phalanx.plant.judge import Judge
@@ -56,6 +58,7 @@ class PlantRun:
         self._truth = TruthAlong(rows, self._world.motion)
         self._judge.saw(self._truth.of(self._world.take_way()))
         self._commands = commands
+        commands.declare(declared(swarm))
         faults = FaultState(swarm.names)
         self._frames = FramePublisher(audience, self._judge, commands, faults, self._world.x)
         self._scribe = RunScribe(
@@ -69,9 +72,9 @@ class PlantRun:
             agents.publish_status,
             swarm.scenario.time.recording_step,
         )
-        clocks = [swarm.clock(i) for i in range(len(swarm.members))]
+        self._clocks = [AgentClock(swarm, i) for i in range(len(swarm.members))]
         self._harness = Harness(swarm)
-        schedule = Schedule(clocks, swarm.scenario.time.latency, self._harness)
+        schedule = Schedule(self._clocks, swarm.scenario.time.latency, self._harness)
         self._lockstep = Lockstep(
             rows, self._world, schedule, agents, self._scribe, faults, commands, concurrent
         )
@@ -124,6 +127,8 @@ class PlantRun:
     ) -> Summary:
         truth = self._judge.truth
         hits = self._scribe.faults + self._harness.faults + self._judge.claims.faults
+        hits += self._lockstep.sensors.faults
+        hits += sum((clock.faults for clock in self._clocks), Counter())
         return Summary(
             outcome=outcome,
             reason=reason,

@@ -2,15 +2,22 @@
 
 import math
 from collections.abc import Sequence
+from typing import Protocol
 
 from phalanx.plant.harness import Harness
-from phalanx.seeded.clock import SamplingClock
+
+
+class Clock(Protocol):
+    """When an agent samples."""
+
+    def after(self, k: int, t: float) -> float:
+        """When its tick after tick k is, which was at t [s]."""
 
 
 class Schedule:
     """The sampling instants of all agents and the instants at which their inputs take effect."""
 
-    def __init__(self, clocks: Sequence[SamplingClock], latency: float, harness: Harness) -> None:
+    def __init__(self, clocks: Sequence[Clock], latency: float, harness: Harness) -> None:
         """Everybody samples at 0; inputs take effect `latency` after their sample [s].
 
         harness: loses samples, and brings inputs late or never.

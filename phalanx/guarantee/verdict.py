@@ -69,7 +69,7 @@ class FaultCount(msgspec.Struct):
     name: str
     """Its field: "network.links.0.loss", "faults.2 (partition)"."""
     count: int = 0
-    """Messages on which it had an effect."""
+    """How often it had an effect: on messages, samples or agents."""
 
 
 class Violation(msgspec.Struct):

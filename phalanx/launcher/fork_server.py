@@ -98,7 +98,7 @@ def serve(
                 else:
                     identity = launcher.recv()
                     start(next(p for p in programs if p.identity == identity))
-    except (_StopError, BrokenPipeError, EOFError) as ended:
+    except (_StopError, ConnectionError, EOFError) as ended:
         if isinstance(ended, _StopError):
             for report in running.values():
                 os.kill(report.pid, signal.SIGKILL)

@@ -155,7 +155,7 @@ def _judgement(summary: Summary | None) -> list[str]:
             "Violations",
             _table(("pair", "first", "worst h", "worst at", "time with h > 0"), violations),
         ),
-        _section("Declared faults", _table(("fault", "messages affected"), faults)),
+        _section("Declared faults", _table(("fault", "times it had an effect"), faults)),
         _section("Rejected payloads", _table(("by whom or why", "payloads"), rejected)),
     ]
 

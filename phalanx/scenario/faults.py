@@ -1,10 +1,11 @@
-"""The [[faults]] list: what goes wrong for a time; lies have a file of their own."""
+"""The [[faults]] list, and what goes wrong on links for a time."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
 from phalanx.network.partition import Shape, between, shaped
+from phalanx.scenario.agent_faults import AgentFault
 from phalanx.scenario.fields import Name, misplaced
 from phalanx.scenario.lies import LieFault
 from phalanx.scenario.network import LinkTable, SomeLinks, require_in_time
@@ -85,4 +86,12 @@ class LinkFault(Timed, SomeLinks, LinkTable):
         return self
 
 
-Fault = Annotated[Partition | HoldFault | LinkFault | LieFault, Field(discriminator="kind")]
+Fault = Annotated[
+    Partition | HoldFault | LinkFault | LieFault | AgentFault, Field(discriminator="kind")
+]
+KINDS = frozenset(
+    kind
+    for model in get_args(get_args(Fault)[0])
+    for kind in get_args(model.model_fields["kind"].annotation)
+)
+"""Of every fault that a scenario may declare."""

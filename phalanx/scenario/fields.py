@@ -32,11 +32,9 @@ Table = dict[str, Any]
 
 NUMBER, TABLE, SPHERE, WALL = "number", "table", "sphere", "wall"
 BOUNDS, JITTER, CHANCE, BURST, GEMODEL = "bounds", "jittered", "chance", "bursts", "gemodel"
-PARTITION, HOLD, LINK, LIE = "partition", "hold", "link", "lie"
 WORD, INPUT, LIMIT = "word", "input", "limit"
 ALTERNATIVES = frozenset(
-    {NUMBER, TABLE, SPHERE, WALL, BOUNDS, JITTER, CHANCE, BURST, GEMODEL, PARTITION, HOLD, LINK}
-    | {LIE, WORD, INPUT, LIMIT}
+    (NUMBER, TABLE, SPHERE, WALL, BOUNDS, JITTER, CHANCE, BURST, GEMODEL, WORD, INPUT, LIMIT)
 )
 """Names of alternatives in an error's place, where fields are not called so."""
 

@@ -5,11 +5,13 @@ from collections.abc import Iterator
 from phalanx.faults.lies import Lies
 from phalanx.network.link import Kind, LinkModel, Stage
 from phalanx.network.rule import Rule
-from phalanx.network.window import Cut, Hold
+from phalanx.network.window import Cut, During, Hold
 from phalanx.scenario.faults import Fault, HoldFault, LinkFault, Partition
 from phalanx.scenario.lies import LieFault
 from phalanx.scenario.model import Scenario
 from phalanx.scenario.network import LinkTable
+from phalanx.scenario.strikes import all_struck
+from phalanx.scenario.timed import Timed
 
 _BASE: tuple[Kind, ...] = ("broadcast", "sample", "actuation")
 
@@ -34,6 +36,7 @@ class Links:
         self._faults = scenario.faults
         self._seed = scenario.seed
         self._cuts = [self._cut(place, fault) for place, fault in enumerate(self._faults)]
+        self._silenced = [each for each in all_struck(scenario) if each.fault.cuts]
         self.declared = (
             *fields,
             *(f"faults.{place} ({fault.kind})" for place, fault in enumerate(self._faults)),
@@ -54,7 +57,8 @@ class Links:
             for field, rule in table.fields()
         )
         link = sender, receiver, of
-        return LinkModel((*self._timed(*link), *static, *self._holds(*link)))
+        within = self._within(receiver, of)
+        return LinkModel((*within, *self._timed(*link), *static, *self._holds(*link)))
 
     def lies(self, name: str) -> Lies:
         """What an agent makes of the truth before it tells its peers."""
@@ -75,16 +79,25 @@ class Links:
 
     def _timed(self, sender: str, receiver: str, of: Kind) -> Iterator[Stage]:
         for place, (fault, cut) in enumerate(zip(self._faults, self._cuts, strict=True)):
-            if of == "broadcast" and (sender, receiver) in cut:
-                yield self._stage(place, fault, Cut())
+            if isinstance(fault, Timed) and of == "broadcast" and (sender, receiver) in cut:
+                yield self._stage(place, fault.during(Cut()))
             if isinstance(fault, LinkFault) and fault.concerns(sender, receiver, of):
                 for _, rule in fault.fields():
-                    yield self._stage(place, fault, rule)
+                    yield self._stage(place, fault.during(rule))
 
     def _holds(self, sender: str, receiver: str, of: Kind) -> Iterator[Stage]:
         for place, fault in enumerate(self._faults):
             if isinstance(fault, HoldFault) and fault.concerns(sender, receiver, of):
-                yield self._stage(place, fault, Hold(fault.end))
+                yield self._stage(place, fault.during(Hold(fault.end)))
 
-    def _stage(self, place: int, fault: Fault, rule: Rule) -> Stage:
-        return Stage(f"faults.{place}", fault.during(rule), self._first_fault + place)
+    def _within(self, agent: str, of: Kind) -> Iterator[Stage]:
+        for place, fault, (name, begin, end) in self._silenced:
+            if (name, fault.cuts) == (agent, of):
+                yield self._stage(place, During(begin, end, Cut()))
+
+    def _stage(self, place: int, rule: Rule) -> Stage:
+        return Stage(f"faults.{place}", rule, self.number(place))
+
+    def number(self, place: int) -> int:
+        """The number of the fault at this place of [[faults]]."""
+        return self._first_fault + place

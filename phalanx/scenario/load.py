@@ -12,6 +12,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from phalanx.scenario.faults import KINDS
 from phalanx.scenario.fields import ALTERNATIVES
 from phalanx.scenario.model import Scenario
 from phalanx.scenario.user_code import UntrustedCodeError
@@ -180,6 +181,8 @@ def _is_below(place: tuple[int | str, ...], other: tuple[int | str, ...]) -> boo
 
 
 def _describe(location: tuple[int | str, ...], message: str, got: Any, kind: str) -> str:
+    if location[:1] == ("faults",) and location[2:3] and location[2] in KINDS:
+        location = (*location[:2], *location[3:])
     parts = [str(part) for part in location if part not in ALTERNATIVES]
     field = ".".join(parts) or "scenario"
     expected = message.removeprefix("Value error, ").replace("Input should be", "expected")

@@ -16,6 +16,7 @@ from pydantic import (
     model_validator,
 )
 
+from phalanx.scenario.agent_faults import OfAgents
 from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.faults import Fault
 from phalanx.scenario.fields import (
@@ -134,11 +135,15 @@ class Scenario(Strict):
                 raise misplaced(("time", "latency"), message, self.time.latency)
         for index, link in enumerate(self.network.links):
             link.check(names, ("network", "links", index))
-        sizes = {name: len(g.dynamics_object().inputs) for g in self.named() for name in g.names}
+        groups = {name: group for group in self.named() for name in group.names}
         for index, fault in enumerate(self.faults):
-            fault.check(names, ("faults", index))
+            where = ("faults", index)
+            if isinstance(fault, OfAgents):
+                fault.check_agents(groups, where)
+            else:
+                fault.check(names, where)
             if isinstance(fault, LieFault):
-                fault.check_input(sizes[fault.agent], ("faults", index))
+                fault.check_input(len(groups[fault.agent].dynamics_object().inputs), where)
         return self
 
     def _check_places(self, index: int, group: AgentGroup) -> None:

@@ -12,6 +12,7 @@ from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.links import Links
 from phalanx.scenario.load import ScenarioError
 from phalanx.scenario.model import Scenario
+from phalanx.scenario.strikes import Struck, all_struck
 from phalanx.seeded.clock import SamplingClock
 from phalanx.seeded.draws import Draws
 from phalanx.theory.expressions.compiled import CompiledFunction
@@ -67,6 +68,11 @@ class Swarm:
     def links(self) -> Links:
         """What goes wrong on links."""
         return Links(self.scenario)
+
+    @cached_property
+    def struck(self) -> tuple[Struck, ...]:
+        """What goes wrong with agents, and when."""
+        return all_struck(self.scenario)
 
     @cached_property
     def limited(self) -> bool:

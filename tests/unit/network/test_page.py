@@ -8,6 +8,7 @@ import pytest
 
 from phalanx.network.link import Link
 from phalanx.network.presets import PRESETS
+from phalanx.scenario.faults import KINDS
 from phalanx.scenario.links import Links
 from phalanx.scenario.load import load
 from phalanx.scenario.network import LinkTable
@@ -20,11 +21,13 @@ def blocks(language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
 
 
-def test_its_scenario_loads_and_declares_what_it_shows():
-    (text,) = blocks("toml")
-    declared = Links(load("unicycles", tomllib.loads(text))).declared
-    assert "network.loss" in declared
-    assert declared[-1] == "faults.0 (partition)"
+def test_its_scenarios_load_and_declare_what_they_show():
+    links, agents = (
+        Links(load("unicycles", tomllib.loads(text))).declared for text in blocks("toml")
+    )
+    assert "network.loss" in links
+    assert links[-1] == "faults.0 (partition)"
+    assert agents == ("faults.0 (restart)", "faults.1 (pause)")
 
 
 def test_its_rule_works(tmp_path, monkeypatch):
@@ -40,6 +43,11 @@ def test_its_rule_works(tmp_path, monkeypatch):
 @pytest.mark.parametrize("field", LinkTable.model_fields)
 def test_every_field_has_its_row(field):
     assert f"`{field}" in PAGE
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_of_fault_has_its_row(kind):
+    assert f'`kind = "{kind}"`' in PAGE
 
 
 @pytest.mark.parametrize("name", PRESETS)

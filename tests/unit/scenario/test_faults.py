@@ -54,6 +54,18 @@ kind = "lie"
 agent = "1"
 for = 1.0
 replay = 20
+
+[[faults]]
+kind = "restart"
+rate = 0.1
+for = 1.0
+
+[[faults]]
+kind = "sensor"
+at = 2.0
+for = 1.0
+silent = true
+agents = ["1"]
 """
 
 
@@ -67,10 +79,9 @@ def test_everything_that_may_be_declared_is_numbered_and_survives_being_written_
     before = ["loss", "loss_by_distance", "duplicate", "corrupt", "rate"]
     fields = [*before, "delay", "reorder", "delay_floor", "slot"]
     assert declared[:9] == tuple(f"network.{field}" for field in fields)
-    assert set(declared[9:-5]) == {f"network.links.0.{f}" for f in ("loss", "corrupt", "delay")}
-    kinds = [name.split(" ")[1] for name in declared[-5:]]
-    assert kinds == ["(partition)", "(hold)", "(link)", "(lie)", "(lie)"]
-    assert declared[-5] == "faults.0 (partition)"
+    assert set(declared[9:-7]) == {f"network.links.0.{f}" for f in ("loss", "corrupt", "delay")}
+    kinds = ("partition", "hold", "link", "lie", "lie", "restart", "sensor")
+    assert declared[-7:] == tuple(f"faults.{n} ({kind})" for n, kind in enumerate(kinds))
     again = from_json(to_json(scenario))
     assert again == scenario
     assert Links(again).model("1", "3") == Links(scenario).model("1", "3")
@@ -149,7 +160,7 @@ BROKEN = {
     ),
     "a fault of no kind": (
         {"faults": [{"kind": "gremlin", "for": 1.0}]},
-        ["faults.0: ", "'partition', 'hold', 'link', 'lie'"],
+        ["faults.0: ", "'partition', 'hold', 'link', 'lie', 'kill', 'restart'"],
     ),
     "a fault without end": (
         {"faults": [{"kind": "hold"}]},
@@ -190,6 +201,38 @@ BROKEN = {
     ),
     "an input of another size": (lie(says=[1.0]), ["faults.0.says: expected 2 components"]),
     "a replay of the future": (lie(replay=0), ["faults.0.replay: expected greater than or equal"]),
+    "a strike on a stranger": (
+        {"faults": [{"kind": "kill", "at": 1.0, "agents": ["9"]}]},
+        ["faults.0.agents: expected agents' names", "got '9'"],
+    ),
+    "at a time and at random": (
+        {"faults": [{"kind": "kill", "at": 1.0, "rate": 1.0}]},
+        ["faults.0: expected at, or a rate"],
+    ),
+    "a pause without end": (
+        {"faults": [{"kind": "pause", "at": 1.0}]},
+        ["faults.0.for: expected a value, got nothing"],
+    ),
+    "an adversary that turns": (
+        {"faults": [{"kind": "turn", "at": 1.0, "agents": ["4"]}]},
+        ["faults.0.agents: expected normal agents, got '4'"],
+    ),
+    "a clock that does two things": (
+        {"faults": [{"kind": "clock", "at": 1.0, "step": 0.1, "drift": 0.1}]},
+        ["faults.0: expected one of step, skew and drift"],
+    ),
+    "a step that lasts": (
+        {"faults": [{"kind": "clock", "at": 1.0, "step": 0.1, "for": 0.1}]},
+        ["faults.0.for: expected with skew and drift alone"],
+    ),
+    "a sensor that is silent and wrong": (
+        {"faults": [{"kind": "sensor", "at": 1.0, "for": 1.0, "silent": True, "bias": {"x": 1.0}}]},
+        ["faults.0: expected silent = true, or bias and noise"],
+    ),
+    "a state that nobody has": (
+        {"faults": [{"kind": "sensor", "at": 1.0, "for": 1.0, "bias": {"z": 1.0}}]},
+        ["faults.0.bias: expected states of agent 1, of ['x', 'y', 'theta'], got 'z'"],
+    ),
     "a link of a stranger": (
         {"faults": [{"kind": "link", "for": 1.0, "from": "9", "loss": 1.0}]},
         ["faults.0.from: expected an agent's name or '*'"],

@@ -1,0 +1,141 @@
+"""scenarios/faults: each fault has its effect, which is gone without it, and its count."""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+import phalanx
+from phalanx.scenario.network import Network
+
+AT, OVER = 0.4, 0.7
+"""Of the faults of a time [s]."""
+
+
+def calmed(scenario: phalanx.Scenario) -> phalanx.Scenario:
+    """The same scenario, and nothing goes wrong."""
+    nothing = {"name": "calm", "description": "", "network": Network(), "faults": ()}
+    return scenario.model_copy(update=nothing)
+
+
+def names() -> list[str]:
+    return [name for name in phalanx.shipped() if name.startswith("faults/")]
+
+
+def samples(run: phalanx.Run, agent: str) -> np.ndarray:
+    """When the agent sampled [s]."""
+    return run.inputs.filter(agent=agent)["t"].to_numpy()
+
+
+def longest_gap(run: phalanx.Run, agent: str) -> float:
+    return float(np.diff(samples(run, agent)).max())
+
+
+def silent(run: phalanx.Run, agent: str, begin: float, end: float) -> bool:
+    """Whether the agent took no sample in this time [s]."""
+    return not any(begin <= t < end for t in samples(run, agent))
+
+
+def delays(run: phalanx.Run) -> Iterator[float]:
+    """Of all broadcasts; nan: lost [s]."""
+    return (np.nan if delay is None else delay for delay in run.links["delay"])
+
+
+def lost(run: phalanx.Run) -> float:
+    return float(np.mean([np.isnan(delay) for delay in delays(run)]))
+
+
+def slow(run: phalanx.Run) -> float:
+    return float(np.mean([delay > 0.0 for delay in delays(run)]))
+
+
+def longest_run_of_losses(run: phalanx.Run) -> int:
+    longest = 0
+    for _, link in run.links.group_by("sender", "receiver", maintain_order=True):
+        in_a_row = 0
+        for delay in link.sort("k")["delay"]:
+            in_a_row = in_a_row + 1 if delay is None else 0
+            longest = max(longest, in_a_row)
+    return longest
+
+
+def overtaken(run: phalanx.Run) -> bool:
+    """Whether some broadcast arrived before one that was sent earlier."""
+    return any(
+        (np.diff([k for _, k in sorted(arrivals)]) < 0).any()
+        for _, link in run.links.filter(~run.links["delay"].is_null()).group_by(
+            "sender", "receiver"
+        )
+        for arrivals in [[(0.02 * k + delay, k) for k, delay in link[["k", "delay"]].rows()]]
+    )
+
+
+def failed(run: phalanx.Run, name: str) -> int:
+    summary = run.summary
+    found = {a.name: a.failed for a in [*summary.theorem, *summary.assumptions]}
+    return found.get(name, 0)
+
+
+def told(run: phalanx.Run, text: str) -> bool:
+    return any(text in line for line in run.events["text"])
+
+
+EFFECTS: dict[str, Callable[[phalanx.Run], bool]] = {
+    "actuator": lambda run: failed(run, "inputs in time") == 10,
+    "at-random": lambda run: failed(run, "sampling gap") > 8,
+    "burst": lambda run: longest_run_of_losses(run) >= 5,
+    "clock": lambda run: longest_gap(run, "1") > 0.06 and longest_gap(run, "2") > 0.024,
+    "corrupt": lambda run: sum(run.summary.rejected.values()) > 20,
+    "delay": lambda run: slow(run) > 0.9,
+    "duplicate": lambda run: sum(fault.count for fault in run.summary.faults) > 20,
+    "hold": lambda run: slow(run) > 0.2,
+    "kill": lambda run: silent(run, "1", AT, 1.0) and told(run, "1 killed; lost with it: the"),
+    "link": lambda run: lost(run) > 0.0 and slow(run) > 0.0,
+    "loss": lambda run: 0.25 < lost(run) < 0.45,
+    "partition": lambda run: lost(run) > 0.1,
+    "pause": lambda run: silent(run, "1", AT, OVER) and OVER in samples(run, "1"),
+    "rate": lambda run: lost(run) > 0.0 and slow(run) > 0.2,
+    "reorder": overtaken,
+    "restart": lambda run: silent(run, "1", AT, OVER) and told(run, "1 restarted"),
+    "sensor": lambda run: silent(run, "1", AT, 0.6) and failed(run, "truthful sensors") == 15,
+    "turn": lambda run: run.summary.outcome == "violated" and told(run, "1 turned adversary"),
+}
+
+
+@pytest.fixture(scope="module")
+def calm() -> phalanx.Run:
+    return phalanx.run(calmed(phalanx.load(names()[0])), engine="in-process")
+
+
+def test_every_fault_that_ships_is_looked_at() -> None:
+    assert set(names()) == {f"faults/{name}" for name in EFFECTS}
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_a_fault_has_its_effect_and_its_count_and_without_it_there_is_none(
+    name: str, calm: phalanx.Run
+) -> None:
+    scenario = phalanx.load(f"faults/{name}")
+    assert calmed(scenario) == calm.scenario
+    run = phalanx.run(scenario, engine="in-process")
+    assert EFFECTS[name](run)
+    assert not EFFECTS[name](calm)
+    assert run.summary.faults
+    assert run.summary.notes == []
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_a_fault_is_repeated_bit_by_bit(name: str) -> None:
+    run = phalanx.run(phalanx.load(f"faults/{name}"), engine="in-process")
+    again = phalanx.verify(run, engine="in-process")
+    assert again, again.difference
+
+
+@pytest.mark.swarm
+@pytest.mark.parametrize("name", EFFECTS)
+def test_a_fault_is_the_same_on_both_engines(name: str) -> None:
+    scenario = phalanx.load(f"faults/{name}")
+    runs = [phalanx.run(scenario, engine=engine) for engine in ("in-process", "processes")]
+    first, second = (run.summary for run in runs)
+    assert (first.trajectory, first.faults) == (second.trajectory, second.faults)
+    assert runs[0].events.equals(runs[1].events)

@@ -1,0 +1,69 @@
+"""Clocks that are wrong: by how much, from when to when, and counted."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from phalanx.plant.clocks import AgentClock
+from phalanx.scenario.load import load
+from phalanx.swarm.swarm import build_swarm
+
+PERIOD, JITTER, AT, OVER, END = 0.01, 0.002, 1.0, 1.5, 3.0
+
+
+def ticks(**fault: Any) -> tuple[AgentClock, np.ndarray]:
+    """Agent 1's clock, and all its ticks."""
+    faults = [{"kind": "clock", "at": AT, "agents": ["1"], **fault}] if fault else []
+    clock = AgentClock(build_swarm(load("unicycles", {"faults": faults})), 0)
+    times = [0.0]
+    while times[-1] < END:
+        times.append(clock.after(len(times) - 1, times[-1]))
+    return clock, np.array(times)
+
+
+RIGHT = ticks()[1]
+
+
+def test_a_clock_without_a_fault_is_the_perturbed_one():
+    gaps = np.diff(RIGHT)
+    assert (np.abs(gaps - PERIOD) <= JITTER + 1e-12).all()
+
+
+@pytest.mark.parametrize("step", [0.2, 0.003])
+def test_a_step_puts_every_sample_after_it_off_by_as_much(step: float):
+    clock, times = ticks(step=step)
+    before = RIGHT <= AT
+    assert (times[: before.sum()] == RIGHT[before]).all()
+    after = slice(before.sum(), before.sum() + 50)
+    assert times[after] == pytest.approx(RIGHT[after] + step, abs=1e-9)
+    assert clock.faults == {0: 1}
+
+
+def test_a_step_forward_has_a_sample_come_sooner_but_not_before_it():
+    clock, times = ticks(step=-0.005)
+    n = int((RIGHT <= AT).sum())
+    assert times[n] == pytest.approx(max(AT, RIGHT[n] - 0.005), abs=1e-9)
+    assert (np.diff(times) > 0.0).all()
+    assert clock.faults == {0: 1}
+
+
+def test_a_skew_is_over_when_its_time_is_as_far_as_samples_can_come_sooner():
+    clock, times = ticks(skew=0.004, **{"for": OVER - AT})
+    n, m = int((RIGHT <= AT).sum()), int((times <= OVER).sum())
+    assert times[n : m - 1] == pytest.approx(RIGHT[n : m - 1] + 0.004, abs=1e-9)
+    left = times[m : m + 50] - RIGHT[m : m + 50]
+    assert left == pytest.approx(left[0], abs=1e-9)
+    assert 0.0 <= left[0] == pytest.approx(max(OVER - RIGHT[m], 0.0), abs=1e-9)
+    assert clock.faults == {0: 2}
+
+
+@pytest.mark.parametrize("drift", [0.5, -0.3])
+def test_a_drift_stretches_every_gap_of_its_time_and_no_other(drift: float):
+    clock, times = ticks(drift=drift, **{"for": OVER - AT})
+    n = min(len(times), len(RIGHT)) - 1
+    stretched = np.diff(times)[:n] / np.diff(RIGHT)[:n]
+    during = (times[:n] >= AT) & (times[:n] < OVER)
+    assert stretched[during] == pytest.approx(1.0 + drift)
+    assert stretched[~during] == pytest.approx(1.0)
+    assert clock.faults == {0: during.sum()}
