@@ -125,8 +125,7 @@ def _steps(recording: Recording) -> Iterator[Topical]:
     for step in sorted(recording.steps, key=lambda step: step.t):
         kind, of_field = of_agent[step.agent]
         nominal: Sequence[float | None] = step.u_nom or [None] * len(step.u)
-        known = [age for age in step.ages if age is not None]
-        rest = (step.residual, step.certified, max(known, default=None), step.solve_time)
+        rest = (step.residual, step.certified, step.oldest, step.solve_time)
         message = kind([*step.u, *nominal, *rest], origin=step.origin)
         yield Topical(step.t, f"/agents/{step.agent}/step", message, of_field)
 
