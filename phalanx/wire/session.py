@@ -16,6 +16,7 @@ import zenoh
 
 from phalanx.wire.certificates import tls
 from phalanx.wire.keys import NOT_URGENT
+from phalanx.wire.linger import close_at_once
 from phalanx.wire.messages import MAX_BYTES
 
 # Three threads instead of seven in a client, and a third less latency. Never in the hub: what
@@ -119,9 +120,11 @@ def open_hub(endpoint: str, admission: Admission | None = None) -> zenoh.Session
             passwords = stack.enter_context(_file_in_memory(admission.passwords))
             config["transport"]["auth"] = {"usrpwd": {"dictionary_file": passwords}}
         try:
-            return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+            session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
         except zenoh.ZError as error:
             raise HubError(f"cannot listen on {endpoint}: {_reason(error)}") from error
+    close_at_once(session)
+    return session
 
 
 @contextlib.contextmanager
