@@ -1,21 +1,22 @@
 """Read a recording, whole or cut short."""
 
 import struct
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Attachment, Channel, Message, Metadata
-from mcap.stream_reader import CRCValidationError, StreamReader
+from mcap.records import Attachment, Channel, McapRecord, Message, Metadata
+from mcap.stream_reader import CRCValidationError
 from numpy.typing import NDArray
 from zstandard import ZstdError
 
 from phalanx.faults.commands import Command
 from phalanx.guarantee.verdict import Summary
+from phalanx.recording.chunks import records_of
 from phalanx.recording.records import RECORDING, TOPICS, Log, State, Step
 from phalanx.scenario.load import ScenarioError, from_json
 from phalanx.scenario.model import Scenario
@@ -83,8 +84,7 @@ def read(run: Path, trust: bool = False) -> Recording:
     """
     path = find(run)
     contents = _Contents()
-    # In memory: where a flipped bit makes a length a terabyte, a file would set that much aside.
-    damage = contents.collect(StreamReader(BytesIO(path.read_bytes()), validate_crcs=True))
+    damage = contents.collect(records_of(path.read_bytes()))
     if contents.scenario is None:
         raise UnreadableRecordingError(f"{path}: not a recording of a run ({damage or 'empty'})")
     try:
@@ -114,12 +114,12 @@ class _Contents:
         self.metadata: dict[str, str] = {}
         self.records: dict[type, list[Any]] = {kind: [] for kind in TOPICS}
 
-    def collect(self, reader: StreamReader) -> str | None:
+    def collect(self, records: Iterator[McapRecord]) -> str | None:
         """Take every record there is; the damage in words, if there is any."""
         kinds = {topic: kind for kind, topic in TOPICS.items()}
         decoders: dict[int, msgspec.json.Decoder[Any]] = {}
         try:
-            for record in reader.records:
+            for record in records:
                 if isinstance(record, Channel) and record.topic in kinds:
                     decoders[record.id] = msgspec.json.Decoder(kinds[record.topic])
                 elif isinstance(record, Message) and record.channel_id in decoders:

@@ -6,6 +6,7 @@ import os
 import re
 import resource
 import signal
+import struct
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -15,9 +16,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
+from zstandard import ZstdCompressor
 
 from phalanx.guarantee.verdict import Assumption, CertificateSummary, Outcome, Summary, Violation
 from phalanx.recording.read import Recording, UnreadableRecordingError, read
@@ -321,3 +324,36 @@ def test_a_full_disk_is_an_error_that_names_the_file_and_leaves_it_readable(whol
     whole_chunks = [end for _, end in chunks(whole) if end <= limit]
     assert path.stat().st_size >= whole_chunks[-1]
     assert len(found.states) > 0
+
+
+def bomb(whole: bytes, chunks_of: int, copies: int, *, honest: bool = True) -> bytes:
+    """A recording with chunks of one record of zeros put before its last records."""
+    zeros = b"\x80" + struct.pack("<Q", chunks_of - 9) + bytes(chunks_of - 9)
+    packed = ZstdCompressor(level=19, write_content_size=honest).compress(zeros)
+    said = chunks_of if honest else 1000
+    chunk = b"".join(
+        [
+            struct.pack("<QQQI", 0, 0, said, 0),
+            struct.pack("<I", 4) + b"zstd",
+            struct.pack("<Q", len(packed)) + packed,
+        ]
+    )
+    data_end = next(begin for opcode, begin, _ in spans(whole) if opcode == DATA_END)
+    record = bytes([Opcode.CHUNK]) + struct.pack("<Q", len(chunk)) + chunk
+    return whole[:data_end] + record * copies + whole[data_end:]
+
+
+@pytest.mark.parametrize("honest", [True, False])
+def test_a_chunk_that_unpacks_to_gigabytes_is_damage_and_takes_no_memory(whole, tmp_path, honest):
+    content = Whole(bomb(whole, 2**29, 1, honest=honest))
+    assert len(content) < 2 * len(whole)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    found = reread(tmp_path, content)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000, "kilobytes"
+    assert found.damage is not None
+    assert (len(found.states), len(found.steps)) == (COUNT, COUNT)
+
+
+def test_many_chunks_that_unpack_to_gigabytes_together_are_damage(whole, tmp_path):
+    found = reread(tmp_path, Whole(bomb(whole, 2**22, 300)))
+    assert "more than a recording holds" in found.damage
