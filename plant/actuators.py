@@ -6,7 +6,6 @@ from numpy.typing import NDArray
 
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.expressions.exact import dot
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import Polytope, constant_polytope, polytope
 
@@ -27,7 +26,7 @@ class Actuators:
         if isinstance(known, CompiledFunction):
             A, b = known(x)
             known = polytope(A.reshape(len(b), -1), b)
-        return bool((dot(known.A, u) <= known.b + known.allowance).all())
+        return known.takes(u)
 
 
 def _input_polytope(dynamics: Dynamics) -> Polytope | CompiledFunction:

@@ -84,10 +84,8 @@ def attacked(information: str, folder, **overrides) -> phalanx.Run:
 @pytest.mark.parametrize("information", ["paper", "in-flight"])
 def test_a_lie_that_ends_in_a_collision_was_never_certified(information, tmp_path):
     """Told the truth, agent 1 gets out of the way."""
-    lied_to, told = (
-        attacked(information, tmp_path / "l"),
-        attacked(information, tmp_path, faults=[]),
-    )
+    lied_to = attacked(information, tmp_path / "lie")
+    told = attacked(information, tmp_path / "truth", faults=[])
     assert told.verdict is phalanx.Outcome.GUARANTEED
     assert lied_to.verdict is phalanx.Outcome.VIOLATED
     summary = lied_to.summary

@@ -47,6 +47,10 @@ class Polytope(NamedTuple):
     allowance: float
     """How far above b the rows may be, so that u is within ACTUATION of the polytope."""
 
+    def takes(self, u: Array) -> bool:
+        """Whether u, shape (m,), is within ACTUATION of the polytope."""
+        return bool((dot(self.A, u) <= self.b + self.allowance).all())
+
 
 def polytope(A: Array, b: Array) -> Polytope:
     """{u : A u <= b} with its vertices; shapes (r, m), (r,). Raises EmptyPolytopeError.

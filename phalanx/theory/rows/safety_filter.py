@@ -83,7 +83,7 @@ class ComposedFilter:
             sharing = self._information.sharing(i, now.received, now.t)
             row = split_row(terms, i, sharing, self._share_margin(now.x, terms, sharing))
         else:
-            counted = self._information.usable(now.received, now.t)
+            counted = _believed(self._information, now)
             row = paper_row(terms, i, counted)
         decision = decide(terms, i, row, now.u_nom, self._qp, self._authority)
         return Filtered(decision, [l for l in counted if l in terms.c and any(terms.c[l].tolist())])
@@ -103,10 +103,16 @@ class PairwiseFilter:
         """The input to apply."""
         information, i = self._information, self._i
         sharing = information.sharing(i, now.received, now.t) if self._split else []
-        counted = information.usable(now.received, now.t)
+        counted = _believed(information, now)
         rows = pair_rows(self._terms(now.x, now.seen, sharing), counted)
         decision = decide_pairs(now.terms.polytopes[i], rows, now.u_nom, self._qp)
         return Filtered(decision, list(counted))
+
+
+def _believed(information: InformationModel, now: Situation) -> dict[int, Array]:
+    """û_l by agent, of those that count: what no actuator of agent l could take is not true."""
+    usable = information.usable(now.received, now.t)
+    return {l: u for l, u in usable.items() if now.terms.polytopes[l].takes(u)}
 
 
 class Unfiltered:
