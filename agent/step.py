@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.agent.centralised import CentralisedController, CentralisedPart
+from phalanx.agent.clock import VirtualClock
 from phalanx.agent.controller import Controller
 from phalanx.agent.distributed import DistributedController
 from phalanx.faults.state import Orders
@@ -65,6 +66,7 @@ class ControlStep:
         self._door = door
         self._next: int | None = None
         """The sample that has to come next; None before the first."""
+        self._clock = VirtualClock()
         self._orders: Orders | None = None
         self._latency = swarm.scenario.time.latency
         self._lies = swarm.links.lies(self.name)
@@ -91,16 +93,20 @@ class ControlStep:
             raise Malformed("wrong agents")
         if self.i in sample.hearers or not states.keys() >= set(sample.hearers):
             raise Malformed("wrong agents")
-        if sample.k < 0 or (self._next is not None and sample.k != self._next):
+        first, real_time = self._next is None, sample.pace is not None
+        # In real time some are lost, with the hub that they were on.
+        skipped = sample.k - (self._next or 0)
+        if skipped < 0 or (skipped and not first and not real_time):
             raise Malformed("out of order")
-        if self._next is None and sample.k > 0:
+        if first and sample.k > 0:
             self.inbox.join_at(existing)
         self._next = sample.k + 1
+        self._clock.set(sample.t, sample.pace)
         return sample
 
     def lacks_broadcasts(self, sample: Sample) -> bool:
         """Whether a broadcast that a sample counts has yet to arrive."""
-        return self.inbox.missing(_existing(sample))
+        return sample.pace is None and self.inbox.missing(_existing(sample))
 
     def accept_broadcast(self, sender: str, message: Broadcast) -> None:
         """Put another agent's broadcast into the inbox. Raises Malformed."""
@@ -112,11 +118,11 @@ class ControlStep:
             raise Malformed("from the future")
         if len(message.u) != len(self.swarm.members[j].dynamics.inputs):
             raise Malformed("wrong size")
-        if not self.inbox.put(j, message):
+        if not self.inbox.put(j, message, self._clock.now()):
             raise Malformed("out of order")
 
     def __call__(self, sample: Sample) -> Answer:
-        """Answer a sample. The inbox must not be missing a broadcast that the sample counts."""
+        """Answer a sample. In lockstep the inbox must have every broadcast that it counts."""
         began = time.perf_counter()
         self._obey(sample.orders)
         x = self._states.stacked(self._states.of(sample.x, sample.seen))
@@ -136,6 +142,7 @@ class ControlStep:
                 ages=tuple((l, sample.t - received[l].since) for l in used),
                 fates=fates,
                 rejected=self.rejected,
+                received=() if sample.pace is None else tuple(self.inbox.numbers().items()),
             ),
         )
 
@@ -154,8 +161,11 @@ class ControlStep:
         }
 
     def _decide_fates(self, sample: Sample, x: Array) -> tuple[Fate, ...]:
+        existing = _existing(sample)
+        if sample.pace is not None:
+            existing = self.inbox.here(existing)
         fates = self.inbox.advance(
-            _existing(sample), sample.t, lambda sender: self._distances.between(x, self.i, sender)
+            existing, sample.t, lambda sender: self._distances.between(x, self.i, sender)
         )
         for sender, message in self.inbox.take_corrupt():
             try:

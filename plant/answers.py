@@ -46,6 +46,10 @@ class Answers:
         """Agent i's input for its newest sample, if it has come."""
         return self._actuations.pop(i, None)
 
+    def take_reported(self, i: int) -> Actuation | None:
+        """The same, once its report has come too."""
+        return self.take_actuation(i) if self.expected(i) in self._telemetry[i] else None
+
     def take_telemetry(self, i: int, k: int) -> Telemetry | None:
         """Agent i's report on its sample k, if it has come."""
         return self._telemetry[i].pop(k, None)
@@ -75,7 +79,8 @@ class Answers:
         """Agent i's report came. Raises Malformed unless it is the first on a sample of its."""
         if len(message.u_nom) != self._sizes[i]:
             raise Malformed("wrong size")
-        senders = [fate.sender for fate in message.fates] + [l for l, _ in message.ages]
+        senders = [fate.sender for fate in message.fates]
+        senders += [l for l, _ in (*message.ages, *message.received)]
         if any(not 0 <= sender < self._agents for sender in senders):
             raise Malformed("unknown sender")
         if any(not 0 <= n < self._faults for fate in message.fates for n in fate.faults):

@@ -2,7 +2,6 @@
 
 import logging
 import queue
-import time
 from collections import deque
 from collections.abc import Callable, Iterable
 
@@ -10,6 +9,7 @@ import msgspec
 import numpy as np
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy, refusal
+from phalanx.plant.pace import Pace
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.frames import CommandMessage
 from phalanx.wire.refusals import Refusals
@@ -31,15 +31,11 @@ class CommandQueue:
         check_stop: Callable[[], None] = lambda: None,
     ) -> None:
         """check_stop is called at every wait and may raise to end the run."""
-        self.speed = policy.speed
+        self.pace = Pace(policy.speed)
         self.refusals = Refusals(log)
         self._schedule = _in_order([c for c in policy.schedule if c.changes_trajectory])
         self._names, self._check_stop = names, check_stop
         self._live: queue.SimpleQueue[Command] = queue.SimpleQueue()
-        self._until = np.inf
-        """Virtual time stands still beyond it [s]."""
-        self._origin = (0.0, time.monotonic())
-        """Virtual and wall time from which the speed counts."""
         self._latest = 0
         self._sealer = Sealer(policy.secret)
 
@@ -47,11 +43,6 @@ class CommandQueue:
     def next(self) -> float:
         """When the next scheduled control takes effect [s]; infinite if none is left."""
         return self._schedule[0].t if self._schedule else np.inf
-
-    @property
-    def paused(self) -> bool:
-        """Whether virtual time stands still, or is about to."""
-        return bool(self._until < np.inf)
 
     def take(self, now: float, t: float, idle: Callable[[], None]) -> list[Command]:
         """The commands to obey at the next event.
@@ -61,11 +52,9 @@ class CommandQueue:
             t: of the next event [s]; live commands take effect there.
             idle: called while virtual time has to wait: for a resume, or for the wall clock.
         """
-        taken = []
-        while self._schedule and self._schedule[0].t <= t:
-            taken.append(self._schedule.popleft())
+        taken = self._scheduled(t)
         while True:
-            wait = self._wait(t)
+            wait = self.pace.wait(t)
             try:
                 command = self._live.get(wait > 0, timeout=max(0.0, min(wait, _GLANCE)))
             except queue.Empty:
@@ -77,36 +66,36 @@ class CommandQueue:
             self._set_pace(command, now)
             taken.append(msgspec.structs.replace(command, t=t, fault=-1))
 
-    def _wait(self, t: float) -> float:
-        """How long to wait before the event at t [s of wall time]."""
-        if t > self._until:
-            return np.inf
-        if not self.speed:
-            return 0.0
-        virtual, wall = self._origin
-        return wall + (t - virtual) / self.speed - time.monotonic()
+    def come(self, now: float) -> list[Command]:
+        """The commands to obey now [s], in real time, where nobody waits."""
+        taken = self._scheduled(now)
+        while not self._live.empty():
+            command = self._live.get()
+            if command.kind != CommandKind.SPEED or command.value:
+                self._set_pace(command, now)
+                taken.append(msgspec.structs.replace(command, t=now, fault=-1))
+        return taken
 
     def declare(self, commands: Iterable[Command]) -> None:
         """Obey these too, before others of their times."""
         self._schedule = _in_order([*commands, *self._schedule])
 
-    def start(self) -> None:
-        """The run begins: the wall clock counts from here."""
-        self._origin = (0.0, time.monotonic())
+    def _scheduled(self, t: float) -> list[Command]:
+        taken = []
+        while self._schedule and self._schedule[0].t <= t:
+            taken.append(self._schedule.popleft())
+        return taken
 
     def _set_pace(self, command: Command, now: float) -> None:
         match command.kind:
             case CommandKind.PAUSE:
-                self._until = now
+                self.pace.stop_at(now, now)
             case CommandKind.RESUME:
-                self._until = np.inf
+                self.pace.stop_at(np.inf, now)
             case CommandKind.STEP:
-                self._until = now + command.value
+                self.pace.stop_at(now + command.value, now)
             case CommandKind.SPEED:
-                self.speed = command.value
-            case _:
-                return
-        self._origin = (now, time.monotonic())
+                self.pace.change(command.value, now)
 
     def on_command(self, key: str, payload: bytes) -> None:
         """Take a command in, in whatever thread it comes; only what the secret sealed counts."""

@@ -68,4 +68,13 @@ class InputLost(NamedTuple):
     """Native input, shape (m_i,)."""
 
 
-Event = StateReached | Sampled | CommandObeyed | InputApplied | InputLost
+class MemberLost(NamedTuple):
+    """In real time, agent i is not to be reached from t [s] on, or again if `back`."""
+
+    i: int
+    t: float
+    """[s]"""
+    back: bool
+
+
+Event = StateReached | Sampled | CommandObeyed | InputApplied | InputLost | MemberLost

@@ -114,8 +114,8 @@ class FramePublisher:
             assumptions=tuple(self._judge.assumptions),
             violations=tuple(truth.violations()[:8]),
             log=tuple(self._log),
-            paused=self._commands.paused,
-            speed=self._commands.speed,
+            paused=self._commands.pace.paused,
+            speed=self._commands.pace.speed,
             loss=self._faults.loss,
             delay=self._faults.delay,
         )

@@ -40,6 +40,7 @@ class Hub:
         membership: Membership,
         check_stop: Callable[[], None],
         at_router: bool = False,
+        real_time: bool = False,
     ) -> None:
         """Listen on the membership's endpoint, or meet the others at the router that does.
 
@@ -51,7 +52,7 @@ class Hub:
         self._check_stop = check_stop
         self._keys, self._sealer = membership.keys, membership.sealer
         self._names, self._scenario = swarm.names, swarm.scenario
-        self._joining, self._answers = Joining(swarm), Answers(swarm)
+        self._joining, self._answers = Joining(swarm, real_time), Answers(swarm)
         programs = swarm.scenario.programs().values()
         self._alone = {swarm.names.index(who[0]) for who in programs if len(who) == 1}
         """The agents that have a process of their own."""
@@ -132,6 +133,17 @@ class Hub:
             self.publish_status(Status(t=t, waiting_for=(name,), restart=True))
             self._take_event(deadline, f"agent {name} did not join again")
 
+    def kill_now(self, i: int, order: Sample) -> None:
+        """The same at once, in real time."""
+        if i in self._alone:
+            self._joining.dismiss(self._names[i])
+            self._put_sample(i, order)
+
+    def restart_soon(self, i: int, t: float) -> None:
+        """Ask for another process in the dead agent i's place, and do not wait for it."""
+        if i in self._alone:
+            self.publish_status(Status(t=t, waiting_for=(self._names[i],), restart=True))
+
     def await_actuation(self, i: int) -> Actuation:
         """What agent i's actuator gets for its last sample.
 
@@ -146,6 +158,27 @@ class Hub:
         for _ in range(self._arrivals.waiting):
             self._handle(*self._arrivals.get(timeout=0.0))
         return self._answers.take_actuation(i)
+
+    def take_reported(self, i: int) -> Actuation | None:
+        """Agent i's input, if it has come, and its report too."""
+        return self._answers.take_reported(i)
+
+    def take_changes(self) -> list[tuple[int, bool]]:
+        """Who is not to be reached any more, and who is back, since last asked: (i, is back)."""
+        return self._joining.take_changes()
+
+    @property
+    def waiting(self) -> int:
+        """How much has come that was not handled yet."""
+        return self._arrivals.waiting
+
+    def listen(self, seconds: float) -> None:
+        """Handle what comes, for so long [s of wall time], or until something has come."""
+        self._check_stop()
+        with contextlib.suppress(queue.Empty):
+            self._handle(*self._arrivals.get(timeout=min(max(seconds, 0.0), _POLL)))
+            for _ in range(self._arrivals.waiting):
+                self._handle(*self._arrivals.get(timeout=0.0))
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:
         """How agent i made its input for sample k. Raises SwarmBrokenError as await_actuation."""

@@ -8,12 +8,14 @@ from phalanx.wire.keys import kind_and_name
 class Joining:
     """The agents of one run, as their tokens come and go."""
 
-    def __init__(self, swarm: Swarm) -> None:
+    def __init__(self, swarm: Swarm, real_time: bool) -> None:
+        """real_time: whether agents that joined may go, and come back."""
         self.digest = digest(swarm.scenario)
         """Of the scenario; an agent that runs another one cannot take part."""
-        self._names = swarm.names
+        self._names, self._real_time = swarm.names, real_time
         self._joined: set[str] = set()
         self._dismissed: set[str] = set()
+        self._changes: list[tuple[int, bool]] = []
 
     def missing(self) -> tuple[str, ...]:
         """Agents that have not joined yet."""
@@ -27,10 +29,18 @@ class Joining:
         """An agent that was told to die is not missed, and another process may take its place."""
         self._dismissed.add(name)
 
+    def take_changes(self) -> list[tuple[int, bool]]:
+        """Who went, in real time, and who came back, since this was last called: (i, is back)."""
+        taken, self._changes = self._changes, []
+        return taken
+
     def on_token(self, key: str, alive: bool) -> str | None:
         """A token appeared or disappeared; what that breaks, in words, or None."""
         (_, name), found = kind_and_name(key), key.rsplit("/", 1)[-1]
         if name not in self._names:
+            return None
+        if name in self._joined and self._real_time:
+            self._changes += [(self._names.index(name), alive)] if found == self.digest else []
             return None
         if name in self._joined:
             if alive or found != self.digest:

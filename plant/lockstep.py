@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind
-from phalanx.faults.state import FaultState, Orders
+from phalanx.faults.state import FaultState
 from phalanx.plant.commands import CommandQueue
 from phalanx.plant.contacts import Contacts
 from phalanx.plant.events import (
@@ -36,7 +36,7 @@ from phalanx.plant.world import World
 from phalanx.recording.write import RecordingError
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.seen import SeenStates
-from phalanx.wire.messages import Actuation, Sample
+from phalanx.wire.messages import Actuation, Sample, last_sample
 
 Array = NDArray[np.float64]
 
@@ -150,6 +150,9 @@ class Lockstep:
         """Inputs that were needed before their moment was the first."""
         self._happened: deque[Event] = deque()
 
+    punctuality = None
+    """Virtual time is never late."""
+
     def run(self, duration: float) -> None:
         """Run to `duration` [s].
 
@@ -157,7 +160,7 @@ class Lockstep:
             SwarmBrokenError, RecordingError, DivergedError: an agent is dead or silent, the disk
                 is full, the state is no longer finite.
         """
-        self._commands.start()
+        self._commands.pace.restart(0.0)
         try:
             while (t := self._next_event()) < duration:
                 self._event_at(t)
@@ -205,17 +208,8 @@ class Lockstep:
 
     def _order_to_die(self, i: int) -> Sample:
         """The order travels in a sample, which is not answered."""
-        itself = (i,)
-        return Sample(
-            k=self._schedule.next_number(i),
-            t=self._now,
-            seen=itself,
-            x=self._states.packed(self.world.x, itself),
-            since=(-1,),
-            latest=(-1,),
-            hearers=(),
-            orders=Orders(die=True),
-        )
+        k, x = self._schedule.next_number(i), self._states.packed(self.world.x, (i,))
+        return last_sample(i, k, self._now, x)
 
     def _sample(self, t: float) -> dict[int, _HandedOut]:
         """Hand a sample to every agent due at t; those due together do not hear each other."""
@@ -223,7 +217,7 @@ class Lockstep:
         x = self._state_at(t, due)
         handed_out = {}
         for i, whole in zip(due, self._sensing.sights(x, due), strict=True):
-            sight = self._present(whole)
+            sight = whole.without(self._faults.silent)
             since, latest = self._contacts.existing(i, t, sight.seen)
             k = self._schedule.sampled(i, t)
             self._contacts.sampled(i, k, t, sight)
@@ -245,11 +239,6 @@ class Lockstep:
                 ),
             )
         return handed_out
-
-    def _present(self, sight: Sight) -> Sight:
-        """With those left out who are dead or stand still: they hear nothing."""
-        silent = self._faults.silent
-        return sight._replace(hearers=tuple(l for l in sight.hearers if not silent(l)))
 
     def _state_at(self, t: float, due: list[int]) -> Array:
         """The stacked state at t [s], of which is known at least what those due can see."""

@@ -31,6 +31,7 @@ def run(
     policy: CommandPolicy = NO_COMMANDS,
     profile: Path | None = None,
     at_router: bool = False,
+    real_time: bool = False,
 ) -> int:
     """Run the plant to the end of the scenario.
 
@@ -41,6 +42,7 @@ def run(
         policy: who may command the run, and which commands are scheduled.
         profile: folder in which to leave how the time was spent.
         at_router: whether a router listens there.
+        real_time: whether the wall clock decides, at the policy's speed.
 
     Returns:
         The exit status of the verdict.
@@ -54,7 +56,7 @@ def run(
     stopwatch = Stopwatch() if profile else None
     with (
         RecordingWriter(folder / RECORDING, scenario, membership.run) as recording,
-        Hub(rows.swarm, membership, stop.check, at_router) as hub,
+        Hub(rows.swarm, membership, stop.check, at_router, real_time) as hub,
     ):
         commands = CommandQueue(policy, rows.swarm.names, stop.check)
         if policy.secret:
@@ -62,7 +64,8 @@ def run(
         viewers = hub.open_view(commandable=bool(policy.secret))
         if stopwatch:
             hub.time(stopwatch)  # the scribe keeps some of the hub's calls
-        plant = PlantRun(rows, hub, recording, commands, viewers, concurrent=True)
+        timely = hub if real_time else None
+        plant = PlantRun(rows, hub, recording, commands, viewers, True, timely)
         if stopwatch:
             plant.time(stopwatch)
 

@@ -15,6 +15,7 @@ from phalanx.plant.frames import FrameAudience, FramePublisher
 from phalanx.plant.harness import Harness
 from phalanx.plant.judge import Judge
 from phalanx.plant.lockstep import Agents, Lockstep
+from phalanx.plant.real_time import RealTime, TimelyAgents
 from phalanx.plant.schedule import Schedule
 from phalanx.plant.scribe import RunScribe
 from phalanx.plant.stop import AbandonedError, StoppedError, SwarmBrokenError
@@ -48,8 +49,19 @@ class PlantRun:
         commands: CommandQueue,
         audience: FrameAudience | None = None,
         concurrent: bool = False,
+        timely: TimelyAgents | None = None,
     ) -> None:
-        """concurrent: whether agents compute while the plant goes on."""
+        """A run in virtual time, unless timely is given.
+
+        Args:
+            rows: of the scenario.
+            agents: whom the run is of.
+            recording: of the run.
+            commands: to obey.
+            audience: is shown frames.
+            concurrent: whether agents compute while the plant goes on.
+            timely: the same agents, for a run in real time.
+        """
         swarm = rows.swarm
         self._scenario, self._recording = swarm.scenario, recording
         self._declared = swarm.links.declared
@@ -75,9 +87,15 @@ class PlantRun:
         self._clocks = [AgentClock(swarm, i) for i in range(len(swarm.members))]
         self._harness = Harness(swarm)
         schedule = Schedule(self._clocks, swarm.scenario.time.latency, self._harness)
-        self._lockstep = Lockstep(
-            rows, self._world, schedule, agents, self._scribe, faults, commands, concurrent
-        )
+        self._clock: Lockstep | RealTime
+        if timely is None:
+            self._clock = Lockstep(
+                rows, self._world, schedule, agents, self._scribe, faults, commands, concurrent
+            )
+        else:
+            self._clock = RealTime(
+                rows, self._world, schedule, timely, self._scribe, faults, commands
+            )
 
     def time(self, stopwatch: Stopwatch) -> None:
         """Have the stopwatch tell the plant's own phases apart."""
@@ -104,7 +122,7 @@ class PlantRun:
         try:
             prepare()
             began = time.monotonic()
-            self._lockstep.run(self._scenario.duration)
+            self._clock.run(self._scenario.duration)
             self._frames.show(last=True)
             outcome, reason = judge(
                 self._judge.truth.violations(), self._judge.assumptions, self._judge.theorem
@@ -127,7 +145,7 @@ class PlantRun:
     ) -> Summary:
         truth = self._judge.truth
         hits = self._scribe.faults + self._harness.faults + self._judge.claims.faults
-        hits += self._lockstep.sensors.faults
+        hits += self._clock.sensors.faults
         hits += sum((clock.faults for clock in self._clocks), Counter())
         return Summary(
             outcome=outcome,
@@ -146,5 +164,6 @@ class PlantRun:
             violations=truth.violations(),
             rejected=rejected,
             wall_time=wall,
+            punctuality=self._clock.punctuality,
             faults=[FaultCount(name, hits[number]) for number, name in enumerate(self._declared)],
         )

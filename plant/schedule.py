@@ -40,11 +40,15 @@ class Schedule:
 
     def sampling_at(self, t: float) -> list[int]:
         """The agents that sample at t [s]."""
-        return [i for i, due in enumerate(self._next_sample) if due == t]
+        return [i for i, due in enumerate(self._next_sample) if due <= t]
 
     def applying_at(self, t: float) -> list[int]:
         """The agents whose inputs take effect at t [s], in order."""
-        return sorted(i for i, due in self._due.items() if due == t)
+        return sorted(i for i, due in self._due.items() if due <= t)
+
+    def tick(self, i: int) -> float:
+        """When agent i's clock next ticks [s]."""
+        return self._next_sample[i]
 
     def next_number(self, i: int) -> int:
         """The number of agent i's next sample."""
@@ -54,18 +58,21 @@ class Schedule:
         """Agent i samples at t [s]; the sample's number."""
         k = self._k[i]
         self._k[i] = k + 1
-        self._next_sample[i] = self._clocks[i].after(self._tick[i], t)
-        self._tick[i] += 1
+        self._tick_on(i)
         self._skip_lost(i)
         due = t + self._latency
         late = self._harness.input_delay(i, k, due)
-        if late is None or due + late >= self._next_sample[i]:
+        if late is None or (late and due + late >= self._next_sample[i]):
             # By then there is a newer sample: an input that late is never applied.
             self._lost.add(i)
         else:
             due += late
         self._due[i] = due
         return k
+
+    def due(self, i: int) -> float:
+        """When agent i's awaited input takes effect, or is found to be lost [s]."""
+        return self._due[i]
 
     def loses_input(self, i: int) -> bool:
         """Whether agent i's awaited input never comes to its actuator."""
@@ -76,10 +83,19 @@ class Schedule:
         del self._due[i]
         self._lost.discard(i)
 
+    def pass_over(self, i: int) -> None:
+        """Agent i takes no sample at the next tick of its clock."""
+        self._tick_on(i)
+        self._skip_lost(i)
+
+    def _tick_on(self, i: int) -> None:
+        # The clock goes on from its tick, not from when the plant came to it.
+        self._next_sample[i] = self._clocks[i].after(self._tick[i], self._next_sample[i])
+        self._tick[i] += 1
+
     def _skip_lost(self, i: int) -> None:
         while not self._harness.brings_sample(i, self._tick[i], self._next_sample[i]):
-            self._next_sample[i] = self._clocks[i].after(self._tick[i], self._next_sample[i])
-            self._tick[i] += 1
+            self._tick_on(i)
 
     def silence(self, i: int) -> None:
         """Agent i samples no more."""

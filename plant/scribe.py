@@ -14,6 +14,7 @@ from phalanx.plant.events import (
     Event,
     InputApplied,
     InputLost,
+    MemberLost,
     Sampled,
     StateReached,
 )
@@ -98,6 +99,8 @@ class RunScribe:
                 self._on_input(event)
             case InputLost():
                 self._on_lost_input(event)
+            case MemberLost():
+                self._on_lost_member(event)
 
     def idle(self) -> None:
         """Show what is due to be shown."""
@@ -165,6 +168,12 @@ class RunScribe:
         if event.i not in self._without_input:
             self._without_input.add(event.i)
             self._say(event.t, f"agent {self._names[event.i]}: first input lost")
+
+    def _on_lost_member(self, event: MemberLost) -> None:
+        what = "is back" if event.back else "is lost; its actuator holds its input"
+        self._say(event.t, f"agent {self._names[event.i]} {what}")
+        if not event.back:
+            self._judge.fell_silent(event.i, event.t)
 
     def _take_telemetry(self, i: int, k: int, t: float) -> tuple[Telemetry, list[Finding]]:
         """Agent i's report on its sample k at t [s], and what came of each fate that it tells."""

@@ -1,6 +1,6 @@
 """Who sees whom: true positions against each agent's sensing radius."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +19,10 @@ class Sight(NamedTuple):
     """Whom it sees, itself included, in order."""
     hearers: tuple[int, ...]
     """Those among them who see it too, and listen to it: they get its broadcast."""
+
+    def without(self, silent: Callable[[int], bool]) -> "Sight":
+        """The same, but for those who are dead or stand still: they hear nothing."""
+        return self._replace(hearers=tuple(l for l in self.hearers if not silent(l)))
 
 
 class Sensing:

@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Column, Table
 
+from phalanx.guarantee.punctuality import in_words
 from phalanx.guarantee.verdict import Outcome, Summary, certified
 from phalanx.launcher.run import Run
 from phalanx.scenario.model import Scenario
@@ -105,6 +106,9 @@ def print_summary(summary: Summary) -> None:
         hit = f"{fault.count} times" if fault.count else "[yellow]never had an effect[/]"
         table.add_row(f"[dim]fault:[/] {fault.name}", hit)
     table.add_row("trajectory", summary.trajectory[:16])
+    if summary.punctuality:
+        for name, value in in_words(summary.punctuality):
+            table.add_row(f"[dim]real time:[/] {name}", value)
     Console().print(table)
 
 

@@ -9,6 +9,7 @@ import typer
 from phalanx.cli.options import (
     KeysFolder,
     Overrides,
+    RealTimeFactor,
     RunId,
     ScenarioOption,
     Secret,
@@ -69,6 +70,7 @@ def plant(
             min=0.0, help="Seconds of virtual time per second, at most; 0: as fast as it goes."
         ),
     ] = 0.0,
+    real_time: RealTimeFactor = None,
 ) -> int:
     """Run the plant alone: the world, the clock, the hub and the verdict.
 
@@ -80,11 +82,16 @@ def plant(
     from phalanx.wire.keys import PLANT
     from phalanx.wire.membership import Membership
 
-    policy = CommandPolicy(secret=command_secret.encode(), speed=speed)
+    policy = CommandPolicy(secret=command_secret.encode(), speed=real_time or speed)
     endpoint = connect or listen
     certificates = certificates_for(keys, endpoint)
     membership = Membership(run, endpoint, secret.encode(), PLANT, certificates=certificates)
-    options = {"folder": out, "policy": policy, "at_router": connect is not None}
+    options = {
+        "folder": out,
+        "policy": policy,
+        "at_router": connect is not None,
+        "real_time": real_time is not None,
+    }
     return _run_here("plant", _load(scenario, overrides, seed), membership, options)
 
 

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from phalanx.cli.options import Overrides, ScenarioArgument, Secret, Seed, require_port
+from phalanx.cli.options import (
+    Overrides,
+    RealTimeFactor,
+    ScenarioArgument,
+    Secret,
+    Seed,
+    require_port,
+)
 
 if TYPE_CHECKING:
     from phalanx import Run
@@ -30,6 +37,7 @@ def run(
         ),
     ] = "processes",
     out: Annotated[Path, typer.Option(help="Folder for the folders of runs.")] = Path("runs"),
+    real_time: RealTimeFactor = None,
     listen: Annotated[
         str | None,
         typer.Option(help="Zenoh endpoint of the hub; by default a free port on 127.0.0.1."),
@@ -71,13 +79,16 @@ def run(
       phalanx run my-scenario.toml --out /data/runs --strict
       phalanx run unicycles --view --commands
       phalanx run formation3d --profile --no-report
+      phalanx run unicycles --real-time 1 --set time.latency=0.005
     """
     import phalanx
     from phalanx.cli.display import print_profile, print_summary, progress
     from phalanx.guarantee.verdict import exit_status
 
-    if engine == "in-process" and (view or listen or secret):
-        raise typer.BadParameter("--engine in-process: expected no --view, --listen or --secret")
+    if engine == "in-process" and (view or listen or secret or real_time):
+        raise typer.BadParameter(
+            "--engine in-process: expected no --view, --listen, --secret or --real-time"
+        )
     resolved = phalanx.load(scenario, overrides or (), seed)
     page = _page(view, commands, port)
     policy = phalanx.CommandPolicy(secret=secrets.token_bytes(16) if commands else b"")
@@ -93,6 +104,7 @@ def run(
                 secret=secret.encode(),
                 viewer=page,
                 profile=profile,
+                real_time=real_time,
             )
     except phalanx.EngineError as error:
         print(f"broken: {error}", file=sys.stderr)

@@ -4,6 +4,8 @@ from enum import StrEnum
 
 import msgspec
 
+from phalanx.guarantee.punctuality import Punctuality
+
 
 class Outcome(StrEnum):
     """How a run ended."""
@@ -117,6 +119,8 @@ class Summary(msgspec.Struct):
     """[s]"""
     faults: list[FaultCount] = []
     """Every fault that the scenario declares."""
+    punctuality: Punctuality | None = None
+    """Of a run in real time."""
 
     @property
     def notes(self) -> list[str]:

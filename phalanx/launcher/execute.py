@@ -22,6 +22,7 @@ def execute(
     secret: bytes = b"",
     viewer: Mapping[str, Any] | None = None,
     profile: bool = False,
+    real_time: float | None = None,
 ) -> Summary:
     """Run a scenario to its summary; arguments as phalanx.run has them.
 
@@ -43,4 +44,6 @@ def execute(
             endpoint=listen or endpoint,
             secret=secret or secrets.token_bytes(16),
         )
-        return run_processes(scenario, folder, membership, commands, progress, viewer, profile)
+        return run_processes(
+            scenario, folder, membership, commands, progress, viewer, profile, real_time
+        )

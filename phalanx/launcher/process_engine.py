@@ -6,6 +6,7 @@ by itself: agents when the hub is gone, the plant when it is done, told to, or l
 
 import contextlib
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,7 @@ def run_processes(
     progress: Progress,
     viewer: Mapping[str, Any] | None = None,
     profile: bool = False,
+    real_time: float | None = None,
 ) -> Summary:
     """Run a scenario to its verdict.
 
@@ -46,12 +48,16 @@ def run_processes(
         progress: called with the plant's status, in a thread of Zenoh's.
         viewer: start one too, with these options of the viewer's program; it ends with the run.
         profile: whether every program leaves in the folder how its time was spent.
+        real_time: seconds of virtual time per second, where the wall clock decides.
 
     Raises:
         EngineError: the plant died and there is no verdict.
     """
     timed = {"profile": folder / PROFILE} if profile else {}
-    programs = [Program(PLANT, PLANT, {"folder": folder, "policy": policy, **timed})]
+    if real_time is not None:
+        policy = replace(policy, speed=real_time)
+    of_plant = {"folder": folder, "policy": policy, "real_time": real_time is not None}
+    programs = [Program(PLANT, PLANT, {**of_plant, **timed})]
     for name in scenario.programs():
         programs.append(Program(CONTROLLER if name == CONTROLLER else "agent", name, timed))
     if viewer is not None:

@@ -26,6 +26,7 @@ def run(
     secret: bytes = b"",
     viewer: Mapping[str, Any] | None = None,
     profile: bool = False,
+    real_time: float | None = None,
 ) -> Run:
     """Run a scenario to its verdict.
 
@@ -41,6 +42,8 @@ def run(
         secret: seals the run's messages; drawn at random unless given.
         viewer: show the run on a page while it goes on; options of the viewer's program.
         profile: measure where every program's wall time goes; see Run.profile.
+        real_time: the wall clock decides, and nobody waits: so many seconds of virtual time per
+            second. Summary.punctuality has what was missed and late.
 
     Returns:
         The finished run, also if it was stopped by Ctrl-C or broke on the way: see its verdict.
@@ -55,6 +58,8 @@ def run(
         scenario = load(scenario)
     if engine == "in-process" and (listen or secret or viewer is not None or commands.secret):
         raise ValueError("engine 'in-process' has no hub to listen on, to watch or to command")
+    if real_time is not None and (engine == "in-process" or not 0.0 < real_time <= 1e3):
+        raise ValueError("real_time: expected a factor above 0, and engine 'processes'")
     require_runnable(build_swarm(scenario))  # what is impossible is said here, not in a log file
     temporary = tempfile.TemporaryDirectory(prefix="phalanx-") if out is None else None
     parent = Path(temporary.name if temporary else out or "")
@@ -69,6 +74,7 @@ def run(
         secret=secret,
         viewer=viewer,
         profile=profile,
+        real_time=real_time,
     )
     return Run(folder, summary, temporary)
 

@@ -37,6 +37,14 @@ class Existing(NamedTuple):
     """The last."""
 
 
+class _Arrived(NamedTuple):
+    """A broadcast that is here."""
+
+    message: SentInput
+    at: float | None
+    """When it came [s of virtual time], in real time."""
+
+
 class Fate(msgspec.Struct, array_like=True, frozen=True):
     """What the network did to one broadcast on its way to the agent that tells of it."""
 
@@ -69,7 +77,7 @@ class BroadcastInbox:
             link: from a sender; made when its first broadcast is decided, since of a large swarm
                 most stay out of sight.
         """
-        self._arrived: dict[int, dict[int, SentInput]] = {sender: {} for sender in senders}
+        self._arrived: dict[int, dict[int, _Arrived]] = {sender: {} for sender in senders}
         self._make, self._links = link, dict[int, Link]()
         self._override: tuple[float | None, float | None] = None, None
         self._since: dict[int, int] = {}
@@ -97,12 +105,15 @@ class BroadcastInbox:
             self._since[sender] = since
             self._skip_to(sender, latest)
 
-    def put(self, sender: int, message: SentInput) -> bool:
-        """Keep a broadcast. False if it is from the past or already here: a replay."""
+    def put(self, sender: int, message: SentInput, at: float | None = None) -> bool:
+        """Keep a broadcast. False if it is from the past or already here: a replay.
+
+        at: when it came [s of virtual time], in real time.
+        """
         waiting = self._arrived[sender]
         if message.k <= self._decided[sender] or message.k in waiting:
             return False
-        waiting[message.k] = message
+        waiting[message.k] = _Arrived(message, at)
         return True
 
     def missing(self, existing: Mapping[int, Existing]) -> bool:
@@ -112,6 +123,16 @@ class BroadcastInbox:
             for sender, (since, latest) in existing.items()
             for k in range(max(self._decided[sender] + 1, since), latest + 1)
         )
+
+    def here(self, existing: Mapping[int, Existing]) -> dict[int, Existing]:
+        """Of the broadcasts that exist by now, by sender, those up to the newest that is here.
+
+        What is not here by then, in real time, is lost.
+        """
+        return {
+            sender: Existing(since, max([self._decided[sender], *self._arrived[sender]]))
+            for sender, (since, _) in existing.items()
+        }
 
     def advance(
         self,
@@ -132,24 +153,25 @@ class BroadcastInbox:
                 self._forget(sender)
                 self._since[sender] = since
                 self._skip_to(sender, since - 1)
-            for k in range(self._decided[sender] + 1, latest + 1):
-                message = self._arrived[sender].pop(k)
-                # It is sent when the input takes effect, and delays count from then.
-                sent = message.t_apply
+            for k in sorted(k for k in self._arrived[sender] if k <= latest):
+                message, at = self._arrived[sender].pop(k)
+                # It is sent when the input takes effect, and delays count from then; in real time
+                # they come on top of what it took to be here.
+                sent = message.t_apply if at is None else max(message.t_apply, min(at, t))
                 link = self._link(sender)
                 apart = distance(sender) if link.asks_distance else math.nan
                 passage = link.fate(k, sent, apart)
-                delay = passage.delay
-                claim = None if delay is None else Claim(sent, message.u)
-                known = -1.0 if delay is None else delay
-                fates.append(Fate(sender, k, known, passage.faults, claim))
+                lost = passage.delay is None
+                claim = None if lost else Claim(message.t_apply, message.u)
+                delay = -1.0 if passage.delay is None else sent - message.t_apply + passage.delay
+                fates.append(Fate(sender, k, delay, passage.faults, claim))
                 for copy in passage.copies:
                     if copy.corrupt:
                         self._corrupt.append((sender, message))
                     else:
                         flying = self._in_flight.setdefault(sender, [])
                         flying.append((sent + copy.after, message))
-            self._decided[sender] = latest
+            self._decided[sender] = max(self._decided[sender], latest)
             self._deliver(sender, t)
         return tuple(fates)
 
@@ -161,6 +183,10 @@ class BroadcastInbox:
     def received(self) -> Mapping[int, ReceivedInput]:
         """û_l by sender; one never heard since it came into sight is absent."""
         return self._received
+
+    def numbers(self) -> dict[int, int]:
+        """The sequence number of each û_l, by sender."""
+        return {sender: self._newest[sender] for sender in self._received}
 
     def _forget(self, sender: int) -> None:
         """Nothing that a sender broadcast so far counts any more."""

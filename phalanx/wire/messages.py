@@ -46,6 +46,18 @@ class Sample(Message, frozen=True, kw_only=True):
     hearers: tuple[int, ...]
     """Indices of those among them that get agent i's broadcast: they see it too, and listen."""
     orders: Orders | None = None
+    pace: Annotated[float, msgspec.Meta(ge=0.0, le=1e6)] | None = None
+    """In real time, seconds of virtual time per second of wall time: the agent answers with what is
+    here. Null in lockstep: it waits for all that counts."""
+
+
+def last_sample(i: int, k: int, t: float, x: bytes) -> Sample:
+    """A sample that agent i does not live to answer: it sees itself alone, and has to die."""
+    itself, nothing = (i,), (-1,)
+    return Sample(
+        k=k, t=t, seen=itself, x=x, since=nothing, latest=nothing, hearers=(),
+        orders=Orders(die=True),
+    )  # fmt: skip
 
 
 class Actuation(Message, frozen=True, kw_only=True):
@@ -94,6 +106,8 @@ class Telemetry(Message, frozen=True, kw_only=True):
     """Fates of the broadcasts that this step was the first to know of."""
     rejected: int = 0
     """Payloads dropped by this agent so far."""
+    received: tuple[tuple[int, int], ...] = ()
+    """In real time, (agent's index, sequence number) of every û_l that the agent had."""
 
 
 class Status(Message, frozen=True, kw_only=True):

@@ -279,3 +279,29 @@ def test_a_new_contact_between_two_samples_ends_the_old_one_though_nobody_was_ou
     assert newest(inbox) is None, "broadcast 1 was not for this agent: 0 is in force no more"
     inbox.advance({0: Existing(2, 2)}, 0.05)
     assert newest(inbox) == 2
+
+
+def test_in_real_time_a_broadcast_counts_from_when_it_came_and_what_did_not_come_is_lost():
+    inbox = BroadcastInbox([1], lambda _: Link(0, "b", "a", model(delay=0.01)))
+    for k, at in ((0, 0.004), (2, 0.023)):
+        assert inbox.put(1, Broadcast(k=k, t_apply=0.01 * k, u=(float(k),)), at)
+    exist = {1: Existing(0, 3)}
+    here = inbox.here(exist)
+    assert here == {1: Existing(0, 2)}
+    assert inbox.missing(exist)
+    (first, second) = inbox.advance(here, 0.03)
+    assert (first.k, first.delay) == (0, pytest.approx(0.014))
+    assert (second.k, second.delay) == (2, pytest.approx(0.013))
+    assert inbox.numbers() == {1: 0}, "the second is still on its way"
+    assert not inbox.put(1, Broadcast(k=1, t_apply=0.01, u=(1.0,)), 0.031)
+    inbox.advance(inbox.here(exist), 0.033)
+    assert inbox.numbers() == {1: 2}
+
+
+def test_in_real_time_no_broadcast_counts_before_its_input_takes_effect():
+    inbox = BroadcastInbox([1], lambda _: Link(0, "b", "a", model()))
+    inbox.put(1, Broadcast(k=0, t_apply=0.02, u=(1.0,)), 0.001)
+    assert inbox.advance({1: Existing(0, 0)}, 0.01)[0].delay == 0.0
+    assert not inbox.received()
+    inbox.advance({1: Existing(0, 0)}, 0.02)
+    assert inbox.received()

@@ -1,0 +1,269 @@
+"""Real time: virtual time is tied to the wall clock, and nobody waits for anybody.
+
+A sample is taken when the plant comes to it, not when it was due. An input takes effect when it is
+due, or as soon as it is here. An agent that still owes an answer is not sampled: that tick of its
+clock is missed, so samples never pile up before an agent that is too slow. Whoever has not answered
+for a while is sampled again, for the answer may have been lost on its way.
+"""
+
+import contextlib
+import time
+from collections import deque
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from phalanx.faults.commands import Command, CommandKind
+from phalanx.faults.state import FaultState
+from phalanx.guarantee.punctuality import Punctuality
+from phalanx.plant.commands import CommandQueue
+from phalanx.plant.contacts import Contacts
+from phalanx.plant.events import (
+    CommandObeyed,
+    Event,
+    InputApplied,
+    InputLost,
+    MemberLost,
+    Sampled,
+    StateReached,
+)
+from phalanx.plant.lockstep import Witness
+from phalanx.plant.schedule import Schedule
+from phalanx.plant.sensing import Sensing
+from phalanx.plant.sensors import Sensors
+from phalanx.plant.timekeeping import Timekeeping
+from phalanx.plant.world import World
+from phalanx.recording.write import RecordingError
+from phalanx.swarm.rows import SafetyRows
+from phalanx.swarm.seen import SeenStates
+from phalanx.wire.messages import Actuation, Sample, last_sample
+
+_PATIENCE = 1.0
+"""After so long without an answer an agent is sampled again [s of wall time]."""
+_MOMENT = 1e-3
+"""In less than this before something is due, nothing is written down [s of wall time]."""
+_MUCH = 200
+"""So many events wait to be written down even while agents compute."""
+
+
+class TimelyAgents(Protocol):
+    """The agents as the wall clock sees them."""
+
+    @property
+    def waiting(self) -> int:
+        """How much has come that was not handled yet."""
+
+    def send_sample(self, i: int, sample: Sample) -> None:
+        """Hand agent i its sample."""
+
+    def kill_now(self, i: int, order: Sample) -> None:
+        """Have agent i's process die of this order."""
+
+    def restart_soon(self, i: int, t: float) -> None:
+        """Have another process take the dead agent i's place, and do not wait for it."""
+
+    def listen(self, seconds: float) -> None:
+        """Handle what comes, for so long [s of wall time], or until something has come."""
+
+    def take_reported(self, i: int) -> Actuation | None:
+        """Agent i's input for its newest sample, if it has come, and its report too."""
+
+    def take_changes(self) -> list[tuple[int, bool]]:
+        """Who is not to be reached any more, and who is back, since last asked: (i, is back)."""
+
+
+class _Asked(NamedTuple):
+    """A sample that was handed out."""
+
+    k: int
+    t: float
+    """[s]"""
+    wall: float
+    """By the wall clock [s]."""
+    due: float
+    """When its answer is to take effect [s]."""
+    lost: bool
+    """Whether it never comes to the actuator."""
+
+
+class _Answer(NamedTuple):
+    """An input that is here."""
+
+    takes_effect: float
+    """[s]"""
+    u: tuple[float, ...]
+
+
+class RealTime:
+    """One run by the wall clock."""
+
+    def __init__(
+        self,
+        rows: SafetyRows,
+        world: World,
+        schedule: Schedule,
+        agents: TimelyAgents,
+        scribe: Witness,
+        faults: FaultState,
+        commands: CommandQueue,
+    ) -> None:
+        swarm = rows.swarm
+        self.world = world
+        self.timekeeping = Timekeeping([group.clock.period for group in swarm.groups])
+        self._schedule, self._agents, self._scribe = schedule, agents, scribe
+        self._faults, self._commands = faults, commands
+        self._sensing, self._states = Sensing(swarm, world.motion), SeenStates(swarm)
+        self.sensors = Sensors(swarm)
+        self._latency = swarm.scenario.time.latency
+        self._contacts = Contacts(len(swarm.members), self._latency)
+        self._asked: dict[int, _Asked] = {}
+        """Whose input has not taken effect yet."""
+        self._answers: dict[int, _Answer] = {}
+        """By agent, what is here of them."""
+        self._happened: deque[Event] = deque()
+
+    def run(self, duration: float) -> None:
+        """Run to `duration` [s]. Raises RecordingError, DivergedError."""
+        pace = self._commands.pace
+        pace.restart(0.0)
+        try:
+            while (now := pace.now()) < duration:
+                self._be_at(now)
+                self._rest(min(self._next_event(), duration))
+            self._reach(duration)
+        except RecordingError:
+            raise
+        except (Exception, KeyboardInterrupt):
+            # What led to the failure is worth as much as the rest.
+            with contextlib.suppress(RecordingError):
+                self._write_down()
+            raise
+        self._write_down()
+
+    @property
+    def punctuality(self) -> Punctuality:
+        """How the run kept its times."""
+        return self.timekeeping.summary
+
+    def _next_event(self) -> float:
+        return min(self._schedule.next_event(), self._commands.next)
+
+    def _be_at(self, now: float) -> None:
+        """Do all that is due at `now` [s], or was since the world was last looked at."""
+        for i in self._schedule.applying_at(now):
+            self._schedule.applied(i)
+        ready = [(a.takes_effect, i) for i, a in self._answers.items() if a.takes_effect <= now]
+        for t, i in sorted(ready):
+            self._reach(t)
+            self._apply(i, t)
+        commands, changes = self._commands.come(now), self._agents.take_changes()
+        due = [i for i in self._schedule.sampling_at(now) if self._may_sample(i)]
+        if commands or changes or due:
+            self._reach(now)
+        self._happened += [self._obey(command) for command in commands]
+        self._happened += [MemberLost(i, now, back) for i, back in changes]
+        self._sample([i for i in due if not self._faults.silent(i)], now)
+
+    def _reach(self, t: float) -> None:
+        if t > self.world.t:
+            self.world.advance(t)
+            self._happened.append(StateReached(t, self.world.x, self.world.take_way()))
+
+    def _may_sample(self, i: int) -> bool:
+        """Whether agent i can take a sample at the tick that has come; else the tick goes by."""
+        asked = self._asked.get(i)
+        if asked is None:
+            return True
+        if i in self._answers or time.monotonic() < asked.wall + _PATIENCE:
+            self._miss(i)
+            return False
+        self.timekeeping.unanswered += 1
+        del self._asked[i]
+        return True
+
+    def _apply(self, i: int, t: float) -> None:
+        """Let agent i's input take effect at t [s]."""
+        asked, answer = self._asked.pop(i), self._answers.pop(i)
+        self.timekeeping.late += t > asked.due
+        if asked.lost:
+            self._happened.append(InputLost(i, asked.k, asked.t, t, answer.u))
+        else:
+            self.world.apply(i, np.array(answer.u))
+            self._happened.append(InputApplied(i, asked.k, asked.t, t, answer.u))
+
+    def _sample(self, due: list[int], now: float) -> None:
+        for i, whole in zip(due, self._sensing.sights(self.world.x, due), strict=True):
+            sight = whole.without(self._faults.silent)
+            since, latest = self._contacts.existing(i, now, sight.seen)
+            self.timekeeping.sampled(i, now, self._schedule.tick(i))
+            k = self._schedule.sampled(i, now)
+            self._contacts.sampled(i, k, now, sight)
+            takes_effect, lost = self._schedule.due(i), self._schedule.loses_input(i)
+            self._asked[i] = _Asked(k, now, time.monotonic(), takes_effect, lost)
+            told = self.sensors.told(i, k, now, self.world.x)
+            self._happened.append(Sampled(i, now, told is self.world.x))
+            self._agents.send_sample(
+                i,
+                Sample(
+                    k=k,
+                    t=now,
+                    seen=sight.seen,
+                    x=self._states.packed(told, sight.seen),
+                    since=since,
+                    latest=latest,
+                    hearers=sight.hearers,
+                    orders=self._faults.orders(i),
+                    pace=self._commands.pace.speed,
+                ),
+            )
+            while self._schedule.tick(i) <= now:
+                self._miss(i)
+
+    def _miss(self, i: int) -> None:
+        self.timekeeping.missed_tick(i)
+        self._schedule.pass_over(i)
+
+    def _obey(self, command: Command) -> CommandObeyed:
+        """Let a command take effect."""
+        i = self._faults.obey(command)
+        forgotten: tuple[int, ...] = ()
+        if i is None:
+            return CommandObeyed(command, i)
+        if self._faults.silent(i):
+            self._schedule.silence(i)
+        if command.kind == CommandKind.KILL:
+            k, x = self._schedule.next_number(i), self._states.packed(self.world.x, (i,))
+            self._agents.kill_now(i, last_sample(i, k, command.t, x))
+            forgotten = self._contacts.forget(i)
+        if command.kind == CommandKind.RESTART:
+            self._agents.restart_soon(i, command.t)
+        if command.kind in (CommandKind.RESTART, CommandKind.THAW):
+            self._schedule.resume(i, command.t)
+        return CommandObeyed(command, i, forgotten)
+
+    def _rest(self, until: float) -> None:
+        """Take in what comes until then [s], and write down what happened while there is time."""
+        wait = self._commands.pace.wait
+        while len(self._happened) > _MUCH or (
+            self._happened and not self._computing and not self._agents.waiting
+            and wait(until) > _MOMENT
+        ):  # fmt: skip
+            self._scribe.witness(self._happened.popleft())
+        self._scribe.idle()
+        self._agents.listen(wait(until))
+        for i in self._computing:
+            message, asked = self._agents.take_reported(i), self._asked[i]
+            if message is not None:
+                now = self._commands.pace.now()
+                self._answers[i] = _Answer(max(now, asked.due), message.u)
+                self.timekeeping.answered(time.monotonic() - asked.wall)
+
+    @property
+    def _computing(self) -> list[int]:
+        """Who owes an answer."""
+        return [i for i in self._asked if i not in self._answers]
+
+    def _write_down(self) -> None:
+        while self._happened:
+            self._scribe.witness(self._happened.popleft())
+        self._scribe.idle()

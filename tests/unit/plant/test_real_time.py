@@ -1,0 +1,141 @@
+"""Real time on a wall clock that the test turns: what is late, missed or given up."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from phalanx.faults.commands import Command, CommandKind, CommandPolicy
+from phalanx.guarantee.verdict import Outcome, Summary
+from phalanx.plant.commands import CommandQueue
+from phalanx.plant.run import PlantRun
+from phalanx.recording.read import Recording, read
+from phalanx.recording.write import RecordingWriter
+from phalanx.theory.rows.origin import Origin
+from phalanx.wire.messages import Actuation, Sample, Status, Telemetry
+from tests.unit.swarms import rows_of_scenario
+
+LATENCY = 0.004
+PERIOD = 0.01
+STILL = ("agents.0.clock.jitter=0.0", "agents.1.clock.jitter=0.0")
+Takes = Callable[[int, int], float | None]
+"""How long agent i takes to answer sample k [s of wall time]; None: for ever."""
+
+
+class OnTheWall:
+    """Agents that take their time, and the wall clock: it goes on while the plant listens."""
+
+    waiting = 0
+
+    def __init__(self, takes: Takes) -> None:
+        self.wall, self.samples = 100.0, list[tuple[int, Sample]]()
+        self._takes, self._coming = takes, dict[int, tuple[float, Sample]]()
+        self.changes = list[tuple[float, int, bool]]()
+
+    def send_sample(self, i: int, sample: Sample) -> None:
+        self.samples.append((i, sample))
+        takes = self._takes(i, sample.k)
+        self._coming[i] = (self.wall + (1e9 if takes is None else takes), sample)
+
+    def listen(self, seconds: float) -> None:
+        comes = min((at for at, _ in self._coming.values()), default=1e9)
+        self.wall = max(self.wall, min(self.wall + max(seconds, 0.0), comes)) + 1e-6
+
+    def take_reported(self, i: int) -> Actuation | None:
+        at, sample = self._coming[i]
+        if at > self.wall:
+            return None
+        del self._coming[i]
+        return Actuation(k=sample.k, t_apply=sample.t + LATENCY, u=(0.0, 0.0))
+
+    def take_changes(self) -> list[tuple[int, bool]]:
+        due = [c for c in self.changes if c[0] <= self.wall - 100.0]
+        self.changes = [c for c in self.changes if c not in due]
+        return [(i, back) for _, i, back in due]
+
+    def await_telemetry(self, i: int, k: int) -> Telemetry:
+        rest = (0.0, 0.0)
+        return Telemetry(k=k, origin=Origin.QP, residual=0.0, u_nom=rest, solve_time=0.0, ages=())
+
+    def await_actuation(self, i: int) -> Actuation:
+        raise AssertionError("in real time nobody waits")
+
+    def take_actuation(self, i: int) -> Actuation | None:
+        raise AssertionError("in real time an input counts with its report")
+
+    def publish_status(self, message: Status) -> None: ...
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def start(
+        agents: OnTheWall, *commands: Command, factor: float = 1.0, duration: float = 0.2
+    ) -> tuple[Summary, Recording]:
+        monkeypatch.setattr(time, "monotonic", lambda: agents.wall)
+        overrides = (f"duration={duration}", f"time.latency={LATENCY}", *STILL)
+        rows = rows_of_scenario("one-on-one", *overrides)
+        queue = CommandQueue(CommandPolicy(commands, speed=factor), rows.swarm.names)
+        with RecordingWriter(tmp_path / "run.mcap", rows.swarm.scenario, "run") as recording:
+            plant = PlantRun(rows, agents, recording, queue, timely=agents)
+            summary = plant.run()
+            recording.finish(summary)
+        return summary, read(tmp_path / "run.mcap")
+
+    return start
+
+
+def test_inputs_that_are_there_in_time_take_effect_when_they_are_due(run) -> None:
+    summary, recording = run(OnTheWall(lambda i, k: 0.002))
+    assert all(step.t_apply == step.t + LATENCY for step in recording.steps)
+    found = summary.punctuality
+    assert (found.missed, found.late, found.unanswered) == (0, 0, 0)
+    assert found.samples >= 2 * 0.2 / PERIOD
+    assert found.measured[-1].p50 == pytest.approx(0.002, abs=1e-5)
+
+
+def test_a_late_input_takes_effect_when_it_comes_and_is_counted(run) -> None:
+    summary, recording = run(OnTheWall(lambda i, k: 0.007 if (i, k) == (0, 3) else 0.001))
+    (late,) = [step for step in recording.steps if step.t_apply > step.t + LATENCY]
+    assert late.k == 3
+    assert late.t_apply - late.t == pytest.approx(0.007, abs=1e-5)
+    assert summary.punctuality.late == 1
+    assert next(a for a in summary.assumptions if a.name == "inputs in time").failed == 1
+
+
+def test_who_owes_an_answer_misses_the_ticks_of_its_clock(run) -> None:
+    agents = OnTheWall(lambda i, k: 0.035 if (i, k) == (0, 3) else 0.001)
+    summary, _ = run(agents)
+    gaps = [b.t - a.t for (_, a), (_, b) in zip(of(agents, 0), of(agents, 0)[1:], strict=False)]
+    assert summary.punctuality.missed == 3
+    assert max(gaps) == pytest.approx(4 * PERIOD, abs=1e-4)
+    assert [s.k for _, s in of(agents, 0)] == list(range(len(of(agents, 0))))
+
+
+def test_who_never_answers_is_sampled_again_after_a_while(run) -> None:
+    agents = OnTheWall(lambda i, k: None if (i, k) == (0, 3) else 0.001)
+    summary, recording = run(agents, duration=1.5)
+    assert summary.punctuality.unanswered == 1
+    assert 4 in [step.k for step in recording.steps if step.agent == "1"]
+    assert 3 not in [step.k for step in recording.steps if step.agent == "1"]
+
+
+def test_the_factor_says_how_fast_virtual_time_goes(run) -> None:
+    summary, _ = run(OnTheWall(lambda i, k: 1e-4), factor=10.0)
+    assert summary.wall_time == pytest.approx(0.2 / 10.0, rel=0.01)
+
+
+def test_commands_take_effect_at_their_times_and_those_who_are_lost_are_told(run) -> None:
+    agents = OnTheWall(lambda i, k: 1e-4)
+    agents.changes = [(0.1, 1, False), (0.15, 1, True)]
+    summary, recording = run(agents, Command(0.05, CommandKind.FREEZE, "1"))
+    assert max(s.t for _, s in of(agents, 0)) < 0.05
+    assert max(s.t for _, s in of(agents, 1)) > 0.18
+    told = [line.text for line in recording.log]
+    assert told[:2] == ["agent 1 frozen", "agent 2 is lost; its actuator holds its input"]
+    assert told[2] == "agent 2 is back"
+    assert summary.outcome is not Outcome.BROKEN
+
+
+def of(agents: OnTheWall, i: int) -> list[tuple[int, Sample]]:
+    return [(j, sample) for j, sample in agents.samples if j == i]
