@@ -15,6 +15,7 @@ from phalanx.wire import session as wire
 from phalanx.wire.door import Door
 from phalanx.wire.keys import PLANT, Keys
 from phalanx.wire.membership import Membership
+from phalanx.wire.presence import PlantPresence
 from phalanx.wire.seal import Sealer
 
 log = logging.getLogger("phalanx.agent")
@@ -57,10 +58,7 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
             log.info("leaving: %s", because)
             over.set()
 
-        wire.on_parting(session, lambda: leave("the connection to the hub was lost"))
-        wire.watch(
-            session, keys.alive(PLANT), lambda _, alive: None if alive else leave("the plant left")
-        )
+        PlantPresence(membership.timeout, leave).watch(session, keys)
         for sender in senders:
             sender.wait_for_listeners(membership.timeout, over)
         # What was built so far lives as long as the process: the collector need not look at it

@@ -139,12 +139,21 @@ def router(
 
       phalanx router --scenario unicycles --run r1 --listen tcp/0.0.0.0:7447
     """
+    from phalanx.launcher.programs import configure_logging
+    from phalanx.swarm.swarm import build_swarm
     from phalanx.wire.keys import ROUTER
     from phalanx.wire.membership import Membership
+    from phalanx.wire.router import run as run_router
+    from phalanx.wire.session import HubError
 
     certificates = certificates_for(keys, listen)
     membership = Membership(run, listen, secret.encode(), ROUTER, certificates=certificates)
-    return _run_here("router", _load(scenario, overrides, seed), membership, {})
+    configure_logging()
+    try:
+        return run_router(build_swarm(_load(scenario, overrides, seed)), membership)
+    except (HubError, OSError) as error:
+        print(error, file=sys.stderr)
+        return 3
 
 
 def _load(source: str, overrides: list[str] | None, seed: int | None) -> "Scenario":

@@ -24,7 +24,6 @@ PROGRAMS = {
     "plant": "phalanx.plant.main:run",
     "agent": "phalanx.agent.main:run",
     CONTROLLER: "phalanx.agent.main:run",
-    "router": "phalanx.wire.router:run",
     "viewer": "phalanx.viewer.main:run_live",
 }
 """The programs by name; resolved where they run, so that nothing here imports them."""

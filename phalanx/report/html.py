@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from string import Template
 
+from phalanx.guarantee.punctuality import Punctuality, in_words
 from phalanx.guarantee.verdict import Outcome, Summary, certified
 from phalanx.network.link import DELAY, LOSS
 from phalanx.recording.read import Recording
@@ -155,9 +156,16 @@ def _judgement(summary: Summary | None) -> list[str]:
             "Violations",
             _table(("pair", "first", "worst h", "worst at", "time with h > 0"), violations),
         ),
+        *_punctuality(summary.punctuality),
         _section("Declared faults", _table(("fault", "times it had an effect"), faults)),
         _section("Rejected payloads", _table(("by whom or why", "payloads"), rejected)),
     ]
+
+
+def _punctuality(found: Punctuality | None) -> list[str]:
+    if found is None:
+        return []
+    return [_section("Real time", _table(("what", "of this run"), in_words(found)))]
 
 
 def _links(links: Sequence[LinkStatistics]) -> str:

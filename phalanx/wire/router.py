@@ -4,7 +4,7 @@ import logging
 import signal
 import threading
 
-from phalanx.swarm.rows import SafetyRows
+from phalanx.swarm.swarm import Swarm
 from phalanx.wire import session as wire
 from phalanx.wire.admission import admission
 from phalanx.wire.keys import ROUTER
@@ -13,11 +13,11 @@ from phalanx.wire.membership import Membership
 log = logging.getLogger("phalanx.router")
 
 
-def run(rows: SafetyRows, membership: Membership) -> int:
+def run(swarm: Swarm, membership: Membership) -> int:
     """Pass on what the programs of a run tell one another, until SIGTERM or Ctrl-C.
 
     Args:
-        rows: of the scenario, which says who may come in.
+        swarm: of the scenario, which says who may come in.
         membership: of the run, with its secret or certificates; the router listens on its endpoint.
 
     Returns:
@@ -29,7 +29,7 @@ def run(rows: SafetyRows, membership: Membership) -> int:
     over = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: over.set())
-    with wire.open_hub(membership.endpoint, admission(rows.swarm, membership)) as session:
+    with wire.open_hub(membership.endpoint, admission(swarm, membership)) as session:
         # Who sees it knows that the hub may come back after it was lost.
         _token = wire.announce(session, membership.keys.alive(ROUTER, "-"))
         log.info("run %s meets at %s", membership.run, membership.endpoint)

@@ -1,11 +1,14 @@
 """A hub of its own: the plant meets the agents there, and may do there what it needs alone."""
 
+import contextlib
 from pathlib import Path
 
 import pytest
 import zenoh
 
+from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher.execute import execute
+from phalanx.recording.read import Recording, UnreadableRecordingError, read
 from phalanx.scenario.load import load
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
@@ -62,3 +65,38 @@ def test_only_the_plant_may_hand_out_samples(started, identity: str, heard: bool
         wait_for(put_and_see)
     assert (key in came) is heard
     assert (own in came) is not heard
+
+
+def test_a_run_in_real_time_outlives_its_router(started) -> None:
+    programs = started(2, "one-on-one", "--set", "duration=600.0")
+    programs.start_members("--real-time", "1")
+    wait_for(lambda: len(recorded(programs).steps) > 100)
+    programs.restart_router()
+    wait_for(lambda: len(times(recorded(programs), "is back")) == 2)
+    back = times(recorded(programs), "is back")
+    wait_for(lambda: agents_after(recorded(programs), max(back) + 1.0) == {"1", "2"})
+    programs.plant.terminate()
+    summary = programs.summary()
+    assert summary.outcome is Outcome.STOPPED
+    lost = times(recorded(programs), "is lost")
+    assert len(lost) == 2
+    between = [s for s in recorded(programs).steps if max(lost) < s.t_apply < min(back)]
+    assert not between, "their actuators held what they had"
+    assert summary.punctuality.unanswered + summary.punctuality.missed > 0
+
+
+def recorded(programs: Programs) -> Recording:
+    """What there is by now."""
+    with contextlib.suppress(UnreadableRecordingError):
+        return read(programs.out)
+    return Recording(programs.out, load("one-on-one"), {})
+
+
+def times(recording: Recording, what: str) -> list[float]:
+    """When the log says so."""
+    return [line.t for line in recording.log if what in line.text]
+
+
+def agents_after(recording: Recording, t: float) -> set[str]:
+    """Whose inputs took effect after t."""
+    return {step.agent for step in recording.steps if step.t > t}

@@ -1,0 +1,57 @@
+"""When an agent leaves: with the plant, and not with a router that comes back."""
+
+import threading
+
+import pytest
+
+from phalanx.wire.presence import PlantPresence
+
+PATIENCE = 0.05
+
+
+@pytest.fixture
+def presence():
+    reasons, left = [], threading.Event()
+
+    def leave(why: str) -> None:
+        reasons.append(why)
+        left.set()
+
+    found = PlantPresence(PATIENCE, leave)
+    found.reasons, found.left = reasons, left
+    found.on_plant("", True)
+    return found
+
+
+def test_without_a_router_the_hub_is_the_plant(presence) -> None:
+    presence.on_parting()
+    assert presence.reasons == ["the connection to the hub was lost"]
+
+
+@pytest.mark.parametrize("tokens_first", [True, False])
+def test_whoever_loses_the_router_waits_for_the_plant(presence, tokens_first: bool) -> None:
+    presence.on_router("", True)
+    if tokens_first:
+        presence.on_plant("", False)
+    presence.on_parting()
+    if not tokens_first:
+        presence.on_plant("", False)
+    presence.on_plant("", True)
+    assert not presence.left.wait(2.0 * PATIENCE)
+
+
+@pytest.mark.parametrize("tokens_first", [True, False])
+def test_but_not_for_ever(presence, tokens_first: bool) -> None:
+    presence.on_router("", True)
+    if tokens_first:
+        presence.on_plant("", False)
+    presence.on_parting()
+    assert presence.left.wait(30.0)
+    assert presence.reasons == ["the plant is not back at its router"]
+
+
+def test_a_plant_that_leaves_a_router_has_left(presence) -> None:
+    presence.on_router("", True)
+    presence.on_plant("", False)
+    assert presence.left.wait(30.0)
+    assert presence.reasons == ["the plant left"]
