@@ -30,6 +30,6 @@ def add_display(gui: viser.GuiApi, scene: Scene) -> None:
     framing.on_update(keep)
     fit.on_click(keep)
     dark.on_update(wear)
-    arrows.on_update(lambda _: scene.agents.set_arrows_visible(arrows.value))
+    arrows.on_update(lambda _: scene.arrows.set_visible(arrows.value))
     paths.on_update(lambda _: scene.lines.set_paths_visible(paths.value))
     links.on_update(lambda _: scene.lines.set_links_visible(links.value))

@@ -5,6 +5,7 @@ import viser
 from numpy.typing import NDArray
 
 from phalanx.viewer.scene.model import SceneModel
+from phalanx.viewer.scene.nodes import update
 from phalanx.viewer.scene.picture import Picture
 from phalanx.viewer.scene.view import View
 
@@ -32,7 +33,8 @@ class LabelNodes:
         texts, at = self._wanted(picture, selected, sizes, view)
         shown = apart(view.project(at), [len(text) for text in texts])[: len(self._nodes)]
         for node, k in zip(self._nodes, shown, strict=False):
-            node.text, node.position, node.visible = texts[k], tuple(at[k]), True
+            update(node, text=texts[k])
+            node.position, node.visible = tuple(at[k]), True
         for node in self._nodes[len(shown) :]:
             node.visible = False
 
@@ -73,9 +75,10 @@ def apart(at: Array, letters: list[int]) -> list[int]:
         letters: how long each is.
     """
     halves = np.column_stack([_LETTER * (np.array(letters) + 1.0), np.full(len(at), _LINE)]) / 2.0
+    reach = halves[:, None] + halves
+    covers: list[list[bool]] = np.all(np.abs(at[:, None] - at) < reach, axis=2).tolist()
     shown: list[int] = []
     for k in range(len(at)):
-        overlaps = np.abs(at[shown] - at[k]) < halves[shown] + halves[k]
-        if not overlaps.all(axis=1).any():
+        if not any(covers[k][other] for other in shown):
             shown.append(k)
     return shown

@@ -5,6 +5,7 @@ import viser
 from numpy.typing import NDArray
 
 from phalanx.viewer.scene.model import SceneModel
+from phalanx.viewer.scene.nodes import single, update
 from phalanx.viewer.scene.palette import DANGER, LATE, WORST_PAIR, Colour, Palette
 from phalanx.viewer.scene.picture import Picture
 
@@ -29,13 +30,13 @@ class LineNodes:
     def show(self, picture: Picture, selected: int | None) -> None:
         """Redraw the pairs and the link events; in a crowd, those of the selected agent."""
         self._colours = picture.colours
-        self._worst_pair.points = np.array([picture.worst_pair], dtype=np.float32)
+        self._worst_pair.points = single(np.array([picture.worst_pair]))
         unsafe = picture.unsafe_ends if picture.unsafe else _NOTHING
-        self._unsafe.points = unsafe.astype(np.float32)
+        update(self._unsafe, points=single(unsafe))
         if not self._model.flat:
             p = picture.positions
             ground = np.column_stack([p[:, :2], np.full(len(p), self._model.floor)])
-            self._drops.points = np.stack([p, ground], axis=1).astype(np.float32)
+            self._drops.points = single(np.stack([p, ground], axis=1))
         links, colours = _NOTHING, np.zeros((1, 2, 3))
         every = np.full(len(picture.lost), True)
         shown = picture.links_of(selected) if self._model.crowded else every
@@ -43,13 +44,12 @@ class LineNodes:
             links = picture.links[shown]
             colour = np.where(picture.lost[shown, None], np.array(DANGER), np.array(LATE))
             colours = np.repeat(colour[:, None], 2, axis=1)  # of both ends
-        self._links.points = links.astype(np.float32)
-        self._links.colors = colours.astype(np.uint8)
+        update(self._links, points=single(links), colors=colours.astype(np.uint8))
 
     def show_recent_paths(self, positions: Array) -> None:
         """Draw paths through past positions, shape (s, N, 3), in the agents' colours, fading."""
         if len(positions) > 1:
-            past = positions.astype(np.float32)
+            past = single(positions)
             self._paths.points = np.stack([past[:-1], past[1:]], axis=2).reshape(-1, 2, 3)
             fresh = np.linspace(0.0, 1.0, len(past))[:, None, None]
             colours = fresh * self._colours + (1.0 - fresh) * np.array(self._palette.background)

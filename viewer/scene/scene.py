@@ -7,6 +7,7 @@ import viser
 from numpy.typing import NDArray
 
 from phalanx.viewer.scene.agents import AgentNodes, Click
+from phalanx.viewer.scene.arrows import ArrowNodes
 from phalanx.viewer.scene.backdrop import Backdrop
 from phalanx.viewer.scene.banner import Banner
 from phalanx.viewer.scene.cameras import Cameras, Framing
@@ -40,7 +41,8 @@ class Scene:
         """
         self._server, self._model, self._select = server, model, select
         self._backdrop = Backdrop(server.scene, model, LIGHT)
-        self.agents = AgentNodes(server.scene, model, LIGHT)
+        self.agents = AgentNodes(server.scene, model)
+        self.arrows = ArrowNodes(server.scene, LIGHT)
         self.lines = LineNodes(server.scene, model, LIGHT)
         self.labels = LabelNodes(server.scene, model)
         self.banner = Banner(server.gui)
@@ -71,6 +73,7 @@ class Scene:
             readable = _READABLE_IN_A_CROWD if model.crowded else _READABLE
             sizes = np.maximum(model.body, readable * view.spans(positions))
             self.agents.show(picture, sizes)
+            self.arrows.show(picture, float(np.median(sizes)))
             self.lines.show(picture, selected)
             self.labels.show(picture, selected, sizes, view)
             self.banner.show(picture)
@@ -80,7 +83,7 @@ class Scene:
     def set_dark(self, dark: bool) -> None:
         """Wear the colours of a dark page, or of a light one."""
         palette = DARK if dark else LIGHT
-        for part in (self._backdrop, self.agents, self.lines, self.selection):
+        for part in (self._backdrop, self.arrows, self.lines, self.selection):
             part.set_palette(palette)
         self.stale = True
 

@@ -5,6 +5,7 @@ import viser
 from numpy.typing import NDArray
 
 from phalanx.viewer.scene.meshes import ring
+from phalanx.viewer.scene.nodes import update
 from phalanx.viewer.scene.palette import Palette
 
 Array = NDArray[np.float64]
@@ -26,7 +27,7 @@ class SelectionNodes:
         self._ring.visible = selected is not None
         if selected is not None:
             self._ring.position = tuple(positions[selected])
-            self._ring.scale = _AROUND * float(sizes[selected])
+            update(self._ring, scale=_AROUND * float(sizes[selected]))
 
     def set_palette(self, palette: Palette) -> None:
         """Wear the colours of a page."""
