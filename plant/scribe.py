@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from phalanx.faults.commands import STRIKES, CommandKind, described
+from phalanx.network.inbox import Fate
 from phalanx.plant.along import TruthAlong
 from phalanx.plant.claims import Finding
 from phalanx.plant.events import (
@@ -72,6 +73,9 @@ class RunScribe:
         """Agents of which an input was lost on its way to the actuator."""
         self._lied: set[int] = set()
         """Agents that told a peer what they did not apply."""
+        self._heard: list[list[tuple[Fate, Finding]]] = [[] for _ in names]
+        """For each agent, what it heard since its last step that is recorded: one whose input was
+        lost is not."""
         self._unsafe: set[int] = set()
         """Pairs whose h is above zero."""
         self._began = self._status_at = time.monotonic()
@@ -153,14 +157,14 @@ class RunScribe:
 
     def _on_input(self, event: InputApplied) -> None:
         i, name = event.i, self._names[event.i]
-        telemetry, findings = self._take_telemetry(i, event.k, event.t)
+        telemetry = self._take_telemetry(i, event.k, event.t)
         certified = self._judge.applied(event, telemetry)
         self.trajectory.add(event)
         self._frames.saw_input(event, telemetry, certified)
         if telemetry.origin == Origin.BACKUP and i not in self._backed_up:
             self._backed_up.add(i)
             self._say(event.t_apply, f"agent {name}: first backup")
-        self._recording.write(self._step(event, telemetry, findings, certified))
+        self._recording.write(self._step(event, telemetry, certified))
 
     def _on_lost_input(self, event: InputLost) -> None:
         self._take_telemetry(event.i, event.k, event.sampled)
@@ -175,35 +179,30 @@ class RunScribe:
         if not event.back:
             self._judge.fell_silent(event.i, event.t)
 
-    def _take_telemetry(self, i: int, k: int, t: float) -> tuple[Telemetry, list[Finding]]:
-        """Agent i's report on its sample k at t [s], and what came of each fate that it tells."""
+    def _take_telemetry(self, i: int, k: int, t: float) -> Telemetry:
+        """Agent i's report on its sample k at t [s]."""
         telemetry = self._telemetry(i, k)
         self._rejected[i] = telemetry.rejected
         self.faults.update(fault for fate in telemetry.fates for fault in fate.faults)
-        findings = [self._judge.claims.heard(i, fate, t) for fate in telemetry.fates]
-        for fate, finding in zip(telemetry.fates, findings, strict=True):
+        for fate in telemetry.fates:
+            finding = self._judge.claims.heard(i, fate, t)
+            self._heard[i].append((fate, finding))
             if finding.false and fate.sender not in self._lied:
                 self._lied.add(fate.sender)
                 self._say(t, f"agent {self._names[fate.sender]}: first false broadcast")
-        return telemetry, findings
+        return telemetry
 
     def _say(self, t: float, text: str) -> None:
         self._recording.write(Log(t, text))
         self._frames.say(t, text)
 
-    def _step(
-        self,
-        event: InputApplied,
-        telemetry: Telemetry,
-        findings: list[Finding],
-        certified: float | None,
-    ) -> Step:
+    def _step(self, event: InputApplied, telemetry: Telemetry, certified: float | None) -> Step:
         names = self._names
+        heard, self._heard[event.i] = self._heard[event.i], []
         hit = [
             (names[fate.sender], fate.k, [self._declared[n] for n in (*fate.faults, *found.lies)])
-            for fate, found in zip(telemetry.fates, findings, strict=True)
+            for fate, found in heard
         ]
-        false = [f for f, found in zip(telemetry.fates, findings, strict=True) if found.false]
         return Step(
             agent=names[event.i],
             k=event.k,
@@ -214,13 +213,13 @@ class RunScribe:
             residual=telemetry.residual,
             solve_time=telemetry.solve_time,
             ages=[(names[l], age) for l, age in telemetry.ages],
-            fates=[(names[fate.sender], fate.k, fate.delay) for fate in telemetry.fates],
+            fates=[(names[fate.sender], fate.k, fate.delay) for fate, _ in heard],
             u_nom=list(telemetry.u_nom),
             certified=certified,
             faults=[entry for entry in hit if entry[2]],
             false=[
                 (names[fate.sender], fate.k, fate.claim.t_apply, list(fate.claim.u))
-                for fate in false
-                if fate.claim is not None
+                for fate, found in heard
+                if found.false and fate.claim is not None
             ],
         )

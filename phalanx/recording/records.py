@@ -42,7 +42,8 @@ class Step(msgspec.Struct):
     ages: list[tuple[str, float]]
     """(sender, age [s]) of each û_l used."""
     fates: list[tuple[str, int, float]]
-    """(sender, sequence number, delay [s]) of broadcasts decided now; delay < 0: lost."""
+    """(sender, sequence number, delay [s]) of broadcasts decided now, or at a step before whose
+    input was lost; delay < 0: lost."""
     u_nom: list[float] = []
     """The nominal input, or the attack before its projection onto U_i, shape (m_i,)."""
     certified: float | None = None

@@ -59,6 +59,10 @@ def test_a_fault_has_its_effect_and_is_counted(name, calm, tmp_path):
     assert found.summary.faults
     assert all(fault.count for fault in found.summary.faults)
     assert found.summary.notes == []
+    named = found.links["faults"].explode().drop_nulls().to_list()
+    for fault in found.summary.faults:
+        of_broadcasts = not fault.name.startswith(("network.sample", "network.actuation"))
+        assert named.count(fault.name) == fault.count * of_broadcasts
     assert (seen(found) == calm) == (name == "duplicate")
 
 
@@ -82,6 +86,16 @@ def test_a_fault_without_effect_changes_nothing_and_is_named(overrides, calm, tm
 def test_corrupt_broadcasts_are_counted_as_refused(tmp_path):
     found = run(FAULTS["corrupt"], tmp_path).summary
     assert sum(found.rejected.values()) == found.faults[0].count > 0
+
+
+def test_a_step_whose_input_is_lost_tells_of_what_it_heard(tmp_path):
+    heard = [
+        run({"network.loss": 0.2, "network.actuation.loss": loss}, tmp_path / str(loss)).links
+        for loss in (0.0, 0.3)
+    ]
+    told = [links.drop("t").sort("receiver", "sender", "k") for links in heard]
+    before_the_end = [links.filter(links["k"] < 40) for links in told]
+    assert before_the_end[0].equals(before_the_end[1])
 
 
 def test_lost_and_late_inputs_are_told_of_in_the_verdict(tmp_path):
