@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable
 from typing import Self, TypeVar
 
+import msgspec
+
 from phalanx.plant.answers import Answers
 from phalanx.plant.arrivals import Arrivals
 from phalanx.plant.joining import Joining
@@ -56,6 +58,9 @@ class Hub:
         programs = swarm.scenario.programs().values()
         self._alone = {swarm.names.index(who[0]) for who in programs if len(who) == 1}
         """The agents that have a process of their own."""
+        self._stopped: set[str] = set()
+        self._told = Status()
+        """The last status."""
         keys = self._keys
         of_agents = ((Actuation, keys.actuation), (Telemetry, keys.telemetry))
         self._from = {
@@ -109,12 +114,29 @@ class Hub:
         self._answers.expect(i, sample)
         self._put_sample(i, sample)
 
+    def pause(self, i: int, t: float) -> None:
+        """Ask for agent i's process to be stopped, once it has said all that it had to say.
+
+        One that decides for others too goes on. Raises SwarmBrokenError as await_actuation.
+        """
+        self._await_report(i)
+        if i in self._alone:
+            self._stopped.add(self._names[i])
+            self.publish_status(msgspec.structs.replace(self._told, t=t))
+
+    def resume(self, i: int, t: float) -> None:
+        """Ask for agent i's process to go on."""
+        self._stopped.discard(self._names[i])
+        self.publish_status(msgspec.structs.replace(self._told, t=t))
+
     def kill(self, i: int, order: Sample) -> None:
         """Have agent i's process die of this order, once it has said all that it had to say.
 
         One that decides for others too lives on. Raises SwarmBrokenError as await_actuation.
         """
-        self._await(i, lambda: self._answers.complete(i) or None, "did not report on")
+        self._await_report(i)
+        if self._names[i] in self._stopped:
+            self.resume(i, order.t)
         if i in self._alone:
             self._joining.dismiss(self._names[i])
             self._put_sample(i, order)
@@ -132,6 +154,7 @@ class Hub:
         while not self._joining.has(name):
             self.publish_status(Status(t=t, waiting_for=(name,), restart=True))
             self._take_event(deadline, f"agent {name} did not join again")
+        wire.wait_for_listener(self._samples[i], self._timeout)
 
     def kill_now(self, i: int, order: Sample) -> None:
         """The same at once, in real time."""
@@ -195,9 +218,10 @@ class Hub:
         """Deliver commands in a thread of Zenoh's."""
         wire.subscribe(self._session, self._keys.command, deliver)
 
-    def publish_status(self, message: Message) -> None:
+    def publish_status(self, message: Status) -> None:
         """Tell whoever watches how far the run is."""
-        self._put(self._status, message)
+        self._told = msgspec.structs.replace(message, stopped=tuple(sorted(self._stopped)))
+        self._put(self._status, self._told)
 
     def publish_verdict(self, message: Message) -> None:
         """Tell whoever watches how the run ended."""
@@ -208,6 +232,9 @@ class Hub:
 
     def _put(self, publisher: wire.Publisher, message: Message) -> None:
         publisher.put(self._sealer.seal(str(publisher.key_expr), message))
+
+    def _await_report(self, i: int) -> None:
+        self._await(i, lambda: self._answers.complete(i) or None, "did not report on")
 
     def _await(self, i: int, take: Callable[[], T | None], failed_to: str) -> T:
         deadline = time.monotonic() + self._timeout

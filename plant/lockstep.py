@@ -57,6 +57,12 @@ class Agents(Protocol):
     def take_actuation(self, i: int) -> Actuation | None:
         """The same, if it is there."""
 
+    def pause(self, i: int, t: float) -> None:
+        """Agent i's process stands still from t [s] on, once it has said all that it had to say."""
+
+    def resume(self, i: int, t: float) -> None:
+        """Agent i's process goes on at t [s]."""
+
     def kill(self, i: int, order: Sample) -> None:
         """Have agent i's process die of this order, once it has said all that it had to say."""
 
@@ -197,13 +203,18 @@ class Lockstep:
             return CommandObeyed(command, i)
         if self._faults.silent(i):
             self._schedule.silence(i)
-        if command.kind == CommandKind.KILL:
-            self._agents.kill(i, self._order_to_die(i))
-            forgotten = self._contacts.forget(i)
-        if command.kind == CommandKind.RESTART:
-            self._agents.restart(i, command.t)
-        if command.kind in (CommandKind.RESTART, CommandKind.THAW):
-            self._schedule.resume(i, command.t)
+        match command.kind:
+            case CommandKind.KILL:
+                self._agents.kill(i, self._order_to_die(i))
+                forgotten = self._contacts.forget(i)
+            case CommandKind.RESTART:
+                self._agents.restart(i, command.t)
+                self._schedule.resume(i, command.t)
+            case CommandKind.FREEZE:
+                self._agents.pause(i, command.t)
+            case CommandKind.THAW:
+                self._agents.resume(i, command.t)
+                self._schedule.resume(i, command.t)
         return CommandObeyed(command, i, forgotten)
 
     def _order_to_die(self, i: int) -> Sample:

@@ -99,9 +99,10 @@ def serve(
                     identity = launcher.recv()
                     start(next(p for p in programs if p.identity == identity))
     except (_StopError, ConnectionError, EOFError) as ended:
-        if isinstance(ended, _StopError):
-            for report in running.values():
-                os.kill(report.pid, signal.SIGKILL)
+        # Without a launcher nobody would let those go on that it has stopped.
+        last = signal.SIGKILL if isinstance(ended, _StopError) else signal.SIGCONT
+        for report in running.values():
+            os.kill(report.pid, last)
 
 
 def _ended(report: Report) -> Report:

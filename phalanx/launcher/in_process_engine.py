@@ -97,6 +97,12 @@ class DirectAgents:
         """How agent i made its input for sample k."""
         return self._telemetry.pop((i, k))
 
+    def pause(self, i: int, t: float) -> None:
+        """There is no process that could stand still: agent i is not asked any more."""
+
+    def resume(self, i: int, t: float) -> None:
+        """Agent i is asked again."""
+
     def kill(self, i: int, order: Sample) -> None:
         """There is no process that could die: agent i is not asked any more."""
 

@@ -109,16 +109,17 @@ def _listening(
     progress: Progress,
     verdict: _Verdict,
 ) -> Iterator[None]:
-    """Hand the plant's messages on, and start again what it asks for, while the block runs."""
+    """Hand the plant's messages on, and start, stop and resume whom it asks for, meanwhile."""
     keys, sealer = membership.keys, membership.sealer
     program_of = {name: p for p, names in scenario.programs().items() for name in names}
 
     def on_status(key: str, payload: bytes) -> None:
         with contextlib.suppress(Malformed):
             status = sealer.open(key, payload, Status)
-            progress(status)
+            processes.hold({program_of[name] for name in status.stopped})
             for name in status.waiting_for if status.restart else ():
                 processes.restart(program_of[name])
+            progress(status)
 
     def on_verdict(key: str, payload: bytes) -> None:
         with contextlib.suppress(Malformed):

@@ -6,9 +6,10 @@ import multiprocessing.forkserver
 import os
 import signal
 import sys
+import threading
 import time
 import types
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from pathlib import Path
 
 from phalanx.guarantee.verdict import Outcome, exit_status
@@ -29,6 +30,9 @@ _PRELOAD = [
     "scipy.sparse",
     "zenoh",
 ]
+_LONGEST_STOP = 2.0
+"""How long a program may be stopped [s]: the hub gives up a connection that is silent for 10 s, and
+whoever is stopped sees neither the end of the run nor that of its launcher."""
 _NOTICE = 1.0
 """How long the plant gets to see by itself that an agent failed [s]."""
 _GRACE = 4.0
@@ -57,6 +61,8 @@ class Processes:
         self._exits: dict[str, int] = {}
         """Exit codes of the programs that have ended; negative: the signal."""
         self._killed: set[str] = set()
+        self._held: Set[str] = frozenset()
+        """Programs that are stopped."""
         self._served = True
         """Whether reports may still come."""
         with _interrupts_held_back():
@@ -77,6 +83,25 @@ class Processes:
         """Have a program that was killed started again; may be called from another thread."""
         if self._exits.pop(identity, None) is not None:
             self._reports.send(identity)
+
+    def hold(self, identities: Set[str]) -> None:
+        """Hold these programs by SIGSTOP, and no others; may be called from another thread.
+
+        After a while each goes on, held or not.
+        """
+        for identity in self._held - identities:
+            self._signal(identity, signal.SIGCONT)
+        for identity in identities - self._held:
+            self._signal(identity, signal.SIGSTOP)
+            limit = threading.Timer(_LONGEST_STOP, self._signal, [identity, signal.SIGCONT])
+            limit.daemon = True
+            limit.start()
+        self._held = identities
+
+    def _signal(self, identity: str, number: signal.Signals) -> None:
+        if identity in self._pids and identity not in self._exits:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self._pids[identity], number)
 
     def wait_for_plant(self) -> None:
         """Return when the plant has ended. Ctrl-C asks it to stop, and waits on.

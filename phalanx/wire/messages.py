@@ -125,6 +125,8 @@ class Status(Message, frozen=True, kw_only=True):
     """Agents that have not joined yet."""
     restart: bool = False
     """Whether these have died, and whoever started them is to start them again."""
+    stopped: tuple[str, ...] = ()
+    """Agents whose processes stand still: whoever started them is to hold them by SIGSTOP."""
 
 
 class Ended(Message, frozen=True, kw_only=True):

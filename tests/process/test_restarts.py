@@ -1,8 +1,10 @@
-"""kill -9 and restart: a process really dies, another takes its place, and the run goes on."""
+"""kill -9, restart and pause: a process really dies or stands still, and the run goes on."""
 
+import psutil
 import pytest
 
 import phalanx
+from tests.process.runs import wait_for
 
 pytestmark = pytest.mark.swarm
 
@@ -54,3 +56,21 @@ def test_a_run_with_a_restart_by_hand_is_verified() -> None:
     scenario = phalanx.load("unicycles", {"duration": DURATION})
     run = phalanx.run(scenario, engine="in-process", commands=killed_and_restarted("3"))
     assert phalanx.verify(run, engine="processes")
+
+
+def test_a_paused_agents_process_is_stopped_and_goes_on() -> None:
+    seen: set[str] = set()
+
+    def still() -> set[str]:
+        processes = psutil.Process().children(recursive=True)
+        return {p.name() for p in processes if p.status() == psutil.STATUS_STOPPED}
+
+    def look(status: phalanx.Status) -> None:
+        if status.stopped:  # no process goes on before this has returned
+            seen.update(wait_for(still, 1.5))
+
+    pause = {"kind": "pause", "at": KILLED, "for": RESTARTED - KILLED, "agents": ["2"]}
+    scenario = phalanx.load("unicycles", {"duration": DURATION, "faults": [pause]})
+    run = phalanx.run(scenario, progress=look)
+    assert seen == {"phx-agent-2"}
+    assert run.summary.trajectory == phalanx.run(scenario, engine="in-process").summary.trajectory

@@ -72,6 +72,12 @@ class Coasting:
     def publish_status(self, message: Status) -> None:
         pass
 
+    def pause(self, i: int, t: float) -> None:
+        pass
+
+    def resume(self, i: int, t: float) -> None:
+        pass
+
 
 def test_the_input_before_a_breakdown_is_judged_and_recorded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
