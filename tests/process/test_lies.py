@@ -21,6 +21,11 @@ def truthful(found: phalanx.Run) -> Assumption:
     return next(a for a in found.summary.theorem if a.name == "truthful broadcasts")
 
 
+def test_every_lie_that_ships_is_looked_at():
+    shipped = {name for name in phalanx.shipped() if name.startswith("faults/lie-")}
+    assert shipped == {f"faults/lie-{name}" for name in LIES}
+
+
 @pytest.fixture(scope="module")
 def honest(tmp_path_factory) -> phalanx.Run:
     """All five scenarios without their lie."""
