@@ -6,7 +6,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt
 
-from phalanx.network.rule import DROP, Message, Treatment, delay
+from phalanx.network.rule import DELIVER, DROP, Message, Treatment, delay
 
 Positive = Annotated[float, Gt(0)]
 
@@ -43,4 +43,8 @@ class Slot:
 
     def treat(self, message: Message) -> Treatment:
         """Delay to the end of the slot."""
-        return delay(max(0.0, math.ceil(message.t / self.every) * self.every - message.t))
+        slots = message.t / self.every
+        if not math.isfinite(slots):
+            # Who lies about when it sent may name a time that no slot has a number for.
+            return DELIVER
+        return delay(max(0.0, math.ceil(slots) * self.every - message.t))

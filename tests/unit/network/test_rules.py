@@ -90,6 +90,15 @@ def test_what_comes_in_a_slot_is_delivered_at_its_end():
     assert arrivals[:8] == pytest.approx([0.1] * 8)
 
 
+@pytest.mark.parametrize("sent", [-1.7e308, -1e17, 1e17, 1.7e308])
+def test_a_time_of_sending_that_is_a_lie_fails_no_rule(sent: float):
+    table = {"delay": 0.03, "slot": 0.1, "rate": {"bits_per_second": 5e4, "limit": 3}}
+    for earlier in (-sent, 0.0, sent):
+        link = Link(0, "a", "b", model(**table))
+        for k, t in enumerate((earlier, sent, earlier)):
+            assert all(0.0 <= copy.after < np.inf for copy in link.fate(k, sent=t).copies)
+
+
 def test_a_partition_loses_what_is_sent_in_its_time():
     link = Link(0, "a", "b", LinkModel((Stage("faults.0", During(0.2, 0.5, Cut()), 0),)))
     gone = [k for k in range(100) if link.fate(k, sent=k / 100).delay is None]
