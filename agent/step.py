@@ -31,6 +31,9 @@ _AT_HOME = Door(Keys("in-process"), Sealer())
 
 Array = NDArray[np.float64]
 
+_MOST_FATES = 900
+"""In one report: with more it might be refused as too large. After a pause there may be many."""
+
 
 class Answer(NamedTuple):
     """What an agent makes of a sample: for its actuator, its peers and the plant."""
@@ -70,6 +73,8 @@ class ControlStep:
         self._orders: Orders | None = None
         self._latency = swarm.scenario.time.latency
         self._lies = swarm.links.lies(self.name)
+        self._untold: tuple[Fate, ...] = ()
+        """Fates that the plant has not been told of yet."""
         self._past: deque[tuple[float, ...]] = deque(maxlen=self._lies.reach)
         """Inputs that lies may look back at, the newest last."""
         self._controller: Controller = controller or DistributedController(rows, i)
@@ -126,7 +131,8 @@ class ControlStep:
         began = time.perf_counter()
         self._obey(sample.orders)
         x = self._states.stacked(self._states.of(sample.x, sample.seen))
-        fates = self._decide_fates(sample, x)
+        self._untold += self._decide_fates(sample, x)
+        fates, self._untold = self._untold[:_MOST_FATES], self._untold[_MOST_FATES:]
         received = self.inbox.received()
         decision, u_nom, used = self._controller(x, sample.seen, sample.t, received)
         u, t_apply = tuple(decision.u.tolist()), sample.t + self._latency

@@ -48,21 +48,22 @@ class Claims:
         """Agent i's actuator was given an input for sample k."""
         self._given[i].put(k, truth)
         for receiver, claim, t in self._early.pop((i, k), ()):
-            self._compare(i, k, receiver, claim, t)
+            self._compare(i, k, truth, receiver, claim, t)
 
     def heard(self, receiver: int, fate: Fate, t: float) -> Finding:
         """A receiver reports at t [s] what it was told; nothing, if the broadcast was lost."""
         if fate.claim is None:
             return _NOTHING
-        if self._given[fate.sender].get(fate.k) is None:
+        truth = self._given[fate.sender].get(fate.k)
+        if truth is None:
             # The input comes late to its actuator: what it will be is not known yet.
             self._early[fate.sender, fate.k].append((receiver, fate.claim, t))
             return _NOTHING
-        return self._compare(fate.sender, fate.k, receiver, fate.claim, t)
+        return self._compare(fate.sender, fate.k, truth, receiver, fate.claim, t)
 
-    def _compare(self, i: int, k: int, receiver: int, claim: Claim, t: float) -> Finding:
-        truth = self._given[i].get(k)
-        assert truth is not None
+    def _compare(
+        self, i: int, k: int, truth: Claim, receiver: int, claim: Claim, t: float
+    ) -> Finding:
         self.truthful.check(claim == truth, t)
         if claim == truth:
             return _NOTHING

@@ -6,7 +6,7 @@ import pytest
 from phalanx.agent.step import ControlStep
 from phalanx.swarm.seen import SeenStates
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.messages import Broadcast, Sample
+from phalanx.wire.messages import MAX_BYTES, Broadcast, Sample
 from phalanx.wire.seal import Malformed
 from tests.unit.swarms import rows_of_scenario
 
@@ -85,6 +85,20 @@ def test_a_sample_about_others_than_it_can_be_about_is_refused(step: ControlStep
     spoilt = msgspec.structs.replace(sample(step, 0, latest=-1), **changes)
     with pytest.raises(Malformed, match="wrong agents"):
         step.accept_sample(spoilt)
+
+
+def test_after_a_long_pause_it_tells_of_what_it_heard_in_reports_that_are_taken(step: ControlStep):
+    """As many as were sent meanwhile come in one sample, and fit into no one report."""
+    step(step.accept_sample(sample(step, 0, latest=-1)))
+    for k in range(1000):
+        hear(step, k)
+    reports = [
+        step(step.accept_sample(sample(step, k, latest=999))).telemetry for k in (1, 2, 3, 4)
+    ]
+    told = [(fate.sender, fate.k) for report in reports for fate in report.fates]
+    assert sorted(told) == [(j, k) for j in step.swarm.heard_by(0) for k in range(1000)]
+    assert all(len(msgspec.msgpack.encode(report)) < MAX_BYTES for report in reports)
+    assert len(reports[0].fates) > 800
 
 
 def test_it_decides_on_those_it_sees_alone():
