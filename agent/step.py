@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from phalanx.agent.centralised import CentralisedController, CentralisedPart
 from phalanx.agent.clock import VirtualClock
-from phalanx.agent.controller import Controller
+from phalanx.agent.controller import Controller, StepResult
 from phalanx.agent.distributed import DistributedController
 from phalanx.faults.state import Orders
 from phalanx.network.claim import Claim
@@ -21,6 +21,7 @@ from phalanx.scenario.fields import CONTROLLER
 from phalanx.swarm.distances import Distances
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.seen import SeenStates
+from phalanx.theory.rows.information import ReceivedInput
 from phalanx.wire.door import Door
 from phalanx.wire.keys import Keys
 from phalanx.wire.messages import Actuation, Broadcast, Sample, Telemetry
@@ -129,12 +130,12 @@ class ControlStep:
     def __call__(self, sample: Sample) -> Answer:
         """Answer a sample. In lockstep the inbox must have every broadcast that it counts."""
         began = time.perf_counter()
-        self._obey(sample.orders)
+        self.obey(sample.orders)
         x = self._states.stacked(self._states.of(sample.x, sample.seen))
         self._untold += self._decide_fates(sample, x)
         fates, self._untold = self._untold[:_MOST_FATES], self._untold[_MOST_FATES:]
         received = self.inbox.received()
-        decision, u_nom, used = self._controller(x, sample.seen, sample.t, received)
+        decision, u_nom, used = self.decide(x, sample.seen, sample.t, received)
         u, t_apply = tuple(decision.u.tolist()), sample.t + self._latency
         return Answer(
             Actuation(k=sample.k, t_apply=t_apply, u=u),
@@ -148,9 +149,15 @@ class ControlStep:
                 ages=tuple((l, sample.t - received[l].since) for l in used),
                 fates=fates,
                 rejected=self.rejected,
-                received=() if sample.pace is None else tuple(self.inbox.numbers().items()),
+                received=() if sample.pace is None else _said(received),
             ),
         )
+
+    def decide(
+        self, x: Array, seen: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
+    ) -> StepResult:
+        """What the controller makes of the stacked state x, shape (n̄,), sampled at t [s]."""
+        return self._controller(x, seen, t, received)
 
     def _broadcasts(self, sample: Sample, truth: Claim) -> dict[int, Broadcast]:
         past, names = self._past, self.swarm.names
@@ -189,7 +196,8 @@ class ControlStep:
         model = swarm.links.model(swarm.names[sender], receiver)
         return Link(swarm.scenario.seed, swarm.names[sender], receiver, model)
 
-    def _obey(self, orders: Orders | None) -> None:
+    def obey(self, orders: Orders | None) -> None:
+        """Do from now on as commands ask."""
         if orders is None or orders == self._orders:
             return
         turned = orders.adversary and not (self._orders and self._orders.adversary)
@@ -205,6 +213,13 @@ def control_steps(rows: SafetyRows, name: str, door: Door = _AT_HOME) -> list[Co
         return [ControlStep(rows, rows.swarm.names.index(name), door=door)]
     whole = CentralisedController(rows)
     return [ControlStep(rows, i, CentralisedPart(whole, i), door) for i in rows.swarm.normal]
+
+
+def _said(
+    received: Mapping[int, ReceivedInput],
+) -> tuple[tuple[int, float, tuple[float, ...]], ...]:
+    """Every û_l as a message has it."""
+    return tuple((l, known.since, tuple(known.u.tolist())) for l, known in received.items())
 
 
 def _existing(sample: Sample) -> dict[int, Existing]:

@@ -80,7 +80,7 @@ class Answers:
         if len(message.u_nom) != self._sizes[i]:
             raise Malformed("wrong size")
         senders = [fate.sender for fate in message.fates]
-        senders += [l for l, _ in (*message.ages, *message.received)]
+        senders += [l for l, _ in message.ages] + [l for l, _, _ in message.received]
         if any(not 0 <= sender < self._agents for sender in senders):
             raise Malformed("unknown sender")
         if any(not 0 <= n < self._faults for fate in message.fates for n in fate.faults):

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from phalanx.faults.commands import Command
 from phalanx.plant.world import DisturbanceKnot, Passage
+from phalanx.wire.messages import Sample
 
 Array = NDArray[np.float64]
 
@@ -53,6 +54,8 @@ class InputApplied(NamedTuple):
     """[s]"""
     u: tuple[float, ...]
     """Native input, shape (m_i,)."""
+    answers: Sample | None = None
+    """In real time, the sample as the agent was shown it."""
 
 
 class InputLost(NamedTuple):

@@ -75,9 +75,7 @@ class TimelyAgents(Protocol):
 class _Asked(NamedTuple):
     """A sample that was handed out."""
 
-    k: int
-    t: float
-    """[s]"""
+    sample: Sample
     wall: float
     """By the wall clock [s]."""
     due: float
@@ -186,10 +184,12 @@ class RealTime:
         asked, answer = self._asked.pop(i), self._answers.pop(i)
         self.timekeeping.late += t > asked.due
         if asked.lost:
-            self._happened.append(InputLost(i, asked.k, asked.t, t, answer.u))
+            self._happened.append(InputLost(i, asked.sample.k, asked.sample.t, t, answer.u))
         else:
             self.world.apply(i, np.array(answer.u))
-            self._happened.append(InputApplied(i, asked.k, asked.t, t, answer.u))
+            k, sampled = asked.sample.k, asked.sample.t
+            applied = InputApplied(i, k, sampled, t, answer.u, asked.sample)
+            self._happened.append(applied)
 
     def _sample(self, due: list[int], now: float) -> None:
         for i, whole in zip(due, self._sensing.sights(self.world.x, due), strict=True):
@@ -198,24 +198,22 @@ class RealTime:
             self.timekeeping.sampled(i, now, self._schedule.tick(i))
             k = self._schedule.sampled(i, now)
             self._contacts.sampled(i, k, now, sight)
-            takes_effect, lost = self._schedule.due(i), self._schedule.loses_input(i)
-            self._asked[i] = _Asked(k, now, time.monotonic(), takes_effect, lost)
             told = self.sensors.told(i, k, now, self.world.x)
-            self._happened.append(Sampled(i, now, told is self.world.x))
-            self._agents.send_sample(
-                i,
-                Sample(
-                    k=k,
-                    t=now,
-                    seen=sight.seen,
-                    x=self._states.packed(told, sight.seen),
-                    since=since,
-                    latest=latest,
-                    hearers=sight.hearers,
-                    orders=self._faults.orders(i),
-                    pace=self._commands.pace.speed,
-                ),
+            sample = Sample(
+                k=k,
+                t=now,
+                seen=sight.seen,
+                x=self._states.packed(told, sight.seen),
+                since=since,
+                latest=latest,
+                hearers=sight.hearers,
+                orders=self._faults.orders(i),
+                pace=self._commands.pace.speed,
             )
+            takes_effect, lost = self._schedule.due(i), self._schedule.loses_input(i)
+            self._asked[i] = _Asked(sample, time.monotonic(), takes_effect, lost)
+            self._happened.append(Sampled(i, now, told is self.world.x))
+            self._agents.send_sample(i, sample)
             while self._schedule.tick(i) <= now:
                 self._miss(i)
 

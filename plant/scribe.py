@@ -2,7 +2,7 @@
 
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -22,10 +22,10 @@ from phalanx.plant.events import (
 from phalanx.plant.frames import FramePublisher
 from phalanx.plant.judge import Judge
 from phalanx.plant.trajectory import TrajectoryHash
-from phalanx.recording.records import Log, State, Step
+from phalanx.recording.records import Log, Shown, State, Step
 from phalanx.recording.write import RecordingWriter
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.messages import Status, Telemetry
+from phalanx.wire.messages import Sample, Status, Telemetry
 
 _STATUS_EVERY = 0.1
 """Wall time between status messages [s]."""
@@ -165,6 +165,8 @@ class RunScribe:
             self._backed_up.add(i)
             self._say(event.t_apply, f"agent {name}: first backup")
         self._recording.write(self._step(event, telemetry, certified))
+        if event.answers is not None:
+            self._recording.write(_shown(self._names, event.i, event.answers, telemetry))
 
     def _on_lost_input(self, event: InputLost) -> None:
         self._take_telemetry(event.i, event.k, event.sampled)
@@ -223,3 +225,15 @@ class RunScribe:
                 if found.false and fate.claim is not None
             ],
         )
+
+
+def _shown(names: Sequence[str], i: int, sample: Sample, telemetry: Telemetry) -> Shown:
+    return Shown(
+        agent=names[i],
+        k=sample.k,
+        t=sample.t,
+        seen=[names[l] for l in sample.seen],
+        x=np.frombuffer(sample.x, dtype="<f8").tolist(),
+        received=[(names[l], since, list(u)) for l, since, u in telemetry.received],
+        adversary=sample.orders is not None and sample.orders.adversary,
+    )

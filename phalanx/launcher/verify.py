@@ -8,7 +8,8 @@ import numpy as np
 
 from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Outcome
-from phalanx.launcher.engine import Engine, Progress, silent
+from phalanx.launcher.decisions import decided_again
+from phalanx.launcher.engine import Engine, EngineError, Progress, silent
 from phalanx.launcher.execute import execute
 from phalanx.recording.read import Recording, read
 from phalanx.recording.records import State, Step
@@ -28,7 +29,7 @@ class Verification:
     steps: int
     """Control steps compared."""
     states: int
-    """States compared."""
+    """States compared; none of a run in real time."""
 
     def __bool__(self) -> bool:
         return self.difference is None
@@ -36,6 +37,8 @@ class Verification:
     def __str__(self) -> str:
         if self.difference is not None:
             return f"differs: {self.difference}"
+        if not self.states:
+            return f"bit-identical: {self.steps} decisions, each from what the agent was shown"
         return f"bit-identical: {self.steps} steps and {self.states} states"
 
 
@@ -48,9 +51,18 @@ def verify(
 ) -> Verification:
     """Run a recording's scenario and commands again, as far as it goes, and compare.
 
+    Of a run in real time every agent's decisions are made again, and nothing else.
+
     Raises:
         EngineError: it cannot be run again.
     """
+    if recorded.shown:
+        if seed is not None:
+            raise EngineError(
+                "a run in real time cannot be run again, with another seed or without"
+            )
+        difference = first_difference(recorded, decided_again(recorded))
+        return Verification(difference, len(recorded.shown), 0)
     scenario = as_far_as(recorded).model_copy(update={} if seed is None else {"seed": seed})
     # What the scenario declares happens again by itself.
     commands = CommandPolicy(schedule=tuple(c for c in recorded.commands if c.fault < 0))

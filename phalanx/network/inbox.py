@@ -184,10 +184,6 @@ class BroadcastInbox:
         """û_l by sender; one never heard since it came into sight is absent."""
         return self._received
 
-    def numbers(self) -> dict[int, int]:
-        """The sequence number of each û_l, by sender."""
-        return {sender: self._newest[sender] for sender in self._received}
-
     def _forget(self, sender: int) -> None:
         """Nothing that a sender broadcast so far counts any more."""
         self._since.pop(sender, None)

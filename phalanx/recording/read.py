@@ -17,7 +17,7 @@ from zstandard import ZstdError
 from phalanx.faults.commands import Command
 from phalanx.guarantee.verdict import Summary
 from phalanx.recording.chunks import records_of
-from phalanx.recording.records import RECORDING, TOPICS, Log, State, Step
+from phalanx.recording.records import RECORDING, TOPICS, Log, Shown, State, Step
 from phalanx.scenario.load import ScenarioError, from_json
 from phalanx.scenario.model import Scenario
 from phalanx.scenario.user_code import code_trusted
@@ -43,6 +43,8 @@ class Recording:
     summary: Summary | None = None
     damage: str | None = None
     """Why the recording ends early, in words; None if it is whole."""
+    shown: list[Shown] = field(default_factory=list)
+    """Of a run in real time: beside each step, what it was made of."""
 
     @property
     def times(self) -> Array:
@@ -95,7 +97,7 @@ def read(run: Path, trust: bool = False) -> Recording:
     by_kind: dict[type, list[Any]] = contents.records
     return Recording(
         path, scenario, contents.metadata, by_kind[State], by_kind[Step], by_kind[Log],
-        by_kind[Command], contents.summary, damage,
+        by_kind[Command], contents.summary, damage, by_kind[Shown],
     )  # fmt: skip
 
 

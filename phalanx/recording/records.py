@@ -59,6 +59,23 @@ class Step(msgspec.Struct):
         return max((age for _, age in self.ages), default=None)
 
 
+class Shown(msgspec.Struct):
+    """What an agent was shown, and what it knew, at a step in real time. Topic /shown."""
+
+    agent: str
+    k: int
+    t: float
+    """t_i^k [s]."""
+    seen: list[str]
+    """The agents that it saw."""
+    x: list[float]
+    """Their states, stacked in that order."""
+    received: list[tuple[str, float, list[float]]]
+    """(sender, since when it is held [s], u) of every û_l."""
+    adversary: bool = False
+    """Whether a command had turned it."""
+
+
 class Log(msgspec.Struct):
     """An event in words. Topic /log."""
 
@@ -66,7 +83,13 @@ class Log(msgspec.Struct):
     text: str
 
 
-TOPICS: dict[type, str] = {State: "/state", Step: "/step", Log: "/log", Command: "/command"}
+TOPICS: dict[type, str] = {
+    State: "/state",
+    Step: "/step",
+    Shown: "/shown",
+    Log: "/log",
+    Command: "/command",
+}
 
 
 def json_schema(kind: type) -> bytes:

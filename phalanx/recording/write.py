@@ -11,14 +11,14 @@ from mcap.writer import Writer
 
 from phalanx.faults.commands import Command
 from phalanx.guarantee.verdict import Summary
-from phalanx.recording.records import TOPICS, Log, State, Step, json_schema
+from phalanx.recording.records import TOPICS, Log, Shown, State, Step, json_schema
 from phalanx.scenario.load import digest, to_json
 from phalanx.scenario.model import Scenario
 
 _CHUNK_BYTES = 64 * 1024
 _VERSIONS = ("phalanx", "eclipse-zenoh", "osqp", "casadi", "numpy")
 
-Record = State | Step | Log | Command
+Record = State | Step | Shown | Log | Command
 
 
 class RecordingError(OSError):

@@ -106,8 +106,8 @@ class Telemetry(Message, frozen=True, kw_only=True):
     """Fates of the broadcasts that this step was the first to know of."""
     rejected: int = 0
     """Payloads dropped by this agent so far."""
-    received: tuple[tuple[int, int], ...] = ()
-    """In real time, (agent's index, sequence number) of every û_l that the agent had."""
+    received: tuple[tuple[int, float, tuple[float, ...]], ...] = ()
+    """In real time, (agent's index, t_apply [s], u) of every û_l that the agent had."""
 
 
 class Status(Message, frozen=True, kw_only=True):

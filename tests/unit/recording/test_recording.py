@@ -157,7 +157,7 @@ def test_mcaps_own_reader_reads_it(whole, tmp_path):
         schemas = {s.name: s.encoding for s in reader.get_summary().schemas.values()}
         attached = {a.name for a in reader.iter_attachments()}
     assert (topics.count("/state"), topics.count("/step"), topics.count("/log")) == (900, 900, 1)
-    kinds = ("phalanx.State", "phalanx.Step", "phalanx.Log", "phalanx.Command")
+    kinds = [f"phalanx.{name}" for name in ("State", "Step", "Shown", "Log", "Command")]
     assert schemas == dict.fromkeys(kinds, "jsonschema")
     assert attached == {"scenario.json", "summary.json"}
 

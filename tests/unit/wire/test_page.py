@@ -31,7 +31,7 @@ OF_FIELD = {
     "version": VERSION,
     "orders": [0.1, None, True, False],
     "ages": [[1, 0.01]],
-    "received": [[1, 6]],
+    "received": [[1, 0.25, [1.5, -2.0]]],
     "fates": [[1, 6, 0.02, [2], [0.25, [1.5, -2.0]]], [1, 7, -1.0, [], None]],
     "agents": [["fine", [1.0], [2.0], "backup", 3, 1, 0.5, 1e-4, None, 0.096]],
     "link_events": [[0, 1, 0.02]],

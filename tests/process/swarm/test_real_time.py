@@ -1,0 +1,101 @@
+"""Runs by the wall clock, with real agents: what they come to, and that their decisions are theirs.
+
+Nothing here depends on how fast the machine is: who is slow misses samples and is late.
+"""
+
+import copy
+import math
+import os
+import signal
+import statistics
+from dataclasses import replace
+
+import pytest
+
+from phalanx import EngineError
+from phalanx.guarantee.verdict import Outcome
+from phalanx.launcher.execute import execute
+from phalanx.launcher.verify import verify
+from phalanx.recording.read import Recording, read
+from phalanx.scenario.load import load
+from tests.process.runs import wait_for
+
+pytestmark = pytest.mark.swarm
+
+DELAY = 0.03
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    """Two seconds of Simulation 1 at a third of the wall clock's pace, on a slow network."""
+    folder = tmp_path_factory.mktemp("real-time")
+    execute(load("unicycles", ["duration=2.0", f"network.delay={DELAY}"]), folder, real_time=0.3)
+    return read(folder)
+
+
+def test_the_wall_clock_sets_the_pace(recorded: Recording) -> None:
+    summary = recorded.summary
+    assert summary is not None
+    assert summary.outcome in (Outcome.SAFE, Outcome.VIOLATED)
+    assert summary.t == 2.0
+    assert summary.wall_time >= 2.0 / 0.3
+
+
+def test_every_input_is_late_where_none_may_take_time(recorded: Recording) -> None:
+    found = recorded.summary.punctuality
+    assert found.late == len(recorded.steps) > 100
+    assert all(step.t_apply > step.t for step in recorded.steps)
+    assert found.samples >= len(recorded.steps)
+    assert all(m.p50 <= m.p99 <= m.most for m in found.measured)
+
+
+def test_a_declared_delay_comes_on_top_of_the_transports(recorded: Recording) -> None:
+    delays = [delay for step in recorded.steps for _, _, delay in step.fates]
+    assert len(delays) > 100
+    assert min(delays) >= DELAY
+    assert statistics.median(delays) > DELAY
+
+
+def test_every_decision_can_be_made_again_from_what_was_shown(recorded: Recording) -> None:
+    verification = verify(recorded)
+    assert verification
+    assert verification.steps == len(recorded.shown) == len(recorded.steps)
+    assert any(shown.received for shown in recorded.shown)
+
+
+@pytest.mark.parametrize("what", ["x", "received"])
+def test_a_last_digit_of_what_was_shown_makes_another_decision(
+    recorded: Recording, what: str
+) -> None:
+    forged = replace(recorded, shown=copy.deepcopy(recorded.shown))
+    shown = next(s for s in forged.shown if s.agent == "1" and s.received and s.t > 1.0)
+    if what == "x":
+        shown.x = [math.nextafter(value, math.inf) for value in shown.x]
+    else:
+        shown.received = [(l, math.nextafter(since, 0.0), u) for l, since, u in shown.received]
+    difference = verify(forged).difference
+    assert difference is not None
+    assert f"agent 1, k = {shown.k}," in difference
+
+
+def test_it_cannot_be_run_again_with_another_seed(recorded: Recording) -> None:
+    with pytest.raises(EngineError, match="real time"):
+        verify(recorded, seed=1)
+
+
+def test_an_agent_that_is_killed_is_lost_and_the_run_goes_on(phalanx) -> None:
+    run = phalanx("run", "one-on-one", "--real-time", "1", "--set", "duration=600")
+    run.wait_until_running(agents=2)
+    run.programs()["phx-agent-2"].kill()
+
+    def steps_without_it() -> int:
+        found = read(run.folder)
+        lost = [line.t for line in found.log if line.text.startswith("agent 2 is lost")]
+        return sum(step.agent == "1" and step.t > lost[0] for step in found.steps) if lost else 0
+
+    wait_for(steps_without_it)
+    os.killpg(run.process.pid, signal.SIGINT)
+    status, _ = run.finish()
+    run.wait_until_gone(5.0)
+    assert status == 130
+    assert read(run.folder).summary.outcome is Outcome.STOPPED
