@@ -30,6 +30,8 @@ class SampleAnswering:
     ) -> None:
         self.error: Exception | None = None
         """What ended the answering, if a control step did."""
+        self.begun = False
+        """Whether a sample has come."""
         self._step, self._sealer = step, sealer
         self._send, self._give_up = send, give_up
         self._refusals = Refusals(log)
@@ -51,6 +53,7 @@ class SampleAnswering:
         if sample.orders and sample.orders.die:
             # A crash as it would be: no clean-up, no goodbye.
             os.kill(os.getpid(), signal.SIGKILL)
+        self.begun = True
         self._pending = sample
         self._answer_if_complete()
 

@@ -58,7 +58,10 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
             log.info("leaving: %s", because)
             over.set()
 
-        PlantPresence(membership.timeout, leave).watch(session, keys)
+        def begun() -> bool:
+            return any(answering.begun for answering in answerings)
+
+        PlantPresence(membership.timeout, leave, begun).watch(session, keys)
         for sender in senders:
             sender.wait_for_listeners(membership.timeout, over)
         # What was built so far lives as long as the process: the collector need not look at it

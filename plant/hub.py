@@ -104,6 +104,7 @@ class Hub:
         while missing := self._joining.missing():
             waiting_for(missing)
             self._take_event(deadline, f"agent {', '.join(missing)} did not join")
+        self._joining.begin()
         waiting_for(())
         for publisher in self._samples:
             # At a router a listener may be known later than its token is.

@@ -15,7 +15,12 @@ class Joining:
         self._names, self._real_time = swarm.names, real_time
         self._joined: set[str] = set()
         self._dismissed: set[str] = set()
+        self._begun = False
         self._changes: list[tuple[int, bool]] = []
+
+    def begin(self) -> None:
+        """All are there: from now on nobody may go. Before, one may lose the hub and come back."""
+        self._begun = True
 
     def missing(self) -> tuple[str, ...]:
         """Agents that have not joined yet."""
@@ -46,7 +51,8 @@ class Joining:
             if alive or found != self.digest:
                 return None
             self._joined.remove(name)
-            return None if name in self._dismissed else f"agent {name} died: see its log"
+            expected = name in self._dismissed or not self._begun
+            return None if expected else f"agent {name} died: see its log"
         if alive and found != self.digest:
             return (
                 f"agent {name} runs another scenario, seed or version (digest {found}, here "

@@ -133,6 +133,14 @@ class Summary(msgspec.Struct):
         return self.t / self.wall_time if self.wall_time > 0 else 0.0
 
 
+def read_summary(written: bytes) -> Summary:
+    """A summary from its JSON. Raises ValueError if it is none."""
+    try:
+        return msgspec.json.decode(written, type=Summary)
+    except msgspec.DecodeError as error:  # besides UnicodeDecodeError, which is a ValueError
+        raise ValueError(str(error)) from error
+
+
 def certified(summary: Summary) -> str:
     """What the certificates of a run came to, in words."""
     found = summary.certificates

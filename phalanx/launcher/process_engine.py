@@ -10,10 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
 from phalanx.faults.commands import CommandPolicy
-from phalanx.guarantee.verdict import Outcome, Summary
+from phalanx.guarantee.verdict import Outcome, Summary, read_summary
 from phalanx.launcher.engine import EngineError, Progress
 from phalanx.launcher.live import announced
 from phalanx.launcher.processes import Processes
@@ -92,13 +90,13 @@ class _Verdict:
 
     def __init__(self, folder: Path) -> None:
         self._file = folder / SUMMARY
-        self.message: bytes | None = None
+        self.heard: Summary | None = None
 
     def read(self) -> Summary | None:
         """The summary, if there is one."""
-        with contextlib.suppress(OSError, msgspec.DecodeError):
-            return msgspec.json.decode(self._file.read_bytes(), type=Summary)
-        return msgspec.json.decode(self.message, type=Summary) if self.message else None
+        with contextlib.suppress(OSError, ValueError):
+            return read_summary(self._file.read_bytes())
+        return self.heard
 
 
 @contextlib.contextmanager
@@ -122,8 +120,8 @@ def _listening(
             progress(status)
 
     def on_verdict(key: str, payload: bytes) -> None:
-        with contextlib.suppress(Malformed):
-            verdict.message = sealer.open(key, payload, Ended).summary
+        with contextlib.suppress(ValueError):
+            verdict.heard = read_summary(sealer.open(key, payload, Ended).summary)
 
     session = None
     while session is None and processes.plant_runs:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from zstandard import ZstdError
 
 from phalanx.faults.commands import Command
-from phalanx.guarantee.verdict import Summary
+from phalanx.guarantee.verdict import Summary, read_summary
 from phalanx.recording.chunks import records_of
 from phalanx.recording.records import RECORDING, TOPICS, Log, Shown, State, Step
 from phalanx.scenario.load import ScenarioError, from_json
@@ -143,7 +143,7 @@ class _Contents:
         if record.name == "scenario.json":
             self.scenario = record.data.decode()
         elif record.name == "summary.json":
-            self.summary = msgspec.json.decode(record.data, type=Summary)
+            self.summary = read_summary(record.data)
 
     def _extent(self) -> str:
         states = self.records[State]

@@ -6,6 +6,9 @@ from collections.abc import Callable
 from phalanx.wire import session as wire
 from phalanx.wire.keys import PLANT, ROUTER, Keys
 
+_BEFORE_IT_BEGINS = 3.0
+"""How long a plant that is its own hub may be lost before the first sample [s]: Zenoh closes a
+connection to whom it can tell nothing for a while, as when a join meets a flood."""
 _MOMENT = 0.5
 """Within this after a token of the plant's is gone it is known whether the hub was lost [s]."""
 
@@ -15,12 +18,24 @@ class PlantPresence:
 
     Where the hub is the plant, both are lost at once. A router may be restarted: Zenoh's clients
     connect again by themselves and declare again what they had declared, and the plant is given
-    time to do so. That the hub is lost is told before or after the tokens that were there go.
+    time to do so; so it is before the first sample, when nothing can be missed. That the hub is
+    lost is told before or after the tokens that were there go.
     """
 
-    def __init__(self, patience: float, leave: Callable[[str], None]) -> None:
-        """patience: how long a router may be lost [s]. leave is told why; perhaps again."""
-        self._patience, self._leave = patience, leave
+    def __init__(
+        self,
+        patience: float,
+        leave: Callable[[str], None],
+        begun: Callable[[], bool] = lambda: True,
+    ) -> None:
+        """Begin without a router.
+
+        Args:
+            patience: how long a router may be lost [s].
+            leave: told why; perhaps again.
+            begun: whether the first sample has come.
+        """
+        self._patience, self._leave, self._begun = patience, leave, begun
         self._at_router = False
         self._lock = threading.Lock()
         self._leaving: threading.Timer | None = None
@@ -33,11 +48,14 @@ class PlantPresence:
 
     def on_parting(self) -> None:
         """The connection to the hub was lost."""
-        if not self._at_router:
+        if self._at_router:
+            self._put_off()
+            self._leave_after(self._patience, "the plant is not back at its router")
+        elif self._begun():
             self._leave("the connection to the hub was lost")
-            return
-        self._put_off()
-        self._leave_after(self._patience, "the plant is not back at its router")
+        else:
+            self._put_off()
+            self._leave_after(_BEFORE_IT_BEGINS, "the plant is not back")
 
     def on_router(self, _: str, alive: bool) -> None:
         """A router's token appeared or disappeared."""
@@ -47,7 +65,7 @@ class PlantPresence:
         """The plant's token appeared or disappeared."""
         if alive:
             self._put_off()
-        elif self._at_router:
+        elif self._at_router or not self._begun():
             self._leave_after(_MOMENT, "the plant left")
         else:
             self._leave("the plant left")

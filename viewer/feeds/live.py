@@ -6,14 +6,14 @@ import threading
 import time
 from typing import Self
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.faults.commands import Command, CommandKind
-from phalanx.guarantee.verdict import Summary
+from phalanx.guarantee.verdict import Summary, read_summary
 from phalanx.scenario.load import from_json
 from phalanx.scenario.user_code import code_trusted
+from phalanx.viewer.feeds.expected import check_frame
 from phalanx.viewer.feeds.live_history import LiveHistory
 from phalanx.viewer.scene.model import scene_model
 from phalanx.wire import session as wire
@@ -123,15 +123,17 @@ class Live:
 
     def _on_frame(self, key: str, payload: bytes) -> None:
         try:
-            self._frames.put(self._sealer.open(key, payload, Frame))
+            frame = self._sealer.open(key, payload, Frame)
+            check_frame(frame, self.model)
         except Malformed as reason:
             self._refusals.add(key, reason)
+        else:
+            self._frames.put(frame)
 
     def _on_verdict(self, key: str, payload: bytes) -> None:
         try:
-            ended = self._sealer.open(key, payload, Ended)
-            self.summary = msgspec.json.decode(ended.summary, type=Summary)
-        except (Malformed, msgspec.DecodeError) as reason:
+            self.summary = read_summary(self._sealer.open(key, payload, Ended).summary)
+        except ValueError as reason:
             self._refusals.add(key, reason)
 
     def _on_plant(self, _key: str, alive: bool) -> None:

@@ -18,7 +18,8 @@ def test_an_insider_changes_nothing(attack: str, calm: Summary, tmp_path) -> Non
     # A flood that is let in may drown the command that lets a held run go.
     policy = PACED if attack == FLOOD else HELD
     summary, attacker = assailed(attack, tmp_path / "assailed", policy)
-    assert (summary.trajectory, summary.outcome) == (calm.trajectory, calm.outcome)
+    found, expected = (summary.trajectory, summary.outcome), (calm.trajectory, calm.outcome)
+    assert found == expected, summary.reason
     assert attacker.let_in
 
 

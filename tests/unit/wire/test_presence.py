@@ -28,6 +28,16 @@ def test_without_a_router_the_hub_is_the_plant(presence) -> None:
     assert presence.reasons == ["the connection to the hub was lost"]
 
 
+def test_before_the_first_sample_a_hub_that_comes_back_was_not_lost() -> None:
+    left = threading.Event()
+    presence = PlantPresence(PATIENCE, lambda _: left.set(), begun=lambda: False)
+    presence.on_plant("", False)
+    presence.on_parting()
+    assert not left.is_set()
+    presence.on_plant("", True)
+    assert not left.wait(2.0 * PATIENCE)
+
+
 @pytest.mark.parametrize("tokens_first", [True, False])
 def test_whoever_loses_the_router_waits_for_the_plant(presence, tokens_first: bool) -> None:
     presence.on_router("", True)
