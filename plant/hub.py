@@ -27,6 +27,8 @@ from phalanx.wire.seal import Malformed, Sealer
 
 log = logging.getLogger("phalanx.plant")
 
+_AWAY = 4.0
+"""How long an agent may lose the hub before the run begins [s]."""
 _POLL = 0.2
 """How often a wait looks up to see whether the run was stopped [s]."""
 
@@ -101,14 +103,19 @@ class Hub:
             SwarmBrokenError: an agent does not come, leaves, or runs another scenario.
         """
         deadline = time.monotonic() + self._timeout
-        while missing := self._joining.missing():
+        while missing := self._not_there():
             waiting_for(missing)
             self._take_event(deadline, f"agent {', '.join(missing)} did not join")
+            for name in self._joining.gone_for(_AWAY):
+                raise SwarmBrokenError(f"agent {name} died: see its log")
         self._joining.begin()
         waiting_for(())
-        for publisher in self._samples:
-            # At a router a listener may be known later than its token is.
-            wire.wait_for_listener(publisher, self._timeout)
+
+    def _not_there(self) -> tuple[str, ...]:
+        """Who has not joined, or does not hear yet: at a router that may be known later."""
+        hears = [wire.has_listener(publisher) for publisher in self._samples]
+        missing = self._joining.missing()
+        return missing or tuple(n for n, h in zip(self._names, hears, strict=True) if not h)
 
     def send_sample(self, i: int, sample: Sample) -> None:
         """Hand agent i its sample."""

@@ -1,5 +1,7 @@
 """Who has joined a run, and who has left it: what the programs' liveliness tokens mean."""
 
+import time
+
 from phalanx.scenario.load import digest
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.keys import kind_and_name
@@ -16,11 +18,18 @@ class Joining:
         self._joined: set[str] = set()
         self._dismissed: set[str] = set()
         self._begun = False
+        self._gone: dict[str, float] = {}
+        """By the wall clock, since when an agent that had joined is away [s]."""
         self._changes: list[tuple[int, bool]] = []
 
     def begin(self) -> None:
         """All are there: from now on nobody may go. Before, one may lose the hub and come back."""
         self._begun = True
+
+    def gone_for(self, seconds: float) -> list[str]:
+        """Who joined, and was lost so long ago."""
+        now = time.monotonic()
+        return [name for name, since in self._gone.items() if now > since + seconds]
 
     def missing(self) -> tuple[str, ...]:
         """Agents that have not joined yet."""
@@ -51,8 +60,12 @@ class Joining:
             if alive or found != self.digest:
                 return None
             self._joined.remove(name)
-            expected = name in self._dismissed or not self._begun
-            return None if expected else f"agent {name} died: see its log"
+            if name in self._dismissed:
+                return None
+            if self._begun:
+                return f"agent {name} died: see its log"
+            self._gone[name] = time.monotonic()
+            return None
         if alive and found != self.digest:
             return (
                 f"agent {name} runs another scenario, seed or version (digest {found}, here "
@@ -61,4 +74,5 @@ class Joining:
         if alive:
             self._joined.add(name)
             self._dismissed.discard(name)
+            self._gone.pop(name, None)
         return None

@@ -7,6 +7,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from phalanx.scenario.registry import construct
+from phalanx.scenario.user_code import UntrustedCodeError
 from phalanx.theory.expressions.asked import in_words
 
 CONTROLLER = "controller"
@@ -74,6 +75,8 @@ def built(field: str | int, kind: type, table: Table) -> Any:
         raise ValidationError.from_exception_data(str(field), lines) from error
     except ValueError as error:
         raise misplaced((field,), str(error), table.get("type")) from error
+    except UntrustedCodeError:
+        raise
     except Exception as error:  # of a user's own, while it is made
         message = f"expected {table.get('type')} to be made of its fields"
         raise misplaced((field,), message, InWords(in_words(error))) from error

@@ -269,6 +269,12 @@ def on_parting(session: zenoh.Session, parted: Callable[[], None]) -> None:
         parted()
 
 
+def has_listener(publisher: zenoh.Publisher) -> bool:
+    """Whether somebody listens now."""
+    matching: bool = publisher.matching_status.matching  # type: ignore[attr-defined]
+    return matching
+
+
 def wait_for_listener(
     publisher: zenoh.Publisher, timeout: float, over: Callable[[], bool] = lambda: False
 ) -> None:
@@ -276,8 +282,7 @@ def wait_for_listener(
 
     Raises HubError if nobody does within `timeout` seconds, or `over` before.
     """
-    matching: bool = publisher.matching_status.matching  # type: ignore[attr-defined]
-    if matching:
+    if has_listener(publisher):
         return
     listener = threading.Event()
 
@@ -287,7 +292,7 @@ def wait_for_listener(
 
     publisher.declare_matching_listener(zenoh.handlers.Callback(on_match, indirect=False))
     deadline = time.monotonic() + timeout
-    while not publisher.matching_status.matching and not listener.wait(_GLANCE):  # type: ignore[attr-defined]
+    while not has_listener(publisher) and not listener.wait(_GLANCE):
         if over() or time.monotonic() > deadline:
             raise HubError(f"nobody listens to {publisher.key_expr} after {timeout:g} s")
 

@@ -160,7 +160,7 @@ def test_a_full_disk_breaks_the_run_and_names_the_file(phalanx):
     assert recording.steps
 
 
-def test_an_agent_that_cannot_start_is_named_with_its_error(phalanx, tmp_path, monkeypatch):
+def test_an_agent_whose_law_fails_is_named_with_its_error(phalanx, tmp_path, monkeypatch):
     module = tmp_path / "faulty_law.py"
     module.write_text(FAULTY_LAW)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
@@ -183,10 +183,13 @@ from dataclasses import dataclass
 @dataclass
 class Faulty:
     def prepare(self, dynamics):
-        pass
+        self.answers = 0
 
     def input(self, view):
-        raise RuntimeError("no such sensor")
+        self.answers += 1
+        if self.answers > 1:  # the first is asked for before any process starts
+            raise RuntimeError("no such sensor")
+        return view.x[view.i][:2] * 0.0
 """
 
 
