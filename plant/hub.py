@@ -128,6 +128,10 @@ class Hub:
         One that decides for others too goes on. Raises SwarmBrokenError as await_actuation.
         """
         self._await_report(i)
+        self.pause_now(i, t)
+
+    def pause_now(self, i: int, t: float) -> None:
+        """The same at once, in real time."""
         if i in self._alone:
             self._stopped.add(self._names[i])
             self.publish_status(msgspec.structs.replace(self._told, t=t))
@@ -143,6 +147,10 @@ class Hub:
         One that decides for others too lives on. Raises SwarmBrokenError as await_actuation.
         """
         self._await_report(i)
+        self.kill_now(i, order)
+
+    def kill_now(self, i: int, order: Sample) -> None:
+        """The same at once, in real time."""
         if self._names[i] in self._stopped:
             self.resume(i, order.t)
         if i in self._alone:
@@ -163,12 +171,6 @@ class Hub:
             self.publish_status(Status(t=t, waiting_for=(name,), restart=True))
             self._take_event(deadline, f"agent {name} did not join again")
         wire.wait_for_listener(self._samples[i], self._timeout)
-
-    def kill_now(self, i: int, order: Sample) -> None:
-        """The same at once, in real time."""
-        if i in self._alone:
-            self._joining.dismiss(self._names[i])
-            self._put_sample(i, order)
 
     def restart_soon(self, i: int, t: float) -> None:
         """Ask for another process in the dead agent i's place, and do not wait for it."""

@@ -56,6 +56,12 @@ class TimelyAgents(Protocol):
     def send_sample(self, i: int, sample: Sample) -> None:
         """Hand agent i its sample."""
 
+    def pause_now(self, i: int, t: float) -> None:
+        """Agent i's process stands still from t [s] on, whatever it still had to say."""
+
+    def resume(self, i: int, t: float) -> None:
+        """Agent i's process goes on at t [s]."""
+
     def kill_now(self, i: int, order: Sample) -> None:
         """Have agent i's process die of this order."""
 
@@ -229,14 +235,19 @@ class RealTime:
             return CommandObeyed(command, i)
         if self._faults.silent(i):
             self._schedule.silence(i)
-        if command.kind == CommandKind.KILL:
-            k, x = self._schedule.next_number(i), self._states.packed(self.world.x, (i,))
-            self._agents.kill_now(i, last_sample(i, k, command.t, x))
-            forgotten = self._contacts.forget(i)
-        if command.kind == CommandKind.RESTART:
-            self._agents.restart_soon(i, command.t)
-        if command.kind in (CommandKind.RESTART, CommandKind.THAW):
-            self._schedule.resume(i, command.t)
+        match command.kind:
+            case CommandKind.KILL:
+                k, x = self._schedule.next_number(i), self._states.packed(self.world.x, (i,))
+                self._agents.kill_now(i, last_sample(i, k, command.t, x))
+                forgotten = self._contacts.forget(i)
+            case CommandKind.RESTART:
+                self._agents.restart_soon(i, command.t)
+                self._schedule.resume(i, command.t)
+            case CommandKind.FREEZE:
+                self._agents.pause_now(i, command.t)
+            case CommandKind.THAW:
+                self._agents.resume(i, command.t)
+                self._schedule.resume(i, command.t)
         return CommandObeyed(command, i, forgotten)
 
     def _rest(self, until: float) -> None:

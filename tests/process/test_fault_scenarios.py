@@ -19,7 +19,7 @@ def calmed(scenario: phalanx.Scenario) -> phalanx.Scenario:
 
 
 def names() -> list[str]:
-    """Lies have their own tests."""
+    """Of the scenarios; those of lies have tests of their own."""
     faults = [name for name in phalanx.shipped() if name.startswith("faults/")]
     return [name for name in faults if not name.startswith("faults/lie-")]
 

@@ -32,6 +32,7 @@ class OnTheWall:
         self.wall, self.samples = 100.0, list[tuple[int, Sample]]()
         self._takes, self._coming = takes, dict[int, tuple[float, Sample]]()
         self.changes = list[tuple[float, int, bool]]()
+        self.still = list[int]()
 
     def send_sample(self, i: int, sample: Sample) -> None:
         self.samples.append((i, sample))
@@ -65,6 +66,12 @@ class OnTheWall:
         raise AssertionError("in real time an input counts with its report")
 
     def publish_status(self, message: Status) -> None: ...
+
+    def pause_now(self, i: int, t: float) -> None:
+        self.still.append(i)
+
+    def resume(self, i: int, t: float) -> None:
+        self.still.remove(i)
 
 
 @pytest.fixture
@@ -130,6 +137,7 @@ def test_commands_take_effect_at_their_times_and_those_who_are_lost_are_told(run
     agents.changes = [(0.1, 1, False), (0.15, 1, True)]
     summary, recording = run(agents, Command(0.05, CommandKind.FREEZE, "1"))
     assert max(s.t for _, s in of(agents, 0)) < 0.05
+    assert agents.still == [0]
     assert max(s.t for _, s in of(agents, 1)) > 0.18
     told = [line.text for line in recording.log]
     assert told[:2] == ["agent 1 frozen", "agent 2 is lost; its actuator holds its input"]
