@@ -37,10 +37,11 @@ class Contacts:
         One of each for every agent seen, -1 where there are none.
         """
         # Not at t: agents that update together do not hear each other.
-        found = []
+        found, firsts = [], self._first[i]
         for j in seen:
-            first = self._first[i].get(j, -1)
-            latest = max(k for sent, k in self._sent[j] if sent < t)
+            first = firsts.get(j, -1)
+            (_, before), (sent, newest) = self._sent[j]
+            latest = newest if sent < t else before
             found.append((first, latest) if 0 <= first <= latest else (-1, -1))
         since, latest_of = zip(*found, strict=True)
         return since, latest_of

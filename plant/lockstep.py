@@ -227,7 +227,8 @@ class Lockstep:
         due = self._schedule.sampling_at(t)
         x = self._state_at(t, due)
         handed_out = {}
-        for i, whole in zip(due, self._sensing.sights(x, due), strict=True):
+        p = self._ahead.positions if self._ahead else None
+        for i, whole in zip(due, self._sensing.sights(x, due, p), strict=True):
             sight = whole.without(self._faults.silent)
             since, latest = self._contacts.existing(i, t, sight.seen)
             k = self._schedule.sampled(i, t)

@@ -75,11 +75,19 @@ class Lookahead:
         self._bounds = [group.disturbance.bound for group in swarm.groups]
         self._disturbances = SwarmDisturbance(rows)
         self._line = self._disturbances.line(0.0, self.x)
+        self._positions: Array | None = None
         self._open: dict[int, _Open] = {}
         self._courses: deque[_Course] = deque()
         """All since the oldest awaited input took effect."""
         self._first = 0
         """Number of the first of them."""
+
+    @property
+    def positions(self) -> Array:
+        """Output positions at x [m], shape (N, d)."""
+        if self._positions is None:
+            self._positions = self._motion.positions(self.x[None])[0]
+        return self._positions
 
     @property
     def open(self) -> list[int]:
@@ -88,10 +96,10 @@ class Lookahead:
 
     def begin_awaiting(self, i: int) -> None:
         """From now on agent i holds an input that is not known yet."""
-        p = self._motion.positions(self.x[None])[0, i]
         course = self._first + len(self._courses)
         u = self._u[self._inputs[i]].copy()
-        self._open[i] = _Open(self.t, self.x[self._parts[i]].copy(), p, u, course)
+        x = self.x[self._parts[i]].copy()
+        self._open[i] = _Open(self.t, x, self.positions[i], u, course)
         self._u[self._inputs[i]] = np.nan
 
     def end_awaiting(self, i: int, u: Array | None) -> None:
@@ -100,13 +108,13 @@ class Lookahead:
         None: it was lost, and the actuator holds what it did.
         """
         begun = self._open.pop(i)
-        self._u[self._inputs[i]] = begun.u if u is None else u
-        x = self.x.copy()
-        x[self._parts[i]] = begun.x
+        x, held, own = begun.x, begun.u if u is None else u, self._parts[i]
         for place in range(begun.course - self._first, len(self._courses)):
-            stretch, phi, slope = self._courses[place]
-            x = self._motion.steps(stretch.steps, x, self._u, phi, slope, stretch.dt, only=i)[-1]
-        self.x[self._parts[i]] = x[self._parts[i]]
+            (count, dt, _), phi, slope = self._courses[place]
+            x = self._motion.one_through(i, count, x, held, phi[own], slope[own], dt)
+        self._u[self._inputs[i]] = held
+        self.x[own] = x
+        self._positions = None
         oldest = min((o.course for o in self._open.values()), default=math.inf)
         while self._courses and self._first < oldest:
             self._courses.popleft()
@@ -122,6 +130,7 @@ class Lookahead:
             self._courses.append(course)
             count, dt, self.t = stretch
             self.x = self._motion.steps(count, self.x, self._u, course.phi, course.slope, dt)[-1]
+            self._positions = None
         if not self._open:
             self._first += len(self._courses)
             self._courses.clear()
@@ -133,7 +142,7 @@ class Lookahead:
         """
         if not self._open:
             return []
-        p = self._motion.positions(self.x[None])[0]
+        p = self.positions
         return [i for i in self._open if any(self._may_see(j, p[j], i) for j in who)]
 
     def _may_see(self, j: int, p: Array, i: int) -> bool:

@@ -17,7 +17,6 @@ Array = NDArray[np.float64]
 class _Alike(NamedTuple):
     """Agents of one kind of dynamics."""
 
-    members: Index
     states: Index
     """Where their states lie in the stack, shape (r, n)."""
     numbers: Index
@@ -35,6 +34,7 @@ class Motion:
         states = _begins([len(m.dynamics.states) for m in members])
         inputs = _begins([len(m.dynamics.inputs) for m in members])
         self._alike: list[_Alike] = []
+        found: list[Index] = []
         for dynamics in _different([m.dynamics for m in members]):
             own = np.array([i for i, m in enumerate(members) if m.dynamics == dynamics])
             x = states[own][:, None] + np.arange(len(dynamics.states))
@@ -43,18 +43,14 @@ class Motion:
             phi = total + inputs[-1] + x
             numbers = np.concatenate([x, total + u, phi, total + phi, dt], axis=1)
             steps = [_runge_kutta(dynamics, count) for count in range(1, most + 1)]
-            self._alike.append(_Alike(own, x, numbers, steps, _position(dynamics)))
+            self._alike.append(_Alike(x, numbers, steps, _position(dynamics)))
+            found.append(own)
+        self._order: Index = np.argsort(np.concatenate(found))
+        """Of members, sorted by kind of dynamics, in their own order."""
+        kinds = np.repeat(np.arange(len(found)), [len(own) for own in found])
+        self._kinds = kinds[self._order].tolist()
 
-    def steps(
-        self,
-        count: int,
-        x: Array,
-        u: Array,
-        phi: Array,
-        slope: Array,
-        dt: float,
-        only: int | None = None,
-    ) -> Array:
+    def steps(self, count: int, x: Array, u: Array, phi: Array, slope: Array, dt: float) -> Array:
         """The stacked states after each of `count` steps, shape (count, n̄).
 
         Args:
@@ -64,23 +60,27 @@ class Motion:
             phi: stacked disturbance at the first step's begin, shape (n̄,).
             slope: of the disturbance's line, shape (n̄,).
             dt: of each step [s].
-            only: the member to move; the others' states are anything. None for all.
         """
         numbers = np.concatenate([x, u, phi, slope, [dt]])
         after = np.empty((count, len(x)))
         for alike in self._alike:
-            if only is not None and only not in alike.members:
-                continue
-            which = slice(None) if only is None else alike.members == only
-            found = alike.steps[count - 1](numbers, alike.numbers[which])
-            after[:, alike.states[which]] = found.reshape(len(found), count, -1).swapaxes(0, 1)
+            found = alike.steps[count - 1](numbers, alike.numbers)
+            after[:, alike.states] = found.reshape(len(found), count, -1).swapaxes(0, 1)
         return after
+
+    def one_through(
+        self, i: int, count: int, x: Array, u: Array, phi: Array, slope: Array, dt: float
+    ) -> Array:
+        """Member i's state after `count` of the same steps, shape (n_i,); all parts are its own."""
+        numbers = np.concatenate([x, u, phi, slope, [dt]])
+        steps = self._alike[self._kinds[i]].steps[count - 1]
+        last: Array = steps(numbers, np.arange(len(numbers))[None])[0, -len(x) :]
+        return last
 
     def positions(self, x: Array) -> Array:
         """Output positions of all agents [m] at stacked states x, (s, n̄); shape (s, N, d)."""
         found = [alike.position(x, alike.states) for alike in self._alike]
-        order = np.argsort(np.concatenate([alike.members for alike in self._alike]))
-        return np.concatenate(found, axis=1)[:, order]
+        return np.concatenate(found, axis=1)[:, self._order]
 
 
 def _begins(sizes: Sequence[int]) -> Index:

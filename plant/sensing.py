@@ -42,19 +42,25 @@ class Sensing:
         self._everybody = tuple(members)
         heard = [frozenset(swarm.heard_by(i)) for i in members]
         self._listeners = [tuple(i for i in members if j in heard[i]) for j in members]
+        self._listening = [frozenset(each) for each in self._listeners]
         self._limited = bool(np.isfinite(self._reach).any())
         self._motion = motion
 
-    def sights(self, x: Array, who: Sequence[int]) -> list[Sight]:
-        """Of each agent in `who`, at the true stacked state x, shape (n̄,)."""
+    def sights(self, x: Array, who: Sequence[int], p: Array | None = None) -> list[Sight]:
+        """Of each agent in `who`, at the true stacked state x, shape (n̄,).
+
+        p: output positions there [m], shape (N, d), if they are known.
+        """
         if not self._limited:
             return [Sight(self._everybody, self._listeners[i]) for i in who]
-        (p,) = self._motion.positions(x[None])
+        if p is None:
+            (p,) = self._motion.positions(x[None])
         return [self._sight(p, i) for i in who]
 
     def _sight(self, p: Array, i: int) -> Sight:
         # A fixed order of summation: who is seen must not depend on a vector unit.
         apart = sum(axis * axis for axis in (p - p[i]).T)
-        seen, mutual = apart <= self._reach[i], apart <= np.minimum(self._reach, self._reach[i])
-        hearers = tuple(l for l in self._listeners[i] if mutual[l])
-        return Sight(tuple(np.flatnonzero(seen).tolist()), hearers)
+        seen = np.flatnonzero(apart <= self._reach[i])
+        mutual = seen[apart[seen] <= self._reach[seen]].tolist()
+        listeners = self._listening[i]
+        return Sight(tuple(seen.tolist()), tuple(l for l in mutual if l in listeners))

@@ -14,17 +14,17 @@ latency, every message sealed and opened; the two kinds take turns in one hub an
 import argparse
 import multiprocessing
 import statistics
-import threading
 import time
 from multiprocessing.queues import SimpleQueue as Answers
-from queue import SimpleQueue
+
+import bare
+from bare import KEYS
 
 from phalanx.wire import session as wire
-from phalanx.wire.keys import PLANT, Keys, kind_and_name
 from phalanx.wire.messages import Actuation, Broadcast
 from phalanx.wire.seal import Sealer
 
-KEYS, SEALER = Keys("bench"), Sealer(b"bench")
+SEALER = Sealer(b"bench")
 TO_ALL = "all"
 """The peer's name on the key that neighbours subscribe to."""
 WAYS = ("subscribed", "addressed")
@@ -57,23 +57,10 @@ def plant(
     endpoint: str, names: list[str], rounds: int, answers: "Answers[tuple[str, float]]"
 ) -> None:
     """The hub: rounds of both ways in turn, each of ten samples for every agent."""
-    joined: SimpleQueue[str] = SimpleQueue()
-    actuations: SimpleQueue[bytes] = SimpleQueue()
-    with wire.open_hub(endpoint) as session:
-        samples = [wire.publisher(session, KEYS.sample(name)) for name in names]
-        wire.subscribe(session, KEYS.actuation("*"), lambda _, payload: actuations.put(payload))
-        wire.watch(session, KEYS.alive("*"), lambda key, _: joined.put(kind_and_name(key)[1]))
-        _token = wire.announce(session, KEYS.alive(PLANT, "bench"))
-        missing = {*names, PLANT}
-        while missing:
-            missing.discard(joined.get())
+    with bare.hub(endpoint, names) as hub:
         for turn in range(2 * rounds):
-            way, began = WAYS[turn % 2], time.perf_counter()
-            for _ in range(10):
-                for publisher in samples:
-                    publisher.put(way.encode())
-                    actuations.get()
-            answers.put((way, (time.perf_counter() - began) / (10 * len(names))))
+            way = WAYS[turn % 2]
+            answers.put((way, bare.exchange(hub, way.encode(), 10 * len(names))))
 
 
 def agent(
@@ -81,7 +68,7 @@ def agent(
 ) -> None:
     """Answers every sample, tells its neighbours in the way that the sample names, and listens."""
     peers = [other for other in names if other != name]
-    with wire.open_client(endpoint, timeout=20) as session:
+    with bare.member(endpoint, name) as session:
         actuation = wire.publisher(session, KEYS.actuation(name))
         addressed = wire.Addressed(session)
         to_all = wire.publisher(session, KEYS.broadcast(name, TO_ALL))
@@ -107,13 +94,9 @@ def agent(
             wire.subscribe(session, KEYS.broadcast(peer, TO_ALL), hear)
         wire.subscribe(session, KEYS.broadcast("*", name), hear)
         wire.subscribe(session, KEYS.sample(name), reply)
-        over = threading.Event()
-        wire.watch(session, KEYS.alive(PLANT), lambda _, alive: None if alive else over.set())
         for publisher in (actuation, to_all):
-            wire.wait_for_listener(publisher, timeout=20)
+            wire.wait_for_listener(publisher, bare.PATIENCE)
         answers.put(("change", _seconds_of_a_change(session)))
-        _token = wire.announce(session, KEYS.alive(name, "bench"))
-        over.wait()
 
 
 def _seconds_of_a_change(session: wire.Session) -> float:

@@ -13,10 +13,10 @@ and the ratio is the median of the rounds' own ratios.
 import argparse
 import multiprocessing
 import statistics
-import threading
-import time
-from queue import SimpleQueue
 from typing import NamedTuple
+
+import bare
+from bare import KEYS
 
 import phalanx
 from phalanx.agent.step import ControlStep
@@ -24,11 +24,8 @@ from phalanx.swarm.rows import build_rows
 from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire import session as wire
-from phalanx.wire.keys import PLANT, Keys, kind_and_name
 from phalanx.wire.messages import Message, Sample
 from phalanx.wire.seal import Sealer
-
-KEYS = Keys("bench")
 
 
 class Sizes(NamedTuple):
@@ -138,27 +135,13 @@ def exchange(
     answer: "multiprocessing.queues.SimpleQueue[float]",
 ) -> None:
     """The hub of a bare exchange: one agent after the other, as in lockstep without latency."""
-    joined: SimpleQueue[str] = SimpleQueue()
-    actuations: SimpleQueue[bytes] = SimpleQueue()
-    with wire.open_hub(endpoint) as session:
-        publishers = [wire.publisher(session, KEYS.sample(name)) for name in names]
-        wire.subscribe(session, KEYS.actuation("*"), lambda _, payload: actuations.put(payload))
-        wire.subscribe(session, KEYS.telemetry("*"), lambda _key, _payload: None)
-        wire.watch(session, KEYS.alive("*"), lambda key, _: joined.put(kind_and_name(key)[1]))
-        _token = wire.announce(session, KEYS.alive(PLANT, "bench"))
-        missing = {*names, PLANT}
-        while missing:
-            missing.discard(joined.get())
-        began = time.perf_counter()
-        for step in range(steps):
-            publishers[step % len(names)].put(bytes(sizes.sample))
-            actuations.get()
-        answer.put((time.perf_counter() - began) / steps)
+    with bare.hub(endpoint, names) as hub:
+        answer.put(bare.exchange(hub, bytes(sizes.sample), steps))
 
 
 def echo(endpoint: str, name: str, peers: list[str], sizes: Sizes) -> None:
     """An agent of a bare exchange: it answers every payload, and hears what it would hear."""
-    with wire.open_client(endpoint, timeout=20) as session:
+    with bare.member(endpoint, name) as session:
         actuation = wire.publisher(session, KEYS.actuation(name))
         telemetry = wire.publisher(session, KEYS.telemetry(name))
         addressed = wire.Addressed(session)
@@ -172,11 +155,7 @@ def echo(endpoint: str, name: str, peers: list[str], sizes: Sizes) -> None:
 
         wire.subscribe(session, KEYS.broadcast("*", name), lambda _key, _payload: None)
         wire.subscribe(session, KEYS.sample(name), reply)
-        over = threading.Event()
-        wire.watch(session, KEYS.alive(PLANT), lambda _, alive: None if alive else over.set())
-        wire.wait_for_listener(actuation, timeout=20)
-        _token = wire.announce(session, KEYS.alive(name, "bench"))
-        over.wait()
+        wire.wait_for_listener(actuation, bare.PATIENCE)
 
 
 if __name__ == "__main__":

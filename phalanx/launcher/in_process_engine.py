@@ -48,7 +48,7 @@ def run_in_process(
         if profile:
             plant.time(stopwatch)
             stopwatch.time(agents, "send_sample", "compute")
-        summary = plant.run()
+        summary = plant.run(prepare=rows.compile)
         if profile:
             stopwatch.write(folder / PROFILE, "in-process")
         recording.finish(summary)

@@ -10,6 +10,7 @@ import threading
 import time
 import types
 from collections.abc import Iterator, Sequence, Set
+from multiprocessing.context import ForkServerContext
 from pathlib import Path
 
 from phalanx.guarantee.verdict import Outcome, exit_status
@@ -51,8 +52,7 @@ class Processes:
         self._programs = {program.identity: program for program in programs}
         self._logs = logs
         self._logs.mkdir(exist_ok=True)
-        context = multiprocessing.get_context("forkserver")
-        context.set_forkserver_preload(_PRELOAD)
+        context = start_importing()
         self._reports, theirs = context.Pipe()
         self._server = context.Process(
             target=serve, args=(to_json(scenario), membership, programs, logs, theirs)
@@ -65,10 +65,6 @@ class Processes:
         """Programs that are stopped."""
         self._served = True
         """Whether reports may still come."""
-        with _interrupts_held_back():
-            # Programs inherit the mask: a Ctrl-C that comes before they are ready for it would
-            # end each of them in a traceback.
-            multiprocessing.forkserver.ensure_running()
         with _without_main():
             self._server.start()
         theirs.close()
@@ -185,6 +181,20 @@ class Processes:
         lines = log.read_text(errors="replace").strip().splitlines() if log.exists() else []
         last = f": {lines[-1]}" if lines else ""
         return f"{title} died ({how}){last}; log: {log}"
+
+
+def start_importing() -> ForkServerContext:
+    """Start the process that imports what all programs need, unless it runs already.
+
+    It does so while the caller goes on, so the sooner it is asked for the better.
+    """
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(_PRELOAD)
+    with _interrupts_held_back():
+        # Programs inherit the mask: a Ctrl-C that comes before they are ready for it would
+        # end each of them in a traceback.
+        multiprocessing.forkserver.ensure_running()
+    return context
 
 
 @contextlib.contextmanager

@@ -60,6 +60,10 @@ def run(
         raise ValueError("engine 'in-process' has no hub to listen on, to watch or to command")
     if real_time is not None and (engine == "in-process" or not 0.0 < real_time <= 1e3):
         raise ValueError("real_time: expected a factor above 0, and engine 'processes'")
+    if engine == "processes":
+        from phalanx.launcher.processes import start_importing
+
+        start_importing()  # while the scenario is checked
     require_runnable(build_swarm(scenario))  # what is impossible is said here, not in a log file
     temporary = tempfile.TemporaryDirectory(prefix="phalanx-") if out is None else None
     parent = Path(temporary.name if temporary else out or "")

@@ -1,5 +1,7 @@
 """A CasADi function bound to arrays of its own, which a call reads and writes without copies."""
 
+from functools import cache
+
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +23,7 @@ class BoundFunction:
             self._buffer.set_res(k, memoryview(array))  # type: ignore[call-arg,arg-type]
 
 
+@cache
 def rounded_up(count: int) -> int:
     """A count of rows to set memory aside for: at most an eighth more, so that few serve all."""
     step = 1 << max(0, max(1, count).bit_length() - 4)

@@ -1,0 +1,64 @@
+"""Bare programs, which join a hub as those of a run do and then only pass payloads on."""
+
+import contextlib
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from queue import SimpleQueue
+from typing import NamedTuple
+
+from phalanx.wire import session as wire
+from phalanx.wire.keys import PLANT, Keys, kind_and_name
+
+KEYS = Keys("bench")
+PATIENCE = 120.0
+"""How long one program may wait for another to join [s]."""
+
+
+class Hub(NamedTuple):
+    """What all have joined."""
+
+    samples: list[wire.Publisher]
+    """To each member, in order."""
+    actuations: SimpleQueue[bytes]
+    """What members put, as it comes."""
+
+
+@contextlib.contextmanager
+def hub(endpoint: str, names: Sequence[str]) -> Iterator[Hub]:
+    """Open a hub, and begin the block once all members have joined; they leave when it is over.
+
+    Raises queue.Empty if nobody joins for long.
+    """
+    joined: SimpleQueue[str] = SimpleQueue()
+    actuations: SimpleQueue[bytes] = SimpleQueue()
+    with wire.open_hub(endpoint) as session:
+        samples = [wire.urgent_publisher(session, KEYS.sample(name)) for name in names]
+        wire.subscribe(session, KEYS.actuation("*"), lambda _, payload: actuations.put(payload))
+        wire.subscribe(session, KEYS.telemetry("*"), lambda _key, _payload: None)
+        wire.watch(session, KEYS.alive("*"), lambda key, _: joined.put(kind_and_name(key)[1]))
+        _token = wire.announce(session, KEYS.alive(PLANT, "bench"))
+        missing = {*names, PLANT}
+        while missing:
+            missing.discard(joined.get(timeout=PATIENCE))
+        yield Hub(samples, actuations)
+
+
+def exchange(hub: Hub, payload: bytes, count: int) -> float:
+    """Time from a sample out to an actuation back, one member after the other [s]."""
+    began = time.perf_counter()
+    for k in range(count):
+        hub.samples[k % len(hub.samples)].put(payload)
+        hub.actuations.get(timeout=PATIENCE)
+    return (time.perf_counter() - began) / count
+
+
+@contextlib.contextmanager
+def member(endpoint: str, name: str) -> Iterator[wire.Session]:
+    """Open a session; after the block, which declares things, join, and stay as long as the hub."""
+    with wire.open_member(endpoint, KEYS.alive(PLANT), PATIENCE) as session:
+        yield session
+        over = threading.Event()
+        wire.watch(session, KEYS.alive(PLANT), lambda _, alive: None if alive else over.set())
+        _token = wire.announce(session, KEYS.alive(name, "bench"))
+        over.wait()
