@@ -6,11 +6,12 @@ out. Who is near whom is looked up in a spatial index, and stands until somebody
 """
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from phalanx.plant.motion import Motion
 from phalanx.swarm.swarm import Swarm
@@ -43,6 +44,8 @@ class NearPairs:
         self._every = self._pairs.among(range(len(swarm.members)))
         few = len(self._every) <= _FEW
         self._function = function if isinstance(function, Reaching) and not few else None
+        if self._function is not None:
+            _spatial_index()  # now, and not in the middle of the run
         self._allowance = (_DIGITS + math.log(len(self._every))) / rho
         self._numbers = _numbers(swarm.safe_set)
         self._sum = _LogSumExp(rho)
@@ -93,7 +96,7 @@ class NearPairs:
         if not math.isfinite(reach):
             self._choose(self._every)
             return
-        tree = cKDTree(positions)
+        tree = _spatial_index()(positions)
         pairs = tree.query_pairs(reach + 2.0 * self._room, output_type="ndarray")
         # A normal member comes first; adversaries' own collisions are nobody's.
         pairs = np.where(self._normal[pairs[:, :1]], pairs, pairs[:, ::-1])
@@ -106,6 +109,14 @@ class NearPairs:
         every = np.concatenate(found)
         self._choose(every[np.lexsort(every.T[::-1])])
         self._from = positions
+
+
+def _spatial_index() -> Callable[[Array], Any]:
+    """cKDTree, which takes most of a second to import: small swarms need not wait for it."""
+    from scipy.spatial import cKDTree
+
+    found: Callable[[Array], Any] = cKDTree
+    return found
 
 
 class _LogSumExp:
