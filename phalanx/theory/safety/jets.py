@@ -9,7 +9,7 @@ known. So are then those of h_tot = LSE(h_1, ..., h_r), s_0 ... s_q, with w = so
 ψ_0 ... ψ_q are functions of s_0 ... s_q alone, since s_k' = s_{k+1}.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import comb
 from typing import Any, NamedTuple
 
@@ -36,6 +36,20 @@ class ComposedJets(NamedTuple):
     """∂ψ_{q-1} / ∂(L_f^j h_p) for pair p and j = 0 ... q-1, shape (r, q); the last is w_p."""
 
 
+class _Composition(NamedTuple):
+    """What one call reads and writes."""
+
+    call: Callable[[], object]
+    h: Array
+    """Of r pairs at s states, shape (s, r, q+1)."""
+    beside: Array
+    """Room for more pairs."""
+    chain: Array
+    """ψ_0 ... ψ_{q-1} and the unforced part, shape (s, q+1)."""
+    weights: Array
+    """shape (s, r, q)"""
+
+
 class LogSumExpJets:
     """Composes any number of pairs."""
 
@@ -49,6 +63,8 @@ class LogSumExpJets:
         """The composition at one state, by how many pairs it has room for."""
         self._bound: dict[tuple[int, int], BoundFunction] = {}
         """At so many states, with room for so many pairs."""
+        self._made: dict[tuple[int, ...], _Composition] = {}
+        """By the shape of h."""
         self._nobody = np.array([FAR] + [0.0] * self._degree)
 
     def __call__(self, h: Array) -> ComposedJets:
@@ -56,29 +72,39 @@ class LogSumExpJets:
 
         The weights are there until the next call.
         """
-        pairs, q = len(h), self._degree
-        chain, weights = self._composed(h[None])
-        return ComposedJets(chain[0, :q].copy(), chain.item(q), weights[0, :pairs])
+        at = self._composed(h[None])
+        chain, q = at.chain[0], self._degree
+        return ComposedJets(chain[:q].copy(), chain.item(q), at.weights[0])
 
     def psi(self, h: Array) -> Array:
         """ψ_0 ... ψ_{q-1} at s states, shape (s, q); h of r pairs as above, (s, r, q+1)."""
-        return self._composed(h)[0][:, : self._degree].copy()
+        return self._composed(h).chain[:, : self._degree].copy()
 
-    def _composed(self, h: Array) -> tuple[Array, Array]:
-        """The chain and the weights at s states; room for more pairs is filled with FAR ones."""
-        (states, pairs, above), q = h.shape, self._degree
-        room = states, rounded_up(pairs)
-        if room not in self._bound:
-            if room[1] not in self._of_one:
-                self._of_one[room[1]] = self._composition(room[1])
-            self._bound[room] = BoundFunction(self._of_one[room[1]].map(states))
-        bound = self._bound[room]
-        rows = bound.inputs[0].reshape(*room, above)
-        rows[:, :pairs] = h
-        rows[:, pairs:] = self._nobody
-        bound.call()
-        chain, weights = bound.outputs
-        return chain.reshape(states, above), weights.reshape(*room, q)
+    def _composed(self, h: Array) -> "_Composition":
+        """Evaluate at s states; what there is room for beside the r pairs are FAR ones."""
+        at = self._made.get(h.shape) or self._make(h.shape)
+        at.h[:] = h
+        at.beside[:] = self._nobody
+        at.call()
+        return at
+
+    def _make(self, shape: tuple[int, ...]) -> "_Composition":
+        (states, pairs, above), q = shape, self._degree
+        room = rounded_up(pairs)
+        if (states, room) not in self._bound:
+            if room not in self._of_one:
+                self._of_one[room] = self._composition(room)
+            self._bound[states, room] = BoundFunction(self._of_one[room].map(states))
+        bound = self._bound[states, room]
+        rows, (chain, weights) = bound.inputs[0].reshape(states, room, above), bound.outputs
+        made = self._made[shape] = _Composition(
+            bound.call,
+            rows[:, :pairs],
+            rows[:, pairs:],
+            chain.reshape(states, above),
+            weights.reshape(states, room, q)[:, :pairs],
+        )
+        return made
 
     def _composition(self, pairs: int) -> ca.Function:
         """(q+1, pairs) -> ψ_0 ... ψ_{q-1} and the unforced part; the weights, (q, pairs).
