@@ -17,6 +17,7 @@ from zstandard import ZstdError
 from phalanx.faults.commands import Command
 from phalanx.guarantee.verdict import Summary, read_summary
 from phalanx.recording.chunks import records_of
+from phalanx.recording.fitting import misfit
 from phalanx.recording.records import RECORDING, TOPICS, Log, Shown, State, Step
 from phalanx.scenario.load import ScenarioError, from_json
 from phalanx.scenario.model import Scenario
@@ -81,8 +82,8 @@ def read(run: Path, trust: bool = False) -> Recording:
             those that this program has imported for a scenario before are, anyway.
 
     Raises:
-        UnreadableRecordingError: no such file, not MCAP, without a scenario, or with one that
-            names code that is not trusted.
+        UnreadableRecordingError: no such file, not MCAP, without a scenario, with one that
+            names code that is not trusted, or with records that are not of its scenario.
     """
     path = find(run)
     contents = _Contents()
@@ -95,6 +96,8 @@ def read(run: Path, trust: bool = False) -> Recording:
     except ScenarioError as error:
         raise UnreadableRecordingError(f"{path}: {error}") from error
     by_kind: dict[type, list[Any]] = contents.records
+    if unfit := misfit(scenario, by_kind[State], by_kind[Step]):
+        raise UnreadableRecordingError(f"{path}: {unfit}: not of its scenario")
     return Recording(
         path, scenario, contents.metadata, by_kind[State], by_kind[Step], by_kind[Log],
         by_kind[Command], contents.summary, damage, by_kind[Shown],

@@ -87,7 +87,8 @@ def _alternative(**by_field: str) -> Callable[[Any], str]:
     def which(value: Any) -> str:
         if number_or_table(value) == NUMBER:
             return NUMBER
-        named = value if isinstance(value, dict) else vars(value)
+        # A date or a list is none of them, which the first that is tried says in words.
+        named = value if isinstance(value, dict) else getattr(value, "__dict__", ())
         return next((tag for field, tag in by_field.items() if field in named), default)
 
     default = next(iter(by_field.values()))

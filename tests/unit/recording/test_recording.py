@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -357,3 +358,27 @@ def test_a_chunk_that_unpacks_to_gigabytes_is_damage_and_takes_no_memory(whole, 
 def test_many_chunks_that_unpack_to_gigabytes_together_are_damage(whole, tmp_path):
     found = reread(tmp_path, Whole(bomb(whole, 2**22, 300)))
     assert "more than a recording holds" in found.damage
+
+
+AT = {"t": 0.1, "t_apply": 0.1, "residual": None, "solve_time": 0.0, "fates": []}
+GOOD = Step("1", 0, u=[0.0, 0.0], origin="qp", ages=[("2", 0.0)], **AT)
+MISFITS = {
+    "a state too short": State(0.1, [0.0] * 14, 0.0),
+    "a step of nobody": msgspec.structs.replace(GOOD, agent="9"),
+    "an input too many": msgspec.structs.replace(GOOD, u=[0.0] * 3),
+    "a nominal input too few": msgspec.structs.replace(GOOD, u_nom=[0.0]),
+    "an age of nobody": msgspec.structs.replace(GOOD, ages=[("9", 0.0)]),
+    "an unknown origin": msgspec.structs.replace(GOOD, origin="divine"),
+    "a broadcast of nobody": msgspec.structs.replace(GOOD, fates=[("9", 0, 0.0)]),
+    "a false claim of another size": msgspec.structs.replace(GOOD, false=[("2", 0, 0.0, [0.0])]),
+}
+
+
+@pytest.mark.parametrize("record", MISFITS.values(), ids=MISFITS)
+def test_records_that_are_not_of_their_scenario_are_refused(record: State | Step, tmp_path: Path):
+    with RecordingWriter(tmp_path / RECORDING, scenario(), "run-1") as writer:
+        writer.write(GOOD)
+        writer.write(record)
+        writer.finish(SUMMARY)
+    with pytest.raises(UnreadableRecordingError, match=r"at t = 0.1.*: not of its scenario"):
+        read(tmp_path)

@@ -1,0 +1,36 @@
+"""Whether recorded states and steps are of the recorded scenario: readers rely on their sizes."""
+
+from collections.abc import Iterable
+
+from phalanx.recording.records import State, Step
+from phalanx.scenario.model import Scenario
+from phalanx.theory.rows.origin import Origin
+
+
+def misfit(scenario: Scenario, states: Iterable[State], steps: Iterable[Step]) -> str | None:
+    """The first record that is none of this scenario's, in words; None if all are."""
+    dynamics = {name: group.dynamics_object() for name, group, _ in scenario.roster()}
+    width = sum(len(found.states) for found in dynamics.values())
+    inputs = {name: len(found.inputs) for name, found in dynamics.items()}
+    for state in states:
+        if len(state.x) != width:
+            return f"a state at t = {state.t:.3f} s of {len(state.x)} numbers, expected {width}"
+    for step in steps:
+        if not _fits(step, inputs):
+            return f"a step of agent {step.agent!r} at t = {step.t:.3f} s with wrong fields"
+    return None
+
+
+_ORIGINS = set(Origin)
+
+
+def _fits(step: Step, inputs: dict[str, int]) -> bool:
+    size = inputs.get(step.agent)
+    told = [sender for sender, *_ in (*step.ages, *step.fates, *step.faults, *step.false)]
+    return (
+        len(step.u) == size
+        and len(step.u_nom) in (0, size)
+        and step.origin in _ORIGINS
+        and inputs.keys() >= set(told)
+        and all(len(u) == inputs[sender] for sender, _, _, u in step.false)
+    )
