@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from phalanx.viewer.scene.geometry import facing
 from phalanx.viewer.scene.meshes import ball, body, disc, ring
 from phalanx.viewer.scene.model import SceneModel
-from phalanx.viewer.scene.nodes import add_batch, single, update
+from phalanx.viewer.scene.nodes import HIDDEN, add_batch, single, update
 from phalanx.viewer.scene.palette import DANGER
 from phalanx.viewer.scene.picture import Picture
 
@@ -19,8 +19,6 @@ Click = viser.SceneNodePointerEvent[viser.BatchedMeshHandle]
 _FILL, _ALARM = 0.16, 0.5
 """Opacities of the discs of agents that are safe, and of those that are not."""
 _RED = np.array(DANGER, dtype=np.uint8)
-_HIDDEN = 1e-6
-"""Scale of what is not shown: a batch keeps its number of instances."""
 
 
 class AgentNodes:
@@ -42,15 +40,15 @@ class AgentNodes:
         self._shadows = (
             None if flat else add_batch(scene, "/ground/shadows", disc(), n, opacity=0.3)
         )
-        discs = [self._fills, *([self._rims] if self._rims else [])]
-        for node in discs:
-            node.batched_scales, node.visible = single(self._radii), model.radius > 0.0
+        for node in filter(None, (self._fills, self._rims)):
+            node.visible = model.radius > 0.0
 
     def show(self, picture: Picture, sizes: Array) -> None:
         """Move and colour them; sizes of the bodies [m], shape (N,)."""
         positions, alarmed = single(picture.positions), picture.unsafe_agents
         discs = {
             "batched_positions": positions,
+            "batched_scales": single(self._radii),
             "batched_colors": np.where(alarmed[:, None], _RED, picture.colours),
         }
         update(
@@ -63,7 +61,7 @@ class AgentNodes:
         update(self._fills, **discs, batched_opacities=single(np.where(alarmed, _ALARM, _FILL)))
         if self._rims:
             update(self._rims, **discs)
-        around = np.where(alarmed, np.maximum(1.5 * self._radii, 2.2 * sizes), _HIDDEN)
+        around = np.where(alarmed, np.maximum(1.5 * self._radii, 2.2 * sizes), HIDDEN)
         hidden = np.where(alarmed[:, None], positions, 0.0)
         update(self._halos, batched_positions=single(hidden), batched_scales=single(around))
         if self._shadows:

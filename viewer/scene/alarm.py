@@ -24,10 +24,9 @@ def alarms(
     since = {violation.pair: violation.first for violation in violations}
     lines = []
     for pair in unsafe:
-        label, (a, b) = model.label(pair), model.ends(pair, p)
+        label = model.label(pair)
         first = f", since t = {since[label]:.3f} s" if label in since else ""
-        depth = f"h = {model.values.h(pair, x):.3g} where 0 is allowed"
-        lines.append(f"{label} unsafe: {depth}, {np.linalg.norm(a - b):.2f} m apart{first}")
+        lines.append(f"{label} unsafe: {model.told(pair, x, p)} where 0 is allowed{first}")
     return lines
 
 

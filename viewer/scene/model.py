@@ -72,7 +72,8 @@ class SceneModel:
         """Opposite corners of the box that holds what is known of a run beforehand [m]."""
         start = self.kinematics.poses(self.swarm.start()).positions
         centers = [center[None] for center, _ in self.surroundings.spheres]
-        known = np.concatenate([start, self.surroundings.path, *centers])
+        lines = self.surroundings.outlines
+        known = np.concatenate([start, self.surroundings.path, *centers, *lines])
         reach = 4.0 * self.body
         return known.min(axis=0) - reach, known.max(axis=0) + reach
 
@@ -129,6 +130,13 @@ class SceneModel:
         """The agents that are in one of the pairs."""
         found = [self.swarm.safe_set.pairs[pair] for pair in pairs]
         return {side for pair in found for side in (pair.a, pair.b) if side is not None}
+
+    def told(self, pair: int, x: Array, positions: Array) -> str:
+        """How a pair stands at a state, shape (n̄,): h, and how far its sides are apart."""
+        a, b = self.ends(pair, positions)
+        found = f"h = {self.values.h(pair, x):.3g}"
+        # A limit has no place of its own.
+        return found if a is b else f"{np.linalg.norm(a - b):.2f} m, {found}"
 
     def label(self, pair: int) -> str:
         """A pair in words."""

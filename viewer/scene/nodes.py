@@ -10,6 +10,9 @@ from phalanx.viewer.scene.meshes import Mesh
 
 Array = NDArray[np.float64]
 
+HIDDEN = 1e-6
+"""Scale of what is not shown: a batch keeps its number of instances."""
+
 
 def add_batch(
     scene: viser.SceneApi,
@@ -19,10 +22,10 @@ def add_batch(
     opacity: float | None = None,
     lit: bool = True,
 ) -> viser.BatchedMeshHandle:
-    """A mesh in so many places: one message moves all of them."""
+    """A mesh in so many places, hidden at first: one message moves all of them."""
     return scene.add_batched_meshes_simple(
         name, *mesh, batched_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
-        batched_positions=np.zeros((count, 3)), batched_scales=np.ones(count),
+        batched_positions=np.zeros((count, 3)), batched_scales=np.full(count, HIDDEN),
         batched_colors=np.zeros((count, 3), dtype=np.uint8), opacity=opacity,
         batched_opacities=None if opacity is None else np.ones(count),
         lod="off",  # so few faces leave nothing to simplify

@@ -1,4 +1,4 @@
-"""Obstacles: solid discs and balls, and walls as fences around where one may be."""
+"""What stands still: obstacles, and walls and limits as fences around where one may be."""
 
 import numpy as np
 import viser
@@ -11,6 +11,8 @@ from phalanx.viewer.scene.palette import OBSTACLE
 
 Array = NDArray[np.float64]
 
+_RAIL = 4.0
+"""Thickness of a fence [pixels]."""
 _HATCHES = 40
 """Strokes along a fence of the scene's length: they point to where nobody may be."""
 
@@ -18,6 +20,9 @@ _HATCHES = 40
 def draw_obstacles(scene: viser.SceneApi, model: SceneModel, middle: Array, reach: float) -> None:
     """Draw them once; walls reach so far [m] from the scene's middle, shape (3,)."""
     _draw_spheres(scene, model)
+    for number, line in enumerate(model.surroundings.outlines):
+        rail = np.stack([line[:-1], line[1:]], axis=1)
+        _draw_lines(scene, f"/limits/{number}", rail, _RAIL)
     walls = [(normal, float(normal @ point)) for point, normal in model.surroundings.walls]
     for number, wall in enumerate(walls):
         others = [other for other in walls if other is not wall]
@@ -56,9 +61,9 @@ def _draw_fence(
     steps = max(int(np.linalg.norm(end - begin) / step), 1)
     feet = begin + np.linspace(0.0, 1.0, steps + 1)[:, None] * (end - begin)
     hatches = np.stack([feet, feet + 0.7 * step * (normal - along)], axis=1)
-    rail = np.array([[begin, end]])
-    for part, lines, pixels in (("rail", rail, 4.0), ("hatches", hatches, 1.5)):
-        scene.add_line_segments(
-            f"/obstacles/wall {number}/{part}", lines, OBSTACLE, thickness=pixels,
-            thickness_units="screen",
-        )  # fmt: skip
+    _draw_lines(scene, f"/obstacles/wall {number}/rail", np.array([[begin, end]]), _RAIL)
+    _draw_lines(scene, f"/obstacles/wall {number}/hatches", hatches, 1.5)
+
+
+def _draw_lines(scene: viser.SceneApi, name: str, segments: Array, pixels: float) -> None:
+    scene.add_line_segments(name, segments, OBSTACLE, thickness=pixels, thickness_units="screen")

@@ -84,7 +84,7 @@ def picture(model: SceneModel, frame: Frame) -> Picture:
         u_nom=_arrows(model, x, [status.u_nom for status in frame.agents]),
         pair=frame.pair,
         worst_pair=model.ends(frame.pair, p),
-        worst_pair_text=_told(model, frame.pair, x, p),
+        worst_pair_text=f"{model.label(frame.pair)}: {model.told(frame.pair, x, p)}",
         unsafe=unsafe,
         unsafe_ends=np.array([model.ends(pair, p) for pair in unsafe]).reshape(-1, 2, 3),
         unsafe_agents=np.isin(np.arange(len(p)), list(model.agents_of(unsafe))),
@@ -95,12 +95,6 @@ def picture(model: SceneModel, frame: Frame) -> Picture:
         link_agents=links,
         lost=np.array([event.delay < 0.0 for event in frame.link_events], dtype=bool),
     )
-
-
-def _told(model: SceneModel, pair: int, x: Array, positions: Array) -> str:
-    a, b = model.ends(pair, positions)
-    h = model.values.h(pair, x)
-    return f"{model.label(pair)}: {np.linalg.norm(a - b):.2f} m, h = {h:.3g}"
 
 
 def _arrows(model: SceneModel, x: Array, inputs: list[tuple[float, ...]]) -> Array:

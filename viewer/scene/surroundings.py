@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.scenario.model import Scenario
-from phalanx.theory.safety.limits import Boundary
+from phalanx.theory.safety.limits import Boundary, Outlined
 from phalanx.theory.safety.obstacles import Sphere, Wall
 from phalanx.viewer.scene.geometry import lift
 
@@ -41,6 +41,15 @@ class Surroundings:
         surfaces = [wall.offset - wall.clearance + self.radius for wall in walls]
         normals = [lift(wall.unit_normal) for wall in walls]
         return [(n * at, n) for n, at in zip(normals, surfaces, strict=True)]
+
+    @cached_property
+    def outlines(self) -> list[Array]:
+        """Lines of the limits that can be drawn, such as a fence [m], shapes (s, 3)."""
+        limits = [field.boundary.limit for field in self.scenario.limits]
+        lines = [
+            line for limit in limits if isinstance(limit, Outlined) for line in limit.outline()
+        ]
+        return [np.array([lift(np.array(point)) for point in line]) for line in lines]
 
     @cached_property
     def path(self) -> Array:

@@ -54,7 +54,7 @@ def test_the_banner_says_who_how_deep_and_since_when() -> None:
     p = MODEL.kinematics.poses(x).positions
     unsafe = MODEL.values.unsafe(x).tolist()
     (line,) = alarms(MODEL, unsafe, (known,), x, p)
-    assert line == "1-2 unsafe: h = 0.75 where 0 is allowed, 0.50 m apart, since t = 1.250 s"
+    assert line == "1-2 unsafe: 0.50 m, h = 0.75 where 0 is allowed, since t = 1.250 s"
     assert line in banner([line], [])
     assert past_alarms(MODEL, unsafe, (known,), 2.0) == []
 
@@ -77,3 +77,21 @@ def test_a_banner_names_three_pairs_and_counts_the_others() -> None:
     found = banner([f"1-{k} unsafe" for k in range(5)], [])
     assert [f"1-{k} unsafe" in found for k in range(5)] == [True, True, True, False, False]
     assert "and 2 more pairs" in found
+
+
+def test_an_agent_outside_its_fence_is_unsafe_alone_and_has_no_distance_from_it() -> None:
+    model = scene_model(load("fence", []))
+    x = model.swarm.start().copy()
+    x[:2] = (9.0, 0.0)
+    unsafe = model.values.unsafe(x).tolist()
+    p = model.kinematics.poses(x).positions
+    assert model.agents_of(unsafe) == {0}
+    assert alarms(model, unsafe, (), x, p) == ["1-limit 0 unsafe: h = 1.06 where 0 is allowed"]
+
+
+def test_a_fence_is_drawn_where_the_scenario_has_it() -> None:
+    (outline,) = scene_model(load("fence", [])).surroundings.outlines
+    np.testing.assert_allclose(np.linalg.norm(outline, axis=1), 8.0)
+    low, high = scene_model(load("fence", [])).extent
+    assert (low[:2] < -8.0).all()
+    assert (high[:2] > 8.0).all()

@@ -1,0 +1,158 @@
+"""The pictures of docs/viewer.md: the viewer's page in a headless Chromium, live and in replays.
+
+python bench/paper/viewer_pictures.py
+"""
+
+import contextlib
+import re
+import shutil
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from PIL import Image
+from playwright.sync_api import sync_playwright
+
+import phalanx
+from phalanx.scenario.load import load
+from phalanx.viewer.feeds.replay import Replay, open_replay
+from phalanx.viewer.page.page import Page
+from phalanx.viewer.page.server import choose_port
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+    from playwright.sync_api import Page as Tab
+
+IMAGES = Path("docs/images")
+HOST = "127.0.0.1"
+WIDE, NARROW = (1440, 900), (800, 600)
+FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+CLOCK = re.compile(r"t = ([\d.]+) s")
+# What viser says of a browser without a graphics card would cover the scene.
+HIDE_NOTES = ".mantine-Notifications-root { display: none }"
+CROWD = ("agents.0.count=112", "agents.1.count=16", "duration=4.0")
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A picture of a recorded run."""
+
+    name: str
+    scenario: str
+    overrides: tuple[str, ...] = ()
+    at: float | None = None
+    """[s]; by default the worst moment."""
+    size: tuple[int, int] = WIDE
+    dark: bool = False
+
+
+SHOTS = (
+    Shot("viewer", "unicycles"),
+    Shot("viewer-narrow", "unicycles", size=NARROW),
+    Shot("viewer-space", "formation3d"),
+    Shot("viewer-alarm", "surrounded", at=1.2),
+    Shot("viewer-alarm-narrow", "surrounded", at=1.2, size=NARROW, dark=True),
+    Shot("viewer-swarm", "swarm", CROWD, at=3.0),
+)
+
+
+def main() -> None:
+    """Make all of them."""
+    program = shutil.which("chromium") or shutil.which("google-chrome")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=program, args=FLAGS)
+        replays: dict[tuple[str, tuple[str, ...]], Replay] = {}
+        for shot in SHOTS:
+            key = shot.scenario, shot.overrides
+            if key not in replays:
+                run = phalanx.run(load(shot.scenario, list(shot.overrides)), engine="in-process")
+                replays[key] = open_replay(run.folder)
+            take(browser, shot, replays[key])
+        take_live(browser)
+        browser.close()
+
+
+def take(browser: "Browser", shot: Shot, replay: Replay) -> None:
+    """Take a picture of a replay."""
+    replay.seek(replay.worst_at if shot.at is None else shot.at)
+    with served(replay) as page, opened(browser, page.server.get_port(), shot.size) as tab:
+        if shot.dark:
+            tab.get_by_role("checkbox", name="Dark").check(force=True)
+        tab.get_by_text(f"t = {replay.frame(replay.t).t:.3f} s").first.wait_for()
+        save(settled(tab), shot.name)
+
+
+def take_live(browser: "Browser") -> None:
+    """Take a picture of a run that goes on, a few seconds after its start."""
+    port, scenario = choose_port(HOST, None), load("unicycles", ["duration=20.0"])
+    options = {
+        "commands": phalanx.CommandPolicy(speed=0.5),
+        "viewer": {"host": HOST, "port": port},
+    }
+    run = threading.Thread(target=phalanx.run, args=(scenario,), kwargs=options)
+    run.start()
+    with opened(browser, port, WIDE) as tab:
+        tab.wait_for_function(f"+(document.body.innerText.match({CLOCK.pattern!r})||[0,0])[1] > 4")
+        save(tab.screenshot(), "viewer-live")
+    run.join()
+
+
+@contextlib.contextmanager
+def served(replay: Replay) -> Iterator[Page]:
+    """The page of a replay, kept up to date by a thread."""
+    page, over = Page(HOST, None, (), replay, replay=replay), threading.Event()
+
+    def serve() -> None:
+        while not over.wait(0.03):
+            page.tick()
+
+    server = threading.Thread(target=serve)
+    server.start()
+    try:
+        yield page
+    finally:
+        over.set()
+        server.join()
+        page.server.stop()
+
+
+@contextlib.contextmanager
+def opened(browser: "Browser", port: int, size: tuple[int, int]) -> Iterator["Tab"]:
+    """A tab with the page; it draws in software and may be slow."""
+    tab = browser.new_page(viewport={"width": size[0], "height": size[1]})
+    tab.set_default_timeout(180_000)
+    for _ in range(100):
+        with contextlib.suppress(Exception):  # a live run's page is not there at once
+            tab.goto(f"http://{HOST}:{port}")
+            break
+        tab.wait_for_timeout(300)
+    tab.add_style_tag(content=HIDE_NOTES)
+    tab.get_by_text("Legend").wait_for(state="attached")
+    try:
+        yield tab
+    finally:
+        tab.close()
+
+
+def settled(tab: "Tab") -> bytes:
+    """The page once it has not changed for a while: the scene comes in steps."""
+    shown, same = tab.screenshot(), 0
+    while same < 4:
+        tab.wait_for_timeout(1000)
+        now = tab.screenshot()
+        same = same + 1 if now == shown else 0
+        shown = now
+    return shown
+
+
+def save(png: bytes, name: str) -> None:
+    """Save a picture with few colours: a page has no more."""
+    picture = Image.open(BytesIO(png)).convert("RGB").quantize(128, dither=Image.Dither.NONE)
+    picture.save(IMAGES / f"{name}.png", optimize=True)
+
+
+if __name__ == "__main__":
+    main()
