@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from phalanx.viewer.feeds.replay import Replay
 from phalanx.viewer.scene.model import SceneModel
+from phalanx.viewer.scene.palette import DANGER
 from phalanx.viewer.scene.picture import Picture, picture
 from phalanx.viewer.scene.roles import COLOURS, Role
 
 Array = NDArray[np.float64]
 
-_GREEN = "#22a05e"
+_GREEN, _RED = "#22a05e", "#e11d2e"
 
 
 def draw(replay: Replay, t: float, path: Path) -> None:
@@ -28,9 +29,8 @@ def draw(replay: Replay, t: float, path: Path) -> None:
     grid = figure.add_gridspec(2, 1, height_ratios=[3.2, 1.0])
     scene = figure.add_subplot(grid[0], projection=None if model.flat else "3d")
     (_draw_in_plane if model.flat else _draw_in_space)(scene, model, shown, past)
-    scene.set_title(
-        f"{model.scenario.name}, t = {frame.t:.3f} s; worst pair {shown.worst_pair_text}"
-    )
+    worst = "; ".join(shown.alarms[:2]) or f"worst pair {shown.worst_pair_text}"
+    scene.set_title(f"{model.scenario.name}, t = {frame.t:.3f} s; {worst}", wrap=True)
     scene.legend(handles=_legend(shown), loc="upper left", fontsize="small")
     _h_tot_plot(figure.add_subplot(grid[1]), replay, frame.t)
     figure.savefig(path, dpi=150)
@@ -45,8 +45,12 @@ def _draw_in_plane(axes: Any, model: SceneModel, shown: Picture, past: Array) ->
     for point, normal in model.surroundings.walls:
         along = point[:2] + np.array([-normal[1], normal[0]])
         axes.axline(point[:2], along, color="#64748b", linewidth=3.0)
-    for position, colour in zip(shown.positions, _rgb(shown), strict=True):
-        axes.add_patch(Circle(tuple(position[:2]), model.radius, color=colour, alpha=0.2))
+    for line in model.surroundings.outlines:
+        axes.plot(*line.T[:2], color="#64748b", linewidth=3.0)
+    colours = np.where(shown.unsafe_agents[:, None], np.array(DANGER) / 255.0, _rgb(shown))
+    for position, colour, unsafe in zip(shown.positions, colours, shown.unsafe_agents, strict=True):
+        circle = tuple(position[:2]), model.radius
+        axes.add_patch(Circle(*circle, color=colour, alpha=0.6 if unsafe else 0.2))
     ends = np.array(shown.worst_pair)
     axes.plot(ends[:, 0], ends[:, 1], color=_GREEN, linewidth=2.0)
     x, y, _ = shown.positions.T
@@ -65,7 +69,10 @@ def _draw_in_space(axes: Any, model: SceneModel, shown: Picture, past: Array) ->
         axes.plot(*past[:, agent].T, color="#cbd5e1", linewidth=1.0)
     for center, radius in model.surroundings.spheres:
         axes.plot_surface(*_sphere(center, radius), color="#64748b", alpha=0.4)
-    axes.plot(*np.array(shown.worst_pair).T, color=_GREEN, linewidth=2.0)
+    for line in model.surroundings.outlines:
+        axes.plot(*line.T, color="#64748b", linewidth=1.5)
+    for ends in (np.array(shown.worst_pair), *shown.unsafe_ends):
+        axes.plot(*ends.T, color=_RED if shown.unsafe else _GREEN, linewidth=2.0)
     axes.scatter(*shown.positions.T, c=_rgb(shown), s=26.0)
     for name, position in zip(model.names, shown.positions, strict=True):
         axes.text(*position, name)

@@ -14,7 +14,7 @@ def add_display(gui: viser.GuiApi, scene: Scene) -> None:
         fit = gui.add_button("Fit the view")
         arrows = gui.add_checkbox("Inputs", True)
         paths = gui.add_checkbox("Recent paths", True)
-        links = gui.add_checkbox("Late and lost links", True)
+        links = gui.add_checkbox("Late and lost links", False)
         dark = gui.add_checkbox("Dark", False)
 
     def keep(_: object) -> None:

@@ -25,6 +25,7 @@ class LineNodes:
         self._worst_pair = _lines(scene, "/worst pair", WORST_PAIR, 3.0)
         self._unsafe = _lines(scene, "/unsafe pairs", DANGER, 6.0)
         self._links = _lines(scene, "/links", LATE, 1.5)
+        self._links.visible = False
         self._colours = np.tile(palette.faint, (len(model.names), 1))
 
     def show(self, picture: Picture, selected: int | None) -> None:
