@@ -149,9 +149,8 @@ def settled(tab: "Tab") -> bytes:
 
 
 def save(png: bytes, name: str) -> None:
-    """Save a picture with few colours: a page has no more."""
-    picture = Image.open(BytesIO(png)).convert("RGB").quantize(128, dither=Image.Dither.NONE)
-    picture.save(IMAGES / f"{name}.png", optimize=True)
+    """Save a picture."""
+    Image.open(BytesIO(png)).convert("RGB").save(IMAGES / f"{name}.png", optimize=True)
 
 
 if __name__ == "__main__":

@@ -79,24 +79,30 @@ class Cameras:
 
     def farthest(self, point: Array) -> View:
         """Of what visitors see, that in which things at a point [m], shape (3,), are smallest."""
-        views = [_seen(client) for client in self._server.get_clients().values()]
+        views = [view for _, view in self._seen().values()]
         return max(views or [self._first], key=lambda view: float(view.spans(point[None])[0]))
 
     def show(self, positions: Array, chosen: int | None) -> None:
         """Keep in sight what is to be kept; positions has shape (N, 3)."""
-        clients, known = self._server.get_clients(), self._visitors
-        self._visitors = {key: known[key] for key in clients if key in known}
+        seen, known = self._seen(), self._visitors
+        self._visitors = {key: known[key] for key in seen if key in known}
         alone = self.framing is Framing.AGENT and chosen is not None
         kept = positions[chosen : chosen + 1] if alone and chosen is not None else positions
-        for key, client in clients.items():
+        for key, (client, view) in seen.items():
             if self.framing is Framing.RUN:
-                self._fit_run(key, client)
+                self._fit_run(key, client, view)
             else:
-                self._follow(key, client, kept, alone)
+                self._follow(key, client, view, kept, alone)
 
-    def _fit_run(self, key: int, client: viser.ClientHandle) -> None:
+    def _seen(self) -> dict[int, tuple[viser.ClientHandle, View]]:
+        """What every visitor sees; one whose browser reports nonsense is left alone."""
+        clients = self._server.get_clients().items()
+        views = {key: (client, _view(client)) for key, client in clients}
+        return {key: (client, view) for key, (client, view) in views.items() if view.possible}
+
+    def _fit_run(self, key: int, client: viser.ClientHandle, seen: View) -> None:
         """Once, and when the picture's shape changed: the visitor may look elsewhere."""
-        seen, visitor = _seen(client), self._visitors.get(key)
+        visitor = self._visitors.get(key)
         if visitor is None or not _close(visitor.asked.aspect, seen.aspect):
             # Whoever just came has no direction of his own, and may not look where he is to yet.
             towards = self._first if visitor is None else seen
@@ -104,8 +110,9 @@ class Cameras:
             self._visitors[key] = visitor = _Visitor(seen, seen, fitted.distance)
             visitor.ask(client, fitted)
 
-    def _follow(self, key: int, client: viser.ClientHandle, positions: Array, alone: bool) -> None:
-        seen = _seen(client)
+    def _follow(
+        self, key: int, client: viser.ClientHandle, seen: View, positions: Array, alone: bool
+    ) -> None:
         visitor = self._visitors.setdefault(key, _Visitor(seen, seen, seen.distance))
         visitor.saw(seen)
         fitted = seen.fitted(positions, self._reach)
@@ -114,9 +121,10 @@ class Cameras:
         visitor.ask(client, seen.moved(fitted.look_at, visitor.fit * visitor.zoom))
 
 
-def _seen(client: viser.ClientHandle) -> View:
+def _view(client: viser.ClientHandle) -> View:
     camera = client.camera
-    return View(camera.position, camera.look_at, camera.up_direction, camera.fov, camera.aspect)
+    aspect = max(camera.image_width, 1) / max(camera.image_height, 1)  # of a hidden page, 0 by 0
+    return View(camera.position, camera.look_at, camera.up_direction, camera.fov, aspect)
 
 
 def _close(a: float, b: float) -> bool:

@@ -22,7 +22,7 @@ from phalanx.viewer.scene.view import View
 
 Array = NDArray[np.float64]
 
-_READABLE, _READABLE_IN_A_CROWD = 0.022, 0.009
+_READABLE, _READABLE_IN_A_CROWD = 0.027, 0.01
 """Smallest size of a body, in the shorter side of the picture."""
 
 

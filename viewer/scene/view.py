@@ -11,6 +11,9 @@ from phalanx.viewer.scene.geometry import unit
 
 Array = NDArray[np.float64]
 
+_FAR = 1e9
+"""Beyond any scene [m]."""
+
 
 @dataclass(frozen=True)
 class View:
@@ -26,6 +29,13 @@ class View:
     """Vertical field of view [rad]."""
     aspect: float
     """Width of the picture over its height."""
+
+    @property
+    def possible(self) -> bool:
+        """Whether it can be reckoned with: finite, and looking somewhere."""
+        numbers = np.array([*self.position, *self.look_at, *self.up, self.fov, self.aspect])
+        finite = bool((np.abs(numbers) < _FAR).all())
+        return finite and 0.0 < self.fov < np.pi and bool(abs(np.linalg.det(self.axes)) > 0.5)
 
     @cached_property
     def axes(self) -> Array:

@@ -63,3 +63,15 @@ def test_what_is_behind_the_camera_is_not_in_sight() -> None:
     view = camera("at a slant", 1.5)
     assert view.holds(view.look_at[None])
     assert not view.holds((2.0 * view.position - view.look_at)[None])
+
+
+def test_a_camera_that_no_browser_can_have_is_refused() -> None:
+    good = camera("at a slant", 1.5)
+    assert good.possible
+    nan, far = np.full(3, np.nan), np.full(3, 1e300)
+    assert not replace(good, position=nan).possible
+    assert not replace(good, look_at=far).possible
+    assert not replace(good, position=good.look_at).possible
+    assert not replace(good, up=good.position).possible
+    assert not replace(good, fov=0.0).possible
+    assert not replace(good, fov=4.0).possible
