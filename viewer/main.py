@@ -3,6 +3,7 @@
 import logging
 import signal
 import threading
+from collections.abc import Callable
 from pathlib import Path
 
 from phalanx.swarm.rows import SafetyRows
@@ -22,17 +23,19 @@ def run_live(
     _rows: SafetyRows | None,
     membership: Membership,
     *,
+    recording: Path | None = None,
     command_secret: bytes = b"",
     host: str = "127.0.0.1",
     port: int | None = None,
     origins: tuple[str, ...] = (),
     trust: bool = True,
 ) -> int:
-    """Show a run that goes on, until SIGINT or SIGTERM.
+    """Show a run that goes on, then its recording, until SIGINT or SIGTERM.
 
     Args:
         _rows: as every program of a run gets it; a viewer asks the plant, from wherever it is.
         membership: of the run.
+        recording: its folder, to replay it when it is over; None: the last frame stays.
         command_secret: that of viewers that may command the run; empty: read-only.
         host: address to serve the page on.
         port: to serve the page on; None takes 8080 or the next free one, and says which.
@@ -51,7 +54,16 @@ def run_live(
     with Live(membership, command_secret, trust) as live:
         if command_secret and not live.commandable:
             log.warning("the plant obeys no commands: it was started without a command secret")
-        _show(Page(host, port, origins, live, live=live), stop)
+        page = Page(host, port, origins, live)
+        _announce(page)
+        _tick(page, lambda: stop.is_set() or (recording is not None and live.over), stop)
+    if recording is not None and not stop.is_set():
+        try:
+            page.replay(open_replay(recording, trust))
+        except ValueError as error:  # a plant that was killed leaves none
+            log.warning("no replay: %s", error)
+        _tick(page, stop.is_set, stop)
+    page.server.stop()
     return 0
 
 
@@ -71,8 +83,10 @@ def run_replay(
     """
     stop = _told_to_stop()
     choose_port(host, port)  # a port that cannot be had is said before a long recording is read
-    replay = open_replay(recording, trust)
-    _show(Page(host, port, origins, replay, replay=replay), stop)
+    page = Page(host, port, origins, open_replay(recording, trust))
+    _announce(page)
+    _tick(page, stop.is_set, stop)
+    page.server.stop()
     return 0
 
 
@@ -84,10 +98,14 @@ def _told_to_stop() -> threading.Event:
     return stop
 
 
-def _show(page: Page, stop: threading.Event) -> None:
+def _announce(page: Page) -> None:
     where = f"http://{page.server.get_host()}:{page.server.get_port()}"
     print(f"viewer: {where}", flush=True)
     log.info("showing the run at %s", where)
-    while not stop.wait(_TICK):
+
+
+def _tick(page: Page, over: Callable[[], bool], stop: threading.Event) -> None:
+    """Keep the page up to date until it is over."""
+    while not over():
         page.tick()
-    page.server.stop()
+        stop.wait(_TICK)

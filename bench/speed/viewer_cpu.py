@@ -71,6 +71,7 @@ class Carousel:
         self.history = self._past.history
         self.summary: Summary | None = None
         self.over = False
+        self.log = self._past.log
         self._start = self.model.swarm.start()
         self._phases = np.repeat(np.arange(count), 2) + np.tile([0.0, np.pi / 2.0], count)
         self._frames = 0

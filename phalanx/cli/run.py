@@ -3,7 +3,7 @@
 import secrets
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -17,6 +17,8 @@ from phalanx.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from multiprocessing.process import BaseProcess
+
     from phalanx import Run
 
 
@@ -51,8 +53,19 @@ def run(
         bool, typer.Option("--profile", help="Say where every program's wall time went.")
     ] = False,
     view: Annotated[
-        bool, typer.Option("--view", help="Show the run on a page, and replay it when it is over.")
+        bool,
+        typer.Option(
+            "--view", help="Show the run on a page at real time, and replay it when it is over."
+        ),
     ] = False,
+    speed: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            help="At most this many seconds of the run for each of the clock's; 0: as fast as "
+            "possible. By default 1 with --view, else 0.",
+        ),
+    ] = None,
     commands: Annotated[
         bool,
         typer.Option(
@@ -84,14 +97,23 @@ def run(
     import phalanx
     from phalanx.cli.display import print_profile, print_summary, progress
     from phalanx.guarantee.verdict import exit_status
+    from phalanx.launcher.engine import silent
+    from phalanx.launcher.page import serve_live
 
-    if engine == "in-process" and (view or listen or secret or real_time):
-        raise typer.BadParameter(
-            "--engine in-process: expected no --view, --listen, --secret or --real-time"
-        )
+    if engine == "in-process" and (view or listen or secret or real_time or speed):
+        names = "--view, --listen, --secret, --real-time or --speed"
+        raise typer.BadParameter(f"--engine in-process: expected no {names}")
     resolved = phalanx.load(scenario, overrides or (), seed)
-    page = _page(view, commands, port)
-    policy = phalanx.CommandPolicy(secret=secrets.token_bytes(16) if commands else b"")
+    chosen = _choose_port(view, commands, port)
+    policy = phalanx.CommandPolicy(
+        secret=secrets.token_bytes(16) if commands else b"",
+        speed=float(view) if speed is None else speed,
+    )
+    pages: list[BaseProcess] = []
+
+    def show_page(folder: Path) -> None:
+        pages.append(serve_live(folder, chosen, policy.secret))
+
     try:
         with progress(resolved) as show:
             finished = phalanx.run(
@@ -102,7 +124,7 @@ def run(
                 commands=policy,
                 listen=listen,
                 secret=secret.encode(),
-                viewer=page,
+                announce=show_page if view else silent,
                 profile=profile,
                 real_time=real_time,
             )
@@ -119,13 +141,13 @@ def run(
     if report:
         _write_report(finished)
     print(f"{summary.outcome}: {summary.reason} ({finished.folder})")
-    if page is not None:
-        _replay(finished.folder, page)
+    for page in pages:
+        _wait_for(page)
     return exit_status(summary.outcome, strict)
 
 
-def _page(view: bool, commands: bool, port: int | None) -> dict[str, Any] | None:
-    """Options of the viewer, its port chosen beforehand: live and replay share the page."""
+def _choose_port(view: bool, commands: bool, port: int | None) -> int | None:
+    """The page's port, before anything is started; None without a page."""
     if not view:
         if commands or port is not None:
             raise typer.BadParameter("--commands, --port: expected --view with them")
@@ -137,14 +159,17 @@ def _page(view: bool, commands: bool, port: int | None) -> dict[str, Any] | None
     except OSError as error:
         raise typer.BadParameter(f"--port: {error}") from error
     print(f"viewer: http://127.0.0.1:{chosen}")
-    return {"port": chosen}
+    return int(chosen)
 
 
-def _replay(folder: Path, page: dict[str, Any]) -> None:
-    import pkgutil
-
-    print("replaying on the same page; Ctrl-C ends it")
-    pkgutil.resolve_name("phalanx.viewer.main:run_replay")(folder, **page)
+def _wait_for(page: "BaseProcess") -> None:
+    """Let the page go on until Ctrl-C."""
+    print("the page replays the run; Ctrl-C ends it", flush=True)
+    try:
+        page.join()
+    except KeyboardInterrupt:
+        page.terminate()
+        page.join()
 
 
 def _write_report(finished: "Run") -> None:

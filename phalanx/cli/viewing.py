@@ -52,7 +52,7 @@ def register(app: typer.Typer) -> None:
 def view(
     recording: Annotated[
         Path | None,
-        typer.Argument(metavar="RUN", help="A run's folder or recording, to replay it."),
+        typer.Argument(metavar="RUN", help="A run's folder, live or over, or its recording."),
     ] = None,
     connect: Connect = "",
     run: LiveRun = "",
@@ -76,7 +76,7 @@ def view(
         raise typer.BadParameter("expected either RUN, or --connect and --run")
     page = {"host": host, "port": port, "origins": tuple(origins or ()), "trust": trust}
     if recording is not None:
-        return _show("run_replay", recording, **page)
+        return _show_folder(recording, command_secret, page)
     return _show_live(run, connect, secret, keys, command_secret, timeout, page)
 
 
@@ -140,6 +140,17 @@ def export(
         print(error, file=sys.stderr)
         return 3
     return 0
+
+
+def _show_folder(run: Path, command_secret: str, page: dict[str, Any]) -> int:
+    """A run that goes on and then its recording, or a recording."""
+    from phalanx.launcher.live import find_live
+
+    found = find_live(run)
+    if found is None:
+        return _show("run_replay", run, **page)
+    options = {"recording": run, "command_secret": command_secret.encode()}
+    return _show("run_live", None, found.membership, **options, **page)
 
 
 def _show_live(

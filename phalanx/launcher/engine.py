@@ -1,6 +1,7 @@
 """What every engine has in common: how it is chosen, how it tells of progress, how it fails."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Literal
 
 from phalanx.wire.messages import Status
@@ -12,10 +13,13 @@ called directly, for studies of many runs. Both give the same trajectory to the 
 Progress = Callable[[Status], None]
 """Called a few times a second while a run goes on, perhaps in another thread."""
 
+Announce = Callable[[Path], object]
+"""Called once with a run's folder, when the run can be met there."""
+
 
 class EngineError(RuntimeError):
     """A run could not begin, or ended without a verdict; the message says which program and why."""
 
 
-def silent(status: Status) -> None:
-    """A progress callback that says nothing."""
+def silent(_: object) -> None:
+    """A callback that says nothing."""

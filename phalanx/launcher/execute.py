@@ -1,13 +1,11 @@
 """Execute a scenario in a folder with the engine asked for."""
 
 import secrets
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
 from phalanx.guarantee.verdict import Summary
-from phalanx.launcher.engine import Engine, Progress, silent
+from phalanx.launcher.engine import Announce, Engine, Progress, silent
 from phalanx.scenario.model import Scenario
 
 
@@ -20,7 +18,7 @@ def execute(
     commands: CommandPolicy = NO_COMMANDS,
     listen: str | None = None,
     secret: bytes = b"",
-    viewer: Mapping[str, Any] | None = None,
+    announce: Announce = silent,
     profile: bool = False,
     real_time: float | None = None,
 ) -> Summary:
@@ -45,5 +43,5 @@ def execute(
             secret=secret or secrets.token_bytes(16),
         )
         return run_processes(
-            scenario, folder, membership, commands, progress, viewer, profile, real_time
+            scenario, folder, membership, commands, progress, announce, profile, real_time
         )

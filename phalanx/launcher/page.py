@@ -1,12 +1,27 @@
-"""A recorded run on a page, served by a process of its own for as long as one likes."""
+"""A run on a page, served by a process of its own for as long as one likes."""
 
+import multiprocessing
+import os
+import pkgutil
 import subprocess
 import sys
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from phalanx.launcher.live import find_live
+from phalanx.launcher.processes import without_main
+from phalanx.launcher.programs import (
+    configure_logging,
+    end_with_launcher,
+    redirect_output,
+    show_as,
+)
+
 _ANNOUNCED = "viewer: "
+_GRACE = 2.5
+"""How long a page may outlive who opened it [s]."""
 
 
 class ViewerPage:
@@ -54,3 +69,38 @@ class ViewerPage:
     def _repr_html_(self) -> str:
         """The page itself, in a frame, as a notebook shows it."""
         return f'<iframe src="{self.url}" width="100%" height="600" style="border:0"></iframe>'
+
+
+def serve_live(folder: Path, port: int | None = None, command_secret: bytes = b"") -> BaseProcess:
+    """Start a page that shows the run of a folder while it goes on, then its recording.
+
+    Args:
+        folder: of a run that can be met there.
+        port: of the page; by default 8080 or the next free one.
+        command_secret: that of the run, if the page may command it.
+
+    Returns:
+        The process, which ends when it is terminated, or with this one. Its log is in the run's.
+    """
+    context = multiprocessing.get_context("forkserver")
+    # A daemon: it ends with this process, however that ends.
+    process = context.Process(target=_serve, args=(folder, port, command_secret), daemon=True)
+    with without_main():
+        process.start()
+    return process
+
+
+def _serve(folder: Path, port: int | None, command_secret: bytes) -> None:
+    os.setsid()  # a Ctrl-C in the terminal ends the run; what became of it is still to be seen
+    show_as("phx-viewer")
+    redirect_output(folder / "logs" / "viewer.log")
+    end_with_launcher(_GRACE)
+    configure_logging()
+    found = find_live(folder)
+    program = "run_replay" if found is None else "run_live"
+    show = pkgutil.resolve_name(f"phalanx.viewer.main:{program}")
+    if found is None:
+        sys.exit(show(folder, port=port, trust=True))
+    # Who runs a scenario trusts what it names.
+    options = {"recording": folder, "command_secret": command_secret, "trust": True}
+    sys.exit(show(None, found.membership, port=port, **options))

@@ -5,21 +5,20 @@ by itself: agents when the hub is gone, the plant when it is done, told to, or l
 """
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Outcome, Summary, read_summary
-from phalanx.launcher.engine import EngineError, Progress
+from phalanx.launcher.engine import Announce, EngineError, Progress, silent
 from phalanx.launcher.live import announced
 from phalanx.launcher.processes import Processes
 from phalanx.launcher.programs import Program
 from phalanx.recording.records import PROFILE, SUMMARY
 from phalanx.scenario.fields import CONTROLLER
 from phalanx.scenario.model import Scenario
-from phalanx.wire.keys import PLANT, VIEWER
+from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Ended, Status
 from phalanx.wire.seal import Malformed
@@ -32,7 +31,7 @@ def run_processes(
     membership: Membership,
     policy: CommandPolicy,
     progress: Progress,
-    viewer: Mapping[str, Any] | None = None,
+    announce: Announce = silent,
     profile: bool = False,
     real_time: float | None = None,
 ) -> Summary:
@@ -44,7 +43,7 @@ def run_processes(
         membership: of the run; the plant will listen on its endpoint.
         policy: who may command the run, and which commands are scheduled.
         progress: called with the plant's status, in a thread of Zenoh's.
-        viewer: start one too, with these options of the viewer's program; it ends with the run.
+        announce: called with the folder when the run can be met there.
         profile: whether every program leaves in the folder how its time was spent.
         real_time: seconds of virtual time per second, where the wall clock decides.
 
@@ -58,9 +57,6 @@ def run_processes(
     programs = [Program(PLANT, PLANT, {**of_plant, **timed})]
     for name in scenario.programs():
         programs.append(Program(CONTROLLER if name == CONTROLLER else "agent", name, timed))
-    if viewer is not None:
-        options = {"command_secret": policy.secret, **viewer}
-        programs.append(Program(VIEWER, VIEWER, options))
     try:
         processes = Processes(scenario, membership, folder / "logs", programs)
     except (OSError, MemoryError) as error:
@@ -71,6 +67,7 @@ def run_processes(
             announced(folder, membership),
             _listening(scenario, membership, processes, progress, verdict),
         ):
+            announce(folder)
             processes.wait_for_plant()
     finally:
         processes.end()

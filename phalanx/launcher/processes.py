@@ -65,7 +65,7 @@ class Processes:
         """Programs that are stopped."""
         self._served = True
         """Whether reports may still come."""
-        with _without_main():
+        with without_main():
             self._server.start()
         theirs.close()
 
@@ -173,7 +173,7 @@ class Processes:
     def _failed(self, name: str) -> bool:
         """Whether an agent ended with an error of its own; a kill may be part of the run."""
         code = self._exits[name]
-        return name not in (PLANT, "viewer") and code > 0 and code not in _VERDICTS
+        return name != PLANT and code > 0 and code not in _VERDICTS
 
     def _death(self, title: str, code: int, log_name: str) -> str:
         how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit status {code}"
@@ -198,7 +198,7 @@ def start_importing() -> ForkServerContext:
 
 
 @contextlib.contextmanager
-def _without_main() -> Iterator[None]:
+def without_main() -> Iterator[None]:
     """Keep multiprocessing from importing the caller's script in the process it starts.
 
     The programs need nothing of it, and a script without a main guard would run again there.

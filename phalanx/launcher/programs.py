@@ -24,7 +24,6 @@ PROGRAMS = {
     "plant": "phalanx.plant.main:run",
     "agent": "phalanx.agent.main:run",
     CONTROLLER: "phalanx.agent.main:run",
-    "viewer": "phalanx.viewer.main:run_live",
 }
 """The programs by name; resolved where they run, so that nothing here imports them."""
 
@@ -50,8 +49,8 @@ class Program(NamedTuple):
 
 
 def load_programs(programs: Sequence[Program]) -> None:
-    """Import what the programs are, but the viewer: it brings much that the others never use."""
-    for kind in {program.kind for program in programs} - {"viewer"}:
+    """Import what the programs are."""
+    for kind in {program.kind for program in programs}:
         pkgutil.resolve_name(PROGRAMS[kind])
 
 

@@ -1,12 +1,10 @@
 """Run a scenario, and hand back the finished run."""
 
 import tempfile
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
-from phalanx.launcher.engine import Engine, Progress, silent
+from phalanx.launcher.engine import Announce, Engine, Progress, silent
 from phalanx.launcher.execute import execute
 from phalanx.launcher.run import Run
 from phalanx.scenario.load import load
@@ -24,7 +22,7 @@ def run(
     commands: CommandPolicy = NO_COMMANDS,
     listen: str | None = None,
     secret: bytes = b"",
-    viewer: Mapping[str, Any] | None = None,
+    announce: Announce = silent,
     profile: bool = False,
     real_time: float | None = None,
 ) -> Run:
@@ -40,7 +38,7 @@ def run(
         commands: who may command the run while it goes on, and what is scheduled.
         listen: Zenoh endpoint of the hub; by default a free port on 127.0.0.1.
         secret: seals the run's messages; drawn at random unless given.
-        viewer: show the run on a page while it goes on; options of the viewer's program.
+        announce: called with the run's folder when it can be met there, as `phalanx view` does.
         profile: measure where every program's wall time goes; see Run.profile.
         real_time: the wall clock decides, and nobody waits: so many seconds of virtual time per
             second. Summary.punctuality has what was missed and late.
@@ -56,7 +54,7 @@ def run(
     """
     if not isinstance(scenario, Scenario):
         scenario = load(scenario)
-    if engine == "in-process" and (listen or secret or viewer is not None or commands.secret):
+    if engine == "in-process" and (listen or secret or announce is not silent or commands.secret):
         raise ValueError("engine 'in-process' has no hub to listen on, to watch or to command")
     if real_time is not None and (engine == "in-process" or not 0.0 < real_time <= 1e3):
         raise ValueError("real_time: expected a factor above 0, and engine 'processes'")
@@ -76,7 +74,7 @@ def run(
         commands=commands,
         listen=listen,
         secret=secret,
-        viewer=viewer,
+        announce=announce,
         profile=profile,
         real_time=real_time,
     )

@@ -26,7 +26,7 @@ WIRE = rooms("profile wire", GUARANTEE)
 RECORDING = rooms("recording", WIRE)
 REPORT = rooms("report", RECORDING)
 LAUNCHER = rooms("launcher", REPORT)
-VIEWER = rooms("viewer.scene viewer.feeds viewer.page viewer.export")
+VIEWER = rooms("viewer.scene viewer.feeds viewer.plots viewer.page viewer.export")
 
 # The rooms that each may import from, besides itself. A folder that is not listed is an offence.
 MAY_IMPORT: Mapping[str, set[str]] = {
@@ -58,8 +58,9 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.viewer": REPORT | VIEWER,
     "phalanx.viewer.scene": RECORDING,
     "phalanx.viewer.feeds": RECORDING | rooms("viewer.scene"),
-    "phalanx.viewer.page": RECORDING | rooms("viewer.scene viewer.feeds"),
-    "phalanx.viewer.export": REPORT | rooms("viewer.scene viewer.feeds"),
+    "phalanx.viewer.plots": RECORDING | rooms("viewer.scene viewer.feeds"),
+    "phalanx.viewer.page": RECORDING | rooms("viewer.scene viewer.feeds viewer.plots"),
+    "phalanx.viewer.export": REPORT | rooms("viewer.scene viewer.feeds viewer.plots"),
 }
 THEORY_MAY_USE = {"numpy", "casadi", "osqp", "scipy", "annotated_types"}
 ONLY_IN_WIRE = {"zenoh"}

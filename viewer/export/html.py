@@ -1,12 +1,13 @@
 """One HTML document that holds a run's scene, its player and its plots, and needs no network."""
 
-import json
 from importlib.resources import files
 
+import msgspec
 import numpy as np
 
-from phalanx.viewer.export.plots import plot_data
 from phalanx.viewer.feeds.replay import Replay
+from phalanx.viewer.plots.plots import content
+from phalanx.viewer.plots.script import script
 from phalanx.viewer.scene.picture import picture
 from phalanx.viewer.scene.scene import Scene
 from phalanx.viewer.scene.server import serve_scene
@@ -19,12 +20,17 @@ _FRAME_PERIOD = 1.0 / 30.0
 
 def document(replay: Replay) -> str:
     """The whole document."""
-    scene = _scene(replay)
-    plots = files(__package__).joinpath("page.html").read_text(encoding="utf-8")
+    scene, summary = _scene(replay), replay.summary
+    player = files(__package__).joinpath("player.html").read_text(encoding="utf-8")
+    data = {
+        "verdict": f"{summary.outcome}: {summary.reason}" if summary else "no verdict",
+        "content": content(replay, range(len(replay.model.names)), seekable=True),
+    }
     # A name with "</script>" in it would end the element that holds the data.
-    data = json.dumps(plot_data(replay), allow_nan=False).replace("</", "<\\/")
+    shown = msgspec.json.encode(data).decode().replace("</", "<\\/")
     end = scene.rindex("</body>")
-    return scene[:end] + plots.replace("/*DATA*/", data) + scene[end:]
+    parts = player.replace("/*SCRIPT*/", script()).replace("/*DATA*/", shown)
+    return scene[:end] + parts + scene[end:]
 
 
 def _scene(replay: Replay) -> str:

@@ -6,7 +6,13 @@ from numpy.typing import NDArray
 from phalanx.faults.state import Condition
 from phalanx.recording.records import Step
 from phalanx.theory.rows.origin import Origin
-from phalanx.viewer.feeds.history import nan_if_none
+from phalanx.viewer.feeds.history import (
+    EMPTY_CODES,
+    SCALARS,
+    AgentSeries,
+    agent_series,
+    nan_if_none,
+)
 from phalanx.wire.frames import AgentStatus
 
 Array = NDArray[np.float64]
@@ -22,11 +28,6 @@ class AgentSteps:
         without_authority = [s.origin == Origin.NO_AUTHORITY for s in steps]
         self._backups = np.cumsum(self._is_backup)
         self._without_authority = np.cumsum(without_authority)
-
-    @property
-    def backups(self) -> Array:
-        """When backup inputs were applied [s]."""
-        return np.asarray(self._applied[self._is_backup])
 
     def status(self, t: float, condition: Condition) -> AgentStatus:
         """The agent at t [s]."""
@@ -47,27 +48,24 @@ class AgentSteps:
             certified=step.certified,
         )
 
-    def certified(self, times: Array) -> Array:
-        """How long the input in force at each time was proven safe [s]; NaN where none was."""
-        known = [nan_if_none(step.certified) for step in self._steps]
-        return np.array([*known, np.nan])[np.searchsorted(self._applied, times, side="right") - 1]
-
     def applied_within(self, after: float, until: float) -> list[Step]:
         """The steps whose input was applied after one time and not after another [s]."""
         first, last = np.searchsorted(self._applied, [after, until], side="right")
         return self._steps[first:last]
 
-    def rows(self) -> Array:
-        """As History.agent tells them, shape (s, 5 + m_i)."""
+    def series(self, inputs: int) -> AgentSeries:
+        """All of them, of an agent with so many inputs."""
         rows = [
             [
                 s.t_apply,
-                backup,
+                EMPTY_CODES.get(s.origin, 0.0),
                 nan_if_none(s.oldest),
                 s.solve_time,
                 nan_if_none(s.certified),
+                nan_if_none(s.residual),
                 *s.u,
+                *(s.u_nom or [np.nan] * inputs),
             ]
-            for s, backup in zip(self._steps, self._is_backup, strict=True)
+            for s in self._steps
         ]
-        return np.array(rows, dtype=float) if rows else np.zeros((0, 5))
+        return agent_series(np.array(rows, dtype=float).reshape(len(rows), SCALARS + 2 * inputs))

@@ -1,5 +1,6 @@
 """What the page asks of a feed, be it a live run or a recording."""
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 from phalanx.guarantee.verdict import Summary
 from phalanx.viewer.feeds.history import History
 from phalanx.viewer.scene.model import SceneModel
-from phalanx.wire.frames import Frame
+from phalanx.wire.frames import Frame, LogLine
 
 Array = NDArray[np.float64]
 
@@ -22,6 +23,10 @@ class Feed(Protocol):
     """The verdict, once there is one."""
     over: bool
     """Whether a live run's plant has left; never of a recording."""
+
+    @property
+    def log(self) -> Sequence[LogLine]:
+        """Every line of the event log, as far as it is known."""
 
     def take(self) -> Frame | None:
         """The newest frame, unless it was taken before."""

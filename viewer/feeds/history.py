@@ -1,17 +1,18 @@
-"""What the plots are made of: time series of a run's past."""
+"""A run's past, as the plots show it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.faults.state import Condition
+from phalanx.theory.rows.origin import Origin
+
 Array = NDArray[np.float64]
 
 _FIRST_CAPACITY = 256
-LEAST_HORIZON = 0.1
-"""Where a certified time is drawn that is shorter than this many τ."""
 
 
 class TimeSeries:
@@ -34,61 +35,72 @@ class TimeSeries:
         return self._rows[: self._count]
 
 
+class AgentSeries(NamedTuple):
+    """One agent's control steps; NaN where something is not known."""
+
+    t: Array
+    """When the inputs were applied [s], shape (s,)."""
+    empty: Array
+    """What became of a step with empty K_i, as EMPTY_CODES has it; else 0."""
+    age: Array
+    """Of the oldest received input that counted [s]."""
+    solve_time: Array
+    """Wall time [s]."""
+    certified: Array
+    """How long the agent's pairs are proven safe [s]."""
+    residual: Array
+    """aᵀu - bound of the agent's row."""
+    u: Array
+    """Applied inputs, shape (s, m_i)."""
+    u_nom: Array
+    """Nominal inputs, shape (s, m_i)."""
+
+
+EMPTY_CODES: dict[str, float] = {Origin.BACKUP: 1.0, Origin.NO_AUTHORITY: 2.0}
+"""How AgentSeries.empty tells what became of a step with empty K_i."""
+SCALARS = 6
+"""Of an agent's row, before its inputs."""
+
+
+def agent_series(rows: Array) -> AgentSeries:
+    """From rows in the order of AgentSeries, shape (s, SCALARS + 2 m_i)."""
+    t, empty, age, solve_time, certified, residual = rows[:, :SCALARS].T
+    u, u_nom = np.hsplit(rows[:, SCALARS:], 2)
+    return AgentSeries(t, empty, age, solve_time, certified, residual, u, u_nom)
+
+
+class PairSeries(NamedTuple):
+    """h of every pair."""
+
+    t: Array
+    """[s], shape (s,)."""
+    h: Array
+    """Shape (s, p), in the order of the composed set's pairs."""
+
+
+class ConditionChange(NamedTuple):
+    """From when on an agent is in a condition."""
+
+    t: float
+    """[s]"""
+    agent: int
+    condition: Condition
+
+
 @dataclass(frozen=True)
 class History:
     """A run's past."""
 
     swarm: TimeSeries
-    """t, h_tot, smallest distance of a pair of agents, shortest and median certified time of the
-    normal agents [τ], ψ_1 ... ψ_{q-1}."""
-    agent: Callable[[int], Array]
-    """One agent's rows: t, 1 at a backup step, age of the oldest û, solve time, how long it is
-    certified, its input."""
+    """t, h_tot, smallest distance of a pair of agents, ψ_1 ... ψ_{q-1}."""
+    agent: Callable[[int], AgentSeries]
+    """What one agent did."""
+    pairs: Callable[[], PairSeries]
+    """h of every pair at some of the times of `swarm`, the worst ones among them."""
+    conditions: list[ConditionChange] = field(default_factory=list)
+    """In order; every agent is fine at first."""
 
 
 def nan_if_none(value: float | None) -> float:
     """Plots leave out what is not a number."""
     return float("nan") if value is None else value
-
-
-def until(rows: Array, t: float) -> Array:
-    """The rows whose first number is at most t."""
-    return rows[: np.searchsorted(rows[:, 0], t, side="right")]
-
-
-def certified_horizon(rows: Array, tau: float, most: int) -> tuple[Array, Array]:
-    """When and for how many τ an agent's inputs were certified, of History.agent's rows.
-
-    At most `most` of them, the shortest kept, and none below LEAST_HORIZON, for a logarithm.
-    """
-    known = rows[np.isfinite(rows[:, 4])]
-    shown = thinned(np.column_stack([known[:, 0], -known[:, 4]]), most)
-    return shown[:, 0], np.maximum(-shown[:, 1] / tau, LEAST_HORIZON)
-
-
-def shortest_and_median(horizons: Array) -> Array:
-    """Of normal agents' certified times [τ], shape (s, n); shape (s, 2), NaN where all are."""
-    found = np.full((len(horizons), 2), np.nan)
-    known = np.isfinite(horizons).any(axis=1)
-    found[known, 0] = np.nanmin(horizons[known], axis=1)
-    found[known, 1] = np.nanmedian(horizons[known], axis=1)
-    return found
-
-
-def swarm_horizons(rows: Array, most: int) -> Array:
-    """When, shortest and median certified time, of History.swarm's rows, shape (s, 3).
-
-    At most `most` of them, the shortest kept, and none below LEAST_HORIZON, for a logarithm.
-    """
-    known = rows[np.isfinite(rows[:, 3])][:, [0, 3, 4]] * [1.0, -1.0, 1.0]
-    shown = thinned(known, most) * [1.0, -1.0, 1.0]
-    return np.column_stack([shown[:, 0], np.maximum(shown[:, 1:], LEAST_HORIZON)])
-
-
-def thinned(rows: Array, most: int) -> Array:
-    """At most `most` rows that keep every column-1 peak: of each block the row where it is."""
-    if len(rows) <= most:
-        return rows
-    edges = np.linspace(0, len(rows), most + 1).astype(int)
-    peaks = [a + int(np.argmax(rows[a:b, 1])) for a, b in pairwise(edges)]
-    return np.asarray(rows[peaks])

@@ -17,7 +17,7 @@ from phalanx.viewer.feeds.expected import check_frame
 from phalanx.viewer.feeds.live_history import LiveHistory
 from phalanx.viewer.scene.model import scene_model
 from phalanx.wire import session as wire
-from phalanx.wire.frames import CommandMessage, Frame, Setup
+from phalanx.wire.frames import CommandMessage, Frame, LogLine, Setup
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Ended
@@ -81,6 +81,11 @@ class Live:
             newest = self._frames.get()
             self._past.add(newest)
         return newest
+
+    @property
+    def log(self) -> list[LogLine]:
+        """Every line of the event log that a frame told."""
+        return self._past.log
 
     def recent_paths(self, t: float) -> Array:
         """Positions on the way here, shape (s, N, 3)."""

@@ -5,31 +5,44 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.faults.state import Condition
+from phalanx.theory.rows.origin import Origin
 from phalanx.viewer.feeds.history import (
+    EMPTY_CODES,
+    SCALARS,
+    AgentSeries,
+    ConditionChange,
     History,
+    PairSeries,
     TimeSeries,
+    agent_series,
     nan_if_none,
-    shortest_and_median,
 )
 from phalanx.viewer.feeds.recent_paths import RecentPaths
 from phalanx.viewer.scene.model import SceneModel
-from phalanx.wire.frames import AgentStatus, Frame
+from phalanx.wire.frames import AgentStatus, Frame, LogLine
 
 Array = NDArray[np.float64]
+
+_PAIR_STATES = 200
+"""At how many states of a run h of every pair is told: it costs more than all else here."""
 
 
 class LiveHistory:
     """Time series and recent paths of the frames that were added."""
 
     def __init__(self, model: SceneModel) -> None:
+        n, m = len(model.names), model.kinematics.inputs[-1].stop
         self._model = model
-        self.history = History(TimeSeries(5 + len(model.psi_levels)), self._agent)
-        self.recent_paths = RecentPaths(len(model.names))
-        self._steps = TimeSeries(1 + 4 * len(model.names) + model.kinematics.inputs[-1].stop)
-        """t; of every agent: backup, age, solve time, certified; all inputs."""
-        self._backups = np.zeros(len(model.names))
-        self._normal = model.swarm.normal
-        self._taus = np.array([model.swarm.horizon(i) for i in self._normal])
+        self.history = History(TimeSeries(3 + len(model.psi_levels)), self._agent, self._every_pair)
+        self.recent_paths = RecentPaths(n)
+        self._steps = TimeSeries(1 + (SCALARS - 1) * n + 2 * m)
+        """t; of every agent: empty, age, solve time, certified, residual; all u, all u_nom."""
+        self._pairs = TimeSeries(1 + len(model.swarm.safe_set.pairs))
+        self._pairs_due = -np.inf
+        self._empty = np.zeros((2, n))
+        self._condition = [Condition.FINE] * n
+        self.log: list[LogLine] = []
 
     def add(self, frame: Frame) -> None:
         """Append what a frame says."""
@@ -37,29 +50,49 @@ class LiveHistory:
         positions = self._model.kinematics.poses(x).positions
         distance = self._model.smallest_distance(positions)
         psi = self._model.values.higher_psi(x)
-        proven = np.array([[nan_if_none(frame.agents[i].certified) for i in self._normal]])
-        horizons = shortest_and_median(proven / self._taus)[0]
-        self.history.swarm.append(frame.t, frame.h_tot, distance, *horizons, *psi)
+        self.history.swarm.append(frame.t, frame.h_tot, distance, *psi)
         self.recent_paths.add(frame.t, positions)
+        if frame.t >= self._pairs_due:
+            self._pairs_due = frame.t + self._model.scenario.duration / _PAIR_STATES
+            self._pairs.append(frame.t, *self._model.values.every_h(x))
         self._add_steps(frame.t, frame.agents)
+        self._add_conditions(frame)
+        # A frame tells the last lines alone, most of which were told before.
+        self.log += [line for line in frame.log if line not in self.log[-len(frame.log) :]]
 
     def _add_steps(self, t: float, agents: tuple[AgentStatus, ...]) -> None:
-        # A frame tells of each agent's last step alone. Its count of backups tells whether there
-        # was one among the steps between two frames; it is plotted at the later frame.
-        backups = np.array([status.backups for status in agents], dtype=float)
+        # A frame tells of each agent's last step alone. Its counts tell whether K_i was empty among
+        # the steps between two frames; it is plotted at the later frame.
+        empty = np.array([(s.backups, s.without_authority) for s in agents], dtype=float).T
+        more = empty > self._empty
         if all(status.u for status in agents):
             self._steps.append(
                 t,
-                *(backups > self._backups),
+                *np.where(
+                    more[1], EMPTY_CODES[Origin.NO_AUTHORITY], EMPTY_CODES[Origin.BACKUP] * more[0]
+                ),
                 *[nan_if_none(status.age) for status in agents],
                 *[status.solve_time for status in agents],
                 *[nan_if_none(status.certified) for status in agents],
+                *[nan_if_none(status.residual) for status in agents],
                 *chain.from_iterable(status.u for status in agents),
+                *chain.from_iterable(status.u_nom or status.u for status in agents),
             )
-        self._backups = backups
+        self._empty = empty
 
-    def _agent(self, i: int) -> Array:
-        n, own = len(self._model.names), self._model.kinematics.inputs[i]
-        inputs = range(1 + 4 * n + own.start, 1 + 4 * n + own.stop)
-        columns = [0, *(1 + k * n + i for k in range(4)), *inputs]
-        return np.asarray(self._steps.rows[:, columns])
+    def _add_conditions(self, frame: Frame) -> None:
+        for i, status in enumerate(frame.agents):
+            if status.condition != self._condition[i]:
+                self._condition[i] = status.condition
+                self.history.conditions.append(ConditionChange(frame.t, i, status.condition))
+
+    def _agent(self, i: int) -> AgentSeries:
+        inputs = self._model.kinematics.inputs
+        n, m, own = len(inputs), inputs[-1].stop, inputs[i]
+        u = 1 + (SCALARS - 1) * n + np.arange(own.start, own.stop)
+        columns = [0, *(1 + k * n + i for k in range(SCALARS - 1)), *u, *(u + m)]
+        return agent_series(self._steps.rows[:, columns])
+
+    def _every_pair(self) -> PairSeries:
+        rows = self._pairs.rows
+        return PairSeries(rows[:, 0], rows[:, 1:])

@@ -1,14 +1,15 @@
 """The frames of a recording: the same that viewers were shown while the run went on."""
 
-from typing import NamedTuple
+import functools
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.faults.state import FaultState
+from phalanx.guarantee.verdict import Assumption
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.viewer.feeds.agent_steps import AgentSteps
-from phalanx.viewer.feeds.history import History, TimeSeries, shortest_and_median
+from phalanx.viewer.feeds.history import ConditionChange, History, PairSeries, TimeSeries
 from phalanx.viewer.scene.model import scene_model
 from phalanx.wire.frames import Frame, LinkEvent, LogLine, worse
 
@@ -16,13 +17,8 @@ Array = NDArray[np.float64]
 
 _EVENT_SHOWN = 0.05
 """How long a lost or late broadcast stays in sight [s]."""
-
-
-class Mark(NamedTuple):
-    """A moment worth jumping to."""
-
-    t: float
-    text: str
+_PAIR_STATES = 400
+"""Of how many states h of every pair is told."""
 
 
 class RecordedRun:
@@ -50,12 +46,9 @@ class RecordedRun:
         return float(self.times[int(np.argmax(self._h_tot))])
 
     @property
-    def marks(self) -> list[Mark]:
-        """The worst moment, the first backup, and every line of the log."""
-        backups = np.concatenate([agent.backups for agent in self._agents])
-        found = [Mark(self.worst_at, f"worst moment, h_tot = {self._h_tot.max():.4g}")]
-        found += [Mark(float(backups.min()), "first backup")] if len(backups) else []
-        return found + [Mark(line.t, line.text) for line in self._log]
+    def log(self) -> list[LogLine]:
+        """The event log."""
+        return [LogLine(line.t, line.text) for line in self._log]
 
     def index_at(self, t: float) -> int:
         """The last state that is not after t [s], by its index."""
@@ -65,7 +58,6 @@ class RecordedRun:
         """The run as it was at t [s], standing still."""
         index = self.index_at(t)
         x, faults = self._x[index], self._faults(t)
-        assumptions = self.summary.assumptions if self.summary else []
         violations = self.summary.violations if self.summary else []
         return Frame(
             t=float(self.times[index]),
@@ -77,9 +69,9 @@ class RecordedRun:
             link_events=self._link_events(t),
             steps=int(np.searchsorted(self._applied, t, side="right")),
             real_time_factor=0.0,
-            assumptions=tuple(a for a in assumptions if a.first is not None and a.first <= t),
+            assumptions=self._failed(t),
             violations=tuple(v for v in violations if v.first <= t),
-            log=tuple(LogLine(line.t, line.text) for line in self._log if line.t <= t),
+            log=tuple(line for line in self.log if line.t <= t),
             paused=True,
             speed=0.0,
             loss=faults.loss,
@@ -90,14 +82,35 @@ class RecordedRun:
         """The whole run, for the plots."""
         distances = [self.model.smallest_distance(positions) for positions in self.positions]
         psi = np.array([self.model.values.higher_psi(x) for x in self._x])
-        members = self.model.swarm
-        horizons = [
-            self._agents[i].certified(self.times) / members.horizon(i) for i in members.normal
-        ]
-        certified = shortest_and_median(np.array(horizons).T)
-        swarm = np.column_stack([self.times, self._h_tot, distances, certified, psi])
-        rows = [agent.rows() for agent in self._agents]
-        return History(TimeSeries(swarm.shape[1], swarm), rows.__getitem__)
+        swarm = np.column_stack([self.times, self._h_tot, distances, psi])
+        series = [a.series(len(self.model.input_names(i))) for i, a in enumerate(self._agents)]
+        pairs = functools.cache(self._pairs)
+        return History(
+            TimeSeries(swarm.shape[1], swarm), series.__getitem__, pairs, self._conditions()
+        )
+
+    def _pairs(self) -> PairSeries:
+        """At the worst state of each block of time: all of them would be many, of many pairs."""
+        blocks = np.array_split(np.arange(len(self.times)), min(_PAIR_STATES, len(self.times)))
+        worst = [block[int(np.argmax(self._h_tot[block]))] for block in blocks]
+        return PairSeries(self.times[worst], self.model.values.every_h(self._x[worst]))
+
+    def _conditions(self) -> list[ConditionChange]:
+        faults, found = FaultState(self.model.names), []
+        for command in self._commands:
+            if (i := faults.obey(command)) is not None:
+                found.append(ConditionChange(command.t, i, faults.condition[i]))
+        return found
+
+    def _failed(self, t: float) -> tuple[Assumption, ...]:
+        """The assumptions that had failed by t [s]: how often is recorded of the end alone."""
+        if self.summary is None:
+            return ()
+        found = [a for a in self.summary.assumptions if a.first is not None and a.first <= t]
+        if t >= self.times[-1]:
+            return tuple(found)
+        # What a note adds to the assumption's own text are figures of the whole run.
+        return tuple(Assumption(a.name, 1, 0, a.first, a.note.partition(";")[0]) for a in found)
 
     def _faults(self, t: float) -> FaultState:
         faults = FaultState(self.model.names)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from phalanx.guarantee.verdict import Summary
 from phalanx.recording.read import Recording, read
 from phalanx.viewer.feeds.recent_paths import SPACING, path_points
-from phalanx.viewer.feeds.recorded import Mark, RecordedRun
+from phalanx.viewer.feeds.recorded import RecordedRun
 from phalanx.viewer.scene.model import SceneModel
-from phalanx.wire.frames import Frame
+from phalanx.wire.frames import Frame, LogLine
 
 Array = NDArray[np.float64]
 
@@ -54,9 +54,9 @@ class Replay:
         return self._run.worst_at
 
     @property
-    def marks(self) -> list[Mark]:
-        """Moments worth jumping to."""
-        return self._run.marks
+    def log(self) -> list[LogLine]:
+        """The event log."""
+        return self._run.log
 
     def seek(self, t: float) -> None:
         """Put the cursor at t [s], and stand still."""
@@ -78,6 +78,12 @@ class Replay:
                 self._move(self.times[0])
             self.playing = playing
             self._played_until = time.monotonic()
+
+    def set_speed(self, factor: float) -> None:
+        """Play at a multiple of real time."""
+        with self._cursor:
+            self._play_on()
+            self.speed = float(np.clip(factor, 0.01, 100.0))
 
     def take(self) -> Frame | None:
         """What is new since the last call: the frame at the cursor, which moves if it plays."""

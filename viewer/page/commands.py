@@ -21,7 +21,8 @@ class CommandPanel:
         """selected tells the name of the agent that commands to an agent are meant for."""
         gui = server.gui
         self._live, self._selected = live, selected
-        with gui.add_folder("Command", order=10):
+        self._folder = gui.add_folder("Command", order=10)
+        with self._folder:
             self._pause = gui.add_button_group("Run", ("Pause", "Resume", "Step"))
             self._step = gui.add_number("Step [s]", 0.01, min=0.001, max=10.0, step=0.001)
             self._speed = gui.add_dropdown("Speed", tuple(_SPEEDS))
@@ -35,6 +36,10 @@ class CommandPanel:
         self._speed.on_update(_by_visitors(self._command_speed))
         self._loss.on_update(_by_visitors(self._command_loss))
         self._delay.on_update(_by_visitors(self._command_delay))
+
+    def remove(self) -> None:
+        """Take the panel off the page: nobody is there to command."""
+        self._folder.remove()
 
     def show(self, frame: Frame) -> None:
         """Let the sliders say what the plant does, whoever asked for it."""

@@ -2,23 +2,23 @@
 
 import time
 
-import viser
-
 from phalanx.viewer.feeds.feed import Feed
 from phalanx.viewer.feeds.live import Live
 from phalanx.viewer.feeds.replay import Replay
+from phalanx.viewer.page.channel import Action, Channel
 from phalanx.viewer.page.commands import CommandPanel
 from phalanx.viewer.page.panels import Panels
-from phalanx.viewer.page.plots import Plots
 from phalanx.viewer.page.server import open_page
-from phalanx.viewer.page.timeline import Timeline
+from phalanx.viewer.plots.plots import content
 from phalanx.viewer.scene.display import add_display
 from phalanx.viewer.scene.picture import picture
 from phalanx.viewer.scene.scene import Scene
 from phalanx.wire.frames import Frame
 
 _TEXT_PERIOD = 0.2
-"""Wall time between two updates of texts and plots [s]: they cost more than the scene."""
+"""Wall time between two updates of texts [s]: they cost more than the scene."""
+_PLOT_PERIOD = 1.0
+"""Wall time between two updates of a live run's plots [s]: all of them are sent anew."""
 
 
 class Page:
@@ -33,8 +33,6 @@ class Page:
         port: int | None,
         origins: tuple[str, ...],
         feed: Feed,
-        live: Live | None = None,
-        replay: Replay | None = None,
     ) -> None:
         """Serve it.
 
@@ -42,9 +40,7 @@ class Page:
             host: address to listen on.
             port: to listen on; None takes 8080 or the next free one.
             origins: further origins whose pages may connect.
-            feed: what to show.
-            live: the feed, if it is a live run: it gets a command panel if the plant obeys.
-            replay: the feed, if it is a recording: it gets a timeline.
+            feed: what to show: a live run, with a command panel if the plant obeys, or a replay.
 
         Raises:
             ValueError, PortTakenError: the page cannot be served there.
@@ -54,15 +50,18 @@ class Page:
         self.selected = 0
         self.server = open_page(host, port, f"Phalanx: {model.scenario.name}", origins)
         self._scene = Scene(self.server, model, self.select)
-        if replay:
-            self._scene.expect(replay.trajectory)
+        if isinstance(feed, Replay):
+            self._scene.expect(feed.trajectory)
         self._panels = Panels(self.server, model, self.select)
-        self._timeline = Timeline(self.server, replay) if replay else None
+        self._channel = Channel(self.server, self._act)
+        self._plotted: tuple[int, int, int] | None = None
+        self._plots_due = 0.0
         self._commands = None
-        if live and live.commandable:
-            self._commands = CommandPanel(self.server, live, lambda: model.names[self.selected])
+        if isinstance(feed, Live) and feed.commandable:
+            self._commands = CommandPanel(self.server, feed, lambda: model.names[self.selected])
         add_display(self.server.gui, self._scene)
-        self._plots = self._add_plots()
+        self.server.gui.main_panel.dock_left()
+        self.server.gui.main_panel.set_width(360)
         self._frame: Frame | None = None
         self._standing = feed.summary, feed.over
         self._stale, self._texts_due = True, 0.0
@@ -73,9 +72,20 @@ class Page:
         self._panels.show_selected(i)
         self._stale = True
 
+    def replay(self, replay: Replay) -> None:
+        """Go on with the recording of the run that was shown live, from where that ended."""
+        replay.seek(replay.end)
+        self._scene.expect(replay.trajectory)
+        self._feed, self._frame, self._plotted = replay, None, None
+        if self._commands:
+            self._commands.remove()
+            self._commands = None
+        self._stale = True
+
     def tick(self) -> None:
         """Show what is new."""
         frame = self._feed.take()
+        self._plot()
         if frame == self._frame:  # a paused plant repeats its frame
             frame = None
         standing = self._feed.summary, self._feed.over
@@ -91,28 +101,48 @@ class Page:
             # Before anything is shown: what is selected meanwhile shows at the next tick.
             self._stale, self._texts_due = False, now + _TEXT_PERIOD
         self._scene.show(picture(self._feed.model, self._frame), self.selected)
+        self._channel.call("at", _clock(self._frame))
         if texts_due:
             self._tell(self._frame)
 
     def _tell(self, frame: Frame) -> None:
-        """Texts and plots, in one message to every page."""
+        """Texts, in one message to every page."""
         with self.server.atomic():
             self._panels.show(frame, self.selected, self._feed.summary, self._feed.over)
             self._scene.lines.show_recent_paths(self._feed.recent_paths(frame.t))
-            self._plots.show(self._feed.history, frame.t, self.selected)
-            if self._timeline:
-                self._timeline.show()
             if self._commands:
                 self._commands.show(frame)
 
-    def _add_plots(self) -> Plots:
-        """Plots dock to the right of the scene, everything else to its left."""
-        gui = self.server.gui
-        right = gui.add_panel()
-        with right.add_tab("Plots", viser.Icon.CHART_LINE):
-            plots = Plots(self.server, self._feed.model)
-        right.dock_right()
-        right.set_width(380)
-        gui.main_panel.dock_left()
-        gui.main_panel.set_width(360)
-        return plots
+    def _plot(self) -> None:
+        """Send the plots anew if there is more to plot, and somebody to see it."""
+        now, rows = time.monotonic(), self._feed.history.swarm.rows
+        shown = self.selected, len(rows), len(self._feed.log)
+        if shown == self._plotted or now < self._plots_due or not self.server.get_clients():
+            return
+        self._plotted, self._plots_due = shown, now + _PLOT_PERIOD
+        self._channel.call(
+            "show", content(self._feed, self._told(), isinstance(self._feed, Replay))
+        )
+
+    def _told(self) -> list[int]:
+        """The agents whose curves are sent, the selected one first."""
+        others = [] if self._feed.model.crowded else range(len(self._feed.model.names))
+        return [self.selected, *(i for i in others if i != self.selected)]
+
+    def _act(self, action: Action) -> None:
+        """Do what a visitor asks; in a thread of viser's."""
+        replay = self._feed
+        if not isinstance(replay, Replay):
+            return
+        if action.seek is not None:
+            replay.seek(action.seek)
+        if action.step is not None:
+            replay.step(action.step)
+        if action.play is not None:
+            replay.play(action.play)
+        if action.speed is not None:
+            replay.set_speed(action.speed)
+
+
+def _clock(frame: Frame) -> dict[str, object]:
+    return {"t": frame.t, "playing": not frame.paused, "speed": frame.speed}

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import viser
 
 from phalanx.faults.state import Condition
-from phalanx.guarantee.verdict import Summary
+from phalanx.guarantee.verdict import Assumption, Summary
 from phalanx.viewer.scene.model import SceneModel
 from phalanx.wire.frames import Frame
 
@@ -98,11 +98,16 @@ def _network(frame: Frame) -> str:
 def _verdict(frame: Frame, summary: Summary | None) -> str:
     """The verdict, or how it would stand now; failed assumptions in words."""
     failed = [
-        f"- {a.name}: failed {a.failed} of {a.checked}, first at {a.first:.3f} s ({a.note})"
+        f"- {a.name}: failed {_count(a)}first at {a.first:.3f} s ({a.note})"
         for a in frame.assumptions
         if a.failed and a.first is not None
     ]
     return "\n".join([_outcome(frame, summary), "", *failed])
+
+
+def _count(assumption: Assumption) -> str:
+    """How often it failed, if that is known."""
+    return f"{assumption.failed} of {assumption.checked}, " if assumption.checked else ""
 
 
 def _outcome(frame: Frame, summary: Summary | None) -> str:

@@ -32,6 +32,11 @@ class SafetyValues:
         deepest: Index = self._every.order[found[np.argsort(-h[found], kind="stable")]]
         return deepest
 
+    def every_h(self, x: Array) -> Array:
+        """h of the composed set's pairs at states (n̄,) or (s, n̄); shape (p,) or (s, p)."""
+        found = self._every.h(x)
+        return found[..., np.argsort(self._every.order)]
+
     def worst_pair(self, x: Array) -> int:
         """The pair whose h is largest."""
         return int(self._every.order[self._every.h(x).argmax()])

@@ -67,7 +67,7 @@ def viewer(*arguments: str, command_secret: bytes = b"") -> Iterator[Viewer]:
 @contextlib.contextmanager
 def served(replay: Replay) -> Iterator[Page]:
     """The page of a replay, kept up to date by a thread of the test's own process."""
-    page = Page("127.0.0.1", None, (), replay, replay=replay)
+    page = Page("127.0.0.1", None, (), replay)
     over = threading.Event()
 
     def serve() -> None:

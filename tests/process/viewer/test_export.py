@@ -37,18 +37,21 @@ def test_the_exported_page_plays_its_scene_and_moves_its_plots_offline(
     html = tmp_path / "run.html"
     assert run(finished, html=html) == [html]
     offline.goto(html.as_uri())
+    assert not offline.get_by_text("Smallest distance [m]").is_visible()  # the page is narrow
+    offline.get_by_role("button", name="plots").click()
     offline.get_by_text("Smallest distance [m]").wait_for()
     slider = offline.locator("#root [role=slider]").first
     slider.wait_for(state="attached")
-    plot = offline.locator("#phalanx-plots canvas").first
+    plot = offline.locator("#phx-plots canvas").first
     before, started = plot.screenshot(), slider.get_attribute("aria-valuenow")
     wait_for(lambda: slider.get_attribute("aria-valuenow") != started)
     wait_for(lambda: plot.screenshot() != before)
-    offline.locator("#phalanx-agent").select_option("4")
-    assert offline.locator("#phalanx-plots canvas").count() == 7
-    offline.locator("#phalanx-agent").select_option("1")
-    offline.get_by_text("Certified for [τ]").wait_for()
-    assert offline.locator("#phalanx-plots canvas").count() == 8
+    offline.locator("#phx-agent").select_option("4")
+    offline.get_by_text("Control step [ms], agent 5").wait_for()
+    offline.keyboard.press("Home")
+    wait_for(lambda: slider.get_attribute("aria-valuenow") == "0")
+    offline.keyboard.press("Space")
+    wait_for(lambda: slider.get_attribute("aria-valuenow") != "0")
     assert not [url for url in asked if url.startswith(("http", "ws"))]
 
 

@@ -44,32 +44,57 @@ def enter(field: "Locator", value: str) -> None:
     field.blur()
 
 
-def test_a_replay_tells_of_its_agents_scrubs_plays_and_jumps(tab: "Tab", finished: Path) -> None:
+def click_at(tab: "Tab", canvas: "Locator", share: float) -> None:
+    """Click where a canvas shows this share of the run."""
+    left, right = (44, 8) if "phx-plots" in canvas.evaluate("c => c.parentNode.id") else (8, 8)
+    box = canvas.bounding_box()
+    assert box is not None
+    across = left + share * (box["width"] - left - right)
+    canvas.click(position={"x": across, "y": box["height"] / 2.0})
+
+
+def test_a_click_on_a_plot_or_on_the_timeline_moves_the_run_there(
+    tab: "Tab", finished: Path
+) -> None:
     with viewer(str(finished)) as page:
         tab.goto(page.url)
         tab.get_by_text("5 agents (2 adversaries)").wait_for()
         wait_for(lambda: time_shown(tab) == 0.0)
-        plot = tab.locator(".uplot").first
+        plot = tab.locator("#phx-plots canvas").first
         before = plot.screenshot()
-
-        enter(number_beside(tab, "t [s]"), "2.5")
-        wait_for(lambda: abs(time_shown(tab) - 2.5) < 0.02)
+        click_at(tab, plot, 0.5)
+        wait_for(lambda: abs(time_shown(tab) - 2.0) < 0.05)
         wait_for(lambda: plot.screenshot() != before)
-        tab.get_by_text("Certified for [τ]: shortest, median").wait_for()
-        tab.get_by_text("Agent 1: certified for [τ]").wait_for()
-
-        tab.get_by_role("button", name="+10", exact=True).click()
-        wait_for(lambda: 2.5 < time_shown(tab) < 2.6)
-
-        tab.get_by_role("button", name="Play", exact=True).click()
-        wait_for(lambda: time_shown(tab) > 3.0)
-        tab.get_by_role("button", name="Pause", exact=True).click()
-
-        tab.get_by_role("button", name="Jump", exact=True).click()
+        click_at(tab, tab.locator("#phx-timeline canvas"), 0.75)
+        wait_for(lambda: abs(time_shown(tab) - 3.0) < 0.05)
+        tab.get_by_role("button", name="worst", exact=True).click()
         recording = read(finished)
         worst = float(recording.times[int(np.argmax(recording.h_tot))])
         wait_for(lambda: abs(time_shown(tab) - worst) < 0.002)
+        tab.get_by_text("Certified for [τ], agent 1").wait_for()
         assert tab.get_by_text("Command", exact=True).count() == 0
+
+
+def test_the_keyboard_plays_pauses_and_moves_the_cursor(tab: "Tab", finished: Path) -> None:
+    replay = open_replay(finished)
+    with served(replay) as page:
+        tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
+        tab.locator("#phx-plots canvas").first.wait_for()
+        tab.keyboard.press("End")
+        wait_for(lambda: time_shown(tab) == round(replay.end, 3))
+        tab.keyboard.press("Shift+ArrowLeft")
+        wait_for(lambda: time_shown(tab) == pytest.approx(replay.end * (1.0 - 10 / 500), abs=0.01))
+        tab.keyboard.press("Home")
+        wait_for(lambda: time_shown(tab) == 0.0)
+        tab.keyboard.press("Shift+ArrowRight")
+        wait_for(lambda: time_shown(tab) == pytest.approx(replay.end * 10 / 500, abs=0.01))
+        stepped = replay.times[np.searchsorted(replay.times, replay.t, side="right")]
+        tab.keyboard.press(".")
+        wait_for(lambda: replay.t == stepped)
+        tab.keyboard.press("Space")
+        wait_for(lambda: replay.playing)
+        tab.keyboard.press("Space")
+        wait_for(lambda: not replay.playing)
 
 
 def test_a_page_says_that_the_run_is_over_long_after_its_last_frame(
@@ -83,6 +108,26 @@ def test_a_page_says_that_the_run_is_over_long_after_its_last_frame(
         tab.get_by_text("the run is over").wait_for()
 
 
+def test_the_page_of_a_live_run_goes_on_with_its_replay(tab: "Tab", tmp_path: Path) -> None:
+    with live_run(load("unicycles", ["duration=3.0"]), tmp_path / "live", HELD) as run:
+        wait_for((run.folder / "live.json").exists)
+        with viewer(str(run.folder)) as page:
+            tab.goto(page.url)
+            tab.get_by_text("× real time").wait_for()
+            tab.evaluate("window.sameVisit = true")
+            assert tab.locator("#phx-timeline.phx-seekable").count() == 0
+            run.set_speed(0.0)
+            tab.locator("#phx-timeline.phx-seekable").wait_for()
+            wait_for(lambda: time_shown(tab) == 3.0)
+            last = tab.locator("body").inner_text()
+            tab.keyboard.press("Home")
+            wait_for(lambda: time_shown(tab) == 0.0)
+            first = open_replay(run.folder).frame(0.0)
+            assert f"{first.steps} steps" in tab.locator("body").inner_text()
+            assert f" {first.steps} steps" not in last
+            assert tab.evaluate("window.sameVisit")
+
+
 def test_a_commanding_page_changes_the_loss_and_pauses_the_swarm(
     tab: "Tab", tmp_path: Path
 ) -> None:
@@ -94,7 +139,7 @@ def test_a_commanding_page_changes_the_loss_and_pauses_the_swarm(
     ):
         tab.goto(page.url)
         tab.get_by_text("Command", exact=True).wait_for()
-        plot = tab.locator(".uplot").first
+        plot = tab.locator("#phx-plots canvas").first
         before = plot.screenshot()
         run.set_speed(0.1)  # slow enough that a busy machine's page pauses it before it is over
         wait_for(lambda: plot.screenshot() != before)

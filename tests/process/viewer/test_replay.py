@@ -9,8 +9,10 @@ import pytest
 from phalanx.faults.commands import CommandKind
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
-from phalanx.viewer.feeds.history import LEAST_HORIZON, certified_horizon, swarm_horizons
+from phalanx.viewer.feeds.history import EMPTY_CODES
 from phalanx.viewer.feeds.replay import Replay, open_replay
+from phalanx.viewer.plots.content import Content, Plot
+from phalanx.viewer.plots.plots import LEAST_HORIZON, content
 from phalanx.viewer.scene.picture import picture
 from phalanx.wire.frames import Frame
 from tests.process.runs import PACED, live_run, wait_for
@@ -50,17 +52,54 @@ def test_a_replay_shows_what_was_seen_live(tmp_path: Path) -> None:
     assert read(tmp_path / "live").summary == summary
 
 
+def plotted(replay: Replay, *told: int) -> Content:
+    return content(replay, told or range(5), seekable=True)
+
+
+def titled(shown: Content, title: str) -> Plot:
+    return next(plot for plot in shown.plots if plot.title.startswith(title))
+
+
 def test_the_plot_of_certified_times_keeps_the_shortest_and_leaves_adversaries_out(
     replay: Replay, finished: Path
 ) -> None:
     recorded = [s.certified for s in read(finished).steps if s.agent == "1"]
-    rows, tau = replay.history.agent(0), replay.model.swarm.horizon(0)
-    assert list(rows[:, 4]) == recorded
-    t, horizon = certified_horizon(rows, tau, 20)
-    assert len(t) == len(horizon) == 20
-    assert horizon.min() == max(min(recorded) / tau, LEAST_HORIZON)
-    assert set(t) <= set(rows[:, 0])
-    assert len(certified_horizon(replay.history.agent(4), tau, 20)[0]) == 0
+    steps, tau = replay.history.agent(0), replay.model.swarm.horizon(0)
+    assert list(steps.certified) == recorded
+    curves = titled(plotted(replay), "Certified for").curves
+    assert [len(curve.t) > 0 for curve in curves] == [True, True, True, False, False]
+    assert min(curves[0].y) == pytest.approx(max(min(recorded) / tau, LEAST_HORIZON), rel=1e-3)
+    assert set(np.round(curves[0].t, 3)) <= set(np.round(steps.t, 3))
+
+
+def test_h_tots_plot_and_the_nearest_pairs_reach_the_recorded_worst(
+    replay: Replay, finished: Path
+) -> None:
+    worst = max(read(finished).h_tot)
+    assert max(titled(plotted(replay), "h_tot").curves[0].y) == pytest.approx(worst, rel=1e-3)
+    *others, nearest = titled(plotted(replay), "h of the pairs").curves
+    assert nearest.name == replay.model.label(replay.frame(replay.worst_at).pair)
+    assert all(max(other.y) <= max(nearest.y) for other in others)
+
+
+def test_backup_periods_hold_every_backup_step_and_no_other(replay: Replay) -> None:
+    for i in range(3):
+        steps = replay.history.agent(i)
+        periods = [p for p in plotted(replay).periods if p.agent == i and p.kind == "backup"]
+        inside = [any(p.begin <= t < p.end for p in periods) for t in steps.t[:-1]]
+        assert inside == list(steps.empty[:-1] == EMPTY_CODES["backup"])
+        assert periods or not any(inside)
+
+
+def test_the_marks_are_the_worst_moment_and_the_first_backup(
+    replay: Replay, finished: Path
+) -> None:
+    marks = {mark.kind: mark.t for mark in plotted(replay).marks}
+    worst = replay.frame(marks["worst"])
+    assert worst.h_tot == worst.worst_h == max(read(finished).h_tot)
+    backups = [s.t_apply for s in read(finished).steps if s.origin == "backup"]
+    assert marks["backup"] == min(backups)
+    assert sum(a.backups for a in replay.frame(marks["backup"]).agents) == 1
 
 
 def test_stepping_goes_from_state_to_state(replay: Replay) -> None:
@@ -107,32 +146,3 @@ def test_of_the_links_those_of_one_agent_can_be_told_apart(replay: Replay) -> No
         np.testing.assert_array_equal(shown.links_of(i), ends.all(axis=2).any(axis=1))
     assert shown.links_of(0).any()
     assert not shown.links_of(None).any()
-
-
-def test_the_marks_lead_to_the_worst_moment_and_the_first_backup(
-    replay: Replay, finished: Path
-) -> None:
-    marks = {mark.text.split(",")[0]: mark.t for mark in replay.marks}
-    worst = replay.frame(marks["worst moment"])
-    assert worst.h_tot == worst.worst_h == max(read(finished).h_tot)
-    first = marks["first backup"]
-    assert sum(a.backups for a in replay.frame(first).agents) == 1
-    backups = [s.t_apply for s in read(finished).steps if s.origin == "backup"]
-    assert first == min(backups)
-
-
-def test_the_swarms_certified_times_are_the_shortest_and_the_median_of_the_inputs_in_force(
-    replay: Replay, finished: Path
-) -> None:
-    rows, recording = replay.history.swarm.rows, read(finished)
-    for row in rows[:: len(rows) // 7]:
-        in_force = [
-            max((s for s in recording.steps if s.agent == n and s.t_apply <= row[0]),
-                key=lambda s: s.t_apply).certified / replay.model.swarm.horizon(i)
-            for i, n in enumerate("123")
-        ]  # fmt: skip
-        assert list(row[3:5]) == pytest.approx([min(in_force), np.median(in_force)])
-    t, shortest, median = swarm_horizons(rows, 20).T
-    assert len(t) == 20
-    assert shortest.min() == max(rows[:, 3].min(), LEAST_HORIZON)
-    assert (shortest <= median).all()

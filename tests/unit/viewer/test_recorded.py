@@ -1,0 +1,49 @@
+"""What a replay says at a time is what had happened by then."""
+
+import pytest
+
+import phalanx
+from phalanx.faults.commands import Command, CommandKind, CommandPolicy
+from phalanx.faults.state import Condition
+from phalanx.viewer.feeds.replay import Replay
+
+
+@pytest.fixture(scope="module")
+def frozen() -> phalanx.Run:
+    """Simulation 1 with agent 2 frozen for half a second."""
+    orders = ((CommandKind.FREEZE, 0.5), (CommandKind.THAW, 1.0))
+    schedule = tuple(Command(t=t, kind=kind, agent="2") for kind, t in orders)
+    scenario = phalanx.load("unicycles", ["duration=1.5"])
+    commands = CommandPolicy(schedule=schedule)
+    return phalanx.run(scenario, engine="in-process", commands=commands)
+
+
+@pytest.fixture(scope="module")
+def replay(frozen: phalanx.Run) -> Replay:
+    return Replay(frozen.recording)
+
+
+def test_at_t_0_a_replay_counts_what_had_happened_at_t_0(replay, frozen):
+    first, last = replay.frame(0.0), replay.frame(replay.end)
+    assert first.steps == sum(step.t_apply <= 0.0 for step in frozen.recording.steps)
+    assert first.steps < last.steps == len(frozen.recording.steps)
+    backups = [s for s in frozen.recording.steps if s.origin == "backup" and s.t_apply <= 0.0]
+    assert sum(a.backups for a in first.agents) == len(backups)
+    assert first.assumptions == ()
+    assert [line.t for line in first.log] == [t for t, _ in frozen.events.rows() if t <= 0.0]
+
+
+def test_how_often_an_assumption_failed_is_told_at_the_end_alone(replay, frozen):
+    failed = [a for a in frozen.summary.assumptions if a.failed]
+    assert failed
+    assert replay.frame(replay.end).assumptions == tuple(failed)
+    by_then = replay.frame(failed[0].first).assumptions
+    assert [a.name for a in by_then] == [a.name for a in failed if a.first <= failed[0].first]
+    assert {(a.failed, a.checked) for a in by_then} == {(1, 0)}
+
+
+def test_a_freeze_and_a_thaw_change_the_agents_condition(replay):
+    assert [(c.t, c.agent, c.condition) for c in replay.history.conditions] == [
+        (0.5, 1, Condition.FROZEN),
+        (1.0, 1, Condition.FINE),
+    ]

@@ -1,0 +1,64 @@
+"""Between the server and the page's script: contents and cursor down, what a visitor does up."""
+
+import json
+import logging
+from collections.abc import Callable
+
+import msgspec
+
+from phalanx.viewer.plots.script import script
+from phalanx.viewer.scene.server import SceneServer
+
+log = logging.getLogger("phalanx.viewer")
+
+_CONNECT = """
+if (!window.phalanx.connected) (() => {
+  let socket = null, unsent = null;
+  const send = () => {
+    if (unsent === null || socket.readyState !== WebSocket.OPEN) return;
+    socket.send(unsent);
+    unsent = null;
+  };
+  const connect = () => {
+    socket = new WebSocket(location.origin.replace("http", "ws") + "/actions");
+    socket.onopen = send;
+    socket.onclose = () => setTimeout(connect, 1000);
+  };
+  connect();
+  window.phalanx.connected = true;
+  window.phalanx.act = action => { unsent = JSON.stringify(action); send(); };
+})();
+"""
+
+
+class Action(msgspec.Struct, frozen=True):
+    """What a visitor does to the cursor; what is null he leaves as it is."""
+
+    seek: float | None = None
+    """[s]"""
+    step: int | None = None
+    """So many recorded states."""
+    play: bool | None = None
+    speed: float | None = None
+    """Of a replay, times real time."""
+
+
+class Channel:
+    """Plots and timeline of every page of a server."""
+
+    def __init__(self, server: SceneServer, act: Callable[[Action], None]) -> None:
+        """act is called in the server's thread, and must be quick."""
+        self._server, self._act = server, act
+        server.on_action = self._on_action
+        server.run_script("script", script() + _CONNECT)
+
+    def call(self, function: str, argument: object) -> None:
+        """Call a function of the script with what becomes JSON, on every page, now or later."""
+        quoted = json.dumps(msgspec.json.encode(argument).decode())  # parsed faster than a literal
+        self._server.run_script(function, f"window.phalanx.{function}(JSON.parse({quoted}))")
+
+    def _on_action(self, text: str | bytes) -> None:
+        try:
+            self._act(msgspec.json.decode(text, type=Action))
+        except msgspec.DecodeError as error:
+            log.warning("not an action: %s", error)

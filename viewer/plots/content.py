@@ -1,0 +1,75 @@
+"""What a page's plots and timeline show: curves, bands and marks, ready to be drawn."""
+
+import msgspec
+
+
+class Curve(msgspec.Struct, omit_defaults=True):
+    """A line in a plot, or with `to` the band between two lines."""
+
+    t: list[float]
+    """[s]"""
+    y: list[float]
+    to: list[float] | None = None
+    """The band's other edge."""
+    name: str = ""
+    agent: int | None = None
+    """Whose it is: bold when that agent is chosen."""
+    role: str = ""
+    """How it is drawn otherwise: "chosen" bold, "guide" dashed, by default pale."""
+
+
+class Plot(msgspec.Struct):
+    """One plot; times run from the run's begin to its end."""
+
+    title: str
+    unit: str
+    curves: list[Curve]
+    safe: tuple[float | None, float | None] = (None, None)
+    """Between which values all is well; beyond them the plot is shaded."""
+    logarithmic: bool = False
+    of_agents: bool = False
+    """Whether the chosen agent's backup periods are shown; else everybody's faults."""
+    agent: int | None = None
+    """Shown only when that agent is chosen; null: always."""
+
+
+class Period(msgspec.Struct):
+    """From when to when an agent was on its backup input, without authority, or not fine."""
+
+    agent: int
+    kind: str
+    """An Origin or a Condition."""
+    begin: float
+    """[s]"""
+    end: float
+    """[s]"""
+
+
+class Mark(msgspec.Struct):
+    """A moment worth jumping to."""
+
+    t: float
+    """[s]"""
+    text: str
+    kind: str = "log"
+    """What it is drawn as: "worst", "backup", "violation", "fault" or "log"."""
+
+
+class Content(msgspec.Struct):
+    """Everything the page's script draws."""
+
+    title: str
+    begin: float
+    """[s]"""
+    end: float
+    """[s]"""
+    step: float
+    """By how much an arrow key moves the cursor [s]."""
+    seekable: bool
+    """Whether the cursor can be put elsewhere; else it is where the run is."""
+    agents: list[str]
+    adversaries: list[bool]
+    chosen: int
+    plots: list[Plot]
+    periods: list[Period]
+    marks: list[Mark]

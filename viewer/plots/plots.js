@@ -1,0 +1,175 @@
+// The plots: curves are drawn once into a layer; the cursor and the veil over what is to come,
+// which move thirty times a second, go on top of it.
+const LEFT = 44, RIGHT = 8, TOP = 4, BOTTOM = 16;
+const panel = element("aside", { id: "phx-plots" });
+document.body.append(panel);
+let shown = [], drawn = [];
+
+const timeAt = (x, width) =>
+  content.begin + (content.end - content.begin) * (x - LEFT) / (width - LEFT - RIGHT);
+
+function plotOf(index) {
+  const title = element("span"), value = element("output"), canvas = element("canvas");
+  scrub(canvas, x => timeAt(x, canvas.clientWidth));
+  const nodes = [element("h2", {}, title, value), canvas];
+  panel.append(...nodes);
+  return { nodes, title, value, canvas, layer: element("canvas"), index };
+}
+
+function drawPlots(anew) {
+  if (!panel.clientWidth) return;
+  if (anew) shown = content.plots.filter(p => p.agent == null || p.agent === content.chosen);
+  if (drawn.length !== shown.length) {
+    drawn.forEach(plot => plot.nodes.forEach(node => node.remove()));
+    drawn = shown.map((_, index) => plotOf(index));
+  }
+  panel.classList.toggle("phx-seekable", content.seekable);
+  for (const plot of drawn) {
+    if (anew || plot.width !== plot.canvas.clientWidth) drawLayer(plot);
+    drawCursor(plot);
+  }
+}
+
+function rangeOf({ curves, safe, logarithmic }) {
+  let low = Infinity, high = -Infinity;
+  const extend = v => { if (v < low) low = v; if (v > high) high = v; };
+  for (const curve of curves.filter(curve => curve.role !== "guide")) {
+    // Of pairs other than the worst one what counts is how near they came.
+    const isPair = curve.agent == null && !curve.role && !curve.to;
+    if (isPair) extend(curve.y.reduce((a, b) => Math.max(a, b)));
+    else [curve.y, curve.to || []].forEach(values => values.forEach(extend));
+  }
+  safe.filter(v => v != null).forEach(extend);
+  if (low > high) [low, high] = [0, 1];
+  if (logarithmic) return [low / 1.3, high * 1.3];
+  const pad = 0.08 * (high - low) || 0.5;
+  return [low - pad, high + pad];
+}
+
+function drawLayer(plot) {
+  const what = shown[plot.index];
+  const [ink, width, height] = pen(plot.canvas);
+  plot.width = width;
+  plot.layer.width = plot.canvas.width;
+  plot.layer.height = plot.canvas.height;
+  const p = plot.layer.getContext("2d");
+  p.scale(devicePixelRatio, devicePixelRatio);
+  p.font = ink.font;
+  const [low, high] = rangeOf(what), bend = what.logarithmic ? Math.log : v => v;
+  const across = width - LEFT - RIGHT, down = height - TOP - BOTTOM;
+  const X = t => LEFT + across * (t - content.begin) / (content.end - content.begin);
+  const Y = v => TOP + down * (bend(high) - bend(v)) / (bend(high) - bend(low));
+  plot.title.textContent = what.title + (what.unit ? ` [${what.unit}]` : "") +
+    (what.of_agents ? `, agent ${content.agents[content.chosen]}` : "");
+  plot.X = X;
+  axes(p, X, Y, what, [low, high], width, height);
+  p.save();
+  p.beginPath();
+  p.rect(LEFT, TOP, across, down);
+  p.clip();
+  for (const period of content.periods) {
+    const isFault = !isEmptySet(period);
+    if (what.of_agents ? period.agent !== content.chosen : !isFault) continue;
+    p.fillStyle = colour(isFault ? "fault" : "backup");
+    p.fillRect(X(period.begin), TOP, Math.max(X(period.end) - X(period.begin), 0.5), down);
+  }
+  for (const [limit, edge] of [[what.safe[0], low], [what.safe[1], high]]) {
+    if (limit == null) continue;
+    p.fillStyle = colour("unsafe");
+    p.fillRect(LEFT, Math.min(Y(limit), Y(edge)), across, Math.abs(Y(limit) - Y(edge)));
+    line(p, [[LEFT, Y(limit)], [width - RIGHT, Y(limit)]], colour("limit"), 1, [4, 3]);
+  }
+  // Of many agents, whose curves are in an envelope, the chosen one's alone.
+  const crowded = what.curves.some(curve => curve.to);
+  what.curves.filter(curve => isBold(curve) || !(crowded && curve.agent != null))
+    .sort((a, b) => isBold(a) - isBold(b)).forEach(curve => drawCurve(p, X, Y, curve));
+  p.restore();
+}
+
+const isBold = curve => curve.role === "chosen" || curve.agent === content.chosen;
+const isEmptySet = period => ["backup", "no-authority"].includes(period.kind);
+
+function axes(p, X, Y, what, [low, high], width, height) {
+  p.fillStyle = colour("dim");
+  p.textAlign = "right";
+  p.textBaseline = "middle";
+  for (const v of what.logarithmic ? decades(low, high) : ticks(low, high, 4)) {
+    line(p, [[LEFT, Y(v)], [width - RIGHT, Y(v)]], colour("line"), 1);
+    p.fillText(label(v), LEFT - 4, Y(v));
+  }
+  p.textBaseline = "bottom";
+  for (const t of ticks(content.begin, content.end, 6)) {
+    line(p, [[X(t), height - BOTTOM], [X(t), height - BOTTOM + 3]], colour("dim"), 1);
+    p.textAlign = X(t) > width - 40 ? "right" : "center";
+    p.fillText(label(t) + (t === content.begin ? " s" : ""), X(t), height);
+  }
+}
+
+function drawCurve(p, X, Y, curve) {
+  const { t, y, to, role, agent } = curve;
+  if (to) {
+    p.beginPath();
+    t.forEach((v, k) => p.lineTo(X(v), Y(y[k])));
+    for (let k = t.length - 1; k >= 0; k--) p.lineTo(X(t[k]), Y(to[k]));
+    p.fillStyle = colour("band");
+    p.fill();
+    return;
+  }
+  const kind = isBold(curve) ? "chosen" : role || (content.adversaries[agent] ? "adversary" : "other");
+  const points = t.map((v, k) => [X(v), Y(y[k])]);
+  line(p, points, colour(kind), kind === "chosen" ? 1.8 : 1, kind === "guide" ? [4, 3] : []);
+}
+
+function drawCursor(plot) {
+  const { canvas, layer, value, X, width } = plot, height = canvas.clientHeight;
+  const p = canvas.getContext("2d");
+  p.clearRect(0, 0, width, height);
+  p.drawImage(layer, 0, 0, width, height);
+  const x = clamp(X(clock.t), LEFT, width - RIGHT);
+  if (isSeekable()) {
+    p.fillStyle = colour("veil");
+    p.fillRect(x, TOP, width - RIGHT - x, height - TOP - BOTTOM);
+  }
+  line(p, [[x, TOP], [x, height - BOTTOM]], colour("ink"), 1);
+  value.textContent = valueAt(shown[plot.index], clock.t);
+}
+
+// The bold curve's value at a time, and the curve's name if the title does not say whose it is.
+function valueAt({ curves }, t) {
+  const chosen = curves.find(isBold);
+  if (!chosen) return "";
+  let low = 0, high = chosen.t.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (chosen.t[middle] <= t) low = middle + 1; else high = middle;
+  }
+  if (!chosen.y.length) return "";
+  return (chosen.name ? chosen.name + ": " : "") + label(chosen.y[Math.max(low - 1, 0)]);
+}
+
+function line(p, points, stroke, wide, dash = []) {
+  p.beginPath();
+  points.forEach(point => p.lineTo(...point));
+  p.strokeStyle = stroke;
+  p.lineWidth = wide;
+  p.setLineDash(dash);
+  p.stroke();
+}
+
+function ticks(low, high, most) {
+  const rough = (high - low) / most, power = 10 ** Math.floor(Math.log10(rough));
+  const step = power * [1, 2, 5, 10].find(m => m * power >= rough);
+  const found = [];
+  for (let k = Math.ceil(low / step - 1e-9); k * step <= high * (1 + 1e-12); k++) found.push(k * step);
+  return found;
+}
+
+function decades(low, high) {
+  const found = [];
+  for (let k = Math.ceil(Math.log10(low)); 10 ** k <= high; k++) found.push(10 ** k);
+  return found;
+}
+
+const label = v => String(Number(v.toPrecision(4)));
+
+redraws.push(drawPlots);

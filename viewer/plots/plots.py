@@ -1,0 +1,143 @@
+"""Which plots there are of a run, and what is marked on its timeline."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.theory.rows.origin import Origin
+from phalanx.viewer.feeds.feed import Feed
+from phalanx.viewer.feeds.history import EMPTY_CODES, AgentSeries
+from phalanx.viewer.plots.content import Content, Curve, Mark, Plot
+from phalanx.viewer.plots.curves import Keep, Series, curve, envelope, farthest, points_each
+from phalanx.viewer.plots.periods import empty_periods, fault_periods
+
+Array = NDArray[np.float64]
+Safe = tuple[float | None, float | None]
+
+LEAST_HORIZON = 0.1
+"""Where a certified time is drawn that is shorter than this many τ, for a logarithm."""
+_NEAR_PAIRS = 6
+_STEPS = 500
+"""An arrow key moves the cursor by this share of the run."""
+_UNSAFE_ABOVE_0: Safe = (None, 0.0)
+
+
+def content(feed: Feed, told: Sequence[int], seekable: bool) -> Content:
+    """What to draw of a feed.
+
+    Args:
+        feed: live or recorded.
+        told: the agents that have curves of their own; the first one is chosen.
+        seekable: whether the cursor can be moved: the end is then that of the past.
+    """
+    model, past = feed.model, feed.history
+    rows = past.swarm.rows
+    begin, now = (float(rows[0, 0]), float(rows[-1, 0])) if len(rows) else (0.0, 0.0)
+    end = max(now if seekable else model.scenario.duration, begin + 1e-3)
+    steps = [past.agent(i) for i in range(len(model.names))]
+    plots = _Plots(feed, steps, told)
+    return Content(
+        title=f"{model.scenario.name}, seed {model.scenario.seed}",
+        begin=begin,
+        end=end,
+        step=(end - begin) / _STEPS,
+        seekable=seekable,
+        agents=list(model.names),
+        adversaries=model.adversary.tolist(),
+        chosen=told[0],
+        plots=plots.of_swarm() + plots.of_agents(),
+        periods=[
+            *fault_periods(past.conditions, now),
+            *(period for i in told for period in empty_periods(i, steps[i])),
+        ],
+        marks=_marks(feed, steps),
+    )
+
+
+class _Plots:
+    """The plots of a feed's past."""
+
+    def __init__(self, feed: Feed, steps: list[AgentSeries], told: Sequence[int]) -> None:
+        self._model, self._history = feed.model, feed.history
+        self._steps, self._told = steps, told
+
+    def of_swarm(self) -> list[Plot]:
+        rows, pairs = self._history.swarm.rows, self._near_pairs()
+        levels = self._model.psi_levels
+        return [
+            Plot("h_tot", "", [_bold(rows, 1, np.argmax)], _UNSAFE_ABOVE_0),
+            Plot("h of the pairs nearest to violation", "", pairs, _UNSAFE_ABOVE_0),
+            Plot("Smallest distance", "m", [_bold(rows, 2, np.argmin)], self._least_distance()),
+            *(Plot(f"ψ_{k}", "", [_bold(rows, 2 + k, np.argmax)], _UNSAFE_ABOVE_0) for k in levels),
+        ]
+
+    def of_agents(self) -> list[Plot]:
+        horizons = self._every(self._horizon, np.argmin)
+        ages = self._every(lambda _, s: 1e3 * s.age, np.argmax)
+        solve_times = self._every(lambda _, s: 1e3 * s.solve_time, np.argmax)
+        residuals = self._every(lambda _, s: s.residual, np.argmax)
+        return [
+            Plot("Certified for", "τ", horizons, (1.0, None), logarithmic=True, of_agents=True),
+            *(self._input(i, c) for i in self._told for c in range(self._steps[i].u.shape[1])),
+            Plot("Residual of the row", "", residuals, _UNSAFE_ABOVE_0, of_agents=True),
+            Plot("Age of the oldest û", "ms", ages, of_agents=True),
+            Plot("Control step", "ms", solve_times, of_agents=True),
+        ]
+
+    def _least_distance(self) -> Safe:
+        return (2.0 * self._model.radius if self._model.radius else None), None
+
+    def _near_pairs(self) -> list[Curve]:
+        t, h = self._history.pairs()
+        if not len(t):
+            return []
+        *others, worst = np.argsort(h.max(axis=0))[-_NEAR_PAIRS:].tolist()
+        label = self._model.label
+        return [
+            *(curve(Series(t, h[:, k]), np.argmax, label(k)) for k in others),
+            curve(Series(t, h[:, worst]), np.argmax, label(worst), role="chosen"),
+        ]
+
+    def _horizon(self, i: int, steps: AgentSeries) -> Array:
+        return np.maximum(steps.certified / self._model.swarm.horizon(i), LEAST_HORIZON)
+
+    def _every(self, of: Callable[[int, AgentSeries], Array], keep: Keep) -> list[Curve]:
+        """One quantity of every agent that is told; in an envelope where there are many."""
+        most = points_each(len(self._told))
+        series = [Series(steps.t, of(i, steps)) for i, steps in enumerate(self._steps)]
+        own = [curve(series[i], keep, agent=i, most=most) for i in self._told]
+        return [*envelope(series), *own] if self._model.crowded else own
+
+    def _input(self, i: int, c: int) -> Plot:
+        """One input of one agent: applied, nominal, and its bounds."""
+        steps, bounds = self._steps[i], self._model.input_bounds[i]
+        most = points_each(len(self._told))
+        curves = [
+            curve(Series(steps.t, steps.u_nom[:, c]), farthest, "nominal", role="guide", most=most),
+            curve(Series(steps.t, steps.u[:, c]), farthest, agent=i, most=most),
+        ]
+        safe: Safe = (None, None) if bounds is None else (float(bounds[0][c]), float(bounds[1][c]))
+        title = f"Input {self._model.input_names(i)[c]}, and the nominal one"
+        return Plot(title, "", curves, safe, of_agents=True, agent=i)
+
+
+def _bold(rows: Array, column: int, keep: Keep) -> Curve:
+    return curve(Series(rows[:, 0], rows[:, column]), keep, role="chosen")
+
+
+def _marks(feed: Feed, steps: list[AgentSeries]) -> list[Mark]:
+    """The worst moment, the first backup, violations, faults and every line of the log."""
+    rows = feed.history.swarm.rows
+    if not len(rows):
+        return []
+    worst = rows[int(np.argmax(rows[:, 1]))]
+    found = [Mark(float(worst[0]), f"worst moment, h_tot = {worst[1]:.4g}", "worst")]
+    backups = [s.t[s.empty == EMPTY_CODES[Origin.BACKUP]] for s in steps]
+    if first := [float(t[0]) for t in backups if len(t)]:
+        found.append(Mark(min(first), "first backup", "backup"))
+    violations = feed.summary.violations if feed.summary else []
+    found += [Mark(v.first, f"{v.pair}: violated", "violation") for v in violations]
+    for t, agent, condition in feed.history.conditions:
+        found.append(Mark(t, f"agent {feed.model.names[agent]}: {condition}", "fault"))
+    return found + [Mark(line.t, line.text) for line in feed.log]

@@ -1,0 +1,63 @@
+// What is shown: the content, where the cursor is, and who wants to know.
+let content = null;
+let clock = { t: 0, playing: false, speed: 1 };
+const redraws = [];  // called with whether the content is new
+let due = false, fresh = false;
+
+const phalanx = window.phalanx = {
+  act: () => {},
+  show(shown) { content = shown; redraw(true); },
+  at(told) { clock = told; redraw(false); },
+};
+
+// At most once for each frame that the browser paints.
+function redraw(anew) {
+  fresh ||= anew;
+  if (due) return;
+  due = true;
+  requestAnimationFrame(() => {
+    const anew = fresh;
+    due = fresh = false;
+    if (content) redraws.forEach(draw => draw(anew));
+  });
+}
+
+function element(tag, properties = {}, ...children) {
+  const made = Object.assign(document.createElement(tag), properties);
+  made.append(...children);
+  return made;
+}
+
+const colour = name => getComputedStyle(document.documentElement).getPropertyValue("--phx-" + name);
+const clamp = (v, low, high) => Math.min(Math.max(v, low), high);
+const isSeekable = () => content !== null && content.seekable;
+
+function seek(t) {
+  if (!isSeekable()) return;
+  t = clamp(t, content.begin, content.end);
+  phalanx.at({ ...clock, t, playing: false });  // what comes back says the same, a little later
+  phalanx.act({ seek: t });
+}
+
+// A canvas in the screen's own pixels; drawn in CSS pixels.
+function pen(canvas) {
+  const scale = devicePixelRatio, width = canvas.clientWidth, height = canvas.clientHeight;
+  canvas.width = width * scale;
+  canvas.height = height * scale;
+  const found = canvas.getContext("2d");
+  found.scale(scale, scale);
+  found.font = "10px system-ui";
+  return [found, width, height];
+}
+
+// Press and drag on a canvas: the times under the pointer, for as long as it is down.
+function scrub(canvas, timeAt) {
+  const move = event => seek(timeAt(event.clientX - canvas.getBoundingClientRect().left));
+  canvas.addEventListener("pointerdown", event => {
+    canvas.setPointerCapture(event.pointerId);
+    move(event);
+  });
+  canvas.addEventListener("pointermove", event => { if (event.buttons) move(event); });
+}
+
+document.head.append(element("style", { textContent: STYLE }));

@@ -1,0 +1,89 @@
+// The timeline: buttons, the time, and the whole run with its marks.
+const EDGE = 8, SNAP = 6;
+const RANK = { log: 0, fault: 1, backup: 2, worst: 3, violation: 4 };
+const INK = { log: "#94a3b8", fault: "#475569", backup: "#f97316", worst: "#16a34a",
+  violation: "#dc2626" };
+const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4, 8];
+
+const track = element("canvas"), time = element("output");
+const button = (text, title, onclick, only = " phx-seek") => element("button", {
+  textContent: text, title, className: "phx-button" + only,
+  onclick() { onclick(); this.blur(); },  // else the space bar would press it again
+});
+const play = button("▶", "Play or pause (space)", () => togglePlay());
+const speed = element("select", { title: "Speed", className: "phx-seek",
+  onchange() { phalanx.act({ speed: Number(this.value) }); this.blur(); } },
+  ...SPEEDS.map(s => new Option(s + " ×", s)));
+const plotsButton = button("plots", "Show or fold the plots", foldPlots, "");
+const bar = element("footer", { id: "phx-timeline" },
+  button("|◀", "To the start (home)", () => seek(content.begin)), play, speed, time, track,
+  button("worst", "To the worst moment", () => {
+    const worst = content.marks.find(mark => mark.kind === "worst");
+    if (worst) seek(worst.t);
+  }),
+  plotsButton);
+document.body.append(bar);
+
+const narrow = matchMedia("(max-width: 1000px)");
+const fold = folded => {
+  document.body.classList.toggle("phx-folded", folded);
+  document.body.classList.toggle("phx-open", !folded);
+  redraw(true);
+};
+function foldPlots() { fold(!document.body.classList.contains("phx-folded")); }
+narrow.addEventListener("change", () => fold(narrow.matches));
+fold(narrow.matches);
+addEventListener("resize", () => redraw(true));
+
+function togglePlay() {
+  if (isSeekable()) phalanx.act({ play: !clock.playing });
+}
+
+const trackTime = x =>
+  content.begin + (content.end - content.begin) * (x - EDGE) / (track.clientWidth - 2 * EDGE);
+const trackX = t => EDGE + (track.clientWidth - 2 * EDGE) *
+  (t - content.begin) / (content.end - content.begin);
+
+function markAt(x) {
+  const near = content.marks.filter(mark => Math.abs(trackX(mark.t) - x) <= SNAP);
+  return near.sort((a, b) => RANK[b.kind] - RANK[a.kind])[0];
+}
+
+scrub(track, x => (markAt(x) || { t: trackTime(x) }).t);
+track.addEventListener("pointermove", event => {
+  const mark = content && markAt(event.clientX - track.getBoundingClientRect().left);
+  track.title = mark ? `${mark.t.toFixed(3)} s: ${mark.text}` : "";
+});
+
+redraws.push(() => {
+  const [p, width, height] = pen(track), base = height - 20;
+  for (const node of bar.querySelectorAll(".phx-seek")) {
+    node.classList.toggle("phx-seekable", content.seekable);
+  }
+  bar.classList.toggle("phx-seekable", content.seekable);
+  play.textContent = clock.playing ? "⏸" : "▶";
+  if (document.activeElement !== speed) speed.value = clock.speed;
+  time.textContent = clock.t.toFixed(3) + " s";
+  p.fillStyle = colour("line");
+  p.fillRect(EDGE, base - 6, width - 2 * EDGE, 6);
+  p.fillStyle = colour("chosen");
+  p.fillRect(EDGE, base - 6, clamp(trackX(clock.t) - EDGE, 0, width - 2 * EDGE), 6);
+  for (const period of content.periods) {
+    const isFault = !isEmptySet(period), x = trackX(period.begin);
+    if (!isFault && period.agent !== content.chosen) continue;
+    p.fillStyle = isFault ? INK.fault : INK.backup;
+    p.fillRect(x, base + (isFault ? 1 : -9), Math.max(trackX(period.end) - x, 1), 2);
+  }
+  const marks = [...content.marks].sort((a, b) => RANK[a.kind] - RANK[b.kind]);
+  for (const mark of marks) {
+    p.fillStyle = INK[mark.kind];
+    p.fillRect(trackX(mark.t) - 1, mark.kind === "log" ? base - 14 : base - 20, 2, 14);
+  }
+  p.fillStyle = colour("dim");
+  for (const t of ticks(content.begin, content.end, clamp(width / 90, 3, 12))) {
+    const text = label(t) + " s", half = p.measureText(text).width / 2;
+    p.fillText(text, clamp(trackX(t) - half, 0, width - 2 * half), height - 4);
+  }
+  p.fillStyle = colour("ink");
+  p.fillRect(trackX(clock.t) - 1, base - 24, 2, 30);
+});
