@@ -7,6 +7,7 @@ from pathlib import Path
 from phalanx.recording.read import Recording, read, steps_by_agent
 from phalanx.report import crowd, figures, space
 from phalanx.report.html import page
+from phalanx.report.lanes import space_time
 from phalanx.report.measures import (
     LinkStatistics,
     Motion,
@@ -67,6 +68,8 @@ def plates(recording: Recording, links: list[LinkStatistics]) -> Iterator[Report
         yield ReportFigure("distances", caption, space.distances(recording, swarm, motion))
     if recording.states and recording.steps:
         yield from (_of_many if many else _of_each)(recording, swarm)
+        if lanes := space_time(recording, swarm):
+            yield ReportFigure("space-time", _SPACE_TIME, lanes)
     if any(link.lost or link.model.loss for link in links):
         drawn = (crowd.losses if many else figures.losses)(links)
         yield ReportFigure("losses", _LOSSES, drawn)
@@ -141,6 +144,14 @@ _CERTIFIED = (
 _SOLVE_TIMES = (
     "Wall time of control steps, from sample to input: the share of steps that took as long or "
     "longer. It has no part in the trajectory."
+)
+_SPACE_TIME = (
+    "Space-time diagram. Above, the whole run: in each agent's lane the share of broadcasts to it "
+    "that came too late for its next step (first row) or were lost (second row), and when it was "
+    "on its backup input, without authority, or silent for longer than its τ (third row); of more "
+    "than 24 agents the gravest of these in one row each. Below, around the worst moment (shaded "
+    "above): a dot is a control step, a square one whose K_i was empty; a line is a broadcast from "
+    "its sender to its receiver, a cross one that was lost."
 )
 _LOSSES = "Share of broadcasts lost on each link, next to what the scenario asks for."
 

@@ -29,7 +29,7 @@ def test_the_report_shows_the_verdict_and_its_evidence(reported: Path) -> None:
 def test_the_report_needs_nothing_but_itself(reported: Path) -> None:
     html = reported.read_text()
     sources = re.findall(r"""(?:src|href|url|srcset)\s*[=(]\s*["']?([^"'\s>]+)""", html)
-    assert len(sources) == len(list((reported.parent / "figures").iterdir())) == 10
+    assert len(sources) == len(list((reported.parent / "figures").iterdir())) == 11
     assert all(source.startswith("data:image/png;base64,") for source in sources)
     assert "//" not in re.sub(r"base64,[^\"]+", "", html)
 
