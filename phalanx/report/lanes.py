@@ -1,7 +1,6 @@
 """The space-time diagram: a lane for each agent, and what became of the broadcasts between them."""
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from phalanx.recording.broadcasts import FATES, IN_TIME, LATE, LOST, Broadcast, broadcasts
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Step
 from phalanx.report.style import MOST_NAMED, legend
@@ -19,7 +19,6 @@ from phalanx.theory.rows.origin import EMPTY, Origin
 
 Array = NDArray[np.float64]
 
-IN_TIME, LATE, LOST = "in time", "late", "lost"
 _SILENT = "silent"
 _COLOURS = {
     IN_TIME: "#9fb2ca",
@@ -29,7 +28,6 @@ _COLOURS = {
     Origin.NO_AUTHORITY: "#c084fc",
     _SILENT: "#475569",
 }
-_FATES = (IN_TIME, LATE, LOST)
 _MOST_INTERVALS = 400
 """Of the whole run."""
 _MOST_LANES = 24
@@ -38,37 +36,6 @@ _ZOOM_STEPS = 8
 """How many control steps of an agent the zoom shows."""
 _WIDTH, _LANE, _MOST_HIGH = 9.0, 0.34, 7.0
 """[inch]"""
-
-
-class Broadcast(NamedTuple):
-    """One broadcast on one link."""
-
-    sender: int
-    receiver: int
-    sent: float
-    """[s]"""
-    arrival: float
-    """[s]; when it was sent, if it was lost."""
-    fate: str
-    """IN_TIME for the receiver's next step after it was sent, LATE or LOST."""
-
-
-def broadcasts(recording: Recording) -> Iterator[Broadcast]:
-    """Every broadcast whose fate a receiver decided, and whose sender's step is recorded."""
-    names = [name for name, _, _ in recording.scenario.roster()]
-    place = {name: i for i, name in enumerate(names)}
-    sent = {(step.agent, step.k): step.t for step in recording.steps}
-    of_agents = steps_by_agent(recording).items()
-    samples = {name: np.array([*(s.t for s in steps), np.inf]) for name, steps in of_agents}
-    for step in recording.steps:
-        for sender, k, delay in step.fates:
-            if (t := sent.get((sender, k))) is None:
-                continue
-            due = samples[step.agent]
-            next_step = due[np.searchsorted(due, t, side="right")]
-            fate = LOST if delay < 0.0 else LATE if t + delay > next_step else IN_TIME
-            arrival = t + max(delay, 0.0)
-            yield Broadcast(place[sender], place[step.agent], t, arrival, fate)
 
 
 def space_time(recording: Recording, swarm: Swarm) -> Figure | None:
@@ -102,8 +69,8 @@ def _draw_whole(axes: Axes, found: Sequence[Broadcast], recording: Recording, sw
     image[:, 0], image[:, 1] = _blend(_COLOURS[LATE], late), _blend(_COLOURS[LOST], lost)
     for i, of_agent in enumerate(steps.values()):
         for begin, until, kind in _periods(of_agent, swarm.horizon(i), end):
-            first, last = np.searchsorted(edges, [begin, until])
-            image[i, 2, max(first - 1, 0) : last] = to_rgb(_COLOURS[kind])
+            first = np.searchsorted(edges, begin, side="right") - 1
+            image[i, 2, first : np.searchsorted(edges, until)] = to_rgb(_COLOURS[kind])
     if count > _MOST_LANES:
         for row in (1, 2):
             drawn = (image[:, row] < 1.0).any(axis=-1)
@@ -118,7 +85,7 @@ def _draw_whole(axes: Axes, found: Sequence[Broadcast], recording: Recording, sw
     axes.set_ylabel("agent")
     axes.set_xlabel("t [s]")
     axes.spines[["top", "right"]].set_visible(False)
-    told = ", ".join(f"{sum(b.fate == fate for b in found)} {fate}" for fate in _FATES)
+    told = ", ".join(f"{sum(b.fate == fate for b in found)} {fate}" for fate in FATES)
     axes.set_title(f"{len(found)} broadcasts on all links: {told}", loc="right", fontsize=10)
     handles = [Patch(color=c, label=name) for name, c in _COLOURS.items() if name != IN_TIME]
     axes.legend(
@@ -143,7 +110,7 @@ def _draw_zoom(
         b for b in found
         if b.sender in place and b.receiver in place and begin <= b.sent <= end
     ]  # fmt: skip
-    for fate in _FATES:
+    for fate in FATES:
         of_kind = [b for b in seen if b.fate == fate]
         lines = [[(b.sent, place[b.sender]), _arrival(b, place)] for b in of_kind]
         looks = {"colors": _COLOURS[fate], "linestyles": "--" if fate == LOST else "-"}

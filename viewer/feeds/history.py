@@ -1,6 +1,6 @@
 """A run's past, as the plots show it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.faults.state import Condition
+from phalanx.recording.broadcasts import Broadcast
 from phalanx.theory.rows.origin import Origin
 
 Array = NDArray[np.float64]
@@ -97,6 +98,8 @@ class History:
     """What one agent did."""
     pairs: Callable[[], PairSeries]
     """h of every pair at some of the times of `swarm`, the worst ones among them."""
+    broadcasts: Sequence[Broadcast] = ()
+    """Every broadcast, of a recorded run: a live one tells of late and lost ones alone."""
     conditions: list[ConditionChange] = field(default_factory=list)
     """In order; every agent is fine at first."""
 

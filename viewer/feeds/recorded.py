@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from phalanx.faults.state import FaultState
 from phalanx.guarantee.verdict import Assumption
+from phalanx.recording.broadcasts import broadcasts
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.viewer.feeds.agent_steps import AgentSteps
 from phalanx.viewer.feeds.history import ConditionChange, History, PairSeries, TimeSeries
@@ -34,6 +35,7 @@ class RecordedRun:
         self._x, self._h_tot = recording.x, recording.h_tot
         self._worst = np.maximum.accumulate(self._h_tot)
         self._log, self._commands = recording.log, recording.commands
+        self._broadcasts = list(broadcasts(recording))
         self._agents = [AgentSteps(steps) for steps in steps_by_agent(recording).values()]
         self._applied = np.sort([s.t_apply for s in recording.steps])
         poses = [self.model.kinematics.poses(x) for x in self._x]
@@ -84,9 +86,12 @@ class RecordedRun:
         psi = np.array([self.model.values.higher_psi(x) for x in self._x])
         swarm = np.column_stack([self.times, self._h_tot, distances, psi])
         series = [a.series(len(self.model.input_names(i))) for i, a in enumerate(self._agents)]
-        pairs = functools.cache(self._pairs)
         return History(
-            TimeSeries(swarm.shape[1], swarm), series.__getitem__, pairs, self._conditions()
+            TimeSeries(swarm.shape[1], swarm),
+            series.__getitem__,
+            functools.cache(self._pairs),
+            self._broadcasts,
+            self._conditions(),
         )
 
     def _pairs(self) -> PairSeries:

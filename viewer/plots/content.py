@@ -18,6 +18,21 @@ class Curve(msgspec.Struct, omit_defaults=True):
     """How it is drawn otherwise: "chosen" bold, "guide" dashed, by default pale."""
 
 
+class Lane(msgspec.Struct):
+    """One agent in a space-time diagram: a digit for each interval of the run."""
+
+    late: str
+    """Share of the broadcasts to it that came too late for its next step: 0 none, 9 all."""
+    lost: str
+    """Likewise of those that were lost."""
+    state: str
+    """How it did: a place in LANE_STATES."""
+
+
+LANE_STATES = ("fine", "backup", "no-authority", "silent")
+"""The gravest last. Silent: no step for longer than its τ."""
+
+
 class Plot(msgspec.Struct):
     """One plot; times run from the run's begin to its end."""
 
@@ -31,6 +46,8 @@ class Plot(msgspec.Struct):
     """Whether the chosen agent's backup periods are shown; else everybody's faults."""
     agent: int | None = None
     """Shown only when that agent is chosen; null: always."""
+    lanes: list[Lane] = []
+    """A space-time diagram, instead of curves."""
 
 
 class Period(msgspec.Struct):

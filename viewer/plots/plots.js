@@ -48,6 +48,9 @@ function rangeOf({ curves, safe, logarithmic }) {
 
 function drawLayer(plot) {
   const what = shown[plot.index];
+  if (what.lanes.length) {
+    plot.canvas.style.height = clamp(14 * what.lanes.length, 60, 420) + TOP + BOTTOM + "px";
+  }
   const [ink, width, height] = pen(plot.canvas);
   plot.width = width;
   plot.layer.width = plot.canvas.width;
@@ -62,7 +65,13 @@ function drawLayer(plot) {
   plot.title.textContent = what.title + (what.unit ? ` [${what.unit}]` : "") +
     (what.of_agents ? `, agent ${content.agents[content.chosen]}` : "");
   plot.X = X;
-  axes(p, X, Y, what, [low, high], width, height);
+  if (what.lanes.length) {
+    timeAxis(p, X, width, height);
+    drawLanes(p, what.lanes, X, down);
+    return;
+  }
+  timeAxis(p, X, width, height);
+  valueAxis(p, Y, what.logarithmic ? decades(low, high) : ticks(low, high, 4), width);
   p.save();
   p.beginPath();
   p.rect(LEFT, TOP, across, down);
@@ -86,17 +95,49 @@ function drawLayer(plot) {
   p.restore();
 }
 
-const isBold = curve => curve.role === "chosen" || curve.agent === content.chosen;
-const isEmptySet = period => ["backup", "no-authority"].includes(period.kind);
-
-function axes(p, X, Y, what, [low, high], width, height) {
+// In each lane three rows: late, lost, and how the agent did.
+const STATES = [null, "#f97316", "#c084fc", "#475569"];
+function drawLanes(p, lanes, X, down) {
+  const high = down / lanes.length, row = high * 0.9 / 3;
+  const intervals = lanes[0].state.length, wide = (content.end - content.begin) / intervals;
+  const cell = (k, y, fill, alpha) => {
+    p.globalAlpha = alpha;
+    p.fillStyle = fill;
+    p.fillRect(X(content.begin + k * wide), y, X(wide) - X(0) + 0.3, Math.max(row, 1));
+  };
+  lanes.forEach(({ late, lost, state }, i) => {
+    const top = TOP + i * high;
+    for (let k = 0; k < intervals; k++) {
+      if (late[k] > 0) cell(k, top, "#e8a200", 0.3 + 0.7 * late[k] / 9);
+      if (lost[k] > 0) cell(k, top + row, "#d62728", 0.3 + 0.7 * lost[k] / 9);
+      if (state[k] > 0) cell(k, top + 2 * row, STATES[state[k]], 1);
+    }
+  });
+  p.globalAlpha = 1;
   p.fillStyle = colour("dim");
   p.textAlign = "right";
   p.textBaseline = "middle";
-  for (const v of what.logarithmic ? decades(low, high) : ticks(low, high, 4)) {
+  const step = Math.ceil(11 / high);
+  for (let i = 0; i < lanes.length; i += step) {
+    p.fillText(content.agents[i], LEFT - 4, TOP + (i + 0.5) * high);
+  }
+}
+
+const isBold = curve => curve.role === "chosen" || curve.agent === content.chosen;
+const isEmptySet = period => ["backup", "no-authority"].includes(period.kind);
+
+function valueAxis(p, Y, values, width) {
+  p.fillStyle = colour("dim");
+  p.textAlign = "right";
+  p.textBaseline = "middle";
+  for (const v of values) {
     line(p, [[LEFT, Y(v)], [width - RIGHT, Y(v)]], colour("line"), 1);
     p.fillText(label(v), LEFT - 4, Y(v));
   }
+}
+
+function timeAxis(p, X, width, height) {
+  p.fillStyle = colour("dim");
   p.textBaseline = "bottom";
   for (const t of ticks(content.begin, content.end, 6)) {
     line(p, [[X(t), height - BOTTOM], [X(t), height - BOTTOM + 3]], colour("dim"), 1);

@@ -10,6 +10,7 @@ from phalanx.viewer.feeds.feed import Feed
 from phalanx.viewer.feeds.history import EMPTY_CODES, AgentSeries
 from phalanx.viewer.plots.content import Content, Curve, Mark, Plot
 from phalanx.viewer.plots.curves import Keep, Series, curve, envelope, farthest, points_each
+from phalanx.viewer.plots.lanes import lanes
 from phalanx.viewer.plots.periods import empty_periods, fault_periods
 
 Array = NDArray[np.float64]
@@ -83,7 +84,18 @@ class _Plots:
             Plot("Residual of the row", "", residuals, _UNSAFE_ABOVE_0, of_agents=True),
             Plot("Age of the oldest û", "ms", ages, of_agents=True),
             Plot("Control step", "ms", solve_times, of_agents=True),
+            *self._space_time(),
         ]
+
+    def _space_time(self) -> list[Plot]:
+        """Of a recorded run in which somebody broadcast something."""
+        found, rows = self._history.broadcasts, self._history.swarm.rows
+        if not found:
+            return []
+        taus = [self._model.swarm.horizon(i) for i in range(len(self._steps))]
+        drawn = lanes(found, self._steps, taus, float(rows[0, 0]), float(rows[-1, 0]))
+        title = "Broadcasts late and lost, backup, silence"
+        return [Plot(title, "", [], lanes=drawn)]
 
     def _least_distance(self) -> Safe:
         return (2.0 * self._model.radius if self._model.radius else None), None

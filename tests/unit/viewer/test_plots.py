@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from phalanx.faults.state import Condition
+from phalanx.recording.broadcasts import LATE, LOST, Broadcast
 from phalanx.viewer.feeds.history import EMPTY_CODES, ConditionChange, agent_series
 from phalanx.viewer.plots.content import Period
 from phalanx.viewer.plots.curves import Series, curve, envelope, farthest, numbers
+from phalanx.viewer.plots.lanes import lanes
 from phalanx.viewer.plots.periods import empty_periods, fault_periods
 
 T = np.linspace(0.0, 10.0, 5001)
@@ -70,3 +72,18 @@ def test_a_fault_period_lasts_until_the_same_agent_is_fine_or_to_the_end():
         Period(0, "frozen", 1.0, 3.0),
         Period(1, "dead", 2.0, 9.0),
     ]
+
+
+def test_a_lane_tells_the_share_of_broadcasts_late_and_lost_and_the_gravest_state():
+    rows = np.zeros((10, 8))
+    rows[:, 0] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]
+    rows[2, 1] = EMPTY_CODES["backup"]
+    speaking, silent = agent_series(rows), agent_series(np.delete(rows, [6, 7], axis=0))
+    fates = [("in time", 0.5), (LATE, 0.6), (LOST, 0.7), (LOST, 3.5), (LATE, 9.5)]
+    found = [Broadcast(1, 0, sent, sent, fate) for fate, sent in fates]
+    first, second = lanes(found, [speaking, silent], [1.0, 1.0], 0.0, 10.0)
+    assert first.late == "3000000009"
+    assert first.lost == "3009000000"
+    assert first.state == "0010000000"
+    assert set(second.late + second.lost) == {"0"}
+    assert second.state == "0010003300"

@@ -1,0 +1,41 @@
+"""What became of every broadcast on its way: in time, late or lost."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from phalanx.recording.read import Recording, steps_by_agent
+
+IN_TIME, LATE, LOST = FATES = ("in time", "late", "lost")
+
+
+class Broadcast(NamedTuple):
+    """One broadcast on one link."""
+
+    sender: int
+    receiver: int
+    sent: float
+    """[s]"""
+    arrival: float
+    """[s]; when it was sent, if it was lost."""
+    fate: str
+    """IN_TIME for the receiver's next step after it was sent, LATE or LOST."""
+
+
+def broadcasts(recording: Recording) -> Iterator[Broadcast]:
+    """Every broadcast whose fate a receiver decided, and whose sender's step is recorded."""
+    names = [name for name, _, _ in recording.scenario.roster()]
+    place = {name: i for i, name in enumerate(names)}
+    sent = {(step.agent, step.k): step.t for step in recording.steps}
+    of_agents = steps_by_agent(recording).items()
+    samples = {name: np.array([*(s.t for s in steps), np.inf]) for name, steps in of_agents}
+    for step in recording.steps:
+        for sender, k, delay in step.fates:
+            if (t := sent.get((sender, k))) is None:
+                continue
+            due = samples[step.agent]
+            next_step = due[np.searchsorted(due, t, side="right")]
+            fate = LOST if delay < 0.0 else LATE if t + delay > next_step else IN_TIME
+            arrival = t + max(delay, 0.0)
+            yield Broadcast(place[sender], place[step.agent], t, arrival, fate)
