@@ -1,4 +1,4 @@
-"""phalanx scenarios, report and verify: look at what there is."""
+"""phalanx scenarios, report, compare and verify: look at what there is."""
 
 import sys
 from pathlib import Path
@@ -17,6 +17,7 @@ def register(app: typer.Typer) -> None:
     """Add the commands."""
     app.command()(scenarios)
     app.command()(report)
+    app.command()(compare)
     app.command()(verify)
 
 
@@ -54,6 +55,45 @@ def report(run: RunArgument, trust: Trust = False) -> int:
         print(recorded.report())
         print(f"recording: {size_in_words(recorded.recording)}")
     except (phalanx.UnreadableRecordingError, OSError) as error:
+        print(error, file=sys.stderr)
+        return 3
+    return 0
+
+
+def compare(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN RUN...", help="Folders of runs.")],
+    html: Annotated[
+        Path | None, typer.Option(help="Write the figures of all runs side by side there.")
+    ] = None,
+    trust: Trust = False,
+) -> int:
+    """Say how runs differ, in their scenarios and in what they came to.
+
+    Examples:
+
+      phalanx compare runs/unicycles-1 runs/unicycles-2
+      phalanx compare runs/unicycles-* --html beside.html
+    """
+    from rich.console import Console
+    from rich.table import Table
+
+    from phalanx.recording.read import UnreadableRecordingError, read
+    from phalanx.report.compare import differences, results, titles, write_comparison
+
+    if len(runs) < 2:
+        raise typer.BadParameter("expected two runs or more")
+    try:
+        recordings = [read(run, trust) for run in runs]
+        table = Table("", *titles(recordings), box=None, pad_edge=False)
+        for row in differences(recordings):
+            table.add_row(*row)
+        table.add_section()
+        for row in results(recordings):
+            table.add_row(*row)
+        Console().print(table)
+        if html is not None:
+            print(write_comparison(recordings, html))
+    except (UnreadableRecordingError, OSError) as error:
         print(error, file=sys.stderr)
         return 3
     return 0

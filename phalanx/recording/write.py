@@ -2,6 +2,7 @@
 
 import os
 import platform
+from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Self
@@ -40,6 +41,7 @@ class RecordingWriter:
                 "run": run_id,
                 "seed": str(scenario.seed),
                 "scenario_digest": digest(scenario),
+                "date": datetime.now(UTC).isoformat(timespec="seconds"),
                 "python": platform.python_version(),
                 **{name: version(name) for name in _VERSIONS},
             },

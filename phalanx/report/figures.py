@@ -15,14 +15,27 @@ from phalanx.report.measures import (
     extremes_kept,
     worst,
 )
-from phalanx.report.style import LIMIT, MUTED, PEAK, colours, legend, logarithmic, panels
+from phalanx.report.style import (
+    LIMIT,
+    MUTED,
+    PEAK,
+    colours,
+    legend,
+    logarithmic,
+    panels,
+    summarises,
+)
+from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.models.polytope import Box, constant_polytope
+from phalanx.theory.models.units import units
 from phalanx.theory.rows.origin import Origin
 
 Array = NDArray[np.float64]
 
 _MOST_LINKS = 40
+_PSI_POINTS, _CROWD_PSI_POINTS = 600, 100
+"""Most states at which ψ_k is evaluated; of many agents it takes longer."""
 _TIME_POINTS = 600
 LEAST_RATIO = 0.1
 """Where a certified time is drawn that is shorter than this share of τ: no logarithm has a 0."""
@@ -59,6 +72,31 @@ def safety(recording: Recording, largest: Array | None = None) -> Figure:
     return figure
 
 
+def psi(recording: Recording, rows: SafetyRows) -> Figure | None:
+    """The largest ψ_1 ... ψ_{q-1} over time; None where q is 1. At or below 0 it is in S_I."""
+    q = rows.relative_degree
+    if q == 1:
+        return None
+    points = _CROWD_PSI_POINTS if summarises(recording.scenario) else _PSI_POINTS
+    chosen = np.unique(np.linspace(0, len(recording.states) - 1, points).astype(int))
+    invariants, x = rows.invariants(), recording.x
+    largest = np.array([invariants(x[k]).reshape(-1, q).max(axis=0) for k in chosen])
+    figure, panes = panels(q - 1, 2.4)
+    t = recording.times[chosen]
+    for k, axes in enumerate(panes, start=1):
+        values = largest[:, k]
+        axes.plot(t, values, color="#1f5fbf", linewidth=1.2)
+        axes.axhline(0.0, color=LIMIT, linewidth=1.2)
+        axes.fill_between(t, values, 0.0, where=values > 0.0, color=PEAK, alpha=0.5)
+        axes.set_ylabel(f"largest $\\psi_{k}$ [unit of $h$/s{'²³'[k - 2] if k > 1 else ''}]")
+        axes.margins(x=0.01)
+        at = int(values.argmax())
+        words = f"largest {values[at]:.4g} at {t[at]:.3f} s"
+        axes.set_title(words, loc="right", color=PEAK if values[at] > 0.0 else LIMIT, fontsize=10)
+    panes[-1].set_xlabel("t [s]")
+    return figure
+
+
 class Curve(NamedTuple):
     """One quantity of an agent's steps."""
 
@@ -66,17 +104,29 @@ class Curve(NamedTuple):
     values: Array
     """shape (s,)"""
     bounds: tuple[float, ...]
+    nominal: Array | None = None
+    """What its law would have had, shape (s,)."""
 
 
 def inputs(recording: Recording, swarm: Swarm, i: int) -> Figure:
-    """Agent i's inputs with their bounds, and a mark at every step whose K_i was empty."""
+    """Agent i's inputs beside the nominal ones, their bounds, and a mark where K_i was empty."""
     name = swarm.members[i].name
     steps = steps_by_agent(recording)[name]
-    curves = input_curves(swarm, i, np.array([s.u for s in steps]))
+    wanted = np.array([s.u_nom for s in steps]) if all(s.u_nom for s in steps) else None
+    curves = input_curves(swarm, i, np.array([s.u for s in steps]), wanted)
     figure, rows = panels(len(curves), 1.9)
     applied = np.array([s.t_apply for s in steps])
     held_until = max(recording.times[-1], applied[-1])
     for curve, axes in zip(curves, rows, strict=True):
+        if curve.nominal is not None:
+            kept = extremes_kept(curve.nominal)
+            axes.step(
+                applied[kept],
+                curve.nominal[kept],
+                where="post",
+                color=MUTED,
+                linewidth=0.7,
+            )
         kept = extremes_kept(curve.values)
         axes.step(
             [*applied[kept], held_until],
@@ -89,23 +139,44 @@ def inputs(recording: Recording, swarm: Swarm, i: int) -> Figure:
             axes.axhline(bound, color=LIMIT, linestyle=":", linewidth=1.2)
         _mark_fallbacks(axes, steps, curve.values)
         axes.set_ylabel(curve.label)
-        axes.margins(x=0.01, y=0.12)
+        axes.margins(x=0.01)
+        axes.set_ylim(*_shown(curve))
     rows[-1].set_xlabel("t [s]")
+    rows[0].plot([], [], color=colours(recording.scenario)[name], label="applied")
+    if wanted is not None:
+        rows[0].plot([], [], color=MUTED, label="nominal")
     legend(rows[0], f"agent {name}")
     return figure
 
 
-def input_curves(swarm: Swarm, i: int, u: Array) -> list[Curve]:
+def _shown(curve: Curve) -> tuple[float, float]:
+    """Where a curve and its bounds lie, and a little more: a nominal input may lie far outside."""
+    values = [*curve.bounds, float(curve.values.min()), float(curve.values.max())]
+    margin = 0.12 * (max(values) - min(values)) or 1.0
+    return min(values) - margin, max(values) + margin
+
+
+def input_curves(swarm: Swarm, i: int, u: Array, nominal: Array | None = None) -> list[Curve]:
     """Every component of agent i's inputs u, shape (s, m_i); before them ‖u‖_∞ if U_i is its ball.
 
     The norm is what the paper plots of Simulation 2.
     """
     names, box = swarm.members[i].dynamics.inputs, input_box(swarm, i)
     bounds = [(box.low[c], box.high[c]) if box else () for c in range(len(names))]
-    curves = [Curve(f"{n} [SI]", u[:, c], bounds[c]) for c, n in enumerate(names)]
+    of_input = units(swarm.members[i].dynamics).inputs
+    curves = [
+        Curve(
+            f"{n} [{of_input[n] or 'SI'}]",
+            u[:, c],
+            bounds[c],
+            None if nominal is None else nominal[:, c],
+        )
+        for c, n in enumerate(names)
+    ]
     radius = box.high[0] if box else np.nan
     if box and len(names) > 1 and (box.high == radius).all() and (box.low == -radius).all():
-        curves.insert(0, Curve("‖u‖∞ [SI]", np.abs(u).max(axis=1), (radius,)))
+        unit = of_input[names[0]] or "SI"
+        curves.insert(0, Curve(f"‖u‖∞ [{unit}]", np.abs(u).max(axis=1), (radius,)))
     return curves
 
 

@@ -1,7 +1,7 @@
 """The report's HTML: one page that fetches nothing. Every text of a table is escaped here."""
 
 import base64
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from string import Template
 
@@ -13,6 +13,8 @@ from phalanx.recording.size import size_in_words
 from phalanx.report.measures import LinkStatistics, origins, worst
 from phalanx.theory.rows.origin import EMPTY
 
+_NO_VERSION = ("run", "seed", "scenario_digest")
+"""What a recording says of itself beside versions."""
 _MOST_ROWS = 60
 """Of a table."""
 _ASSUMPTIONS = ("assumption", "in words", "failed", "first failure")
@@ -38,7 +40,7 @@ _PAGE = Template("""<!doctype html>
   :root { --page: #16191d; --text: #e4e7eb; --quiet: #9aa3ae; --line: #353b43; --stripe: #1e2227; }
 }
 body { background: var(--page); color: var(--text); font: 15px/1.5 system-ui, sans-serif;
-  max-width: 64rem; margin: 2rem auto; padding: 0 1.2rem; }
+  max-width: $width; margin: 2rem auto; padding: 0 1.2rem; }
 h1 { font-size: 1.6rem; margin: 0; }
 h2 { font-size: 1.15rem; margin: 2.2rem 0 .6rem; }
 p.quiet, figcaption, .none { color: var(--quiet); }
@@ -58,6 +60,7 @@ tbody tr:nth-child(even) { background: var(--stripe); }
 .guaranteed { --badge: #1a7f46; } .safe { --badge: #a86a00; } .violated { --badge: #c1121f; }
 .broken, .stopped, .unfinished { --badge: #5d6570; }
 figure { margin: 1.2rem 0; }
+.beside { display: grid; gap: 1rem; grid-template-columns: repeat(auto-fit, minmax(24rem, 1fr)); }
 figure img { background: #fff; border: 1px solid var(--line); border-radius: .3rem;
   max-width: 100%; display: block; }
 figcaption { font-size: .9rem; margin-top: .3rem; }
@@ -82,15 +85,49 @@ def page(
     parts = [
         f"<h1>{escape(title)}</h1>",
         f'<p class="quiet">{escape(recording.scenario.description)}</p>',
+        *_origin(recording),
         _verdict(recording),
-        _section("Key figures", _table((), _key_figures(recording))),
+        _section("Key figures", _table((), key_figures(recording))),
         *_judgement(recording.summary),
         _section("Links", _links(links)),
         _section("Figures", "\n".join([*map(_figure, figures), *map(_note, notes)])),
         _section("Events", _events(recording)),
         _details(recording),
     ]
-    return _PAGE.substitute(title=escape(title), body="\n".join(parts))
+    return _PAGE.substitute(title=escape(title), body="\n".join(parts), width="64rem")
+
+
+def comparison(
+    runs: Sequence[str],
+    differences: Sequence[Sequence[str]],
+    results: Sequence[Sequence[str]],
+    figures: Mapping[str, Mapping[str, bytes]],
+) -> str:
+    """A page of several runs; rows have a name and a value for each run, figures PNG by run."""
+    title, head = f"{len(runs)} runs", ("", *runs)
+    parts = [
+        f"<h1>{escape(title)}</h1>",
+        _section("What differs", _table(head, differences)),
+        _section("What they came to", _table(head, results)),
+    ]
+    for name, of_runs in figures.items():
+        shown = "".join(
+            _figure((run, of_runs[run])) if run in of_runs else _note(f"{run}: nothing to draw")
+            for run in runs
+        )
+        parts.append(_section(name, f'<div class="beside">{shown}</div>'))
+    return _PAGE.substitute(title=escape(title), body="\n".join(parts), width="none")
+
+
+def _origin(recording: Recording) -> list[str]:
+    """The command that makes this run again, when it was made, and with what."""
+    scenario, made = recording.scenario, dict(recording.metadata)
+    command = scenario.reading.command(scenario.seed) if scenario.reading else None
+    parts = [made.pop("date", ""), f"phalanx {made.pop('phalanx', 'of unknown version')}"]
+    of_others = [f"{name} {made[name]}" for name in made if name not in _NO_VERSION]
+    words = ", ".join(filter(None, [*parts, *of_others]))
+    shown = [f"<pre>{escape(command)}</pre>"] if command else []
+    return [*shown, f'<p class="quiet">{escape(words)}</p>']
 
 
 def _verdict(recording: Recording) -> str:
@@ -106,7 +143,8 @@ def _verdict(recording: Recording) -> str:
     )
 
 
-def _key_figures(recording: Recording) -> list[tuple[str, str]]:
+def key_figures(recording: Recording) -> list[tuple[str, str]]:
+    """What a run came to, each with its name."""
     summary, peak = recording.summary, worst(recording)
     counts = origins(recording)
     steps, normal = len(recording.steps), sum(counts.values())
@@ -130,9 +168,7 @@ def _key_figures(recording: Recording) -> list[tuple[str, str]]:
             ("Real-time factor", f"{summary.real_time_factor:.2f}"),
             ("Trajectory, SHA-256", summary.trajectory),
         ]
-    versions = {k: v for k, v in recording.metadata.items() if k not in ("run", "seed")}
-    rows.append(("Recording", size_in_words(recording)))
-    return [*rows, ("Made with", ", ".join(f"{k} {v}" for k, v in versions.items()))]
+    return [*rows, ("Recording", size_in_words(recording))]
 
 
 def _judgement(summary: Summary | None) -> list[str]:

@@ -15,6 +15,7 @@ from phalanx.report.measures import (
     worst_pairs,
 )
 from phalanx.report.style import FEW, MOST_NAMED, ReportFigure, summarises
+from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.origin import EMPTY
@@ -44,13 +45,19 @@ def write_report(run: Path, progress: Callable[[str], None] | None = None) -> Pa
     for plate in plates(recording, links):
         if progress:
             progress(plate.name)
-        image = io.BytesIO()
-        plate.figure.savefig(image, format="png", dpi=_DPI, bbox_inches="tight")
-        (folder / "figures" / f"{plate.name}.png").write_bytes(image.getvalue())
-        drawn.append((plate.caption, image.getvalue()))
+        image = image_of(plate)
+        (folder / "figures" / f"{plate.name}.png").write_bytes(image)
+        drawn.append((plate.caption, image))
     report = folder / REPORT
     report.write_text(page(recording, links, drawn, notes(recording)), encoding="utf-8")
     return report
+
+
+def image_of(plate: ReportFigure) -> bytes:
+    """A figure as PNG."""
+    image = io.BytesIO()
+    plate.figure.savefig(image, format="png", dpi=_DPI, bbox_inches="tight")
+    return image.getvalue()
 
 
 def plates(recording: Recording, links: list[LinkStatistics]) -> Iterator[ReportFigure]:
@@ -61,6 +68,8 @@ def plates(recording: Recording, links: list[LinkStatistics]) -> Iterator[Report
         pairs = worst_pairs(recording, swarm) if many else None
         h = pairs.h if pairs else None
         yield ReportFigure("h_tot", _SAFETY, figures.safety(recording, h))
+        if higher := figures.psi(recording, build_rows(swarm)):
+            yield ReportFigure("psi", _PSI, higher)
         yield ReportFigure(
             "paths", _paths_caption(recording), space.paths(recording, motion, pairs)
         )
@@ -113,8 +122,9 @@ def _of_many(recording: Recording, swarm: Swarm) -> Iterator[ReportFigure]:
 def _inputs(recording: Recording, swarm: Swarm, agents: Sequence[int]) -> Iterator[ReportFigure]:
     for i in agents:
         caption = (
-            f"Inputs of agent {swarm.names[i]}; bounds dotted. A cross marks each step whose K_i "
-            "was empty: dark if the backup input was applied, light if it had no authority."
+            f"Inputs of agent {swarm.names[i]}; the nominal input in grey, bounds dotted. A cross "
+            "marks each step whose K_i was empty: dark if the backup was applied, light if it had "
+            "no authority."
         )
         yield ReportFigure(f"inputs-{swarm.names[i]}", caption, figures.inputs(recording, swarm, i))
 
@@ -122,6 +132,11 @@ def _inputs(recording: Recording, swarm: Swarm, agents: Sequence[int]) -> Iterat
 _SAFETY = (
     "h_tot over time, each value the largest since the event before. At or below zero every pair "
     "is safe; h_tot lies a little above the largest h, so above zero a pair may still be safe."
+)
+_PSI = (
+    "The largest ψ_k of the chain over all that normal agents keep, as the scenario composes it. "
+    "The theorem begins in S_I, where every ψ_k is at or below zero, and proves that a run stays "
+    "there."
 )
 _DISTANCES = (
     "Distances between the output points of all pairs, and to obstacles' centres; dotted: the "

@@ -3,6 +3,7 @@
 import copy
 import difflib
 import hashlib
+import json
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.resources import files
@@ -14,7 +15,7 @@ from pydantic import ValidationError
 
 from phalanx.scenario.faults import KINDS
 from phalanx.scenario.fields import ALTERNATIVES
-from phalanx.scenario.model import Scenario
+from phalanx.scenario.model import Reading, Scenario
 from phalanx.scenario.user_code import UntrustedCodeError
 
 
@@ -57,15 +58,14 @@ def load(
     else:
         where = str(source)
         table = _parsed(where)
-    if isinstance(overrides, Mapping):
-        for path, value in overrides.items():
-            set_field(table, path, value)
-    else:
-        for override in overrides:
-            apply_override(table, override)
+    if not isinstance(overrides, Mapping):
+        overrides = dict(map(field_and_value, overrides))
+    for path, value in overrides.items():
+        set_field(table, path, value)
     if seed is not None:
         table["seed"] = seed
-    return validate(table, where)
+    reading = Reading(source=where, overrides={p: _toml(v) for p, v in overrides.items()})
+    return validate(table, where).model_copy(update={"reading": reading})
 
 
 def validate(table: Mapping[str, Any], source: str) -> Scenario:
@@ -87,7 +87,8 @@ def validate(table: Mapping[str, Any], source: str) -> Scenario:
 
 def digest(scenario: Scenario) -> str:
     """A short fingerprint of the resolved scenario: two programs with the same one agree."""
-    return hashlib.blake2b(to_json(scenario).encode(), digest_size=8).hexdigest()
+    however_read = scenario.model_copy(update={"reading": None})
+    return hashlib.blake2b(to_json(however_read).encode(), digest_size=8).hexdigest()
 
 
 def to_json(scenario: Scenario) -> str:
@@ -105,15 +106,15 @@ def from_json(text: str) -> Scenario:
         raise ScenarioError(f"recorded scenario: {error}") from error
 
 
-def apply_override(table: dict[str, Any], override: str) -> None:
-    """Set one field in place, for example "network.loss=0.3" or "agents.0.clock.period=0.02".
+def field_and_value(override: str) -> tuple[str, Any]:
+    """Of a text such as "network.loss=0.3" or "agents.0.clock.period=0.02".
 
-    Raises ScenarioError if the path leads nowhere.
+    Raises ScenarioError unless it has both.
     """
     path, separator, text = override.partition("=")
     if not separator:
         raise ScenarioError(f"--set {override}: expected path.to.field=value")
-    set_field(table, path.strip(), _value(text))
+    return path.strip(), _value(text)
 
 
 def set_field(table: dict[str, Any], path: str, value: Any) -> None:
@@ -144,6 +145,15 @@ def _index(node: list[Any], key: str, override: str) -> int:
         last = len(node) - 1
         raise ScenarioError(f"--set {override}: expected an index from 0 to {last}, got {key!r}")
     return int(key)
+
+
+def _toml(value: Any) -> str:
+    """Inverse of _value."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key} = {_toml(each)}" for key, each in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return json.dumps(value) if isinstance(value, str | bool) else str(value)
 
 
 def _value(text: str) -> Any:

@@ -1,5 +1,6 @@
 """The scenario as a whole: SI units, defaults, and errors that name the field."""
 
+import shlex
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import count, islice
@@ -89,6 +90,22 @@ class Time(Strict):
     """How long the plant waits for an agent, in wall time [s]."""
 
 
+class Reading(Strict):
+    """How a scenario was read; it has no effect on the run."""
+
+    source: str
+    """The file, or the name of one that ships."""
+    overrides: dict[str, str] = Field(default_factory=dict)
+    """What was set over it: TOML by path."""
+
+    def command(self, seed: int) -> str:
+        """What runs it again from its source."""
+        chosen = [
+            part for path, toml in self.overrides.items() for part in ("--set", f"{path}={toml}")
+        ]
+        return shlex.join(["phalanx", "run", self.source, "--seed", str(seed), *chosen])
+
+
 class Scenario(Strict):
     """A whole run, reproducible from this and nothing else."""
 
@@ -113,6 +130,9 @@ class Scenario(Strict):
     workspace: dict[str, tuple[Finite, Finite]] = Field(default_factory=dict)
     """Least and largest value of states by name, for the constants of `phalanx check`; positions
     and angles have defaults."""
+
+    reading: Reading | None = None
+    """None if it was not read by load."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -1,16 +1,19 @@
 """The figures of inputs: their marks, bounds and norm."""
 
 import dataclasses
+from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 
 from phalanx.recording.read import Recording
+from phalanx.recording.records import State
 from phalanx.report import figures
 from phalanx.report.measures import origins
+from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
-from tests.unit.swarms import swarm_of_scenario
+from tests.unit.swarms import rows_of_scenario, swarm_of_scenario
 
 
 def test_a_mark_stands_at_every_step_with_an_empty_set(recording: Recording) -> None:
@@ -56,8 +59,39 @@ def test_a_recording_without_certified_times_has_no_figure_of_them(recording: Re
 def test_where_the_inputs_lie_in_a_cube_their_infinity_norm_is_drawn_first() -> None:
     u = np.array([[0.5, -1.5, 1.0], [0.0, 0.2, -0.1]])
     norm, *components = figures.input_curves(swarm_of_scenario("formation3d"), 0, u)
-    assert norm.label == "‖u‖∞ [SI]"
+    assert norm.label == "‖u‖∞ [m/s²]"
     assert list(norm.values) == [1.5, 0.2]
     assert norm.bounds == (2.0,)
     assert len(components) == 3
     assert len(figures.input_curves(swarm_of_scenario("unicycles"), 0, u[:, :2])) == 2
+
+
+def test_the_nominal_input_is_drawn_beside_the_applied_one_and_does_not_stretch_the_panel(
+    recording: Recording,
+) -> None:
+    wanted = [9.0, -9.0]
+    steps = [msgspec.structs.replace(step, u_nom=wanted) for step in recording.steps]
+    far = dataclasses.replace(recording, steps=steps)
+    for axes, nominal in zip(
+        figures.inputs(far, build_swarm(far.scenario), 0).axes, wanted, strict=True
+    ):
+        drawn = [line.get_ydata() for line in axes.lines if len(line.get_ydata()) > 2]
+        assert [set(np.round(line, 12)) for line in drawn] == [{nominal}, {0.1}]
+        assert max(map(abs, axes.get_ylim())) < 9.0
+
+
+def test_where_q_is_one_there_is_no_higher_psi(recording: Recording) -> None:
+    assert figures.psi(recording, build_rows(build_swarm(recording.scenario))) is None
+
+
+def test_psi_1_of_a_pair_that_closes_in_is_drawn_up_to_where_it_is_largest() -> None:
+    rows = rows_of_scenario("disturbance-gap")
+    swarm, x = rows.swarm, rows.swarm.start()
+    states = [State(0.1 * k, (x + 0.1 * k).tolist(), -1.0) for k in range(5)]
+    recording = Recording(Path(), swarm.scenario, {}, states=states)
+    figure = figures.psi(recording, rows)
+    assert figure is not None
+    (axes,) = figure.axes
+    expected = [rows.invariants()(np.array(s.x)).reshape(-1, 2)[:, 1].max() for s in states]
+    assert list(axes.lines[0].get_ydata()) == pytest.approx(expected)
+    assert f"largest {max(expected):.4g}" in axes.get_title(loc="right")

@@ -1,6 +1,9 @@
 """The page shows the verdict and its evidence, whatever texts it holds, and needs no other file."""
 
+import html
 import re
+import shlex
+from itertools import pairwise
 from pathlib import Path
 
 from phalanx.recording.read import read
@@ -9,6 +12,7 @@ from phalanx.report.measures import (
     worst,
 )
 from phalanx.report.write import write_report
+from phalanx.scenario.load import digest, load
 from tests.unit.report.recordings import (
     drift,
     record,
@@ -20,26 +24,26 @@ PNG = b"\x89PNG\r\n\x1a\n"
 
 
 def test_the_report_shows_the_verdict_and_its_evidence(reported: Path) -> None:
-    html = reported.read_text()
-    assert "<strong>violated</strong>" in html
+    page = reported.read_text()
+    assert "<strong>violated</strong>" in page
     for text in ("24 of 120", "0.25 at t = 0.300 s", "ab" * 32, "20.00 %", "0.050 s"):
-        assert text in html
+        assert text in page
 
 
 def test_the_report_needs_nothing_but_itself(reported: Path) -> None:
-    html = reported.read_text()
-    sources = re.findall(r"""(?:src|href|url|srcset)\s*[=(]\s*["']?([^"'\s>]+)""", html)
+    page = reported.read_text()
+    sources = re.findall(r"""(?:src|href|url|srcset)\s*[=(]\s*["']?([^"'\s>]+)""", page)
     assert len(sources) == len(list((reported.parent / "figures").iterdir())) == 11
     assert all(source.startswith("data:image/png;base64,") for source in sources)
-    assert "//" not in re.sub(r"base64,[^\"]+", "", html)
+    assert "//" not in re.sub(r"base64,[^\"]+", "", page)
 
 
 def test_hostile_text_stays_text(reported: Path) -> None:
-    html = reported.read_text()
-    assert "<script" not in html
+    page = reported.read_text()
+    assert "<script" not in page
     escaped = "&lt;script&gt;alert(&#x27;&amp;&#x27;)&lt;/script&gt;"
     # Description, reason, rejected payload, event, and the scenario at the end.
-    assert html.count(escaped) == 5
+    assert page.count(escaped) == 5
 
 
 def test_every_figure_is_a_png(reported: Path) -> None:
@@ -58,16 +62,37 @@ def test_a_recording_cut_short_is_reported_with_its_damage(tmp_path: Path) -> No
     cut = read(folder)
     assert cut.summary is None
     assert 0 < len(cut.states) + len(cut.steps) < 900
-    html = write_report(folder).read_text()
-    assert "<strong>unfinished</strong>" in html
+    page = write_report(folder).read_text()
+    assert "<strong>unfinished</strong>" in page
     assert cut.damage is not None
-    assert cut.damage in html
+    assert cut.damage in page
     peak = worst(cut)
     assert peak is not None
     assert peak.h_tot == max(cut.h_tot)
 
 
 def test_a_recording_without_a_state_says_so(tmp_path: Path) -> None:
-    html = write_report(record(tmp_path, unicycles(), [], None)).read_text()
-    assert "The recording holds no state: there is nothing to draw." in html
-    assert "<img" not in html
+    page = write_report(record(tmp_path, unicycles(), [], None)).read_text()
+    assert "The recording holds no state: there is nothing to draw." in page
+    assert "<img" not in page
+
+
+def test_the_heading_has_the_command_that_makes_it_again_the_date_and_versions(
+    reported: Path,
+) -> None:
+    heading = reported.read_text().split("<h2>")[0]
+    network = "network.delay={low = 0.002, high = 0.02}"
+    fields = f"--set duration=0.6 --set network.loss=0.3 --set '{network}'"
+    told = re.search("<pre>(.*)</pre>", heading)
+    assert html.unescape(told[1]) == f"phalanx run unicycles --seed 0 {fields}"
+    assert re.search(r"20\d\d-\d\d-\d\dT\d\d:\d\d:\d\d", heading)
+    for library in ("phalanx", "eclipse-zenoh", "casadi", "python"):
+        assert f"{library} {read(reported.parent).metadata[library]}" in heading
+
+
+def test_the_command_of_the_heading_makes_the_same_scenario(reported: Path) -> None:
+    scenario = read(reported.parent).scenario
+    _, _, source, *options = shlex.split(scenario.reading.command(scenario.seed))
+    fields = [after for flag, after in pairwise(options) if flag == "--set"]
+    again = load(source, fields, scenario.seed)
+    assert digest(again) == digest(scenario.model_copy(update={"description": again.description}))

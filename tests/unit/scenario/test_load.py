@@ -8,10 +8,11 @@ from phalanx.network.delay import UniformDelay
 from phalanx.scenario.links import Links
 from phalanx.scenario.load import (
     ScenarioError,
-    apply_override,
     digest,
+    field_and_value,
     from_json,
     load,
+    set_field,
     to_json,
 )
 from phalanx.swarm.swarm import build_swarm
@@ -110,7 +111,7 @@ def test_set_takes_a_bare_word_as_a_string_and_the_last_of_several_wins():
 def test_set_takes_toml_values():
     table = tomllib.loads("a = 1")
     for override in ["b=true", "c=[1, 2]", 'd="x=y"', "e.f={ g = 1.5 }", "h=1979-05-27", "i="]:
-        apply_override(table, override)
+        set_field(table, *field_and_value(override))
     assert table["b"] is True
     assert table["c"] == [1, 2]
     assert table["d"] == "x=y"

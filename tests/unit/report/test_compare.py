@@ -1,0 +1,56 @@
+"""Runs side by side: what differs in them, what they came to, and the same figures."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from phalanx.cli.app import USAGE_ERROR, status
+from phalanx.recording.read import read
+from phalanx.report.compare import differences, results, titles
+from tests.unit.report.recordings import drift, record, summary_of, unicycles
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Two runs whose loss differs, and nothing else."""
+    out, found = tmp_path_factory.mktemp("runs"), []
+    for loss in ("0.0", "0.3"):
+        folder = out / f"loss-{loss}"
+        folder.mkdir()
+        scenario = unicycles(f"network.loss={loss}")
+        found.append(record(folder, scenario, drift(scenario), summary_of(scenario)))
+    return found
+
+
+def test_only_what_differs_in_the_scenarios_is_told(folders: list[Path]) -> None:
+    assert differences([read(folder) for folder in folders]) == [("network.loss", "0.0", "0.3")]
+
+
+def test_every_key_figure_has_a_value_for_each_run(folders: list[Path]) -> None:
+    rows = {name: values for name, *values in results([read(folder) for folder in folders])}
+    assert rows["Verdict"] == ["violated", "violated"]
+    assert rows["Worst h_tot"] == ["0.25 at t = 0.300 s"] * 2
+    assert "Empty K_i" in rows
+
+
+def test_runs_are_called_by_their_folders_and_told_apart(folders: list[Path]) -> None:
+    one, two = (read(folder) for folder in folders)
+    assert titles([one, two]) == ["loss-0.0", "loss-0.3"]
+    assert titles([one, one]) == ["loss-0.0 (1)", "loss-0.0 (2)"]
+
+
+def test_the_page_has_the_same_figures_of_all_runs(folders: list[Path], tmp_path: Path) -> None:
+    page = tmp_path / "beside.html"
+    assert status(["compare", *map(str, folders), "--html", str(page)]) == 0
+    html = page.read_text()
+    for name in ("h_tot", "paths", "distances", "losses"):
+        section = html.split(f"<h2>{name}</h2>")[1].split("<h2>")[0]
+        drawn = 1 if name == "losses" else 2
+        assert len(re.findall("<img", section)) == drawn
+    assert "loss-0.0: nothing to draw" in html.split("<h2>losses</h2>")[1]
+
+
+def test_one_run_is_not_compared(folders: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
+    assert status(["compare", str(folders[0])]) == USAGE_ERROR
+    assert "two runs or more" in capsys.readouterr().err
