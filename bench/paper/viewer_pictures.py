@@ -103,7 +103,7 @@ def take_live(browser: "Browser") -> None:
 @contextlib.contextmanager
 def served(replay: Replay) -> Iterator[Page]:
     """The page of a replay, kept up to date by a thread."""
-    page, over = Page(HOST, None, (), replay, replay=replay), threading.Event()
+    page, over = Page(HOST, None, (), replay), threading.Event()
 
     def serve() -> None:
         while not over.wait(0.03):
