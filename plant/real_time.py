@@ -40,10 +40,10 @@ from phalanx.wire.messages import Actuation, Sample, last_sample
 
 _PATIENCE = 1.0
 """After so long without an answer an agent is sampled again [s of wall time]."""
-_MOMENT = 1e-3
+_MOMENT = 5e-4
 """In less than this before something is due, nothing is written down [s of wall time]."""
-_MUCH = 200
-"""So many events wait to be written down even while agents compute."""
+_MUCH, _MOST = 200, 20_000
+"""So many events are written down even while agents compute, and whatever is due."""
 
 
 class TimelyAgents(Protocol):
@@ -253,10 +253,7 @@ class RealTime:
     def _rest(self, until: float) -> None:
         """Take in what comes until then [s], and write down what happened while there is time."""
         wait = self._commands.pace.wait
-        while len(self._happened) > _MUCH or (
-            self._happened and not self._computing and not self._agents.waiting
-            and wait(until) > _MOMENT
-        ):  # fmt: skip
+        while self._has_time(wait(until)):
             self._scribe.witness(self._happened.popleft())
         self._scribe.idle()
         self._agents.listen(wait(until))
@@ -266,6 +263,12 @@ class RealTime:
                 now = self._commands.pace.now()
                 self._answers[i] = _Answer(max(now, asked.due), message.u)
                 self.timekeeping.answered(time.monotonic() - asked.wall)
+
+    def _has_time(self, seconds: float) -> bool:
+        """Whether something is to be written down, so long before the next is due [s]."""
+        many = len(self._happened)
+        free = not self._agents.waiting and seconds > _MOMENT
+        return many > _MOST or (free and many > (_MUCH if self._computing else 0))
 
     @property
     def _computing(self) -> list[int]:
