@@ -3,8 +3,8 @@
 python bench/attacks/fuzz_files.py scenarios 6000 [SEED]
 python bench/attacks/fuzz_files.py recordings 1000 [SEED]
 
-Whatever is no line of its own is told, and is a fault: another exception, more than five seconds,
-more than a gigabyte.
+Whatever is no line of its own is told, and is a fault: another exception, more than five seconds of
+processor time, more than a gigabyte.
 """
 
 import random
@@ -43,15 +43,15 @@ def limited() -> Iterator[None]:
     """Raise TooSlowError when the block takes too long."""
 
     def stop(*_: object) -> None:
-        raise TooSlowError(f"more than {SECONDS:g} s")
+        raise TooSlowError(f"more than {SECONDS:g} s of processor time")
 
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, SECONDS)
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, SECONDS)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
 
 
 @cache
