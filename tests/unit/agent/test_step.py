@@ -1,6 +1,7 @@
 """A control step beside its controller: what it accepts, and how it joins a run that goes on."""
 
 import msgspec
+import numpy as np
 import pytest
 
 from phalanx.agent.step import ControlStep
@@ -125,3 +126,37 @@ def test_what_peers_hear_is_the_input_and_nothing_of_how_it_was_made(step: Contr
     for broadcast in answer.broadcasts.values():
         assert broadcast.__struct_fields__ == ("version", "k", "t_apply", "u")
         assert broadcast.u == answer.actuation.u
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_a_state_that_is_no_number_is_refused(step: ControlStep, number: float):
+    x = step.swarm.start()
+    x[4] = number
+    spoilt = msgspec.structs.replace(sample(step, 0, latest=-1), x=x.astype("<f8").tobytes())
+    with pytest.raises(Malformed, match="not finite"):
+        step.accept_sample(spoilt)
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"k": 10**6}, "from the future"),
+        ({"u": (1.0,)}, "wrong size"),
+        ({"u": (1.0, 0.0, 0.0)}, "wrong size"),
+    ],
+)
+def test_a_broadcast_that_nobody_can_have_sent_is_refused(
+    step: ControlStep, changes: dict[str, object], reason: str
+):
+    sender = step.swarm.names[step.swarm.heard_by(step.i)[0]]
+    good = Broadcast(k=0, t_apply=0.0, u=(1.0, 0.0))
+    with pytest.raises(Malformed, match=reason):
+        step.accept_broadcast(sender, msgspec.structs.replace(good, **changes))
+    step.accept_broadcast(sender, good)
+    with pytest.raises(Malformed, match="out of order"):
+        step.accept_broadcast(sender, good)
+
+
+def test_a_broadcast_of_nobody_that_it_listens_to_is_refused(step: ControlStep):
+    with pytest.raises(Malformed, match="unknown sender"):
+        step.accept_broadcast(step.name, Broadcast(k=0, t_apply=0.0, u=(1.0, 0.0)))

@@ -1,5 +1,6 @@
 """What agents may answer: each sample once, and nothing twice."""
 
+import msgspec
 import pytest
 
 from phalanx.network.claim import Claim
@@ -30,6 +31,30 @@ def test_an_actuation_that_was_taken_is_not_taken_again_for_the_next_sample():
         answers.on_actuation(0, first)
     answers.expect(0, sample(1))
     assert answers.take_actuation(0) is None
+
+
+GOOD = Actuation(k=1, t_apply=0.01, u=(1.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"t_apply": 0.011}, "wrong time"),
+        ({"u": (1e3, 0.0)}, "outside U"),
+        ({"u": (1.0,)}, "wrong size"),
+        ({"k": 0}, "out of order"),
+        ({"k": 2}, "out of order"),
+    ],
+)
+def test_an_actuation_that_is_not_the_answer_is_refused(changes: dict[str, object], reason: str):
+    answers = Answers(swarm_of_scenario("unicycles"))
+    with pytest.raises(Malformed, match="out of order"):
+        answers.on_actuation(0, GOOD)  # to no sample
+    answers.expect(0, sample(1))
+    with pytest.raises(Malformed, match=reason):
+        answers.on_actuation(0, msgspec.structs.replace(GOOD, **changes))
+    answers.on_actuation(0, GOOD)
+    assert answers.take_actuation(0) == GOOD
 
 
 def test_a_report_may_come_after_the_next_sample_was_sent_but_not_twice():

@@ -1,0 +1,123 @@
+"""Safeguards broken on purpose, one at a time: some test must fail for each.
+
+    python bench/attacks/mutants.py [WORD]
+
+Each is a text of a file and what stands in its place, in a copy of the sources, with the tests that
+have to notice. One line for each; exit with 1 if one was not noticed.
+"""
+
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parents[2]
+COPIED = ("phalanx", "agent", "plant", "viewer", "tests", "bench", "scenarios", "docs")
+
+
+class Mutant(NamedTuple):
+    """One safeguard, broken."""
+
+    what: str
+    file: str
+    old: str
+    new: str
+    tests: str
+
+
+_ANSWERS, _STEP, _SEAL = "plant/answers.py", "agent/step.py", "phalanx/wire/seal.py"
+_TEST_ANSWERS, _TEST_STEP = "tests/unit/plant/test_answers.py", "tests/unit/agent/test_step.py"
+_TEST_SEAL, _TEST_LINKS = "tests/unit/wire/test_seal.py", "tests/unit/network"
+_TEST_RECORDING = "tests/unit/recording"
+MUTANTS = (
+    Mutant("any t_apply", _ANSWERS, "message.t_apply != sample.t + self._latency", "False",
+           _TEST_ANSWERS),
+    Mutant("an input outside U", _ANSWERS,
+           "not self._actuators.takes(i, x, np.array(message.u))", "False", _TEST_ANSWERS),
+    Mutant("an answer twice", _ANSWERS, " or message.k <= self._answered[i]", "", _TEST_ANSWERS),
+    Mutant("an answer to another sample", _ANSWERS, " or message.k != sample.k", "",
+           _TEST_ANSWERS),
+    Mutant("an input of another size", _ANSWERS, "len(message.u) != self._sizes[i]", "False",
+           _TEST_ANSWERS),
+    Mutant("a report twice", _ANSWERS, "self._reported[i] < message.k <=", "message.k <=",
+           _TEST_ANSWERS),
+    Mutant("a fate of nobody's broadcast", _ANSWERS,
+           "not all(self._may_be(fate) for fate in message.fates)", "False", _TEST_ANSWERS),
+    Mutant("a command twice", "plant/commands.py", "message.number <= self._latest", "False",
+           "tests/unit/plant/test_commands.py"),
+    Mutant("a command for nobody", "plant/commands.py",
+           "refusal(message.command, self._names)", "None", "tests/unit/plant/test_commands.py"),
+    Mutant("more payloads than may wait", "plant/arrivals.py", ">= _MOST else None",
+           ">= 10**9 else None", "tests/unit/plant/test_arrivals.py"),
+    Mutant("another scenario's agent", "plant/joining.py", "alive and found != self.digest",
+           "False", "tests/unit/plant/test_joining.py"),
+    Mutant("samples out of order", _STEP, "self._next is not None and sample.k != self._next",
+           "False", _TEST_STEP),
+    Mutant("states that are no number", _STEP,
+           'not np.isfinite(np.frombuffer(sample.x, dtype="<f8")).all()', "False", _TEST_STEP),
+    Mutant("broadcasts of the far future", _STEP, "message.k >= self._most(j)", "False",
+           _TEST_STEP),
+    Mutant("a broadcast of another size", _STEP,
+           "len(message.u) != len(self.swarm.members[j].dynamics.inputs)", "False", _TEST_STEP),
+    Mutant("a broadcast twice", "phalanx/network/inbox.py",
+           "message.k <= self._decided[sender] or message.k in waiting", "False", _TEST_LINKS),
+    Mutant("a delay from t instead of t_apply", "phalanx/network/inbox.py",
+           "flying.append((sent + copy.after, message))",
+           "flying.append((t + copy.after, message))",
+           _TEST_LINKS),
+    Mutant("broadcasts heard too early", "phalanx/network/inbox.py", "if arrival <= t]",
+           "if True]", _TEST_LINKS),
+    Mutant("any seal", _SEAL, "mac != self._mac(key, body)", "False", _TEST_SEAL),
+    Mutant("a seal of another key", _SEAL, "hashlib.blake2b(key.encode(), key=",
+           'hashlib.blake2b(b"", key=', _TEST_SEAL),
+    Mutant("numbers that are none", _SEAL, "if suspect and not all(", "if suspect and not any(",
+           _TEST_SEAL),
+    Mutant("another version", _SEAL, "message.version != VERSION", "False", _TEST_SEAL),
+    Mutant("wildcards in a key", "phalanx/wire/keys.py", ' or "*" in key', "",
+           "tests/unit/wire"),
+    Mutant("records of another scenario", "phalanx/recording/read.py", "if unfit :=",
+           "if unfit := None and",  _TEST_RECORDING),
+    Mutant("frames of another size", "viewer/feeds/expected.py",
+           "len(frame.x) != 8 * states or len(frame.agents) != len(members)", "False",
+           "tests/unit/hostile/test_messages.py"),
+    Mutant("a full disk", "phalanx/recording/write.py", "os.ftruncate(self._fd, self._end)",
+           "pass", _TEST_RECORDING),
+)  # fmt: skip
+
+
+def noticed(mutant: Mutant) -> bool:
+    """Whether a test fails in a copy of the sources with the safeguard broken."""
+    with tempfile.TemporaryDirectory() as parent:
+        copy = Path(parent)
+        for name in COPIED:
+            shutil.copytree(ROOT / name, copy / name, symlinks=True)
+        shutil.copy(ROOT / "pyproject.toml", copy)
+        file = copy / mutant.file
+        text = file.read_text(encoding="utf-8")
+        if text.count(mutant.old) != 1:
+            raise LookupError(f"{mutant.file}: expected once: {mutant.old}")
+        file.write_text(text.replace(mutant.old, mutant.new), encoding="utf-8")
+        command = [sys.executable, "-m", "pytest", "-q", "-x", *mutant.tests.split()]
+        ended = subprocess.run(command, cwd=copy, capture_output=True, text=True)
+        if ended.returncode not in (0, 1):
+            raise RuntimeError(f"{mutant.what}: {ended.stdout[-500:]}")
+        return ended.returncode == 1
+
+
+def main() -> None:
+    """Try all, or those whose description contains the word."""
+    word = (*sys.argv, "")[1]
+    chosen = [mutant for mutant in MUTANTS if word in mutant.what]
+    survivors = 0
+    for mutant in chosen:
+        found = noticed(mutant)
+        survivors += not found
+        print(f"{'noticed' if found else 'SURVIVED':9} {mutant.what}", flush=True)
+    print(f"{len(chosen) - survivors} of {len(chosen)} noticed")
+    sys.exit(bool(survivors))
+
+
+if __name__ == "__main__":
+    main()

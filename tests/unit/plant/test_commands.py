@@ -1,0 +1,57 @@
+"""Live commands: only what the command secret sealed, once, and only what can be obeyed."""
+
+import numpy as np
+import pytest
+
+from phalanx.faults.commands import Command, CommandKind, CommandPolicy
+from phalanx.plant.commands import CommandQueue
+from phalanx.wire.frames import CommandMessage
+from phalanx.wire.keys import Keys
+from phalanx.wire.seal import Sealer
+
+KEY, SECRET = Keys("run").command, b"the command secret"
+LOSS = Command(t=0.0, kind=CommandKind.LOSS, value=0.5)
+
+
+@pytest.fixture
+def commands() -> CommandQueue:
+    return CommandQueue(CommandPolicy(secret=SECRET), ("1", "2"))
+
+
+def put(commands: CommandQueue, number: int, command: Command = LOSS, secret: bytes = SECRET):
+    message = CommandMessage(number=number, command=command)
+    commands.on_command(KEY, Sealer(secret).seal(KEY, message))
+
+
+def obeyed(commands: CommandQueue) -> list[str]:
+    return [command.kind for command in commands.take(0.0, np.nextafter(0.0, 1.0), lambda: None)]
+
+
+@pytest.mark.parametrize("number", [5, 4])
+def test_a_command_is_obeyed_once_and_no_earlier_one_after_it(commands: CommandQueue, number: int):
+    put(commands, 5)
+    put(commands, number)
+    assert obeyed(commands) == ["loss"]
+    assert commands.refusals.counts == {"command: out of order": 1}
+
+
+def test_without_the_secret_nobody_commands(commands: CommandQueue):
+    put(commands, 5, secret=b"guessed")
+    assert obeyed(commands) == []
+    assert commands.refusals.counts == {"command: bad seal": 1}
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        Command(0.0, CommandKind.FREEZE, "9"),
+        Command(0.0, "explode"),
+        Command(0.0, CommandKind.LOSS, value=2.0),
+        Command(0.0, CommandKind.DELAY, value=-1.0),
+        Command(0.0, CommandKind.DELAY, value=float("nan")),
+    ],
+)
+def test_what_cannot_be_obeyed_is_refused(commands: CommandQueue, command: Command):
+    put(commands, 5, command)
+    assert obeyed(commands) == []
+    assert commands.refusals.counts == {"command: wrong command": 1}

@@ -1,0 +1,33 @@
+"""Who has joined and who has left, by tokens."""
+
+import pytest
+
+from phalanx.plant.joining import Joining
+from phalanx.wire.keys import Keys
+from tests.unit.swarms import swarm_of_scenario
+
+KEYS = Keys("run")
+
+
+@pytest.fixture
+def joining() -> Joining:
+    return Joining(swarm_of_scenario("unicycles"))
+
+
+def test_an_agent_of_another_scenario_does_not_join(joining: Joining):
+    assert "runs another scenario" in (joining.on_token(KEYS.alive("1", "0123"), True) or "")
+    assert joining.missing() == ("1", "2", "3", "4", "5")
+
+
+def test_an_agent_that_joined_is_missed_when_its_own_token_goes(joining: Joining):
+    own = KEYS.alive("1", joining.digest)
+    assert joining.on_token(own, True) is None
+    assert joining.missing() == ("2", "3", "4", "5")
+    assert joining.on_token(KEYS.alive("1", "0123"), False) is None, "another's"
+    assert joining.on_token(own, False) == "agent 1 died: see its log"
+
+
+@pytest.mark.parametrize("key", ["phalanx/run/alive/*/x", "phalanx/**", "1", KEYS.alive("9", "x")])
+def test_tokens_of_nobody_mean_nothing(joining: Joining, key: str):
+    assert joining.on_token(key, True) is None
+    assert len(joining.missing()) == 5
