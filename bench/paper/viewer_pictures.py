@@ -64,13 +64,13 @@ def main() -> None:
     program = shutil.which("chromium") or shutil.which("google-chrome")
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=program, args=FLAGS)
-        replays: dict[tuple[str, tuple[str, ...]], Replay] = {}
+        runs: dict[tuple[str, tuple[str, ...]], phalanx.Run] = {}
         for shot in SHOTS:
             key = shot.scenario, shot.overrides
-            if key not in replays:
-                run = phalanx.run(load(shot.scenario, list(shot.overrides)), engine="in-process")
-                replays[key] = open_replay(run.folder)
-            take(browser, shot, replays[key])
+            if key not in runs:
+                scenario = load(shot.scenario, list(shot.overrides))
+                runs[key] = phalanx.run(scenario, engine="in-process")
+            take(browser, shot, open_replay(runs[key].folder))
         take_live(browser)
         browser.close()
 

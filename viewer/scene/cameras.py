@@ -123,8 +123,9 @@ class Cameras:
 
 def _view(client: viser.ClientHandle) -> View:
     camera = client.camera
-    aspect = max(camera.image_width, 1) / max(camera.image_height, 1)  # of a hidden page, 0 by 0
-    return View(camera.position, camera.look_at, camera.up_direction, camera.fov, aspect)
+    wide, high = max(camera.image_width, 1), max(camera.image_height, 1)  # hidden: 0 by 0
+    up, fov = camera.up_direction, camera.fov
+    return View(camera.position, camera.look_at, up, fov, wide / high, min(wide, high))
 
 
 def _close(a: float, b: float) -> bool:

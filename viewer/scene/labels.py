@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 _NODES = 24
 """Most labels at a time: each is a node of its own."""
 _LETTER, _LINE = 0.013, 0.032
-"""Width of a letter and height of a line, in the picture's shorter side."""
+"""Width of a letter and height of a line, in the shorter side of a usual picture."""
 
 
 class LabelNodes:
@@ -31,7 +31,8 @@ class LabelNodes:
     def show(self, picture: Picture, selected: int | None, sizes: Array, view: View) -> None:
         """Write what there is room for; sizes of the bodies [m], shape (N,)."""
         texts, at = self._wanted(picture, selected, sizes, view)
-        shown = apart(view.project(at), [len(text) for text in texts])[: len(self._nodes)]
+        shown = apart(view.project(at) / view.smallness, [len(text) for text in texts])
+        shown = shown[: len(self._nodes)]
         for node, k in zip(self._nodes, shown, strict=False):
             update(node, text=texts[k])
             node.position, node.visible = tuple(at[k]), True
@@ -47,7 +48,7 @@ class LabelNodes:
         others = [] if model.crowded else range(len(model.names))
         agents = list(dict.fromkeys([*first, *sorted(model.agents_of([picture.pair])), *others]))
         spans = view.spans(picture.positions[agents])
-        clear = 1.1 * sizes[agents] + 0.5 * _LINE * spans
+        clear = 1.1 * sizes[agents] + 0.5 * _LINE * view.smallness * spans
         above = picture.positions[agents] + clear[:, None] * up
         texts = [picture.worst_pair_text, *(model.names[i] for i in agents)]
         clear_of = 1.5 * float(sizes[sorted(model.agents_of([picture.pair]))].max())
@@ -63,6 +64,7 @@ def _beside(a: Array, b: Array, letters: int, clear: float, view: View) -> Array
     off = -off if off[1] > 0.0 else off
     middle = (a + b) / 2.0
     halves = float(view.spans(middle[None])[0]) * np.array([_LETTER * letters, _LINE]) / 2.0
+    halves *= view.smallness
     found: Array = middle + (clear + np.abs(off) @ halves) * off @ view.axes[:2]
     return found
 
@@ -71,7 +73,7 @@ def apart(at: Array, letters: list[int]) -> list[int]:
     """Which texts, the first ones first, cover none of those before them.
 
     Args:
-        at: where they stand in the picture, in its shorter sides, shape (l, 2).
+        at: where they stand in a usual picture, in its shorter sides, shape (l, 2).
         letters: how long each is.
     """
     halves = np.column_stack([_LETTER * (np.array(letters) + 1.0), np.full(len(at), _LINE)]) / 2.0

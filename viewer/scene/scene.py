@@ -71,6 +71,7 @@ class Scene:
             self.cameras.show(positions, selected)
             view = self.cameras.farthest(positions.mean(axis=0))
             readable = _READABLE_IN_A_CROWD if model.crowded else _READABLE
+            readable *= min(view.smallness, 2.0)
             sizes = np.maximum(model.body, readable * view.spans(positions))
             self.agents.show(picture, sizes)
             self.arrows.show(picture, float(np.median(sizes)))

@@ -13,6 +13,8 @@ Array = NDArray[np.float64]
 
 _FAR = 1e9
 """Beyond any scene [m]."""
+_USUAL = 620.0
+"""Shorter side of a usual picture [pixels]."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,8 @@ class View:
     """Vertical field of view [rad]."""
     aspect: float
     """Width of the picture over its height."""
+    pixels: float = _USUAL
+    """Length of the picture's shorter side."""
 
     @property
     def possible(self) -> bool:
@@ -48,6 +52,12 @@ class View:
     def distance(self) -> float:
         """From the camera to what it looks at [m]."""
         return float(np.linalg.norm(self.look_at - self.position))
+
+    @property
+    def smallness(self) -> float:
+        """How much more of a small picture is taken by what is as large as in a usual one."""
+        # Never less than 1: on a screen with finer pixels there are more of them.
+        return max(1.0, _USUAL / self.pixels)
 
     def spans(self, points: Array) -> Array:
         """How many metres span the shorter side of the picture at each point, shape (N,)."""

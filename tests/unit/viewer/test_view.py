@@ -75,3 +75,9 @@ def test_a_camera_that_no_browser_can_have_is_refused() -> None:
     assert not replace(good, up=good.position).possible
     assert not replace(good, fov=0.0).possible
     assert not replace(good, fov=4.0).possible
+
+
+def test_things_take_more_of_a_small_picture_but_never_less_of_a_large_one() -> None:
+    view = camera("from above", 1.0)
+    assert replace(view, pixels=155.0).smallness == 4.0
+    assert replace(view, pixels=3000.0).smallness == 1.0
