@@ -6,6 +6,8 @@ python bench/paper/viewer_pictures.py
 import contextlib
 import re
 import shutil
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,8 +20,7 @@ from playwright.sync_api import sync_playwright
 
 import phalanx
 from phalanx.scenario.load import load
-from phalanx.viewer.feeds.replay import Replay, open_replay
-from phalanx.viewer.page.page import Page
+from phalanx.viewer.feeds.replay import open_replay
 from phalanx.viewer.page.server import choose_port
 
 if TYPE_CHECKING:
@@ -70,19 +71,30 @@ def main() -> None:
             if key not in runs:
                 scenario = load(shot.scenario, list(shot.overrides))
                 runs[key] = phalanx.run(scenario, engine="in-process")
-            take(browser, shot, open_replay(runs[key].folder))
+            take(browser, shot, runs[key].folder)
         take_live(browser)
         browser.close()
 
 
-def take(browser: "Browser", shot: Shot, replay: Replay) -> None:
+def take(browser: "Browser", shot: Shot, folder: Path) -> None:
     """Take a picture of a replay."""
-    replay.seek(replay.worst_at if shot.at is None else shot.at)
-    with served(replay) as page, opened(browser, page.server.get_port(), shot.size) as tab:
-        if shot.dark:
-            tab.get_by_role("checkbox", name="Dark").check(force=True)
-        tab.get_by_text(f"t = {replay.frame(replay.t).t:.3f} s").first.wait_for()
-        save(settled(tab), shot.name)
+    replay = open_replay(folder)
+    t = replay.frame(replay.worst_at if shot.at is None else shot.at).t
+    port = choose_port(HOST, None)
+    viewer = subprocess.Popen(
+        [sys.executable, "-m", "phalanx", "view", str(folder), "--port", str(port)]
+    )
+    try:
+        with opened(browser, port, shot.size) as tab:
+            if shot.dark:
+                tab.get_by_role("checkbox", name="Dark").check(force=True)
+            while not tab.get_by_text(f"t = {t:.3f} s").count():
+                tab.evaluate(f"window.phalanx.act({{seek: {t + 1e-6}}})")
+                tab.wait_for_timeout(500)
+            save(settled(tab), shot.name)
+    finally:
+        viewer.terminate()
+        viewer.wait()
 
 
 def take_live(browser: "Browser") -> None:
@@ -98,25 +110,6 @@ def take_live(browser: "Browser") -> None:
         tab.wait_for_function(f"+(document.body.innerText.match({CLOCK.pattern!r})||[0,0])[1] > 4")
         save(tab.screenshot(), "viewer-live")
     run.join()
-
-
-@contextlib.contextmanager
-def served(replay: Replay) -> Iterator[Page]:
-    """The page of a replay, kept up to date by a thread."""
-    page, over = Page(HOST, None, (), replay), threading.Event()
-
-    def serve() -> None:
-        while not over.wait(0.03):
-            page.tick()
-
-    server = threading.Thread(target=serve)
-    server.start()
-    try:
-        yield page
-    finally:
-        over.set()
-        server.join()
-        page.server.stop()
 
 
 @contextlib.contextmanager

@@ -1,5 +1,6 @@
 """The visitors' cameras: they hold the whole run, follow the swarm, or follow one agent."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -62,6 +63,8 @@ class Cameras:
         self._server, self._first, self._reach = server, direction, reach
         self.framing, self._run = Framing.SWARM, np.zeros((1, 3))
         self._visitors: dict[int, _Visitor] = {}
+        self.on_keep: Callable[[Framing], None] = lambda _: None
+        """Called with what is kept in sight from now on."""
 
     def expect(self, positions: Array) -> None:
         """Have those who come see all of these positions of a run, shape (s, 3)."""
@@ -76,6 +79,7 @@ class Cameras:
         """Keep this in sight from now on, from a distance that fits."""
         self.framing = framing
         self._visitors = {}
+        self.on_keep(framing)
 
     def farthest(self, point: Array) -> View:
         """Of what visitors see, that in which things at a point [m], shape (3,), are smallest."""

@@ -1,5 +1,7 @@
 """The folder that says what the scene shows, and what the cameras keep in sight."""
 
+from typing import Any
+
 import viser
 
 from phalanx.viewer.scene.cameras import Framing
@@ -17,9 +19,10 @@ def add_display(gui: viser.GuiApi, scene: Scene) -> None:
         links = gui.add_checkbox("Late and lost links", False)
         dark = gui.add_checkbox("Dark", False)
 
-    def keep(_: object) -> None:
-        scene.cameras.keep(Framing(framing.value))
-        scene.stale = True
+    def keep(event: viser.GuiEvent[Any]) -> None:
+        if event.client is not None:  # viser also calls back when the scene sets the value
+            scene.cameras.keep(Framing(framing.value))
+            scene.stale = True
 
     def wear(_: object) -> None:
         gui.configure_theme(
@@ -27,6 +30,7 @@ def add_display(gui: viser.GuiApi, scene: Scene) -> None:
         )
         scene.set_dark(dark.value)
 
+    scene.cameras.on_keep = lambda kept: setattr(framing, "value", kept.value)
     framing.on_update(keep)
     fit.on_click(keep)
     dark.on_update(wear)
