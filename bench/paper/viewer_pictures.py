@@ -1,6 +1,7 @@
 """The pictures of docs/viewer.md: the viewer's page in a headless Chromium, live and in replays.
 
-python bench/paper/viewer_pictures.py
+python bench/paper/viewer_pictures.py                    # all of them
+python bench/paper/viewer_pictures.py viewer-space live  # those whose names contain one of these
 """
 
 import contextlib
@@ -66,14 +67,20 @@ def main() -> None:
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=program, args=FLAGS)
         runs: dict[tuple[str, tuple[str, ...]], phalanx.Run] = {}
-        for shot in SHOTS:
+        for shot in filter(lambda shot: is_wanted(shot.name), SHOTS):
             key = shot.scenario, shot.overrides
             if key not in runs:
                 scenario = load(shot.scenario, list(shot.overrides))
                 runs[key] = phalanx.run(scenario, engine="in-process")
             take(browser, shot, runs[key].folder)
-        take_live(browser)
+        if is_wanted("viewer-live"):
+            take_live(browser)
         browser.close()
+
+
+def is_wanted(name: str) -> bool:
+    """Whether the command line asks for a picture."""
+    return not sys.argv[1:] or any(part in name for part in sys.argv[1:])
 
 
 def take(browser: "Browser", shot: Shot, folder: Path) -> None:
