@@ -2,12 +2,14 @@
 
 from collections.abc import Iterable
 
-from phalanx.recording.records import State, Step
+from phalanx.recording.records import Shown, State, Step
 from phalanx.scenario.model import Scenario
 from phalanx.theory.rows.origin import Origin
 
 
-def misfit(scenario: Scenario, states: Iterable[State], steps: Iterable[Step]) -> str | None:
+def misfit(
+    scenario: Scenario, states: Iterable[State], steps: Iterable[Step], shown: Iterable[Shown] = ()
+) -> str | None:
     """The first record that is none of this scenario's, in words; None if all are."""
     dynamics = {name: group.dynamics_object() for name, group, _ in scenario.roster()}
     width = sum(len(found.states) for found in dynamics.values())
@@ -18,6 +20,10 @@ def misfit(scenario: Scenario, states: Iterable[State], steps: Iterable[Step]) -
     for step in steps:
         if not _fits(step, inputs):
             return f"a step of agent {step.agent!r} at t = {step.t:.3f} s with wrong fields"
+    sizes = {name: len(found.states) for name, found in dynamics.items()}
+    for each in shown:
+        if not _could_be_shown(each, sizes, inputs):
+            return f"what agent {each.agent!r} was shown at t = {each.t:.3f} s has wrong fields"
     return None
 
 
@@ -33,4 +39,14 @@ def _fits(step: Step, inputs: dict[str, int]) -> bool:
         and step.origin in _ORIGINS
         and inputs.keys() >= set(told)
         and all(len(u) == inputs[sender] for sender, _, _, u in step.false)
+    )
+
+
+def _could_be_shown(shown: Shown, sizes: dict[str, int], inputs: dict[str, int]) -> bool:
+    in_order = [name for name in sizes if name in shown.seen]
+    return (
+        shown.agent in in_order
+        and shown.seen == in_order
+        and len(shown.x) == sum(sizes[name] for name in in_order)
+        and all(len(u) == inputs.get(sender) for sender, _, u in shown.received)
     )

@@ -96,7 +96,7 @@ def read(run: Path, trust: bool = False) -> Recording:
     except ScenarioError as error:
         raise UnreadableRecordingError(f"{path}: {error}") from error
     by_kind: dict[type, list[Any]] = contents.records
-    if unfit := misfit(scenario, by_kind[State], by_kind[Step]):
+    if unfit := misfit(scenario, by_kind[State], by_kind[Step], by_kind[Shown]):
         raise UnreadableRecordingError(f"{path}: {unfit}: not of its scenario")
     return Recording(
         path, scenario, contents.metadata, by_kind[State], by_kind[Step], by_kind[Log],

@@ -1,0 +1,34 @@
+"""What agents were shown is of the scenario, or the recording is refused: verify relies on it."""
+
+import msgspec
+import pytest
+
+from phalanx.recording.fitting import misfit
+from phalanx.recording.records import Shown
+from phalanx.scenario.load import load
+
+SCENARIO = load("unicycles")
+SHOWN = Shown("1", 3, 0.5, ["1", "4"], [0.0] * 6, [("4", 0.4, [1.0, 0.0])])
+
+
+def test_what_fits_is_taken() -> None:
+    assert misfit(SCENARIO, (), (), [SHOWN]) is None
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"agent": "9"},
+        {"agent": "2"},
+        {"seen": ["4", "1"]},
+        {"seen": ["1", "9"]},
+        {"x": [0.0] * 5},
+        {"received": [("9", 0.4, [1.0, 0.0])]},
+        {"received": [("4", 0.4, [1.0])]},
+    ],
+    ids=str,
+)
+def test_what_does_not_is_named(wrong: dict) -> None:
+    found = misfit(SCENARIO, (), (), [msgspec.structs.replace(SHOWN, **wrong)])
+    assert found is not None
+    assert found.startswith("what agent")
