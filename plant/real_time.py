@@ -124,6 +124,8 @@ class RealTime:
         """Whose input has not taken effect yet."""
         self._answers: dict[int, _Answer] = {}
         """By agent, what is here of them."""
+        self._returning: set[int] = set()
+        """Whose place another process is to take, and has not yet."""
         self._happened: deque[Event] = deque()
 
     def run(self, duration: float) -> None:
@@ -166,6 +168,7 @@ class RealTime:
             self._reach(now)
         self._happened += [self._obey(command) for command in commands]
         self._happened += [MemberLost(i, now, back) for i, back in changes]
+        self._returning -= {i for i, back in changes if back}
         self._sample([i for i in due if not self._faults.silent(i)], now)
 
     def _reach(self, t: float) -> None:
@@ -182,6 +185,8 @@ class RealTime:
             self._miss(i)
             return False
         self.timekeeping.unanswered += 1
+        if i in self._returning:
+            self._agents.restart_soon(i, self.world.t)  # it may have been asked for too early
         del self._asked[i]
         return True
 
@@ -241,6 +246,7 @@ class RealTime:
                 self._agents.kill_now(i, last_sample(i, k, command.t, x))
                 forgotten = self._contacts.forget(i)
             case CommandKind.RESTART:
+                self._returning.add(i)
                 self._agents.restart_soon(i, command.t)
                 self._schedule.resume(i, command.t)
             case CommandKind.FREEZE:

@@ -99,3 +99,14 @@ def test_an_agent_that_is_killed_is_lost_and_the_run_goes_on(phalanx) -> None:
     run.wait_until_gone(5.0)
     assert status == 130
     assert read(run.folder).summary.outcome is Outcome.STOPPED
+
+
+def test_another_process_takes_the_place_of_one_that_died(tmp_path_factory) -> None:
+    folder = tmp_path_factory.mktemp("restart")
+    execute(load("faults/restart", ["duration=6.0"]), folder, real_time=0.5)
+    recording = read(folder)
+    (killed,) = [line.t for line in recording.log if line.text.startswith("agent 1 killed")]
+    (back,) = [line.t for line in recording.log if line.text == "agent 1 is back"]
+    assert killed < back
+    assert any(step.agent == "1" and step.t > back for step in recording.steps)
+    assert verify(recording)
