@@ -1,15 +1,23 @@
 """The command `phalanx`, which is also `python -m phalanx`."""
 
+import os
 import sys
 
 
 def main() -> None:
     """Run the command and exit with its status."""
+    # Matrices here are small. More threads only take memory; with too little of it OpenBLAS hangs
+    # while it is loaded.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         # Loading takes a part of a second, in which a Ctrl-C would end in a traceback.
         from phalanx.cli.app import status
     except KeyboardInterrupt:
         sys.exit(130)
+    except (MemoryError, ImportError) as error:
+        # Under a tight limit it is often a library's file that cannot be mapped.
+        print(f"too little memory, or a broken installation: {error}", file=sys.stderr)
+        sys.exit(3)
     sys.exit(status(sys.argv[1:]))
 
 

@@ -31,6 +31,10 @@ LOG = "programs.log"
 """What the fork server itself prints, in the folder of the logs."""
 
 
+_LOADED = 60
+"""The programs' libraries are loaded by then [s], on the slowest machine."""
+
+
 class Report(NamedTuple):
     """One program was started, or has ended."""
 
@@ -63,7 +67,10 @@ def serve(
     """
     show_as("phalanx-forks")
     redirect_output(logs / LOG)
+    # Out of memory, a library may wait for ever while it is loaded.
+    signal.alarm(_LOADED)
     load_programs(programs)
+    signal.alarm(0)
     rows = build_rows(build_swarm(from_json(scenario)))
     rows.compile()
     # What programs inherit stays shared as long as nobody writes to it, as a collector would.

@@ -160,6 +160,19 @@ def test_a_full_disk_breaks_the_run_and_names_the_file(phalanx):
     assert recording.steps
 
 
+@pytest.mark.parametrize("megabytes", [120, 200])
+def test_too_little_memory_to_load_ends_in_one_line(phalanx, megabytes):
+    size = megabytes * 1_000_000
+    run = phalanx(
+        "run", "one-on-one", limit=lambda: resource.setrlimit(resource.RLIMIT_AS, (size, size))
+    )
+    status, output = run.finish()
+    run.wait_until_gone(ORPHAN_LIMIT)
+    assert status == 3
+    assert output.startswith("too little memory")
+    assert len(output.splitlines()) == 1
+
+
 def test_an_agent_whose_law_fails_is_named_with_its_error(phalanx, tmp_path, monkeypatch):
     module = tmp_path / "faulty_law.py"
     module.write_text(FAULTY_LAW)
