@@ -101,7 +101,8 @@ class Page:
             # Before anything is shown: what is selected meanwhile shows at the next tick.
             self._stale, self._texts_due = False, now + _TEXT_PERIOD
         self._scene.show(picture(self._feed.model, self._frame), self.selected)
-        self._channel.call("at", _clock(self._frame))
+        if texts_due or isinstance(self._feed, Replay):
+            self._channel.call("at", _clock(self._frame))
         if texts_due:
             self._tell(self._frame)
 

@@ -1,7 +1,7 @@
 """Time series thinned to what a plot can show, keeping what it must not hide."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from phalanx.viewer.plots.content import Curve
 
 Array = NDArray[np.float64]
-Keep = Callable[[Array], Any]
-"""Of a block of values, the index of the one that a thinned curve goes through."""
+Keep = Callable[[Array], NDArray[np.intp]]
+"""Of blocks of values, shape (c, s), which one of each a thinned curve goes through, shape (c,)."""
 
 MOST_POINTS, LEAST_POINTS = 400, 60
 """Of one curve."""
 _POINTS_OF_ALL = 3000
 """Of one quantity's curves, if there are many agents."""
-_ENVELOPE_POINTS = 200
+_ENVELOPE_POINTS = 100
 
 
 class Series(NamedTuple):
@@ -31,9 +31,19 @@ class Series(NamedTuple):
         return Series(self.t[found], self.y[found])
 
 
-def farthest(y: Array) -> Any:
-    """The value that is farthest from the others."""
-    return np.abs(y - y.mean()).argmax()
+def highest(y: Array) -> NDArray[np.intp]:
+    """The largest of each block."""
+    return np.asarray(y.argmax(axis=1))
+
+
+def lowest(y: Array) -> NDArray[np.intp]:
+    """The smallest of each block."""
+    return np.asarray(y.argmin(axis=1))
+
+
+def farthest(y: Array) -> NDArray[np.intp]:
+    """Of each block the value that is farthest from the others."""
+    return np.asarray(np.abs(y - y.mean(axis=1, keepdims=True)).argmax(axis=1))
 
 
 def points_each(curves: int) -> int:
@@ -48,8 +58,9 @@ def curve(
     """A series as a curve through one value of each block of its steps."""
     t, y = series.known()
     if len(t) > most:
-        blocks = np.array_split(np.arange(len(t)), most)
-        kept = [block[keep(y[block])] for block in blocks]
+        size = -(-len(t) // most)
+        blocks = np.pad(y, (0, -len(y) % size), mode="edge").reshape(-1, size)
+        kept = np.minimum(np.arange(0, len(t), size) + keep(blocks), len(t) - 1)
         t, y = t[kept], y[kept]
     return Curve(numbers(t, 7), numbers(y, 4), name=name, agent=agent, role=role)
 
@@ -77,4 +88,5 @@ def numbers(values: Array, digits: int) -> list[float]:
     with np.errstate(divide="ignore"):
         size = np.floor(np.log10(np.abs(values)))
     unit = 10.0 ** (np.where(np.isfinite(size), size, 0.0) - digits + 1)
-    return [float(v) for v in (np.round(values / unit) * unit).round(12).tolist()]
+    rounded: list[float] = (np.round(values / unit) * unit).round(12).tolist()
+    return rounded

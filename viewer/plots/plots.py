@@ -9,7 +9,16 @@ from phalanx.theory.rows.origin import Origin
 from phalanx.viewer.feeds.feed import Feed
 from phalanx.viewer.feeds.history import EMPTY_CODES, AgentSeries
 from phalanx.viewer.plots.content import Content, Curve, Mark, Plot
-from phalanx.viewer.plots.curves import Keep, Series, curve, envelope, farthest, points_each
+from phalanx.viewer.plots.curves import (
+    Keep,
+    Series,
+    curve,
+    envelope,
+    farthest,
+    highest,
+    lowest,
+    points_each,
+)
 from phalanx.viewer.plots.lanes import lanes
 from phalanx.viewer.plots.periods import empty_periods, fault_periods
 
@@ -67,17 +76,17 @@ class _Plots:
         rows, pairs = self._history.swarm.rows, self._near_pairs()
         levels = self._model.psi_levels
         return [
-            Plot("h_tot", "", [_bold(rows, 1, np.argmax)], _UNSAFE_ABOVE_0),
+            Plot("h_tot", "", [_bold(rows, 1, highest)], _UNSAFE_ABOVE_0),
             Plot("h of the pairs nearest to violation", "", pairs, _UNSAFE_ABOVE_0),
-            Plot("Smallest distance", "m", [_bold(rows, 2, np.argmin)], self._least_distance()),
-            *(Plot(f"ψ_{k}", "", [_bold(rows, 2 + k, np.argmax)], _UNSAFE_ABOVE_0) for k in levels),
+            Plot("Smallest distance", "m", [_bold(rows, 2, lowest)], self._least_distance()),
+            *(Plot(f"ψ_{k}", "", [_bold(rows, 2 + k, highest)], _UNSAFE_ABOVE_0) for k in levels),
         ]
 
     def of_agents(self) -> list[Plot]:
-        horizons = self._every(self._horizon, np.argmin)
-        ages = self._every(lambda _, s: 1e3 * s.age, np.argmax)
-        solve_times = self._every(lambda _, s: 1e3 * s.solve_time, np.argmax)
-        residuals = self._every(lambda _, s: s.residual, np.argmax)
+        horizons = self._every(self._horizon, lowest)
+        ages = self._every(lambda _, s: 1e3 * s.age, highest)
+        solve_times = self._every(lambda _, s: 1e3 * s.solve_time, highest)
+        residuals = self._every(lambda _, s: s.residual, highest)
         return [
             Plot("Certified for", "τ", horizons, (1.0, None), logarithmic=True, of_agents=True),
             *(self._input(i, c) for i in self._told for c in range(self._steps[i].u.shape[1])),
@@ -107,8 +116,8 @@ class _Plots:
         *others, worst = np.argsort(h.max(axis=0))[-_NEAR_PAIRS:].tolist()
         label = self._model.label
         return [
-            *(curve(Series(t, h[:, k]), np.argmax, label(k)) for k in others),
-            curve(Series(t, h[:, worst]), np.argmax, label(worst), role="chosen"),
+            *(curve(Series(t, h[:, k]), highest, label(k)) for k in others),
+            curve(Series(t, h[:, worst]), highest, label(worst), role="chosen"),
         ]
 
     def _horizon(self, i: int, steps: AgentSeries) -> Array:

@@ -7,14 +7,14 @@ from phalanx.faults.state import Condition
 from phalanx.recording.broadcasts import LATE, LOST, Broadcast
 from phalanx.viewer.feeds.history import EMPTY_CODES, ConditionChange, agent_series
 from phalanx.viewer.plots.content import Period
-from phalanx.viewer.plots.curves import Series, curve, envelope, farthest, numbers
+from phalanx.viewer.plots.curves import Series, curve, envelope, farthest, highest, lowest, numbers
 from phalanx.viewer.plots.lanes import lanes
 from phalanx.viewer.plots.periods import empty_periods, fault_periods
 
 T = np.linspace(0.0, 10.0, 5001)
 
 
-@pytest.mark.parametrize(("keep", "peak"), [(np.argmax, 1.0), (np.argmin, -1.0)])
+@pytest.mark.parametrize(("keep", "peak"), [(highest, 1.0), (lowest, -1.0)])
 def test_a_thinned_curve_goes_through_a_peak_that_one_step_makes(keep, peak):
     y = np.zeros_like(T)
     y[[1234, 3456]] = 1.0, -1.0
@@ -33,7 +33,7 @@ def test_a_thinned_input_keeps_its_spikes_on_both_sides():
 
 def test_a_curve_leaves_out_what_is_not_known():
     y = np.array([1.0, np.nan, 3.0])
-    assert curve(Series(np.arange(3.0), y), np.argmax).t == [0.0, 2.0]
+    assert curve(Series(np.arange(3.0), y), highest).t == [0.0, 2.0]
 
 
 def test_an_envelope_holds_every_agent_and_starts_with_the_first():
