@@ -77,6 +77,16 @@ def _waiting(missing: Sequence[str], agents: int) -> str:
     return f"{agents - len(missing)} of {agents} agents have joined, waiting for {named}"
 
 
+def last_line(summary: Summary) -> str:
+    """The verdict and its reason; of a run that ended early, who was unsafe until then."""
+    words = f"{summary.outcome}: {summary.reason}"
+    if summary.outcome is Outcome.VIOLATED or not summary.violations:
+        return words
+    pairs = ", ".join(violation.pair for violation in summary.violations[:_MOST_NAMES])
+    more = ", ..." if len(summary.violations) > _MOST_NAMES else ""
+    return f"{words}; until then these left the safe set: {pairs}{more}"
+
+
 def print_summary(summary: Summary) -> None:
     """Print the table of a run's key figures."""
     table = Table(show_header=False, box=None, pad_edge=False)

@@ -95,7 +95,7 @@ def run(
       phalanx run unicycles --real-time 1 --set time.latency=0.005
     """
     import phalanx
-    from phalanx.cli.display import print_profile, print_summary, progress
+    from phalanx.cli.display import last_line, print_profile, print_summary, progress
     from phalanx.guarantee.verdict import exit_status
     from phalanx.launcher.engine import silent
     from phalanx.launcher.page import serve_live
@@ -140,7 +140,7 @@ def run(
         print_profile(finished)
     if report:
         _write_report(finished)
-    print(f"{summary.outcome}: {summary.reason} ({finished.folder})")
+    print(f"{last_line(summary)} ({finished.folder})")
     for page in pages:
         _wait_for(page)
     return exit_status(summary.outcome, strict)

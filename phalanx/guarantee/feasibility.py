@@ -5,17 +5,21 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linprog
 
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx.theory.expressions.exact import dot
 from phalanx.theory.models.polytope import Polytope
 from phalanx.theory.rows.decision import least_violation
 from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.pairs import PairTerms, pair_rows
-from phalanx.theory.rows.row import joint_sum
+from phalanx.theory.rows.row import Rows, joint_sum
 
 Array = NDArray[np.float64]
 
+_FEW_ROWS = 8
+"""So many are solved exactly, by looking at every vertex, which grows with a power of them."""
 _SHORTEST, _LONGEST, _BISECTIONS = 1e-6, 10.0, 20
 """The sampling gaps that are looked among [s], and how closely."""
 
@@ -55,9 +59,23 @@ def _feasible(rows: SafetyRows, i: int, x: Array) -> bool:
 
 
 def _pairs_feasible(terms: PairTerms, inputs: Polytope) -> bool:
-    at_start = pair_rows(terms, {})
-    u = least_violation(inputs, at_start)
-    return bool((at_start.a @ u <= at_start.bound).all())
+    every = pair_rows(terms, {})
+    # Rows of who is far away hold for every input.
+    binding = ~(dot(every.a[:, None], inputs.corners).max(axis=1, initial=-np.inf) <= every.bound)
+    rows = Rows(every.a[binding], every.bound[binding])
+    if not len(rows.bound) or not np.isfinite(rows.bound).all():
+        return not len(rows.bound)
+    if len(rows.bound) > _FEW_ROWS:
+        return _solvable(inputs, rows)
+    u = least_violation(inputs, rows)
+    return bool((rows.a @ u <= rows.bound).all())
+
+
+def _solvable(inputs: Polytope, rows: Rows) -> bool:
+    """Whether some input satisfies many rows: a linear program, to the solver's 1e-7."""
+    A, b = np.concatenate([inputs.A, rows.a]), np.concatenate([inputs.b, rows.bound])
+    found = linprog(np.zeros(A.shape[1]), A_ub=A, b_ub=b, bounds=(None, None))
+    return bool(found.status == 0)
 
 
 class ProvenRows:

@@ -3,12 +3,14 @@
 import re
 from io import StringIO
 
+import msgspec
 import pytest
 from rich.console import Console
 
 import phalanx
 from phalanx.cli import display
 from phalanx.wire.messages import Status
+from tests.unit.report.recordings import summary_of
 
 _CONTROL = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]")
 
@@ -43,6 +45,17 @@ def test_agents_that_are_waited_for_leave_the_line_whole(screen):
     shown = [_CONTROL.sub("", part) for part in lines(screen) if "have joined" in part]
     assert shown
     assert all(len(line) <= 80 for line in shown)
+
+
+def test_the_last_line_of_a_stopped_run_names_who_was_unsafe_until_then():
+    violated = summary_of(phalanx.load("unicycles"), "by Ctrl-C")
+    stopped = msgspec.structs.replace(violated, outcome=phalanx.Outcome.STOPPED)
+    assert display.last_line(stopped) == (
+        "stopped: by Ctrl-C; until then these left the safe set: 1-4"
+    )
+    whole = msgspec.structs.replace(stopped, violations=[])
+    assert display.last_line(whole) == "stopped: by Ctrl-C"
+    assert display.last_line(violated) == "violated: by Ctrl-C"
 
 
 def test_what_is_refused_before_it_begins_shows_no_bar(screen):
