@@ -1,4 +1,4 @@
-"""The dynamics of all agents, in one call for each kind of dynamics, and where that takes them."""
+"""The dynamics of all agents, in one call for all that move alike, and where that takes them."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 class _Alike(NamedTuple):
-    """Agents of one kind of dynamics."""
+    """Agents that move alike."""
 
     states: Index
     """Where their states lie in the stack, shape (r, n)."""
@@ -35,8 +35,8 @@ class Motion:
         inputs = _begins([len(m.dynamics.inputs) for m in members])
         self._alike: list[_Alike] = []
         found: list[Index] = []
-        for dynamics in _different([m.dynamics for m in members]):
-            own = np.array([i for i, m in enumerate(members) if m.dynamics == dynamics])
+        for each in _alike(members):
+            own, dynamics = np.array(each), members[each[0]].dynamics
             x = states[own][:, None] + np.arange(len(dynamics.states))
             u = inputs[own][:, None] + np.arange(len(dynamics.inputs))
             total, dt = states[-1], np.full((len(own), 1), 3 * states[-1] + inputs[-1])
@@ -46,7 +46,7 @@ class Motion:
             self._alike.append(_Alike(x, numbers, steps, _position(dynamics)))
             found.append(own)
         self._order: Index = np.argsort(np.concatenate(found))
-        """Of members, sorted by kind of dynamics, in their own order."""
+        """Of members, sorted by how they move, in their own order."""
         kinds = np.repeat(np.arange(len(found)), [len(own) for own in found])
         self._kinds = kinds[self._order].tolist()
 
@@ -88,11 +88,21 @@ def _begins(sizes: Sequence[int]) -> Index:
     return np.cumsum([0, *sizes])
 
 
-def _different(dynamics: Sequence[Dynamics]) -> list[Dynamics]:
-    found: list[Dynamics] = []
-    for each in dynamics:
-        if each not in found:
-            found.append(each)
+def _alike(members: Sequence[Member]) -> list[list[int]]:
+    """Members that move alike, whatever bounds their inputs have."""
+    text = {id(m.dynamics): _text(m.dynamics) for m in members}
+    found: dict[str, list[int]] = {}
+    for i, m in enumerate(members):
+        found.setdefault(text[id(m.dynamics)], []).append(i)
+    return list(found.values())
+
+
+def _text(dynamics: Dynamics) -> str:
+    """What tells motions apart: the expressions of x' and of the output position."""
+    x, u = ca.SX.sym("x", len(dynamics.states)), ca.SX.sym("u", len(dynamics.inputs))
+    rate = dynamics.drift(x) + dynamics.actuation(x) @ u
+    outputs = [ca.densify(rate), ca.densify(dynamics.position(x))]
+    found: str = ca.Function("motion", [x, u], outputs).serialize()
     return found
 
 

@@ -124,15 +124,12 @@ class Link:
         self.model = model
         self._left = [-math.inf for _ in model.stages]
         self._tables = [partial(self._of_stage, stage.field) for stage in model.stages]
+        self.asks_distance = any(stage.asks_distance for stage in model.stages)
+        """Whether a fate depends on the distance between the two."""
 
     def override(self, loss: float | None, delay: float | None) -> None:
         """Follow the model as declared, with loss and delay [s] replaced where given."""
         self.become(self._as_declared.changed(loss, delay))
-
-    @property
-    def asks_distance(self) -> bool:
-        """Whether a fate depends on the distance between the two."""
-        return any(stage.asks_distance for stage in self.model.stages)
 
     def fate(self, k: int, sent: float = 0.0, distance: float = math.nan) -> Passage:
         """What becomes of message k.

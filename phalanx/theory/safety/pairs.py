@@ -130,6 +130,8 @@ class SwarmPairs:
         """Stacked states x, shape (n̄,) or (s, n̄), followed by what is known of obstacles."""
         if not len(self.parameters):
             return x
+        if x.ndim == 1:
+            return np.concatenate([x, self.parameters])
         around = np.broadcast_to(self.parameters, (*x.shape[:-1], len(self.parameters)))
         return np.concatenate([x, around], axis=-1)
 
