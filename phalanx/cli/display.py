@@ -113,7 +113,8 @@ def print_summary(summary: Summary) -> None:
     for reason, count in summary.rejected.items():
         table.add_row("payloads dropped", f"{count} {reason}")
     for fault in summary.faults:
-        hit = f"{fault.count} times" if fault.count else "[yellow]never had an effect[/]"
+        times = "once" if fault.count == 1 else f"{fault.count} times"
+        hit = times if fault.count else "[yellow]never had an effect[/]"
         table.add_row(f"[dim]fault:[/] {fault.name}", hit)
     table.add_row("trajectory", summary.trajectory[:16])
     if summary.punctuality:
