@@ -11,7 +11,7 @@ KEYS = Keys("run")
 
 @pytest.fixture
 def joining() -> Joining:
-    return Joining(swarm_of_scenario("unicycles"))
+    return Joining(swarm_of_scenario("unicycles"), real_time=False)
 
 
 def test_an_agent_of_another_scenario_does_not_join(joining: Joining):
@@ -24,7 +24,19 @@ def test_an_agent_that_joined_is_missed_when_its_own_token_goes(joining: Joining
     assert joining.on_token(own, True) is None
     assert joining.missing() == ("2", "3", "4", "5")
     assert joining.on_token(KEYS.alive("1", "0123"), False) is None, "another's"
+    joining.begin()
     assert joining.on_token(own, False) == "agent 1 died: see its log"
+
+
+def test_before_the_run_begins_an_agent_may_go_and_come_back(joining: Joining):
+    own = KEYS.alive("1", joining.digest)
+    joining.on_token(own, True)
+    assert joining.on_token(own, False) is None
+    assert joining.missing() == ("1", "2", "3", "4", "5")
+    assert joining.gone_for(0.0) == ["1"]
+    joining.on_token(own, True)
+    assert joining.missing() == ("2", "3", "4", "5")
+    assert joining.gone_for(0.0) == []
 
 
 @pytest.mark.parametrize("key", ["phalanx/run/alive/*/x", "phalanx/**", "1", KEYS.alive("9", "x")])
