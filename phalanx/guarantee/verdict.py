@@ -144,10 +144,10 @@ def read_summary(written: bytes) -> Summary:
 def certified(summary: Summary) -> str:
     """What the certificates of a run came to, in words."""
     found = summary.certificates
-    if not found.samples:
+    if found.shortest is None:
         return "no input was applied"
     share = f"{found.certified} of {found.samples} inputs, the shortest for {found.shortest:.2f} τ"
-    if found.uncovered is None:
+    if found.uncovered is None or found.uncovered_at is None:
         return share
     return f"{share}; {found.uncovered} under none from t = {found.uncovered_at:.3f} s on"
 

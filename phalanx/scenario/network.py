@@ -145,7 +145,8 @@ class LinkTable(Strict):
     @model_validator(mode="before")
     @classmethod
     def _from_preset(cls, table: Any) -> Any:
-        known = PRESETS.get(table.get("preset", "")) if isinstance(table, dict) else None
+        name = table.get("preset") if isinstance(table, dict) else None
+        known = PRESETS.get(name) if isinstance(name, str) else None
         return {**known.table, **table} if known else table
 
     @model_validator(mode="after")

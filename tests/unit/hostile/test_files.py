@@ -3,11 +3,14 @@
 import random
 from pathlib import Path
 
+import msgspec
 import pytest
 from fuzz_files import TRIALS
+from fuzz_messages import SUMMARY
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from phalanx.guarantee.verdict import CertificateSummary, certified
 from phalanx.scenario.load import ScenarioError, load
 
 SECONDS = 5.0
@@ -26,7 +29,19 @@ def test_what_is_spoilt_ends_in_words(what: str, tmp_path: Path, seed: int):
     assert outcome in {"accepted", "read", "cut short", "refused", "no table"}
 
 
+@pytest.mark.parametrize("field", ["delay", "loss", "duplicate", "preset"])
 @pytest.mark.parametrize("value", ["2026-11-22", "[0.1]", "[]"])
-def test_a_delay_that_is_neither_a_number_nor_a_table_is_refused(value: str):
-    with pytest.raises(ScenarioError, match=r"network\.delay"):
-        load("unicycles", [f"network.delay={value}"])
+def test_a_value_of_no_kind_that_a_field_knows_is_refused(field: str, value: str):
+    with pytest.raises(ScenarioError, match=rf"network\.{field}"):
+        load("unicycles", [f"network.{field}={value}"])
+
+
+@pytest.mark.parametrize(
+    ("figures", "said"),
+    [
+        (CertificateSummary(samples=3), "no input was applied"),
+        (CertificateSummary(3, 3, 1.0, "1-2", None), "3 of 3 inputs"),
+    ],
+)
+def test_figures_that_do_not_belong_together_are_still_told(figures: CertificateSummary, said: str):
+    assert said in certified(msgspec.structs.replace(SUMMARY, certificates=figures))
