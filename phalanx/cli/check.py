@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from phalanx.guarantee.check import CheckReport
     from phalanx.guarantee.formula import Formula
 
+_LARGEST = 1e9
+"""A margin from here on is no number to compare with."""
 _HOW = {"interval": "proven by intervals", "sampled": "largest sampled"}
 
 
@@ -77,7 +79,7 @@ def _show(name: str, report: "CheckReport") -> None:
         if report.worst_at_start <= 0
         else "[red]outside the set that can be kept (S_I)[/]"
     )
-    table.add_row("start", f"{inside}, largest ψ {report.worst_at_start:.4g}")
+    table.add_row("start", f"{inside}, largest ψ {report.worst_at_start:.4g}, allowed 0")
     stuck = [agent for agent, holds in report.rows_at_start.items() if not holds]
     rows = f"[yellow]empty for {', '.join(stuck)}[/]" if stuck else "non-empty for every agent"
     waiting = [agent for agent, holds in report.certified.agents.items() if not holds]
@@ -86,8 +88,6 @@ def _show(name: str, report: "CheckReport") -> None:
     theorem = "[yellow]proves nothing here[/]" if report.gaps else "may apply: the run checks"
     table.add_row("the paper's theorem", theorem)
     table.add_row("inputs that keep the rows at the start (K_i)", rows)
-    for constant, found in report.formula.constants.items() if report.formula else ():
-        table.add_row(f"constant {constant}", f"{found.value:.4g} ({_HOW[found.how]})")
     table.add_row("margin η in force", _by_agent(report.eta_paper))
     table.add_row("margin η by the paper's formula", _formula(report.formula))
     table.add_row("- for the worst pair", _formula(report.pair_formula))
@@ -107,7 +107,7 @@ def _theorem(report: "CheckReport") -> str:
     if four is None:
         return "not asked: give [workspace], and start inside"
     said = "refuted" if four.holds is False else "not refuted"
-    return f"{said} at {four.states} boundary states, largest sum {four.worst:.4g}"
+    return f"{said} at {four.states} boundary states, largest sum {four.worst:.4g}, allowed 0"
 
 
 def _formula(found: "Formula | None") -> str:
@@ -127,4 +127,6 @@ def _by_agent(values: "dict[str, float | None] | dict[str, float]") -> str:
 
 
 def _margin(value: float) -> str:
-    return f"{value:.4g}" if math.isfinite(value) else "unknown, no row holds with it"
+    if value < _LARGEST:
+        return f"{value:.4g}"
+    return "larger than any input can pay for" if math.isfinite(value) else "unknown"

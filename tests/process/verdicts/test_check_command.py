@@ -31,9 +31,9 @@ def test_with_a_given_margin_only_certificates_promise_anything(check):
     assert table["can end guaranteed"] == "yes"
     assert table["inputs with certificates at the start"] == "found for every agent"
     assert table["the paper's theorem"] == "proves nothing here"
-    assert table["start"] == "inside the set that can be kept (S_I), largest ψ -1.89"
+    assert table["start"] == "inside the set that can be kept (S_I), largest ψ -1.89, allowed 0"
     assert table["margin η in force"] == "0.3"
-    assert table["Theorem 4"].endswith("largest sum 0.3")
+    assert table["Theorem 4"].endswith("largest sum 0.3, allowed 0")
     given = "- The paper's theorem proves nothing here: the margin η is a given number"
     assert any(line.startswith(given) for line in words)
 
@@ -52,7 +52,7 @@ def test_without_certificates_at_the_start_strict_makes_a_failure(check):
 def test_a_start_too_near_is_named_with_the_agent_that_has_no_solution(check):
     """h = 1 - 1.05² = -0.1025, and α(h) + η > 0."""
     _, table, words = check("one-on-one", "--set", "agents.1.start=[[0.0, -1.05]]")
-    assert table["start"] == "inside the set that can be kept (S_I), largest ψ -0.1025"
+    assert table["start"] == "inside the set that can be kept (S_I), largest ψ -0.1025, allowed 0"
     assert table["inputs that keep the rows at the start (K_i)"] == "empty for 1"
     assert any(
         line.startswith("- At the start no input satisfies the rows of 1 ") for line in words
