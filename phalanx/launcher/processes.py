@@ -3,6 +3,7 @@
 import contextlib
 import multiprocessing
 import multiprocessing.forkserver
+import multiprocessing.resource_tracker
 import os
 import signal
 import sys
@@ -190,6 +191,8 @@ def start_importing() -> ForkServerContext:
     """
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(_PRELOAD)
+    # Where it has to be started, it unblocks SIGINT for whatever comes after it.
+    multiprocessing.resource_tracker.ensure_running()
     with _interrupts_held_back():
         # Programs inherit the mask: a Ctrl-C that comes before they are ready for it would
         # end each of them in a traceback.
