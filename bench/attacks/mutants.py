@@ -81,7 +81,7 @@ MUTANTS = (
            "if unfit := None and",  _TEST_RECORDING),
     Mutant("frames of another size", "viewer/feeds/expected.py",
            "len(frame.x) != 8 * states or len(frame.agents) != len(members)", "False",
-           "tests/unit/hostile/test_messages.py"),
+           "tests/unit/hostile/test_frames.py"),
     Mutant("a full disk", "phalanx/recording/write.py", "os.ftruncate(self._fd, self._end)",
            "pass", _TEST_RECORDING),
 )  # fmt: skip

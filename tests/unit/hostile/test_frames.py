@@ -1,0 +1,33 @@
+"""Frames that are none of the run that a viewer shows."""
+
+import math
+import struct
+
+import msgspec
+import pytest
+from fuzz_messages import KEYS, SCENARIO, receivers
+
+from phalanx.viewer.feeds.expected import check_frame
+from phalanx.viewer.scene.model import scene_model
+from phalanx.wire.frames import AgentStatus, LinkEvent
+from phalanx.wire.seal import Malformed
+
+GOOD = next(receiver for receiver in receivers() if receiver.key == KEYS.frames).good(0)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"x": GOOD.x[:-8]},
+        {"x": struct.pack("<d", math.nan) + GOOD.x[8:]},
+        {"agents": GOOD.agents[:-1]},
+        {"agents": (AgentStatus(u=(0.0,)), *GOOD.agents[1:])},
+        {"pair": -1},
+        {"link_events": (LinkEvent(0, 5, 0.1),)},
+    ],
+)
+def test_a_frame_of_another_run_is_refused(changes: dict[str, object]):
+    model = scene_model(SCENARIO)
+    check_frame(GOOD, model)
+    with pytest.raises(Malformed):
+        check_frame(msgspec.structs.replace(GOOD, **changes), model)
