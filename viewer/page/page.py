@@ -86,6 +86,7 @@ class Page:
         """Show what is new."""
         frame = self._feed.take()
         self._plot()
+        self._scene.cameras.ask_for_shapes()
         if frame == self._frame:  # a paused plant repeats its frame
             frame = None
         standing = self._feed.summary, self._feed.over

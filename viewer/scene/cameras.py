@@ -1,5 +1,6 @@
 """The visitors' cameras: they hold the whole run, follow the swarm, or follow one agent."""
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -19,6 +20,8 @@ _SAME = 0.02
 """Distances and aspects that differ by less, relatively, are the same."""
 _STEADY = 1e-3
 """What moves by less than this share of its distance from the camera seems to stand still."""
+_SHAPES_EVERY = 1.0
+"""[s]"""
 
 
 class Framing(StrEnum):
@@ -63,6 +66,7 @@ class Cameras:
         self._server, self._first, self._reach = server, direction, reach
         self.framing, self._run = Framing.SWARM, np.zeros((1, 3))
         self._visitors: dict[int, _Visitor] = {}
+        self._asked_at, self._nudge = 0.0, 1e-4
         self.on_keep: Callable[[Framing], None] = lambda _: None
         """Called with what is kept in sight from now on."""
 
@@ -80,6 +84,16 @@ class Cameras:
         self.framing = framing
         self._visitors = {}
         self.on_keep(framing)
+
+    def ask_for_shapes(self) -> None:
+        """Have every browser report its picture's shape, once in a while."""
+        # By itself a browser does so when its camera moves, but not, or too early, when a panel
+        # beside the scene opens or closes. It does whenever its field of view is set.
+        now = time.monotonic()
+        if now >= self._asked_at + _SHAPES_EVERY:
+            self._asked_at, self._nudge = now, -self._nudge
+            for client in self._server.get_clients().values():
+                client.camera.fov = self._first.fov * (1.0 + self._nudge)
 
     def farthest(self, point: Array) -> View:
         """Of what visitors see, that in which things at a point [m], shape (3,), are smallest."""

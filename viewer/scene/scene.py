@@ -53,6 +53,8 @@ class Scene:
         self.stale = False
         """Whether a visitor came or moved his camera since the last picture."""
         self._positions: Array | None = None
+        self._poses: dict[int, list[float]] = {}
+        """What each visitor's camera last was, and the size of his picture."""
         self.agents.on_click(self._on_click)
         server.on_client_connect(self._on_visitor)
 
@@ -91,8 +93,11 @@ class Scene:
     def _on_visitor(self, client: viser.ClientHandle) -> None:
         client.camera.on_update(self._on_camera)
 
-    def _on_camera(self, _: viser.CameraHandle) -> None:
-        self.stale = True
+    def _on_camera(self, camera: viser.CameraHandle) -> None:
+        pose = [*camera.position, *camera.look_at, camera.image_width, camera.image_height]
+        if not np.allclose(self._poses.get(camera.client.client_id, 0.0), pose):
+            self._poses[camera.client.client_id] = pose
+            self.stale = True
 
     def _on_click(self, event: Click) -> None:
         if event.instance_index is not None:
