@@ -5,11 +5,11 @@ python bench/paper/viewer_pictures.py viewer-space live  # those whose names con
 """
 
 import contextlib
-import re
 import shutil
+import signal
 import subprocess
 import sys
-import threading
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from io import BytesIO
@@ -32,7 +32,7 @@ IMAGES = Path("docs/images")
 HOST = "127.0.0.1"
 WIDE, NARROW = (1440, 900), (800, 600)
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-CLOCK = re.compile(r"t = ([\d.]+) s")
+CLOCK = r"t = ([\d.]+) s"
 # What viser says of a browser without a graphics card would cover the scene.
 HIDE_NOTES = ".mantine-Notifications-root { display: none }"
 CROWD = ("agents.0.count=112", "agents.1.count=16", "duration=4.0")
@@ -106,17 +106,18 @@ def take(browser: "Browser", shot: Shot, folder: Path) -> None:
 
 def take_live(browser: "Browser") -> None:
     """Take a picture of a run that goes on, a few seconds after its start."""
-    port, scenario = choose_port(HOST, None), load("unicycles", ["duration=20.0"])
-    options = {
-        "commands": phalanx.CommandPolicy(speed=0.5),
-        "viewer": {"host": HOST, "port": port},
-    }
-    run = threading.Thread(target=phalanx.run, args=(scenario,), kwargs=options)
-    run.start()
-    with opened(browser, port, WIDE) as tab:
-        tab.wait_for_function(f"+(document.body.innerText.match({CLOCK.pattern!r})||[0,0])[1] > 4")
-        save(tab.screenshot(), "viewer-live")
-    run.join()
+    port = choose_port(HOST, None)
+    with tempfile.TemporaryDirectory() as out:
+        command = ["run", "unicycles", "--view", "--port", str(port), "--out", out]
+        run = subprocess.Popen([sys.executable, "-m", "phalanx", *command])
+        try:
+            with opened(browser, port, WIDE) as tab:
+                clock = f"(document.body.innerText.match(/{CLOCK}/) || [0, 0])[1]"
+                tab.wait_for_function(f"+{clock} > 5")
+                save(tab.screenshot(), "viewer-live")
+        finally:
+            run.send_signal(signal.SIGINT)
+            run.wait()
 
 
 @contextlib.contextmanager
