@@ -131,8 +131,16 @@ class Cameras:
     def _follow(
         self, key: int, client: viser.ClientHandle, seen: View, positions: Array, alone: bool
     ) -> None:
-        visitor = self._visitors.setdefault(key, _Visitor(seen, seen, seen.distance))
-        visitor.saw(seen)
+        visitor = self._visitors.get(key)
+        if visitor is None:
+            visitor = self._visitors[key] = _Visitor(seen, seen, seen.distance)
+            if not alone:  # whoever just came may not look where he is to yet
+                seen = replace(self._first, aspect=seen.aspect, pixels=seen.pixels)
+        else:
+            if not _close(seen.distance, self._first.distance):  # his browser put him there
+                visitor.saw(seen)
+            if not _close(seen.distance, visitor.asked.distance):  # it has not obeyed yet
+                seen = replace(visitor.asked, aspect=seen.aspect, pixels=seen.pixels)
         fitted = seen.fitted(positions, self._reach)
         if not alone and not fitted.distance <= visitor.fit <= _LOOSE * fitted.distance:
             visitor.fit = _ROOM * fitted.distance
