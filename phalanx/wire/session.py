@@ -21,6 +21,8 @@ from phalanx.wire.messages import MAX_BYTES
 
 # Three threads instead of seven in a client, and a third less latency. Never in the hub: what
 # forwards would deadlock on its own back-pressure.
+_RUNTIME = "ZENOH_RUNTIME"
+"""Zenoh reads it when a process opens its first session."""
 _CLIENT_RUNTIME = (
     "(rx: (handover: app), acc: (handover: app), tx: (handover: app), net: (handover: app), "
     "app: (worker_threads: 1))"
@@ -119,6 +121,9 @@ def open_hub(endpoint: str, admission: Admission | None = None) -> zenoh.Session
         elif admission is not None:
             passwords = stack.enter_context(_file_in_memory(admission.passwords))
             config["transport"]["auth"] = {"usrpwd": {"dictionary_file": passwords}}
+        # Whoever started this process may have been a client, and left it in the environment.
+        if os.environ.get(_RUNTIME) == _CLIENT_RUNTIME:
+            del os.environ[_RUNTIME]
         try:
             session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
         except zenoh.ZError as error:
@@ -140,7 +145,7 @@ def open_client(
     endpoint: str, timeout: float, credentials: Credentials | None = None
 ) -> zenoh.Session:
     """Join the hub, trying for `timeout` seconds. Raises HubError."""
-    os.environ.setdefault("ZENOH_RUNTIME", _CLIENT_RUNTIME)
+    os.environ.setdefault(_RUNTIME, _CLIENT_RUNTIME)
     config = {
         **_common(),
         "mode": "client",

@@ -14,8 +14,9 @@ AT, OVER = 0.4, 0.7
 
 def calmed(scenario: phalanx.Scenario) -> phalanx.Scenario:
     """The same scenario, and nothing goes wrong."""
-    nothing = {"name": "calm", "description": "", "network": Network(), "faults": ()}
-    return scenario.model_copy(update=nothing)
+    nothing = {"network": Network(), "faults": ()}
+    unnamed = {"name": "calm", "description": "", "reading": None}
+    return scenario.model_copy(update=nothing | unnamed)
 
 
 def names() -> list[str]:

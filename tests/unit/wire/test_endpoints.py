@@ -1,8 +1,12 @@
 """Ports for hubs: many runs that start at once get one each, and keep it until they listen."""
 
 import contextlib
+import os
 import socket
+import subprocess
+import sys
 
+from phalanx.wire import session
 from phalanx.wire.session import open_hub, reserved_endpoint
 
 MANY = 100
@@ -30,3 +34,20 @@ def test_a_hub_can_listen_where_an_endpoint_is_reserved():
     with reserved_endpoint() as endpoint, open_hub(endpoint):
         host = ("127.0.0.1", port_of(endpoint))
         socket.create_connection(host, timeout=5.0).close()
+
+
+HUB = """
+from pathlib import Path
+from phalanx.wire.session import open_hub, reserved_endpoint
+with reserved_endpoint() as endpoint, open_hub(endpoint):
+    print(*(file.read_text() for file in Path("/proc/self/task").glob("*/comm")))
+"""
+
+
+def test_a_hub_that_a_client_started_does_not_forward_in_the_clients_single_thread():
+    """There a flood of one agent's peer held up everybody for as long as it lasted."""
+    environment = {**os.environ, session._RUNTIME: session._CLIENT_RUNTIME}
+    ran = subprocess.run(
+        [sys.executable, "-c", HUB], env=environment, capture_output=True, text=True, check=True
+    )
+    assert "acc-0" in ran.stdout, "a thread of its own for who comes"
