@@ -164,8 +164,8 @@ def _choose_port(view: bool, commands: bool, port: int | None) -> int | None:
 
 def _wait_for(page: "BaseProcess") -> None:
     """Let the page go on until Ctrl-C."""
-    print("the page replays the run; Ctrl-C ends it", flush=True)
     try:
+        print("the page replays the run; Ctrl-C ends it", flush=True)
         page.join()
     except KeyboardInterrupt:
         page.terminate()

@@ -5,6 +5,7 @@ by itself: agents when the hub is gone, the plant when it is done, told to, or l
 """
 
 import contextlib
+import threading
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +23,10 @@ from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Ended, Status
 from phalanx.wire.seal import Malformed
-from phalanx.wire.session import HubError, open_client, subscribe
+from phalanx.wire.session import HubError, on_parting, open_client, subscribe
+
+_LAST_WORDS = 2.0
+"""How long the hub may take to go once the plant has ended [s]."""
 
 
 def run_processes(
@@ -130,4 +134,8 @@ def _listening(
     with session:
         subscribe(session, keys.status, on_status)
         subscribe(session, keys.verdict, on_verdict)
+        hub_gone = threading.Event()
+        on_parting(session, hub_gone.set)
         yield
+        # The plant has ended, and what it said last may still be on its way.
+        hub_gone.wait(_LAST_WORDS)

@@ -131,10 +131,11 @@ def states(run) -> list[str]:
     return [c.status for c in psutil.Process(run.process.pid).net_connections("tcp4")]
 
 
-@pytest.mark.parametrize("short_of", [100, 1500, 4000])
+@pytest.mark.parametrize("short_of", [1500, 4000])
 def test_a_disk_that_fills_at_the_end_breaks_the_run(phalanx, short_of):
     """A verdict without a whole record of it is none."""
-    fast = ("one-on-one", "--set", "duration=0.5")
+    # Long enough for the launcher to listen, short enough for a size that hardly changes.
+    fast = ("one-on-one", "--set", "duration=3.0")
     calm = phalanx("run", *fast)
     assert calm.finish()[0] == 0
     size = (calm.folder / "recording.mcap").stat().st_size - short_of
