@@ -53,7 +53,7 @@ class Hub:
         self.refusals = Refusals(log)
         """Payloads dropped."""
         self._timeout = swarm.scenario.time.timeout
-        self._check_stop = check_stop
+        self._check_stop, self._real_time = check_stop, real_time
         self._keys, self._sealer = membership.keys, membership.sealer
         self._names, self._scenario = swarm.names, swarm.scenario
         self._joining, self._answers = Joining(swarm, real_time), Answers(swarm)
@@ -125,13 +125,10 @@ class Hub:
     def pause(self, i: int, t: float) -> None:
         """Ask for agent i's process to be stopped, once it has said all that it had to say.
 
-        One that decides for others too goes on. Raises SwarmBrokenError as await_actuation.
+        In real time at once. One that decides for others too goes on. Raises SwarmBrokenError as
+        await_actuation.
         """
         self._await_report(i)
-        self.pause_now(i, t)
-
-    def pause_now(self, i: int, t: float) -> None:
-        """The same at once, in real time."""
         if i in self._alone:
             self._stopped.add(self._names[i])
             self.publish_status(msgspec.structs.replace(self._told, t=t))
@@ -144,13 +141,10 @@ class Hub:
     def kill(self, i: int, order: Sample) -> None:
         """Have agent i's process die of this order, once it has said all that it had to say.
 
-        One that decides for others too lives on. Raises SwarmBrokenError as await_actuation.
+        In real time at once. One that decides for others too lives on. Raises SwarmBrokenError as
+        await_actuation.
         """
         self._await_report(i)
-        self.kill_now(i, order)
-
-    def kill_now(self, i: int, order: Sample) -> None:
-        """The same at once, in real time."""
         if self._names[i] in self._stopped:
             self.resume(i, order.t)
         if i in self._alone:
@@ -160,22 +154,22 @@ class Hub:
     def restart(self, i: int, t: float) -> None:
         """Ask for another process in the dead agent i's place at t [s], and wait until it is there.
 
-        Raises SwarmBrokenError: it does not come, or runs another scenario.
+        In real time nobody waits. Raises SwarmBrokenError: it does not come, or runs another
+        scenario.
         """
         if i not in self._alone:
             return
         name, deadline = self._names[i], time.monotonic() + self._timeout
+        wanted = Status(t=t, waiting_for=(name,), restart=True)
+        if self._real_time:
+            self.publish_status(wanted)
+            return
         while self._joining.has(name):
             self._take_event(deadline, f"agent {name} did not die")
         while not self._joining.has(name):
-            self.publish_status(Status(t=t, waiting_for=(name,), restart=True))
+            self.publish_status(wanted)
             self._take_event(deadline, f"agent {name} did not join again")
         wire.wait_for_listener(self._samples[i], self._timeout)
-
-    def restart_soon(self, i: int, t: float) -> None:
-        """Ask for another process in the dead agent i's place, and do not wait for it."""
-        if i in self._alone:
-            self.publish_status(Status(t=t, waiting_for=(self._names[i],), restart=True))
 
     def await_actuation(self, i: int) -> Actuation:
         """What agent i's actuator gets for its last sample.
@@ -244,7 +238,8 @@ class Hub:
         publisher.put(self._sealer.seal(str(publisher.key_expr), message))
 
     def _await_report(self, i: int) -> None:
-        self._await(i, lambda: self._answers.complete(i) or None, "did not report on")
+        if not self._real_time:
+            self._await(i, lambda: self._answers.complete(i) or None, "did not report on")
 
     def _await(self, i: int, take: Callable[[], T | None], failed_to: str) -> T:
         deadline = time.monotonic() + self._timeout

@@ -6,9 +6,7 @@ clock is missed, so samples never pile up before an agent that is too slow. Whoe
 for a while is sampled again, for the answer may have been lost on its way.
 """
 
-import contextlib
 import time
-from collections import deque
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -16,27 +14,22 @@ import numpy as np
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.faults.state import FaultState
 from phalanx.guarantee.punctuality import Punctuality
+from phalanx.plant.backlog import Backlog, Witness
 from phalanx.plant.commands import CommandQueue
-from phalanx.plant.contacts import Contacts
 from phalanx.plant.events import (
     CommandObeyed,
-    Event,
     InputApplied,
     InputLost,
     MemberLost,
     Sampled,
     StateReached,
 )
-from phalanx.plant.lockstep import Witness
+from phalanx.plant.sampling import Processes, Sampling
 from phalanx.plant.schedule import Schedule
-from phalanx.plant.sensing import Sensing
-from phalanx.plant.sensors import Sensors
 from phalanx.plant.timekeeping import Timekeeping
 from phalanx.plant.world import World
-from phalanx.recording.write import RecordingError
 from phalanx.swarm.rows import SafetyRows
-from phalanx.swarm.seen import SeenStates
-from phalanx.wire.messages import Actuation, Sample, last_sample
+from phalanx.wire.messages import Actuation, Sample
 
 _PATIENCE = 1.0
 """After so long without an answer an agent is sampled again [s of wall time]."""
@@ -46,8 +39,8 @@ _MUCH, _MOST = 200, 20_000
 """So many events are written down even while agents compute, and whatever is due."""
 
 
-class TimelyAgents(Protocol):
-    """The agents as the wall clock sees them."""
+class TimelyAgents(Processes, Protocol):
+    """The agents as the wall clock sees them: nobody waits for what they still have to say."""
 
     @property
     def waiting(self) -> int:
@@ -55,18 +48,6 @@ class TimelyAgents(Protocol):
 
     def send_sample(self, i: int, sample: Sample) -> None:
         """Hand agent i its sample."""
-
-    def pause_now(self, i: int, t: float) -> None:
-        """Agent i's process stands still from t [s] on, whatever it still had to say."""
-
-    def resume(self, i: int, t: float) -> None:
-        """Agent i's process goes on at t [s]."""
-
-    def kill_now(self, i: int, order: Sample) -> None:
-        """Have agent i's process die of this order."""
-
-    def restart_soon(self, i: int, t: float) -> None:
-        """Have another process take the dead agent i's place, and do not wait for it."""
 
     def listen(self, seconds: float) -> None:
         """Handle what comes, for so long [s of wall time], or until something has come."""
@@ -116,35 +97,25 @@ class RealTime:
         self.timekeeping = Timekeeping([group.clock.period for group in swarm.groups])
         self._schedule, self._agents, self._scribe = schedule, agents, scribe
         self._faults, self._commands = faults, commands
-        self._sensing, self._states = Sensing(swarm, world.motion), SeenStates(swarm)
-        self.sensors = Sensors(swarm)
-        self._latency = swarm.scenario.time.latency
-        self._contacts = Contacts(len(swarm.members), self._latency)
+        self._sampling = Sampling(swarm, world.motion, schedule, faults)
+        self.sensors = self._sampling.sensors
         self._asked: dict[int, _Asked] = {}
         """Whose input has not taken effect yet."""
         self._answers: dict[int, _Answer] = {}
         """By agent, what is here of them."""
         self._returning: set[int] = set()
         """Whose place another process is to take, and has not yet."""
-        self._happened: deque[Event] = deque()
+        self._happened = Backlog(scribe)
 
     def run(self, duration: float) -> None:
         """Run to `duration` [s]. Raises RecordingError, DivergedError."""
         pace = self._commands.pace
         pace.restart(0.0)
-        try:
+        with self._happened:
             while (now := pace.now()) < duration:
                 self._be_at(now)
                 self._rest(min(self._next_event(), duration))
             self._reach(duration)
-        except RecordingError:
-            raise
-        except (Exception, KeyboardInterrupt):
-            # What led to the failure is worth as much as the rest.
-            with contextlib.suppress(RecordingError):
-                self._write_down()
-            raise
-        self._write_down()
 
     @property
     def punctuality(self) -> Punctuality:
@@ -186,7 +157,7 @@ class RealTime:
             return False
         self.timekeeping.unanswered += 1
         if i in self._returning:
-            self._agents.restart_soon(i, self.world.t)  # it may have been asked for too early
+            self._agents.restart(i, self.world.t)  # it may have been asked for too early
         del self._asked[i]
         return True
 
@@ -203,28 +174,14 @@ class RealTime:
             self._happened.append(applied)
 
     def _sample(self, due: list[int], now: float) -> None:
-        for i, whole in zip(due, self._sensing.sights(self.world.x, due), strict=True):
-            sight = whole.without(self._faults.silent)
-            since, latest = self._contacts.existing(i, now, sight.seen)
+        x, pace = self.world.x, self._commands.pace.speed
+        for i, sight in zip(due, self._sampling.sensing.sights(x, due), strict=True):
             self.timekeeping.sampled(i, now, self._schedule.tick(i))
-            k = self._schedule.sampled(i, now)
-            self._contacts.sampled(i, k, now, sight)
-            told = self.sensors.told(i, k, now, self.world.x)
-            sample = Sample(
-                k=k,
-                t=now,
-                seen=sight.seen,
-                x=self._states.packed(told, sight.seen),
-                since=since,
-                latest=latest,
-                hearers=sight.hearers,
-                orders=self._faults.orders(i),
-                pace=self._commands.pace.speed,
-            )
+            taken = self._sampling.take(i, now, x, sight, pace)
             takes_effect, lost = self._schedule.due(i), self._schedule.loses_input(i)
-            self._asked[i] = _Asked(sample, time.monotonic(), takes_effect, lost)
-            self._happened.append(Sampled(i, now, told is self.world.x))
-            self._agents.send_sample(i, sample)
+            self._asked[i] = _Asked(taken.sample, time.monotonic(), takes_effect, lost)
+            self._happened.append(Sampled(i, now, taken.truthful))
+            self._agents.send_sample(i, taken.sample)
             while self._schedule.tick(i) <= now:
                 self._miss(i)
 
@@ -233,34 +190,16 @@ class RealTime:
         self._schedule.pass_over(i)
 
     def _obey(self, command: Command) -> CommandObeyed:
-        """Let a command take effect."""
-        i = self._faults.obey(command)
-        forgotten: tuple[int, ...] = ()
-        if i is None:
-            return CommandObeyed(command, i)
-        if self._faults.silent(i):
-            self._schedule.silence(i)
-        match command.kind:
-            case CommandKind.KILL:
-                k, x = self._schedule.next_number(i), self._states.packed(self.world.x, (i,))
-                self._agents.kill_now(i, last_sample(i, k, command.t, x))
-                forgotten = self._contacts.forget(i)
-            case CommandKind.RESTART:
-                self._returning.add(i)
-                self._agents.restart_soon(i, command.t)
-                self._schedule.resume(i, command.t)
-            case CommandKind.FREEZE:
-                self._agents.pause_now(i, command.t)
-            case CommandKind.THAW:
-                self._agents.resume(i, command.t)
-                self._schedule.resume(i, command.t)
-        return CommandObeyed(command, i, forgotten)
+        obeyed = self._sampling.obey(command, self.world.x, self._agents)
+        if command.kind == CommandKind.RESTART and obeyed.changed is not None:
+            self._returning.add(obeyed.changed)
+        return obeyed
 
     def _rest(self, until: float) -> None:
         """Take in what comes until then [s], and write down what happened while there is time."""
         wait = self._commands.pace.wait
         while self._has_time(wait(until)):
-            self._scribe.witness(self._happened.popleft())
+            self._happened.write_one()
         self._scribe.idle()
         self._agents.listen(wait(until))
         for i in self._computing:
@@ -280,8 +219,3 @@ class RealTime:
     def _computing(self) -> list[int]:
         """Who owes an answer."""
         return [i for i in self._asked if i not in self._answers]
-
-    def _write_down(self) -> None:
-        while self._happened:
-            self._scribe.witness(self._happened.popleft())
-        self._scribe.idle()

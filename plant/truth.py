@@ -1,102 +1,62 @@
-"""The true h of every pair, at every integration step."""
+"""What the safe set says of every state that the world went through."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.guarantee.verdict import Violation
-from phalanx.theory.expressions.exact import dot
+from phalanx.plant.motion import Motion
+from phalanx.plant.near import NearPairs
+from phalanx.plant.psi import LargestPsi
+from phalanx.plant.world import DisturbanceKnot, DivergedError, Passage
+from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.expressions.mapped import Index
-from phalanx.theory.safety.composition import ComposedSet
 
 Array = NDArray[np.float64]
 
+_STATES_AT_ONCE = 16
 
-class PairExtremes:
-    """Running extremes of every pair's h and of h_tot."""
 
-    def __init__(self, composed: ComposedSet) -> None:
-        self._composed, count = composed, len(composed.pairs)
-        self._t = 0.0
-        self._largest_h, self._worst_pair = -np.inf, 0
-        # Of pairs that were unsafe at some time, the others are of no interest one by one.
-        self._worst = np.full(count, -np.inf)
-        self._worst_at = np.zeros(count)
-        self._first = np.full(count, np.inf)
-        self._duration = np.zeros(count)
-        self.worst_h_tot = -np.inf
-        """Largest h_tot so far."""
-        self.worst_at = 0.0
-        """When it was [s]."""
-        self._peak = -np.inf
-        self.largest = 0
-        """The pair whose h was largest at the last step."""
-        self._unsafe: set[int] = set()
-        self.h_tot = -np.inf
-        """At the last step."""
+class IntegrationSteps(NamedTuple):
+    """What s integration steps showed."""
 
-    @property
-    def worst_pair(self) -> str:
-        """The pair whose h was largest."""
-        return self.label(self._worst_pair)
+    times: Array
+    """[s], shape (s,)"""
+    pairs: Index
+    """Which pairs count, shape (r,): no other is above them or above zero."""
+    h: Array
+    """Of each, shape (s, r)."""
+    h_tot: Array
+    """Of all pairs, shape (s,)."""
+    psi: Array
+    """The largest of their ψ_1 ... ψ_{q-1}, shape (s,); empty if q = 1."""
 
-    def label(self, pair: int) -> str:
-        """A pair in words, by its index."""
-        return self._composed.label(self._composed.pairs[pair])
 
-    def add(self, times: Array, pairs: Index, h: Array, h_tot: Array) -> None:
-        """After s integration steps.
+class TruthAlong:
+    """h of the pairs that count, h_tot and ψ along the way.
 
-        Args:
-            times: of each [s], shape (s,).
-            pairs: indices of those that count, shape (r,): no other is above them or above zero.
-            h: of each, shape (s, r).
-            h_tot: of all, shape (s,).
-        """
-        at = int(h.argmax())
-        if (highest := float(h.flat[at])) > self._largest_h:
-            self._largest_h, self._worst_pair = highest, int(pairs[at % h.shape[1]])
-        self.largest, self.h_tot = int(pairs[h[-1].argmax()]), float(h_tot[-1])
-        peak = float(h_tot.max())
-        if peak > self.worst_h_tot:
-            self.worst_h_tot, self.worst_at = peak, float(times[h_tot.argmax()])
-        self._peak = max(self._peak, peak)
-        # LSE is never below the largest h: with h_tot <= 0 no pair is unsafe. What is not a number
-        # is not safe either.
-        if not peak <= 0.0:
-            self._add_unsafe(times, pairs, h)
-        self._t = float(times[-1])
+    Nobody's sample needs them, so they are looked at when there is time: while agents compute.
+    """
 
-    def _add_unsafe(self, times: Array, pairs: Index, h: Array) -> None:
-        unsafe, highest = ~(h <= 0.0), h.max(axis=0)
-        deeper = highest > self._worst[pairs]
-        self._worst_at[pairs[deeper]] = times[h.argmax(axis=0)][deeper]
-        self._worst[pairs[deeper]] = highest[deeper]
-        self._unsafe.update(pairs[unsafe.any(axis=0)].tolist())
-        lengths = np.diff(times, prepend=self._t)
-        self._duration[pairs] += dot(unsafe.T.astype(np.float64), lengths)
-        first = np.where(unsafe.any(axis=0), times[unsafe.argmax(axis=0)], np.inf)
-        self._first[pairs] = np.minimum(self._first[pairs], first)
+    def __init__(self, rows: SafetyRows, motion: Motion) -> None:
+        self._near = NearPairs(rows.swarm, motion)
+        self._psi = LargestPsi(rows)
 
-    def take_peak(self) -> float:
-        """Largest h_tot since this was last called, the value at that time included."""
-        peak, self._peak = self._peak, self.h_tot
-        return peak
+    def of(self, way: list[Passage | DisturbanceKnot]) -> list[IntegrationSteps | DisturbanceKnot]:
+        """The same way, its knots first. Raises DivergedError."""
+        knots = [piece for piece in way if isinstance(piece, DisturbanceKnot)]
+        return [*knots, *self._steps([p for p in way if isinstance(p, Passage)])]
 
-    def take_unsafe(self) -> set[int]:
-        """The pairs that were outside their safe sets since this was last called."""
-        unsafe, self._unsafe = self._unsafe, set()
-        return unsafe
-
-    def violations(self) -> list[Violation]:
-        """Pairs with h > 0 at some step, the deepest first."""
-        found = [
-            Violation(
-                self.label(p),
-                float(self._first[p]),
-                float(self._worst[p]),
-                float(self._worst_at[p]),
-                float(self._duration[p]),
-            )
-            for p in np.flatnonzero(self._first < np.inf).tolist()
-        ]
-        return sorted(found, key=lambda v: -v.worst)
+    def _steps(self, passages: list[Passage]) -> Iterator[IntegrationSteps]:
+        if not passages:
+            return
+        times = np.concatenate([passage.times for passage in passages])
+        x = np.concatenate([passage.x for passage in passages])
+        for first in range(0, len(x), _STATES_AT_ONCE):
+            some = slice(first, first + _STATES_AT_ONCE)
+            pairs, h, h_tot = self._near(x[some])
+            if not np.isfinite(h_tot).all():
+                raise DivergedError("h_tot", times[some][-1])
+            psi = self._psi(x[some], self._near.chosen)
+            yield IntegrationSteps(times[some], pairs, h, h_tot, psi)

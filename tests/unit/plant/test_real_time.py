@@ -67,7 +67,7 @@ class OnTheWall:
 
     def publish_status(self, message: Status) -> None: ...
 
-    def pause_now(self, i: int, t: float) -> None:
+    def pause(self, i: int, t: float) -> None:
         self.still.append(i)
 
     def resume(self, i: int, t: float) -> None:

@@ -1,0 +1,102 @@
+"""The true h of every pair, at every integration step."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.guarantee.verdict import Violation
+from phalanx.theory.expressions.exact import dot
+from phalanx.theory.expressions.mapped import Index
+from phalanx.theory.safety.composition import ComposedSet
+
+Array = NDArray[np.float64]
+
+
+class PairExtremes:
+    """Running extremes of every pair's h and of h_tot."""
+
+    def __init__(self, composed: ComposedSet) -> None:
+        self._composed, count = composed, len(composed.pairs)
+        self._t = 0.0
+        self._largest_h, self._worst_pair = -np.inf, 0
+        # Of pairs that were unsafe at some time, the others are of no interest one by one.
+        self._worst = np.full(count, -np.inf)
+        self._worst_at = np.zeros(count)
+        self._first = np.full(count, np.inf)
+        self._duration = np.zeros(count)
+        self.worst_h_tot = -np.inf
+        """Largest h_tot so far."""
+        self.worst_at = 0.0
+        """When it was [s]."""
+        self._peak = -np.inf
+        self.largest = 0
+        """The pair whose h was largest at the last step."""
+        self._unsafe: set[int] = set()
+        self.h_tot = -np.inf
+        """At the last step."""
+
+    @property
+    def worst_pair(self) -> str:
+        """The pair whose h was largest."""
+        return self.label(self._worst_pair)
+
+    def label(self, pair: int) -> str:
+        """A pair in words, by its index."""
+        return self._composed.label(self._composed.pairs[pair])
+
+    def add(self, times: Array, pairs: Index, h: Array, h_tot: Array) -> None:
+        """After s integration steps.
+
+        Args:
+            times: of each [s], shape (s,).
+            pairs: indices of those that count, shape (r,): no other is above them or above zero.
+            h: of each, shape (s, r).
+            h_tot: of all, shape (s,).
+        """
+        at = int(h.argmax())
+        if (highest := float(h.flat[at])) > self._largest_h:
+            self._largest_h, self._worst_pair = highest, int(pairs[at % h.shape[1]])
+        self.largest, self.h_tot = int(pairs[h[-1].argmax()]), float(h_tot[-1])
+        peak = float(h_tot.max())
+        if peak > self.worst_h_tot:
+            self.worst_h_tot, self.worst_at = peak, float(times[h_tot.argmax()])
+        self._peak = max(self._peak, peak)
+        # LSE is never below the largest h: with h_tot <= 0 no pair is unsafe. What is not a number
+        # is not safe either.
+        if not peak <= 0.0:
+            self._add_unsafe(times, pairs, h)
+        self._t = float(times[-1])
+
+    def _add_unsafe(self, times: Array, pairs: Index, h: Array) -> None:
+        unsafe, highest = ~(h <= 0.0), h.max(axis=0)
+        deeper = highest > self._worst[pairs]
+        self._worst_at[pairs[deeper]] = times[h.argmax(axis=0)][deeper]
+        self._worst[pairs[deeper]] = highest[deeper]
+        self._unsafe.update(pairs[unsafe.any(axis=0)].tolist())
+        lengths = np.diff(times, prepend=self._t)
+        self._duration[pairs] += dot(unsafe.T.astype(np.float64), lengths)
+        first = np.where(unsafe.any(axis=0), times[unsafe.argmax(axis=0)], np.inf)
+        self._first[pairs] = np.minimum(self._first[pairs], first)
+
+    def take_peak(self) -> float:
+        """Largest h_tot since this was last called, the value at that time included."""
+        peak, self._peak = self._peak, self.h_tot
+        return peak
+
+    def take_unsafe(self) -> set[int]:
+        """The pairs that were outside their safe sets since this was last called."""
+        unsafe, self._unsafe = self._unsafe, set()
+        return unsafe
+
+    def violations(self) -> list[Violation]:
+        """Pairs with h > 0 at some step, the deepest first."""
+        found = [
+            Violation(
+                self.label(p),
+                float(self._first[p]),
+                float(self._worst[p]),
+                float(self._worst_at[p]),
+                float(self._duration[p]),
+            )
+            for p in np.flatnonzero(self._first < np.inf).tolist()
+        ]
+        return sorted(found, key=lambda v: -v.worst)
