@@ -8,8 +8,8 @@ as one of its normal members holds an input with a certificate: Theorem 2 of doc
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.guarantee.apart import Surroundings
 from phalanx.guarantee.certificates import SwarmCertificates
+from phalanx.guarantee.reachable import ReachableBoxes
 from phalanx.guarantee.verdict import Assumption, CertificateSummary
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.safety.function import Reaching
@@ -28,8 +28,8 @@ class Coverage:
         self._composed, pairs = swarm.safe_set, swarm.safe_set.pairs
         certificates = SwarmCertificates(swarm)
         function = swarm.scenario.safety.safe_set_function()
-        self._surroundings = (
-            Surroundings(swarm, function)
+        self._boxes = (
+            ReachableBoxes(swarm, function)
             if isinstance(function, Reaching) and len(swarm.members) > _FEW
             else None
         )
@@ -81,7 +81,7 @@ class Coverage:
 
     def _issue(self, i: int, t: float, x: Array, u: Array) -> float:
         agent, sides = self._agents[i], self._sides[i]
-        around = self._surroundings
+        around = self._boxes
         near = None if around is None else around.near(i, self._others[i], t, x)
         times = agent(x, u, near)
         # The certificate before it ends with the input that it was for.

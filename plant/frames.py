@@ -100,19 +100,19 @@ class FramePublisher:
         self._peak = -np.inf
 
     def _frame(self, now: float) -> Frame:
-        truth = self._judge.truth
+        extremes = self._judge.extremes
         return Frame(
             t=self._t,
             x=self._x.astype("<f8").tobytes(),
-            h_tot=max(self._peak, truth.h_tot),
-            worst_h=truth.worst_h_tot,
-            pair=truth.largest,
+            h_tot=max(self._peak, extremes.h_tot),
+            worst_h=extremes.worst_h_tot,
+            pair=extremes.largest,
             agents=tuple(self._status(i) for i in range(len(self._last))),
             link_events=tuple(LinkEvent(*at, delay) for at, delay in self._link_events.items()),
             steps=self._judge.steps,
             real_time_factor=self._real_time_factor(now),
             assumptions=tuple(self._judge.assumptions),
-            violations=tuple(truth.violations()[:8]),
+            violations=tuple(extremes.violations()[:8]),
             log=tuple(self._log),
             paused=self._commands.pace.paused,
             speed=self._commands.pace.speed,

@@ -7,25 +7,23 @@ about how they made their inputs only counts for the theorem's assumptions.
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.guarantee.gaps import gaps_in_the_proof
 from phalanx.guarantee.verdict import Assumption
 from phalanx.network.claim import Claim
 from phalanx.plant.actuators import Actuators
-from phalanx.plant.along import IntegrationSteps
+from phalanx.plant.assumptions import STAYED, Assumptions
 from phalanx.plant.claims import Claims
 from phalanx.plant.coverage import Coverage
 from phalanx.plant.events import InputApplied, InputLost, Sampled, StateReached
-from phalanx.plant.truth import PairExtremes
+from phalanx.plant.extremes import PairExtremes
+from phalanx.plant.truth import IntegrationSteps
 from phalanx.plant.world import DisturbanceKnot
 from phalanx.swarm.rows import SafetyRows
-from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.origin import EMPTY, Origin
 from phalanx.wire.messages import Telemetry
 
 Array = NDArray[np.float64]
 
 _ROUNDING = 1e-9
-_STAYED = "no ψ_1 ... ψ_{q-1} was above 0: from there the safe set cannot be kept for sure"
 
 
 class Judge:
@@ -33,7 +31,7 @@ class Judge:
 
     def __init__(self, rows: SafetyRows) -> None:
         swarm = rows.swarm
-        self.truth = PairExtremes(swarm.safe_set)
+        self.extremes = PairExtremes(swarm.safe_set)
         self.coverage = Coverage(swarm)
         self.claims = Claims(swarm)
         self.steps = 0
@@ -58,43 +56,12 @@ class Judge:
         """The true state that each agent last sampled."""
         self._instants: dict[int, float] = {}
         """When the first normal agent took its sample k [s], by k."""
-        self._start = Assumption("start in S", note="every pair is safe at the start")
-        self._start_kept = Assumption(
-            "start in S_I", note="every agent starts where the safe set can be kept"
-        )
-        self._stayed = Assumption("stayed in S_I", note=_STAYED)
+        self._checks = Assumptions(swarm, self.coverage.assumption, self.claims.truthful)
         self._highest = -np.inf
         """The largest ψ_1 ... ψ_{q-1} so far."""
-        self._gap = Assumption(
-            "sampling gap", note="no sample came later than clock.period + clock.jitter"
-        )
-        self._phi = Assumption(
-            "disturbance bound", note="no disturbance was larger than disturbance.bound"
-        )
-        self._inputs = Assumption("admissible inputs", note="no actuator held an input outside U")
-        self._prompt = Assumption(
-            "inputs in time", note="every input came to its actuator when it was due"
-        )
-        self._rows = Assumption(
-            "non-empty K_i", note="at every step of every normal agent some input kept its rows"
-        )
-        self._fresh = Assumption(
-            "fresh û", note="every received input that a row counted on was being applied"
-        )
-        self._faithful = Assumption("faithful agents", note="no normal agent fell silent or turned")
-        self._truthful = Assumption(
-            "truthful sensors", note="every sample of a normal agent told the true state"
-        )
-        self._together = Assumption(
-            "synchronous sampling", note="all normal agents sample at the same instants"
-        )
-        gaps = gaps_in_the_proof(swarm)
-        note = "; ".join(gaps) or "the margin is a bound, computed at each sample"
-        self._margin = Assumption("proven margin", note=note)
-        self._margin.check(not gaps, 0.0)
-        start = swarm.start()
-        self._start_kept.check(bool((rows.invariants()(start) <= 0.0).all()), 0.0)
-        self.coverage.begin(start)
+        inside = bool((rows.invariants()(self._x) <= 0.0).all())
+        self._checks.start_kept.check(inside, 0.0)
+        self.coverage.begin(self._x)
 
     @property
     def backups(self) -> int:
@@ -104,21 +71,12 @@ class Judge:
     @property
     def assumptions(self) -> list[Assumption]:
         """What `guaranteed` rests on, and how often each failed so far."""
-        found = [self._start, self._gap, self._phi, self._inputs, self.coverage.assumption]
-        return [*found, self._prompt] if self._prompt.failed else found
+        return self._checks.of_guarantee
 
     @property
     def theorem(self) -> list[Assumption]:
         """What the paper's theorem needs, and how often each failed so far."""
-        found = [self._start_kept, self._gap, self._phi, self._rows, self._margin]
-        found += [self._stayed] if self._stayed.checked else []
-        found += [self._prompt] if self._prompt.failed else []
-        found += [each for each in (self._faithful, self._truthful) if each.failed]
-        safety = self._swarm.scenario.safety
-        if safety.control == "centralised":
-            return [*found, self._together]
-        relies_on_received = safety.information in (Information.PAPER, Information.IN_FLIGHT)
-        return [*found, self._fresh, self.claims.truthful] if relies_on_received else found
+        return self._checks.of_theorem
 
     def reached(self, event: StateReached, seen: list[IntegrationSteps | DisturbanceKnot]) -> None:
         """The world went on to another event; seen: on the way."""
@@ -136,36 +94,38 @@ class Judge:
             if isinstance(piece, DisturbanceKnot):
                 norms = np.sqrt(np.add.reduceat(piece.phi * piece.phi, self._begins))
                 # Norms are convex: within the bound at the knots, within it on the line between.
-                self._phi.check(bool((norms <= self._bounds * (1.0 + _ROUNDING)).all()), piece.t)
+                self._checks.disturbance.check(
+                    bool((norms <= self._bounds * (1.0 + _ROUNDING)).all()), piece.t
+                )
                 continue
-            if self._start.checked == 0:
-                self._start.check(bool((piece.h[0] <= 0.0).all()), float(piece.times[0]))
-            self.truth.add(piece.times, piece.pairs, piece.h, piece.h_tot)
+            if self._checks.start.checked == 0:
+                self._checks.start.check(bool((piece.h[0] <= 0.0).all()), float(piece.times[0]))
+            self.extremes.add(piece.times, piece.pairs, piece.h, piece.h_tot)
             for t, psi in zip(piece.times.tolist(), piece.psi.tolist(), strict=False):
                 self._check_invariance(t, psi)
 
     def _check_invariance(self, t: float, psi: float) -> None:
-        stayed = self._stayed
+        stayed = self._checks.stayed
         stayed.check(psi <= 0.0, t)
         if not psi <= self._highest:
             self._highest = psi
             if not psi <= 0.0:
-                stayed.note = f"{_STAYED}; the largest was {psi:.4g}, at t = {t:.3f} s"
+                stayed.note = f"{STAYED}; the largest was {psi:.4g}, at t = {t:.3f} s"
 
     def sampled(self, event: Sampled) -> None:
         """An agent took a sample."""
         i, t, truthful = event
         if i in self._swarm.normal:
-            self._truthful.check(truthful, t)
+            self._checks.truthful.check(truthful, t)
         if i in self._sampled:
-            self._gap.check(t - self._sampled[i] <= self._longest_gap[i], t)
+            self._checks.gap.check(t - self._sampled[i] <= self._longest_gap[i], t)
         self._sampled[i] = t
         self._sampled_in[i] = self._x
 
     def fell_silent(self, i: int, t: float) -> None:
         """Agent i neither samples nor answers from t [s] on."""
         if i in self._swarm.normal:
-            self._faithful.check(False, t)
+            self._checks.faithful.check(False, t)
 
     def applied(self, event: InputApplied, telemetry: Telemetry) -> float | None:
         """An actuator took its input.
@@ -174,10 +134,12 @@ class Judge:
         """
         self.steps += 1
         self.claims.given(event.i, event.k, Claim(event.t + self._latency, event.u))
-        self._prompt.check(event.t_apply - event.t <= self._latency + _ROUNDING, event.t_apply)
+        self._checks.prompt.check(
+            event.t_apply - event.t <= self._latency + _ROUNDING, event.t_apply
+        )
         if event.i in self._swarm.normal:
             if telemetry.origin == Origin.ATTACK:
-                self._faithful.check(False, event.t)
+                self._checks.faithful.check(False, event.t)
             else:
                 self._check_step(event, telemetry)
         u = np.array(event.u)
@@ -188,17 +150,17 @@ class Judge:
     def lost(self, event: InputLost) -> None:
         """An input never came to its actuator."""
         self.claims.given(event.i, event.k, Claim(event.sampled + self._latency, event.u))
-        self._prompt.check(False, event.t)
+        self._checks.prompt.check(False, event.t)
 
     def _check_input(self, i: int, x: Array, u: Array, t: float) -> None:
-        self._inputs.check(self._actuators.takes(i, x[self._parts[i]], u), t)
+        self._checks.inputs.check(self._actuators.takes(i, x[self._parts[i]], u), t)
 
     def _check_step(self, event: InputApplied, telemetry: Telemetry) -> None:
         self.origins[telemetry.origin] += 1
-        self._rows.check(telemetry.origin not in EMPTY, event.t)
+        self._checks.rows.check(telemetry.origin not in EMPTY, event.t)
         together = self._instants.setdefault(event.k, event.t) == event.t
-        self._together.check(together, event.t)
+        self._checks.synchronous.check(together, event.t)
         for other, age in telemetry.ages:
             # An agent never heard of has no input in force; an age of one is a lie.
             in_force = self._in_force.get(other, -np.inf)
-            self._fresh.check(abs(in_force - (event.t - age)) <= _ROUNDING, event.t)
+            self._checks.fresh.check(abs(in_force - (event.t - age)) <= _ROUNDING, event.t)

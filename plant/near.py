@@ -17,9 +17,9 @@ from phalanx.plant.motion import Motion
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.expressions.mapped import Index, MappedFunction
-from phalanx.theory.safety.beside import reach_beside
 from phalanx.theory.safety.composition import ComposedSet
 from phalanx.theory.safety.function import Reaching
+from phalanx.theory.safety.static import static_reach
 
 Array = NDArray[np.float64]
 
@@ -102,7 +102,7 @@ class NearPairs:
         pairs = np.where(self._normal[pairs[:, :1]], pairs, pairs[:, ::-1])
         found = [pairs[self._normal[pairs[:, 0]]]]
         for k, obstacle in enumerate(self._obstacles):
-            close = reach_beside(function, self._level, obstacle) + self._room
+            close = static_reach(function, self._level, obstacle) + self._room
             near = self._normal & (obstacle.distances(positions) <= close)
             beside = np.flatnonzero(near)
             found.append(np.stack([beside, np.full(len(beside), len(positions) + k)], axis=1))

@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.swarm.rows import SafetyRows
-from phalanx.theory.safety.pairs import ChosenFunctions, ChosenPairs
+from phalanx.theory.safety.pair_functions import ChosenFunctions
+from phalanx.theory.safety.pairs import ChosenPairs
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,6 @@ from typing import Protocol
 
 from phalanx.faults.state import FaultState
 from phalanx.guarantee.verdict import FaultCount, Outcome, Summary, judge
-from phalanx.plant.along import TruthAlong
 from phalanx.plant.clocks import AgentClock
 from phalanx.plant.commands import CommandQueue, declared
 from phalanx.plant.frames import FrameAudience, FramePublisher
@@ -19,6 +18,7 @@ from phalanx.plant.real_time import RealTime, TimelyAgents
 from phalanx.plant.schedule import Schedule
 from phalanx.plant.scribe import RunScribe
 from phalanx.plant.stop import AbandonedError, StoppedError, SwarmBrokenError
+from phalanx.plant.truth import Truth
 from phalanx.plant.world import DivergedError, World
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.write import RecordingError, RecordingWriter
@@ -67,7 +67,7 @@ class PlantRun:
         self._declared = swarm.links.declared
         self._world = World(rows)
         self._judge = Judge(rows)
-        self._truth = TruthAlong(rows, self._world.motion)
+        self._truth = Truth(rows, self._world.motion)
         self._judge.saw(self._truth.of(self._world.take_way()))
         self._commands = commands
         commands.declare(declared(swarm))
@@ -125,7 +125,7 @@ class PlantRun:
             self._clock.run(self._scenario.duration)
             self._frames.show(last=True)
             outcome, reason = judge(
-                self._judge.truth.violations(), self._judge.assumptions, self._judge.theorem
+                self._judge.extremes.violations(), self._judge.assumptions, self._judge.theorem
             )
         except (StoppedError, KeyboardInterrupt) as error:
             outcome, reason = Outcome.STOPPED, str(error) or "stopped by the user"
@@ -143,7 +143,7 @@ class PlantRun:
     def _summary(
         self, outcome: Outcome, reason: str, rejected: dict[str, int], wall: float
     ) -> Summary:
-        truth = self._judge.truth
+        extremes = self._judge.extremes
         hits = self._scribe.faults + self._harness.faults + self._judge.claims.faults
         hits += self._clock.sensors.faults
         hits += sum((clock.faults for clock in self._clocks), Counter())
@@ -153,15 +153,15 @@ class PlantRun:
             t=self._world.t,
             seed=self._scenario.seed,
             trajectory=self._scribe.trajectory.hexadecimal,
-            worst_h_tot=truth.worst_h_tot,
-            worst_at=truth.worst_at,
-            worst_pair=truth.worst_pair,
+            worst_h_tot=extremes.worst_h_tot,
+            worst_at=extremes.worst_at,
+            worst_pair=extremes.worst_pair,
             steps=self._judge.steps,
             origins=self._judge.origins,
             assumptions=self._judge.assumptions,
             theorem=self._judge.theorem,
             certificates=self._judge.coverage.summary,
-            violations=truth.violations(),
+            violations=extremes.violations(),
             rejected=rejected,
             wall_time=wall,
             punctuality=self._clock.punctuality,

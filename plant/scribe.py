@@ -8,7 +8,6 @@ import numpy as np
 
 from phalanx.faults.commands import STRIKES, CommandKind, described
 from phalanx.network.inbox import Fate
-from phalanx.plant.along import TruthAlong
 from phalanx.plant.claims import Finding
 from phalanx.plant.events import (
     CommandObeyed,
@@ -22,6 +21,7 @@ from phalanx.plant.events import (
 from phalanx.plant.frames import FramePublisher
 from phalanx.plant.judge import Judge
 from phalanx.plant.trajectory import TrajectoryHash
+from phalanx.plant.truth import Truth
 from phalanx.recording.records import Log, Shown, State, Step
 from phalanx.recording.write import RecordingWriter
 from phalanx.theory.rows.origin import Origin
@@ -38,7 +38,7 @@ class RunScribe:
         self,
         names: tuple[str, ...],
         declared: tuple[str, ...],
-        truth: TruthAlong,
+        truth: Truth,
         judge: Judge,
         recording: RecordingWriter,
         frames: FramePublisher,
@@ -118,7 +118,7 @@ class RunScribe:
             Status(
                 t=self._t,
                 real_time_factor=self._t / max(now - self._began, 1e-9),
-                worst_h=judge.truth.worst_h_tot,
+                worst_h=judge.extremes.worst_h_tot,
                 steps=judge.steps,
                 backups=judge.backups,
             )
@@ -128,15 +128,15 @@ class RunScribe:
         self._t = event.t
         self._judge.reached(event, self._truth.of(event.way))
         self.trajectory.add(event)
-        peak = self._judge.truth.take_peak()
+        peak = self._judge.extremes.take_peak()
         self._frames.saw_state(event, peak)
         self._peak = max(self._peak, peak)
         if event.t >= self._state_due:
             self._recording.write(State(event.t, event.x.tolist(), self._peak))
             self._state_due, self._peak = event.t + self._recording_step, -np.inf
-        unsafe = self._judge.truth.take_unsafe()
+        unsafe = self._judge.extremes.take_unsafe()
         for pair in sorted(unsafe - self._unsafe):
-            self._say(event.t, f"{self._judge.truth.label(pair)} left the safe set")
+            self._say(event.t, f"{self._judge.extremes.label(pair)} left the safe set")
         self._unsafe = unsafe
 
     def _on_command(self, event: CommandObeyed) -> None:

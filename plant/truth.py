@@ -33,7 +33,7 @@ class IntegrationSteps(NamedTuple):
     """The largest of their ψ_1 ... ψ_{q-1}, shape (s,); empty if q = 1."""
 
 
-class TruthAlong:
+class Truth:
     """h of the pairs that count, h_tot and ψ along the way.
 
     Nobody's sample needs them, so they are looked at when there is time: while agents compute.

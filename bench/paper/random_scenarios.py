@@ -26,8 +26,8 @@ from phalanx.guarantee.checker.intervals import UncertifiableError
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.in_process_engine import run_in_process
 from phalanx.plant import run as plant_run
-from phalanx.plant.along import IntegrationSteps
 from phalanx.plant.judge import Judge
+from phalanx.plant.truth import IntegrationSteps
 from phalanx.plant.world import DisturbanceKnot
 from phalanx.recording.read import read
 from phalanx.scenario.load import ScenarioError, load
@@ -268,7 +268,7 @@ class WatchingJudge(Judge):
                 self.compared += int(certified.sum())
                 for step, place in np.argwhere(certified & ~(piece.h <= 0.0)):
                     at, h = float(piece.times[step]), float(piece.h[step, place])
-                    self.wrong.append((at, self.truth.label(int(piece.pairs[place])), h))
+                    self.wrong.append((at, self.extremes.label(int(piece.pairs[place])), h))
         super().saw(seen)
 
 

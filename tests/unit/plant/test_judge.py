@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from phalanx.guarantee.verdict import Assumption
-from phalanx.plant.along import IntegrationSteps
 from phalanx.plant.events import InputApplied, Sampled
 from phalanx.plant.judge import Judge
+from phalanx.plant.truth import IntegrationSteps
 from phalanx.plant.world import DisturbanceKnot
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Telemetry

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from phalanx.plant.along import IntegrationSteps, TruthAlong
 from phalanx.plant.disturbance import KnottedDisturbance
+from phalanx.plant.truth import IntegrationSteps, Truth
 from phalanx.plant.world import DisturbanceKnot, World
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
@@ -112,7 +112,7 @@ def test_the_truth_is_seen_at_every_step_of_at_most_a_millisecond():
     rows = rows_of_scenario("unicycles")
     own = world(rows)
     own.advance(0.45)
-    seen = TruthAlong(rows, own.motion).of(own.take_way())
+    seen = Truth(rows, own.motion).of(own.take_way())
     assert own.take_way() == []
     truths = [s for s in seen if isinstance(s, IntegrationSteps)]
     steps = np.concatenate([s.times for s in truths])
