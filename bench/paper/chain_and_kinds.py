@@ -20,6 +20,7 @@ from rich.progress import track
 
 from phalanx.scenario.load import load, shipped
 from phalanx.seeded.draws import Draws
+from phalanx.swarm.compile import compile_rows
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
@@ -218,7 +219,7 @@ def built(count: int, still: bool) -> tuple[str, bool]:
     kinds = time.perf_counter() - began
     step = min(_timed(terms, x, seen) for _ in range(200))
     began = time.perf_counter()
-    _rows("swarm", of_group).compile()
+    compile_rows(_rows("swarm", of_group))
     pairs = time.perf_counter() - began
     chain = np.inf
     if still:

@@ -36,6 +36,7 @@ import phalanx
 from phalanx.agent.step import control_steps
 from phalanx.guarantee.verdict import Outcome
 from phalanx.scenario.load import from_json, to_json
+from phalanx.swarm.compile import compile_rows
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire import session as wire
@@ -130,7 +131,7 @@ def build_time(scenario_json: str) -> float:
     scenario = from_json(scenario_json)
     began = time.perf_counter()
     rows = build_rows(build_swarm(scenario))
-    rows.compile()
+    compile_rows(rows)
     control_steps(rows, next(iter(scenario.programs())))
     return time.perf_counter() - began
 

@@ -13,12 +13,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.theory.expressions.interval import (
-    Interval,
-    UnboundedOperationError,
-    extend,
-    point,
-)
+from phalanx.theory.expressions.extension import extend
+from phalanx.theory.expressions.interval import Interval, UnboundedOperationError, point
 from phalanx.theory.expressions.mapped import MappedFunction
 from phalanx.theory.margins.enclosure import (
     Enclosure,

@@ -52,17 +52,17 @@ def words_on_alpha(swarm: Swarm) -> list[str]:
         return []
     steepness = _steepness(swarm)
     if steepness < _WEAK:
-        trouble = (
+        found = (
             "weak: far from every conflict the margin grows with the distance, and α_q has to pay "
             "for it, or K_i is empty"
         )
     elif steepness > STEEPEST[RowPart.HALF]:
-        trouble = "steep: what α_q lets h gain on its limit is spent before the agent samples again"
+        found = "steep: what α_q lets h gain on its limit is spent before the agent samples again"
     else:
         return []
     longest = _longest(swarm)
     return [
-        f"The last of safety.alpha, {steepness / longest:.3g}, is {trouble}. Where an input is in "
+        f"The last of safety.alpha, {steepness / longest:.3g}, is {found}. Where an input is in "
         f"force for up to τ = {longest * 1e3:.3g} ms, "
         f"about 0.25/τ = {_SERVES / longest:.3g} serves."
     ]

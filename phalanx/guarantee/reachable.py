@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from phalanx.guarantee.certificate import MULTIPLES, reach_within
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.exact import dot
-from phalanx.theory.expressions.interval import UnboundedOperationError, extend
+from phalanx.theory.expressions.extension import extend
+from phalanx.theory.expressions.interval import UnboundedOperationError
 from phalanx.theory.expressions.mapped import Index, MappedFunction
 from phalanx.theory.margins.enclosure import scalars
-from phalanx.theory.safety.beside import reach_beside
 from phalanx.theory.safety.function import Reaching
 from phalanx.theory.safety.obstacles import Sphere
+from phalanx.theory.safety.static import static_reach
 
 Array = NDArray[np.float64]
 
@@ -35,7 +36,7 @@ class _Alike(NamedTuple):
     """x -> least and largest of each component of p; None if unknown."""
 
 
-class Surroundings:
+class ReachableBoxes:
     """The boxes of all agents, made anew when they are too old, and the obstacles beside them."""
 
     def __init__(self, swarm: Swarm, function: Reaching) -> None:
@@ -47,7 +48,7 @@ class Surroundings:
         self._low, self._high = np.full((count, axes), -np.inf), np.full((count, axes), np.inf)
         self._reach = np.full(count, function.reach(0.0))
         for k, obstacle in enumerate(scenario.static, start=len(members)):
-            self._reach[k] = reach_beside(function, 0.0, obstacle)
+            self._reach[k] = static_reach(function, 0.0, obstacle)
             if isinstance(obstacle, Sphere):
                 self._low[k] = self._high[k] = obstacle.center
         self._alike = []

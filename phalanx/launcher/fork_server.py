@@ -23,6 +23,7 @@ from phalanx.launcher.programs import (
     start_program,
 )
 from phalanx.scenario.load import from_json
+from phalanx.swarm.compile import compile_rows
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire.membership import Membership
@@ -72,7 +73,7 @@ def serve(
     load_programs(programs)
     signal.alarm(0)
     rows = build_rows(build_swarm(from_json(scenario)))
-    rows.compile()
+    compile_rows(rows)
     # What programs inherit stays shared as long as nobody writes to it, as a collector would.
     gc.collect()
     gc.freeze()

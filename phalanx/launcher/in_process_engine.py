@@ -19,6 +19,7 @@ from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.records import PROFILE, RECORDING, SUMMARY
 from phalanx.recording.write import RecordingWriter
 from phalanx.scenario.model import Scenario
+from phalanx.swarm.compile import compile_rows
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire.messages import Actuation, Sample, Status, Telemetry
@@ -48,7 +49,7 @@ def run_in_process(
         if profile:
             plant.time(stopwatch)
             stopwatch.time(agents, "send_sample", "compute")
-        summary = plant.run(prepare=rows.compile)
+        summary = plant.run(prepare=lambda: compile_rows(rows))
         if profile:
             stopwatch.write(folder / PROFILE, "in-process")
         recording.finish(summary)

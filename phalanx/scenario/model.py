@@ -40,9 +40,9 @@ from phalanx.scenario.network import Network
 from phalanx.scenario.safety import Safety
 from phalanx.scenario.scatter import Scatter
 from phalanx.theory.laws.formation import Formation
-from phalanx.theory.safety.beside import Static
 from phalanx.theory.safety.limits import Boundary, Limit
 from phalanx.theory.safety.obstacles import Sphere, Wall
+from phalanx.theory.safety.static import Static
 
 MAX_AGENTS = 256
 

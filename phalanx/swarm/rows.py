@@ -4,7 +4,7 @@ Agents, the check before a run, reports and proofs all build from it, so that wh
 what is run.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -21,7 +21,7 @@ from phalanx.theory.margins.margin import ComposedMargin, Margin
 from phalanx.theory.margins.paper import MarginConstants
 from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.models.polytope import EmptyPolytopeError
-from phalanx.theory.rows.composed import ComposedTerms, SwarmTerms
+from phalanx.theory.rows.composed import SwarmTerms
 from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.pairs import OwnPair, OwnPairTerms, PairRowFunction
 from phalanx.theory.rows.qp import NearestInput
@@ -35,13 +35,9 @@ from phalanx.theory.rows.share_margin import ShareMargin
 from phalanx.theory.rows.terms import TermsAt, TermsFunction
 from phalanx.theory.safety.chain import Chain, build_chain
 from phalanx.theory.safety.composition import ComposedSet
-from phalanx.theory.safety.pairs import PairFunctions
+from phalanx.theory.safety.pair_functions import PairFunctions
 
 Array = NDArray[np.float64]
-
-_REHEARSED = 40
-"""As many others in sight as an agent of a large swarm is made ready for."""
-
 
 _FEW = 64
 """So many pairs are faster evaluated as one expression."""
@@ -130,52 +126,11 @@ class SafetyRows:
         swarm, radius = self.swarm, self.swarm.sensing(i)
         near = self.composed.in_sight.of(swarm.members[i].dynamics, radius)
         return OwnPairTerms(
-            swarm.pairs, i, lambda other, part: self._row_function(i, other, part, margin), near
+            swarm.pairs, i, lambda other, part: self.row_function(i, other, part, margin), near
         )
 
-    def compile(self) -> None:
-        """Compile what agents have in common, for processes that are forked to inherit it."""
-        swarm = self.swarm
-        for kind in swarm.pairs.kinds:
-            kind.jets  # noqa: B018
-        groups: dict[int, list[int]] = {}
-        for l, group in enumerate(swarm.groups):
-            groups.setdefault(id(group), []).append(l)
-        # The first and the last of a group have every place in every kind of pair.
-        ends = sorted({l for members in groups.values() for l in (members[0], members[-1])})
-        for i in ends:
-            self.terms(i)
-        if self.pairwise:
-            self._compile_rows(ends)
-        for members in groups.values():
-            self._rehearse(members[0])
-
-    def _compile_rows(self, ends: Sequence[int]) -> None:
-        swarm = self.swarm
-        obstacles = range(len(swarm.members), len(swarm.members) + len(swarm.pairs.obstacles))
-        for i in ends:
-            if i in swarm.normal:
-                for other in (*ends, *obstacles):
-                    for part in RowPart if other in swarm.normal else (RowPart.WHOLE,):
-                        if other != i:
-                            self._row_function(i, other, part, self.margin(i))
-
-    def _rehearse(self, i: int) -> None:
-        """Have agent i see one other, two, and so on: memory is set aside for each number once."""
-        swarm, x = self.swarm, self.swarm.start()
-        terms = self.terms(i)
-        if not isinstance(terms, ComposedTerms):
-            return
-        own = self.pair_terms(i) if self.pairwise and i in swarm.normal else None
-        others = [l for l in range(len(swarm.members)) if l != i]
-        limited, most = swarm.sensing(i) is not None, min(len(others), _REHEARSED)
-        for count in range(most + 1) if limited else (len(others),):
-            seen = sorted((i, *others[:count]))
-            terms(x, seen)
-            if own is not None:
-                own(x, seen, swarm.normal if swarm.joint else ())
-
-    def _row_function(self, i: int, other: int, part: RowPart, margin: Margin) -> PairRowFunction:
+    def row_function(self, i: int, other: int, part: RowPart, margin: Margin) -> PairRowFunction:
+        """Agent i's row for the pair that own_pair has of it and another; shared as that is."""
         swarm = self.swarm
         a, b = swarm.pairs.ordered(i, other)
         (kind,) = swarm.pairs.kinds_of(np.array([[a, b]])).tolist()

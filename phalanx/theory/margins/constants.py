@@ -12,12 +12,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.theory.expressions.interval import (
-    Interval,
-    UnboundedOperationError,
-    continuous,
-    extend,
-)
+from phalanx.theory.expressions.extension import continuous, extend
+from phalanx.theory.expressions.interval import Interval, UnboundedOperationError
 from phalanx.theory.margins.paper import MarginConstants
 from phalanx.theory.models.polytope import Polytope, constant_polytope
 from phalanx.theory.safety.chain import Chain

@@ -7,10 +7,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.theory.expressions.extension import extend
 from phalanx.theory.expressions.interval import (
     Interval,
     add,
-    extend,
     hull,
     inflate,
     inside,

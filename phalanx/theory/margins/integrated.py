@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from phalanx.theory.expressions.interval import Interval, continuous, extend, point
+from phalanx.theory.expressions.extension import continuous, extend
+from phalanx.theory.expressions.interval import Interval, point
 from phalanx.theory.margins.enclosure import (
     Enclosure,
     admissible_corners,

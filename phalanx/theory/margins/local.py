@@ -11,8 +11,9 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from phalanx.theory.expressions.interval import continuous, extend, point
-from phalanx.theory.margins.enclosure import admissible_inputs, enclose, scalars
+from phalanx.theory.expressions.extension import continuous, extend
+from phalanx.theory.expressions.interval import Interval, point
+from phalanx.theory.margins.enclosure import Enclosure, admissible_inputs, enclose, scalars
 from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.models.polytope import ACTUATION
 from phalanx.theory.safety.chain import Chain
@@ -52,15 +53,52 @@ def local_margin(
     ]
     fixed = [ca.SX.sym(f"w_{m.name}", len(m.dynamics.inputs)) for m in members]
     fixed[i] = moving[i].u
+    symbols, intervals = _within_reach(chain, i, moving, fixed, active)
 
     share = part.value
-    row = chain.actuation[i] @ fixed[i] + share * (ca.sum1(chain.drift) + chain.alpha)
+    slope = ca.jacobian(_row(chain, i, fixed, part), x)
+    rates = ca.vertcat(*[e.rate for e in moving])
+    growth, disturbance = extend([slope @ rates, share * chain.disturbance], symbols, intervals)
+    forces = [chain.set.substitute(c, active) for c in chain.actuation]
+    outside = ACTUATION * ca.sum1(ca.vertcat(*[ca.norm_1(c.T) for c in forces]))
+    bound = horizon * ca.fmax(0, growth.hi) + disturbance.hi + outside
+    # Comparisons are false for what is not a number, which max would pass over.
+    known = ca.logic_and(growth.hi < UNKNOWN, disturbance.hi < UNKNOWN)
+    # Where the row or ψ can jump, rates do not bound them: h must be C^{1,1}, as in the paper. A
+    # jump of ψ alone has no derivative to tell of it. What α adds is continuous: it is class K.
+    parts = [*map(ca.vec, chain.actuation), chain.drift, *chain.psi]
+    smooth = continuous(scalars(parts), symbols, intervals)
+    for e in moving:
+        known = ca.logic_and(e.certain, known)
+    return ca.if_else(ca.logic_and(known, smooth), bound, UNKNOWN)
+
+
+def _row(chain: Chain, i: int, inputs: Sequence[ca.SX], part: RowPart) -> ca.SX:
+    """Agent i's row without its margin, scalar; inputs: of all members."""
+    row = chain.actuation[i] @ inputs[i] + part.value * (ca.sum1(chain.drift) + chain.alpha)
     if part is RowPart.WHOLE:
         for l, c in enumerate(chain.actuation):
-            row += 0 if l == i else c @ fixed[l]
-    slope = ca.jacobian(row, x)
-    others = [l for l in range(len(members)) if l != i]
+            row += 0 if l == i else c @ inputs[l]
+    return row
 
+
+def _within_reach(
+    chain: Chain,
+    i: int,
+    moving: Sequence[Enclosure],
+    fixed: Sequence[ca.SX],
+    active: ca.SX | None,
+) -> tuple[list[ca.SX], list[Interval]]:
+    """All symbols of a row and its rate, and the interval of each until the next sample.
+
+    Args:
+        chain: as local_margin takes it.
+        i: the member whose row it is.
+        moving: what each member can reach.
+        fixed: the inputs that the row holds the others to.
+        active: as local_margin takes it.
+    """
+    others = [l for l in range(len(moving)) if l != i]
     # σ and the active pairs are those of the sample, whatever x does afterwards.
     kept = [chain.set.sigma, chain.set.active]
     at_sample = [point(chain.set.substitute(s, active)) for s in scalars(kept)]
@@ -82,17 +120,4 @@ def local_margin(
         *at_sample,
         *map(point, scalars([chain.set.parameters])),
     ]
-    rates = ca.vertcat(*[e.rate for e in moving])
-    growth, disturbance = extend([slope @ rates, share * chain.disturbance], symbols, intervals)
-    forces = [chain.set.substitute(c, active) for c in chain.actuation]
-    outside = ACTUATION * ca.sum1(ca.vertcat(*[ca.norm_1(c.T) for c in forces]))
-    bound = horizon * ca.fmax(0, growth.hi) + disturbance.hi + outside
-    # Comparisons are false for what is not a number, which max would pass over.
-    known = ca.logic_and(growth.hi < UNKNOWN, disturbance.hi < UNKNOWN)
-    # Where the row or ψ can jump, rates do not bound them: h must be C^{1,1}, as in the paper. A
-    # jump of ψ alone has no derivative to tell of it. What α adds is continuous: it is class K.
-    parts = [*map(ca.vec, chain.actuation), chain.drift, *chain.psi]
-    smooth = continuous(scalars(parts), symbols, intervals)
-    for e in moving:
-        known = ca.logic_and(e.certain, known)
-    return ca.if_else(ca.logic_and(known, smooth), bound, UNKNOWN)
+    return symbols, intervals

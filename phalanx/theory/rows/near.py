@@ -6,7 +6,7 @@ import casadi as ca
 
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.dynamics import Dynamics
-from phalanx.theory.safety.beside import Static
+from phalanx.theory.safety.static import Static
 
 
 class ObstaclesInSight:

@@ -9,7 +9,8 @@ import numpy as np
 from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
-from phalanx.theory.expressions.interval import Interval, continuous
+from phalanx.theory.expressions.extension import continuous
+from phalanx.theory.expressions.interval import Interval
 
 Array = NDArray[np.float64]
 

@@ -13,9 +13,9 @@ import casadi as ca
 from annotated_types import Gt
 
 from phalanx.theory.models.dynamics import Dynamics
-from phalanx.theory.safety.beside import Static, h_beside
 from phalanx.theory.safety.function import Body, SafeSetFunction
 from phalanx.theory.safety.limits import Boundary
+from phalanx.theory.safety.static import Static, static_h
 
 Positive = Annotated[float, Gt(0)]
 
@@ -87,7 +87,7 @@ class ComposedSet:
         """Every pair's h, shape (p,)."""
         bodies, function = self._bodies, self.function
         each = [
-            h_beside(function, bodies[p.a], self.obstacles[p.obstacle], self.parameters)
+            static_h(function, bodies[p.a], self.obstacles[p.obstacle], self.parameters)
             if p.obstacle is not None
             else function.between(bodies[p.a], bodies[p.b or 0])
             for p in self.pairs

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from phalanx.theory.expressions.asked import ask_expression
 from phalanx.theory.expressions.mapped import MappedFunction
 from phalanx.theory.models.dynamics import Dynamics
-from phalanx.theory.safety.beside import Static, h_beside
 from phalanx.theory.safety.composition import Member
 from phalanx.theory.safety.function import Body, SafeSetFunction
 from phalanx.theory.safety.obstacles import Sphere
+from phalanx.theory.safety.static import Static, static_h
 
 Array = NDArray[np.float64]
 
@@ -115,7 +115,7 @@ def pair_kind(a: Member, b: Member | Static, function: SafeSetFunction) -> PairK
         h = ask_expression(function, "between", [()], body, there, symbols=[own, other])
         return PairKind((a.dynamics, b.dynamics), (own, other), ca.SX(0, 1), h)
     none = ca.SX(0, 1)
-    return PairKind((a.dynamics,), (own,), none, h_beside(function, body, b, none))
+    return PairKind((a.dynamics,), (own,), none, static_h(function, body, b, none))
 
 
 def sphere_kind(a: Member, spheres: list[Sphere], function: SafeSetFunction) -> PairKind | None:

@@ -11,19 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.theory.expressions.mapped import Index, MappedFunction
-from phalanx.theory.safety.beside import Static
-from phalanx.theory.safety.chain import degree_above, inputs_appear
 from phalanx.theory.safety.composition import ComposedSet, Member, of_pair
 from phalanx.theory.safety.function import SafeSetFunction
-from phalanx.theory.safety.kinds import (
-    CompiledKind,
-    PairKind,
-    any_sphere,
-    pair_kind,
-    parameters_of,
-    sphere_kind,
-)
+from phalanx.theory.safety.kind_table import kind_table, member_classes, require_degree
+from phalanx.theory.safety.kinds import CompiledKind, any_sphere, parameters_of
 from phalanx.theory.safety.obstacles import Sphere
+from phalanx.theory.safety.static import Static
 
 Array = NDArray[np.float64]
 
@@ -47,10 +40,10 @@ class SwarmPairs:
         """q."""
         self.members, self.obstacles, self._function = members, obstacles, function
         self._normal = np.array([not m.adversary for m in members])
-        classes, of_member = _classes(members)
+        classes, of_member = member_classes(members)
         self._class = np.concatenate([of_member, len(classes) + np.arange(len(obstacles))])
-        kinds, self._kind = _kinds(classes, of_member, obstacles, function)
-        _require_degree(members, of_member, kinds, self._kind, gains)
+        kinds, self._kind = kind_table(classes, of_member, obstacles, function)
+        require_degree(members, of_member, kinds, self._kind, gains)
         self.kinds = [CompiledKind(kind, gains) for kind in kinds]
         numbers = [parameters_of(obstacle) for obstacle in obstacles]
         states = [len(m.dynamics.states) for m in members]
@@ -237,131 +230,6 @@ class JetsAt:
             into_h[:] = h
             into_forces[:] = forces
         return self._jets
-
-
-class PairFunctions:
-    """A function for each kind of pair, where more than h tells kinds apart: sorts of members."""
-
-    def __init__(
-        self,
-        swarm: SwarmPairs,
-        sorts: Sequence[int],
-        make: Callable[[ComposedSet, tuple[int, int]], MappedFunction],
-    ) -> None:
-        """Sort pairs by more than their h.
-
-        Args:
-            swarm: whose pairs they are.
-            sorts: of each member.
-            make: the function of a pair alone, such as (a, b) is: of its states and parameters.
-        """
-        self._swarm, self._make = swarm, make
-        self._sorts = np.concatenate([sorts, np.full(len(swarm.obstacles), -1)])
-        self._made: dict[tuple[int, ...], MappedFunction] = {}
-
-    def choose(self, pairs: Index) -> "ChosenFunctions":
-        """Pairs that are evaluated together, shape (r, 2)."""
-        swarm = self._swarm
-        sorts = np.column_stack([self._sorts[pairs], swarm.kinds_of(pairs)])
-        found, which = np.unique(sorts, axis=0, return_inverse=True)
-        order = np.argsort(which.ravel(), kind="stable")
-        groups = []
-        for number, key in enumerate(map(tuple, found.tolist())):
-            own = pairs[which.ravel() == number]
-            a, b = own[0].tolist()
-            alone = swarm.alone(a, b)
-            if key not in self._made:
-                self._made[key] = self._make(alone, (a, b))
-            sizes = [part.stop - part.start for part in alone.parts]
-            places = spread(swarm.begin, own, [*sizes, alone.parameters.numel()])
-            groups.append((self._made[key], places))
-        return ChosenFunctions(swarm, pairs[order], groups)
-
-
-class ChosenFunctions(NamedTuple):
-    """Functions of pairs, at any state of the swarm."""
-
-    swarm: SwarmPairs
-    pairs: Index
-    """In the order of the results, shape (r, 2)."""
-    groups: list[tuple[MappedFunction, Index]]
-
-    def __call__(self, x: Array) -> Array:
-        """At a stacked state, shape (n̄,) or (s, n̄); shape (r, outputs) or (s, r, outputs)."""
-        numbers = self.swarm.numbers(x)
-        return np.concatenate([f(numbers, places) for f, places in self.groups], axis=-2)
-
-
-def _classes(members: Sequence[Member]) -> tuple[list[Member], Index]:
-    """Members that differ in dynamics or side, the first of each sort, and each member's class."""
-    classes: list[Member] = []
-    found = []
-    for member in members:
-        alike = (
-            number
-            for number, other in enumerate(classes)
-            if other.adversary == member.adversary and other.dynamics == member.dynamics
-        )
-        found.append(next(alike, len(classes)))
-        if found[-1] == len(classes):
-            classes.append(member)
-    return classes, np.array(found)
-
-
-def _kinds(
-    classes: Sequence[Member],
-    of_member: Index,
-    obstacles: Sequence[Static],
-    function: SafeSetFunction,
-) -> tuple[list[PairKind], Index]:
-    """Kinds with different expressions; and which one a normal class has with what, or -1."""
-    kinds: list[PairKind] = []
-    by_text: dict[str, int] = {}
-    table = np.full((len(classes), len(classes) + len(obstacles)), -1)
-    for a, own in enumerate(classes):
-        if own.adversary:
-            continue
-        sides: list[tuple[int, PairKind]] = [
-            (b, pair_kind(own, other, function))
-            for b, other in enumerate(classes)
-            # Of two normal members the first one comes first.
-            if other.adversary or (of_member == a).argmax() < np.flatnonzero(of_member == b)[-1]
-        ]
-        sides += enumerate(_beside(own, obstacles, function), start=len(classes))
-        for b, kind in sides:
-            table[a, b] = by_text.setdefault(kind.text, len(kinds))
-            if table[a, b] == len(kinds):
-                kinds.append(kind)
-    return kinds, table
-
-
-def _beside(own: Member, obstacles: Sequence[Static], function: SafeSetFunction) -> list[PairKind]:
-    """The kinds of one class with every obstacle."""
-    spheres = [obstacle for obstacle in obstacles if isinstance(obstacle, Sphere)]
-    common = sphere_kind(own, spheres, function) if spheres else None
-    return [
-        common if common and isinstance(o, Sphere) else pair_kind(own, o, function)
-        for o in obstacles
-    ]
-
-
-def _require_degree(
-    members: Sequence[Member],
-    classes: Index,
-    kinds: Sequence[PairKind],
-    table: Index,
-    gains: int,
-) -> None:
-    """Raise RelativeDegreeError unless the inputs of all members appear at degree `gains`."""
-    for degree in range(1, gains + 1):
-        forces = [kind.actuation(degree) for kind in kinds]
-        appeared = set()
-        for a, b in np.argwhere(table >= 0).tolist():
-            sides = zip((a, b), forces[table[a, b]], strict=False)
-            appeared |= {side for side, force in sides if force.nnz() > 0}
-        if inputs_appear(members, [c in appeared for c in classes.tolist()], degree, gains):
-            return
-    raise degree_above(gains)
 
 
 def _begins(sizes: Sequence[int]) -> Index:

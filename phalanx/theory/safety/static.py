@@ -12,7 +12,7 @@ from phalanx.theory.safety.obstacles import Obstacle
 Static = Obstacle | Boundary
 
 
-def h_beside(function: SafeSetFunction, a: Body, static: Static, parameters: ca.SX) -> ca.SX:
+def static_h(function: SafeSetFunction, a: Body, static: Static, parameters: ca.SX) -> ca.SX:
     """h of a normal agent, scalar; of the symbols, too, that an obstacle may be made of.
 
     Raises:
@@ -23,6 +23,6 @@ def h_beside(function: SafeSetFunction, a: Body, static: Static, parameters: ca.
     return ask_expression(function, "to_obstacle", [()], a, static, symbols=[a.x, parameters])
 
 
-def reach_beside(function: Reaching, level: float, static: Static) -> float:
+def static_reach(function: Reaching, level: float, static: Static) -> float:
     """Distance from it beyond which h is below a level <= 0 [m]: a limit's is without end."""
     return math.inf if isinstance(static, Boundary) else function.reach(level, static)

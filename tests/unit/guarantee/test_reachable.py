@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from phalanx.guarantee.apart import Surroundings
 from phalanx.guarantee.certificate import MULTIPLES
 from phalanx.guarantee.certificates import SwarmCertificates
+from phalanx.guarantee.reachable import ReachableBoxes
 from phalanx.plant.motion import Motion
 from tests.unit.swarms import swarm_of_scenario
 
@@ -16,7 +16,7 @@ LARGE = ("agents.0.count=42", "agents.1.count=6")
 def test_whoever_is_left_out_is_certified_for_as_long_as_any_certificate_lasts(name, rng):
     swarm = swarm_of_scenario(name, *(LARGE if name.startswith("swarm") else ()))
     certificates = SwarmCertificates(swarm)
-    around = Surroundings(swarm, swarm.scenario.safety.safe_set_function())
+    around = ReachableBoxes(swarm, swarm.scenario.safety.safe_set_function())
     i = swarm.normal[-1]
     agent = certificates.of(i)
     ends = certificates.ends[list(agent.pairs)]

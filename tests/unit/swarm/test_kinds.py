@@ -6,6 +6,7 @@ import pytest
 
 from phalanx.plant.psi import LargestPsi
 from phalanx.scenario.load import shipped
+from phalanx.swarm.compile import compile_rows
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.margins.margin import ComposedMargin
 from phalanx.theory.margins.row_part import RowPart
@@ -89,7 +90,7 @@ def test_what_must_not_be_above_zero_is_every_pairs_or_every_agents_own():
 def test_forked_programs_have_nothing_left_to_compile(name, monkeypatch):
     """But memory for as many pairs as they see."""
     rows = SafetyRows(rows_of_scenario(name).swarm, rows_of_scenario(name).composed)
-    rows.compile()
+    compile_rows(rows)
     monkeypatch.setattr(rows.__class__, "own_pair", None)
     if not rows.pairwise:
         assert all("jets" in vars(kind) for kind in rows.swarm.pairs.kinds)

@@ -9,12 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.expressions.interval import (
-    Interval,
-    UnboundedOperationError,
-    continuous,
-    extend,
-)
+from phalanx.theory.expressions.extension import continuous, extend
+from phalanx.theory.expressions.interval import Interval, UnboundedOperationError
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -1,0 +1,55 @@
+"""Everything compiled that agents have in common, before the first sample."""
+
+from collections.abc import Sequence
+
+from phalanx.swarm.rows import SafetyRows
+from phalanx.theory.margins.row_part import RowPart
+from phalanx.theory.rows.composed import ComposedTerms
+
+_REHEARSED = 40
+"""As many others in sight as an agent of a large swarm is made ready for."""
+
+
+def compile_rows(rows: SafetyRows) -> None:
+    """Compile the rows of all agents, for processes that are forked to inherit them."""
+    swarm = rows.swarm
+    for kind in swarm.pairs.kinds:
+        kind.jets  # noqa: B018
+    groups: dict[int, list[int]] = {}
+    for l, group in enumerate(swarm.groups):
+        groups.setdefault(id(group), []).append(l)
+    # The first and the last of a group have every place in every kind of pair.
+    ends = sorted({l for members in groups.values() for l in (members[0], members[-1])})
+    for i in ends:
+        rows.terms(i)
+    if rows.pairwise:
+        _compile_pairs(rows, ends)
+    for members in groups.values():
+        _rehearse(rows, members[0])
+
+
+def _compile_pairs(rows: SafetyRows, ends: Sequence[int]) -> None:
+    swarm = rows.swarm
+    obstacles = range(len(swarm.members), len(swarm.members) + len(swarm.pairs.obstacles))
+    for i in ends:
+        if i in swarm.normal:
+            for other in (*ends, *obstacles):
+                for part in RowPart if other in swarm.normal else (RowPart.WHOLE,):
+                    if other != i:
+                        rows.row_function(i, other, part, rows.margin(i))
+
+
+def _rehearse(rows: SafetyRows, i: int) -> None:
+    """Have agent i see one other, two, and so on: memory is set aside for each number once."""
+    swarm, x = rows.swarm, rows.swarm.start()
+    terms = rows.terms(i)
+    if not isinstance(terms, ComposedTerms):
+        return
+    own = rows.pair_terms(i) if rows.pairwise and i in swarm.normal else None
+    others = [l for l in range(len(swarm.members)) if l != i]
+    limited, most = swarm.sensing(i) is not None, min(len(others), _REHEARSED)
+    for count in range(most + 1) if limited else (len(others),):
+        seen = sorted((i, *others[:count]))
+        terms(x, seen)
+        if own is not None:
+            own(x, seen, swarm.normal if swarm.joint else ())
