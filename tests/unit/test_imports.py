@@ -1,6 +1,7 @@
 """The law of the house: which room may import which, read off the syntax of every file."""
 
 import ast
+import re
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -118,9 +119,22 @@ def test_no_module_imports_what_the_table_forbids():
     assert wrong == []
 
 
+def test_random_numbers_come_from_one_room():
+    drawing = re.compile(r"\b(np|numpy)\.random\b|^\s*(import|from) random\b", re.MULTILINE)
+    found = {room_of(name) for name, file in modules() if drawing.search(file.read_text("utf-8"))}
+    assert found == {"phalanx.seeded"}
+
+
 def test_the_table_lists_every_folder_and_no_other():
     folders = {n if f.name == "__init__.py" else n.rpartition(".")[0] for n, f in modules()}
     assert folders == set(MAY_IMPORT)
+
+
+def test_the_page_on_architecture_says_what_every_room_is_for():
+    page = (ROOT / "docs" / "architecture.md").read_text("utf-8")
+    told = {folder.rstrip("/") for folder in re.findall(r"`([\w/]+/)`", page)}
+    rooms = {f.parent for _, f in modules() if f.name not in ("__init__.py", "__main__.py")}
+    assert {str(room.relative_to(ROOT)) for room in rooms} - told == set()
 
 
 def test_nothing_lies_loose_at_the_top():

@@ -17,16 +17,20 @@ def faulty() -> Scenario:
 
 
 @pytest.fixture(scope="session")
-def reported(faulty: Scenario, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The report of a whole recording whose every text is hostile."""
+def folder(faulty: Scenario, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A whole recording whose every text is hostile."""
     scenario = faulty.model_copy(update={"description": HOSTILE})
     records = [*drift(scenario), Log(0.1, HOSTILE)]
-    folder = record(
-        tmp_path_factory.mktemp("run"), scenario, records, summary_of(scenario, HOSTILE)
-    )
+    run = tmp_path_factory.mktemp("run")
+    return record(run, scenario, records, summary_of(scenario, HOSTILE))
+
+
+@pytest.fixture(scope="session")
+def reported(folder: Path) -> Path:
+    """Its report."""
     return write_report(folder)
 
 
 @pytest.fixture(scope="session")
-def recording(reported: Path) -> Recording:
-    return read(reported.parent)
+def recording(folder: Path) -> Recording:
+    return read(folder)
