@@ -1,7 +1,7 @@
 """The judge and the independent checker look equally far ahead."""
 
 from phalanx.guarantee.certificate import MULTIPLES
-from phalanx.guarantee.checker.certify import _RUNGS
+from phalanx.guarantee.checker.bounds import _RUNGS
 
 
 def test_the_checker_looks_as_far_as_the_judge_and_a_hair_beyond_the_next_input():

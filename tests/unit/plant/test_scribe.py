@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 import phalanx
-from phalanx.guarantee.checker.certify import UncertifiableError, certify
+from phalanx.guarantee.checker.certify import certify
+from phalanx.guarantee.checker.intervals import UncertifiableError
 
 LINE = {
     "name": "line",
