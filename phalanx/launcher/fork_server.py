@@ -30,8 +30,6 @@ from phalanx.wire.membership import Membership
 
 LOG = "programs.log"
 """What the fork server itself prints, in the folder of the logs."""
-
-
 _LOADED = 60
 """The programs' libraries are loaded by then [s], on the slowest machine."""
 
@@ -68,15 +66,7 @@ def serve(
     """
     show_as("phalanx-forks")
     redirect_output(logs / LOG)
-    # Out of memory, a library may wait for ever while it is loaded.
-    signal.alarm(_LOADED)
-    load_programs(programs)
-    signal.alarm(0)
-    rows = build_rows(build_swarm(from_json(scenario)))
-    compile_rows(rows)
-    # What programs inherit stays shared as long as nobody writes to it, as a collector would.
-    gc.collect()
-    gc.freeze()
+    rows = _theory(scenario, programs)
     running: dict[int, Report] = {}
     """By a file descriptor of the process."""
 
@@ -111,6 +101,20 @@ def serve(
         last = signal.SIGKILL if isinstance(ended, _StopError) else signal.SIGCONT
         for report in running.values():
             os.kill(report.pid, last)
+
+
+def _theory(scenario: str, programs: Sequence[Program]) -> SafetyRows:
+    """What all programs inherit: their libraries, and the rows of the scenario, compiled."""
+    # Out of memory, a library may wait for ever while it is loaded.
+    signal.alarm(_LOADED)
+    load_programs(programs)
+    signal.alarm(0)
+    rows = build_rows(build_swarm(from_json(scenario)))
+    compile_rows(rows)
+    # What programs inherit stays shared as long as nobody writes to it, as a collector would.
+    gc.collect()
+    gc.freeze()
+    return rows
 
 
 def _ended(report: Report) -> Report:
