@@ -1,5 +1,7 @@
 """One hypothesis profile for all tests: the same examples every time, on any machine."""
 
+import gc
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
@@ -12,6 +14,11 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
 )
 settings.load_profile("seeded")
+
+
+def pytest_collection_finish() -> None:
+    """What is imported and collected lives to the end: a collector need not look at it again."""
+    gc.freeze()
 
 
 @pytest.fixture

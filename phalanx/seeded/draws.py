@@ -38,10 +38,10 @@ class Draws:
         holds: of rows, shape (r, width), which they are, shape (r,).
         """
         block, row = divmod(index, _BLOCK)
-        found = np.flatnonzero(holds(self._block(block)[: row + 1]))
+        (found,) = holds(self._block(block)[: row + 1]).nonzero()
         while not len(found) and block:
             block -= 1
-            found = np.flatnonzero(holds(self._block(block)))
+            (found,) = holds(self._block(block)).nonzero()
         return block * _BLOCK + int(found[-1]) if len(found) else 0
 
     def _generate(self, block: int) -> Array:

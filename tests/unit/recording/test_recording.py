@@ -330,7 +330,7 @@ def test_a_full_disk_is_an_error_that_names_the_file_and_leaves_it_readable(whol
 def bomb(whole: bytes, chunks_of: int, copies: int, *, honest: bool = True) -> bytes:
     """A recording with chunks of one record of zeros put before its last records."""
     zeros = b"\x80" + struct.pack("<Q", chunks_of - 9) + bytes(chunks_of - 9)
-    packed = ZstdCompressor(level=19, write_content_size=honest).compress(zeros)
+    packed = ZstdCompressor(level=1, write_content_size=honest).compress(zeros)
     said = chunks_of if honest else 1000
     chunk = b"".join(
         [

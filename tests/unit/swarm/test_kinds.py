@@ -26,7 +26,8 @@ def states(rows: SafetyRows, count: int) -> np.ndarray:
     return (start + drawn) / (1 + np.arange(count) % 7)[:, None]
 
 
-@pytest.mark.parametrize("name", shipped())
+# Faults leave the safe set as it is.
+@pytest.mark.parametrize("name", [name for name in shipped() if not name.startswith("faults/")])
 @pytest.mark.parametrize("radius", [None, 6.0])
 def test_terms_from_kinds_are_those_of_the_printed_chain(name, radius):
     rows = rows_of_scenario(name)
