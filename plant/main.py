@@ -1,20 +1,22 @@
 """The plant's shell: open the hub, wait for the swarm, run, judge, write it all down."""
 
+import contextlib
 import gc
 import logging
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import msgspec
 
 from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
-from phalanx.guarantee.verdict import Outcome, exit_status
+from phalanx.guarantee.verdict import exit_status
 from phalanx.plant.commands import CommandQueue
 from phalanx.plant.hub import Hub
 from phalanx.plant.run import PlantRun
 from phalanx.plant.stop import StopRequest
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.records import RECORDING, SUMMARY
-from phalanx.recording.write import RecordingWriter
+from phalanx.recording.write import RecordingWriter, write_down
 from phalanx.swarm.rows import SafetyRows
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
@@ -32,6 +34,7 @@ def run(
     profile: Path | None = None,
     at_router: bool = False,
     real_time: bool = False,
+    last_words: Connection | None = None,
 ) -> int:
     """Run the plant to the end of the scenario.
 
@@ -43,6 +46,7 @@ def run(
         profile: folder in which to leave how the time was spent.
         at_router: whether a router listens there.
         real_time: whether the wall clock decides, at the policy's speed.
+        last_words: takes the summary, for whom no disk is too full and who may not listen yet.
 
     Returns:
         The exit status of the verdict.
@@ -76,15 +80,11 @@ def run(
         summary = plant.run(prepare=join, rejected=lambda: hub.refusals.counts)
         if stopwatch and profile:
             stopwatch.write(profile, PLANT)
-        try:
-            recording.finish(summary)
-            (folder / SUMMARY).write_bytes(msgspec.json.encode(summary))
-        except OSError as error:
-            # Whatever the run was, there is no whole record of it.
-            if summary.outcome is not Outcome.BROKEN:
-                summary.reason = f"{summary.outcome}, but not written down to its end: {error}"
-            summary.outcome = Outcome.BROKEN
-            (folder / SUMMARY).unlink(missing_ok=True)
-        hub.publish_verdict(Ended(summary=msgspec.json.encode(summary)))
+        write_down(summary, folder / SUMMARY, recording)
+        encoded = msgspec.json.encode(summary)
+        hub.publish_verdict(Ended(summary=encoded))
+        if last_words:
+            with contextlib.suppress(BrokenPipeError):  # the launcher died
+                last_words.send_bytes(encoded)
     log.info("%s: %s", summary.outcome, summary.reason)
     return exit_status(summary.outcome)

@@ -6,8 +6,6 @@ processes engine, so a trajectory is the same to the last bit.
 
 from pathlib import Path
 
-import msgspec
-
 from phalanx.agent.step import control_steps
 from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Summary
@@ -17,7 +15,7 @@ from phalanx.plant.run import PlantRun
 from phalanx.plant.stop import SwarmBrokenError
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.records import PROFILE, RECORDING, SUMMARY
-from phalanx.recording.write import RecordingWriter
+from phalanx.recording.write import RecordingWriter, write_down
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.compile import compile_rows
 from phalanx.swarm.rows import SafetyRows, build_rows
@@ -52,8 +50,7 @@ def run_in_process(
         summary = plant.run(prepare=lambda: compile_rows(rows))
         if profile:
             stopwatch.write(folder / PROFILE, "in-process")
-        recording.finish(summary)
-    (folder / SUMMARY).write_bytes(msgspec.json.encode(summary))
+        write_down(summary, folder / SUMMARY, recording)
     return summary
 
 

@@ -5,7 +5,7 @@ by itself: agents when the hub is gone, the plant when it is done, told to, or l
 """
 
 import contextlib
-import threading
+import multiprocessing
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -21,12 +21,9 @@ from phalanx.scenario.fields import CONTROLLER
 from phalanx.scenario.model import Scenario
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
-from phalanx.wire.messages import Ended, Status
+from phalanx.wire.messages import Status
 from phalanx.wire.seal import Malformed
-from phalanx.wire.session import HubError, on_parting, open_client, subscribe
-
-_LAST_WORDS = 2.0
-"""How long the hub may take to go once the plant has ended [s]."""
+from phalanx.wire.session import HubError, open_client, subscribe
 
 
 def run_processes(
@@ -57,25 +54,27 @@ def run_processes(
     timed = {"profile": folder / PROFILE} if profile else {}
     if real_time is not None:
         policy = replace(policy, speed=real_time)
+    last_words, said_by_plant = multiprocessing.Pipe(duplex=False)
     of_plant = {"folder": folder, "policy": policy, "real_time": real_time is not None}
-    programs = [Program(PLANT, PLANT, {**of_plant, **timed})]
+    programs = [Program(PLANT, PLANT, {**of_plant, **timed, "last_words": said_by_plant})]
     for name in scenario.programs():
         programs.append(Program(CONTROLLER if name == CONTROLLER else "agent", name, timed))
     try:
-        processes = Processes(scenario, membership, folder / "logs", programs)
+        processes = Processes(scenario, membership, folder / "logs", programs, last_words)
     except (OSError, MemoryError) as error:
         raise EngineError(f"no program could be started: {error}") from error
-    verdict = _Verdict(folder)
+    finally:
+        said_by_plant.close()
     try:
         with (
             announced(folder, membership),
-            _listening(scenario, membership, processes, progress, verdict),
+            _listening(scenario, membership, processes, progress),
         ):
             announce(folder)
             processes.wait_for_plant()
     finally:
         processes.end()
-    summary = verdict.read()
+    summary = _verdict(folder, processes)
     failure = processes.first_failure()
     if summary is None:
         raise EngineError(
@@ -86,18 +85,11 @@ def run_processes(
     return summary
 
 
-class _Verdict:
-    """The plant's summary, as it comes: by message, and as a file unless the disk is full."""
-
-    def __init__(self, folder: Path) -> None:
-        self._file = folder / SUMMARY
-        self.heard: Summary | None = None
-
-    def read(self) -> Summary | None:
-        """The summary, if there is one."""
-        with contextlib.suppress(OSError, ValueError):
-            return read_summary(self._file.read_bytes())
-        return self.heard
+def _verdict(folder: Path, processes: Processes) -> Summary | None:
+    """The plant's summary, which is a file unless the disk is full."""
+    with contextlib.suppress(OSError, ValueError):
+        return read_summary((folder / SUMMARY).read_bytes())
+    return read_summary(processes.last_words) if processes.last_words else None
 
 
 @contextlib.contextmanager
@@ -106,9 +98,8 @@ def _listening(
     membership: Membership,
     processes: Processes,
     progress: Progress,
-    verdict: _Verdict,
 ) -> Iterator[None]:
-    """Hand the plant's messages on, and start, stop and resume whom it asks for, meanwhile."""
+    """Hand the plant's progress on, and start, stop and resume whom it asks for, meanwhile."""
     keys, sealer = membership.keys, membership.sealer
     program_of = {name: p for p, names in scenario.programs().items() for name in names}
 
@@ -120,10 +111,6 @@ def _listening(
                 processes.restart(program_of[name])
             progress(status)
 
-    def on_verdict(key: str, payload: bytes) -> None:
-        with contextlib.suppress(ValueError):
-            verdict.heard = read_summary(sealer.open(key, payload, Ended).summary)
-
     session = None
     while session is None and processes.plant_runs:
         with contextlib.suppress(HubError):
@@ -133,9 +120,4 @@ def _listening(
         return
     with session:
         subscribe(session, keys.status, on_status)
-        subscribe(session, keys.verdict, on_verdict)
-        hub_gone = threading.Event()
-        on_parting(session, hub_gone.set)
         yield
-        # The plant has ended, and what it said last may still be on its way.
-        hub_gone.wait(_LAST_WORDS)

@@ -11,6 +11,7 @@ import threading
 import time
 import types
 from collections.abc import Iterator, Sequence, Set
+from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkServerContext
 from pathlib import Path
 
@@ -47,14 +48,22 @@ class Processes:
     """The programs of one run, as the process that forks them reports on them."""
 
     def __init__(
-        self, scenario: Scenario, membership: Membership, logs: Path, programs: Sequence[Program]
+        self,
+        scenario: Scenario,
+        membership: Membership,
+        logs: Path,
+        programs: Sequence[Program],
+        plant: Connection,
     ) -> None:
-        """Start the programs; the plant is one of them."""
+        """Start the programs; the plant is one of them, and says its last words on its own line."""
         self._programs = {program.identity: program for program in programs}
         self._logs = logs
         self._logs.mkdir(exist_ok=True)
         context = start_importing()
         self._reports, theirs = context.Pipe()
+        self._plant = plant
+        self.last_words = b""
+        """What the plant said at its end."""
         self._server = context.Process(
             target=serve, args=(to_json(scenario), membership, programs, logs, theirs)
         )
@@ -151,14 +160,19 @@ class Processes:
     def _take_reports(self, timeout: float | None) -> None:
         """Take what has been reported, waiting for the first report if there is none."""
         try:
-            while self._reports.poll(timeout):
-                report: Report = self._reports.recv()
-                self._pids[report.identity] = report.pid
-                if report.exit_code is not None:
-                    self._exits[report.identity] = report.exit_code
+            while ready := wait([self._plant, self._reports], timeout):
                 timeout = 0.0
+                if self._plant in ready:
+                    self.last_words = self._plant.recv_bytes()
+                if self._reports in ready:
+                    self._take(self._reports.recv())
         except EOFError:
             self._served = False
+
+    def _take(self, report: Report) -> None:
+        self._pids[report.identity] = report.pid
+        if report.exit_code is not None:
+            self._exits[report.identity] = report.exit_code
 
     def _await_plant(self, timeout: float) -> None:
         deadline = time.monotonic() + timeout

@@ -11,7 +11,7 @@ import msgspec
 from mcap.writer import Writer
 
 from phalanx.faults.commands import Command
-from phalanx.guarantee.verdict import Summary
+from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.recording.records import TOPICS, Log, Shown, State, Step, json_schema
 from phalanx.scenario.load import digest, to_json
 from phalanx.scenario.model import Scenario
@@ -77,6 +77,21 @@ class RecordingWriter:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def write_down(summary: Summary, file: Path, recording: RecordingWriter) -> None:
+    """Write the summary to its file, and end the recording with it.
+
+    If it cannot be done there is no whole record of the run: the summary says so, and has no file.
+    """
+    try:
+        file.write_bytes(msgspec.json.encode(summary))
+        recording.finish(summary)
+    except OSError as error:
+        if summary.outcome is not Outcome.BROKEN:
+            summary.reason = f"{summary.outcome}, but not written down to its end: {error}"
+        summary.outcome = Outcome.BROKEN
+        file.unlink(missing_ok=True)
 
 
 class _WholeWrites:
