@@ -16,7 +16,7 @@ from phalanx.plant.run import PlantRun
 from phalanx.plant.stop import StopRequest
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.records import RECORDING, SUMMARY
-from phalanx.recording.write import RecordingWriter, write_down
+from phalanx.recording.write import RecordingError, RecordingWriter, write_down
 from phalanx.swarm.rows import SafetyRows
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
@@ -46,7 +46,8 @@ def run(
         profile: folder in which to leave how the time was spent.
         at_router: whether a router listens there.
         real_time: whether the wall clock decides, at the policy's speed.
-        last_words: takes the summary, for whom no disk is too full and who may not listen yet.
+        last_words: takes the summary, or why there is none: whoever started the plant need not
+            listen on the hub yet, and the disk may be full.
 
     Returns:
         The exit status of the verdict.
@@ -58,8 +59,13 @@ def run(
     stop = StopRequest()
     scenario = rows.swarm.scenario
     stopwatch = Stopwatch() if profile else None
+    try:
+        recording = RecordingWriter(folder / RECORDING, scenario, membership.run)
+    except RecordingError as error:
+        _say(last_words, str(error).encode())
+        raise
     with (
-        RecordingWriter(folder / RECORDING, scenario, membership.run) as recording,
+        recording,
         Hub(rows.swarm, membership, stop.check, at_router, real_time) as hub,
     ):
         commands = CommandQueue(policy, rows.swarm.names, stop.check)
@@ -83,8 +89,12 @@ def run(
         write_down(summary, folder / SUMMARY, recording)
         encoded = msgspec.json.encode(summary)
         hub.publish_verdict(Ended(summary=encoded))
-        if last_words:
-            with contextlib.suppress(BrokenPipeError):  # the launcher died
-                last_words.send_bytes(encoded)
+        _say(last_words, encoded)
     log.info("%s: %s", summary.outcome, summary.reason)
     return exit_status(summary.outcome)
+
+
+def _say(last_words: Connection | None, said: bytes) -> None:
+    if last_words:
+        with contextlib.suppress(BrokenPipeError):  # the launcher died
+            last_words.send_bytes(said)

@@ -53,8 +53,9 @@ MUTANTS = (
            ">= 10**9 else None", "tests/unit/plant/test_arrivals.py"),
     Mutant("another scenario's agent", "plant/joining.py", "alive and found != self.digest",
            "False", "tests/unit/plant/test_joining.py"),
-    Mutant("samples out of order", _STEP, "self._next is not None and sample.k != self._next",
-           "False", _TEST_STEP),
+    Mutant("a sample skipped", _STEP, "skipped and not first and not real_time", "False",
+           _TEST_STEP),
+    Mutant("a sample twice", _STEP, "if skipped < 0 or", "if", _TEST_STEP),
     Mutant("states that are no number", _STEP,
            'not np.isfinite(np.frombuffer(sample.x, dtype="<f8")).all()', "False", _TEST_STEP),
     Mutant("broadcasts of the far future", _STEP, "message.k >= self._most(j)", "False",
@@ -82,7 +83,9 @@ MUTANTS = (
     Mutant("frames of another size", "viewer/feeds/expected.py",
            "len(frame.x) != 8 * states or len(frame.agents) != len(members)", "False",
            "tests/unit/hostile/test_frames.py"),
-    Mutant("a full disk", "phalanx/recording/write.py", "os.ftruncate(self._fd, self._end)",
+    Mutant("last words", "plant/main.py", "_say(last_words, encoded)", "pass",
+           "tests/process/swarm/test_endings.py -k disk_that_fills"),
+    Mutant("half a chunk", "phalanx/recording/write.py", "os.ftruncate(self._fd, self._end)",
            "pass", _TEST_RECORDING),
 )  # fmt: skip
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import msgspec
 
+from phalanx.launcher.engine import EngineError
 from phalanx.wire.keys import VIEWER
 from phalanx.wire.membership import Membership
 
@@ -29,12 +30,15 @@ class LiveRun(msgspec.Struct):
 
 @contextlib.contextmanager
 def announced(folder: Path, membership: Membership) -> Iterator[None]:
-    """Say in the run's folder where it can be met, while the block runs."""
+    """Say in the run's folder where it can be met, while the block runs. Raises EngineError."""
     file = folder / LIVE
     viewer = membership.of(VIEWER)
     found = LiveRun(viewer.run, viewer.endpoint, dict(viewer.held or {}))
-    with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as out:
-        out.write(msgspec.json.encode(found))
+    try:
+        with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as out:
+            out.write(msgspec.json.encode(found))
+    except OSError as error:
+        raise EngineError(f"{error.strerror}: {file}") from error
     try:
         yield
     finally:

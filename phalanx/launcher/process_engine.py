@@ -87,9 +87,10 @@ def run_processes(
 
 def _verdict(folder: Path, processes: Processes) -> Summary | None:
     """The plant's summary, which is a file unless the disk is full."""
-    with contextlib.suppress(OSError, ValueError):
-        return read_summary((folder / SUMMARY).read_bytes())
-    return read_summary(processes.last_words) if processes.last_words else None
+    for written in ((folder / SUMMARY).read_bytes, lambda: processes.last_words):
+        with contextlib.suppress(OSError, ValueError):
+            return read_summary(written())
+    return None
 
 
 @contextlib.contextmanager

@@ -63,7 +63,7 @@ class Processes:
         self._reports, theirs = context.Pipe()
         self._plant = plant
         self.last_words = b""
-        """What the plant said at its end."""
+        """What the plant said at its end: its summary, or why there is none."""
         self._server = context.Process(
             target=serve, args=(to_json(scenario), membership, programs, logs, theirs)
         )
@@ -138,7 +138,8 @@ class Processes:
             code = self._exits.get(name)
             if code is None or code in _VERDICTS or name in self._killed:
                 continue
-            return self._death(program.title, code, f"{name}.log")
+            said = self.last_words.decode(errors="replace") if name == PLANT else ""
+            return self._death(program.title, code, f"{name}.log", said)
         return ""
 
     def end(self) -> None:
@@ -190,12 +191,12 @@ class Processes:
         code = self._exits[name]
         return name != PLANT and code > 0 and code not in _VERDICTS
 
-    def _death(self, title: str, code: int, log_name: str) -> str:
+    def _death(self, title: str, code: int, log_name: str, said: str = "") -> str:
         how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit status {code}"
         log = self._logs / log_name
         lines = log.read_text(errors="replace").strip().splitlines() if log.exists() else []
-        last = f": {lines[-1]}" if lines else ""
-        return f"{title} died ({how}){last}; log: {log}"
+        last = said or "".join(lines[-1:])
+        return f"{title} died ({how}){last and f': {last}'}; log: {log}"
 
 
 def start_importing() -> ForkServerContext:

@@ -1,5 +1,6 @@
 """Write a recording as the run goes."""
 
+import contextlib
 import os
 import platform
 from datetime import UTC, datetime
@@ -85,7 +86,8 @@ def write_down(summary: Summary, file: Path, recording: RecordingWriter) -> None
     If it cannot be done there is no whole record of the run: the summary says so, and has no file.
     """
     try:
-        file.write_bytes(msgspec.json.encode(summary))
+        with contextlib.closing(_WholeWrites(file)) as written:
+            written.write(msgspec.json.encode(summary))
         recording.finish(summary)
     except OSError as error:
         if summary.outcome is not Outcome.BROKEN:

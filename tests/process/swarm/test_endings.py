@@ -140,7 +140,7 @@ def test_a_disk_that_fills_at_the_end_breaks_the_run(phalanx, engine):
     calm = phalanx("run", *fast)
     assert calm.finish()[0] == 0
     whole = (calm.folder / "recording.mcap").stat().st_size
-    for short_of in (100, 1500, 4000):
+    for short_of in (150, 1500, 4000):
         size = whole - short_of
         run = phalanx(
             "run", *fast, limit=lambda n=size: resource.setrlimit(resource.RLIMIT_FSIZE, (n, n))

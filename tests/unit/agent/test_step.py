@@ -71,6 +71,17 @@ def test_after_the_first_every_sample_is_the_next(step: ControlStep, k: int):
         step.accept_sample(sample(step, k, latest=4))
 
 
+@pytest.mark.parametrize("k", [5, 4])
+def test_in_real_time_samples_may_be_lost_but_none_comes_twice(step: ControlStep, k: int):
+    def paced(k: int) -> Sample:
+        return msgspec.structs.replace(sample(step, k, latest=4), pace=1.0)
+
+    step.accept_sample(paced(2))
+    step.accept_sample(paced(5))
+    with pytest.raises(Malformed, match="out of order"):
+        step.accept_sample(paced(k))
+
+
 @pytest.mark.parametrize(
     "changes",
     [
