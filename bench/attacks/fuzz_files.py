@@ -3,8 +3,8 @@
 python bench/attacks/fuzz_files.py scenarios 6000 [SEED]
 python bench/attacks/fuzz_files.py recordings 1000 [SEED]
 
-Whatever is no line of its own is told, and is a fault: another exception, more than five seconds of
-processor time, more than a gigabyte.
+Whatever is no line of its own is told, and is a fault: another exception, a warning, more than five
+seconds of processor time, more than a gigabyte.
 """
 
 import random
@@ -13,6 +13,7 @@ import signal
 import sys
 import tempfile
 import tomllib
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -125,10 +126,10 @@ def try_recording(draw: random.Random, folder: Path) -> str:
     path.write_bytes(spoil(recorded(), draw))
     try:
         run = phalanx.open(path)
+        for table in (run.states, run.h, run.inputs, run.links, run.events):
+            assert table is not None
     except phalanx.UnreadableRecordingError as error:
         return "refused" if str(error) else "refused without a word"
-    for table in (run.states, run.h, run.inputs, run.links, run.events):
-        assert table is not None
     assert run._repr_html_()
     return "cut short" if run.recording.damage else "read"
 
@@ -142,6 +143,7 @@ TRIALS: dict[str, Callable[[random.Random, Path], str]] = {
 def main() -> None:
     """Try until the number is reached; exit with 1 if anything had no line of its own."""
     what, number, seed = sys.argv[1], int(sys.argv[2]), int((*sys.argv, "0")[3])
+    warnings.simplefilter("error")
     outcomes, faults = Counter[str](), 0
     with tempfile.TemporaryDirectory() as folder:
         recorded()

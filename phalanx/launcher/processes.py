@@ -16,6 +16,7 @@ from multiprocessing.context import ForkServerContext
 from pathlib import Path
 
 from phalanx.guarantee.verdict import Outcome, exit_status
+from phalanx.launcher.engine import EngineError
 from phalanx.launcher.fork_server import LOG, Report, serve
 from phalanx.launcher.programs import Program
 from phalanx.scenario.load import to_json
@@ -202,16 +203,20 @@ class Processes:
 def start_importing() -> ForkServerContext:
     """Start the process that imports what all programs need, unless it runs already.
 
-    It does so while the caller goes on, so the sooner it is asked for the better.
+    It does so while the caller goes on, so the sooner it is asked for the better. Raises
+    EngineError, as where no folder for temporary files can be written to.
     """
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(_PRELOAD)
-    # Where it has to be started, it unblocks SIGINT for whatever comes after it.
-    multiprocessing.resource_tracker.ensure_running()
-    with _interrupts_held_back():
-        # Programs inherit the mask: a Ctrl-C that comes before they are ready for it would
-        # end each of them in a traceback.
-        multiprocessing.forkserver.ensure_running()
+    try:
+        # Where it has to be started, it unblocks SIGINT for whatever comes after it.
+        multiprocessing.resource_tracker.ensure_running()
+        with _interrupts_held_back():
+            # Programs inherit the mask: a Ctrl-C that comes before they are ready for it would
+            # end each of them in a traceback.
+            multiprocessing.forkserver.ensure_running()
+    except OSError as error:
+        raise EngineError(f"no program can be started: {error.strerror}") from error
     return context
 
 

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 from phalanx.guarantee.verdict import Outcome, Summary, certified
 from phalanx.launcher.engine import Engine, Progress, silent
 from phalanx.profile.stopwatch import read_profile
-from phalanx.recording.read import Recording, read
+from phalanx.recording.read import Recording, UnreadableRecordingError, read
 from phalanx.recording.records import PROFILE
+from phalanx.scenario.load import ScenarioError
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import Swarm, build_swarm
 
@@ -141,7 +142,10 @@ class Run:
 
     @cached_property
     def _swarm(self) -> Swarm:
-        return build_swarm(self.scenario)
+        try:
+            return build_swarm(self.scenario)
+        except ScenarioError as error:
+            raise UnreadableRecordingError(f"{self.recording.path}: {error}") from error
 
     def __repr__(self) -> str:
         return f"Run({str(self.folder)!r}, verdict={self.verdict and str(self.verdict)!r})"

@@ -165,6 +165,18 @@ def test_a_full_disk_breaks_the_run_and_names_the_file(phalanx):
     assert recording.steps
 
 
+def test_no_folder_for_temporary_files_ends_in_one_line(phalanx):
+    """Where no file may have a byte there is none, whoever asks."""
+    run = phalanx(
+        "run", "one-on-one", limit=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+    )
+    status, output = run.finish()
+    run.wait_until_gone(ORPHAN_LIMIT)
+    assert status == 3
+    assert output.startswith("broken: no program can be started: No usable temporary directory")
+    assert len(output.splitlines()) == 1
+
+
 @pytest.mark.parametrize("megabytes", [120, 200])
 def test_too_little_memory_to_load_ends_in_one_line(phalanx, megabytes):
     size = megabytes * 1_000_000
