@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from phalanx.cli import certify, check, keys, network, programs, recordings, run, tap, viewing
+from phalanx.cli.real_time import with_factor
 from phalanx.scenario.load import ScenarioError
 
 USAGE_ERROR = 64
@@ -57,7 +58,7 @@ def options(
 def status(arguments: list[str]) -> int:
     """Run the command and return its exit status; errors are one readable message."""
     try:
-        return int(app(arguments, standalone_mode=False) or 0)
+        return int(app(with_factor(arguments), standalone_mode=False) or 0)
     except typer.TyperException as error:
         print(error.format_message(), file=sys.stderr)
         print("See phalanx --help, or phalanx COMMAND --help.", file=sys.stderr)

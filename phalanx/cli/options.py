@@ -7,14 +7,6 @@ import typer
 
 from phalanx.wire.certificates import AUTHORITY, CERTIFICATE, PRIVATE_KEY
 
-
-def require_factor(factor: float | None) -> float | None:
-    """Refuse a pace at which time would not go on."""
-    if factor is not None and not 0.0 < factor <= 1e3:
-        raise typer.BadParameter(f"expected more than 0 and at most 1000, got {factor:g}")
-    return factor
-
-
 ScenarioArgument = Annotated[
     str,
     typer.Argument(
@@ -56,18 +48,6 @@ Secret = Annotated[
         envvar="PHALANX_SECRET",
         help="Shared by the run's programs; seals their messages against forgery. "
         "`run` draws one unless it is given.",
-        show_default=False,
-    ),
-]
-
-RealTimeFactor = Annotated[
-    float | None,
-    typer.Option(
-        "--real-time",
-        metavar="FACTOR",
-        callback=require_factor,
-        help="The wall clock decides, and nobody waits: so many seconds of virtual time per "
-        "second.",
         show_default=False,
     ),
 ]

@@ -9,13 +9,13 @@ import typer
 from phalanx.cli.options import (
     KeysFolder,
     Overrides,
-    RealTimeFactor,
     RunId,
     ScenarioOption,
     Secret,
     Seed,
     certificates_for,
 )
+from phalanx.cli.real_time import RealTimeFactor
 
 if TYPE_CHECKING:
     from phalanx.scenario.model import Scenario

@@ -9,12 +9,12 @@ import typer
 
 from phalanx.cli.options import (
     Overrides,
-    RealTimeFactor,
     ScenarioArgument,
     Secret,
     Seed,
     require_port,
 )
+from phalanx.cli.real_time import RealTimeFactor
 
 if TYPE_CHECKING:
     from multiprocessing.process import BaseProcess
@@ -92,7 +92,7 @@ def run(
       phalanx run my-scenario.toml --out /data/runs --strict
       phalanx run unicycles --view --commands
       phalanx run formation3d --profile --no-report
-      phalanx run unicycles --real-time 1 --set time.latency=0.005
+      phalanx run unicycles --real-time --set time.latency=0.005
     """
     import phalanx
     from phalanx.cli.display import last_line, print_profile, print_summary, progress
