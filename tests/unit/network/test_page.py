@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from bench.network.pictured_faults import GALLERIES
 from phalanx.network.link import Link
 from phalanx.network.presets import PRESETS
 from phalanx.scenario.faults import KINDS
@@ -14,7 +15,9 @@ from phalanx.scenario.load import load
 from phalanx.scenario.network import LinkTable
 from tests.unit.network.models import model
 
-PAGE = (Path(__file__).parents[3] / "docs" / "network-faults.md").read_text(encoding="utf-8")
+DOCS = Path(__file__).parents[3] / "docs"
+PAGE = (DOCS / "network-faults.md").read_text(encoding="utf-8")
+PICTURED = [fault for gallery in GALLERIES.values() for fault in gallery.faults.values()]
 
 
 def blocks(language: str) -> list[str]:
@@ -53,3 +56,26 @@ def test_every_kind_of_fault_has_its_row(kind):
 @pytest.mark.parametrize("name", PRESETS)
 def test_every_preset_has_its_row(name):
     assert f"| `{name}` |" in PAGE
+
+
+@pytest.mark.parametrize("name", GALLERIES)
+def test_every_picture_is_on_the_page(name):
+    picture = f"images/faults-{name}.png"
+    assert f"]({picture})" in PAGE
+    assert (DOCS / picture).is_file()
+
+
+@pytest.mark.parametrize("field", LinkTable.model_fields)
+def test_every_field_is_pictured(field):
+    assert any(f"network.{field}" in overrides for overrides in PICTURED)
+
+
+def test_every_kind_of_fault_is_pictured():
+    declared = [fault for overrides in PICTURED for fault in overrides.get("faults", ())]
+    assert {fault["kind"] for fault in declared} == set(KINDS)
+
+
+@pytest.mark.parametrize("name", GALLERIES)
+def test_every_scenario_of_a_picture_declares_its_fault(name):
+    for fault, overrides in GALLERIES[name].faults.items():
+        assert Links(load("faults/lie-input", {"faults": [], **overrides})).declared, fault
