@@ -73,6 +73,14 @@ def overtaken(run: phalanx.Run) -> bool:
     )
 
 
+def in_slots(run: phalanx.Run) -> bool:
+    """Whether every broadcast arrived at a multiple of 50 ms."""
+    sent = run.inputs.select("k", "t_apply", sender="agent")
+    came = run.links.filter(~run.links["lost"]).join(sent, on=["sender", "k"])
+    slots = (came["t_apply"] + came["delay"]).to_numpy() / 0.05
+    return np.allclose(slots, np.round(slots), atol=1e-9)
+
+
 def failed(run: phalanx.Run, name: str) -> int:
     summary = run.summary
     found = {a.name: a.failed for a in [*summary.theorem, *summary.assumptions]}
@@ -90,6 +98,7 @@ EFFECTS: dict[str, Callable[[phalanx.Run], bool]] = {
     "clock": lambda run: longest_gap(run, "1") > 0.06 and longest_gap(run, "2") > 0.024,
     "corrupt": lambda run: sum(run.summary.rejected.values()) > 20,
     "delay": lambda run: slow(run) > 0.9,
+    "distance": lambda run: 0.0 < lost(run) < 1.0 and slow(run) > 0.5,
     "duplicate": lambda run: sum(fault.count for fault in run.summary.faults) > 20,
     "hold": lambda run: slow(run) > 0.2,
     "kill": lambda run: silent(run, "1", AT, 1.0) and told(run, "1 killed; lost with it: the"),
@@ -100,7 +109,9 @@ EFFECTS: dict[str, Callable[[phalanx.Run], bool]] = {
     "rate": lambda run: lost(run) > 0.0 and slow(run) > 0.2,
     "reorder": overtaken,
     "restart": lambda run: silent(run, "1", AT, OVER) and told(run, "1 restarted"),
+    "robot": lambda run: failed(run, "sampling gap") > 5 and failed(run, "inputs in time") > 20,
     "sensor": lambda run: silent(run, "1", AT, 0.6) and failed(run, "truthful sensors") == 15,
+    "slot": in_slots,
     "turn": lambda run: run.summary.outcome == "violated" and told(run, "1 turned adversary"),
 }
 

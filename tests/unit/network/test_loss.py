@@ -41,6 +41,7 @@ def test_random_losses_have_the_correlation_asked_for_and_the_share(correlation)
     assert np.mean(gone) == pytest.approx(0.2, abs=4.0 * np.sqrt(0.16 / effective))
     found = np.corrcoef(gone[1:], gone[:-1])[0, 1]
     assert found == pytest.approx(correlation, abs=5.0 / np.sqrt(effective))
+    assert chi_square_of_geometric(runs(gone), correlation + (1.0 - correlation) * 0.2) > 0.01
 
 
 @pytest.mark.parametrize(("mean", "burst"), [(0.1, 4.0), (0.02, 10.0), (0.7, 25.0), (0.5, 1.2)])
@@ -66,6 +67,23 @@ def test_gilbert_and_elliotts_four_numbers_mean_what_netem_says():
     for ahead in (1, 2, 6):
         expected = state * (1.0 - p - r) ** ahead / (mean * (1.0 - mean))
         assert np.corrcoef(gone[ahead:], gone[:-ahead])[0, 1] == pytest.approx(expected, abs=0.02)
+    lengths = runs(gone)
+    longest = 12
+    expected_runs = runs_of_a_hidden_chain(p, r, bad, good, longest)
+    counted = np.bincount(np.minimum(lengths, longest), minlength=longest + 1)[1:]
+    assert chisquare(counted, expected_runs * len(lengths)).pvalue > 0.01
+
+
+def runs_of_a_hidden_chain(p: float, r: float, bad: float, good: float, longest: int) -> np.ndarray:
+    """Shares of runs of 1, 2, ... losses, the last for all that are as long or longer."""
+    chain = np.array([[1.0 - r, r], [p, 1.0 - p]])  # states: bad, good
+    lose, keep = np.diag([bad, good]), np.diag([1.0 - bad, 1.0 - good])
+    begun = np.array([p, r]) / (p + r) @ keep @ chain @ lose
+    at_least = [begun / begun.sum()]
+    for _ in range(longest - 1):
+        at_least.append(at_least[-1] @ chain @ lose)
+    survive = np.array([state.sum() for state in at_least])
+    return np.append(survive[:-1] - survive[1:], survive[-1])
 
 
 def test_a_link_that_changes_more_often_than_not_alternates():
@@ -76,7 +94,7 @@ def test_a_link_that_changes_more_often_than_not_alternates():
 
 
 def test_p_alone_is_bernoullis():
-    assert np.mean(lost(20_000, loss={"p": 0.25})) == pytest.approx(0.25, abs=0.013)
+    assert np.mean(lost(loss={"p": 0.25})) == pytest.approx(0.25, abs=4.0 * np.sqrt(0.1875 / MANY))
 
 
 BURSTY = model(
@@ -97,7 +115,15 @@ def test_bursts_and_correlation_do_not_depend_on_the_order_of_asking(order):
 
 def test_loss_by_distance_is_none_near_all_far_and_linear_between():
     link = Link(0, "a", "b", model(loss_by_distance={"none_within": 10.0, "all_beyond": 30.0}))
-    for metres, share in ((0.0, 0.0), (10.0, 0.0), (15.0, 0.25), (25.0, 0.75), (30.0, 1.0)):
-        gone = [link.fate(k, distance=metres).delay is None for k in range(4000)]
-        assert np.mean(gone) == pytest.approx(share, abs=0.03 if 0.0 < share < 1.0 else 0.0)
+    metres = np.array([0.0, 10.0, 12.0, 15.0, 20.0, 25.0, 28.0, 30.0, 99.0])
+    shares = np.clip((metres - 10.0) / 20.0, 0.0, 1.0)
+    each = MANY // len(metres)
+    gone = [link.fate(k, distance=metres[k % len(metres)]).delay is None for k in range(MANY)]
+    counted = np.array(gone[: each * len(metres)]).reshape(each, -1).sum(axis=0)
+    assert counted[shares == 0.0].sum() == 0
+    assert (counted[shares == 1.0] == each).all()
+    between = (shares > 0.0) & (shares < 1.0)
+    found = np.concatenate([counted[between], each - counted[between]])
+    expected = np.concatenate([shares[between], 1.0 - shares[between]]) * each
+    assert chisquare(found, expected, ddof=between.sum() - 1).pvalue > 0.01
     assert link.asks_distance

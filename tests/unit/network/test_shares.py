@@ -1,0 +1,52 @@
+"""What befalls some of 100 000 messages: as many as asked for, in runs as long as asked for."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.stats import chisquare
+
+from phalanx.network.link import Link, Passage
+from tests.unit.network.models import MANY, model
+from tests.unit.network.test_loss import chi_square_of_geometric, runs
+
+SHARE = 0.2
+BESIDE = {"reorder": {"delay": 0.01}}
+"""Without a delay nothing could be reordered."""
+BEFALLEN: dict[str, Callable[[Passage], bool]] = {
+    "corrupt": lambda passage: passage.delay is None,
+    "duplicate": lambda passage: len(passage.copies) == 2,
+    "reorder": lambda passage: passage.delay == 0.0,
+}
+
+
+def befallen(field: str, **table: float) -> np.ndarray:
+    """Which of so many messages, shape (MANY,)."""
+    fields = {field: {"probability": SHARE, **table}, **BESIDE.get(field, {})}
+    link = Link(0, "a", "b", model(**fields))
+    return np.array([BEFALLEN[field](link.fate(k)) for k in range(MANY)])
+
+
+@pytest.mark.parametrize("field", BEFALLEN)
+def test_without_correlation_no_message_knows_of_another(field):
+    found = befallen(field)
+    assert np.mean(found) == pytest.approx(SHARE, abs=4.0 * np.sqrt(SHARE * (1 - SHARE) / MANY))
+    assert chi_square_of_geometric(runs(found), SHARE) > 0.01
+    pairs = np.bincount(2 * found[:-1:2] + found[1::2], minlength=4)
+    expected = np.outer([1 - SHARE, SHARE], [1 - SHARE, SHARE]).ravel() * (MANY // 2)
+    assert chisquare(pairs, expected).pvalue > 0.01
+
+
+@pytest.mark.parametrize("field", BEFALLEN)
+@pytest.mark.parametrize("correlation", [0.3, 0.8])
+def test_a_correlation_makes_runs_and_leaves_the_share_as_it_is(field, correlation):
+    found = befallen(field, correlation=correlation)
+    effective = MANY * (1.0 - correlation) / (1.0 + correlation)
+    assert np.mean(found) == pytest.approx(
+        SHARE, abs=4.0 * np.sqrt(SHARE * (1 - SHARE) / effective)
+    )
+    assert chi_square_of_geometric(runs(found), correlation + (1.0 - correlation) * SHARE) > 0.01
+    for ahead in (1, 2):
+        expected = correlation**ahead
+        measured = np.corrcoef(found[ahead:], found[:-ahead])[0, 1]
+        assert measured == pytest.approx(expected, abs=5.0 / np.sqrt(effective))
