@@ -115,6 +115,21 @@ def test_shares_are_positive_and_sum_to_one_and_go_by_what_an_agent_can_do(seed,
     assert sum(bounds) == pytest.approx(-joint_sum(terms, NORMAL) - kept_back)
 
 
+@given(
+    seed=seeds, used=st.floats(0.0, 1.5), missing=st.tuples(*[st.sets(st.sampled_from(NORMAL))] * 3)
+)
+def test_who_takes_others_for_silent_keeps_a_share_that_is_no_larger(seed, used, missing):
+    """Whoever believes what. Everybody uses all of its share; η is such that T = -used W."""
+    terms = terms_function()(drawn(seed)[1])
+    offset = joint_sum(terms, NORMAL) + used * spans_of(terms, NORMAL).sum()
+    terms = terms._replace(margin=terms.margin - offset)
+    joint = joint_sum(terms, NORMAL)
+    for i, silent in zip(NORMAL, missing, strict=True):
+        row = split_row(terms, i, [l for l in NORMAL if l == i or l not in silent])
+        joint += max(0.0, min(row.bound, terms.most[i]) - terms.least[i])
+    assert joint <= 0.01 * len(NORMAL), "but for what an agent without authority counts as"
+
+
 @given(seed=seeds)
 def test_an_agent_without_authority_leaves_what_is_left_to_the_others(seed):
     terms = terms_function()(drawn(seed)[1])
