@@ -10,10 +10,10 @@ import msgspec
 
 from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
 from phalanx.guarantee.verdict import exit_status
-from phalanx.plant.commands import CommandQueue
-from phalanx.plant.hub import Hub
+from phalanx.plant.clock.commands import CommandQueue
+from phalanx.plant.events.stop import StopRequest
+from phalanx.plant.hub.hub import Hub
 from phalanx.plant.run import PlantRun
-from phalanx.plant.stop import StopRequest
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.records import RECORDING, SUMMARY
 from phalanx.recording.write import RecordingError, RecordingWriter, write_down

@@ -8,18 +8,18 @@ from typing import Protocol
 
 from phalanx.faults.state import FaultState
 from phalanx.guarantee.verdict import FaultCount, Outcome, Summary, judge
-from phalanx.plant.clocks import AgentClock
-from phalanx.plant.commands import CommandQueue, declared
-from phalanx.plant.frames import FrameAudience, FramePublisher
-from phalanx.plant.harness import Harness
-from phalanx.plant.judge import Judge
-from phalanx.plant.lockstep import Agents, Lockstep
-from phalanx.plant.real_time import RealTime, TimelyAgents
-from phalanx.plant.schedule import Schedule
-from phalanx.plant.scribe import RunScribe
-from phalanx.plant.stop import AbandonedError, StoppedError, SwarmBrokenError
-from phalanx.plant.truth import Truth
-from phalanx.plant.world import DivergedError, World
+from phalanx.plant.clock.commands import CommandQueue, declared
+from phalanx.plant.clock.lockstep import Agents, Lockstep
+from phalanx.plant.clock.real_time import RealTime, TimelyAgents
+from phalanx.plant.events.stop import AbandonedError, StoppedError, SwarmBrokenError
+from phalanx.plant.judge.judge import Judge
+from phalanx.plant.sampling.clocks import AgentClock
+from phalanx.plant.sampling.harness import Harness
+from phalanx.plant.sampling.schedule import Schedule
+from phalanx.plant.scribe.frames import FrameAudience, FramePublisher
+from phalanx.plant.scribe.scribe import RunScribe
+from phalanx.plant.world.truth import Truth
+from phalanx.plant.world.world import DivergedError, World
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.write import RecordingError, RecordingWriter
 from phalanx.swarm.rows import SafetyRows

@@ -26,9 +26,9 @@ from phalanx.faults.state import Orders
 from phalanx.guarantee.verdict import CertificateSummary, Outcome, Summary, read_summary
 from phalanx.network.claim import Claim
 from phalanx.network.inbox import Fate
-from phalanx.plant.answers import Answers
-from phalanx.plant.commands import CommandQueue
-from phalanx.plant.joining import Joining
+from phalanx.plant.clock.commands import CommandQueue
+from phalanx.plant.hub.answers import Answers
+from phalanx.plant.hub.joining import Joining
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm

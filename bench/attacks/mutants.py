@@ -27,7 +27,7 @@ class Mutant(NamedTuple):
     tests: str
 
 
-_ANSWERS, _STEP, _SEAL = "plant/answers.py", "agent/step.py", "phalanx/wire/seal.py"
+_ANSWERS, _STEP, _SEAL = "plant/hub/answers.py", "agent/step.py", "phalanx/wire/seal.py"
 _TEST_ANSWERS, _TEST_STEP = "tests/unit/plant/test_answers.py", "tests/unit/agent/test_step.py"
 _TEST_SEAL, _TEST_LINKS = "tests/unit/wire/test_seal.py", "tests/unit/network"
 _TEST_RECORDING = "tests/unit/recording"
@@ -45,13 +45,13 @@ MUTANTS = (
            _TEST_ANSWERS),
     Mutant("a fate of nobody's broadcast", _ANSWERS,
            "not all(self._may_be(fate) for fate in message.fates)", "False", _TEST_ANSWERS),
-    Mutant("a command twice", "plant/commands.py", "message.number <= self._latest", "False",
+    Mutant("a command twice", "plant/clock/commands.py", "message.number <= self._latest", "False",
            "tests/unit/plant/test_commands.py"),
-    Mutant("a command for nobody", "plant/commands.py",
+    Mutant("a command for nobody", "plant/clock/commands.py",
            "refusal(message.command, self._names)", "None", "tests/unit/plant/test_commands.py"),
-    Mutant("more payloads than may wait", "plant/arrivals.py", ">= _MOST else None",
+    Mutant("more payloads than may wait", "plant/hub/arrivals.py", ">= _MOST else None",
            ">= 10**9 else None", "tests/unit/plant/test_arrivals.py"),
-    Mutant("another scenario's agent", "plant/joining.py", "alive and found != self.digest",
+    Mutant("another scenario's agent", "plant/hub/joining.py", "alive and found != self.digest",
            "False", "tests/unit/plant/test_joining.py"),
     Mutant("a sample skipped", _STEP, "skipped and not first and not real_time", "False",
            _TEST_STEP),

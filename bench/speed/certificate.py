@@ -14,7 +14,7 @@ from collections.abc import Callable
 from typing import Any
 
 import phalanx
-from phalanx.plant.coverage import Coverage
+from phalanx.plant.judge.coverage import Coverage
 
 SCENARIOS = ("unicycles", "formation3d", "guaranteed")
 

@@ -15,13 +15,13 @@ from multiprocessing.queues import SimpleQueue as Answers
 import phalanx
 from phalanx.agent import main as agent
 from phalanx.faults.state import FaultState
-from phalanx.plant.events import Event, InputApplied, StateReached
-from phalanx.plant.harness import Harness
-from phalanx.plant.hub import Hub
-from phalanx.plant.lockstep import Lockstep
-from phalanx.plant.schedule import Schedule
-from phalanx.plant.trajectory import TrajectoryHash
-from phalanx.plant.world import World
+from phalanx.plant.clock.lockstep import Lockstep
+from phalanx.plant.events.events import Event, InputApplied, StateReached
+from phalanx.plant.hub.hub import Hub
+from phalanx.plant.sampling.harness import Harness
+from phalanx.plant.sampling.schedule import Schedule
+from phalanx.plant.scribe.trajectory import TrajectoryHash
+from phalanx.plant.world.world import World
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire.keys import PLANT

@@ -10,9 +10,9 @@ from phalanx.agent.step import control_steps
 from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher.engine import Progress
-from phalanx.plant.commands import CommandQueue
+from phalanx.plant.clock.commands import CommandQueue
+from phalanx.plant.events.stop import SwarmBrokenError
 from phalanx.plant.run import PlantRun
-from phalanx.plant.stop import SwarmBrokenError
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.records import PROFILE, RECORDING, SUMMARY
 from phalanx.recording.write import RecordingWriter, write_down

@@ -27,6 +27,9 @@ WIRE = rooms("profile wire", GUARANTEE)
 RECORDING = rooms("recording", WIRE)
 REPORT = rooms("report", RECORDING)
 LAUNCHER = rooms("launcher", REPORT)
+PLANT = rooms(
+    "plant.events plant.world plant.sampling plant.judge plant.clock plant.scribe plant.hub"
+)
 VIEWER = rooms("viewer.scene viewer.feeds viewer.plots viewer.page viewer.export")
 
 # The rooms that each may import from, besides itself. A folder that is not listed is an offence.
@@ -51,11 +54,18 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.recording": RECORDING,
     "phalanx.report": REPORT,
     # The in-process engine is where agents and plant are put together without a wire.
-    "phalanx.launcher": LAUNCHER | rooms("agent plant"),
+    "phalanx.launcher": LAUNCHER | PLANT | rooms("agent plant"),
     "phalanx.cli": rooms("cli guarantee.checker", LAUNCHER) | {"phalanx"},
     "phalanx": LAUNCHER | rooms("cli"),
     "phalanx.agent": WIRE,
-    "phalanx.plant": RECORDING,
+    "phalanx.plant": RECORDING | PLANT,
+    "phalanx.plant.world": RECORDING,
+    "phalanx.plant.events": RECORDING | rooms("plant.world"),
+    "phalanx.plant.sampling": RECORDING | rooms("plant.world plant.events"),
+    "phalanx.plant.judge": RECORDING | rooms("plant.world plant.events"),
+    "phalanx.plant.hub": RECORDING | rooms("plant.world plant.events"),
+    "phalanx.plant.clock": RECORDING | rooms("plant.world plant.events plant.sampling"),
+    "phalanx.plant.scribe": RECORDING | rooms("plant.world plant.events plant.judge plant.clock"),
     "phalanx.viewer": REPORT | VIEWER,
     "phalanx.viewer.scene": RECORDING,
     "phalanx.viewer.feeds": RECORDING | rooms("viewer.scene"),
@@ -180,8 +190,9 @@ def cycle(graph: Mapping[str, set[str]]) -> list[str] | None:
     [
         ("phalanx.agent.step", "import phalanx.plant"),
         ("phalanx.agent.step", "import agent.main"),
-        ("phalanx.agent.step", "from phalanx.plant.world import World"),
+        ("phalanx.agent.step", "from phalanx.plant.world.world import World"),
         ("phalanx.plant.main", "from phalanx.agent import step"),
+        ("phalanx.plant.world.near", "from phalanx.plant.judge.judge import Judge"),
         ("phalanx.viewer.main", "import phalanx.agent.main as program"),
         ("phalanx.cli.run", "from phalanx.plant.main import run"),
         ("phalanx.theory.rows.row", "from phalanx.theory.laws.law import View"),

@@ -17,8 +17,8 @@ import zenoh
 
 from phalanx.faults.commands import CommandKind
 from phalanx.network.inbox import Fate
-from phalanx.plant.hub import Hub
-from phalanx.plant.stop import SwarmBrokenError
+from phalanx.plant.events.stop import SwarmBrokenError
+from phalanx.plant.hub.hub import Hub
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin

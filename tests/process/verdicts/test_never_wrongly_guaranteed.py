@@ -19,9 +19,9 @@ from phalanx.guarantee.check import check
 from phalanx.guarantee.checker.certify import certify
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.in_process_engine import DirectAgents
-from phalanx.plant.actuators import Actuators
-from phalanx.plant.commands import CommandQueue
+from phalanx.plant.clock.commands import CommandQueue
 from phalanx.plant.run import PlantRun
+from phalanx.plant.world.actuators import Actuators
 from phalanx.recording.read import read
 from phalanx.recording.records import RECORDING
 from phalanx.recording.write import RecordingWriter

@@ -6,7 +6,7 @@ import pytest
 from phalanx.guarantee.certificate import MULTIPLES
 from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.guarantee.reachable import ReachableBoxes
-from phalanx.plant.motion import Motion
+from phalanx.plant.world.motion import Motion
 from tests.unit.swarms import swarm_of_scenario
 
 LARGE = ("agents.0.count=42", "agents.1.count=6")

@@ -7,7 +7,7 @@ from fuzz_messages import SEALER, Receiver, put, receivers, spoilt, spoilt_token
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phalanx.plant.joining import Joining
+from phalanx.plant.hub.joining import Joining
 from tests.unit.swarms import swarm_of_scenario
 
 EVERYBODY = receivers()

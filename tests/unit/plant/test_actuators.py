@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from phalanx.plant.actuators import Actuators
+from phalanx.plant.world.actuators import Actuators
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 from tests.unit.swarms import swarm_of_scenario

@@ -5,7 +5,7 @@ import pytest
 
 from phalanx.network.claim import Claim
 from phalanx.network.inbox import Fate
-from phalanx.plant.answers import Answers
+from phalanx.plant.hub.answers import Answers
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Actuation, Sample, Telemetry
 from phalanx.wire.seal import Malformed

@@ -5,7 +5,7 @@ import queue
 
 import pytest
 
-from phalanx.plant.arrivals import _MOST, Arrivals
+from phalanx.plant.hub.arrivals import _MOST, Arrivals
 from phalanx.wire.messages import MAX_BYTES
 from phalanx.wire.refusals import Refusals
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from phalanx.plant.backlog import Backlog
-from phalanx.plant.events import Event, Sampled
+from phalanx.plant.clock.backlog import Backlog
+from phalanx.plant.events.events import Event, Sampled
 from phalanx.recording.write import RecordingError
 
 FIRST, LAST = Sampled(0, 0.0), Sampled(1, 0.01)

@@ -2,7 +2,7 @@
 
 from phalanx.network.claim import Claim
 from phalanx.network.inbox import Fate
-from phalanx.plant.claims import Claims, Finding
+from phalanx.plant.judge.claims import Claims, Finding
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from phalanx.plant.clocks import AgentClock
+from phalanx.plant.sampling.clocks import AgentClock
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
-from phalanx.plant.commands import CommandQueue
+from phalanx.plant.clock.commands import CommandQueue
 from phalanx.wire.frames import CommandMessage
 from phalanx.wire.keys import Keys
 from phalanx.wire.seal import Sealer

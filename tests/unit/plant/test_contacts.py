@@ -2,8 +2,8 @@
 
 import pytest
 
-from phalanx.plant.contacts import Contacts
-from phalanx.plant.sensing import Sight
+from phalanx.plant.sampling.contacts import Contacts
+from phalanx.plant.sampling.sensing import Sight
 
 PERIOD = 0.01
 APART, IN_SIGHT = Sight((1,), ()), Sight((0, 1), (0,))

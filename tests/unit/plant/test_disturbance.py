@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phalanx.plant.disturbance import KnottedDisturbance, SwarmDisturbance
+from phalanx.plant.world.disturbance import KnottedDisturbance, SwarmDisturbance
 from phalanx.scenario.agents import Disturbance
 from tests.unit.swarms import rows_of_scenario
 

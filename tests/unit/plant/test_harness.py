@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from phalanx.plant.harness import Harness
-from phalanx.plant.schedule import Schedule
+from phalanx.plant.sampling.harness import Harness
+from phalanx.plant.sampling.schedule import Schedule
 from phalanx.scenario.load import ScenarioError, load
 from phalanx.swarm.swarm import Swarm, build_swarm
 

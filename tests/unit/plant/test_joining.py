@@ -2,7 +2,7 @@
 
 import pytest
 
-from phalanx.plant.joining import Joining
+from phalanx.plant.hub.joining import Joining
 from phalanx.wire.keys import Keys
 from tests.unit.swarms import swarm_of_scenario
 

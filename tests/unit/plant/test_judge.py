@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from phalanx.guarantee.verdict import Assumption
-from phalanx.plant.events import InputApplied, Sampled
-from phalanx.plant.judge import Judge
-from phalanx.plant.truth import IntegrationSteps
-from phalanx.plant.world import DisturbanceKnot
+from phalanx.plant.events.events import InputApplied, Sampled
+from phalanx.plant.judge.judge import Judge
+from phalanx.plant.world.truth import IntegrationSteps
+from phalanx.plant.world.world import DisturbanceKnot
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Telemetry
 from tests.unit.swarms import rows_of_scenario

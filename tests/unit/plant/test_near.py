@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from phalanx.plant import near
-from phalanx.plant.motion import Motion
-from phalanx.plant.near import NearPairs
+from phalanx.plant.world.motion import Motion
+from phalanx.plant.world.near import NearPairs
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.safety.obstacles import Sphere, Wall
 from tests.unit.swarms import swarm_of_scenario

@@ -8,7 +8,7 @@ import pytest
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Outcome, Summary
-from phalanx.plant.commands import CommandQueue
+from phalanx.plant.clock.commands import CommandQueue
 from phalanx.plant.run import PlantRun
 from phalanx.recording.read import Recording, read
 from phalanx.recording.write import RecordingWriter

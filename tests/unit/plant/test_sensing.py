@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phalanx.plant.motion import Motion
-from phalanx.plant.sensing import Sensing, Sight
-from phalanx.plant.steps import STEPS_AT_ONCE
+from phalanx.plant.sampling.sensing import Sensing, Sight
+from phalanx.plant.world.motion import Motion
+from phalanx.plant.world.steps import STEPS_AT_ONCE
 from phalanx.scenario.load import load
 from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import Swarm, build_swarm

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from phalanx.plant.events import InputApplied, StateReached
-from phalanx.plant.trajectory import TrajectoryHash
+from phalanx.plant.events.events import InputApplied, StateReached
+from phalanx.plant.scribe.trajectory import TrajectoryHash
 
 
 def hashed(x: float = 1.0, u: float = 0.5, i: int = 0, k: int = 3, t: float = 0.1) -> str:

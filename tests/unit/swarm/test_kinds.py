@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from phalanx.plant.psi import LargestPsi
+from phalanx.plant.world.psi import LargestPsi
 from phalanx.scenario.load import shipped
 from phalanx.swarm.compile import compile_rows
 from phalanx.swarm.rows import SafetyRows

@@ -6,8 +6,8 @@ import pytest
 
 import phalanx
 from phalanx.guarantee.verdict import Outcome
-from phalanx.plant.motion import Motion
-from phalanx.plant.near import NearPairs
+from phalanx.plant.world.motion import Motion
+from phalanx.plant.world.near import NearPairs
 from phalanx.scenario.load import ScenarioError
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.expressions.compiled import CompiledFunction

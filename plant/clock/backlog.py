@@ -5,7 +5,7 @@ from collections import deque
 from types import TracebackType
 from typing import Protocol, Self
 
-from phalanx.plant.events import Event
+from phalanx.plant.events.events import Event
 from phalanx.recording.write import RecordingError
 
 

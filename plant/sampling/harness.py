@@ -3,7 +3,7 @@
 from collections import Counter
 
 from phalanx.network.link import Kind, Link, Passage, RuleError
-from phalanx.plant.stop import SwarmBrokenError
+from phalanx.plant.events.stop import SwarmBrokenError
 from phalanx.swarm.swarm import Swarm
 
 

@@ -9,10 +9,10 @@ from typing import Self, TypeVar
 
 import msgspec
 
-from phalanx.plant.answers import Answers
-from phalanx.plant.arrivals import Arrivals
-from phalanx.plant.joining import Joining
-from phalanx.plant.stop import SwarmBrokenError
+from phalanx.plant.events.stop import SwarmBrokenError
+from phalanx.plant.hub.answers import Answers
+from phalanx.plant.hub.arrivals import Arrivals
+from phalanx.plant.hub.joining import Joining
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.scenario.load import to_json
 from phalanx.swarm.swarm import Swarm

@@ -16,20 +16,20 @@ from numpy.typing import NDArray
 
 from phalanx.faults.commands import NO_COMMANDS
 from phalanx.faults.state import FaultState
-from phalanx.plant.backlog import Backlog, Witness
-from phalanx.plant.commands import CommandQueue
-from phalanx.plant.events import (
+from phalanx.plant.clock.backlog import Backlog, Witness
+from phalanx.plant.clock.commands import CommandQueue
+from phalanx.plant.clock.lookahead import Lookahead
+from phalanx.plant.events.events import (
     CommandObeyed,
     InputApplied,
     InputLost,
     Sampled,
     StateReached,
 )
-from phalanx.plant.lookahead import Lookahead
-from phalanx.plant.sampling import Processes, Sampling, Taken
-from phalanx.plant.schedule import Schedule
-from phalanx.plant.stop import SwarmBrokenError
-from phalanx.plant.world import World
+from phalanx.plant.events.stop import SwarmBrokenError
+from phalanx.plant.sampling.sampling import Processes, Sampling, Taken
+from phalanx.plant.sampling.schedule import Schedule
+from phalanx.plant.world.world import World
 from phalanx.swarm.rows import SafetyRows
 from phalanx.wire.messages import Actuation, Sample
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.faults.state import FaultState
-from phalanx.plant.commands import CommandQueue
-from phalanx.plant.events import InputApplied, StateReached
-from phalanx.plant.judge import Judge
+from phalanx.plant.clock.commands import CommandQueue
+from phalanx.plant.events.events import InputApplied, StateReached
+from phalanx.plant.judge.judge import Judge
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.frames import AgentStatus, Frame, LinkEvent, LogLine, worse
 from phalanx.wire.messages import Telemetry

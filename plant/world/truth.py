@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.plant.motion import Motion
-from phalanx.plant.near import NearPairs
-from phalanx.plant.psi import LargestPsi
-from phalanx.plant.world import DisturbanceKnot, DivergedError, Passage
+from phalanx.plant.world.motion import Motion
+from phalanx.plant.world.near import NearPairs
+from phalanx.plant.world.psi import LargestPsi
+from phalanx.plant.world.world import DisturbanceKnot, DivergedError, Passage
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.expressions.mapped import Index
 

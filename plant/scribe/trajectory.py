@@ -4,7 +4,7 @@ import hashlib
 
 import numpy as np
 
-from phalanx.plant.events import InputApplied, StateReached
+from phalanx.plant.events.events import InputApplied, StateReached
 
 
 class TrajectoryHash:

@@ -8,8 +8,7 @@ import numpy as np
 
 from phalanx.faults.commands import STRIKES, CommandKind, described
 from phalanx.network.inbox import Fate
-from phalanx.plant.claims import Finding
-from phalanx.plant.events import (
+from phalanx.plant.events.events import (
     CommandObeyed,
     Event,
     InputApplied,
@@ -18,10 +17,11 @@ from phalanx.plant.events import (
     Sampled,
     StateReached,
 )
-from phalanx.plant.frames import FramePublisher
-from phalanx.plant.judge import Judge
-from phalanx.plant.trajectory import TrajectoryHash
-from phalanx.plant.truth import Truth
+from phalanx.plant.judge.claims import Finding
+from phalanx.plant.judge.judge import Judge
+from phalanx.plant.scribe.frames import FramePublisher
+from phalanx.plant.scribe.trajectory import TrajectoryHash
+from phalanx.plant.world.truth import Truth
 from phalanx.recording.records import Log, Shown, State, Step
 from phalanx.recording.write import RecordingWriter
 from phalanx.theory.rows.origin import Origin

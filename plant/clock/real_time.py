@@ -14,9 +14,10 @@ import numpy as np
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.faults.state import FaultState
 from phalanx.guarantee.punctuality import Punctuality
-from phalanx.plant.backlog import Backlog, Witness
-from phalanx.plant.commands import CommandQueue
-from phalanx.plant.events import (
+from phalanx.plant.clock.backlog import Backlog, Witness
+from phalanx.plant.clock.commands import CommandQueue
+from phalanx.plant.clock.timekeeping import Timekeeping
+from phalanx.plant.events.events import (
     CommandObeyed,
     InputApplied,
     InputLost,
@@ -24,10 +25,9 @@ from phalanx.plant.events import (
     Sampled,
     StateReached,
 )
-from phalanx.plant.sampling import Processes, Sampling
-from phalanx.plant.schedule import Schedule
-from phalanx.plant.timekeeping import Timekeeping
-from phalanx.plant.world import World
+from phalanx.plant.sampling.sampling import Processes, Sampling
+from phalanx.plant.sampling.schedule import Schedule
+from phalanx.plant.world.world import World
 from phalanx.swarm.rows import SafetyRows
 from phalanx.wire.messages import Actuation, Sample
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.plant.motion import Motion
+from phalanx.plant.world.motion import Motion
 from phalanx.swarm.swarm import Swarm
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ from collections import defaultdict
 import numpy as np
 
 from phalanx.network.inbox import Fate
-from phalanx.plant.actuators import Actuators
+from phalanx.plant.world.actuators import Actuators
 from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.messages import Actuation, Sample, Telemetry

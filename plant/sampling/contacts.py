@@ -12,7 +12,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
-from phalanx.plant.sensing import Sight
+from phalanx.plant.sampling.sensing import Sight
 
 
 class Contacts:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Protocol
 
-from phalanx.plant.harness import Harness
+from phalanx.plant.sampling.harness import Harness
 
 
 class Clock(Protocol):

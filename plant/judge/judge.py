@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from phalanx.guarantee.verdict import Assumption
 from phalanx.network.claim import Claim
-from phalanx.plant.actuators import Actuators
-from phalanx.plant.assumptions import STAYED, Assumptions
-from phalanx.plant.claims import Claims
-from phalanx.plant.coverage import Coverage
-from phalanx.plant.events import InputApplied, InputLost, Sampled, StateReached
-from phalanx.plant.extremes import PairExtremes
-from phalanx.plant.truth import IntegrationSteps
-from phalanx.plant.world import DisturbanceKnot
+from phalanx.plant.events.events import InputApplied, InputLost, Sampled, StateReached
+from phalanx.plant.judge.assumptions import STAYED, Assumptions
+from phalanx.plant.judge.claims import Claims
+from phalanx.plant.judge.coverage import Coverage
+from phalanx.plant.world.actuators import Actuators
+from phalanx.plant.world.extremes import PairExtremes
+from phalanx.plant.world.truth import IntegrationSteps
+from phalanx.plant.world.world import DisturbanceKnot
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.rows.origin import EMPTY, Origin
 from phalanx.wire.messages import Telemetry

@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.plant.motion import Motion
+from phalanx.plant.world.motion import Motion
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.expressions.mapped import Index, MappedFunction

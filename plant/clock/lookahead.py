@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.plant.disturbance import SwarmDisturbance
-from phalanx.plant.motion import Motion
-from phalanx.plant.steps import Stretch, next_stretch
+from phalanx.plant.world.disturbance import SwarmDisturbance
+from phalanx.plant.world.motion import Motion
+from phalanx.plant.world.steps import Stretch, next_stretch
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.models.dynamics import Bounded
 from phalanx.theory.safety.composition import stacked_slices

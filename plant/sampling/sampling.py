@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.faults.state import FaultState
-from phalanx.plant.contacts import Contacts
-from phalanx.plant.events import CommandObeyed
-from phalanx.plant.motion import Motion
-from phalanx.plant.schedule import Schedule
-from phalanx.plant.sensing import Sensing, Sight
-from phalanx.plant.sensors import Sensors
+from phalanx.plant.events.events import CommandObeyed
+from phalanx.plant.sampling.contacts import Contacts
+from phalanx.plant.sampling.schedule import Schedule
+from phalanx.plant.sampling.sensing import Sensing, Sight
+from phalanx.plant.sampling.sensors import Sensors
+from phalanx.plant.world.motion import Motion
 from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.messages import Sample, last_sample

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy, refusal
-from phalanx.plant.pace import Pace
+from phalanx.plant.clock.pace import Pace
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.frames import CommandMessage
 from phalanx.wire.refusals import Refusals

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.faults.commands import Command
-from phalanx.plant.world import DisturbanceKnot, Passage
+from phalanx.plant.world.world import DisturbanceKnot, Passage
 from phalanx.wire.messages import Sample
 
 Array = NDArray[np.float64]

@@ -1,0 +1,1 @@
+"""The plant's side of the wire."""

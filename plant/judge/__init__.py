@@ -1,0 +1,1 @@
+"""Was the safe set kept, and what a guarantee and the theorem assume."""

@@ -1,0 +1,1 @@
+"""Who samples when, what each is shown, and which broadcasts exist for it."""

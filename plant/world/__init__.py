@@ -1,0 +1,1 @@
+"""The true state of all agents, and what the safe set says of it."""
