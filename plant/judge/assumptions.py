@@ -14,15 +14,15 @@ STAYED = "no ψ_1 ... ψ_{q-1} was above 0: from there the safe set cannot be ke
 class Assumptions:
     """The assumptions of one run."""
 
-    def __init__(self, swarm: Swarm, certified: Assumption, heard: Assumption) -> None:
-        """certified: that every pair was under a certificate. heard: that nobody believed a lie."""
+    def __init__(self, swarm: Swarm, certificates: Assumption, broadcasts: Assumption) -> None:
+        """Of one run: certificates says that they covered it, broadcasts that all were true."""
         safety = swarm.scenario.safety
         self._centralised = safety.control == "centralised"
         self._counts_on_received = not self._centralised and safety.information in (
             Information.PAPER,
             Information.IN_FLIGHT,
         )
-        self._certified, self._heard = certified, heard
+        self._certificates, self._broadcasts = certificates, broadcasts
         self.start = Assumption("start in S", note="every pair is safe at the start")
         self.start_kept = Assumption(
             "start in S_I", note="every agent starts where the safe set can be kept"
@@ -56,7 +56,7 @@ class Assumptions:
     @property
     def of_guarantee(self) -> list[Assumption]:
         """What `guaranteed` rests on, and how often each failed so far."""
-        found = [self.start, self.gap, self.disturbance, self.inputs, self._certified]
+        found = [self.start, self.gap, self.disturbance, self.inputs, self._certificates]
         return [*found, self.prompt] if self.prompt.failed else found
 
     @property
@@ -67,7 +67,7 @@ class Assumptions:
         found += [each for each in (self.prompt, self.faithful, self.truthful) if each.failed]
         if self._centralised:
             return [*found, self.synchronous]
-        return [*found, self.fresh, self._heard] if self._counts_on_received else found
+        return [*found, self.fresh, self._broadcasts] if self._counts_on_received else found
 
 
 def _proven_margin(swarm: Swarm) -> Assumption:

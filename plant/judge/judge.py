@@ -158,8 +158,8 @@ class Judge:
     def _check_step(self, event: InputApplied, telemetry: Telemetry) -> None:
         self.origins[telemetry.origin] += 1
         self._checks.rows.check(telemetry.origin not in EMPTY, event.t)
-        together = self._instants.setdefault(event.k, event.t) == event.t
-        self._checks.synchronous.check(together, event.t)
+        first = self._instants.setdefault(event.k, event.t)
+        self._checks.synchronous.check(first == event.t, event.t)
         for other, age in telemetry.ages:
             # An agent never heard of has no input in force; an age of one is a lie.
             in_force = self._in_force.get(other, -np.inf)

@@ -1,1 +1,1 @@
-"""A run as a file to share: one HTML document that plays by itself, or a still picture."""
+"""A run as files to share: a page that plays by itself, a picture, tables, MCAP for other tools."""

@@ -1,1 +1,1 @@
-"""The page in the browser: its server, panels, plots, timeline and commands, and their loop."""
+"""The page in the browser: its server, panels and commands, and their loop."""
