@@ -146,7 +146,7 @@ def over_the_wire(
     course: Callable[[Callable[[float], None]], None],
 ) -> Recording:
     """Simulation 1 over the test bed; course(until) changes the wire as virtual time goes on."""
-    scenario = ("--scenario", "unicycles", "--run", "bed", "--secret", "s")
+    scenario = ("--scenario", "unicycles", "--run", "bed", "--secret", "s", "--insecure")
     overrides = [part for o in (*SLOW, f"duration={duration}") for part in ("--set", o)]
     endpoint = f"{protocol}/{HERE}:7447"
     command = (sys.executable, "-m", "phalanx")

@@ -23,9 +23,19 @@ def keys(
     hosts: Annotated[
         list[str] | None,
         typer.Option(
-            "--host", help="Name or address under which the plant is reached. Repeatable."
+            "--host",
+            help="Name or address under which the plant is reached, or a router. Repeatable; the "
+            "first, at port 7447, is where programs connect unless they are told otherwise.",
         ),
     ] = None,
+    claims: Annotated[
+        bool,
+        typer.Option(
+            "--claims",
+            help="Let agents claim free places with DIR/claimant: the plant keeps the authority's "
+            "key, to sign for them.",
+        ),
+    ] = False,
     days: Annotated[float, typer.Option(help="For how long they are valid.")] = 30.0,
 ) -> int:
     """Make a certificate for each program: links are encrypted, and both ends know each other.
@@ -36,16 +46,22 @@ def keys(
 
       phalanx keys keys --scenario unicycles --host plant.example.org
       phalanx plant --keys keys/plant --listen tls/0.0.0.0:7447 --scenario unicycles --run r1
-      phalanx agent 1 --keys keys/1 --connect tls/plant.example.org:7447 ...
+      phalanx agent 1 --keys keys/1 --scenario unicycles --run r1
+      phalanx agent --claim --keys keys/claimant --scenario unicycles --run r1
     """
     from phalanx.scenario.load import load
     from phalanx.wire.authority import make_certificates
-    from phalanx.wire.keys import OPERATOR, PLANT, ROUTER, VIEWER
+    from phalanx.wire.certificates import ENDPOINT
+    from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, ROUTER, VIEWER
 
-    names = [PLANT, ROUTER, VIEWER, OPERATOR, *load(scenario, overrides or ()).programs()]
+    programs = load(scenario, overrides or ()).programs()
+    names = [PLANT, ROUTER, VIEWER, OPERATOR, *([CLAIMANT] if claims else []), *programs]
     reached_as = ["localhost", "127.0.0.1", *(hosts or ())]
     try:
-        make_certificates(folder, names, reached_as, datetime.timedelta(days=days))
+        make_certificates(folder, names, reached_as, datetime.timedelta(days=days), claims)
+        for host in (hosts or ())[:1]:
+            for name in names:
+                (folder / name / ENDPOINT).write_text(f"tls/{host}:7447\n", encoding="utf-8")
     except OSError as error:
         raise typer.BadParameter(f"DIR: {error}") from error
     print(f"{folder}: certificates of {', '.join(names)}")

@@ -1,11 +1,13 @@
 """Options that several commands share."""
 
+import ipaddress
+import re
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from phalanx.wire.certificates import AUTHORITY, CERTIFICATE, PRIVATE_KEY
+from phalanx.wire.certificates import AUTHORITY, CERTIFICATE, ENDPOINT, PRIVATE_KEY
 
 ScenarioArgument = Annotated[
     str,
@@ -73,8 +75,27 @@ Trust = Annotated[
 ]
 
 
-def certificates_for(folder: Path | None, endpoint: str) -> Path | None:
-    """The folder, if it has a program's certificate and the endpoint asks for one."""
+Insecure = Annotated[
+    bool,
+    typer.Option(
+        "--insecure",
+        envvar="PHALANX_INSECURE",
+        help="Leave this host without --keys: whoever is on the network reads the run.",
+    ),
+]
+
+
+NOT_HERE = "{} is not for this host alone: expected"
+
+
+def certificates_for(folder: Path | None, endpoint: str, insecure: bool) -> Path | None:
+    """The folder, if it has a program's certificate and the endpoint asks for one.
+
+    Without one nothing leaves this host, unless that is asked for.
+    """
+    if folder is None and not insecure and not on_loopback(endpoint):
+        expected = "--keys DIR (see phalanx keys), or --insecure"
+        raise typer.BadParameter(f"{NOT_HERE.format(endpoint)} {expected}")
     if (folder is not None) != endpoint.startswith(("tls/", "quic/")):
         raise typer.BadParameter(f"--keys: expected with a tls/ endpoint alone, got {endpoint}")
     if folder is not None:
@@ -82,6 +103,25 @@ def certificates_for(folder: Path | None, endpoint: str) -> Path | None:
             if not (folder / name).is_file():
                 raise typer.BadParameter(f"--keys: expected {name} in {folder}; see phalanx keys")
     return folder
+
+
+def endpoint_for(connect: str, keys: Path | None) -> str:
+    """Where to connect: as the option or the environment says, or the keys' folder; or here."""
+    if not connect and keys is not None and (keys / ENDPOINT).is_file():
+        return (keys / ENDPOINT).read_text(encoding="utf-8").strip()
+    return connect or "tcp/127.0.0.1:7447"
+
+
+def on_loopback(endpoint: str) -> bool:
+    """Whether a Zenoh endpoint is reached from its own host alone."""
+    protocol, _, address = endpoint.partition("/")
+    if protocol.startswith("unixsock"):
+        return True
+    host = re.split("[?#]", address)[0].rpartition(":")[0].strip("[]")
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 def require_port(port: int | None) -> int | None:

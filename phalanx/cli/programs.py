@@ -1,12 +1,14 @@
 """phalanx plant, agent, router: one program of a run, by itself, for containers and many hosts."""
 
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from phalanx.cli.options import (
+    Insecure,
     KeysFolder,
     Overrides,
     RunId,
@@ -14,6 +16,7 @@ from phalanx.cli.options import (
     Secret,
     Seed,
     certificates_for,
+    endpoint_for,
 )
 from phalanx.cli.real_time import RealTimeFactor
 
@@ -24,7 +27,11 @@ if TYPE_CHECKING:
 Endpoint = Annotated[
     str,
     typer.Option(
-        "--connect", envvar="PHALANX_CONNECT", help="Zenoh endpoint of the plant or a router."
+        "--connect",
+        envvar="PHALANX_CONNECT",
+        help="Zenoh endpoint of the plant or a router; by default what the file endpoint in --keys "
+        "says, or tcp/127.0.0.1:7447.",
+        show_default=False,
     ),
 ]
 Listen = Annotated[str, typer.Option(envvar="PHALANX_LISTEN", help="Zenoh endpoint to listen on.")]
@@ -44,7 +51,7 @@ def plant(
     connect: Annotated[
         str | None,
         typer.Option(
-            envvar="PHALANX_CONNECT",
+            envvar="PHALANX_ROUTER",
             help="Zenoh endpoint of a router to meet the agents at, in place of --listen.",
         ),
     ] = None,
@@ -55,6 +62,7 @@ def plant(
     overrides: Overrides = None,
     secret: Secret = "",
     keys: KeysFolder = None,
+    insecure: Insecure = False,
     command_secret: Annotated[
         str,
         typer.Option(
@@ -76,7 +84,7 @@ def plant(
 
     It waits for the scenario's agents, which may run anywhere that reaches its endpoint:
 
-      phalanx plant --scenario unicycles --run r1 --listen tcp/0.0.0.0:7447
+      phalanx plant --scenario unicycles --run r1 --keys keys/plant --listen tls/0.0.0.0:7447
     """
     from phalanx.faults.commands import CommandPolicy
     from phalanx.wire.keys import PLANT
@@ -84,7 +92,7 @@ def plant(
 
     policy = CommandPolicy(secret=command_secret.encode(), speed=real_time or speed)
     endpoint = connect or listen
-    certificates = certificates_for(keys, endpoint)
+    certificates = certificates_for(keys, endpoint, insecure)
     membership = Membership(run, endpoint, secret.encode(), PLANT, certificates=certificates)
     options = {
         "folder": out,
@@ -96,31 +104,42 @@ def plant(
 
 
 def agent(
-    name: Annotated[str, typer.Argument(help="Which of the scenario's agents to be.")],
     scenario: ScenarioOption,
     run: RunId,
-    connect: Endpoint = "tcp/127.0.0.1:7447",
+    name: Annotated[
+        str | None, typer.Argument(help="Which of the scenario's agents to be.", show_default=False)
+    ] = None,
+    claim: Annotated[
+        bool, typer.Option("--claim", help="Be any of them whose place is free, or becomes free.")
+    ] = False,
+    connect: Endpoint = "",
     timeout: Annotated[float, typer.Option(help="How long to try to reach the hub [s].")] = 60.0,
     seed: Seed = None,
     overrides: Overrides = None,
     secret: Secret = "",
     keys: KeysFolder = None,
+    insecure: Insecure = False,
 ) -> int:
     """Run one agent alone, normal or adversary as the scenario says.
 
     Scenario, seed and overrides must be the plant's; it refuses an agent whose scenario differs.
     Under centralised control one process, named controller, decides for all normal agents.
 
-      phalanx agent 4 --scenario unicycles --run r1 --connect tcp/plant:7447
+      phalanx agent 4 --scenario unicycles --run r1 --connect tcp/127.0.0.1:7447
+      phalanx agent --claim --keys keys/claimant --connect tls/plant.example.org:7447 ...
     """
+    from phalanx.wire.keys import CLAIMANT
     from phalanx.wire.membership import Membership
 
     resolved = _load(scenario, overrides, seed)
     names = resolved.programs()
-    if name not in names:
-        raise typer.BadParameter(f"agent: expected one of {', '.join(names)}, got {name!r}")
-    certificates = certificates_for(keys, connect)
-    membership = Membership(run, connect, secret.encode(), name, timeout, certificates)
+    if (name in names) == claim or (name is not None and claim):
+        got = f"got {name!r}" + (" with --claim" if claim else "")
+        raise typer.BadParameter(f"agent: expected one of {', '.join(names)}, or --claim, {got}")
+    endpoint = endpoint_for(connect, keys)
+    certificates = certificates_for(keys, endpoint, insecure)
+    identity = name or CLAIMANT
+    membership = Membership(run, endpoint, secret.encode(), identity, timeout, certificates)
     return _run_here("agent", resolved, membership, {})
 
 
@@ -128,16 +147,26 @@ def router(
     scenario: ScenarioOption,
     run: RunId,
     listen: Listen = "tcp/127.0.0.1:7447",
+    connect: Annotated[
+        list[str] | None,
+        typer.Option(
+            envvar="PHALANX_ROUTER",
+            help="Zenoh endpoint of another router of the run, or of its plant. Repeatable.",
+        ),
+    ] = None,
     seed: Seed = None,
     overrides: Overrides = None,
     secret: Secret = "",
     keys: KeysFolder = None,
+    insecure: Insecure = False,
 ) -> int:
     """Run a hub alone, for a plant that is started with --connect; Ctrl-C ends it.
 
-    It may be restarted in the middle of a run in real time.
+    It may be restarted in the middle of a run in real time. A run may have several, each near its
+    own agents, which connect to one another.
 
-      phalanx router --scenario unicycles --run r1 --listen tcp/0.0.0.0:7447
+      phalanx router --scenario unicycles --run r1 --keys keys/router --listen tls/0.0.0.0:7447
+      phalanx router --listen tls/0.0.0.0:7447 --connect tls/router.example.org:7447 ...
     """
     from phalanx.launcher.programs import configure_logging
     from phalanx.swarm.swarm import build_swarm
@@ -146,11 +175,12 @@ def router(
     from phalanx.wire.router import run as run_router
     from phalanx.wire.session import HubError
 
-    certificates = certificates_for(keys, listen)
+    certificates = certificates_for(keys, listen, insecure)
     membership = Membership(run, listen, secret.encode(), ROUTER, certificates=certificates)
     configure_logging()
     try:
-        return run_router(build_swarm(_load(scenario, overrides, seed)), membership)
+        swarm = build_swarm(_load(scenario, overrides, seed))
+        return run_router(swarm, membership, connect or ())
     except (HubError, OSError) as error:
         print(error, file=sys.stderr)
         return 3
@@ -166,14 +196,20 @@ def _run_here(
     program: str, scenario: "Scenario", membership: "Membership", options: dict[str, Any]
 ) -> int:
     from phalanx.launcher.programs import configure_logging, run_program
+    from phalanx.scenario.load import digest
     from phalanx.swarm.rows import build_rows
     from phalanx.swarm.swarm import build_swarm
+    from phalanx.wire.claim import ClaimError, claimed
+    from phalanx.wire.keys import CLAIMANT
     from phalanx.wire.session import HubError
 
     configure_logging()
+    claims = membership.identity == CLAIMANT
     try:
         rows = build_rows(build_swarm(scenario))
-        return run_program(program, rows, membership, options)
-    except (HubError, OSError) as error:
+        # Last: a place is kept for who was given it only for a while.
+        with claimed(membership, digest(scenario)) if claims else nullcontext(membership) as own:
+            return run_program(program, rows, own, options) if own else 0
+    except (HubError, ClaimError, OSError) as error:
         print(error, file=sys.stderr)
         return 3

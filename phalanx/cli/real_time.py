@@ -40,6 +40,7 @@ RealTimeFactor = Annotated[
     float | None,
     typer.Option(
         OPTION,
+        envvar="PHALANX_REAL_TIME",
         metavar="[FACTOR]",
         callback=require_factor,
         help="The wall clock decides, and nobody waits: so many seconds of virtual time per "

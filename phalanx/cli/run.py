@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from phalanx.cli.options import (
+    NOT_HERE,
+    Insecure,
     Overrides,
     ScenarioArgument,
     Secret,
     Seed,
+    on_loopback,
     require_port,
 )
 from phalanx.cli.real_time import RealTimeFactor
@@ -45,6 +48,7 @@ def run(
         typer.Option(help="Zenoh endpoint of the hub; by default a free port on 127.0.0.1."),
     ] = None,
     secret: Secret = "",
+    insecure: Insecure = False,
     report: Annotated[bool, typer.Option(help="Make the report when the run is over.")] = True,
     strict: Annotated[
         bool, typer.Option(help="Exit with 1 if the run was safe but not guaranteed.")
@@ -103,6 +107,8 @@ def run(
     if engine == "in-process" and (view or listen or secret or real_time or speed):
         names = "--view, --listen, --secret, --real-time or --speed"
         raise typer.BadParameter(f"--engine in-process: expected no {names}")
+    if listen is not None and not insecure and not on_loopback(listen):
+        raise typer.BadParameter(f"{NOT_HERE.format(listen)} --insecure; phalanx plant has --keys")
     resolved = phalanx.load(scenario, overrides or (), seed)
     chosen = _choose_port(view, commands, port)
     policy = phalanx.CommandPolicy(

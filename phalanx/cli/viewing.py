@@ -7,12 +7,24 @@ from typing import Annotated, Any
 
 import typer
 
-from phalanx.cli.options import KeysFolder, Secret, Trust, certificates_for, require_port
+from phalanx.cli.options import (
+    Insecure,
+    KeysFolder,
+    Secret,
+    Trust,
+    certificates_for,
+    endpoint_for,
+    require_port,
+)
 
 Connect = Annotated[
     str,
     typer.Option(
-        "--connect", envvar="PHALANX_CONNECT", help="Zenoh endpoint of the live run's hub."
+        "--connect",
+        envvar="PHALANX_CONNECT",
+        help="Zenoh endpoint of the live run's hub; of `viewer` by default what the file endpoint "
+        "in --keys says, or tcp/127.0.0.1:7447.",
+        show_default=False,
     ),
 ]
 LiveRun = Annotated[str, typer.Option("--run", envvar="PHALANX_RUN", help="Name of the live run.")]
@@ -58,6 +70,7 @@ def view(
     run: LiveRun = "",
     secret: Secret = "",
     keys: KeysFolder = None,
+    insecure: Insecure = False,
     command_secret: CommandSecret = "",
     host: Host = "127.0.0.1",
     port: Port = None,
@@ -77,14 +90,16 @@ def view(
     page = {"host": host, "port": port, "origins": tuple(origins or ()), "trust": trust}
     if recording is not None:
         return _show_folder(recording, command_secret, page)
-    return _show_live(run, connect, secret, keys, command_secret, timeout, page)
+    certificates = certificates_for(keys, connect, insecure)
+    return _show_live(run, connect, secret, certificates, command_secret, timeout, page)
 
 
 def viewer(
     run: LiveRun,
-    connect: Connect = "tcp/127.0.0.1:7447",
+    connect: Connect = "",
     secret: Secret = "",
     keys: KeysFolder = None,
+    insecure: Insecure = False,
     command_secret: CommandSecret = "",
     host: Host = "127.0.0.1",
     port: Port = None,
@@ -94,7 +109,9 @@ def viewer(
 ) -> int:
     """Run the viewer alone, as plant and agents are run in containers and on many hosts."""
     page = {"host": host, "port": port, "origins": tuple(origins or ()), "trust": trust}
-    return _show_live(run, connect, secret, keys, command_secret, timeout, page)
+    endpoint = endpoint_for(connect, keys)
+    certificates = certificates_for(keys, endpoint, insecure)
+    return _show_live(run, endpoint, secret, certificates, command_secret, timeout, page)
 
 
 def export(
@@ -157,7 +174,7 @@ def _show_live(
     run: str,
     connect: str,
     secret: str,
-    keys: Path | None,
+    certificates: Path | None,
     command_secret: str,
     timeout: float,
     page: dict[str, Any],
@@ -165,8 +182,7 @@ def _show_live(
     from phalanx.wire.keys import OPERATOR, VIEWER
     from phalanx.wire.membership import Membership
 
-    identity = OPERATOR if keys and command_secret else VIEWER
-    certificates = certificates_for(keys, connect)
+    identity = OPERATOR if certificates and command_secret else VIEWER
     membership = Membership(run, connect, secret.encode(), identity, timeout, certificates)
     return _show("run_live", None, membership, command_secret=command_secret.encode(), **page)
 

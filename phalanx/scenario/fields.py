@@ -12,7 +12,7 @@ from phalanx.theory.expressions.asked import in_words
 
 CONTROLLER = "controller"
 """The process that decides for all normal agents where safety.control is "centralised"."""
-_PROGRAMS = frozenset({"ca", "plant", "viewer", "operator", "router", CONTROLLER})
+_PROGRAMS = frozenset({"ca", "plant", "viewer", "operator", "router", "claimant", CONTROLLER})
 _NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,31}")
 
 

@@ -8,7 +8,7 @@ knows. Zenoh tells a denied sender nothing.
 from collections.abc import Container, Iterator, Mapping
 from typing import Any, Literal
 
-from phalanx.wire.keys import OPERATOR, PLANT, ROUTER, VIEWER, Keys
+from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, ROUTER, VIEWER, Keys
 
 Subject = Literal["usernames", "cert_common_names"]
 """By what Zenoh knows a session: the name with its password, or that in its certificate."""
@@ -35,6 +35,7 @@ def access_control(
     programs = {name: _viewer(keys, may) for name, may in may_command.items()}
     programs |= {name: _agent(keys, own, heard) for name, own in agents.items()}
     programs |= {PLANT: _plant(keys)} if with_plant else {}
+    programs |= {ROUTER: _router(keys), CLAIMANT: _claimant(keys)}
     named = {
         name: {
             f"{name} {flow} {' '.join(messages)}": (flow, messages, on)
@@ -80,8 +81,8 @@ def _plant(keys: Keys) -> list[_Rule]:
     return [
         ("ingress", ("put",), keys.from_plant),
         ("ingress", ("liveliness_token",), (keys.alive(PLANT),)),
-        ("ingress", ("declare_queryable", "reply"), (keys.scenario,)),
-        ("egress", ("query",), (keys.scenario,)),
+        ("ingress", ("declare_queryable", "reply"), (keys.scenario, keys.place)),
+        ("egress", ("query",), (keys.scenario, keys.place)),
         *_listening(keys, keys.to_plant, keys.alive("*")),
     ]
 
@@ -96,10 +97,33 @@ def _viewer(keys: Keys, may_command: bool) -> list[_Rule]:
     ]
 
 
+def _claimant(keys: Keys) -> list[_Rule]:
+    """Whoever asks for a place may ask, and see whether there is anybody to ask; nothing else."""
+    return [
+        ("ingress", ("query",), (keys.place,)),
+        ("egress", ("reply", "declare_queryable"), (keys.place,)),
+        *_watching(keys.alive(PLANT), keys.alive(ROUTER)),
+    ]
+
+
+def _router(keys: Keys) -> list[_Rule]:
+    """Another hub of the run: it has held what comes from it against these same rules."""
+    messages = (
+        "put", "query", "reply", "declare_subscriber", "declare_queryable",
+        "liveliness_token", "liveliness_query", "declare_liveliness_subscriber",
+    )  # fmt: skip
+    both: tuple[Literal["ingress", "egress"], ...] = ("ingress", "egress")
+    return [(flow, messages, (keys.everything,)) for flow in both]
+
+
 def _listening(keys: Keys, seen: tuple[str, ...], *tokens: str) -> Iterator[_Rule]:
     yield "ingress", ("declare_subscriber",), seen
     yield "egress", ("put",), seen
-    yield "ingress", ("declare_liveliness_subscriber", "liveliness_query"), tokens
-    yield "egress", ("liveliness_token",), tokens
+    yield from _watching(*tokens)
     # Without it a publisher believes that nobody listens, and sends nothing, silently.
     yield "egress", ("declare_subscriber",), (keys.everything,)
+
+
+def _watching(*tokens: str) -> Iterator[_Rule]:
+    yield "ingress", ("declare_liveliness_subscriber", "liveliness_query"), tokens
+    yield "egress", ("liveliness_token",), tokens

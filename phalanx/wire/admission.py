@@ -2,7 +2,7 @@
 
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.access import Subject, access_control
-from phalanx.wire.keys import PLANT, ROUTER, VIEWER
+from phalanx.wire.keys import CLAIMANT, PLANT, ROUTER, VIEWER
 from phalanx.wire.membership import Membership
 from phalanx.wire.session import Admission
 
@@ -11,7 +11,7 @@ def admission(swarm: Swarm, membership: Membership) -> Admission:
     """What the hub asks for and allows; membership is its own: the plant's, or a router's."""
     at_router = membership.identity == ROUTER
     programs = swarm.scenario.programs()
-    names = (VIEWER, *programs, *([PLANT] if at_router else []))
+    names = (VIEWER, ROUTER, CLAIMANT, *programs, *([PLANT] if at_router else []))
     heard = {swarm.names[j] for i in range(len(swarm.names)) for j in swarm.heard_by(i)}
     subject: Subject = "cert_common_names" if membership.certificates else "usernames"
     return Admission(

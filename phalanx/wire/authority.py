@@ -5,29 +5,94 @@ import ipaddress
 import os
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Self
 
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from phalanx.wire.certificates import AUTHORITY, CERTIFICATE, PRIVATE_KEY
+from phalanx.wire.certificates import AUTHORITY, AUTHORITY_KEY, CERTIFICATE, PRIVATE_KEY
+from phalanx.wire.keys import PLANT
 
 _CLOCKS_DIFFER = datetime.timedelta(minutes=5)
 
 
+class Authority:
+    """Says which public key is whose."""
+
+    def __init__(self, certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey) -> None:
+        self._certificate, self._key = certificate, key
+
+    @classmethod
+    def new(cls, valid: datetime.timedelta) -> Self:
+        """One that nobody knows yet; all that it signs ends with it."""
+        key = ec.generate_private_key(ec.SECP256R1())
+        name = _named("phalanx run")
+        now = datetime.datetime.now(datetime.UTC)
+        certificate = (
+            _begun(name, name, key.public_key())
+            .not_valid_before(now + min(valid, datetime.timedelta()) - _CLOCKS_DIFFER)
+            .not_valid_after(now + valid)
+            .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+            .sign(key, hashes.SHA256())
+        )
+        return cls(certificate, key)
+
+    @classmethod
+    def read(cls, folder: Path) -> Self | None:
+        """The one whose key is in a plant's folder, if it is. Raises OSError, ValueError."""
+        if not (folder / AUTHORITY_KEY).exists():
+            return None
+        key = serialization.load_pem_private_key((folder / AUTHORITY_KEY).read_bytes(), None)
+        assert isinstance(key, ec.EllipticCurvePrivateKey)
+        return cls(x509.load_pem_x509_certificate((folder / AUTHORITY).read_bytes()), key)
+
+    @property
+    def certificate(self) -> bytes:
+        """Its own, PEM."""
+        return self._certificate.public_bytes(serialization.Encoding.PEM)
+
+    @property
+    def private_key(self) -> bytes:
+        """What it signs with, PEM."""
+        return private_pem(self._key)
+
+    def sign(self, name: str, key: ec.EllipticCurvePublicKey, hosts: Iterable[str] = ()) -> bytes:
+        """A certificate, PEM: whoever has the key's other half is `name`, reached at `hosts`."""
+        own = self._certificate
+        builder = (
+            _begun(_named(name), own.subject, key)
+            .not_valid_before(own.not_valid_before_utc)
+            .not_valid_after(own.not_valid_after_utc)
+            .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        )
+        usage = [ExtendedKeyUsageOID.CLIENT_AUTH]
+        if reached_as := [_host(host) for host in hosts]:
+            usage.append(ExtendedKeyUsageOID.SERVER_AUTH)
+            alternatives = x509.SubjectAlternativeName(reached_as)
+            builder = builder.add_extension(alternatives, critical=False)
+        builder = builder.add_extension(x509.ExtendedKeyUsage(usage), critical=False)
+        signed = builder.sign(self._key, hashes.SHA256())
+        return signed.public_bytes(serialization.Encoding.PEM)
+
+
 def make_certificates(
-    folder: Path, names: Iterable[str], hosts: Iterable[str], valid: datetime.timedelta
+    folder: Path,
+    names: Iterable[str],
+    hosts: Iterable[str],
+    valid: datetime.timedelta,
+    claims: bool = False,
 ) -> None:
     """Make an authority, and a folder with a certificate and its private key for each name.
-
-    The authority's own key is not kept: nobody can add a name later.
 
     Args:
         folder: of these folders; new, or empty; only its owner may look into it.
         names: of the programs; each becomes the common name of its certificate.
         hosts: names and addresses under which the hub is reached.
         valid: for how long.
+        claims: whether the plant keeps the authority's key, to sign for who claims a place. Else
+            nobody does, and nobody can add a name later.
 
     Raises:
         FileExistsError: there is something in the folder. OSError: it cannot be written.
@@ -35,55 +100,68 @@ def make_certificates(
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if any(folder.iterdir()):
         raise FileExistsError(f"{folder}: expected a folder that is new or empty")
-    issuer_key = ec.generate_private_key(ec.SECP256R1())
-    issuer = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "phalanx run")])
-    authority = (
-        _begun(issuer, issuer, issuer_key, valid)
-        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
-        .sign(issuer_key, hashes.SHA256())
-    )
-    alternatives = x509.SubjectAlternativeName([_host(host) for host in hosts])
-    usage = x509.ExtendedKeyUsage(
-        [ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]
-    )
+    authority, reached_as = Authority.new(valid), tuple(hosts)
     for name in names:
-        own_key = ec.generate_private_key(ec.SECP256R1())
-        subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
-        certificate = (
-            _begun(subject, issuer, own_key, valid)
-            .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
-            .add_extension(alternatives, critical=False)
-            .add_extension(usage, critical=False)
-            .sign(issuer_key, hashes.SHA256())
+        (own := folder / name).mkdir(mode=0o700)
+        key = ec.generate_private_key(ec.SECP256R1())
+        write_certificate(
+            own,
+            authority.certificate,
+            authority.sign(name, key.public_key(), reached_as),
+            private_pem(key),
         )
-        secret = own_key.private_bytes(
-            serialization.Encoding.PEM,
-            serialization.PrivateFormat.PKCS8,
-            serialization.NoEncryption(),
-        )
-        own = folder / name
-        own.mkdir(mode=0o700)
-        _write(own / AUTHORITY, _pem(authority))
-        _write(own / CERTIFICATE, _pem(certificate))
-        _write(own / PRIVATE_KEY, secret)
+        if claims and name == PLANT:
+            _write(own / AUTHORITY_KEY, authority.private_key)
+
+
+def write_certificate(folder: Path, authority: bytes, certificate: bytes, key: bytes) -> None:
+    """Write one program's three files, PEM, for their owner alone. Raises OSError."""
+    _write(folder / AUTHORITY, authority)
+    _write(folder / CERTIFICATE, certificate)
+    _write(folder / PRIVATE_KEY, key)
+
+
+def private_pem(key: ec.EllipticCurvePrivateKey) -> bytes:
+    """A private key as a file has it."""
+    return key.private_bytes(
+        serialization.Encoding.PEM,
+        serialization.PrivateFormat.PKCS8,
+        serialization.NoEncryption(),
+    )
+
+
+def public_der(key: ec.EllipticCurvePrivateKey) -> bytes:
+    """Its public half as a message has it."""
+    return key.public_key().public_bytes(
+        serialization.Encoding.DER, serialization.PublicFormat.SubjectPublicKeyInfo
+    )
+
+
+def read_public(der: bytes) -> ec.EllipticCurvePublicKey:
+    """The public key in a message. Raises ValueError: it is none on the curve P-256."""
+    try:
+        key = serialization.load_der_public_key(der)
+    except Exception as error:  # the library's parsers raise of many kinds
+        raise ValueError("not a public key") from error
+    if not isinstance(key, ec.EllipticCurvePublicKey) or not isinstance(key.curve, ec.SECP256R1):
+        raise ValueError("not a public key on the curve P-256")
+    return key
 
 
 def _begun(
-    subject: x509.Name,
-    issuer: x509.Name,
-    key: ec.EllipticCurvePrivateKey,
-    valid: datetime.timedelta,
+    subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePublicKey
 ) -> x509.CertificateBuilder:
-    now = datetime.datetime.now(datetime.UTC)
     return (
         x509.CertificateBuilder()
         .subject_name(subject)
         .issuer_name(issuer)
-        .public_key(key.public_key())
+        .public_key(key)
         .serial_number(x509.random_serial_number())
-        .not_valid_before(now + min(valid, datetime.timedelta()) - _CLOCKS_DIFFER)
-        .not_valid_after(now + valid)
     )
+
+
+def _named(name: str) -> x509.Name:
+    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
 
 
 def _host(host: str) -> x509.GeneralName:
@@ -91,10 +169,6 @@ def _host(host: str) -> x509.GeneralName:
         return x509.IPAddress(ipaddress.ip_address(host))
     except ValueError:
         return x509.DNSName(host)
-
-
-def _pem(certificate: x509.Certificate) -> bytes:
-    return certificate.public_bytes(serialization.Encoding.PEM)
 
 
 def _write(file: Path, content: bytes) -> None:

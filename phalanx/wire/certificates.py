@@ -7,6 +7,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 AUTHORITY, CERTIFICATE, PRIVATE_KEY = "ca.crt", "tls.crt", "tls.key"
+AUTHORITY_KEY = "ca.key"
+"""Beside them in the plant's folder, where agents may claim places."""
+ENDPOINT = "endpoint"
+"""Beside them where the hub's host was known: where to connect to."""
 
 
 def tls(folder: Path, role: Literal["listen", "connect"]) -> dict[str, Any]:

@@ -13,6 +13,8 @@ OPERATOR = "operator"
 """A viewer that may command, where certificates say who is who; scenarios cannot use the name."""
 ROUTER = "router"
 """The program that all others meet in where the plant is not it; scenarios cannot use the name."""
+CLAIMANT = "claimant"
+"""Who asks for an agent's place and is nobody yet; scenarios cannot use the name."""
 EVERYBODY = ""
 """The name of no program: of what all of a run have."""
 
@@ -67,6 +69,11 @@ class Keys:
         return self._key("scenario")
 
     @property
+    def place(self) -> str:
+        """Asked of the plant by a claimant: a free agent's place."""
+        return self._key("place")
+
+    @property
     def command(self) -> str:
         """Whoever has the command secret to the plant: a command."""
         return self._key("command")
@@ -114,9 +121,12 @@ def link(sender: str, receiver: str) -> str:
 def owner(key: str) -> str:
     """Whose key seals what is put on a key expression.
 
-    The agent's own between it and the plant, a link's between two agents; else everybody's.
+    The agent's own between it and the plant, a link's between two agents, a claimant's where it
+    asks for a place; else everybody's.
     """
     kind, name = kind_and_name(key)
+    if kind == "place":
+        return CLAIMANT
     if kind == "broadcast":
         return link(name, key.rsplit("/", 1)[-1])
     return name if kind in _ONES_OWN else EVERYBODY

@@ -133,3 +133,23 @@ class Ended(Message, frozen=True, kw_only=True):
     """Plant to everyone, once: the run's summary as JSON."""
 
     summary: bytes
+
+
+class PlaceRequest(Message, frozen=True, kw_only=True):
+    """A claimant to the plant, as a query: may I be one of the scenario's agents?"""
+
+    digest: str
+    """Of the scenario it runs."""
+    public_key: bytes
+    """Its own, made for this: SubjectPublicKeyInfo in DER. The private key stays where it is."""
+
+
+class Place(Message, frozen=True, kw_only=True):
+    """The plant's answer: whom to be, and what proves it."""
+
+    name: str = ""
+    """Of the program; empty if no place is free now."""
+    certificate: bytes = b""
+    """Of that name and the public key, PEM; empty where passwords say who is who."""
+    refusal: str = ""
+    """Why there will be none; empty if another time there may."""

@@ -1,6 +1,8 @@
 """When a member has to leave: the plant left, or the hub is lost and does not come back."""
 
+import math
 import threading
+import time
 from collections.abc import Callable
 
 from phalanx.wire import session as wire
@@ -19,7 +21,8 @@ class PlantPresence:
     Where the hub is the plant, both are lost at once. A router may be restarted: Zenoh's clients
     connect again by themselves and declare again what they had declared, and the plant is given
     time to do so; so it is before the first sample, when nothing can be missed. That the hub is
-    lost is told before or after the tokens that were there go.
+    lost is told before or after the tokens that were there go. Where a run has several routers, the
+    plant is lost with the one that it is at, too, whose token goes about when the plant's does.
     """
 
     def __init__(
@@ -36,7 +39,8 @@ class PlantPresence:
             begun: whether the first sample has come.
         """
         self._patience, self._leave, self._begun = patience, leave, begun
-        self._at_router = False
+        self._at_router, self._plant_is_there = False, True
+        self._router_lost = -math.inf
         self._lock = threading.Lock()
         self._leaving: threading.Timer | None = None
 
@@ -49,8 +53,7 @@ class PlantPresence:
     def on_parting(self) -> None:
         """The connection to the hub was lost."""
         if self._at_router:
-            self._put_off()
-            self._leave_after(self._patience, "the plant is not back at its router")
+            self._await_plant()
         elif self._begun():
             self._leave("the connection to the hub was lost")
         else:
@@ -60,15 +63,26 @@ class PlantPresence:
     def on_router(self, _: str, alive: bool) -> None:
         """A router's token appeared or disappeared."""
         self._at_router = self._at_router or alive
+        if not alive:
+            self._router_lost = time.monotonic()
+            if not self._plant_is_there:
+                self._await_plant()
 
     def on_plant(self, _: str, alive: bool) -> None:
         """The plant's token appeared or disappeared."""
+        self._plant_is_there = alive
         if alive:
             self._put_off()
+        elif time.monotonic() < self._router_lost + _MOMENT:
+            self._await_plant()
         elif self._at_router or not self._begun():
             self._leave_after(_MOMENT, "the plant left")
         else:
             self._leave("the plant left")
+
+    def _await_plant(self) -> None:
+        self._put_off()
+        self._leave_after(self._patience, "the plant is not back at its router")
 
     def _leave_after(self, seconds: float, why: str) -> None:
         """Leave, unless it is put off before; what was decided before counts."""

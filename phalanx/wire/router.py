@@ -1,8 +1,12 @@
-"""The router: a hub that is nobody's but its own, so that it may die and come back in a run."""
+"""The router: a hub that is nobody's but its own, so that it may die and come back in a run.
+
+A run may have several, each near its own agents: what comes in at one goes out at all.
+"""
 
 import logging
 import signal
 import threading
+from collections.abc import Sequence
 
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire import session as wire
@@ -13,12 +17,13 @@ from phalanx.wire.membership import Membership
 log = logging.getLogger("phalanx.router")
 
 
-def run(swarm: Swarm, membership: Membership) -> int:
+def run(swarm: Swarm, membership: Membership, beyond: Sequence[str] = ()) -> int:
     """Pass on what the programs of a run tell one another, until SIGTERM or Ctrl-C.
 
     Args:
         swarm: of the scenario, which says who may come in.
         membership: of the run, with its secret or certificates; the router listens on its endpoint.
+        beyond: endpoints of the run's other hubs that this one connects to.
 
     Returns:
         Exit status 0.
@@ -29,9 +34,11 @@ def run(swarm: Swarm, membership: Membership) -> int:
     over = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: over.set())
-    with wire.open_hub(membership.endpoint, admission(swarm, membership)) as session:
+    shown = membership.credentials if beyond else None
+    allowed = admission(swarm, membership)
+    with wire.open_hub(membership.endpoint, allowed, beyond, shown) as session:
         # Who sees it knows that the hub may come back after it was lost.
-        _token = wire.announce(session, membership.keys.alive(ROUTER, "-"))
+        _token = wire.announce(session, membership.keys.alive(ROUTER, str(session.info.zid())))
         log.info("run %s meets at %s", membership.run, membership.endpoint)
         over.wait()
     return 0

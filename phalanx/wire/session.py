@@ -7,7 +7,7 @@ import resource
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ _CLIENT_RUNTIME = (
 )
 
 _SOCKET_BYTES = 128 * 1024
+_RETRY = {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 1.5}
 _GLANCE = 0.2
 """How often a wait looks up to see whether it is over [s]."""
 
@@ -89,10 +90,17 @@ def reserved_endpoint() -> Iterator[str]:
         yield f"tcp/127.0.0.1:{holder.getsockname()[1]}"
 
 
-def open_hub(endpoint: str, admission: Admission | None = None) -> zenoh.Session:
+def open_hub(
+    endpoint: str,
+    admission: Admission | None = None,
+    beyond: Sequence[str] = (),
+    credentials: Credentials | None = None,
+) -> zenoh.Session:
     """Open the session that all programs of a run meet in. Raises HubError.
 
-    Without an admission everybody may come in and do everything.
+    Without an admission everybody may come in and do everything. Where the run has other hubs,
+    beyond has the endpoints of those to connect to, and credentials what is shown there; a hub that
+    is not there yet, or is lost, is tried again for as long as this one lives.
 
     This process may open as many files from then on as its hard limit allows: each connection takes
     some, and the usual soft limit of 1024 is too low for a few hundred programs.
@@ -103,6 +111,7 @@ def open_hub(endpoint: str, admission: Admission | None = None) -> zenoh.Session
         **_common(),
         "mode": "router",
         "listen": {"endpoints": [endpoint]},
+        "connect": {"endpoints": list(beyond), "retry": _RETRY},
     }
     # Half-open connections must not keep agents out.
     config["transport"]["unicast"] = {
@@ -116,11 +125,15 @@ def open_hub(endpoint: str, admission: Admission | None = None) -> zenoh.Session
     with contextlib.ExitStack() as stack:
         if admission is not None:
             config["access_control"] = dict(admission.access_control)
+        if credentials is not None:
+            _show(config, credentials)
         if admission is not None and admission.certificates is not None:
-            config["transport"]["link"]["tls"] = tls(admission.certificates, "listen")
+            own = config["transport"]["link"].setdefault("tls", {})
+            own |= tls(admission.certificates, "listen")
         elif admission is not None:
             passwords = stack.enter_context(_file_in_memory(admission.passwords))
-            config["transport"]["auth"] = {"usrpwd": {"dictionary_file": passwords}}
+            auth = config["transport"].setdefault("auth", {}).setdefault("usrpwd", {})
+            auth["dictionary_file"] = passwords
         # Whoever started this process may have been a client, and left it in the environment.
         if os.environ.get(_RUNTIME) == _CLIENT_RUNTIME:
             del os.environ[_RUNTIME]
@@ -152,13 +165,11 @@ def open_client(
         "connect": {
             "endpoints": [endpoint],
             "timeout_ms": int(timeout * 1000),
-            "retry": {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 1.5},
+            "retry": _RETRY,
         },
     }
     if credentials is not None:
-        shown = credentials.to_connect()
-        config["transport"]["link"] |= shown.pop("link", {})
-        config["transport"] |= shown
+        _show(config, credentials)
     try:
         return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
     except zenoh.ZError as error:
@@ -166,6 +177,12 @@ def open_client(
         proof = "certificate" if credentials and credentials.certificates else "secret"
         cause = f"{_reason(error)}; is the {proof} the run's?" if credentials else _reason(error)
         raise HubError(f"no hub at {endpoint} within {timeout:g} s: {cause}") from error
+
+
+def _show(config: dict[str, Any], credentials: Credentials) -> None:
+    shown = credentials.to_connect()
+    config["transport"]["link"] |= shown.pop("link", {})
+    config["transport"] |= shown
 
 
 def open_member(
@@ -242,14 +259,27 @@ def view_publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
 
 def answer(session: zenoh.Session, key: str, payload: bytes) -> None:
     """Answer every query on the key with the same payload, until the close."""
-    session.declare_queryable(key, lambda query: query.reply(key, payload))
+    answer_each(session, key, lambda _: payload)
 
 
-def ask(session: zenoh.Session, key: str, timeout: float) -> bytes | None:
+def answer_each(session: zenoh.Session, key: str, reply: Callable[[bytes], bytes | None]) -> None:
+    """Answer each query on the key by what it asks, in Zenoh's own thread; None: not at all."""
+
+    def on_query(query: zenoh.Query) -> None:
+        payload = reply(query.payload.to_bytes() if query.payload else b"")
+        if payload is not None:
+            query.reply(key, payload)
+
+    session.declare_queryable(key, zenoh.handlers.Callback(on_query, indirect=False))
+
+
+def ask(
+    session: zenoh.Session, key: str, timeout: float, question: bytes | None = None
+) -> bytes | None:
     """The first answer to a query on the key, or None within `timeout` seconds."""
     deadline = time.monotonic() + timeout
     while True:
-        for reply in session.get(key, timeout=min(timeout, 1.0)):
+        for reply in session.get(key, payload=question, timeout=min(timeout, 1.0)):
             if reply.ok is not None:
                 return reply.ok.payload.to_bytes()
         if time.monotonic() > deadline:

@@ -13,6 +13,7 @@ from phalanx.plant.events.stop import SwarmBrokenError
 from phalanx.plant.hub.answers import Answers
 from phalanx.plant.hub.arrivals import Arrivals
 from phalanx.plant.hub.joining import Joining
+from phalanx.plant.hub.places import Places, signer
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.scenario.load import to_json
 from phalanx.swarm.swarm import Swarm
@@ -21,7 +22,7 @@ from phalanx.wire.admission import admission
 from phalanx.wire.frames import Setup
 from phalanx.wire.keys import PLANT, ROUTER
 from phalanx.wire.membership import Membership
-from phalanx.wire.messages import Actuation, Message, Sample, Status, Telemetry
+from phalanx.wire.messages import Actuation, Message, PlaceRequest, Sample, Status, Telemetry
 from phalanx.wire.refusals import Refusals
 from phalanx.wire.seal import Malformed, Sealer
 
@@ -78,7 +79,22 @@ class Hub:
         for every in (keys.actuation("*"), keys.telemetry("*")):
             wire.subscribe(self._session, every, self._arrivals.put_payload)
         wire.watch(self._session, keys.alive("*"), self._arrivals.put_token)
+        self._give_places(membership, swarm)
         self._token = wire.announce(self._session, keys.alive(PLANT, self._joining.digest))
+
+    def _give_places(self, membership: Membership, swarm: Swarm) -> None:
+        key, joining, sign = self._keys.place, self._joining, signer(membership.certificates)
+        places = Places(swarm.scenario.programs(), joining.vacant, joining.digest, sign)
+
+        def answer(question: bytes) -> bytes | None:
+            try:
+                request = self._sealer.open(key, question, PlaceRequest)
+            except Malformed as reason:
+                self.refusals.add(key, reason)
+                return None
+            return self._sealer.seal(key, places.answer(request))
+
+        wire.answer_each(self._session, key, answer)
 
     def __enter__(self) -> Self:
         return self
@@ -161,6 +177,7 @@ class Hub:
             return
         name, deadline = self._names[i], time.monotonic() + self._timeout
         wanted = Status(t=t, waiting_for=(name,), restart=True)
+        self._joining.invite(name)
         if self._real_time:
             self.publish_status(wanted)
             return

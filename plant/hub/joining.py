@@ -17,6 +17,10 @@ class Joining:
         self._names, self._real_time = swarm.names, real_time
         self._joined: set[str] = set()
         self._dismissed: set[str] = set()
+        self._here: set[str] = set()
+        """Whose token is there."""
+        self._awaited = set(swarm.names)
+        """Whom the run has, or waits for."""
         self._begun = False
         self._gone: dict[str, float] = {}
         """By the wall clock, since when an agent that had joined is away [s]."""
@@ -25,6 +29,8 @@ class Joining:
     def begin(self) -> None:
         """All are there: from now on nobody may go. Before, one may lose the hub and come back."""
         self._begun = True
+        if not self._real_time:
+            self._awaited.clear()
 
     def gone_for(self, seconds: float) -> list[str]:
         """Who joined, and was lost so long ago."""
@@ -42,6 +48,15 @@ class Joining:
     def dismiss(self, name: str) -> None:
         """An agent that was told to die is not missed, and another process may take its place."""
         self._dismissed.add(name)
+        self._awaited.discard(name)
+
+    def invite(self, name: str) -> None:
+        """Another process is asked for in a dead agent's place."""
+        self._awaited.add(name)
+
+    def vacant(self) -> tuple[str, ...]:
+        """Whom the run waits for; any thread may ask."""
+        return tuple(n for n in self._names if n in self._awaited and n not in self._here)
 
     def take_changes(self) -> list[tuple[int, bool]]:
         """Who went, in real time, and who came back, since this was last called: (i, is back)."""
@@ -53,6 +68,8 @@ class Joining:
         (_, name), found = kind_and_name(key), key.rsplit("/", 1)[-1]
         if name not in self._names:
             return None
+        if found == self.digest:
+            (self._here.add if alive else self._here.discard)(name)
         if name in self._joined and self._real_time:
             self._changes += [(self._names.index(name), alive)] if found == self.digest else []
             return None

@@ -43,3 +43,39 @@ def test_before_the_run_begins_an_agent_may_go_and_come_back(joining: Joining):
 def test_tokens_of_nobody_mean_nothing(joining: Joining, key: str):
     assert joining.on_token(key, True) is None
     assert len(joining.missing()) == 5
+
+
+def test_the_places_of_who_has_not_come_are_vacant_until_all_are_there(joining: Joining):
+    for name in "1345":
+        joining.on_token(KEYS.alive(name, joining.digest), True)
+    joining.on_token(KEYS.alive("3", joining.digest), False)
+    assert joining.vacant() == ("2", "3")
+    for name in "23":
+        joining.on_token(KEYS.alive(name, joining.digest), True)
+    joining.begin()
+    assert joining.vacant() == ()
+
+
+def test_a_dead_agents_place_is_vacant_once_another_is_asked_for():
+    for real_time in (False, True):
+        joining = Joining(swarm_of_scenario("unicycles"), real_time)
+        for name in "12345":
+            joining.on_token(KEYS.alive(name, joining.digest), True)
+        joining.begin()
+        joining.dismiss("2")
+        joining.on_token(KEYS.alive("2", joining.digest), False)
+        assert joining.vacant() == (), "it is not to come back yet"
+        joining.invite("2")
+        assert joining.vacant() == ("2",)
+        joining.on_token(KEYS.alive("2", joining.digest), True)
+        assert joining.vacant() == ()
+
+
+@pytest.mark.parametrize(("real_time", "vacant"), [(True, ("4",)), (False, ())])
+def test_only_in_real_time_may_another_come_for_who_was_lost(real_time: bool, vacant):
+    joining = Joining(swarm_of_scenario("unicycles"), real_time)
+    for name in "12345":
+        joining.on_token(KEYS.alive(name, joining.digest), True)
+    joining.begin()
+    joining.on_token(KEYS.alive("4", joining.digest), False)
+    assert joining.vacant() == vacant

@@ -72,7 +72,7 @@ def test_the_page_has_every_message_and_no_other():
     assert f"now **{VERSION}**" in PAGE
 
 
-@pytest.mark.parametrize("of", ["telemetry/4", "broadcast/4/5", "status/plant"])
+@pytest.mark.parametrize("of", ["telemetry/4", "broadcast/4/5", "status/plant", "place/plant"])
 @pytest.mark.parametrize("name", sorted(tables()))
 def test_a_message_written_from_the_page_is_read_and_read_back(name, of, page):
     table, kind, key = tables()[name], kinds()[name], f"phalanx/r/{of}"
@@ -84,7 +84,7 @@ def test_a_message_written_from_the_page_is_read_and_read_back(name, of, page):
     assert msgpack.unpackb(again[16:]) == fields
 
 
-@pytest.mark.parametrize("name", ["", "4", "viewer", "1>2"])
+@pytest.mark.parametrize("name", ["", "4", "viewer", "claimant", "1>2"])
 def test_the_keys_and_passwords_of_the_page_are_those_of_the_code(name, page):
     assert page["key_of"](name, SECRET) == MEMBERSHIP.key_of(name)
     assert page["password_of"](name, SECRET) == MEMBERSHIP.password_of(name)
@@ -93,7 +93,8 @@ def test_the_keys_and_passwords_of_the_page_are_those_of_the_code(name, page):
 def test_the_keys_of_the_page_are_those_of_the_code():
     keys = Keys("RUN")
     of_agents = (keys.sample, keys.actuation, keys.telemetry)
-    of_plant = {keys.status, keys.verdict, keys.frames, keys.scenario, keys.command}
+    of_plant = {keys.status, keys.verdict, keys.frames, keys.scenario}
+    of_plant |= {keys.command, keys.place}
     made = {key("AGENT") for key in of_agents} | of_plant
     made |= {keys.broadcast("AGENT", "PEER"), keys.alive("NAME", "DIGEST")}
     assert set(re.findall(r"^\| (phalanx/\S+)", PAGE, re.MULTILINE)) == made

@@ -60,6 +60,23 @@ def test_but_not_for_ever(presence, tokens_first: bool) -> None:
     assert presence.reasons == ["the plant is not back at its router"]
 
 
+@pytest.mark.parametrize("router_first", [True, False])
+def test_a_plant_that_went_with_a_distant_router_may_come_back(
+    presence, router_first: bool
+) -> None:
+    presence.on_router("near", True)
+    presence.on_router("far", True)
+    losses = [lambda: presence.on_router("far", False), lambda: presence.on_plant("", False)]
+    for lose in losses if router_first else reversed(losses):
+        lose()
+    presence.on_plant("", True)
+    assert not presence.left.wait(2.0 * PATIENCE)
+    for lose in losses if router_first else reversed(losses):
+        lose()
+    assert presence.left.wait(30.0)
+    assert presence.reasons == ["the plant is not back at its router"]
+
+
 def test_a_plant_that_leaves_a_router_has_left(presence) -> None:
     presence.on_router("", True)
     presence.on_plant("", False)

@@ -1,0 +1,133 @@
+"""Two hosts, a router on each, agents on both, certificates between all of them: one run.
+
+The hosts are network namespaces with a real wire between them; see bench/network/testbed.py.
+"""
+
+import contextlib
+import datetime
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from bench.network import testbed
+from bench.network.testbed import HERE, THERE, Wire, opened, unavailable
+from phalanx.guarantee.verdict import Summary
+from phalanx.launcher.execute import execute
+from phalanx.recording.read import Recording, UnreadableRecordingError, read
+from phalanx.scenario.load import load
+from phalanx.wire.authority import make_certificates
+from phalanx.wire.keys import PLANT, ROUTER
+from tests.process.runs import wait_for
+
+pytestmark = [
+    pytest.mark.swarm,
+    pytest.mark.skipif(reason := unavailable() or False, reason=str(reason)),
+]
+
+SCENARIO, DURATION = "unicycles", "duration=0.5"
+NORTH, SOUTH = f"tls/{HERE}:7447", f"tls/{THERE}:7447"
+PLACES = {"1": NORTH, "2": NORTH, "3": SOUTH, "4": NORTH, "5": SOUTH}
+
+
+class Hosts:
+    """The programs of one run, each in its namespace with its own certificate."""
+
+    def __init__(self, bed: testbed.Testbed, folder: Path) -> None:
+        self.bed, self.keys, self.out = bed, folder / "keys", folder / "plant"
+        self.out.mkdir()
+        names = (PLANT, ROUTER, *PLACES)
+        make_certificates(self.keys, names, [HERE, THERE], datetime.timedelta(days=1))
+        self.started: list[subprocess.Popen[str]] = []
+
+    def start(self, host: str, program: str, *arguments: str) -> subprocess.Popen[str]:
+        own = self.keys / (arguments[0] if program == "agent" else program)
+        common = ("--scenario", SCENARIO, "--set", DURATION, "--run", "r", "--keys", str(own))
+        place = self.bed.here if host == NORTH else self.bed.there
+        # Of two settings of one field the last counts.
+        command = (sys.executable, "-m", "phalanx", program, *common, *arguments)
+        self.started.append(self.bed.start(place, *command))
+        return self.started[-1]
+
+    def start_north(self) -> subprocess.Popen[str]:
+        return self.start(NORTH, "router", "--listen", NORTH)
+
+    def start_routers(self) -> tuple[subprocess.Popen[str], subprocess.Popen[str]]:
+        beyond = ("--connect", NORTH)
+        return self.start_north(), self.start(SOUTH, "router", "--listen", SOUTH, *beyond)
+
+    def start_plant(self, *more: str) -> subprocess.Popen[str]:
+        return self.start(NORTH, "plant", "--connect", NORTH, "--out", str(self.out), *more)
+
+    def start_agents(self, *more: str) -> list[subprocess.Popen[str]]:
+        return [
+            self.start(host, "agent", name, "--connect", host, *more)
+            for name, host in PLACES.items()
+        ]
+
+    def recorded(self) -> Recording:
+        """What there is by now."""
+        with contextlib.suppress(UnreadableRecordingError):
+            return read(self.out)
+        return Recording(self.out, load(SCENARIO), {})
+
+    def times(self, what: str) -> list[float]:
+        """When the log says so."""
+        return [line.t for line in self.recorded().log if what in line.text]
+
+    def end(self) -> None:
+        for program in self.started:
+            program.kill()
+            program.communicate()
+
+
+@pytest.fixture
+def hosts(tmp_path: Path) -> Iterator[Hosts]:
+    with opened() as bed:
+        started = Hosts(bed, tmp_path)
+        yield started
+        started.end()
+
+
+@pytest.mark.parametrize("cut", [False, True], ids=["calm", "cut"])
+def test_a_run_over_two_routers_is_the_run_on_one_host(
+    hosts: Hosts, tmp_path: Path, cut: bool
+) -> None:
+    """Also when the wire between them is cut for a moment, and restored."""
+    hosts.start_routers()
+    plant, agents = hosts.start_plant(), hosts.start_agents()
+    if cut:
+        recording = hosts.out / "recording.mcap"
+        wait_for(lambda: recording.exists() and recording.stat().st_size > 20_000)
+        hosts.bed.wire = Wire(loss=1.0)
+        with pytest.raises(subprocess.TimeoutExpired):
+            plant.communicate(timeout=2.0)
+        hosts.bed.wire = Wire()
+    said = [program.communicate(timeout=120)[0] for program in (plant, *agents)]
+    assert [program.returncode for program in (plant, *agents)] == [0] * 6, said
+    summary = msgspec.json.decode((hosts.out / "summary.json").read_bytes(), type=Summary)
+    (folder := tmp_path / "alone").mkdir()
+    alone = execute(load(SCENARIO, [DURATION]), folder, engine="in-process")
+    assert summary.trajectory == alone.trajectory
+    assert summary.outcome is alone.outcome
+    assert not summary.rejected
+
+
+def test_agents_outlive_the_loss_of_the_router_beyond_their_own(hosts: Hosts) -> None:
+    """In real time: those in the south lose the plant with it, and stay where they are."""
+    north, _ = hosts.start_routers()
+    plant = hosts.start_plant("--real-time", "1", "--set", "duration=600")
+    hosts.start_agents("--set", "duration=600")
+    wait_for(lambda: len(hosts.recorded().steps) > 100)
+    north.kill()
+    north.communicate()
+    wait_for(lambda: len(hosts.times("is lost")) == len(PLACES))
+    hosts.start_north()
+    wait_for(lambda: len(hosts.times("is back")) == len(PLACES))
+    back = max(hosts.times("is back"))
+    wait_for(lambda: {s.agent for s in hosts.recorded().steps if s.t > back} == set(PLACES))
+    plant.terminate()
+    assert "stopped" in plant.communicate(timeout=60)[0]
