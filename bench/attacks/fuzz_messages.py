@@ -7,6 +7,7 @@ fault. The seal is right, so what is tried is all that comes behind it.
 """
 
 import contextlib
+import itertools
 import logging
 import random
 import sys
@@ -17,6 +18,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import msgspec
+from cryptography.hazmat.primitives.asymmetric import ec
 from mutation import of_bytes, of_tree
 
 from phalanx.agent.answering import SampleAnswering
@@ -29,6 +31,7 @@ from phalanx.network.inbox import Fate
 from phalanx.plant.clock.commands import CommandQueue
 from phalanx.plant.hub.answers import Answers
 from phalanx.plant.hub.joining import Joining
+from phalanx.plant.hub.places import Places
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
@@ -36,9 +39,19 @@ from phalanx.theory.rows.origin import Origin
 from phalanx.viewer.feeds.expected import check_frame
 from phalanx.viewer.feeds.live_history import LiveHistory
 from phalanx.viewer.scene.model import scene_model
+from phalanx.wire.authority import public_der, read_public
 from phalanx.wire.frames import AgentStatus, CommandMessage, Frame, LinkEvent, LogLine
 from phalanx.wire.keys import Keys
-from phalanx.wire.messages import Actuation, Broadcast, Ended, Message, Sample, Status, Telemetry
+from phalanx.wire.messages import (
+    Actuation,
+    Broadcast,
+    Ended,
+    Message,
+    PlaceRequest,
+    Sample,
+    Status,
+    Telemetry,
+)
 from phalanx.wire.seal import Malformed, Sealer
 
 KEYS = Keys("run")
@@ -99,8 +112,24 @@ def _frame(k: int) -> Frame:
 
 
 def _plant() -> list[Receiver]:
-    """The plant's: two kinds of answers, and commands."""
+    """The plant's: two kinds of answers, commands, and questions for a place."""
     answers = Answers(_swarm())
+    public_key = public_der(ec.generate_private_key(ec.SECP256R1()))
+    clock = itertools.count(step=3600.0)  # by the next question a place is free again
+
+    def sign(name: str, key: bytes) -> bytes:
+        read_public(key)
+        return name.encode()
+
+    programs = SCENARIO.programs()
+    places = Places(programs, lambda: _swarm().names, "digest", sign, lambda: next(clock))
+
+    def question(_: int) -> PlaceRequest:
+        return PlaceRequest(digest="digest", public_key=public_key)
+
+    def on_question(key: str, payload: bytes) -> bool:
+        return bool(places.answer(SEALER.open(key, payload, PlaceRequest)).name)
+
     commands = CommandQueue(CommandPolicy(secret=b"c"), _swarm().names)
 
     def actuation(k: int) -> Actuation:
@@ -135,6 +164,7 @@ def _plant() -> list[Receiver]:
         Receiver(KEYS.actuation("1"), actuation, on_actuation),
         Receiver(KEYS.telemetry("1"), telemetry, on_telemetry),
         Receiver(KEYS.command, command, on_command),
+        Receiver(KEYS.place, question, on_question),
     ]
 
 

@@ -1,4 +1,4 @@
-"""compose.yaml: valid anywhere; with an engine, a whole run and a killed agent, for real.
+"""compose.yaml: valid anywhere; with an engine, whole runs, killed agents and a cut network.
 
 The image is built unless PHALANX_IMAGE names one; PHALANX_BASE names another base image.
 """
@@ -6,12 +6,13 @@ The image is built unless PHALANX_IMAGE names one; PHALANX_BASE names another ba
 import contextlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import time
 import urllib.request
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,11 @@ import pytest
 import yaml
 
 import phalanx
+from phalanx import Summary
+from tests.process.runs import wait_for
 
 ROOT = Path(__file__).parents[2]
-AGENTS = {"agent-1", "agent-2", "agent-3", "adversary-4", "adversary-5"}
+SEED = 3
 pytestmark = pytest.mark.timeout(600)
 
 
@@ -41,16 +44,56 @@ class Stack:
         assert ran.returncode == 0 or not check, ran.stderr
         return ran.stdout
 
-    def verdict(self) -> dict[str, object]:
+    def containers(self, service: str) -> list[str]:
+        """Of one service."""
+        return self("ps", "-q", service).split()
+
+    def said(self, what: str) -> list[str]:
+        """The lines of the agents' and the plant's logs that have this text."""
+        logs = self("logs", "--no-color", "agent", "plant")
+        return [line for line in logs.splitlines() if what in line]
+
+    def verdict(self) -> dict[str, Any]:
         """Wait for the plant to end, and read the summary it wrote."""
-        container = self("ps", "-q", "plant").strip()
-        subprocess.run(["docker", "wait", container], check=True, capture_output=True)
+        (container,) = self.containers("plant")
+        docker("wait", container)
         copied = subprocess.run(
             ["docker", "cp", f"{container}:/runs/summary.json", "-"],
             check=True, capture_output=True,
         )  # fmt: skip
         _, _, rest = copied.stdout.partition(b"{")  # a tar of one file
         return dict(json.JSONDecoder().raw_decode("{" + rest.decode())[0])
+
+
+def docker(*arguments: str) -> str:
+    """Run a command of the engine's and return all that it printed."""
+    ran = subprocess.run(
+        ["docker", *arguments],
+        check=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    )  # fmt: skip
+    return ran.stdout.strip()
+
+
+def in_network_of(container: str, *command: str) -> str:
+    """Run a command in a container's network, with the rights of this process."""
+    process = docker("inspect", "--format", "{{.State.Pid}}", container)
+    entered = ["nsenter", "--net", "--target", process, *command]
+    return subprocess.run(entered, check=True, capture_output=True, text=True).stdout
+
+
+@contextlib.contextmanager
+def cut_off(container: str) -> Iterator[None]:
+    """A container's cable pulled out while the block runs."""
+    in_network_of(container, "ip", "link", "set", "eth0", "down")
+    yield
+    in_network_of(container, "ip", "link", "set", "eth0", "up")
+
+
+def sent_again(container: str) -> int:
+    """How many TCP segments it had to send more than once."""
+    counters = in_network_of(container, "cat", "/proc/net/snmp")
+    names, values = (line.split() for line in counters.splitlines() if line.startswith("Tcp:"))
+    return int(values[names.index("RetransSegs")])
 
 
 def wait_for_page(url: str, seconds: float) -> None:
@@ -91,11 +134,24 @@ def image(compose: list[str]) -> str:
 
 
 @pytest.fixture
-def stack(compose: list[str], image: str) -> Iterator[Stack]:
-    """A stack that is taken down, whatever happens."""
-    started = Stack(compose, PHALANX_IMAGE=image, PHALANX_SEED="3")
-    yield started
-    started("down", "--volumes", "--timeout", "2", check=False)
+def start(compose: list[str], image: str) -> Iterator[Callable[..., Stack]]:
+    """Bring stacks up with so many agents; they are taken down, whatever happens."""
+    with contextlib.ExitStack() as stacks:
+
+        def up(*services: str, agents: int = 5, **environment: str) -> Stack:
+            stack = Stack(compose, PHALANX_IMAGE=image, PHALANX_SEED=str(SEED), **environment)
+            stacks.callback(stack, "down", "--volumes", "--timeout", "2", check=False)
+            stack("up", "-d", "--no-build", "--scale", f"agent={agents}", *services)
+            return stack
+
+        yield up
+
+
+def alone(scenario: str, folder: Path) -> Summary:
+    """The same run on this host, without any of this."""
+    run = phalanx.run(phalanx.load(scenario, seed=SEED), engine="in-process", out=folder)
+    assert run.summary is not None
+    return run.summary
 
 
 def key_volumes(service: dict[str, Any]) -> list[str]:
@@ -105,7 +161,8 @@ def key_volumes(service: dict[str, Any]) -> list[str]:
 def test_the_file_is_valid_and_its_services_are_what_they_should_be(compose: list[str]) -> None:
     text = Stack(compose)("config")
     services = yaml.safe_load(text)["services"]
-    assert set(services) == {"keys", "plant", "viewer", *AGENTS}
+    assert set(services) == {"keys", "plant", "viewer", "agent"}
+    assert services["agent"]["deploy"]["replicas"] == len(phalanx.load("unicycles").programs())
     for name, service in services.items():
         assert "tls/" in service["environment"]["PHALANX_CONNECT"], name
         assert len(key_volumes(service)) == 1 or name == "keys", "each has its own alone"
@@ -117,21 +174,51 @@ def test_the_file_is_valid_and_its_services_are_what_they_should_be(compose: lis
         assert all("127.0.0.1" in port for port in published), name
 
 
-def test_a_run_in_containers_ends_with_the_hash_of_a_local_run(
-    stack: Stack, tmp_path: Path
+def test_a_run_in_containers_is_the_local_run_also_when_a_cable_is_pulled(
+    start: Callable[..., Stack], tmp_path: Path
 ) -> None:
-    scenario = phalanx.load("unicycles", seed=3)
-    stack("up", "-d", "--no-build")
+    stack = start()
     wait_for_page("http://127.0.0.1:8080", 60.0)
-    contained = stack.verdict()
-    local = phalanx.run(scenario, out=tmp_path / "local").summary
+    wait_for(lambda: len(stack.said("claimed the place of")) == 5)
+    (plant,) = stack.containers("plant")
+    before = sent_again(plant)
+    with cut_off(stack.containers("agent")[0]):
+        wait_for(lambda: sent_again(plant) > before + 3)
+    contained, local = stack.verdict(), alone("unicycles", tmp_path)
+    assert contained["trajectory"] == local.trajectory
+    assert contained["outcome"] == local.outcome
+    assert not contained["rejected"]
+
+
+def test_the_verdict_names_an_agent_whose_container_was_killed(start: Callable[..., Stack]) -> None:
+    stack = start("agent")
+    wait_for(lambda: len(stack.said("joined run")) == 5)
+    docker("kill", stack.containers("agent")[2])
+    summary = stack.verdict()
+    assert summary["outcome"] == "broken"
+    assert re.search(r"agent \d died", summary["reason"])
+
+
+def test_another_container_takes_the_place_of_an_agent_that_dies_by_the_scenario(
+    start: Callable[..., Stack], tmp_path: Path
+) -> None:
+    stack = start("agent", PHALANX_SCENARIO="faults/restart", agents=4)
+    contained, local = stack.verdict(), alone("faults/restart", tmp_path)
+    assert len(stack.said("claimed the place of")) == 5
+    assert len(stack.said("claimed the place of 1")) == 2
     assert contained["trajectory"] == local.trajectory
     assert contained["outcome"] == local.outcome
 
 
-def test_the_verdict_names_an_agent_whose_container_was_killed(stack: Stack) -> None:
-    stack("up", "-d", "--no-build")
-    stack("kill", "agent-3")
+def test_a_spare_takes_the_place_of_a_killed_container_in_real_time(
+    start: Callable[..., Stack],
+) -> None:
+    stack = start("agent", PHALANX_REAL_TIME="1", agents=6)
+    wait_for(lambda: len(stack.said("claimed the place of")) == 5)
+    wait_for(lambda: stack.said("joined run"))
+    claims = "claimed the place of 3"
+    (third,) = (each for each in stack.containers("agent") if claims in docker("logs", each))
+    docker("kill", third)
+    wait_for(lambda: len(stack.said(claims)) == 2)
     summary = stack.verdict()
-    assert summary["outcome"] == "broken"
-    assert "agent 3" in str(summary["reason"])
+    assert summary["outcome"] != "broken"

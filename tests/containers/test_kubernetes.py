@@ -26,16 +26,22 @@ def test_a_misspelt_field_would_be_refused() -> None:
         kubernetes_validate.validate(broken, "1.30", strict=True)
 
 
-def test_there_is_a_pod_for_every_agent_of_the_scenario_with_its_secret_where_it_looks() -> None:
+def test_there_is_a_pod_for_every_agent_of_the_scenario() -> None:
     run = BY_NAME["ConfigMap", "phalanx-run"]["data"]
-    agents = list(phalanx.load(run["PHALANX_SCENARIO"]).programs())
     job = BY_NAME["Job", "agents"]["spec"]
+    agents = phalanx.load(run["PHALANX_SCENARIO"]).programs()
     assert job["completions"] == job["parallelism"] == len(agents)
-    sources = job["template"]["spec"]["volumes"][0]["projected"]["sources"]
-    for index, (name, source) in enumerate(zip(agents, sources, strict=True)):
-        secret = source["secret"]
-        assert name == str(index + 1)
-        assert secret["name"] == f"phalanx-{name}"
-        assert {item["path"] for item in secret["items"]} == {
-            f"{index}/{file}" for file in ("ca.crt", "tls.crt", "tls.key")
-        }
+
+
+def test_every_pod_is_given_one_secret_of_those_that_are_made() -> None:
+    given = {
+        name: [v["secret"]["secretName"] for v in spec["volumes"] if "secret" in v]
+        for (kind, name), resource in BY_NAME.items()
+        if kind == "Job" and (spec := resource["spec"]["template"]["spec"])
+    }
+    assert given == {
+        "plant": ["phalanx-plant"],
+        "agents": ["phalanx-claimant"],
+        "viewer": ["phalanx-operator"],
+    }
+    assert "for name in plant operator claimant; do" in MANIFEST.read_text()
