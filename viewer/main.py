@@ -2,7 +2,7 @@
 
 import logging
 import signal
-import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -49,20 +49,20 @@ def run_live(
         HubError, NoRunError: there is no such run.
         ValueError, PortTakenError: the page cannot be served there.
     """
-    stop = _told_to_stop()
+    told_to_stop = _stop_request()
     choose_port(host, port)  # a port that cannot be had is said before a run is waited for
     with Live(membership, command_secret, trust) as live:
         if command_secret and not live.commandable:
             log.warning("the plant obeys no commands: it was started without a command secret")
         page = Page(host, port, origins, live)
         _announce(page)
-        _tick(page, lambda: stop.is_set() or (recording is not None and live.over), stop)
-    if recording is not None and not stop.is_set():
+        _tick(page, lambda: told_to_stop() or (recording is not None and live.over))
+    if recording is not None and not told_to_stop():
         try:
             page.replay(open_replay(recording, trust))
         except ValueError as error:  # a plant that was killed leaves none
             log.warning("no replay: %s", error)
-        _tick(page, stop.is_set, stop)
+        _tick(page, told_to_stop)
     page.server.stop()
     return 0
 
@@ -81,21 +81,22 @@ def run_replay(
         UnreadableRecordingError, ValueError: nothing to replay, or no port has this number.
         PortTakenError: the page cannot be served there.
     """
-    stop = _told_to_stop()
+    told_to_stop = _stop_request()
     choose_port(host, port)  # a port that cannot be had is said before a long recording is read
     page = Page(host, port, origins, open_replay(recording, trust))
     _announce(page)
-    _tick(page, stop.is_set, stop)
+    _tick(page, told_to_stop)
     page.server.stop()
     return 0
 
 
-def _told_to_stop() -> threading.Event:
-    """Set by SIGINT and SIGTERM from now on."""
-    stop = threading.Event()
+def _stop_request() -> Callable[[], bool]:
+    """Whether SIGINT or SIGTERM came since this call."""
+    # No event: a handler that sets one while this thread is about to wait for it never returns.
+    came: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
-    return stop
+        signal.signal(number, lambda number, _: came.append(number))
+    return lambda: bool(came)
 
 
 def _announce(page: Page) -> None:
@@ -104,8 +105,8 @@ def _announce(page: Page) -> None:
     log.info("showing the run at %s", where)
 
 
-def _tick(page: Page, over: Callable[[], bool], stop: threading.Event) -> None:
+def _tick(page: Page, over: Callable[[], bool]) -> None:
     """Keep the page up to date until it is over."""
     while not over():
         page.tick()
-        stop.wait(_TICK)
+        time.sleep(_TICK)

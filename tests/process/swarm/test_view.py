@@ -27,8 +27,8 @@ def test_a_run_shows_itself_and_then_its_replay_until_ctrl_c(phalanx):
     while "the page replays the run" not in output:
         output += run.process.stdout.readline()
     run.process.send_signal(signal.SIGINT)
-    status, _ = run.finish()
-    assert status == 0
+    status, rest = run.finish()
+    assert status == 0, output + rest
     run.wait_until_gone(60.0)
 
 
