@@ -1,6 +1,6 @@
 """What became of every broadcast on its way: in time, late or lost."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -8,6 +8,8 @@ import numpy as np
 from phalanx.recording.read import Recording, steps_by_agent
 
 IN_TIME, LATE, LOST = FATES = ("in time", "late", "lost")
+_WINDOW_STEPS = 8
+"""How many control steps of an agent a window shows."""
 
 
 class Broadcast(NamedTuple):
@@ -39,3 +41,17 @@ def broadcasts(recording: Recording) -> Iterator[Broadcast]:
             fate = LOST if delay < 0.0 else LATE if t + delay > next_step else IN_TIME
             arrival = t + max(delay, 0.0)
             yield Broadcast(place[sender], place[step.agent], t, arrival, fate)
+
+
+def window(moment: float, end: float, samples: Iterable[Sequence[float]]) -> tuple[float, float]:
+    """A few control steps around a moment, from when to when [s].
+
+    Args:
+        moment: what to look at [s].
+        end: of the run [s].
+        samples: when each agent had its steps [s].
+    """
+    gaps = [float(np.median(np.diff(t))) for t in samples if len(t) > 1]
+    width = _WINDOW_STEPS * max(gaps, default=1.0)
+    begin = max(min(moment - width / 2.0, end - width), 0.0)
+    return begin, begin + width

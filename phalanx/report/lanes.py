@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from phalanx.recording.broadcasts import FATES, IN_TIME, LATE, LOST, Broadcast, broadcasts
+from phalanx.recording.broadcasts import FATES, IN_TIME, LATE, LOST, Broadcast, broadcasts, window
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Step
 from phalanx.report.style import MOST_NAMED, legend
@@ -32,8 +32,6 @@ _MOST_INTERVALS = 400
 """Of the whole run."""
 _MOST_LANES = 24
 """Of three rows each, and most names beside them."""
-_ZOOM_STEPS = 8
-"""How many control steps of an agent the zoom shows."""
 _WIDTH, _LANE, _MOST_HIGH = 9.0, 0.34, 7.0
 """[inch]"""
 
@@ -47,10 +45,12 @@ def space_time(recording: Recording, swarm: Swarm) -> Figure | None:
     heights = [min(_LANE * len(swarm.names), _MOST_HIGH), _LANE * len(lanes)]
     figure = Figure(figsize=(_WIDTH, sum(heights) + 1.6), layout="constrained", facecolor="white")
     whole, zoom = figure.subplots(2, 1, height_ratios=[h + 0.3 for h in heights])
-    window = _window(recording)
+    worst = float(recording.times[int(np.argmax(recording.h_tot))])
+    times = [[step.t for step in steps] for steps in steps_by_agent(recording).values()]
+    begin, end = window(worst, float(recording.times[-1]), times)
     _draw_whole(whole, found, recording, swarm)
-    whole.axvspan(*window, color="#000000", alpha=0.15, linewidth=0)
-    _draw_zoom(zoom, found, recording, lanes, window)
+    whole.axvspan(begin, end, color="#000000", alpha=0.15, linewidth=0)
+    _draw_zoom(zoom, found, recording, lanes, begin, end)
     return figure
 
 
@@ -95,10 +95,9 @@ def _draw_whole(axes: Axes, found: Sequence[Broadcast], recording: Recording, sw
 
 def _draw_zoom(
     axes: Axes, found: Sequence[Broadcast], recording: Recording, lanes: Sequence[int],
-    window: tuple[float, float],
+    begin: float, end: float,
 ) -> None:  # fmt: skip
     """Every control step as a dot, every broadcast as a line from its sender to its receiver."""
-    begin, end = window
     place = {agent: lane for lane, agent in enumerate(lanes)}
     for i, steps in enumerate(steps_by_agent(recording).values()):
         if i in place:
@@ -166,16 +165,6 @@ def _shown(found: Sequence[Broadcast], recording: Recording, swarm: Swarm) -> li
     first = [] if pair is None else [i for i in (pair.a, pair.b) if i is not None]
     others = [i for i in np.argsort(-kept, kind="stable").tolist() if i not in first]
     return sorted([*first, *others][:MOST_NAMED])
-
-
-def _window(recording: Recording) -> tuple[float, float]:
-    """A few control steps around the worst moment [s]."""
-    worst = float(recording.times[int(np.argmax(recording.h_tot))])
-    times = [[step.t for step in steps] for steps in steps_by_agent(recording).values()]
-    gaps = [float(np.median(np.diff(t))) for t in times if len(t) > 1]
-    width = _ZOOM_STEPS * max(gaps, default=1.0)
-    begin = max(min(worst - width / 2.0, float(recording.times[-1]) - width), 0.0)
-    return begin, begin + width
 
 
 def _shares(found: Sequence[Broadcast], fate: str, count: int, edges: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.faults.state import Condition
-from phalanx.recording.broadcasts import Broadcast
+from phalanx.recording.broadcasts import LATE, LOST, Broadcast
 from phalanx.theory.rows.origin import Origin
 
 Array = NDArray[np.float64]
@@ -79,6 +79,25 @@ class PairSeries(NamedTuple):
     """Shape (s, p), in the order of the composed set's pairs."""
 
 
+class Fates(NamedTuple):
+    """What became of broadcasts; a row for one, or for several to one agent. Each of shape (b,)."""
+
+    t: Array
+    """When they were sent [s]."""
+    receiver: Array
+    sent: Array
+    """How many."""
+    late: Array
+    """How many of them."""
+    lost: Array
+
+
+def fates_of(broadcasts: Sequence[Broadcast]) -> Fates:
+    """A row for each."""
+    rows = [(b.sent, b.receiver, 1.0, b.fate == LATE, b.fate == LOST) for b in broadcasts]
+    return Fates(*np.array(rows, dtype=float).reshape(-1, 5).T)
+
+
 class ConditionChange(NamedTuple):
     """From when on an agent is in a condition."""
 
@@ -98,6 +117,8 @@ class History:
     """What one agent did."""
     pairs: Callable[[], PairSeries]
     """h of every pair at some of the times of `swarm`, the worst ones among them."""
+    fates: Callable[[], Fates]
+    """Of all broadcasts; of a live run with many agents of none."""
     broadcasts: Sequence[Broadcast] = ()
     """Every broadcast, of a recorded run: a live one tells of late and lost ones alone."""
     conditions: list[ConditionChange] = field(default_factory=list)

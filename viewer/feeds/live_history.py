@@ -12,6 +12,7 @@ from phalanx.viewer.feeds.history import (
     SCALARS,
     AgentSeries,
     ConditionChange,
+    Fates,
     History,
     PairSeries,
     TimeSeries,
@@ -34,12 +35,16 @@ class LiveHistory:
     def __init__(self, model: SceneModel) -> None:
         n, m = len(model.names), model.kinematics.inputs[-1].stop
         self._model = model
-        self.history = History(TimeSeries(3 + len(model.psi_levels)), self._agent, self._every_pair)
+        swarm = TimeSeries(3 + len(model.psi_levels))
+        self.history = History(swarm, self._agent, self._every_pair, self._fates)
         self.recent_paths = RecentPaths(n)
         self._steps = TimeSeries(1 + (SCALARS - 1) * n + 2 * m)
         """t; of every agent: empty, age, solve time, certified, residual; all u, all u_nom."""
         self._pairs = TimeSeries(1 + len(model.swarm.safe_set.pairs))
         self._pairs_due = -np.inf
+        self._late_or_lost = TimeSeries(1 + 2 * n)
+        """t; how many links to every agent were late since the row before, how many lost."""
+        self._links_to = np.array([len(model.swarm.heard_by(i)) for i in range(n)], dtype=float)
         self._empty = np.zeros((2, n))
         self._condition = [Condition.FINE] * n
         self.log: list[LogLine] = []
@@ -55,6 +60,8 @@ class LiveHistory:
         if frame.t >= self._pairs_due:
             self._pairs_due = frame.t + self._model.scenario.duration / _PAIR_STATES
             self._pairs.append(frame.t, *self._model.values.every_h(x))
+        if not self._model.crowded:
+            self._add_fates(frame)
         self._add_steps(frame.t, frame.agents)
         self._add_conditions(frame)
         # A frame tells the last lines alone, most of which were told before.
@@ -79,6 +86,19 @@ class LiveHistory:
                 *chain.from_iterable(status.u_nom or status.u for status in agents),
             )
         self._empty = empty
+
+    def _add_fates(self, frame: Frame) -> None:
+        # A frame tells the worst that became of each link since the frame before.
+        n, events = len(self._links_to), frame.link_events
+        late = np.bincount([e.receiver for e in events if e.delay >= 0.0], minlength=n)
+        lost = np.bincount([e.receiver for e in events if e.delay < 0.0], minlength=n)
+        self._late_or_lost.append(frame.t, *late, *lost)
+
+    def _fates(self) -> Fates:
+        rows, n = self._late_or_lost.rows, len(self._links_to)
+        t, receiver = np.repeat(rows[:, 0], n), np.tile(np.arange(n, dtype=float), len(rows))
+        late, lost = rows[:, 1 : 1 + n].ravel(), rows[:, 1 + n :].ravel()
+        return Fates(t, receiver, np.tile(self._links_to, len(rows)), late, lost)
 
     def _add_conditions(self, frame: Frame) -> None:
         for i, status in enumerate(frame.agents):

@@ -10,7 +10,13 @@ from phalanx.guarantee.verdict import Assumption
 from phalanx.recording.broadcasts import broadcasts
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.viewer.feeds.agent_steps import AgentSteps
-from phalanx.viewer.feeds.history import ConditionChange, History, PairSeries, TimeSeries
+from phalanx.viewer.feeds.history import (
+    ConditionChange,
+    History,
+    PairSeries,
+    TimeSeries,
+    fates_of,
+)
 from phalanx.viewer.scene.model import scene_model
 from phalanx.wire.frames import Frame, LinkEvent, LogLine, worse
 
@@ -90,6 +96,7 @@ class RecordedRun:
             TimeSeries(swarm.shape[1], swarm),
             series.__getitem__,
             functools.cache(self._pairs),
+            functools.cache(lambda: fates_of(self._broadcasts)),
             self._broadcasts,
             self._conditions(),
         )

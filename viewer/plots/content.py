@@ -33,6 +33,19 @@ LANE_STATES = ("fine", "backup", "no-authority", "silent")
 """The gravest last. Silent: no step for longer than its τ."""
 
 
+class Zoom(msgspec.Struct):
+    """A few control steps around the worst moment, broadcast by broadcast."""
+
+    begin: float
+    """[s]"""
+    end: float
+    """[s]"""
+    steps: list[list[float]]
+    """When each agent had its steps [s]."""
+    broadcasts: list[tuple[int, float, int, float, str]]
+    """Of each its sender, when it was sent, its receiver, when it arrived [s], and its fate."""
+
+
 class Plot(msgspec.Struct):
     """One plot; times run from the run's begin to its end."""
 
@@ -48,6 +61,8 @@ class Plot(msgspec.Struct):
     """Shown only when that agent is chosen; null: always."""
     lanes: list[Lane] = []
     """A space-time diagram, instead of curves."""
+    zoom: Zoom | None = None
+    """Its worst moment; of a recorded run."""
 
 
 class Period(msgspec.Struct):

@@ -7,6 +7,7 @@ const KEYS = {
   ",": () => phalanx.act({ step: -1 }),
   ".": () => phalanx.act({ step: 1 }),
   End: () => seek(content.end),
+  z: () => toggleZoom(),
 };
 addEventListener("keydown", event => {
   const act = KEYS[event.key], at = event.target;

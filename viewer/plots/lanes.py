@@ -1,13 +1,13 @@
-"""The space-time diagram of a recorded run: a lane for each agent."""
+"""The space-time diagram of a run: a lane for each agent, and its worst moment in detail."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.recording.broadcasts import LATE, LOST, Broadcast
-from phalanx.viewer.feeds.history import EMPTY_CODES, AgentSeries
-from phalanx.viewer.plots.content import LANE_STATES, Lane
+from phalanx.recording.broadcasts import Broadcast, window
+from phalanx.viewer.feeds.history import EMPTY_CODES, AgentSeries, Fates
+from phalanx.viewer.plots.content import LANE_STATES, Lane, Zoom
 
 Array = NDArray[np.float64]
 
@@ -16,33 +16,60 @@ _SILENT = LANE_STATES.index("silent")
 
 
 def lanes(
-    found: Sequence[Broadcast], steps: Sequence[AgentSeries], taus: Sequence[float],
-    begin: float, end: float,
+    fates: Fates, steps: Sequence[AgentSeries], taus: Sequence[float],
+    begin: float, end: float, now: float,
 ) -> list[Lane]:  # fmt: skip
-    """Every agent's lane between two times [s]."""
+    """Every agent's lane.
+
+    Args:
+        fates: of the broadcasts.
+        steps: of every agent.
+        taus: for how long each may be without a step before it counts as silent [s].
+        begin: of the diagram [s].
+        end: of the diagram [s].
+        now: how far the run has come [s].
+    """
     intervals = int(np.clip(max(len(s.t) for s in steps), 1, _MOST_INTERVALS))
     edges, agents = np.linspace(begin, end, intervals + 1), np.arange(len(steps) + 1) - 0.5
-    sent = np.array([(b.receiver, b.sent) for b in found]).reshape(-1, 2)
-    fate = np.array([b.fate for b in found])
-
-    def counted(these: Array) -> Array:
-        return np.asarray(np.histogram2d(these[:, 0], these[:, 1], [agents, edges])[0])
-
-    every = counted(sent)
-    late, lost = (
-        np.ceil(9.0 * counted(sent[fate == f]) / np.maximum(every, 1.0)) for f in (LATE, LOST)
+    sent, late, lost = (
+        np.histogram2d(fates.receiver, fates.t, [agents, edges], weights=counts)[0]
+        for counts in (fates.sent, fates.late, fates.lost)
     )
+    late, lost = (np.ceil(9.0 * counts / np.maximum(sent, 1.0)) for counts in (late, lost))
     return [
-        Lane(_digits(late[i]), _digits(lost[i]), _digits(_states(s, tau, edges)))
+        Lane(_digits(late[i]), _digits(lost[i]), _digits(_states(s, tau, edges, now)))
         for i, (s, tau) in enumerate(zip(steps, taus, strict=True))
     ]
 
 
-def _states(steps: AgentSeries, tau: float, edges: Array) -> Array:
+def zoom(
+    broadcasts: Sequence[Broadcast], steps: Sequence[AgentSeries], worst: float, end: float,
+    only: int | None,
+) -> Zoom:  # fmt: skip
+    """What happened around the worst moment [s].
+
+    Args:
+        broadcasts: of the whole run.
+        steps: of every agent.
+        worst: the worst moment [s].
+        end: of the run [s].
+        only: the agent whose broadcasts are told; None: everybody's.
+    """
+    begin, until = window(worst, end, [s.t.tolist() for s in steps])
+    seen = [
+        (b.sender, b.sent, b.receiver, b.arrival, b.fate)
+        for b in broadcasts
+        if begin <= b.sent <= until and only in (None, b.sender, b.receiver)
+    ]
+    return Zoom(begin, until, [s.t[(begin <= s.t) & (s.t <= until)].tolist() for s in steps], seen)
+
+
+def _states(steps: AgentSeries, tau: float, edges: Array, now: float) -> Array:
     """The gravest state in each interval, as a place in LANE_STATES."""
     found = np.zeros(len(edges) - 1)
-    until = np.append(steps.t[1:], edges[-1])
-    for begin, end, code in zip(steps.t, until, steps.empty, strict=True):
+    until = np.append(steps.t[1:], now)
+    for k in np.flatnonzero((steps.empty > 0.0) | (until - steps.t > 1.5 * tau)):
+        begin, end, code = steps.t[k], until[k], steps.empty[k]
         if code:
             kind = next(kind for kind, value in EMPTY_CODES.items() if value == code)
             _mark(found, edges, begin, min(end, begin + tau), LANE_STATES.index(kind))

@@ -1,19 +1,21 @@
 // The plots: curves are drawn once into a layer; the cursor and the veil over what is to come,
 // which move thirty times a second, go on top of it.
-const LEFT = 44, RIGHT = 8, TOP = 4, BOTTOM = 16;
 const panel = element("aside", { id: "phx-plots" });
 document.body.append(panel);
 let shown = [], drawn = [];
 
-const timeAt = (x, width) =>
-  content.begin + (content.end - content.begin) * (x - LEFT) / (width - LEFT - RIGHT);
+// From when to when a plot shows the run.
+const spanOf = what => zoomed && what.zoom ? what.zoom : content;
+const timeAt = (x, width, { begin, end }) =>
+  begin + (end - begin) * (x - LEFT) / (width - LEFT - RIGHT);
 
 function plotOf(index) {
   const title = element("span"), value = element("output"), canvas = element("canvas");
-  scrub(canvas, x => timeAt(x, canvas.clientWidth));
-  const nodes = [element("h2", {}, title, value), canvas];
+  scrub(canvas, x => timeAt(x, canvas.clientWidth, spanOf(shown[index])));
+  const zoom = element("button", { onclick() { toggleZoom(); this.blur(); } });
+  const nodes = [element("h2", {}, title, value, zoom), canvas];
   panel.append(...nodes);
-  return { nodes, title, value, canvas, layer: element("canvas"), index };
+  return { nodes, title, value, zoom, canvas, layer: element("canvas"), index };
 }
 
 function drawPlots(anew) {
@@ -60,17 +62,20 @@ function drawLayer(plot) {
   p.font = ink.font;
   const [low, high] = rangeOf(what), bend = what.logarithmic ? Math.log : v => v;
   const across = width - LEFT - RIGHT, down = height - TOP - BOTTOM;
-  const X = t => LEFT + across * (t - content.begin) / (content.end - content.begin);
+  const span = spanOf(what);
+  const X = t => LEFT + across * (t - span.begin) / (span.end - span.begin);
   const Y = v => TOP + down * (bend(high) - bend(v)) / (bend(high) - bend(low));
   plot.title.textContent = what.title + (what.unit ? ` [${what.unit}]` : "") +
     (what.of_agents ? `, agent ${content.agents[content.chosen]}` : "");
   plot.X = X;
+  plot.zoom.hidden = !what.zoom;
+  plot.zoom.textContent = zoomed ? "whole run (z)" : "worst moment (z)";
+  timeAxis(p, X, span, width, height);
   if (what.lanes.length) {
-    timeAxis(p, X, width, height);
-    drawLanes(p, what.lanes, X, down);
+    if (span === what.zoom) drawZoom(p, what.zoom, X, down);
+    else drawLanes(p, what.lanes, X, down);
     return;
   }
-  timeAxis(p, X, width, height);
   valueAxis(p, Y, what.logarithmic ? decades(low, high) : ticks(low, high, 4), width);
   p.save();
   p.beginPath();
@@ -95,34 +100,6 @@ function drawLayer(plot) {
   p.restore();
 }
 
-// In each lane three rows: late, lost, and how the agent did.
-const STATES = [null, "#f97316", "#c084fc", "#475569"];
-function drawLanes(p, lanes, X, down) {
-  const high = down / lanes.length, row = high * 0.9 / 3;
-  const intervals = lanes[0].state.length, wide = (content.end - content.begin) / intervals;
-  const cell = (k, y, fill, alpha) => {
-    p.globalAlpha = alpha;
-    p.fillStyle = fill;
-    p.fillRect(X(content.begin + k * wide), y, X(wide) - X(0) + 0.3, Math.max(row, 1));
-  };
-  lanes.forEach(({ late, lost, state }, i) => {
-    const top = TOP + i * high;
-    for (let k = 0; k < intervals; k++) {
-      if (late[k] > 0) cell(k, top, "#e8a200", 0.3 + 0.7 * late[k] / 9);
-      if (lost[k] > 0) cell(k, top + row, "#d62728", 0.3 + 0.7 * lost[k] / 9);
-      if (state[k] > 0) cell(k, top + 2 * row, STATES[state[k]], 1);
-    }
-  });
-  p.globalAlpha = 1;
-  p.fillStyle = colour("dim");
-  p.textAlign = "right";
-  p.textBaseline = "middle";
-  const step = Math.ceil(11 / high);
-  for (let i = 0; i < lanes.length; i += step) {
-    p.fillText(content.agents[i], LEFT - 4, TOP + (i + 0.5) * high);
-  }
-}
-
 const isBold = curve => curve.role === "chosen" || curve.agent === content.chosen;
 const isEmptySet = period => ["backup", "no-authority"].includes(period.kind);
 
@@ -136,13 +113,13 @@ function valueAxis(p, Y, values, width) {
   }
 }
 
-function timeAxis(p, X, width, height) {
+function timeAxis(p, X, { begin, end }, width, height) {
   p.fillStyle = colour("dim");
   p.textBaseline = "bottom";
-  for (const t of ticks(content.begin, content.end, 6)) {
+  for (const t of ticks(begin, end, 6)) {
     line(p, [[X(t), height - BOTTOM], [X(t), height - BOTTOM + 3]], colour("dim"), 1);
     p.textAlign = X(t) > width - 40 ? "right" : "center";
-    p.fillText(label(t) + (t === content.begin ? " s" : ""), X(t), height);
+    p.fillText(label(t) + (t === begin ? " s" : ""), X(t), height);
   }
 }
 
@@ -186,15 +163,6 @@ function valueAt({ curves }, t) {
   }
   if (!chosen.y.length) return "";
   return (chosen.name ? chosen.name + ": " : "") + label(chosen.y[Math.max(low - 1, 0)]);
-}
-
-function line(p, points, stroke, wide, dash = []) {
-  p.beginPath();
-  points.forEach(point => p.lineTo(...point));
-  p.strokeStyle = stroke;
-  p.lineWidth = wide;
-  p.setLineDash(dash);
-  p.stroke();
 }
 
 function ticks(low, high, most) {

@@ -19,7 +19,7 @@ from phalanx.viewer.plots.curves import (
     lowest,
     points_each,
 )
-from phalanx.viewer.plots.lanes import lanes
+from phalanx.viewer.plots.lanes import lanes, zoom
 from phalanx.viewer.plots.periods import empty_periods, fault_periods
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ def content(feed: Feed, told: Sequence[int], seekable: bool) -> Content:
     begin, now = (float(rows[0, 0]), float(rows[-1, 0])) if len(rows) else (0.0, 0.0)
     end = max(now if seekable else model.scenario.duration, begin + 1e-3)
     steps = [past.agent(i) for i in range(len(model.names))]
-    plots = _Plots(feed, steps, told)
+    plots = _Plots(feed, steps, told, (begin, end, now))
     return Content(
         title=f"{model.scenario.name}, seed {model.scenario.seed}",
         begin=begin,
@@ -68,9 +68,16 @@ def content(feed: Feed, told: Sequence[int], seekable: bool) -> Content:
 class _Plots:
     """The plots of a feed's past."""
 
-    def __init__(self, feed: Feed, steps: list[AgentSeries], told: Sequence[int]) -> None:
+    def __init__(
+        self,
+        feed: Feed,
+        steps: list[AgentSeries],
+        told: Sequence[int],
+        times: tuple[float, float, float],
+    ) -> None:
+        """times: of the plots' begin and end, and how far the run has come [s]."""
         self._model, self._history = feed.model, feed.history
-        self._steps, self._told = steps, told
+        self._steps, self._told, self._times = steps, told, times
 
     def of_swarm(self) -> list[Plot]:
         rows, pairs = self._history.swarm.rows, self._near_pairs()
@@ -97,14 +104,21 @@ class _Plots:
         ]
 
     def _space_time(self) -> list[Plot]:
-        """Of a recorded run in which somebody broadcast something."""
-        found, rows = self._history.broadcasts, self._history.swarm.rows
-        if not found:
+        """Of a run in which somebody broadcast something; live, when something was late or lost."""
+        past, steps = self._history, self._steps
+        fates, (begin, end, now) = past.fates(), self._times
+        if not len(fates.t):
             return []
-        taus = [self._model.swarm.horizon(i) for i in range(len(self._steps))]
-        drawn = lanes(found, self._steps, taus, float(rows[0, 0]), float(rows[-1, 0]))
+        if not past.broadcasts:  # live: a frame tells no agent's last step
+            known = lanes(fates, steps, [np.inf] * len(steps), begin, end, now)
+            return [Plot("Links late and lost, backup", "", [], lanes=known)]
+        taus = [self._model.swarm.horizon(i) for i in range(len(steps))]
+        drawn = lanes(fates, steps, taus, begin, end, now)
+        worst = float(past.swarm.rows[np.argmax(past.swarm.rows[:, 1]), 0])
+        only = self._told[0] if self._model.crowded else None
+        near = zoom(past.broadcasts, steps, worst, now, only)
         title = "Broadcasts late and lost, backup, silence"
-        return [Plot(title, "", [], lanes=drawn)]
+        return [Plot(title, "", [], lanes=drawn, zoom=near)]
 
     def _least_distance(self) -> Safe:
         return (2.0 * self._model.radius if self._model.radius else None), None

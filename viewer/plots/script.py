@@ -4,7 +4,7 @@ import functools
 import json
 from importlib.resources import files
 
-PARTS = ("state.js", "plots.js", "timeline.js", "keys.js")
+PARTS = ("state.js", "lanes.js", "plots.js", "timeline.js", "keys.js")
 """Functions of one scope: each part uses those before it."""
 
 

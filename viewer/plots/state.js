@@ -39,6 +39,9 @@ function seek(t) {
   phalanx.act({ seek: t });
 }
 
+// Margins of a plot.
+const LEFT = 44, RIGHT = 8, TOP = 4, BOTTOM = 16;
+
 // A canvas in the screen's own pixels; drawn in CSS pixels.
 function pen(canvas) {
   const scale = devicePixelRatio, width = canvas.clientWidth, height = canvas.clientHeight;
@@ -48,6 +51,15 @@ function pen(canvas) {
   found.scale(scale, scale);
   found.font = "10px system-ui";
   return [found, width, height];
+}
+
+function line(p, points, stroke, wide, dash = []) {
+  p.beginPath();
+  points.forEach(point => p.lineTo(...point));
+  p.strokeStyle = stroke;
+  p.lineWidth = wide;
+  p.setLineDash(dash);
+  p.stroke();
 }
 
 // Press and drag on a canvas: the times under the pointer, for as long as it is down.

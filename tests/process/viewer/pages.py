@@ -61,7 +61,7 @@ def viewer(*arguments: str, command_secret: bytes = b"") -> Iterator[Viewer]:
         yield started
     finally:
         started.process.kill()
-        started.process.communicate()
+        print(started.process.communicate()[0])  # seen if the test fails
 
 
 @contextlib.contextmanager

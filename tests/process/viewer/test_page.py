@@ -11,6 +11,7 @@ import pytest
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
 from phalanx.viewer.feeds.replay import open_replay
+from phalanx.viewer.plots.plots import content
 from tests.process.runs import COMMAND_SECRET, HELD, live_run, wait_for
 from tests.process.viewer.pages import served, viewer
 
@@ -97,6 +98,29 @@ def test_the_keyboard_plays_pauses_and_moves_the_cursor(tab: "Tab", finished: Pa
         wait_for(lambda: not replay.playing)
 
 
+def test_the_space_time_diagram_shows_the_worst_moment_in_detail(
+    tab: "Tab", finished: Path
+) -> None:
+    replay = open_replay(finished)
+    diagram = content(replay, range(5), seekable=True).plots[-1].zoom
+    assert diagram is not None
+    with served(replay) as page:
+        tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
+        tab.get_by_text("worst moment (z)").wait_for()
+        canvas = tab.locator("#phx-plots canvas").last
+        whole = canvas.screenshot()
+        tab.keyboard.press("z")
+        wait_for(lambda: canvas.screenshot() != whole)
+        click_at(tab, canvas, 0.5)
+        middle = (diagram.begin + diagram.end) / 2.0
+        wait_for(
+            lambda: replay.t == pytest.approx(middle, abs=0.01 * (diagram.end - diagram.begin))
+        )
+        tab.get_by_text("whole run (z)").click()
+        click_at(tab, canvas, 0.25)
+        wait_for(lambda: replay.t == pytest.approx(0.25 * replay.end, abs=0.05))
+
+
 def test_a_page_says_that_the_run_is_over_long_after_its_last_frame(
     tab: "Tab", finished: Path
 ) -> None:
@@ -141,11 +165,12 @@ def test_a_commanding_page_changes_the_loss_and_pauses_the_swarm(
         tab.get_by_text("Command", exact=True).wait_for()
         plot = tab.locator("#phx-plots canvas").first
         before = plot.screenshot()
-        run.set_speed(0.1)  # slow enough that a busy machine's page pauses it before it is over
+        run.set_speed(0.02)  # slow enough that a busy machine's page pauses it before it is over
         wait_for(lambda: plot.screenshot() != before)
 
         enter(number_beside(tab, "Loss [%]"), "50")
         tab.get_by_text("network by command: loss 50%").wait_for()
+        tab.get_by_text("Links late and lost, backup").wait_for()
 
         tab.get_by_role("button", name="Pause", exact=True).click()
         tab.get_by_text("· paused").wait_for()

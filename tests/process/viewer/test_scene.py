@@ -13,9 +13,10 @@ from PIL import Image
 import phalanx
 from phalanx.scenario.load import load
 from phalanx.viewer.feeds.replay import Replay, open_replay
-from phalanx.viewer.page.page import Page
-from phalanx.viewer.scene.cameras import Framing
+from phalanx.viewer.page.server import open_page
+from phalanx.viewer.scene.cameras import Cameras, Framing
 from phalanx.viewer.scene.picture import Picture, picture
+from phalanx.viewer.scene.server import SceneServer
 from phalanx.viewer.scene.view import View
 from tests.process.runs import wait_for
 from tests.process.viewer.pages import served
@@ -35,13 +36,13 @@ def violated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return phalanx.run(load("surrounded", []), engine="in-process", out=out).folder
 
 
-def open_tab(tab: "Tab", page: Page) -> Callable[[], View]:
+def open_tab(tab: "Tab", server: SceneServer) -> Callable[[], View]:
     """Go to the page; what the visitor sees of the scene."""
-    tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
-    wait_for(lambda: page.server.get_clients())
+    tab.goto(f"http://127.0.0.1:{server.get_port()}")
+    wait_for(lambda: server.get_clients())
 
     def view() -> View:
-        (client,) = page.server.get_clients().values()
+        (client,) = server.get_clients().values()
         camera = client.camera
         return View(camera.position, camera.look_at, camera.up_direction, camera.fov, camera.aspect)
 
@@ -91,7 +92,7 @@ def test_the_camera_holds_all_agents_throughout(
 ) -> None:
     replay = open_replay(finished)
     with served(replay) as page:
-        view = open_tab(tab, page)
+        view = open_tab(tab, page.server)
         keep(tab, framing)
         for t in (0.0, replay.end / 2.0, replay.end, replay.worst_at):
             replay.seek(t)
@@ -99,10 +100,36 @@ def test_the_camera_holds_all_agents_throughout(
             wait_for(lambda: paints(tab, view(), picture(replay.model, replay.frame(replay.t))))
 
 
+def test_a_camera_that_follows_the_swarm_is_put_anew_when_somebody_leaves(tab: "Tab") -> None:
+    from_above = View(np.array([0.0, 0.0, 9.0]), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.8, 1.5)
+    together = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    server = open_page("127.0.0.1", None, "cameras")
+    try:
+        cameras = Cameras(server, from_above, reach=0.1)
+        cameras.expect(together)
+        view = open_tab(tab, server)
+
+        def seen(positions: Array) -> View | None:
+            cameras.show(positions, None)
+            middle = (positions.min(axis=0) + positions.max(axis=0)) / 2.0
+            looked = view()
+            there = np.allclose(looked.look_at[:2], middle[:2], atol=0.1)
+            return looked if there and looked.holds(positions) else None
+
+        near = wait_for(lambda: seen(together)).distance
+        elsewhere = wait_for(lambda: seen(together + np.array([5.0, 0.0, 0.0])))
+        assert elsewhere.distance == pytest.approx(near, rel=0.02)
+        left = together * np.array([[1.0], [20.0], [1.0]])
+        assert wait_for(lambda: seen(left)).distance > 5.0 * near
+        wait_for(lambda: (back := seen(together)) and back.distance < 1.2 * near)
+    finally:
+        server.stop()
+
+
 def test_a_click_selects_the_agent_under_it(tab: "Tab", finished: Path) -> None:
     replay = open_replay(finished)
     with served(replay) as page:
-        view = open_tab(tab, page)
+        view = open_tab(tab, page.server)
 
         def clicked() -> bool:  # the first frames are slow in software
             tab.mouse.click(*pixel(tab, view(), positions(replay)[3]))
@@ -118,7 +145,7 @@ def test_a_click_selects_the_agent_under_it(tab: "Tab", finished: Path) -> None:
 def test_who_follows_an_agent_has_it_in_the_middle_and_may_zoom(tab: "Tab", finished: Path) -> None:
     replay = open_replay(finished)
     with served(replay) as page:
-        view = open_tab(tab, page)
+        view = open_tab(tab, page.server)
         page.select(3)
         keep(tab, Framing.AGENT)
 
@@ -144,7 +171,7 @@ def test_who_follows_an_agent_has_it_in_the_middle_and_may_zoom(tab: "Tab", fini
 def test_a_banner_sounds_the_alarm_while_a_pair_is_unsafe(tab: "Tab", violated: Path) -> None:
     replay = open_replay(violated)
     with served(replay) as page:
-        open_tab(tab, page)
+        open_tab(tab, page.server)
         tab.get_by_text("Legend").wait_for()
         assert tab.locator(".phalanx-alarm").count() == 0
         replay.seek(1.5)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from phalanx.faults.state import Condition
-from phalanx.recording.broadcasts import LATE, LOST, Broadcast
-from phalanx.viewer.feeds.history import EMPTY_CODES, ConditionChange, agent_series
+from phalanx.recording.broadcasts import IN_TIME, LATE, LOST, Broadcast
+from phalanx.viewer.feeds.history import EMPTY_CODES, ConditionChange, agent_series, fates_of
 from phalanx.viewer.plots.content import Period
 from phalanx.viewer.plots.curves import Series, curve, envelope, farthest, highest, lowest, numbers
-from phalanx.viewer.plots.lanes import lanes
+from phalanx.viewer.plots.lanes import lanes, zoom
 from phalanx.viewer.plots.periods import empty_periods, fault_periods
 
 T = np.linspace(0.0, 10.0, 5001)
@@ -79,11 +79,28 @@ def test_a_lane_tells_the_share_of_broadcasts_late_and_lost_and_the_gravest_stat
     rows[:, 0] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]
     rows[2, 1] = EMPTY_CODES["backup"]
     speaking, silent = agent_series(rows), agent_series(np.delete(rows, [6, 7], axis=0))
-    fates = [("in time", 0.5), (LATE, 0.6), (LOST, 0.7), (LOST, 3.5), (LATE, 9.5)]
+    fates = [(IN_TIME, 0.5), (LATE, 0.6), (LOST, 0.7), (LOST, 3.5), (LATE, 9.5)]
     found = [Broadcast(1, 0, sent, sent, fate) for fate, sent in fates]
-    first, second = lanes(found, [speaking, silent], [1.0, 1.0], 0.0, 10.0)
+    first, second = lanes(fates_of(found), [speaking, silent], [1.0, 1.0], 0.0, 10.0, 10.0)
     assert first.late == "3000000009"
     assert first.lost == "3009000000"
     assert first.state == "0010000000"
     assert set(second.late + second.lost) == {"0"}
     assert second.state == "0010003300"
+
+
+def test_the_zoom_holds_the_steps_and_broadcasts_around_the_worst_moment_alone():
+    rows = np.zeros((100, 8))
+    rows[:, 0] = 0.1 * np.arange(100)
+    agents = [agent_series(rows)] * 3
+    found = [Broadcast(1, 2, t, t + 0.02, IN_TIME) for t in rows[:, 0]]
+    found += [Broadcast(1, 0, t, t, LOST) for t in rows[:, 0]]
+    near = zoom(found, agents, 5.03, 9.9, None)
+    assert (near.begin, near.end) == pytest.approx((4.63, 5.43))
+    assert near.steps[0] == pytest.approx([4.7, 4.8, 4.9, 5.0, 5.1, 5.2, 5.3, 5.4])
+    assert {fate for *_, fate in near.broadcasts} == {IN_TIME, LOST}
+    assert all(near.begin <= sent <= near.end for _, sent, *_ in near.broadcasts)
+    of_one = zoom(found, agents, 5.03, 9.9, 0).broadcasts
+    assert 0 < len(of_one) < len(near.broadcasts)
+    assert {receiver for _, _, receiver, _, _ in of_one} == {0}
+    assert zoom(found, agents, 9.9, 9.9, None).end == pytest.approx(9.9)
