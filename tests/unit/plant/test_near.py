@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from phalanx.plant import near
+from phalanx.plant.world import near
 from phalanx.plant.world.motion import Motion
 from phalanx.plant.world.near import NearPairs
 from phalanx.swarm.swarm import Swarm
