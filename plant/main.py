@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 
 from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
-from phalanx.guarantee.verdict import exit_status
+from phalanx.guarantee.verdict import Summary, exit_status
 from phalanx.plant.clock.commands import CommandQueue
 from phalanx.plant.events.stop import StopRequest
 from phalanx.plant.hub.hub import Hub
@@ -62,7 +62,7 @@ def run(
     try:
         recording = RecordingWriter(folder / RECORDING, scenario, membership.run)
     except RecordingError as error:
-        _say(last_words, str(error).encode())
+        _say(last_words, str(error))
         raise
     with (
         recording,
@@ -87,14 +87,13 @@ def run(
         if stopwatch and profile:
             stopwatch.write(profile, PLANT)
         write_down(summary, folder / SUMMARY, recording)
-        encoded = msgspec.json.encode(summary)
-        hub.publish_verdict(Ended(summary=encoded))
-        _say(last_words, encoded)
+        hub.publish_verdict(Ended(summary=msgspec.json.encode(summary)))
+        _say(last_words, summary)
     log.info("%s: %s", summary.outcome, summary.reason)
     return exit_status(summary.outcome)
 
 
-def _say(last_words: Connection | None, said: bytes) -> None:
+def _say(last_words: Connection | None, said: Summary | str) -> None:
     if last_words:
         with contextlib.suppress(BrokenPipeError):  # the launcher died
-            last_words.send_bytes(said)
+            last_words.send(said)

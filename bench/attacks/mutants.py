@@ -89,7 +89,7 @@ MUTANTS = (
     Mutant("frames of another size", "viewer/feeds/expected.py",
            "len(frame.x) != 8 * states or len(frame.agents) != len(members)", "False",
            "tests/unit/hostile/test_frames.py"),
-    Mutant("last words", "plant/main.py", "_say(last_words, encoded)", "pass",
+    Mutant("last words", "plant/main.py", "_say(last_words, summary)", "pass",
            "tests/process/swarm/test_endings.py -k disk_that_fills"),
     Mutant("half a chunk", "phalanx/recording/write.py", "os.ftruncate(self._fd, self._end)",
            "pass", _TEST_RECORDING),

@@ -87,10 +87,9 @@ def run_processes(
 
 def _verdict(folder: Path, processes: Processes) -> Summary | None:
     """The plant's summary, which is a file unless the disk is full."""
-    for written in ((folder / SUMMARY).read_bytes, lambda: processes.last_words):
-        with contextlib.suppress(OSError, ValueError):
-            return read_summary(written())
-    return None
+    with contextlib.suppress(OSError, ValueError):
+        return read_summary((folder / SUMMARY).read_bytes())
+    return processes.last_words if isinstance(processes.last_words, Summary) else None
 
 
 @contextlib.contextmanager

@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkServerContext
 from pathlib import Path
 
-from phalanx.guarantee.verdict import Outcome, exit_status
+from phalanx.guarantee.verdict import Outcome, Summary, exit_status
 from phalanx.launcher.engine import EngineError
 from phalanx.launcher.fork_server import LOG, Report, serve
 from phalanx.launcher.programs import Program
@@ -63,7 +63,7 @@ class Processes:
         context = start_importing()
         self._reports, theirs = context.Pipe()
         self._plant = plant
-        self.last_words = b""
+        self.last_words: Summary | str = ""
         """What the plant said at its end: its summary, or why there is none."""
         self._server = context.Process(
             target=serve, args=(to_json(scenario), membership, programs, logs, theirs)
@@ -139,8 +139,7 @@ class Processes:
             code = self._exits.get(name)
             if code is None or code in _VERDICTS or name in self._killed:
                 continue
-            said = self.last_words.decode(errors="replace") if name == PLANT else ""
-            return self._death(program.title, code, f"{name}.log", said)
+            return self._death(program.title, code, f"{name}.log", name == PLANT)
         return ""
 
     def end(self) -> None:
@@ -165,7 +164,9 @@ class Processes:
             while ready := wait([self._plant, self._reports], timeout):
                 timeout = 0.0
                 if self._plant in ready:
-                    self.last_words = self._plant.recv_bytes()
+                    # At its end when all programs are gone: what they came to is in the reports.
+                    with contextlib.suppress(EOFError, OSError):
+                        self.last_words = self._plant.recv()
                 if self._reports in ready:
                     self._take(self._reports.recv())
         except EOFError:
@@ -192,10 +193,12 @@ class Processes:
         code = self._exits[name]
         return name != PLANT and code > 0 and code not in _VERDICTS
 
-    def _death(self, title: str, code: int, log_name: str, said: str = "") -> str:
+    def _death(self, title: str, code: int, log_name: str, plant: bool = False) -> str:
         how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit status {code}"
         log = self._logs / log_name
         lines = log.read_text(errors="replace").strip().splitlines() if log.exists() else []
+        # On a full disk there may be no log.
+        said = self.last_words if plant and isinstance(self.last_words, str) else ""
         last = said or "".join(lines[-1:])
         return f"{title} died ({how}){last and f': {last}'}; log: {log}"
 

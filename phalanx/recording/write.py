@@ -85,15 +85,18 @@ def write_down(summary: Summary, file: Path, recording: RecordingWriter) -> None
 
     If it cannot be done there is no whole record of the run: the summary says so, and has no file.
     """
+    # Whoever sees the file may count on the recording, and to rename it takes no room.
+    part = file.with_name(f"{file.name}.part")
     try:
-        with contextlib.closing(_WholeWrites(file)) as written:
+        with contextlib.closing(_WholeWrites(part)) as written:
             written.write(msgspec.json.encode(summary))
         recording.finish(summary)
+        part.rename(file)
     except OSError as error:
         if summary.outcome is not Outcome.BROKEN:
             summary.reason = f"{summary.outcome}, but not written down to its end: {error}"
         summary.outcome = Outcome.BROKEN
-        file.unlink(missing_ok=True)
+        part.unlink(missing_ok=True)
 
 
 class _WholeWrites:

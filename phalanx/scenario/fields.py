@@ -54,9 +54,11 @@ class InWords(str):
 
 
 class Strict(BaseModel):
-    """Unknown fields are errors; a scenario does not change once read."""
+    """Unknown fields and infinite numbers are errors; a scenario does not change once read."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, arbitrary_types_allowed=True, allow_inf_nan=False
+    )
 
 
 def built(field: str | int, kind: type, table: Table) -> Any:

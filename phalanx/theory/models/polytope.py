@@ -91,7 +91,8 @@ def _allowance(A: Array, b: Array, corners: Array) -> float:
 
 def _farthest(points: Array, corners: Array) -> float:
     """The largest distance of a point from the corner next to it."""
-    return float(length(points[:, None] - corners).min(axis=1).max())
+    with np.errstate(over="ignore"):  # what is too far away for a square is not next to it
+        return float(length(points[:, None] - corners).min(axis=1).max())
 
 
 def vertices(A: Array, b: Array) -> Array:

@@ -37,6 +37,15 @@ def test_a_value_of_no_kind_that_a_field_knows_is_refused(field: str, value: str
 
 
 @pytest.mark.parametrize(
+    "place",
+    ["formation.path=[[0.0, inf], [0.0, 0.0]]", "formation.finish=inf", "formation.radius=nan"],
+)
+def test_a_formation_at_no_place_is_refused(place: str):
+    with pytest.raises(ScenarioError, match="finite number"):
+        load("unicycles", [place])
+
+
+@pytest.mark.parametrize(
     ("figures", "said"),
     [
         (CertificateSummary(samples=3), "no input was applied"),

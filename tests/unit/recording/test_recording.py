@@ -25,8 +25,8 @@ from zstandard import ZstdCompressor
 
 from phalanx.guarantee.verdict import Assumption, CertificateSummary, Outcome, Summary, Violation
 from phalanx.recording.read import Recording, UnreadableRecordingError, read
-from phalanx.recording.records import RECORDING, Log, State, Step
-from phalanx.recording.write import RecordingError, RecordingWriter
+from phalanx.recording.records import RECORDING, SUMMARY, Log, State, Step
+from phalanx.recording.write import RecordingError, RecordingWriter, write_down
 from phalanx.scenario.load import digest, load
 from phalanx.scenario.model import Scenario
 
@@ -36,7 +36,7 @@ def scenario() -> Scenario:
     return load("unicycles", seed=5)
 
 
-SUMMARY = Summary(
+FIGURES = Summary(
     outcome=Outcome.VIOLATED,
     reason="1-4 left the safe set",
     t=2.0,
@@ -78,7 +78,7 @@ def write(path: Path, finish: bool = True) -> Path:
         for record in records():
             writer.write(record)
         if finish:
-            writer.finish(SUMMARY)
+            writer.finish(FIGURES)
     return path
 
 
@@ -134,7 +134,7 @@ def test_what_was_written_is_read_bit_for_bit(whole, tmp_path):
     assert found.metadata["seed"] == "5"
     assert found.metadata["run"] == "run-1"
     assert found.metadata["scenario_digest"] == digest(scenario())
-    assert found.summary == SUMMARY
+    assert found.summary == FIGURES
     assert found.log == [r for r in records() if isinstance(r, Log)]
     assert (len(found.states), len(found.steps)) == (COUNT, COUNT)
     assert_is_a_beginning(found)
@@ -146,7 +146,7 @@ def test_what_was_written_is_read_bit_for_bit(whole, tmp_path):
 
 def test_a_run_folder_is_read_as_its_recording(tmp_path):
     write(tmp_path / RECORDING)
-    assert read(tmp_path).summary == SUMMARY
+    assert read(tmp_path).summary == FIGURES
 
 
 def test_mcaps_own_reader_reads_it(whole, tmp_path):
@@ -379,6 +379,34 @@ def test_records_that_are_not_of_their_scenario_are_refused(record: State | Step
     with RecordingWriter(tmp_path / RECORDING, scenario(), "run-1") as writer:
         writer.write(GOOD)
         writer.write(record)
-        writer.finish(SUMMARY)
+        writer.finish(FIGURES)
     with pytest.raises(UnreadableRecordingError, match=r"at t = 0.1.*: not of its scenario"):
         read(tmp_path)
+
+
+@given(share=shares)
+@settings(max_examples=30, deadline=None)
+def test_a_disk_that_is_full_at_the_end_leaves_no_summary(whole, tmp_path_factory, share):
+    """From the last chunk on: a verdict is none without the whole record of it."""
+    folder = tmp_path_factory.mktemp("full")
+    last, _ = chunks(whole)[-1]
+    summary = msgspec.structs.replace(FIGURES, outcome=Outcome.GUARANTEED)
+    with RecordingWriter(folder / RECORDING, scenario(), "run-1") as writer:
+        for record in records():
+            writer.write(record)
+        with full_disk(last + int(share * (len(whole) - 1 - last))):
+            write_down(summary, folder / SUMMARY, writer)
+    assert summary.outcome is Outcome.BROKEN
+    assert summary.reason.startswith("guaranteed, but not written down to its end")
+    assert str(folder / RECORDING) in summary.reason
+    assert [file.name for file in folder.iterdir()] == [RECORDING]
+    assert "cut short" in (read(folder).damage or "")
+
+
+def test_a_summary_that_cannot_be_written_breaks_the_run_and_is_named(tmp_path):
+    summary = msgspec.structs.replace(FIGURES)
+    with RecordingWriter(tmp_path / RECORDING, scenario(), "run-1") as writer:
+        write_down(summary, tmp_path / "gone" / SUMMARY, writer)
+    assert summary.outcome is Outcome.BROKEN
+    assert "gone/summary.json" in summary.reason
+    assert read(tmp_path).summary is None
