@@ -123,7 +123,7 @@ def test_agents_outlive_the_loss_of_the_router_beyond_their_own(hosts: Hosts) ->
     hosts.start_agents("--set", "duration=600")
     wait_for(lambda: len(hosts.recorded().steps) > 100)
     north.kill()
-    north.communicate()
+    north.wait()
     wait_for(lambda: len(hosts.times("is lost")) == len(PLACES))
     hosts.start_north()
     wait_for(lambda: len(hosts.times("is back")) == len(PLACES))
