@@ -30,9 +30,11 @@ def lanes(
         now: how far the run has come [s].
     """
     intervals = int(np.clip(max(len(s.t) for s in steps), 1, _MOST_INTERVALS))
-    edges, agents = np.linspace(begin, end, intervals + 1), np.arange(len(steps) + 1) - 0.5
+    shape, edges = (len(steps), intervals), np.linspace(begin, end, intervals + 1)
+    at = np.clip(intervals * (fates.t - begin) / (end - begin), 0, intervals - 1).astype(int)
+    cells = intervals * fates.receiver.astype(int) + at
     sent, late, lost = (
-        np.histogram2d(fates.receiver, fates.t, [agents, edges], weights=counts)[0]
+        np.bincount(cells, counts, len(steps) * intervals).reshape(shape)
         for counts in (fates.sent, fates.late, fates.lost)
     )
     late, lost = (np.ceil(9.0 * counts / np.maximum(sent, 1.0)) for counts in (late, lost))

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.theory.models.units import units
 from phalanx.theory.rows.origin import Origin
 from phalanx.viewer.feeds.feed import Feed
 from phalanx.viewer.feeds.history import EMPTY_CODES, AgentSeries
@@ -153,8 +154,10 @@ class _Plots:
             curve(Series(steps.t, steps.u[:, c]), farthest, agent=i, most=most),
         ]
         safe: Safe = (None, None) if bounds is None else (float(bounds[0][c]), float(bounds[1][c]))
-        title = f"Input {self._model.input_names(i)[c]}, and the nominal one"
-        return Plot(title, "", curves, safe, of_agents=True, agent=i)
+        name = self._model.input_names(i)[c]
+        unit = units(self._model.swarm.members[i].dynamics).inputs[name]
+        title = f"Input {name}, and the nominal one"
+        return Plot(title, unit, curves, safe, of_agents=True, agent=i)
 
 
 def _bold(rows: Array, column: int, keep: Keep) -> Curve:

@@ -42,7 +42,8 @@ def banner(alarms: list[str], past: list[str]) -> str:
     if not told:
         return ""
     lines = [escape(line) for line in told[:_LINES]]
-    more = [f"and {len(told) - _LINES} more pairs"] if len(told) > _LINES else []
+    left = len(told) - _LINES
+    more = [f"and {left} more pair{'s' * (left > 1)}"] if left > 0 else []
     return (
         f'{OVER_THE_SCENE}{_STYLE}<div role="alert" class="phalanx-over phalanx-alarm{kind}">'
         f"{'<br>'.join(lines + more)}</div>"

@@ -91,6 +91,11 @@ def test_backup_periods_hold_every_backup_step_and_no_other(replay: Replay) -> N
         assert periods or not any(inside)
 
 
+def test_inputs_are_plotted_in_their_units(replay: Replay) -> None:
+    inputs = {p.unit for p in plotted(replay).plots if p.title.startswith("Input")}
+    assert inputs == {"m/s", "rad/s"}
+
+
 def test_the_marks_are_the_worst_moment_and_the_first_backup(
     replay: Replay, finished: Path
 ) -> None:

@@ -77,6 +77,7 @@ def test_a_banner_names_three_pairs_and_counts_the_others() -> None:
     found = banner([f"1-{k} unsafe" for k in range(5)], [])
     assert [f"1-{k} unsafe" in found for k in range(5)] == [True, True, True, False, False]
     assert "and 2 more pairs" in found
+    assert "and 1 more pair<" in banner([f"1-{k} unsafe" for k in range(4)], [])
 
 
 def test_an_agent_outside_its_fence_is_unsafe_alone_and_has_no_distance_from_it() -> None:
