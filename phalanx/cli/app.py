@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from phalanx.cli import certify, check, keys, network, programs, recordings, run, tap, viewing
+from phalanx.cli import certify, check, keys, network, programs, recordings, ros2, run, tap, viewing
 from phalanx.cli.real_time import with_factor
 from phalanx.scenario.load import ScenarioError
 
@@ -33,6 +33,7 @@ network.register(app)
 programs.register(app)
 keys.register(app)
 viewing.register(app)
+ros2.register(app)
 
 
 def _print_version(asked: bool) -> None:

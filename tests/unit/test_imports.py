@@ -30,7 +30,7 @@ LAUNCHER = rooms("launcher", REPORT)
 PLANT = rooms(
     "plant.events plant.world plant.sampling plant.judge plant.clock plant.scribe plant.hub"
 )
-VIEWER = rooms("viewer.scene viewer.feeds viewer.plots viewer.page viewer.export")
+VIEWER = rooms("viewer.scene viewer.feeds viewer.plots viewer.page viewer.export viewer.ros2")
 
 # The rooms that each may import from, besides itself. A folder that is not listed is an offence.
 MAY_IMPORT: Mapping[str, set[str]] = {
@@ -72,6 +72,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.viewer.plots": RECORDING | rooms("viewer.scene viewer.feeds"),
     "phalanx.viewer.page": RECORDING | rooms("viewer.scene viewer.feeds viewer.plots"),
     "phalanx.viewer.export": REPORT | rooms("viewer.scene viewer.feeds viewer.plots"),
+    "phalanx.viewer.ros2": RECORDING | rooms("viewer.scene viewer.feeds"),
 }
 THEORY_MAY_USE = {"numpy", "casadi", "osqp", "scipy", "annotated_types"}
 ONLY_IN_WIRE = {"zenoh"}

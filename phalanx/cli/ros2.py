@@ -1,0 +1,89 @@
+"""phalanx ros2: a run for ROS 2 nodes over rmw_zenoh, live or recorded."""
+
+import importlib.util
+import pkgutil
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from phalanx.cli.options import KeysFolder, Secret, Trust, certificates_for
+from phalanx.cli.viewing import Connect, LiveRun
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(ros2)
+
+
+def ros2(
+    recording: Annotated[
+        Path | None,
+        typer.Argument(metavar="RUN", help="A run's folder, live or over, or its recording."),
+    ] = None,
+    connect: Connect = "",
+    run: LiveRun = "",
+    secret: Secret = "",
+    keys: KeysFolder = None,
+    router: Annotated[
+        str, typer.Option(help="Zenoh endpoint of the ROS 2 router, rmw_zenohd.")
+    ] = "tcp/localhost:7447",
+    domain: Annotated[
+        int, typer.Option(envvar="ROS_DOMAIN_ID", min=0, max=232, help="ROS 2 domain.")
+    ] = 0,
+    namespace: Annotated[
+        str, typer.Option(help="ROS 2 namespace of the node and its topics.")
+    ] = "/phalanx",
+    timeout: Annotated[
+        float, typer.Option(help="How long to try to reach the router and the live run [s].")
+    ] = 10.0,
+    trust: Trust = False,
+) -> int:
+    """Let ROS 2 read the swarm: poses, markers and diagnostics, without ROS installed here.
+
+    A live run is published until it is over, a recording once, in real time. ROS 2 programs hear it
+    with RMW_IMPLEMENTATION=rmw_zenoh_cpp and a router, `ros2 run rmw_zenoh_cpp rmw_zenohd`:
+
+      /phalanx/agent_1/pose  geometry_msgs/PoseStamped, one topic for each agent
+      /phalanx/markers       visualization_msgs/MarkerArray, for RViz
+      /diagnostics           diagnostic_msgs/DiagnosticArray: the run, its verdict, each agent
+
+    Examples:
+
+      phalanx ros2 runs/unicycles-1
+      phalanx ros2 --connect tcp/plant:7447 --run r1 --router tcp/robot:7447
+    """
+    if (recording is None) != bool(connect and run):
+        raise typer.BadParameter("expected either RUN, or --connect and --run")
+    _require_libraries()
+    from phalanx.launcher.live import find_live
+    from phalanx.launcher.programs import configure_logging
+    from phalanx.wire.keys import VIEWER
+    from phalanx.wire.membership import Membership
+
+    topics = pkgutil.resolve_name("phalanx.viewer.ros2.topics")
+    if not topics.NAMESPACE.fullmatch(namespace):
+        raise typer.BadParameter(f"--namespace: expected such as /phalanx, got {namespace!r}")
+    configure_logging()
+    main = pkgutil.resolve_name("phalanx.viewer.ros2.main")
+    graph = main.Graph(router, domain, namespace, timeout)
+    found = None if recording is None else find_live(recording)
+    try:
+        if recording is not None and found is None:
+            return int(main.run_replay(recording, graph, trust=trust))
+        if found is not None:
+            return int(main.run_live(found.membership, graph, trust=trust))
+        certificates = certificates_for(keys, connect)
+        membership = Membership(run, connect, secret.encode(), VIEWER, timeout, certificates)
+        return int(main.run_live(membership, graph, trust=trust))
+    except (RuntimeError, ValueError, OSError) as error:
+        print(error, file=sys.stderr)
+        return 3
+
+
+def _require_libraries() -> None:
+    missing = [name for name in ("rosbags", "xxhash") if importlib.util.find_spec(name) is None]
+    if missing:
+        needed = " and ".join(missing)
+        raise typer.BadParameter(f"needs {needed}: pip install 'phalanx[ros2]'")

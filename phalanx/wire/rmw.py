@@ -1,0 +1,129 @@
+"""A ROS 2 node as rmw_zenoh sees one: the key expressions, tokens and attachments of its design.
+
+They are those of docs/design.md in ros2/rmw_zenoh, as Jazzy and Kilted speak them: a publisher here
+is one to every ROS 2 program with RMW_IMPLEMENTATION=rmw_zenoh_cpp, in a client's session that the
+ROS 2 router serves as any other.
+"""
+
+import itertools
+import struct
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Self
+
+import xxhash
+
+from phalanx.wire import session as wire
+
+_ATTACHMENT = struct.Struct("<qqB16s")
+"""Sequence number, source timestamp [ns], and the publisher's gid behind its length."""
+_GID_BYTES = 16
+_QOS = "::,10:,:,:,,"
+"""Reliable, volatile, keep the last 10: what differs from rmw_zenoh's defaults is the depth."""
+_NO_ENCLAVE = "%"
+
+
+@dataclass(frozen=True)
+class MessageType:
+    """What a topic carries, as ROS 2 tells types apart."""
+
+    name: str
+    """Such as "geometry_msgs/msg/PoseStamped"."""
+    digest: str
+    """Its RIHS01 hash; a subscriber with another definition of the type hears nothing."""
+
+    @property
+    def on_the_wire(self) -> str:
+        """As it stands in key expressions: DDS's name, then the hash."""
+        package, kind, name = self.name.split("/")
+        return f"{package}::{kind}::dds_::{name}_/{self.digest}"
+
+
+@dataclass(frozen=True)
+class NodeName:
+    """Which node of which graph."""
+
+    domain: int
+    """ROS_DOMAIN_ID."""
+    namespace: str
+    """With a slash before it, as ROS 2 writes it: "/phalanx"."""
+    name: str
+
+    def token(self, zid: str) -> str:
+        """Liveliness token of the node, in the session of this Zenoh id."""
+        return self._token(zid, 0, "NN")
+
+    def publisher_token(self, zid: str, number: int, topic: str, kind: MessageType) -> str:
+        """Liveliness token of the node's publisher of this number, on an absolute topic."""
+        return f"{self._token(zid, number, 'MP')}/{_mangled(topic)}/{kind.on_the_wire}/{_QOS}"
+
+    def topic_key(self, topic: str, kind: MessageType) -> str:
+        """Key expression that a topic's messages are put on."""
+        return f"{self.domain}/{topic.strip('/')}/{kind.on_the_wire}"
+
+    def _token(self, zid: str, number: int, entity: str) -> str:
+        session = f"@ros2_lv/{self.domain}/{zid}/0/{number}"
+        return f"{session}/{entity}/{_NO_ENCLAVE}/{_mangled(self.namespace)}/{self.name}"
+
+
+def _mangled(name: str) -> str:
+    """A name of ROS 2's as one chunk of a key expression."""
+    return name.replace("/", "%")
+
+
+def gid(token: str) -> bytes:
+    """A publisher's global identifier, 16 bytes: rmw_zenoh's hash of its token."""
+    return xxhash.xxh3_128_intdigest(token.encode()).to_bytes(_GID_BYTES, "little")
+
+
+def attachment(sequence: int, nanoseconds: int, publisher: bytes) -> bytes:
+    """What goes beside a message: its number from 1 on, when it was put, and whose it is."""
+    return _ATTACHMENT.pack(sequence, nanoseconds, _GID_BYTES, publisher)
+
+
+class Node:
+    """A node that ROS 2 programs see, with publishers that they hear, until it is closed."""
+
+    def __init__(self, router: str, name: NodeName, timeout: float) -> None:
+        """Join the ROS 2 router. Raises HubError."""
+        try:
+            self._session = wire.open_client(router, timeout)
+        except wire.HubError as error:
+            raise wire.HubError(f"{error}; is rmw_zenohd running there?") from error
+        self._name, self._zid = name, str(self._session.zid())
+        self._numbers = itertools.count(1)
+        # A token lives as long as somebody holds it.
+        self._tokens = [wire.announce(self._session, name.token(self._zid))]
+
+    def publisher(self, topic: str, kind: MessageType) -> "Publisher":
+        """Announce a topic, absolute, such as "/phalanx/markers"."""
+        token = self._name.publisher_token(self._zid, next(self._numbers), topic, kind)
+        key = self._name.topic_key(topic, kind)
+        publisher = Publisher(wire.view_publisher(self._session, key), gid(token))
+        self._tokens.append(wire.announce(self._session, token))
+        return publisher
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._session.close()  # type: ignore[no-untyped-call]
+
+
+class Publisher:
+    """Puts serialized messages on a topic; who is too slow for them misses some."""
+
+    def __init__(self, publisher: wire.Publisher, own_gid: bytes) -> None:
+        self._publisher, self._gid = publisher, own_gid
+        self._sequence: Iterator[int] = itertools.count(1)
+
+    @property
+    def heard(self) -> bool:
+        """Whether somebody subscribes: only then a message is worth its making."""
+        return wire.has_listener(self._publisher)
+
+    def put(self, payload: bytes) -> None:
+        """Publish one message, serialized as CDR with its header."""
+        beside = attachment(next(self._sequence), time.time_ns(), self._gid)
+        self._publisher.put(payload, attachment=beside)

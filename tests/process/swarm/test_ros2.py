@@ -1,0 +1,189 @@
+"""phalanx ros2 beside a real run: a plain Zenoh session reads it as a node over rmw_zenoh does."""
+
+import contextlib
+import json
+import struct
+import subprocess
+import sys
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zenoh
+
+from phalanx.recording.read import read
+from phalanx.scenario.load import load
+from phalanx.viewer.scene.geometry import facing
+from phalanx.viewer.scene.model import scene_model
+from phalanx.wire.session import open_hub, reserved_endpoint
+from tests import ros2_messages as ros
+from tests.process.runs import PACED, live_run, wait_for
+
+pytestmark = pytest.mark.swarm
+
+
+class Listener:
+    """Whatever is put in a domain of ROS 2, and every token of its graph."""
+
+    def __init__(self, session: zenoh.Session, domain: int) -> None:
+        self.samples: dict[str, list[tuple[bytes, bytes]]] = defaultdict(list)
+        """Payload and attachment, by topic and type without its hash."""
+        self.tokens: set[str] = set()
+        self.seen: set[str] = set()
+        self._subscriber = session.declare_subscriber(f"{domain}/**", self._on_sample)
+        self._watch = session.liveliness().declare_subscriber(
+            f"@ros2_lv/{domain}/**", self._on_token, history=True
+        )
+
+    def _on_sample(self, sample: zenoh.Sample) -> None:
+        topic = str(sample.key_expr).split("/", 1)[1].rsplit("/", 1)[0]
+        assert sample.attachment is not None
+        self.samples[topic].append((sample.payload.to_bytes(), sample.attachment.to_bytes()))
+
+    def _on_token(self, sample: zenoh.Sample) -> None:
+        token = str(sample.key_expr)
+        if sample.kind == zenoh.SampleKind.PUT:
+            self.tokens.add(token)
+            self.seen.add(token)
+        else:
+            self.tokens.discard(token)
+
+    def told(self, topic: str, kind: type) -> list:
+        return [kind.deserialize(payload) for payload, _ in self.samples[topic]]
+
+    def poses(self, name: str) -> list[ros.PoseStamped]:
+        topic = f"phalanx/agent_{name}/pose/geometry_msgs::msg::dds_::PoseStamped_"
+        return self.told(topic, ros.PoseStamped)
+
+    def diagnostics(self) -> list[ros.DiagnosticArray]:
+        topic = "diagnostics/diagnostic_msgs::msg::dds_::DiagnosticArray_"
+        return self.told(topic, ros.DiagnosticArray)
+
+    def markers(self) -> list[ros.MarkerArray]:
+        topic = "phalanx/markers/visualization_msgs::msg::dds_::MarkerArray_"
+        return self.told(topic, ros.MarkerArray)
+
+
+@contextlib.contextmanager
+def ros2_router(domain: int) -> Iterator[tuple[str, Listener]]:
+    """A router as rmw_zenohd is one, and a client of it that listens."""
+    with reserved_endpoint() as endpoint, open_hub(endpoint):
+        config = {"mode": "client", "connect": {"endpoints": [endpoint]}}
+        with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session:
+            yield endpoint, Listener(session, domain)
+
+
+def ros2(run: Path, *arguments: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "phalanx", "ros2", str(run), *arguments]
+    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+
+
+def finish(program: subprocess.Popen[str]) -> str:
+    """What it said, once it ended as it should."""
+    _, said = program.communicate(timeout=150)
+    assert program.returncode == 0, said
+    return said
+
+
+@pytest.fixture(scope="module")
+def heard(tmp_path_factory) -> Iterator[tuple[Path, Listener]]:
+    """A run whose every topic somebody subscribes to, live, from some moment to its end."""
+    scenario = load("unicycles", ["duration=1.5"])
+    folder = tmp_path_factory.mktemp("runs") / "live"
+    with ros2_router(7) as (router, listener):
+        with live_run(scenario, folder, PACED) as run:
+            wait_for(lambda: run.status is not None and run.status.t > 0)
+            program = ros2(folder, "--router", router, "--domain", "7")
+            wait_for(lambda: listener.tokens or program.poll() is not None)
+        finish(program)
+        yield folder, listener
+
+
+def test_every_pose_is_a_state_of_the_recording(heard):
+    folder, listener = heard
+    recording = read(folder)
+    model, times = scene_model(recording.scenario), np.round(recording.times, 9)
+    for i, name in enumerate(model.names):
+        told = listener.poses(name)
+        assert len(told) > 20
+        for message in told:
+            at = int(np.searchsorted(times, round(message.header.t, 9)))
+            assert times[at] == pytest.approx(message.header.t, abs=2e-9)
+            poses = model.kinematics.poses(recording.x[at])
+            place, turn = message.pose.position, message.pose.orientation
+            assert [place.x, place.y, place.z] == poses.positions[i].tolist()
+            assert [turn.w, turn.x, turn.y, turn.z] == facing(poses.headings)[i].tolist()
+
+
+def test_tokens_tell_the_node_and_its_publishers_and_go_with_it(heard):
+    _, listener = heard
+    (node,) = [token for token in listener.seen if "/NN/" in token]
+    head, domain, session, *rest = node.split("/")
+    assert (head, domain) == ("@ros2_lv", "7")
+    assert rest == ["0", "0", "NN", "%", "%phalanx", "swarm"]
+    publishers = [token.split("/") for token in listener.seen - {node}]
+    assert {token[2] for token in publishers} == {session}
+    assert len({token[4] for token in publishers}) == len(publishers), "each has a number"
+    assert {(token[9], token[10]) for token in publishers} >= {
+        ("%phalanx%agent_1%pose", "geometry_msgs::msg::dds_::PoseStamped_"),
+        ("%phalanx%markers", "visualization_msgs::msg::dds_::MarkerArray_"),
+        ("%diagnostics", "diagnostic_msgs::msg::dds_::DiagnosticArray_"),
+    }
+    wait_for(lambda: not listener.tokens, 20.0)
+
+
+def test_messages_of_a_publisher_are_numbered_from_1_on_under_one_gid(heard):
+    _, listener = heard
+    for samples in listener.samples.values():
+        beside = [struct.unpack("<qqB16s", attachment) for _, attachment in samples]
+        assert [number for number, *_ in beside] == list(range(1, len(samples) + 1))
+        assert {length for _, _, length, _ in beside} == {16}
+        assert len({gid for *_, gid in beside}) == 1
+        stamps = [nanoseconds for _, nanoseconds, *_ in beside]
+        assert stamps == sorted(stamps)
+    gids = {samples[0][1][-16:] for samples in listener.samples.values()}
+    assert len(gids) == len(listener.samples)
+
+
+def test_the_swarm_is_drawn_and_what_stands_still_comes_again_for_the_late(heard):
+    folder, listener = heard
+    names = scene_model(read(folder).scenario).names
+    drawn = [{marker.ns for marker in message.markers} for message in listener.markers()]
+    assert all(found >= {"agents", "names", "safety radius"} for found in drawn)
+    assert 1 < sum("obstacles" in found for found in drawn) < len(drawn)
+    assert [m.text for m in listener.markers()[-1].markers if m.ns == "names"] == list(names)
+
+
+def test_the_verdict_is_the_last_that_is_told(heard):
+    folder, listener = heard
+    summary = json.loads((folder / "summary.json").read_text())
+    told = [message.status[0].message for message in listener.diagnostics()]
+    assert told[-1] == f"{summary['outcome']}: {summary['reason']}"
+    assert set(told[:-1]) == {"no pair left the safe set so far"}
+
+
+def test_a_recording_is_published_once_in_real_time_and_its_verdict_at_its_end(heard):
+    folder, _ = heard
+    times = read(folder).times
+    with ros2_router(3) as (router, listener):
+        finish(ros2(folder, "--router", router, "--domain", "3", "--namespace", "/late"))
+    topic = "late/agent_1/pose/geometry_msgs::msg::dds_::PoseStamped_"
+    stamps = [message.header.t for message in listener.told(topic, ros.PoseStamped)]
+    assert stamps == sorted(set(stamps))
+    assert stamps[-1] == pytest.approx(times[-1])
+    told = [message.status[0].message for message in listener.diagnostics()]
+    assert ": " in told[-1]
+    assert set(told[:-1]) == {"no pair left the safe set so far"}
+
+
+def test_a_router_that_is_not_there_is_one_line(heard):
+    folder, _ = heard
+    with reserved_endpoint() as nowhere:
+        program = ros2(folder, "--router", nowhere, "--timeout", "0.5")
+        _, said = program.communicate(timeout=60)
+    assert program.returncode == 3
+    assert f"no hub at {nowhere} within 0.5 s" in said
+    assert "is rmw_zenohd running there?" in said
+    assert "Traceback" not in said

@@ -1,0 +1,205 @@
+"""What ROS 2 is told of a run, decoded by another library than the one that encodes."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticArray as Diagnostics
+from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__PoseStamped as PoseStamped
+from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__String as String
+from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__MarkerArray as MarkerArray
+
+import phalanx
+from phalanx.cli.app import USAGE_ERROR, status
+from phalanx.viewer.feeds.replay import Replay
+from phalanx.viewer.ros2 import markers
+from phalanx.viewer.ros2.diagnostics import alike, diagnostics, so_far, verdict
+from phalanx.viewer.ros2.poses import stamped
+from phalanx.viewer.ros2.serialized import message_type, serialized
+from phalanx.viewer.ros2.topics import pose_topics
+from phalanx.viewer.scene.geometry import facing
+from phalanx.viewer.scene.model import scene_model
+from tests import ros2_messages as ros
+
+
+@pytest.fixture(scope="module")
+def replay() -> Replay:
+    """Agents that a wall and an adversary press together, until two of them collide."""
+    return Replay(phalanx.run("surrounded", engine="in-process").recording)
+
+
+def state(replay: Replay, t: float) -> np.ndarray:
+    return np.frombuffer(replay.frame(t).x)
+
+
+def drawn(replay: Replay, t: float) -> dict[tuple[str, int], ros.Marker]:
+    """Every marker of a moment, by name and number."""
+    frame, x, model = replay.frame(t), state(replay, t), replay.model
+    poses, unsafe = model.kinematics.poses(x), [int(pair) for pair in model.values.unsafe(x)]
+    message = markers.array(
+        markers.agents(frame.t, model, poses, frame.agents, unsafe),
+        markers.violations(frame.t, model, poses.positions, unsafe),
+        markers.surroundings(frame.t, model),
+    )
+    found = ros.MarkerArray.deserialize(serialized(message)).markers
+    by_name = {(marker.ns, marker.id): marker for marker in found}
+    assert len(by_name) == len(found), "one would take the place of the other"
+    return by_name
+
+
+@pytest.mark.parametrize(
+    ("kind", "on_the_wire"),
+    # The first from docs/design.md of ros2/rmw_zenoh, the others as ROS 2 clients in other
+    # languages have them in their sources.
+    [
+        (
+            String,
+            "std_msgs::msg::dds_::String_/"
+            "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
+        ),
+        (
+            PoseStamped,
+            "geometry_msgs::msg::dds_::PoseStamped_/"
+            "RIHS01_10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8",
+        ),
+        (
+            MarkerArray,
+            "visualization_msgs::msg::dds_::MarkerArray_/"
+            "RIHS01_86cb8800b6fb05b5eff1abd7a56f62a5641d3ae9a1c29e78e67e704f1d067dcf",
+        ),
+        (
+            Diagnostics,
+            "diagnostic_msgs::msg::dds_::DiagnosticArray_/"
+            "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
+        ),
+    ],
+    ids=["String", "PoseStamped", "MarkerArray", "DiagnosticArray"],
+)
+def test_types_are_named_and_hashed_as_ros_2_does(kind, on_the_wire):
+    assert message_type(kind).on_the_wire == on_the_wire
+
+
+def test_a_pose_is_little_endian_cdr_of_where_an_agent_is_and_faces():
+    run = phalanx.run(phalanx.load("unicycles", ["duration=0.1"]), engine="in-process")
+    model, x = scene_model(run.scenario), run.recording.x[-1]
+    poses = model.kinematics.poses(x)
+    payloads = [serialized(message) for message in stamped(12.000000001, poses)]
+    assert {payload[:4] for payload in payloads} == {bytes([0, 1, 0, 0])}
+    for i, payload in enumerate(payloads):
+        told = ros.PoseStamped.deserialize(payload)
+        assert (told.header.stamp.sec, told.header.stamp.nanosec) == (12, 1)
+        assert told.header.frame_id == "world"
+        place, turn = told.pose.position, told.pose.orientation
+        assert [place.x, place.y, place.z] == poses.positions[i].tolist()
+        assert [turn.w, turn.x, turn.y, turn.z] == facing(poses.headings)[i].tolist()
+
+
+def test_every_agent_is_an_arrow_with_its_name_and_its_safety_radius(replay):
+    found, names = drawn(replay, 0.0), replay.model.names
+    for i, name in enumerate(names):
+        place = replay.trajectory[0][i]
+        disc = found["safety radius", i]
+        assert disc.type == ros.CYLINDER
+        assert (disc.scale.x, disc.scale.y) == (1.0, 1.0), "two touch at the radius of 1 m"
+        assert [disc.pose.position.x, disc.pose.position.y] == place[:2].tolist()
+        assert found["agents", i].type == ros.ARROW
+        assert found["names", i].text == name
+    assert found["agents", 0].color.b > found["agents", 0].color.r, "the normal one is blue"
+    assert found["agents", 1].color.r > found["agents", 1].color.b, "adversaries are red"
+
+
+def test_a_violated_pair_is_red_and_joined_by_a_line_which_is_gone_before(replay):
+    line = ("violated pairs", 0)
+    before, after = drawn(replay, 0.5), drawn(replay, replay.end)
+    assert before[line].action == ros.DELETE
+    pairs = len(replay.summary.violations)
+    assert (after[line].action, after[line].type) == (ros.ADD, ros.LINE_LIST)
+    assert len(after[line].points) == 2 * pairs
+    assert after["agents", 0].color.r > after["agents", 0].color.b
+
+
+def test_obstacles_are_spheres_of_what_their_clearance_leaves_to_see():
+    model = scene_model(phalanx.load("unicycles"))
+    message = ros.MarkerArray.deserialize(
+        serialized(markers.array(markers.surroundings(0.0, model)))
+    )
+    spheres = [marker for marker in message.markers if marker.ns == "obstacles"]
+    assert spheres
+    for marker, (center, radius) in zip(spheres, model.surroundings.spheres, strict=True):
+        told = marker.pose.position
+        assert [told.x, told.y, told.z] == center.tolist()
+        assert marker.scale.x == 2.0 * radius
+
+
+def test_a_fence_is_a_line_around_where_one_may_be():
+    model = scene_model(phalanx.load("fence"))
+    message = ros.MarkerArray.deserialize(
+        serialized(markers.array(markers.surroundings(0.0, model)))
+    )
+    (fence,) = [marker for marker in message.markers if marker.ns == "limits"]
+    assert [(p.x, p.y, p.z) for p in fence.points] == [
+        tuple(point) for point in model.surroundings.outlines[0].tolist()
+    ]
+
+
+def test_diagnostics_tell_the_run_and_every_agent(replay):
+    frame, model = replay.frame(replay.end), replay.model
+    head = verdict(replay.summary)
+    told = ros.DiagnosticArray.deserialize(serialized(diagnostics(frame, model, head)))
+    run, *agents = told.status
+    assert (run.level, run.name) == (ros.ERROR, "phalanx: run")
+    assert run.message == f"violated: {replay.summary.reason}"
+    figures = {value.key: value.value for value in run.values}
+    assert float(figures["h_tot"]) == frame.h_tot
+    assert figures["worst pair"] == model.label(frame.pair)
+    assert [status.name for status in agents] == [f"phalanx: agent {n}" for n in model.names]
+    assert {status.message for status in agents[1:]} == {"adversary"}
+    assert agents[0].level in (ros.WARN, ros.ERROR), "surrounded, it has no authority"
+
+
+def test_so_far_a_run_is_fine_until_a_pair_is_violated(replay):
+    assert so_far(replay.frame(0.5)) == (ros.OK, "no pair left the safe set so far")
+    level, message = so_far(replay.frame(replay.end))
+    assert level == ros.ERROR
+    assert message.startswith("violated: 1-2")
+    assert verdict(None) == (ros.ERROR, "the plant left without a verdict")
+
+
+def test_only_another_level_or_message_makes_diagnostics_differ(replay):
+    start, soon, end = (
+        diagnostics(frame, replay.model, so_far(frame))
+        for frame in map(replay.frame, (0.1, 0.2, replay.end))
+    )
+    assert alike(start, soon)
+    assert not alike(start, end)
+    assert not alike(None, start)
+
+
+def test_topics_have_names_that_ros_2_allows():
+    assert pose_topics("/phalanx", ["1", "lead-a"]) == [
+        "/phalanx/agent_1/pose",
+        "/phalanx/agent_lead_a/pose",
+    ]
+    with pytest.raises(ValueError, match="agents a-b and a_b would share the topic /x/agent_a_b"):
+        pose_topics("/x", ["a-b", "a_b"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ([], "expected either RUN, or --connect and --run"),
+        (["runs/x", "--namespace", "phalanx"], "--namespace: expected such as /phalanx"),
+        (["runs/x", "--namespace", "/1"], "--namespace: expected such as /phalanx"),
+        (["runs/x", "--domain", "233"], "--domain"),
+    ],
+)
+def test_wrong_usage_is_one_line(arguments, said, capsys):
+    assert status(["ros2", *arguments]) == USAGE_ERROR
+    assert said in capsys.readouterr().err
+
+
+def test_without_its_libraries_it_says_what_to_install(monkeypatch, capsys):
+    found = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda n: None if n == "rosbags" else found(n))
+    assert status(["ros2", "runs/x"]) == USAGE_ERROR
+    assert "needs rosbags: pip install 'phalanx[ros2]'" in capsys.readouterr().err
