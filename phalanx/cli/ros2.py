@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from phalanx.cli.options import KeysFolder, Secret, Trust, certificates_for
+from phalanx.cli.options import Insecure, KeysFolder, Secret, Trust, certificates_for
 from phalanx.cli.viewing import Connect, LiveRun
 
 
@@ -38,6 +38,7 @@ def ros2(
     timeout: Annotated[
         float, typer.Option(help="How long to try to reach the router and the live run [s].")
     ] = 10.0,
+    insecure: Insecure = False,
     trust: Trust = False,
 ) -> int:
     """Let ROS 2 read the swarm: poses, markers and diagnostics, without ROS installed here.
@@ -74,7 +75,7 @@ def ros2(
             return int(main.run_replay(recording, graph, trust=trust))
         if found is not None:
             return int(main.run_live(found.membership, graph, trust=trust))
-        certificates = certificates_for(keys, connect)
+        certificates = certificates_for(keys, connect, insecure)
         membership = Membership(run, connect, secret.encode(), VIEWER, timeout, certificates)
         return int(main.run_live(membership, graph, trust=trust))
     except (RuntimeError, ValueError, OSError) as error:
