@@ -36,19 +36,20 @@ def ros2(
         str, typer.Option(help="ROS 2 namespace of the node and its topics.")
     ] = "/phalanx",
     timeout: Annotated[
-        float, typer.Option(help="How long to try to reach the router and the live run [s].")
+        float, typer.Option(help="How many seconds to try to reach the router and the live run.")
     ] = 10.0,
     insecure: Insecure = False,
     trust: Trust = False,
 ) -> int:
     """Let ROS 2 read the swarm: poses, markers and diagnostics, without ROS installed here.
 
-    A live run is published until it is over, a recording once, in real time. ROS 2 programs hear it
-    with RMW_IMPLEMENTATION=rmw_zenoh_cpp and a router, `ros2 run rmw_zenoh_cpp rmw_zenohd`:
+    A live run is published until it is over, a recording once, in real time.
 
-      /phalanx/agent_1/pose  geometry_msgs/PoseStamped, one topic for each agent
+    ROS 2 needs RMW_IMPLEMENTATION=rmw_zenoh_cpp, and `ros2 run rmw_zenoh_cpp rmw_zenohd`:
+
+      /phalanx/agent_1/pose  geometry_msgs/PoseStamped, of each agent
       /phalanx/markers       visualization_msgs/MarkerArray, for RViz
-      /diagnostics           diagnostic_msgs/DiagnosticArray: the run, its verdict, each agent
+      /diagnostics           diagnostic_msgs/DiagnosticArray, with the verdict
 
     Examples:
 
