@@ -106,7 +106,7 @@ def test_the_space_time_diagram_shows_the_worst_moment_in_detail(
     assert diagram is not None
     with served(replay) as page:
         tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
-        tab.get_by_text("worst moment (z)").wait_for()
+        tab.get_by_role("button", name="worst moment (z)").wait_for()
         canvas = tab.locator("#phx-plots canvas").last
         whole = canvas.screenshot()
         tab.keyboard.press("z")
@@ -116,7 +116,7 @@ def test_the_space_time_diagram_shows_the_worst_moment_in_detail(
         wait_for(
             lambda: replay.t == pytest.approx(middle, abs=0.01 * (diagram.end - diagram.begin))
         )
-        tab.get_by_text("whole run (z)").click()
+        tab.get_by_role("button", name="whole run (z)").click()
         click_at(tab, canvas, 0.25)
         wait_for(lambda: replay.t == pytest.approx(0.25 * replay.end, abs=0.05))
 

