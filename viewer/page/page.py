@@ -18,7 +18,9 @@ from phalanx.wire.frames import Frame
 _TEXT_PERIOD = 0.2
 """Wall time between two updates of texts [s]: they cost more than the scene."""
 _PLOT_PERIOD = 1.0
-"""Wall time between two updates of a live run's plots [s]: all of them are sent anew."""
+"""Least wall time between two updates of a live run's plots [s]: all of them are sent anew."""
+_PLOT_SHARE = 0.01
+"""Of the time, what making them may take at most: of many agents they come less often."""
 
 
 class Page:
@@ -70,13 +72,13 @@ class Page:
         """Make agent i the selected one."""
         self.selected = i
         self._panels.show_selected(i)
-        self._stale = True
+        self._stale, self._plots_due = True, 0.0
 
     def replay(self, replay: Replay) -> None:
         """Go on with the recording of the run that was shown live, from where that ended."""
         replay.seek(replay.end)
         self._scene.expect(replay.trajectory)
-        self._feed, self._frame, self._plotted = replay, None, None
+        self._feed, self._frame, self._plotted, self._plots_due = replay, None, None, 0.0
         if self._commands:
             self._commands.remove()
             self._commands = None
@@ -121,10 +123,11 @@ class Page:
         shown = self.selected, len(rows), len(self._feed.log)
         if shown == self._plotted or now < self._plots_due or not self.server.get_clients():
             return
-        self._plotted, self._plots_due = shown, now + _PLOT_PERIOD
-        self._channel.call(
-            "show", content(self._feed, self._told(), isinstance(self._feed, Replay))
-        )
+        began, chosen = time.thread_time(), [self.selected]
+        drawn = content(self._feed, self._told(), isinstance(self._feed, Replay), chosen)
+        self._channel.call("show", drawn)
+        taken = time.thread_time() - began
+        self._plotted, self._plots_due = shown, now + max(_PLOT_PERIOD, taken / _PLOT_SHARE)
 
     def _told(self) -> list[int]:
         """The agents whose curves are sent, the selected one first."""

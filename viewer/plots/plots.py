@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.theory.models.units import units
 from phalanx.theory.rows.origin import Origin
 from phalanx.viewer.feeds.feed import Feed
 from phalanx.viewer.feeds.history import EMPTY_CODES, AgentSeries
@@ -34,13 +33,16 @@ _STEPS = 500
 _UNSAFE_ABOVE_0: Safe = (None, 0.0)
 
 
-def content(feed: Feed, told: Sequence[int], seekable: bool) -> Content:
+def content(
+    feed: Feed, told: Sequence[int], seekable: bool, inputs_of: Sequence[int] | None = None
+) -> Content:
     """What to draw of a feed.
 
     Args:
         feed: live or recorded.
         told: the agents that have curves of their own; the first one is chosen.
         seekable: whether the cursor can be moved: the end is then that of the past.
+        inputs_of: the agents whose inputs are told; by default all that have curves.
     """
     model, past = feed.model, feed.history
     rows = past.swarm.rows
@@ -48,6 +50,7 @@ def content(feed: Feed, told: Sequence[int], seekable: bool) -> Content:
     end = max(now if seekable else model.scenario.duration, begin + 1e-3)
     steps = [past.agent(i) for i in range(len(model.names))]
     plots = _Plots(feed, steps, told, (begin, end, now))
+    inputs = plots.of_inputs(told if inputs_of is None else inputs_of)
     return Content(
         title=f"{model.scenario.name}, seed {model.scenario.seed}",
         begin=begin,
@@ -57,7 +60,7 @@ def content(feed: Feed, told: Sequence[int], seekable: bool) -> Content:
         agents=list(model.names),
         adversaries=model.adversary.tolist(),
         chosen=told[0],
-        plots=plots.of_swarm() + plots.of_agents(),
+        plots=plots.of_swarm() + plots.of_agents(inputs),
         periods=[
             *fault_periods(past.conditions, now),
             *(period for i in told for period in empty_periods(i, steps[i])),
@@ -90,14 +93,17 @@ class _Plots:
             *(Plot(f"ψ_{k}", "", [_bold(rows, 2 + k, highest)], _UNSAFE_ABOVE_0) for k in levels),
         ]
 
-    def of_agents(self) -> list[Plot]:
+    def of_inputs(self, agents: Sequence[int]) -> list[Plot]:
+        return [self._input(i, c) for i in agents for c in range(self._steps[i].u.shape[1])]
+
+    def of_agents(self, inputs: list[Plot]) -> list[Plot]:
         horizons = self._every(self._horizon, lowest)
         ages = self._every(lambda _, s: 1e3 * s.age, highest)
         solve_times = self._every(lambda _, s: 1e3 * s.solve_time, highest)
         residuals = self._every(lambda _, s: s.residual, highest)
         return [
             Plot("Certified for", "τ", horizons, (1.0, None), logarithmic=True, of_agents=True),
-            *(self._input(i, c) for i in self._told for c in range(self._steps[i].u.shape[1])),
+            *inputs,
             Plot("Residual of the row", "", residuals, _UNSAFE_ABOVE_0, of_agents=True),
             Plot("Age of the oldest û", "ms", ages, of_agents=True),
             Plot("Control step", "ms", solve_times, of_agents=True),
@@ -155,7 +161,7 @@ class _Plots:
         ]
         safe: Safe = (None, None) if bounds is None else (float(bounds[0][c]), float(bounds[1][c]))
         name = self._model.input_names(i)[c]
-        unit = units(self._model.swarm.members[i].dynamics).inputs[name]
+        unit = self._model.input_units[i][name]
         title = f"Input {name}, and the nominal one"
         return Plot(title, unit, curves, safe, of_agents=True, agent=i)
 

@@ -1,5 +1,6 @@
 """The scene model: what there is to draw of a scenario, and what can be told of a state."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,6 +12,7 @@ from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.models.polytope import constant_polytope
+from phalanx.theory.models.units import units
 from phalanx.viewer.scene.kinematics import Kinematics
 from phalanx.viewer.scene.surroundings import Surroundings
 from phalanx.viewer.scene.values import SafetyValues
@@ -102,6 +104,11 @@ class SceneModel:
     def psi_levels(self) -> range:
         """The k of ψ_1 ... ψ_{q-1}."""
         return range(1, self.rows.relative_degree)
+
+    @cached_property
+    def input_units(self) -> tuple[Mapping[str, str], ...]:
+        """Every agent's, by the input's name; "" where a dynamics does not say."""
+        return tuple(units(member.dynamics).inputs for member in self.swarm.members)
 
     def input_names(self, i: int) -> tuple[str, ...]:
         """The names of agent i's inputs."""
