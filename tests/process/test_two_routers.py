@@ -3,7 +3,6 @@
 The hosts are network namespaces with a real wire between them; see bench/network/testbed.py.
 """
 
-import contextlib
 import datetime
 import subprocess
 import sys
@@ -17,7 +16,6 @@ from bench.network import testbed
 from bench.network.testbed import HERE, THERE, Wire, opened, unavailable
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher.execute import execute
-from phalanx.recording.read import Recording, UnreadableRecordingError, read
 from phalanx.scenario.load import load
 from phalanx.wire.authority import make_certificates
 from phalanx.wire.keys import PLANT, ROUTER
@@ -47,36 +45,19 @@ class Hosts:
         own = self.keys / (arguments[0] if program == "agent" else program)
         common = ("--scenario", SCENARIO, "--set", DURATION, "--run", "r", "--keys", str(own))
         place = self.bed.here if host == NORTH else self.bed.there
-        # Of two settings of one field the last counts.
         command = (sys.executable, "-m", "phalanx", program, *common, *arguments)
         self.started.append(self.bed.start(place, *command))
         return self.started[-1]
 
-    def start_north(self) -> subprocess.Popen[str]:
-        return self.start(NORTH, "router", "--listen", NORTH)
+    def start_routers(self) -> None:
+        self.start(NORTH, "router", "--listen", NORTH)
+        self.start(SOUTH, "router", "--listen", SOUTH, "--connect", NORTH)
 
-    def start_routers(self) -> tuple[subprocess.Popen[str], subprocess.Popen[str]]:
-        beyond = ("--connect", NORTH)
-        return self.start_north(), self.start(SOUTH, "router", "--listen", SOUTH, *beyond)
+    def start_plant(self) -> subprocess.Popen[str]:
+        return self.start(NORTH, "plant", "--connect", NORTH, "--out", str(self.out))
 
-    def start_plant(self, *more: str) -> subprocess.Popen[str]:
-        return self.start(NORTH, "plant", "--connect", NORTH, "--out", str(self.out), *more)
-
-    def start_agents(self, *more: str) -> list[subprocess.Popen[str]]:
-        return [
-            self.start(host, "agent", name, "--connect", host, *more)
-            for name, host in PLACES.items()
-        ]
-
-    def recorded(self) -> Recording:
-        """What there is by now."""
-        with contextlib.suppress(UnreadableRecordingError):
-            return read(self.out)
-        return Recording(self.out, load(SCENARIO), {})
-
-    def times(self, what: str) -> list[float]:
-        """When the log says so."""
-        return [line.t for line in self.recorded().log if what in line.text]
+    def start_agents(self) -> list[subprocess.Popen[str]]:
+        return [self.start(host, "agent", n, "--connect", host) for n, host in PLACES.items()]
 
     def end(self) -> None:
         for program in self.started:
@@ -114,20 +95,3 @@ def test_a_run_over_two_routers_is_the_run_on_one_host(
     assert summary.trajectory == alone.trajectory
     assert summary.outcome is alone.outcome
     assert not summary.rejected
-
-
-def test_agents_outlive_the_loss_of_the_router_beyond_their_own(hosts: Hosts) -> None:
-    """In real time: those in the south lose the plant with it, and stay where they are."""
-    north, _ = hosts.start_routers()
-    plant = hosts.start_plant("--real-time", "1", "--set", "duration=600")
-    hosts.start_agents("--set", "duration=600")
-    wait_for(lambda: len(hosts.recorded().steps) > 100)
-    north.kill()
-    north.wait()
-    wait_for(lambda: len(hosts.times("is lost")) == len(PLACES))
-    hosts.start_north()
-    wait_for(lambda: len(hosts.times("is back")) == len(PLACES))
-    back = max(hosts.times("is back"))
-    wait_for(lambda: {s.agent for s in hosts.recorded().steps if s.t > back} == set(PLACES))
-    plant.terminate()
-    assert "stopped" in plant.communicate(timeout=60)[0]
