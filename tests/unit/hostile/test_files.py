@@ -16,6 +16,7 @@ from phalanx.scenario.load import ScenarioError, load
 SECONDS = 5.0
 
 
+@pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("what", TRIALS)
 @given(seed=st.integers(0, 2**32))
 @settings(
