@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from phalanx.faults.commands import Command, CommandKind, CommandPolicy
-    from phalanx.guarantee.check import CheckReport, check
+    from phalanx.guarantee.check import check
+    from phalanx.guarantee.check_report import CheckReport
     from phalanx.guarantee.verdict import Assumption, Outcome, Summary, Violation
     from phalanx.launcher.engine import Engine, EngineError
     from phalanx.launcher.run import Run
@@ -33,7 +34,7 @@ __version__ = "0.2.0"
 
 _HOMES = {
     "Assumption": "phalanx.guarantee.verdict",
-    "CheckReport": "phalanx.guarantee.check",
+    "CheckReport": "phalanx.guarantee.check_report",
     "Command": "phalanx.faults.commands",
     "CommandKind": "phalanx.faults.commands",
     "CommandPolicy": "phalanx.faults.commands",

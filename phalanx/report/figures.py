@@ -27,6 +27,7 @@ from phalanx.report.style import (
 )
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
+from phalanx.swarm.units import unit_of_psi
 from phalanx.theory.models.polytope import Box, constant_polytope
 from phalanx.theory.models.units import units
 from phalanx.theory.rows.origin import Origin
@@ -59,7 +60,7 @@ def safety(recording: Recording, largest: Array | None = None) -> Figure:
         axes.axhline(0.0, color=LIMIT, linewidth=1.2)
         axes.fill_between(t, h, 0.0, where=h > 0.0, interpolate=True, color=PEAK, alpha=0.5)
         axes.plot([peak.t], [peak.h_tot], "o", color=PEAK, markersize=5)
-        axes.set_ylabel(r"$h_{tot}$ [unit of $h$]")
+        axes.set_ylabel(f"$h_{{tot}}$ [{unit_of_psi(recording.scenario) or 'SI'}]")
         axes.margins(x=0.01)
     rows[0].set_ylim(top=max(rows[0].get_ylim()[1], 0.06 * np.ptp(h), 0.1))
     if peak.h_tot > 0.0:
@@ -88,7 +89,8 @@ def psi(recording: Recording, rows: SafetyRows) -> Figure | None:
         axes.plot(t, values, color="#1f5fbf", linewidth=1.2)
         axes.axhline(0.0, color=LIMIT, linewidth=1.2)
         axes.fill_between(t, values, 0.0, where=values > 0.0, color=PEAK, alpha=0.5)
-        axes.set_ylabel(f"largest $\\psi_{k}$ [unit of $h$/s{'²³'[k - 2] if k > 1 else ''}]")
+        unit = unit_of_psi(recording.scenario, k) or "SI"
+        axes.set_ylabel(f"largest $\\psi_{k}$ [{unit}]")
         axes.margins(x=0.01)
         at = int(values.argmax())
         words = f"largest {values[at]:.4g} at {t[at]:.3f} s"

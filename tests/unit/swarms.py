@@ -2,7 +2,8 @@
 
 from functools import cache
 
-from phalanx.guarantee.check import CheckReport, check
+from phalanx.guarantee.check import check
+from phalanx.guarantee.check_report import CheckReport
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm

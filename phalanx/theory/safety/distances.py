@@ -22,6 +22,7 @@ class Distance:
 
     radius: Positive
     """R between agents [m]."""
+    unit = "m"
 
     def between(self, a: Body, b: Body) -> ca.SX:
         return self.radius - ca.norm_2(a.p - b.p)
@@ -49,6 +50,7 @@ class HeadingAware:
     """R between agents [m], with headings straight away from the other."""
     kappa: Positive
     """κ [m]: what is asked for on top when side-on; twice that head-on."""
+    unit = "m"
 
     def between(self, a: Body, b: Body) -> ca.SX:
         apart = ca.norm_2(a.p - b.p)

@@ -58,6 +58,7 @@ class Separation:
 
     radius: Positive
     """R between agents [m]; R_c + 2b in the paper's Simulation 1."""
+    unit = "m²"
 
     def between(self, a: Body, b: Body) -> ca.SX:
         return self.radius * self.radius - ca.sumsqr(a.p - b.p)

@@ -46,6 +46,7 @@ class Fence:
     """c [m]"""
     radius: Positive
     """R [m]"""
+    unit = "m"
 
     def alone(self, a: Body) -> ca.SX:
         if len(self.center) != a.p.numel():

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from phalanx.guarantee.check import CheckReport, check
+from phalanx.guarantee.check import check
+from phalanx.guarantee.check_report import CheckReport
 from phalanx.guarantee.feasibility import rows_at_start
 from phalanx.guarantee.gaps import gaps_in_the_proof, words_on_alpha
 from phalanx.guarantee.workspace import drawn_states
@@ -113,19 +114,19 @@ def test_the_worst_pair_needs_a_smaller_margin_than_all_pairs_composed_and_it_is
     assert paper.pair_formula.eta < paper.formula.eta / 2
 
 
-def test_theorem_4_is_refuted_for_simulation_1(paper):
+def test_theorem_3_is_refuted_for_simulation_1(paper):
     """At d = 1 the best heading leaves about -8 + 4 + 8.06 > 0; at other headings more."""
-    assert paper.theorem_4.states == 200
-    assert paper.theorem_4.holds is False
-    assert paper.theorem_4.worst > -8 + 4 + 8.06
+    assert paper.boundary.states == 200
+    assert paper.boundary.holds is False
+    assert paper.boundary.worst > -8 + 4 + 8.06
 
 
 def test_on_the_boundary_an_equal_adversary_leaves_eta_and_a_slower_one_less_than_nothing():
     """At |D| = 1, L_g h = -2 D: flight and chase sum to 2 (|D_1| + |D_2|) (v_chase - v_flight)."""
-    equal = checked("one-on-one").theorem_4
+    equal = checked("one-on-one").boundary
     assert equal.worst == pytest.approx(0.3)
     assert equal.holds is False
-    slower = checked("one-on-one", "agents.1.dynamics.speed=0.5").theorem_4
+    slower = checked("one-on-one", "agents.1.dynamics.speed=0.5").boundary
     assert 0.3 - math.sqrt(2) < slower.worst < 0.3 - 1.0
     assert slower.holds is None
 

@@ -12,60 +12,77 @@ from phalanx.cli.app import status
 
 @pytest.fixture
 def check(capsys, monkeypatch):
-    """Run the command; its exit status, its table by first column, and the lines after it."""
-    monkeypatch.setenv("COLUMNS", "200")
+    """Run the command at 80 columns; its exit status, its heading, its table and its words."""
+    monkeypatch.setenv("COLUMNS", "80")
 
-    def run(*arguments: str) -> tuple[int, dict[str, str], list[str]]:
+    def run(*arguments: str) -> tuple[int, str, dict[str, list[str]], str]:
         found = status(["check", *arguments])
         lines = capsys.readouterr().out.splitlines()
-        words = [line for line in lines if line.startswith("- ") and line.endswith(".")]
-        rows = (re.split(r"\s{2,}", line.strip(), maxsplit=1) for line in lines)
-        return found, dict(row for row in rows if len(row) == 2), words
+        assert all(len(line) <= 80 or line.startswith("picture: ") for line in lines)
+        heading, _, *rest = lines
+        begin = next(k for k, line in enumerate(rest) if line.startswith("- "))
+        rows = (re.split(r"\s{2,}", line.strip()) for line in rest[:begin])
+        words = " ".join(line.strip() for line in rest[begin:])
+        return found, heading, {what: cells for what, *cells in rows}, words
 
     return run
 
 
 def test_with_a_given_margin_only_certificates_promise_anything(check):
-    found, table, words = check("one-on-one", "--strict")
+    found, heading, table, words = check("one-on-one", "--strict")
     assert found == 0
-    assert table["can end guaranteed"] == "yes"
-    assert table["inputs with certificates at the start"] == "found for every agent"
-    assert table["the paper's theorem"] == "proves nothing here"
-    assert table["start"] == "inside the set that can be kept (S_I), largest ψ -1.89, allowed 0"
-    assert table["margin η in force"] == "0.3"
-    assert table["Theorem 4"].endswith("largest sum 0.3, allowed 0")
-    given = "- The paper's theorem proves nothing here: the margin η is a given number"
-    assert any(line.startswith(given) for line in words)
+    assert heading == "one-on-one: a run can end guaranteed (relative degree q = 1)"
+    assert table["agents certified at the start"] == ["1", "all 1"]
+    assert table["gaps in the theorem's proof"] == ["1", "none", "Th. 2"]
+    assert table["largest h at the start"] == ["-1.89 m²", "at most 0", "(2)"]
+    formula, least, equation = table["margin η, by the formula"]
+    assert (formula, equation) == ("0.3 m²/s", "(24)")
+    assert re.fullmatch(r"at least [\d. ]+ m²/s", least)
+    assert table["effort left on the boundary"] == ["0.3 m²/s", "at most 0", "Th. 3 (33)"]
+    assert "proves nothing here: the margin η is a given number" in words
 
 
 def test_without_certificates_at_the_start_strict_makes_a_failure(check):
     """At 5 m/s the other is there before the next sample."""
     chased = ["--set", "agents.1.start=[[0.0, -1.02]]", "--set", "agents.1.dynamics.speed=5.0"]
-    relaxed, table, words = check("one-on-one", *chased)
+    relaxed, heading, table, words = check("one-on-one", *chased)
     assert relaxed == 0
     assert check("one-on-one", *chased, "--strict")[0] == 1
-    assert table["can end guaranteed"] == "no"
-    assert table["inputs with certificates at the start"] == "none for 1"
-    assert any(line.startswith("- No guarantee: at the start 1 has no input") for line in words)
+    assert heading.startswith("one-on-one: a run cannot end guaranteed")
+    assert table["agents certified at the start"] == ["0, not 1", "all 1"]
+    assert "- No guarantee: at the start 1 has no input" in words
 
 
 def test_a_start_too_near_is_named_with_the_agent_that_has_no_solution(check):
     """h = 1 - 1.05² = -0.1025, and α(h) + η > 0."""
-    _, table, words = check("one-on-one", "--set", "agents.1.start=[[0.0, -1.05]]")
-    assert table["start"] == "inside the set that can be kept (S_I), largest ψ -0.1025, allowed 0"
-    assert table["inputs that keep the rows at the start (K_i)"] == "empty for 1"
-    assert any(
-        line.startswith("- At the start no input satisfies the rows of 1 ") for line in words
-    )
+    _, _, table, words = check("one-on-one", "--set", "agents.1.start=[[0.0, -1.05]]")
+    assert table["largest h at the start"][0] == "-0.103 m²"
+    assert table["agents with an input in K_i"] == ["0, not 1", "all 1", "(30)"]
+    assert "- At the start no input satisfies the rows of 1 " in words
 
 
 def test_nothing_keeps_the_guaranteed_scenario_from_its_guarantee(check):
-    found, table, words = check("guaranteed", "--strict")
+    found, heading, table, words = check("guaranteed", "--strict")
     assert found == 0
-    assert table["can end guaranteed"] == "yes"
-    assert table["margin η in force"] == "none given: computed at each sample"
-    assert table["the paper's theorem"] == "may apply: the run checks"
-    assert not [line for line in words if "No guarantee" in line]
+    assert heading.startswith("guaranteed: a run can end guaranteed")
+    assert table["gaps in the theorem's proof"] == ["none", "none", "Th. 2"]
+    assert table["margin η, at the start"][1:] == ["any bound", "(24)"]
+    assert "No guarantee" not in words
+
+
+def test_what_is_missing_is_named_with_its_setting(check):
+    """A velocity has no bounds of its own, without which there is no workspace."""
+    _, _, table, words = check("disturbance-gap")
+    assert table["largest ψ_1 at the start"] == ["-74.2 m²/s", "at most 0", "(38)"]
+    assert table["margin η, by the formula"] == ["0.5 m²/s²", "set [workspace]", "(42)"]
+    assert table["effort left on the boundary"] == ["not asked", "set [workspace]", "Th. 3 (33)"]
+    assert "give bounds for vx, vy, vz in [workspace]" in words
+
+
+def test_numbers_have_no_powers_of_ten(check):
+    _, _, table, words = check("formation3d")
+    assert re.fullmatch(r"at least \d\d \d00 m²/s²", table["margin η, by the formula"][1])
+    assert not re.search(r"\de[+-]\d", words)
 
 
 def test_the_picture_is_saved_where_it_was_asked_for(check, tmp_path):

@@ -1,0 +1,112 @@
+"""What a check of a scenario found, in words, and what to change."""
+
+from phalanx.guarantee.check_report import CheckReport
+from phalanx.guarantee.figures import in_words
+from phalanx.guarantee.gaps import words_on_alpha
+from phalanx.scenario.lies import LieFault
+from phalanx.swarm.swarm import Swarm
+from phalanx.theory.rows.information import Information
+
+
+def leans_on_the_newest(swarm: Swarm) -> bool:
+    """Whether rows count on the last received û, whatever has become of it."""
+    paper = swarm.scenario.safety.information is Information.PAPER
+    return paper and not swarm.joint and len(swarm.normal) > 1
+
+
+def _believed_liars(swarm: Swarm) -> list[str]:
+    """Agents that are declared to lie to those whose rows count on what is said."""
+    believing = Information.PAPER, Information.IN_FLIGHT
+    if swarm.scenario.safety.information not in believing or swarm.joint:
+        return []
+    lies = (f for f in swarm.scenario.faults if isinstance(f, LieFault) and not f.silent)
+    names = {fault.agent for fault in lies}
+    return [name for i, name in enumerate(swarm.names) if name in names and i in swarm.normal]
+
+
+def advice(swarm: Swarm, report: CheckReport, unknown: list[str]) -> list[str]:
+    """What a check found, what it lacks, and which setting supplies it; unknown: in words."""
+    words = _words_on_certificates(report)
+    theorem = _words_on_the_theorem(swarm, report) + unknown
+    if not words:
+        words.append(
+            "A run can end guaranteed: it begins under certificates, and is judged by those of "
+            "every input that is applied, whatever it was made from."
+        )
+    return words + theorem + words_on_alpha(swarm)
+
+
+def _words_on_certificates(report: CheckReport) -> list[str]:
+    """What keeps every run from a guarantee."""
+    certified, words = report.certified, []
+    if not certified.safe:
+        words.append("No guarantee: some pair is unsafe at the start. Let agents start apart.")
+    for pair, reason in certified.refused.items():
+        words.append(f"No guarantee: {pair} cannot be certified: {reason}.")
+    begin = [name for name, holds in certified.agents.items() if not holds]
+    if begin and certified.safe:
+        words.append(
+            f"No guarantee: at the start {', '.join(begin)} has no input with which all its pairs "
+            "are proven safe until its next sample. Let agents start farther apart, or lower "
+            "disturbance.bound, clock.period or time.latency."
+        )
+    return words
+
+
+def _words_on_the_theorem(swarm: Swarm, report: CheckReport) -> list[str]:
+    """What the theorem and the rows lack, which certificates do not ask for."""
+    safety, words = swarm.scenario.safety, []
+    if report.worst_at_start > 0:
+        words.append(
+            "The start is outside S_I, the states from which the safe set can be kept: ψ is up to "
+            f"{in_words(report.worst_at_start)}, where 0 is allowed. Let agents start farther "
+            "apart or slower, or raise safety.alpha."
+        )
+    stuck = [name for name, holds in report.rows_at_start.items() if not holds]
+    if stuck:
+        words.append(
+            f"At the start no input satisfies the rows of {', '.join(stuck)} (K_i is empty). Let "
+            "agents start farther apart, or lower what makes the margin large: disturbance.bound "
+            "and clock.period."
+        )
+    words += [f"The paper's theorem proves nothing here: {gap}." for gap in report.gaps]
+    if report.gaps:
+        words.append(
+            "For rows that are proven set safety.control = 'distributed', safety.composition = "
+            "'pairs', safety.margin = 'integrated' and safety.information = 'split', and leave out "
+            "safety.neighbourhood and time.latency."
+        )
+    if leans_on_the_newest(swarm):
+        words.append(
+            "safety.information = 'paper' counts on the last input received of each neighbour. "
+            "With any delay or loss, or where two agents sample at one instant, the neighbour may "
+            "apply another one, and rows may hold that do not hold jointly. Take 'in-flight' or "
+            "'split'."
+        )
+    if liars := _believed_liars(swarm):
+        words.append(
+            f"By faults declared here {', '.join(liars)} will say what it does not apply, and "
+            f"safety.information = '{safety.information}' counts on what is said: rows may hold "
+            "that do not hold jointly. Take 'split', which asks nobody, or 'worst-case', where a "
+            "member that does not keep its rows harms nobody's either."
+        )
+    given = [eta for eta in report.eta_paper.values() if eta is not None]
+    if given and report.formula and max(given) < report.formula.eta:
+        words.append(
+            f"The margin η = {in_words(max(given))} is below the {in_words(report.formula.eta)} "
+            "that the paper's formula asks for over the workspace: it is a choice, not a bound. "
+            "Take safety.margin = 'integrated' or 'local' for one that is."
+        )
+    if report.relative_degree > 1 and safety.margin == "paper":
+        words.append(
+            "The relative degree q is above 1, and safety.margin = 'paper' leaves out what the "
+            "disturbance does to ψ_1 and those after it. Take 'corrected', 'local' or 'integrated'."
+        )
+    if report.boundary and report.boundary.holds is False:
+        words.append(
+            "Theorem 3 does not apply: at some state on the boundary the best joint effort of the "
+            f"normal agents leaves {in_words(report.boundary.worst)}, where 0 is allowed, so the "
+            "backup alone cannot keep the safe set. Give normal agents more authority, or "
+            "adversaries and the disturbance less."
+        )
+    return words
