@@ -33,7 +33,7 @@ from phalanx.viewer.page.server import choose_port
 from phalanx.viewer.scene.model import scene_model
 from phalanx.wire.frames import AgentStatus, Frame
 
-SIZES = (10, 128, 256)
+SIZES = (10, 300)
 RATE = 30.0
 HOST = "127.0.0.1"
 
