@@ -49,6 +49,8 @@ class Run:
             text=True,
             env={**os.environ, MARK: self.mark},
             start_new_session=True,
+            # Under nohup it would be deaf to the signal.
+            preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
         )
 
     def alive(self) -> list[psutil.Process]:
