@@ -1,6 +1,7 @@
-"""One hypothesis profile for all tests: the same examples every time, on any machine."""
+"""The same for all tests, however they are started: hypothesis's examples, and what signals do."""
 
 import gc
+import signal
 
 import numpy as np
 import pytest
@@ -14,6 +15,10 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
 )
 settings.load_profile("seeded")
+
+# A shell has what it starts with & or nohup ignore these, and so does all that is started from it.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 def pytest_collection_finish() -> None:
