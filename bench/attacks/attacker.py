@@ -14,7 +14,7 @@ import socket
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from itertools import count
 from typing import Any
@@ -40,12 +40,27 @@ _PACE = 0.02
 class Attacker:
     """Where an attack is aimed, and what it has got."""
 
-    def __init__(self, endpoint: str, run: str, secret: bytes | None) -> None:
-        """secret: the run's, for an insider; None for a stranger."""
+    def __init__(
+        self,
+        endpoint: str,
+        run: str,
+        secret: bytes | None,
+        tls: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Aim it.
+
+        Args:
+            endpoint: of the hub. run: its name.
+            secret: the run's, for an insider; None for a stranger.
+            tls: Zenoh's settings of what certificate it shows, where the hub asks for one.
+        """
         self._scenario = load(SCENARIO, OVERRIDES)
         self.digest = digest(self._scenario)
-        self.endpoint, self.run, self.insider = endpoint, run, bool(secret)
-        self.membership = Membership(run, endpoint, secret or b"guessed", INSIDER)
+        self.endpoint, self.run, self._tls = endpoint, run, tls
+        self.insider = bool(secret)
+        self.membership = Membership(
+            run, endpoint, b"guessed" if secret is None else secret, INSIDER
+        )
         self.keys = self.membership.keys
 
     def wait_for_hub(self) -> None:
@@ -57,13 +72,15 @@ class Attacker:
 
     def connect(self) -> socket.socket:
         """A connection on which nothing was said yet. Raises OSError."""
-        host, port = self.endpoint.removeprefix("tcp/").split(":")
+        host, port = self.endpoint.partition("/")[2].split(":")
         return socket.create_connection((host, int(port)), timeout=1.0)
 
     def open(self, **link: Any) -> zenoh.Session:
         """A session as far as the hub lets one in. Raises zenoh.ZError."""
         retry = {"period_init_ms": 5, "period_max_ms": 20, "period_increase_factor": 1.1}
         connect = {"endpoints": [self.endpoint], "timeout_ms": _PATIENCE, "retry": retry}
+        if self._tls is not None:
+            link["tls"] = self._tls
         transport: dict[str, Any] = {"shared_memory": {"enabled": False}, "link": link}
         if self.insider:
             login = {"user": INSIDER, "password": self.membership.credentials.password}
@@ -332,11 +349,16 @@ def main() -> None:
     """Attack until killed; a first line says whether the hub let it in."""
     name, endpoint, run, *secret = sys.argv[1:]
     attacker = Attacker(endpoint, run, bytes.fromhex(secret[0]) if secret else None)
+    at_full_speed = any(word in name for word in ("flood", "large", "answers", "orders"))
+    assail(attacker, ATTACKS[name], at_full_speed)
+
+
+def assail(attacker: Attacker, attack: Attack, at_full_speed: bool) -> None:
+    """Attack from when the hub listens until killed; say how it goes."""
     print(READY, flush=True)
     attacker.wait_for_hub()
-    at_full_speed = any(word in name for word in ("flood", "large", "answers", "orders"))
     try:
-        for blow, _ in enumerate(ATTACKS[name](attacker)):
+        for blow, _ in enumerate(attack(attacker)):
             if blow == 0:
                 print(UNDER_WAY, flush=True)
             if not at_full_speed:

@@ -1,7 +1,7 @@
 """Run every attack against a run of real processes and write the table of docs/security.md.
 
 python bench/attacks/table.py            all of them, each beside a run of its own
-python bench/attacks/table.py stranger   those whose name contains the word
+python bench/attacks/table.py stranger   those whose name contains the word; the other rows stay
 """
 
 import secrets
@@ -13,6 +13,7 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
+import certified
 from attacker import ATTACKS, OVERRIDES, READ, SCENARIO, UNDER_WAY
 
 import phalanx
@@ -24,6 +25,7 @@ from phalanx.wire.session import free_endpoint
 ROOT = Path(__file__).parents[2]
 BEGIN, END = "<!-- made by bench/attacks/table.py -->", "<!-- end -->"
 PAGE = ROOT / "docs" / "security.md"
+HEAD = ("| who and what | outcome | refused | wall time [s] |", "|---|---|---|---|")
 SPEED = 0.1
 """Virtual seconds for each of wall time: every attack gets some five seconds of the run."""
 
@@ -59,7 +61,17 @@ def attacked(attack: str, scenario: phalanx.Scenario) -> Outcome:
             attacker.kill()
             attacker.wait()
             listening.join()
-    return Outcome(said[1].startswith(UNDER_WAY), said.count(f"{READ}\n"), summary)
+    return _outcome(said, summary)
+
+
+def attacked_with_certificates(attack: str) -> Outcome:
+    """A run whose hub asks for certificates, beside such an attacker."""
+    return _outcome(*certified.attacked(attack))
+
+
+def _outcome(said: list[str], summary: Summary) -> Outcome:
+    lines = [line.strip() for line in said]
+    return Outcome(UNDER_WAY in lines, lines.count(READ), summary)
 
 
 def row(attack: str, outcome: Outcome, calm: Summary, wall_time: float) -> str:
@@ -69,6 +81,8 @@ def row(attack: str, outcome: Outcome, calm: Summary, wall_time: float) -> str:
     refused = ", ".join(f"{n} {reason}" for reason, n in summary.rejected.items())
     if not outcome.let_in:
         refused = "at the door"
+    if outcome.read:
+        refused = f"{refused}; it read {outcome.read} messages"
     cells = (
         attack,
         f"{summary.outcome}, {same} trajectory",
@@ -79,26 +93,27 @@ def row(attack: str, outcome: Outcome, calm: Summary, wall_time: float) -> str:
 
 
 def main() -> None:
-    """Print the table as it grows; with all attacks, put it into the page."""
-    words = sys.argv[1:]
-    chosen = [name for name in ATTACKS if all(word in name for word in words)]
+    """Print rows as they come, and put them into the page's table."""
+    every = (*ATTACKS, *certified.CERTIFIED)
+    chosen = [name for name in every if all(word in name for word in sys.argv[1:])]
     scenario = phalanx.load(SCENARIO, OVERRIDES)
     calm = phalanx.run(scenario, engine="in-process").summary
     assert calm is not None
-    lines = ["| who and what | outcome | refused | wall time [s] |", "|---|---|---|---|"]
-    print("\n".join(lines))
+    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+    old, _, after = rest.partition(END)
+    rows = {line.split(" | ")[0].strip("| "): line for line in old.splitlines()}
     for attack in chosen:
         began = time.monotonic()
-        outcome = attacked(attack, scenario)
-        lines.append(row(attack, outcome, calm, time.monotonic() - began))
-        print(lines[-1], flush=True)
+        if attack in ATTACKS:
+            outcome = attacked(attack, scenario)
+        else:
+            outcome = attacked_with_certificates(attack)
+        rows[attack] = row(attack, outcome, calm, time.monotonic() - began)
+        print(rows[attack], flush=True)
         if outcome.summary.outcome == "broken":
             print(outcome.summary.reason)
-    if not words:
-        text = PAGE.read_text(encoding="utf-8")
-        before, after = text.split(BEGIN)[0], text.split(END)[1]
-        table = "\n".join([BEGIN, *lines, END])
-        PAGE.write_text(f"{before}{table}{after}", encoding="utf-8")
+    table = "\n".join([BEGIN, *HEAD, *[rows[name] for name in every if name in rows], END])
+    PAGE.write_text(f"{before}{table}{after}", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -100,7 +100,9 @@ def plant(
         "at_router": connect is not None,
         "real_time": real_time is not None,
     }
-    return _run_here("plant", _load(scenario, overrides, seed), membership, options)
+    loaded = _load(scenario, overrides, seed)
+    out.mkdir(parents=True, exist_ok=True)
+    return _run_here("plant", loaded, membership, options)
 
 
 def agent(
