@@ -23,6 +23,7 @@ from phalanx.faults.commands import NO_COMMANDS
 from phalanx.guarantee.verdict import Summary, read_summary
 from phalanx.launcher.fork_server import serve
 from phalanx.launcher.programs import Program
+from phalanx.plant.hub import hub
 from phalanx.recording.records import SUMMARY
 from phalanx.scenario.load import to_json
 from phalanx.scenario.model import Scenario
@@ -76,7 +77,7 @@ def _serve(
 ) -> None:
     if not identities:
         # In this process and those that it forks alone.
-        patch("phalanx.plant.hub.admission", lambda *_: None).start()
+        patch.object(hub, "admission", lambda *_: None).start()
         patch.object(Membership, "credentials", property(lambda _: None)).start()
         patch.object(Membership, "sealer", property(lambda _: Sealer())).start()
     programs = [Program(PLANT, PLANT, {"folder": folder, "policy": NO_COMMANDS})]
