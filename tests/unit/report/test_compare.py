@@ -8,17 +8,17 @@ import pytest
 from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.recording.read import read
 from phalanx.report.compare import differences, results, titles
-from tests.unit.report.recordings import drift, record, summary_of, unicycles
+from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space
 
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Two runs whose loss differs, and nothing else."""
     out, found = tmp_path_factory.mktemp("runs"), []
-    for loss in ("0.0", "0.3"):
+    for loss in (0.0, 0.3):
         folder = out / f"loss-{loss}"
         folder.mkdir()
-        scenario = unicycles(f"network.loss={loss}")
+        scenario = swarm_in_space(2, 1, {"network": {"loss": loss}})
         found.append(record(folder, scenario, drift(scenario), summary_of(scenario)))
     return found
 
