@@ -11,6 +11,8 @@ from phalanx.scenario.network import LinkTable
 Array = NDArray[np.float64]
 
 MANY = 100_000
+SOME = 20_000
+"""Where a share alone is asked for, to a hundredth."""
 
 
 def model(**fields: Any) -> LinkModel:

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import ks_1samp, norm, spearmanr
 
 from phalanx.network.distributions import LONGEST
-from tests.unit.network.models import MANY, delays, model
+from tests.unit.network.models import MANY, SOME, delays, model
 
 TIME, JITTER = 0.1, 0.02
 
@@ -74,7 +74,7 @@ def test_a_correlation_is_met_and_leaves_the_distribution_as_it_is(distribution,
 
 
 def test_no_delay_is_below_zero():
-    drawn = delays(delay={"time": 0.01, "jitter": 0.02, "distribution": "normal"})
+    drawn = delays(SOME, delay={"time": 0.01, "jitter": 0.02, "distribution": "normal"})
     assert drawn.min() == 0.0
     assert np.mean(drawn == 0.0) == pytest.approx(norm.cdf(-0.5), abs=0.01)
 

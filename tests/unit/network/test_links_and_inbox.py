@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import kstest
 
@@ -24,6 +24,7 @@ def fates(link: Link, ks: "range | list[int]" = range(MANY)) -> list[float | Non
     return [link.fate(k).delay for k in ks]
 
 
+@settings(max_examples=20)
 @given(st.permutations(range(600)))
 def test_a_fate_depends_on_seed_link_and_number_alone_not_on_the_order_of_asking(order):
     once = dict(zip(range(600), fates(Link(3, "a", "b", LOSSY), range(600)), strict=True))
@@ -108,6 +109,7 @@ def newest(inbox: BroadcastInbox, sender: int = 0) -> int | None:
     return None if received is None else int(received.u[0])
 
 
+@settings(max_examples=20)
 @given(st.permutations(range(20)))
 def test_what_was_received_does_not_depend_on_the_order_of_arrival(order):
     inbox = inbox_of(LOSSY)
