@@ -95,13 +95,12 @@ class Cameras:
             for client in self._server.get_clients().values():
                 client.camera.fov = self._first.fov * (1.0 + self._nudge)
 
-    def farthest(self, point: Array) -> View:
-        """Of what visitors see, that in which things at a point [m], shape (3,), are smallest."""
-        views = [view for _, view in self._seen().values()]
-        return max(views or [self._first], key=lambda view: float(view.spans(point[None])[0]))
+    def show(self, positions: Array, chosen: int | None) -> View:
+        """Keep in sight what is to be kept; positions has shape (N, 3).
 
-    def show(self, positions: Array, chosen: int | None) -> None:
-        """Keep in sight what is to be kept; positions has shape (N, 3)."""
+        Returns:
+            Of what visitors see, that in which the swarm is smallest.
+        """
         seen, known = self._seen(), self._visitors
         self._visitors = {key: known[key] for key in seen if key in known}
         alone = self.framing is Framing.AGENT and chosen is not None
@@ -111,11 +110,14 @@ class Cameras:
                 self._fit_run(key, client, view)
             else:
                 self._follow(key, client, view, kept, alone)
+        views = [view for _, view in seen.values()] or [self._first]
+        middle = positions.mean(axis=0, keepdims=True)
+        return max(views, key=lambda view: float(view.spans(middle)[0]))
 
     def _seen(self) -> dict[int, tuple[viser.ClientHandle, View]]:
         """What every visitor sees; one whose browser reports nonsense is left alone."""
         clients = self._server.get_clients().items()
-        views = {key: (client, _view(client)) for key, client in clients}
+        views = {key: (client, self._view(client)) for key, client in clients}
         return {key: (client, view) for key, (client, view) in views.items() if view.possible}
 
     def _fit_run(self, key: int, client: viser.ClientHandle, seen: View) -> None:
@@ -146,12 +148,14 @@ class Cameras:
             visitor.fit = _ROOM * fitted.distance
         visitor.ask(client, seen.moved(fitted.look_at, visitor.fit * visitor.zoom))
 
-
-def _view(client: viser.ClientHandle) -> View:
-    camera = client.camera
-    wide, high = max(camera.image_width, 1), max(camera.image_height, 1)  # hidden: 0 by 0
-    up, fov = camera.up_direction, camera.fov
-    return View(camera.position, camera.look_at, up, fov, wide / high, min(wide, high))
+    def _view(self, client: viser.ClientHandle) -> View:
+        camera = client.camera
+        wide, high = max(camera.image_width, 1), max(camera.image_height, 1)  # hidden: 0 by 0
+        # Nobody can change the field of view but ask_for_shapes(), by less than is seen; all that
+        # is sized by it would be sent anew each time.
+        fov = self._first.fov
+        position, look_at, up = camera.position, camera.look_at, camera.up_direction
+        return View(position, look_at, up, fov, wide / high, min(wide, high))
 
 
 def _close(a: float, b: float) -> bool:

@@ -13,6 +13,10 @@ Array = NDArray[np.float64]
 
 _NODES = 24
 """Most labels at a time: each is a node of its own."""
+_PAIR = -1
+"""Whose text the worst pair's is."""
+_STEADY = 0.0025
+"""What moves by less, in shorter sides of the picture, seems to stand still: a pixel and a half."""
 _LETTER, _LINE = 0.013, 0.032
 """Width of a letter and height of a line, in the shorter side of a usual picture."""
 
@@ -23,26 +27,34 @@ class LabelNodes:
     def __init__(self, scene: viser.SceneApi, model: SceneModel) -> None:
         self._model = model
         count = min(_NODES, len(model.names)) + 1
-        self._nodes = [
+        self._free = [
             scene.add_label(f"/labels/{k}", "", anchor="center-center", visible=False)
             for k in range(count)
         ]
+        self._shown: dict[int, viser.LabelHandle] = {}
+        """By agent, or _PAIR: each keeps its node, and so its text, for as long as it is shown."""
 
     def show(self, picture: Picture, selected: int | None, sizes: Array, view: View) -> None:
         """Write what there is room for; sizes of the bodies [m], shape (N,)."""
-        texts, at = self._wanted(picture, selected, sizes, view)
+        whose, texts, at = self._wanted(picture, selected, sizes, view)
         shown = apart(view.project(at) / view.smallness, [len(text) for text in texts])
-        shown = shown[: len(self._nodes)]
-        for node, k in zip(self._nodes, shown, strict=False):
-            update(node, text=texts[k])
-            node.position, node.visible = tuple(at[k]), True
-        for node in self._nodes[len(shown) :]:
+        shown = shown[: len(self._free) + len(self._shown)]
+        for gone in self._shown.keys() - {whose[k] for k in shown}:
+            self._free.append(self._shown.pop(gone))
+        steady = _STEADY * view.spans(at)
+        for k in shown:
+            node = self._shown.get(whose[k]) or self._free.pop()
+            self._shown[whose[k]] = node
+            update(node, text=texts[k], visible=True)
+            if np.abs(at[k] - node.position).max() > steady[k]:
+                node.position = tuple(at[k])
+        for node in self._free:
             node.visible = False
 
     def _wanted(
         self, picture: Picture, selected: int | None, sizes: Array, view: View
-    ) -> tuple[list[str], Array]:
-        """Texts, the most important first, and where they stand, shape (l, 3)."""
+    ) -> tuple[list[int], list[str], Array]:
+        """Whose texts, and these, the most important first; where they stand, shape (l, 3)."""
         model, up = self._model, view.axes[1]
         first = [*np.flatnonzero(picture.unsafe_agents), *([] if selected is None else [selected])]
         others = [] if model.crowded else range(len(model.names))
@@ -53,7 +65,7 @@ class LabelNodes:
         texts = [picture.worst_pair_text, *(model.names[i] for i in agents)]
         clear_of = 1.5 * float(sizes[sorted(model.agents_of([picture.pair]))].max())
         beside = _beside(*picture.worst_pair, len(texts[0]), clear_of, view)
-        return texts, np.concatenate([beside[None], above])
+        return [_PAIR, *agents], texts, np.concatenate([beside[None], above])
 
 
 def _beside(a: Array, b: Array, letters: int, clear: float, view: View) -> Array:

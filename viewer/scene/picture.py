@@ -1,6 +1,7 @@
 """What one frame looks like: poses, roles, arrows and lines; the same for page, file and PNG."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,7 +59,7 @@ class Picture:
         found: NDArray[np.bool_] = (self.link_agents == (-1 if i is None else i)).any(axis=1)
         return found
 
-    @property
+    @cached_property
     def colours(self) -> Colours:
         """Of the agents, shape (N, 3)."""
         return np.array([COLOURS[role] for role in self.roles], dtype=np.uint8)

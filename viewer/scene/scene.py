@@ -70,11 +70,12 @@ class Scene:
         # One message to every page, so that no browser paints bodies of one instant and lines of
         # another.
         with self._server.atomic():
-            self.cameras.show(positions, selected)
-            view = self.cameras.farthest(positions.mean(axis=0))
+            view = self.cameras.show(positions, selected)
             readable = _READABLE_IN_A_CROWD if model.crowded else _READABLE
             readable *= min(view.smallness, 2.0)
-            sizes = np.maximum(model.body, readable * view.spans(positions))
+            # In thousandths of a body: what a rounding made another size would be sent anew.
+            bodies = np.round(readable * view.spans(positions) / model.body, 3)
+            sizes = model.body * np.maximum(bodies, 1.0)
             self.agents.show(picture, sizes)
             self.arrows.show(picture, float(np.median(sizes)))
             self.lines.show(picture, selected)

@@ -1,7 +1,8 @@
 """Values of the safe set at a state, for texts and plots."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +22,7 @@ class SafetyValues:
 
     def h(self, pair: int, x: Array) -> float:
         """One pair's h at a state, shape (n̄,)."""
-        chosen = self.rows.swarm.pairs.choose(self._pairs[pair : pair + 1])
-        return float(chosen.h(x)[0])
+        return float(self._alone(pair).h(x)[0])
 
     def unsafe(self, x: Array) -> Index:
         """The pairs with h > 0, the deepest first."""
@@ -46,6 +46,12 @@ class SafetyValues:
         if self.rows.relative_degree == 1:
             return np.zeros(0)
         return self.rows.composed.jets(self._every.jets(x).h).psi[1:]
+
+    @cached_property
+    def _alone(self) -> Callable[[int], ChosenPairs]:
+        """One pair; the worst one is asked for again and again."""
+        choose, pairs = self.rows.swarm.pairs.choose, self._pairs
+        return lru_cache(maxsize=32)(lambda pair: choose(pairs[pair : pair + 1]))
 
     @cached_property
     def _pairs(self) -> Index:

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.viewer.scene.geometry import unit
+from phalanx.viewer.scene.geometry import cross, unit
 
 Array = NDArray[np.float64]
 
@@ -45,8 +45,8 @@ class View:
     def axes(self) -> Array:
         """Unit vectors to the right, up and forward in the picture, shape (3, 3)."""
         forward = unit(self.look_at - self.position)
-        right = unit(np.cross(forward, self.up))
-        return np.stack([right, np.cross(right, forward), forward])
+        right = unit(cross(forward, self.up))
+        return np.stack([right, cross(right, forward), forward])
 
     @property
     def distance(self) -> float:
