@@ -18,6 +18,7 @@ from phalanx.faults.commands import Command
 from phalanx.guarantee.verdict import Summary, read_summary
 from phalanx.recording.chunks import records_of
 from phalanx.recording.fitting import misfit
+from phalanx.recording.modules import MEDIA_TYPE, MODULES, ModulesError, put_to_use
 from phalanx.recording.records import RECORDING, TOPICS, Log, Shown, State, Step
 from phalanx.scenario.load import ScenarioError, from_json
 from phalanx.scenario.model import Scenario
@@ -79,11 +80,13 @@ def read(run: Path, trust: bool = False) -> Recording:
     Args:
         run: the folder or the file.
         trust: whether modules that the recorded scenario names may be imported, which runs them;
-            those that this program has imported for a scenario before are, anyway.
+            those that this program has imported for a scenario before are, anyway. Those that
+            are not here, or differ, are then taken from the recording.
 
     Raises:
         UnreadableRecordingError: no such file, not MCAP, without a scenario, with one that
-            names code that is not trusted, or with records that are not of its scenario.
+            names code that is not trusted, with modules that are not as recorded, or with
+            records that are not of its scenario.
     """
     path = find(run)
     contents = _Contents()
@@ -91,10 +94,14 @@ def read(run: Path, trust: bool = False) -> Recording:
     if contents.scenario is None:
         raise UnreadableRecordingError(f"{path}: not a recording of a run ({damage or 'empty'})")
     try:
+        put_to_use(contents.modules, contents.hashes, trust)
         with code_trusted(trust):
             scenario = from_json(contents.scenario)
-    except ScenarioError as error:
+    except ModulesError as error:
         raise UnreadableRecordingError(f"{path}: {error}") from error
+    except ScenarioError as error:
+        with_it = f" (recorded with it: {', '.join(contents.modules)})" if contents.modules else ""
+        raise UnreadableRecordingError(f"{path}: {error}{with_it}") from error
     by_kind: dict[type, list[Any]] = contents.records
     if unfit := misfit(scenario, by_kind[State], by_kind[Step], by_kind[Shown]):
         raise UnreadableRecordingError(f"{path}: {unfit}: not of its scenario")
@@ -117,6 +124,8 @@ class _Contents:
         self.scenario: str | None = None
         self.summary: Summary | None = None
         self.metadata: dict[str, str] = {}
+        self.modules: dict[str, bytes] = {}
+        self.hashes: dict[str, str] = {}
         self.records: dict[type, list[Any]] = {kind: [] for kind in TOPICS}
 
     def collect(self, records: Iterator[McapRecord]) -> str | None:
@@ -132,6 +141,8 @@ class _Contents:
                     self.records[type(found)].append(found)
                 elif isinstance(record, Metadata) and record.name == "phalanx":
                     self.metadata = record.metadata
+                elif isinstance(record, Metadata) and record.name == MODULES:
+                    self.hashes = record.metadata
                 elif isinstance(record, Attachment):
                     self._attach(record)
         except (EndOfFile, struct.error):
@@ -147,6 +158,8 @@ class _Contents:
             self.scenario = record.data.decode()
         elif record.name == "summary.json":
             self.summary = read_summary(record.data)
+        elif record.media_type == MEDIA_TYPE:
+            self.modules[record.name] = record.data
 
     def _extent(self) -> str:
         states = self.records[State]

@@ -1,8 +1,10 @@
 """Write a recording as the run goes."""
 
 import contextlib
+import json
 import os
 import platform
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -13,9 +15,11 @@ from mcap.writer import Writer
 
 from phalanx.faults.commands import Command
 from phalanx.guarantee.verdict import Outcome, Summary
+from phalanx.recording.modules import MEDIA_TYPE, MODULES, ModulesError, hashes
 from phalanx.recording.records import TOPICS, Log, Shown, State, Step, json_schema
 from phalanx.scenario.load import digest, to_json
 from phalanx.scenario.model import Scenario
+from phalanx.scenario.user_code import imported_sources
 
 _CHUNK_BYTES = 64 * 1024
 _VERSIONS = ("phalanx", "eclipse-zenoh", "osqp", "casadi", "numpy")
@@ -31,7 +35,7 @@ class RecordingWriter:
     """One MCAP file; every finished chunk is on the disk, whole, before the next begins."""
 
     def __init__(self, path: Path, scenario: Scenario, run_id: str) -> None:
-        """Create the file, with the resolved scenario and the versions first."""
+        """Create the file, with versions, the user's modules and the resolved scenario first."""
         self._file = _WholeWrites(path)
         self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES, enable_data_crcs=True)  # type: ignore[arg-type]
         self._writer.start(profile="", library=f"phalanx {version('phalanx')}")
@@ -47,15 +51,17 @@ class RecordingWriter:
                 **{name: version(name) for name in _VERSIONS},
             },
         )
-        self._writer.add_attachment(
-            0, 0, "scenario.json", "application/json", to_json(scenario).encode()
-        )
+        table = to_json(scenario)
+        without_modules = self._add_modules(imported_sources(json.loads(table)))
+        self._writer.add_attachment(0, 0, "scenario.json", "application/json", table.encode())
         self._channels = {}
         for kind, topic in TOPICS.items():
             schema = self._writer.register_schema(
                 f"phalanx.{kind.__name__}", "jsonschema", json_schema(kind)
             )
             self._channels[kind] = self._writer.register_channel(topic, "json", schema)
+        if without_modules:
+            self.write(Log(0.0, f"recorded without the user's code: {without_modules}"))
 
     def write(self, record: Record) -> None:
         """Append a record at its virtual time. Raises RecordingError."""
@@ -68,6 +74,18 @@ class RecordingWriter:
             0, 0, "summary.json", "application/json", msgspec.json.encode(summary)
         )
         self._writer.finish()  # type: ignore[no-untyped-call]
+
+    def _add_modules(self, modules: Mapping[str, bytes]) -> str:
+        """Attach a user's modules, all or none; why none, in words."""
+        try:
+            found = hashes(modules)
+        except ModulesError as error:
+            return str(error)
+        if found:
+            self._writer.add_metadata(MODULES, found)
+        for path, source in modules.items():
+            self._writer.add_attachment(0, 0, path, MEDIA_TYPE, source)
+        return ""
 
     def close(self) -> None:
         """Close the file; what is in it stays readable."""

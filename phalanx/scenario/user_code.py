@@ -12,9 +12,13 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
+from phalanx.scenario.user_sources import sources_of
+
 _trusted: ContextVar[bool] = ContextVar("trusted", default=True)
 _imported: dict[str, Any] = {}
 """By name; what was imported once because somebody asked for it is used again without asking."""
+_sources: dict[str, dict[str, bytes]] = {}
+"""By module: its source and what belongs to it, by path, as they were when it was imported."""
 
 
 class UntrustedCodeError(Exception):
@@ -44,7 +48,29 @@ def import_named(name: str) -> Any:
                 "--trust, or trust=True"
             )
         _imported[name] = _imported_now(name)
+        module = _module(name)
+        _sources.setdefault(module, sources_of(module))
     return _imported[name]
+
+
+def imported_sources(table: Any = None) -> dict[str, bytes]:
+    """Source by path of what was imported for the names in a scenario's table, or for any."""
+    modules = _sources if table is None else sorted(set(map(_module, _names(table))))
+    return {path: text for module in modules for path, text in _sources.get(module, {}).items()}
+
+
+def _names(table: Any) -> Iterator[str]:
+    """Whatever stands as a type in a table, at any depth."""
+    if isinstance(table, dict):
+        if isinstance(table.get("type"), str):
+            yield table["type"]
+        table = list(table.values())
+    for each in table if isinstance(table, list) else ():
+        yield from _names(each)
+
+
+def _module(name: str) -> str:
+    return name.partition(":")[0]
 
 
 def _imported_now(name: str) -> Any:

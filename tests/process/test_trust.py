@@ -1,5 +1,6 @@
 """Opening a file never runs the code that it names, unless one asks for that."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -70,3 +71,54 @@ def test_with_trust_it_is_imported(folder: Path) -> None:
     assert ended.returncode == 0, ended.stderr
     assert (folder / "it-ran").exists()
     (folder / "it-ran").unlink()
+
+
+@pytest.fixture(scope="module")
+def moved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording in a folder where the module that it names is not; where it was it is deleted."""
+    written, elsewhere = tmp_path_factory.mktemp("written"), tmp_path_factory.mktemp("moved")
+    (written / "far_law.py").write_text(MODULE.replace("class", "import far_gain\nclass"))
+    (written / "far_gain.py").write_text("GAIN = 1\n")
+    options = ["--set", "agents.0.law.type=far_law:Mine", "--set", "duration=0.2", "--out", "runs"]
+    command = [sys.executable, "-m", "phalanx", "run", "one-on-one", *options]
+    subprocess.run(command, cwd=written, check=True, capture_output=True)
+    (written / "runs").rename(elsewhere / "runs")
+    for module in ("far_law.py", "far_gain.py"):
+        (written / module).unlink()
+    return elsewhere
+
+
+def test_elsewhere_a_recording_without_trust_runs_nothing_and_says_what_it_brought(
+    moved: Path,
+) -> None:
+    ended = opened("report", moved)
+    assert ended.returncode == 3
+    assert len(ended.stderr.splitlines()) == 1
+    assert "--trust" in ended.stderr
+    assert "recorded with it: far_law.py, far_gain.py" in ended.stderr
+    assert not (moved / "it-ran").exists()
+
+
+@pytest.mark.parametrize(
+    "command", ["report", "verify", "verify --engine in-process", "certify", "export --csv csv"]
+)
+def test_elsewhere_a_trusted_recording_brings_its_modules(
+    command: str, moved: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(os.environ, "TMPDIR", str(tmp_path))
+    ended = opened(f"{command} --trust", moved)
+    assert ended.returncode == 0, ended.stderr
+    assert "as recorded, and not as found here: far_law.py, far_gain.py" in ended.stderr
+    assert ("bit-identical" in ended.stdout) == command.startswith("verify")
+    assert (moved / "it-ran").exists()
+    assert list(tmp_path.glob("phalanx-modules-*")) == []
+    (moved / "it-ran").unlink()
+
+
+def test_a_module_found_here_that_differs_is_not_the_one_that_is_used(moved: Path) -> None:
+    other = moved / "far_law.py"
+    other.write_text("raise SystemExit('the wrong one')\n")
+    ended = opened("verify --engine in-process --trust", moved)
+    other.unlink()
+    assert ended.returncode == 0, ended.stderr
+    assert "as recorded, and not as found here: far_law.py, far_gain.py" in ended.stderr
