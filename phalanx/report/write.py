@@ -8,6 +8,7 @@ from phalanx.recording.read import Recording, read, steps_by_agent
 from phalanx.report import crowd, figures, space
 from phalanx.report.html import page
 from phalanx.report.lanes import space_time
+from phalanx.report.margins import margins
 from phalanx.report.measures import (
     LinkStatistics,
     Motion,
@@ -77,6 +78,8 @@ def plates(recording: Recording, links: list[LinkStatistics]) -> Iterator[Report
         yield ReportFigure("distances", caption, space.distances(recording, swarm, motion))
     if recording.states and recording.steps:
         yield from (_of_many if many else _of_each)(recording, swarm)
+        if compared := margins(recording, build_rows(swarm)):
+            yield ReportFigure("margins", compared[1], compared[0])
         if lanes := space_time(recording, swarm):
             yield ReportFigure("space-time", _SPACE_TIME, lanes)
     if any(link.lost or link.model.loss for link in links):

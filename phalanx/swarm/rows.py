@@ -122,6 +122,15 @@ class SafetyRows:
         """The same with a number to give at each call for how long an input may be in force [s]."""
         return self._pair_terms(i, replace(self.margin(i), horizon=self._gap))
 
+    def pair_terms_of_input(self, i: int) -> OwnPairTerms:
+        """The same with agent i's input to give at each call, and the least margin proven of it.
+
+        Whatever the scenario's margin is, this one is integrated, and not scaled.
+        """
+        held = ca.SX.sym("held", len(self.swarm.members[i].dynamics.inputs))
+        margin = replace(self.margin(i), kind="integrated", eta=0.0, scale=1.0, held=held)
+        return self._pair_terms(i, margin)
+
     def _pair_terms(self, i: int, margin: Margin) -> OwnPairTerms:
         swarm, radius = self.swarm, self.swarm.sensing(i)
         near = self.composed.in_sight.of(swarm.members[i].dynamics, radius)
@@ -135,7 +144,7 @@ class SafetyRows:
         a, b = swarm.pairs.ordered(i, other)
         (kind,) = swarm.pairs.kinds_of(np.array([[a, b]])).tolist()
         sides = [l for l in (i, other) if l < len(swarm.members)]
-        alike = kind, a == i, *[id(swarm.groups[l]) for l in sides], part, bool(margin.symbols)
+        alike = kind, a == i, *[id(swarm.groups[l]) for l in sides], part, str(margin.symbols)
         if alike not in self._row_functions:
             pair = self.own_pair(i, other)
             known = margin.of(pair.chain, pair.own, part)

@@ -112,7 +112,12 @@ def growth(
 
 
 def integrated_margin(
-    chain: Chain, i: int, horizon: float | ca.SX, bounds: Sequence[float], part: RowPart
+    chain: Chain,
+    i: int,
+    horizon: float | ca.SX,
+    bounds: Sequence[float],
+    part: RowPart,
+    held: ca.SX | None = None,
 ) -> ca.SX:
     """η of agent i's row: D + ½ τ g, or ½ D + τ g of a half; scalar, of the sampled state.
 
@@ -124,22 +129,29 @@ def integrated_margin(
         horizon: τ = Γ_i + δ_i^max [s].
         bounds: φ_l^max of each member.
         part: which row, as RowPart writes them out.
+        held: symbols of the one input that agent i holds, shape (m_i,); None if the margin is to
+            serve whatever the row lets it choose from U_i.
 
     Raises:
         ValueError: a member's U_l depends on the state.
         UnboundedOperationError: an expression has no interval extension.
     """
     members = chain.set.members
+    inputs = [
+        None if held is not None and l == i else admissible_inputs(members[l])
+        for l in range(len(members))
+    ]
     moving = [
-        enclose(m, chain.set.x[own], admissible_inputs(m), bound, horizon, INFLATIONS)
-        for m, own, bound in zip(members, chain.set.parts, bounds, strict=True)
+        enclose(m, chain.set.x[own], allowed, bound, horizon, INFLATIONS)
+        for m, own, allowed, bound in zip(members, chain.set.parts, inputs, bounds, strict=True)
     ]
     bound = growth(chain.psi[-1], chain.set, i, moving, bounds, part)
     # A half is compared at each instant, a whole row's excess averages out over the interval.
     lasting = 0.5 * horizon if part is RowPart.WHOLE else horizon
     outside = ACTUATION * ca.sum1(ca.vertcat(*[ca.norm_1(c.T) for c in chain.actuation]))
     margin = part.value * bound.disturbance + lasting * bound.bend + outside
-    return ca.if_else(bound.known, margin, ca.inf)
+    found = ca.if_else(bound.known, margin, ca.inf)
+    return found if held is None else ca.substitute(found, moving[i].u, held)
 
 
 def time_until_zero(bound: Growth, horizon: float | ca.SX) -> ca.SX:

@@ -38,11 +38,13 @@ class Margin:
     """How long after a sample the agent's input may be in force [s]."""
     bounds: Mapping[str, float]
     """φ_l^max of every member by name."""
+    held: ca.SX | None = None
+    """Symbols of the one input that an integrated margin is for; None: any that the row allows."""
 
     @property
     def symbols(self) -> list[ca.SX]:
-        """What its expressions contain beside the state: the horizon, if it is a symbol."""
-        return [self.horizon] if isinstance(self.horizon, ca.SX) else []
+        """What its expressions contain beside the state, in this order: horizon, held input."""
+        return [s for s in (self.horizon, self.held) if isinstance(s, ca.SX)]
 
     def of(
         self, chain: Chain, own: int, part: RowPart = RowPart.WHOLE, active: ca.SX | None = None
@@ -78,7 +80,7 @@ class Margin:
     def _at_state(self, chain: Chain, own: int, part: RowPart, active: ca.SX | None) -> ca.SX:
         bounds = [self.bounds[m.name] for m in chain.set.members]
         if self.kind == "integrated":
-            return integrated_margin(chain, own, self.horizon, bounds, part)
+            return integrated_margin(chain, own, self.horizon, bounds, part, self.held)
         if self.kind == "local":
             return local_margin(chain, own, self.horizon, bounds, part, active)
         if chain.relative_degree == 1:
