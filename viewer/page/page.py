@@ -99,6 +99,8 @@ class Page:
         self._frame = frame or self._frame
         if self._frame is None or not (self._stale or self._scene.stale):
             return
+        if not self.server.get_clients():  # drawn when somebody comes
+            return
         now = time.monotonic()
         if texts_due := now >= self._texts_due:
             # Before anything is shown: what is selected meanwhile shows at the next tick.

@@ -18,7 +18,7 @@ _ROOM, _LOOSE = 1.2, 1.8
 is nearer than it must be, or more than the second number of times as far."""
 _SAME = 0.02
 """Distances and aspects that differ by less, relatively, are the same."""
-_STEADY = 1e-3
+_STEADY = 1.5e-3
 """What moves by less than this share of its distance from the camera seems to stand still."""
 _SHAPES_EVERY = 1.0
 """[s]"""

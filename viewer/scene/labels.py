@@ -15,8 +15,8 @@ _NODES = 24
 """Most labels at a time: each is a node of its own."""
 _PAIR = -1
 """Whose text the worst pair's is."""
-_STEADY = 0.0025
-"""What moves by less, in shorter sides of the picture, seems to stand still: a pixel and a half."""
+_STEADY = 0.003
+"""What moves by less, in shorter sides of the picture, seems to stand still: two pixels."""
 _LETTER, _LINE = 0.013, 0.032
 """Width of a letter and height of a line, in the shorter side of a usual picture."""
 

@@ -11,6 +11,7 @@ _STYLE = """<style>
 .phalanx-legend summary { cursor: pointer; font-weight: 600; }
 .phalanx-legend div { display: flex; flex-wrap: wrap; gap: 0 1.1em; }
 .phalanx-legend span { white-space: nowrap; }
+@media (max-width: 1000px) { .phalanx-legend div { flex-wrap: nowrap; overflow-x: auto; } }
 @media (max-width: 576px) { .phalanx-legend { display: none; } }
 </style>"""
 

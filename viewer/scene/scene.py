@@ -93,6 +93,7 @@ class Scene:
 
     def _on_visitor(self, client: viser.ClientHandle) -> None:
         client.camera.on_update(self._on_camera)
+        self.stale = True
 
     def _on_camera(self, camera: viser.CameraHandle) -> None:
         pose = [*camera.position, *camera.look_at, camera.image_width, camera.image_height]
