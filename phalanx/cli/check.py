@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from phalanx.cli.options import Overrides, ScenarioArgument, Seed, Trust
+from phalanx.cli.options import Overrides, ScenarioArgument, Seed, Trust, require_folder
 
 if TYPE_CHECKING:
     from phalanx.guarantee.check_report import CheckReport
@@ -24,7 +24,10 @@ def check(
     overrides: Overrides = None,
     plot: Annotated[
         Path | None,
-        typer.Option(help="Save a picture of where the backup control still suffices (PNG)."),
+        typer.Option(
+            callback=require_folder,
+            help="Save a picture of where the backup control still suffices (PNG).",
+        ),
     ] = None,
     strict: Annotated[
         bool, typer.Option(help="Exit with 1 if no run of it could end guaranteed.")

@@ -14,6 +14,13 @@ def register(app: typer.Typer) -> None:
     app.command(rich_help_panel="Programs of a run")(keys)
 
 
+def _require_days(days: float) -> float:
+    """Refuse certificates that are never valid, or beyond what a date can be."""
+    if not 0.0 < days <= 36500.0:
+        raise typer.BadParameter(f"expected more than 0 and at most 36500, got {days:g}")
+    return days
+
+
 def keys(
     folder: Annotated[
         Path, typer.Argument(metavar="DIR", help="A new folder for the certificates.")
@@ -36,7 +43,9 @@ def keys(
             "key, to sign for them.",
         ),
     ] = False,
-    days: Annotated[float, typer.Option(help="For how long they are valid.")] = 30.0,
+    days: Annotated[
+        float, typer.Option(callback=_require_days, help="For how long they are valid.")
+    ] = 30.0,
 ) -> int:
     """Make a certificate for each program: links are encrypted, and both ends know each other.
 

@@ -129,3 +129,19 @@ def require_port(port: int | None) -> int | None:
     if port is not None and not 1 <= port <= 65535:
         raise typer.BadParameter(f"expected 1 to 65535, got {port}")
     return port
+
+
+def require_folder(path: Path | None) -> Path | None:
+    """Refuse a file in a folder that there is not."""
+    if path is not None and not path.parent.is_dir():
+        raise typer.BadParameter(f"expected a file in a folder that exists, got {path}")
+    return path
+
+
+def require_endpoint(endpoint: str | None) -> str | None:
+    """Refuse what names a port that there is not; of a socket's file there is none."""
+    if endpoint is not None and not endpoint.startswith("unixsock"):
+        port = re.split("[?#]", endpoint)[0].rpartition(":")[2]
+        if not port.isdecimal() or int(port) > 65535:
+            raise typer.BadParameter(f"expected such as tcp/127.0.0.1:7447, got {endpoint}")
+    return endpoint

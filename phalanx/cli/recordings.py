@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from phalanx.cli.options import Trust
+from phalanx.cli.options import Trust, require_folder
 
 RunArgument = Annotated[
     Path, typer.Argument(metavar="RUN", help="The folder of a run, or its recording.mcap.")
@@ -63,7 +63,10 @@ def report(run: RunArgument, trust: Trust = False) -> int:
 def compare(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN RUN...", help="Folders of runs.")],
     html: Annotated[
-        Path | None, typer.Option(help="Write the figures of all runs side by side there.")
+        Path | None,
+        typer.Option(
+            callback=require_folder, help="Write the figures of all runs side by side there."
+        ),
     ] = None,
     trust: Trust = False,
 ) -> int:

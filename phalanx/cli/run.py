@@ -15,6 +15,7 @@ from phalanx.cli.options import (
     Secret,
     Seed,
     on_loopback,
+    require_endpoint,
     require_port,
 )
 from phalanx.cli.real_time import RealTimeFactor
@@ -45,7 +46,10 @@ def run(
     real_time: RealTimeFactor = None,
     listen: Annotated[
         str | None,
-        typer.Option(help="Zenoh endpoint of the hub; by default a free port on 127.0.0.1."),
+        typer.Option(
+            callback=require_endpoint,
+            help="Zenoh endpoint of the hub; by default a free port on 127.0.0.1.",
+        ),
     ] = None,
     secret: Secret = "",
     insecure: Insecure = False,

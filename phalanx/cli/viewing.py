@@ -14,6 +14,7 @@ from phalanx.cli.options import (
     Trust,
     certificates_for,
     endpoint_for,
+    require_folder,
     require_port,
 )
 
@@ -119,14 +120,23 @@ def export(
         Path, typer.Argument(metavar="RUN", help="The folder of a run, or its recording.mcap.")
     ],
     html: Annotated[
-        Path | None, typer.Option(help="Write one HTML file with scene and plots there.")
+        Path | None,
+        typer.Option(
+            callback=require_folder, help="Write one HTML file with scene and plots there."
+        ),
     ] = None,
-    png: Annotated[Path | None, typer.Option(help="Write a picture there.")] = None,
+    png: Annotated[
+        Path | None, typer.Option(callback=require_folder, help="Write a picture there.")
+    ] = None,
     at: Annotated[
         float | None, typer.Option(help="Time of the picture [s]; by default the worst moment.")
     ] = None,
     mcap: Annotated[
-        Path | None, typer.Option(help="Write a recording for Foxglove, rerun and others there.")
+        Path | None,
+        typer.Option(
+            callback=require_folder,
+            help="Write a recording for Foxglove, rerun and others there.",
+        ),
     ] = None,
     parquet: Annotated[
         Path | None, typer.Option(help="Write the run's tables there, a folder.")
