@@ -1,11 +1,11 @@
 """Source of a user's module, and of what it imports from its own folder."""
 
 import ast
+import contextlib
 import importlib.util
 import sys
 from collections.abc import Iterator
-from pathlib import Path, PurePosixPath
-from typing import NamedTuple
+from pathlib import Path
 
 _LIBRARIES = ("site-packages", "dist-packages")
 """Folders where packages lie beside others that have nothing to do with them."""
@@ -13,66 +13,55 @@ NOT_A_USERS = sys.stdlib_module_names | {"phalanx"}
 """Top-level modules that are wherever Phalanx is."""
 
 
-class _Source(NamedTuple):
-    path: str
-    """Below the folder that imports begin in, as "package/module.py"."""
-    root: Path
-    """That folder."""
-    text: bytes
-    package: str
-
-
 def sources_of(module: str) -> dict[str, bytes]:
-    """Source by path of an imported module, and of those that it imports from the same folder.
+    """Source by path of an imported module, and of those of the same folder that it may import.
 
-    Their imports are read off their syntax. Of an installed package only the package is taken;
-    what is not Python source, or cannot be read, is left out.
+    Paths begin at the folder that imports begin in, as "package/module.py". Imports are read off
+    the syntax. Of an installed package only the package is taken; what is not Python source, or
+    cannot be read, is left out.
     """
-    named = _source(module)
+    root = _root(module)
     found: dict[str, bytes] = {}
     waiting, seen = [module], {module}
-    while named and waiting:
+    while root and waiting:
         name = waiting.pop()
-        source = _source(name)
-        beside = named.root.name not in _LIBRARIES or _top(name) == _top(module)
-        if source is None or source.root != named.root or not beside:
+        beside = root.name not in _LIBRARIES or _top(name) == _top(module)
+        if not beside or _top(name) in NOT_A_USERS:
             continue
-        found[source.path] = source.text
-        new = {*_above(name), *_imported_by(source)} - seen
-        waiting += sorted(new)
-        seen |= new
+        path = name.replace(".", "/")
+        for at, package in ((f"{path}/__init__.py", name), (f"{path}.py", name.rpartition(".")[0])):
+            with contextlib.suppress(OSError):
+                found[at] = (root / at).read_bytes()
+                new = {*_above(name), *_imported_by(found[at], package)} - seen
+                waiting += sorted(new)
+                seen |= new
+                break
     return found
 
 
-def _source(name: str) -> _Source | None:
-    module = sys.modules.get(name)
-    file = Path(getattr(module, "__file__", None) or "")
-    if _top(name) in NOT_A_USERS or file.suffix != ".py":
+def _root(module: str) -> Path | None:
+    """The folder that an imported module was found from; None if it has no file."""
+    file = getattr(sys.modules.get(module), "__file__", None)
+    if file is None:
         return None
-    inside = ["__init__"] if file.stem == "__init__" else []
-    path = PurePosixPath(*name.split("."), *inside).with_suffix(".py")
-    try:
-        text = file.read_bytes()
-    except OSError:
-        return None
-    package = getattr(module, "__package__", None) or ""
-    return _Source(str(path), file.absolute().parents[len(path.parts) - 1], text, package)
+    depth = module.count(".") + (Path(file).stem == "__init__")
+    return Path(file).absolute().parents[depth]
 
 
-def _imported_by(source: _Source) -> Iterator[str]:
+def _imported_by(source: bytes, package: str) -> Iterator[str]:
     """Every module that a source may import; names that it takes from modules are among them."""
     try:
-        tree = ast.parse(source.text)
+        tree = ast.parse(source)
     except (SyntaxError, ValueError):  # the file was changed since it was imported
         return
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
+        elif isinstance(node, ast.ImportFrom) and node.level <= len(package.split(".")) * bool(
+            package
+        ):
             base = "." * node.level + (node.module or "")
-            if node.level and not source.package:
-                continue
-            base = importlib.util.resolve_name(base, source.package)
+            base = importlib.util.resolve_name(base, package) if node.level else base
             names = [base, *(f"{base}.{alias.name}" for alias in node.names)]
         else:
             continue

@@ -22,6 +22,9 @@ from .gains import GAIN
 
 class Mine(TrackVelocity):
     gain = GAIN
+
+    def later(self):
+        from . import late
 """
 HARMLESS = b"GAIN = 1\n"
 
@@ -35,6 +38,7 @@ def package(tmp_path, monkeypatch, request):
     (folder / "__init__.py").write_text("")
     (folder / "law.py").write_text(LAW)
     (folder / "gains.py").write_bytes(HARMLESS)
+    (folder / "late.py").write_text("")
     (folder / "unused.py").write_text("")
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
     return folder
@@ -54,6 +58,7 @@ def test_a_named_module_is_recorded_with_what_it_imports_and_nothing_else(packag
         f"{package.name}/__init__.py": b"",
         f"{package.name}/law.py": LAW.encode(),
         f"{package.name}/gains.py": HARMLESS,
+        f"{package.name}/late.py": b"",
     }
     content = (tmp_path / RECORDING).read_bytes()
     for path, source in recorded.items():
