@@ -36,11 +36,21 @@ Seed = Annotated[
     int | None,
     typer.Option(envvar="PHALANX_SEED", help="Replaces the scenario's seed."),
 ]
+
+
+def require_run(run: str) -> str:
+    """A run's name, one chunk of a key expression; or none. Raises BadParameter."""
+    if run and not re.fullmatch(r"[A-Za-z0-9][\w.-]*", run):
+        raise typer.BadParameter(f"expected letters, digits, '.', '_' and '-', got {run!r}")
+    return run
+
+
 RunId = Annotated[
     str,
     typer.Option(
         "--run",
         envvar="PHALANX_RUN",
+        callback=require_run,
         help="Name of the run: part of every key expression, the same for all its programs.",
     ),
 ]

@@ -56,7 +56,12 @@ def plant(
         ),
     ] = None,
     out: Annotated[
-        Path, typer.Option(envvar="PHALANX_OUT", help="Folder for the recording and the summary.")
+        Path,
+        typer.Option(
+            envvar="PHALANX_OUT",
+            file_okay=False,
+            help="Folder for the recording and the summary; made if it is not there.",
+        ),
     ] = Path("."),
     seed: Seed = None,
     overrides: Overrides = None,
@@ -115,7 +120,9 @@ def agent(
         bool, typer.Option("--claim", help="Be any of them whose place is free, or becomes free.")
     ] = False,
     connect: Endpoint = "",
-    timeout: Annotated[float, typer.Option(help="How long to try to reach the hub [s].")] = 60.0,
+    timeout: Annotated[
+        float, typer.Option(min=0.0, help="How long to try to reach the hub [s].")
+    ] = 60.0,
     seed: Seed = None,
     overrides: Overrides = None,
     secret: Secret = "",

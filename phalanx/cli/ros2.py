@@ -36,7 +36,8 @@ def ros2(
         str, typer.Option(help="ROS 2 namespace of the node and its topics.")
     ] = "/phalanx",
     timeout: Annotated[
-        float, typer.Option(help="How many seconds to try to reach the router and the live run.")
+        float,
+        typer.Option(min=0.0, help="How long to try to reach the router and the live run [s]."),
     ] = 10.0,
     insecure: Insecure = False,
     trust: Trust = False,

@@ -16,6 +16,7 @@ from phalanx.cli.options import (
     endpoint_for,
     require_folder,
     require_port,
+    require_run,
 )
 
 Connect = Annotated[
@@ -28,7 +29,10 @@ Connect = Annotated[
         show_default=False,
     ),
 ]
-LiveRun = Annotated[str, typer.Option("--run", envvar="PHALANX_RUN", help="Name of the live run.")]
+LiveRun = Annotated[
+    str,
+    typer.Option("--run", envvar="PHALANX_RUN", callback=require_run, help="Name of the live run."),
+]
 CommandSecret = Annotated[
     str,
     typer.Option(
@@ -48,7 +52,7 @@ Port = Annotated[
         show_default=False,
     ),
 ]
-Timeout = Annotated[float, typer.Option(help="How long to try to reach the live run [s].")]
+Timeout = Annotated[float, typer.Option(min=0.0, help="How long to try to reach the live run [s].")]
 Origins = Annotated[
     list[str] | None,
     typer.Option("--origin", help="Another origin whose pages may connect, such as a proxy's."),

@@ -40,6 +40,12 @@ REFUSED = [
     ("view", "expected either RUN, or --connect and --run"),
     ("view a --port 0", "'--port'"),
     ("network fit nowhere", "nowhere"),
+    ("plant --scenario unicycles --run a/b", "'--run'"),
+    ("plant --scenario unicycles --run r --out file", "'--out'"),
+    ("agent 1 --scenario unicycles --run a*b", "'--run'"),
+    ("agent 1 --scenario unicycles --run r --timeout=-1", "'--timeout'"),
+    ("view --connect tcp/127.0.0.1:7447 --run a/b", "'--run'"),
+    ("ros2 a --timeout=-1", "'--timeout'"),
 ]
 
 
