@@ -1,7 +1,6 @@
 """The viewer's shell: a feed, live or recorded, shown on a page until it is told to stop."""
 
 import logging
-import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -9,6 +8,7 @@ from pathlib import Path
 from phalanx.swarm.rows import SafetyRows
 from phalanx.viewer.feeds.live import Live
 from phalanx.viewer.feeds.replay import open_replay
+from phalanx.viewer.feeds.stop import stop_request
 from phalanx.viewer.page.page import Page
 from phalanx.viewer.page.server import choose_port
 from phalanx.wire.membership import Membership
@@ -49,7 +49,7 @@ def run_live(
         HubError, NoRunError: there is no such run.
         ValueError, PortTakenError: the page cannot be served there.
     """
-    told_to_stop = _stop_request()
+    told_to_stop = stop_request()
     choose_port(host, port)  # a port that cannot be had is said before a run is waited for
     with Live(membership, command_secret, trust) as live:
         if command_secret and not live.commandable:
@@ -81,22 +81,13 @@ def run_replay(
         UnreadableRecordingError, ValueError: nothing to replay, or no port has this number.
         PortTakenError: the page cannot be served there.
     """
-    told_to_stop = _stop_request()
+    told_to_stop = stop_request()
     choose_port(host, port)  # a port that cannot be had is said before a long recording is read
     page = Page(host, port, origins, open_replay(recording, trust))
     _announce(page)
     _tick(page, told_to_stop)
     page.server.stop()
     return 0
-
-
-def _stop_request() -> Callable[[], bool]:
-    """Whether SIGINT or SIGTERM came since this call."""
-    # No event: a handler that sets one while this thread is about to wait for it never returns.
-    came: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, _: came.append(number))
-    return lambda: bool(came)
 
 
 def _announce(page: Page) -> None:

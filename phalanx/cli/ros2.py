@@ -3,13 +3,12 @@
 import importlib.util
 import pkgutil
 import sys
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from phalanx.cli.options import Insecure, KeysFolder, Secret, Trust, certificates_for
-from phalanx.cli.viewing import Connect, LiveRun
+from phalanx.cli.viewing import Connect, LiveRun, RunOrRecording, require_either
 
 
 def register(app: typer.Typer) -> None:
@@ -18,10 +17,7 @@ def register(app: typer.Typer) -> None:
 
 
 def ros2(
-    recording: Annotated[
-        Path | None,
-        typer.Argument(metavar="RUN", help="A run's folder, live or over, or its recording."),
-    ] = None,
+    recording: RunOrRecording = None,
     connect: Connect = "",
     run: LiveRun = "",
     secret: Secret = "",
@@ -57,8 +53,7 @@ def ros2(
       phalanx ros2 runs/unicycles-1
       phalanx ros2 --connect tcp/plant:7447 --run r1 --router tcp/robot:7447
     """
-    if (recording is None) != bool(connect and run):
-        raise typer.BadParameter("expected either RUN, or --connect and --run")
+    require_either(recording, connect, run)
     _require_libraries()
     from phalanx.launcher.live import find_live
     from phalanx.launcher.programs import configure_logging

@@ -29,6 +29,10 @@ Connect = Annotated[
         show_default=False,
     ),
 ]
+RunOrRecording = Annotated[
+    Path | None,
+    typer.Argument(metavar="RUN", help="A run's folder, live or over, or its recording."),
+]
 LiveRun = Annotated[
     str,
     typer.Option("--run", envvar="PHALANX_RUN", callback=require_run, help="Name of the live run."),
@@ -59,6 +63,12 @@ Origins = Annotated[
 ]
 
 
+def require_either(recording: Path | None, connect: str, run: str) -> None:
+    """Raise BadParameter unless a run is named by its folder, or by its hub."""
+    if (recording is None) != bool(connect and run):
+        raise typer.BadParameter("expected either RUN, or --connect and --run")
+
+
 def register(app: typer.Typer) -> None:
     """Add the commands."""
     app.command()(view)
@@ -67,10 +77,7 @@ def register(app: typer.Typer) -> None:
 
 
 def view(
-    recording: Annotated[
-        Path | None,
-        typer.Argument(metavar="RUN", help="A run's folder, live or over, or its recording."),
-    ] = None,
+    recording: RunOrRecording = None,
     connect: Connect = "",
     run: LiveRun = "",
     secret: Secret = "",
@@ -90,8 +97,7 @@ def view(
       phalanx view runs/unicycles-1
       phalanx view --connect tcp/127.0.0.1:7447 --run r1
     """
-    if (recording is None) != bool(connect and run):
-        raise typer.BadParameter("expected either RUN, or --connect and --run")
+    require_either(recording, connect, run)
     page = {"host": host, "port": port, "origins": tuple(origins or ()), "trust": trust}
     if recording is not None:
         return _show_folder(recording, command_secret, page)

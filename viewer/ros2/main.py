@@ -1,8 +1,7 @@
 """The shell of `phalanx ros2`: a feed, live or recorded, published to ROS 2 until it is over."""
 
 import logging
-import signal
-import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -10,6 +9,7 @@ from typing import NamedTuple
 from phalanx.viewer.feeds.feed import Feed
 from phalanx.viewer.feeds.live import Live
 from phalanx.viewer.feeds.replay import open_replay
+from phalanx.viewer.feeds.stop import stop_request
 from phalanx.viewer.ros2.republisher import Republisher
 from phalanx.wire.membership import Membership
 from phalanx.wire.rmw import Node, NodeName
@@ -66,16 +66,14 @@ def run_replay(recording: Path, graph: Graph, *, trust: bool = False) -> int:
 
 
 def _publish(feed: Feed, graph: Graph, over: Callable[[], bool]) -> int:
-    stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+    told_to_stop = stop_request()
     name = NodeName(graph.domain, graph.namespace, _NODE)
     with Node(graph.router, name, graph.timeout) as node:
         republisher = Republisher(node, graph.namespace, feed)
         log.info("ROS 2 node %s/%s in domain %d", graph.namespace, _NODE, graph.domain)
-        while not (over() or stop.is_set()):
+        while not (over() or told_to_stop()):
             republisher.tick()
-            stop.wait(_TICK)
+            time.sleep(_TICK)
         if over():
             republisher.finish()
     return 0
