@@ -162,5 +162,6 @@ def _in_words(rows: SafetyRows, uses: dict[str, MarginUse]) -> str:
     return (
         f"Margin used against margin needed: η of {row} beside the least that is proven to last "
         "until the next sample, for the input that was applied and the pair nearest to binding "
-        f"alone; the row used less than that at {short} of {total} steps."
+        f"alone; the row used less than that at {short} of {total} steps. A run may be guaranteed "
+        "all the same: its certificates are of the inputs that were applied, not of the rows."
     )

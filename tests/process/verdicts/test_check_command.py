@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
+import phalanx
 from phalanx.cli.app import status
+from phalanx.cli.check_table import asked
 
 
 @pytest.fixture
@@ -91,3 +93,16 @@ def test_the_picture_is_saved_where_it_was_asked_for(check, tmp_path):
     pixels = matplotlib.image.imread(picture)[:, :, :3]
     suffices = np.isclose(pixels, to_rgb("#bfe3c6"), atol=0.01).all(axis=2)
     assert suffices.mean() > 0.2
+
+
+def test_what_does_not_hold_stands_out():
+    scenario = phalanx.load("unicycles")
+    rows = asked(scenario, phalanx.check(scenario))
+    assert {row.what for row in rows if not row.holds} == {
+        "agents with an input in K_i",
+        "margin η, by the formula",
+        "margin η, as a bound",
+        "effort left on the boundary",
+        "an input is in force for",
+        "gaps in the theorem's proof",
+    }

@@ -167,3 +167,13 @@ def test_a_module_that_another_of_its_name_stands_for_is_refused(tmp_path):
         other
         == f"{paths[2]}: another common.py was imported before: open it in a program of its own"
     )
+
+
+def test_modules_of_a_recording_that_is_not_trusted_are_put_nowhere(tmp_path, monkeypatch):
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(temporary))
+    before = list(sys.path)
+    read(recording_with(tmp_path, {"elsewhere.py": HARMLESS}), trust=False)
+    assert sys.path == before
+    assert not list(temporary.iterdir())

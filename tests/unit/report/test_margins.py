@@ -58,7 +58,7 @@ def test_of_a_given_margin_the_number_itself_was_used(tmp_path):
     figure, words = margins(recording, build_rows(build_swarm(recording.scenario)))
     assert [panel.get_yscale() for panel in figure.axes] == ["log"] * 3
     steps = sum(step.agent in ("1", "2", "3") for step in recording.steps)
-    assert words.endswith(f"less than that at {steps} of {steps} steps.")
+    assert f"less than that at {steps} of {steps} steps." in words
 
 
 def test_the_margin_needed_is_the_bound_of_the_pair_that_the_input_left_least(tmp_path):
