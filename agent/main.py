@@ -11,12 +11,13 @@ from phalanx.agent.step import Answer, ControlStep, control_steps
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.scenario.load import digest
 from phalanx.swarm.rows import SafetyRows
-from phalanx.wire import session as wire
+from phalanx.wire import liveliness, pubsub
 from phalanx.wire.door import Door
 from phalanx.wire.keys import PLANT, Keys
 from phalanx.wire.membership import Membership
 from phalanx.wire.presence import PlantPresence
 from phalanx.wire.seal import Sealer
+from phalanx.wire.session import Session, open_member
 
 log = logging.getLogger("phalanx.agent")
 
@@ -40,7 +41,7 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
     stopwatch = Stopwatch() if profile else None
     over = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: over.set())
-    with wire.open_member(
+    with open_member(
         membership.endpoint, keys.alive(PLANT), membership.timeout, membership.credentials
     ) as session:
         senders = [_Sender(session, keys, sealer, step) for step in steps]
@@ -51,8 +52,8 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
         for step, answering in zip(steps, answerings, strict=True):
             if stopwatch:
                 answering.time(stopwatch)
-            wire.subscribe(session, keys.broadcast("*", step.name), answering.on_broadcast)
-            wire.subscribe(session, keys.sample(step.name), answering.on_sample)
+            pubsub.subscribe(session, keys.broadcast("*", step.name), answering.on_broadcast)
+            pubsub.subscribe(session, keys.sample(step.name), answering.on_sample)
 
         def leave(because: str) -> None:
             log.info("leaving: %s", because)
@@ -68,7 +69,7 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
         # again in the middle of a step.
         gc.freeze()
         known = digest(rows.swarm.scenario)
-        _tokens = [wire.announce(session, keys.alive(step.name, known)) for step in steps]
+        _tokens = [liveliness.announce(session, keys.alive(step.name, known)) for step in steps]
         log.info("joined run %s at %s", membership.run, membership.endpoint)
         over.wait()
     log.info("left; %d payloads were rejected", sum(step.rejected for step in steps))
@@ -83,17 +84,15 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
 class _Sender:
     """Puts one agent's answers on the wire, what is waited for most first."""
 
-    def __init__(
-        self, session: wire.Session, keys: Keys, sealer: Sealer, step: ControlStep
-    ) -> None:
-        self._sealer, self._broadcasts = sealer, wire.Addressed(session)
+    def __init__(self, session: Session, keys: Keys, sealer: Sealer, step: ControlStep) -> None:
+        self._sealer, self._broadcasts = sealer, pubsub.Addressed(session)
         # A publisher's key expression is made anew each time it is asked for.
         self._actuation_key, self._telemetry_key = (
             keys.actuation(step.name),
             keys.telemetry(step.name),
         )
-        self._actuation = wire.publisher(session, self._actuation_key)
-        self._telemetry = wire.publisher(session, self._telemetry_key)
+        self._actuation = pubsub.publisher(session, self._actuation_key)
+        self._telemetry = pubsub.publisher(session, self._telemetry_key)
         self._broadcast_keys = [keys.broadcast(step.name, peer) for peer in step.swarm.names]
 
     def __call__(self, answer: Answer) -> None:
@@ -106,4 +105,4 @@ class _Sender:
     def wait_for_listeners(self, timeout: float, over: threading.Event) -> None:
         """Return when the hub takes what is put: what comes earlier is lost. Raises HubError."""
         for publisher in (self._actuation, self._telemetry):
-            wire.wait_for_listener(publisher, timeout, over.is_set)
+            pubsub.wait_for_listener(publisher, timeout, over.is_set)

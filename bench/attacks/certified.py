@@ -42,10 +42,10 @@ from phalanx.wire.authority import (
     write_certificate,
 )
 from phalanx.wire.certificates import AUTHORITY, AUTHORITY_KEY, tls
+from phalanx.wire.endpoints import free_endpoint
 from phalanx.wire.frames import CommandMessage
 from phalanx.wire.keys import OPERATOR, PLANT, VIEWER
 from phalanx.wire.seal import Sealer
-from phalanx.wire.session import free_endpoint
 
 ROOT = Path(__file__).parents[2]
 RUN, COMMAND_SECRET = "assailed", "known"

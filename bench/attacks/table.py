@@ -20,7 +20,7 @@ import phalanx
 from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher.execute import execute
-from phalanx.wire.session import free_endpoint
+from phalanx.wire.endpoints import free_endpoint
 
 ROOT = Path(__file__).parents[2]
 BEGIN, END = "<!-- made by bench/attacks/table.py -->", "<!-- end -->"

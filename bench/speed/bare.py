@@ -7,8 +7,9 @@ from collections.abc import Iterator, Sequence
 from queue import SimpleQueue
 from typing import NamedTuple
 
-from phalanx.wire import session as wire
+from phalanx.wire import liveliness, pubsub
 from phalanx.wire.keys import PLANT, Keys, kind_and_name
+from phalanx.wire.session import Session, open_hub, open_member
 
 KEYS = Keys("bench")
 PATIENCE = 120.0
@@ -18,7 +19,7 @@ PATIENCE = 120.0
 class Hub(NamedTuple):
     """What all have joined."""
 
-    samples: list[wire.Publisher]
+    samples: list[pubsub.Publisher]
     """To each member, in order."""
     actuations: SimpleQueue[bytes]
     """What members put, as it comes."""
@@ -32,12 +33,12 @@ def hub(endpoint: str, names: Sequence[str]) -> Iterator[Hub]:
     """
     joined: SimpleQueue[str] = SimpleQueue()
     actuations: SimpleQueue[bytes] = SimpleQueue()
-    with wire.open_hub(endpoint) as session:
-        samples = [wire.urgent_publisher(session, KEYS.sample(name)) for name in names]
-        wire.subscribe(session, KEYS.actuation("*"), lambda _, payload: actuations.put(payload))
-        wire.subscribe(session, KEYS.telemetry("*"), lambda _key, _payload: None)
-        wire.watch(session, KEYS.alive("*"), lambda key, _: joined.put(kind_and_name(key)[1]))
-        _token = wire.announce(session, KEYS.alive(PLANT, "bench"))
+    with open_hub(endpoint) as session:
+        samples = [pubsub.urgent_publisher(session, KEYS.sample(name)) for name in names]
+        pubsub.subscribe(session, KEYS.actuation("*"), lambda _, payload: actuations.put(payload))
+        pubsub.subscribe(session, KEYS.telemetry("*"), lambda _key, _payload: None)
+        liveliness.watch(session, KEYS.alive("*"), lambda key, _: joined.put(kind_and_name(key)[1]))
+        _token = liveliness.announce(session, KEYS.alive(PLANT, "bench"))
         missing = {*names, PLANT}
         while missing:
             missing.discard(joined.get(timeout=PATIENCE))
@@ -54,11 +55,11 @@ def exchange(hub: Hub, payload: bytes, count: int) -> float:
 
 
 @contextlib.contextmanager
-def member(endpoint: str, name: str) -> Iterator[wire.Session]:
+def member(endpoint: str, name: str) -> Iterator[Session]:
     """Open a session; after the block, which declares things, join, and stay as long as the hub."""
-    with wire.open_member(endpoint, KEYS.alive(PLANT), PATIENCE) as session:
+    with open_member(endpoint, KEYS.alive(PLANT), PATIENCE) as session:
         yield session
         over = threading.Event()
-        wire.watch(session, KEYS.alive(PLANT), lambda _, alive: None if alive else over.set())
-        _token = wire.announce(session, KEYS.alive(name, "bench"))
+        liveliness.watch(session, KEYS.alive(PLANT), lambda _, alive: None if alive else over.set())
+        _token = liveliness.announce(session, KEYS.alive(name, "bench"))
         over.wait()

@@ -20,9 +20,10 @@ from multiprocessing.queues import SimpleQueue as Answers
 import bare
 from bare import KEYS
 
-from phalanx.wire import session as wire
+from phalanx.wire import endpoints, pubsub
 from phalanx.wire.messages import Actuation, Broadcast
 from phalanx.wire.seal import Sealer
+from phalanx.wire.session import Session
 
 SEALER = Sealer(b"bench")
 TO_ALL = "all"
@@ -37,7 +38,7 @@ def main() -> None:
     arguments.add_argument("--rounds", type=int, default=20)
     options = arguments.parse_args()
     names = [str(n) for n in range(options.neighbours + 1)]
-    endpoint, context = wire.free_endpoint(), multiprocessing.get_context("forkserver")
+    endpoint, context = endpoints.free_endpoint(), multiprocessing.get_context("forkserver")
     answers = context.SimpleQueue()
     hub = context.Process(target=plant, args=(endpoint, names, options.rounds, answers))
     agents = [context.Process(target=agent, args=(endpoint, n, names, answers)) for n in names]
@@ -69,9 +70,9 @@ def agent(
     """Answers every sample, tells its neighbours in the way that the sample names, and listens."""
     peers = [other for other in names if other != name]
     with bare.member(endpoint, name) as session:
-        actuation = wire.publisher(session, KEYS.actuation(name))
-        addressed = wire.Addressed(session)
-        to_all = wire.publisher(session, KEYS.broadcast(name, TO_ALL))
+        actuation = pubsub.publisher(session, KEYS.actuation(name))
+        addressed = pubsub.Addressed(session)
+        to_all = pubsub.publisher(session, KEYS.broadcast(name, TO_ALL))
         receivers = {
             "subscribed": [KEYS.broadcast(name, TO_ALL)],
             "addressed": [KEYS.broadcast(name, peer) for peer in peers],
@@ -91,15 +92,15 @@ def agent(
             SEALER.open(key, payload, Broadcast)
 
         for peer in peers:
-            wire.subscribe(session, KEYS.broadcast(peer, TO_ALL), hear)
-        wire.subscribe(session, KEYS.broadcast("*", name), hear)
-        wire.subscribe(session, KEYS.sample(name), reply)
+            pubsub.subscribe(session, KEYS.broadcast(peer, TO_ALL), hear)
+        pubsub.subscribe(session, KEYS.broadcast("*", name), hear)
+        pubsub.subscribe(session, KEYS.sample(name), reply)
         for publisher in (actuation, to_all):
-            wire.wait_for_listener(publisher, bare.PATIENCE)
+            pubsub.wait_for_listener(publisher, bare.PATIENCE)
         answers.put(("change", _seconds_of_a_change(session)))
 
 
-def _seconds_of_a_change(session: wire.Session) -> float:
+def _seconds_of_a_change(session: Session) -> float:
     began = time.perf_counter()
     for k in range(50):
         key = KEYS.broadcast(f"neighbour-{k}", TO_ALL)

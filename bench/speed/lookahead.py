@@ -24,9 +24,9 @@ from phalanx.plant.scribe.trajectory import TrajectoryHash
 from phalanx.plant.world.world import World
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
+from phalanx.wire.endpoints import free_endpoint
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
-from phalanx.wire.session import free_endpoint
 
 # Rows that are built in no time: what is measured is the exchange, with a computation in it.
 SIMPLE = {

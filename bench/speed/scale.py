@@ -39,7 +39,7 @@ from phalanx.scenario.load import from_json, to_json
 from phalanx.swarm.compile import compile_rows
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
-from phalanx.wire import session as wire
+from phalanx.wire import endpoints, pubsub
 from phalanx.wire.messages import Status
 
 T = TypeVar("T")
@@ -187,7 +187,7 @@ def bare_processes(count: int, peers: int) -> tuple[float, float]:
     To be called in a process that has no session: they are forked from it.
     """
     context = multiprocessing.get_context("fork")
-    names, endpoint = [str(k) for k in range(count)], wire.free_endpoint()
+    names, endpoint = [str(k) for k in range(count)], endpoints.free_endpoint()
     began = time.perf_counter()
     processes = [
         context.Process(
@@ -213,16 +213,16 @@ def bare_processes(count: int, peers: int) -> tuple[float, float]:
 def echo(endpoint: str, name: str, peers: list[str]) -> None:
     """Answer every payload until the hub is gone, and tell as many peers as an agent does."""
     with bare.member(endpoint, name) as session:
-        publishers = [wire.publisher(session, KEYS.actuation(name))]
-        publishers += [wire.publisher(session, f"bench/to/{peer}/{name}") for peer in peers]
+        publishers = [pubsub.publisher(session, KEYS.actuation(name))]
+        publishers += [pubsub.publisher(session, f"bench/to/{peer}/{name}") for peer in peers]
 
         def reply(_key: str, _payload: bytes) -> None:
             for publisher in publishers:
                 publisher.put(bytes(PAYLOAD))
 
-        wire.subscribe(session, f"bench/to/{name}/*", lambda _key, _payload: None)
-        wire.subscribe(session, KEYS.sample(name), reply)
-        wire.wait_for_listener(publishers[0], bare.PATIENCE)
+        pubsub.subscribe(session, f"bench/to/{name}/*", lambda _key, _payload: None)
+        pubsub.subscribe(session, KEYS.sample(name), reply)
+        pubsub.wait_for_listener(publishers[0], bare.PATIENCE)
 
 
 if __name__ == "__main__":

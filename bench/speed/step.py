@@ -23,7 +23,7 @@ from phalanx.agent.step import ControlStep
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import build_swarm
-from phalanx.wire import session as wire
+from phalanx.wire import endpoints, pubsub
 from phalanx.wire.messages import Message, Sample
 from phalanx.wire.seal import Sealer
 
@@ -106,7 +106,7 @@ def _sealed(message: Message) -> int:
 
 def measure_exchange(scenario: phalanx.Scenario, steps: int, sizes: Sizes) -> float:
     """Time from a sample-sized payload out to an answer's three back, through the hub [s]."""
-    swarm, endpoint = build_swarm(scenario), wire.free_endpoint()
+    swarm, endpoint = build_swarm(scenario), endpoints.free_endpoint()
     context = multiprocessing.get_context("forkserver")
     answer = context.SimpleQueue()
     hub = context.Process(target=exchange, args=(endpoint, swarm.names, steps, sizes, answer))
@@ -142,9 +142,9 @@ def exchange(
 def echo(endpoint: str, name: str, peers: list[str], sizes: Sizes) -> None:
     """An agent of a bare exchange: it answers every payload, and hears what it would hear."""
     with bare.member(endpoint, name) as session:
-        actuation = wire.publisher(session, KEYS.actuation(name))
-        telemetry = wire.publisher(session, KEYS.telemetry(name))
-        addressed = wire.Addressed(session)
+        actuation = pubsub.publisher(session, KEYS.actuation(name))
+        telemetry = pubsub.publisher(session, KEYS.telemetry(name))
+        addressed = pubsub.Addressed(session)
         broadcasts = [KEYS.broadcast(name, peer) for peer in peers]
 
         def reply(_key: str, _payload: bytes) -> None:
@@ -153,9 +153,9 @@ def echo(endpoint: str, name: str, peers: list[str], sizes: Sizes) -> None:
                 addressed.put(key, bytes(sizes.broadcast))
             telemetry.put(bytes(sizes.telemetry))
 
-        wire.subscribe(session, KEYS.broadcast("*", name), lambda _key, _payload: None)
-        wire.subscribe(session, KEYS.sample(name), reply)
-        wire.wait_for_listener(actuation, bare.PATIENCE)
+        pubsub.subscribe(session, KEYS.broadcast("*", name), lambda _key, _payload: None)
+        pubsub.subscribe(session, KEYS.sample(name), reply)
+        pubsub.wait_for_listener(actuation, bare.PATIENCE)
 
 
 if __name__ == "__main__":

@@ -18,10 +18,11 @@ import phalanx
 from phalanx.agent import main as agent
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
-from phalanx.wire import session as wire
+from phalanx.wire import endpoints, pubsub
 from phalanx.wire.keys import PLANT, kind_and_name
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Sample
+from phalanx.wire.session import Session
 
 
 def main() -> None:
@@ -46,7 +47,7 @@ def main() -> None:
 def received(rows: SafetyRows) -> list[Counter[str]]:
     """Of each normal agent: samples, whom they held, and all messages with their bytes."""
     context = multiprocessing.get_context("fork")
-    membership = Membership("bench", wire.free_endpoint(), b"bench", timeout=120.0)
+    membership = Membership("bench", endpoints.free_endpoint(), b"bench", timeout=120.0)
     times, counts = context.SimpleQueue(), context.SimpleQueue()
     programs = [context.Process(target=plant, args=(rows, membership.of(PLANT), times))]
     for name in rows.swarm.names:
@@ -65,9 +66,9 @@ def counted_agent(
     rows: SafetyRows, membership: Membership, counts: "Answers[tuple[str, Counter[str]]]"
 ) -> None:
     """The agent as ever, with a count of what its subscriptions are handed."""
-    counted, sealer, subscribe = Counter[str](), membership.sealer, wire.subscribe
+    counted, sealer, subscribe = Counter[str](), membership.sealer, pubsub.subscribe
 
-    def subscribe_and_count(session: wire.Session, key: str, deliver: wire.Deliver) -> None:
+    def subscribe_and_count(session: Session, key: str, deliver: pubsub.Deliver) -> None:
         def count(at: str, payload: bytes) -> None:
             counted["messages"] += 1
             counted["bytes"] += len(payload)
@@ -78,7 +79,7 @@ def counted_agent(
 
         subscribe(session, key, count)
 
-    wire.subscribe = subscribe_and_count
+    pubsub.subscribe = subscribe_and_count
     agent.run(rows, membership)
     counts.put((membership.identity, counted))
 

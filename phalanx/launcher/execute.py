@@ -33,8 +33,8 @@ def execute(
 
         return run_in_process(scenario, folder, commands, progress, profile)
     from phalanx.launcher.process_engine import run_processes
+    from phalanx.wire.endpoints import reserved_endpoint
     from phalanx.wire.membership import Membership
-    from phalanx.wire.session import reserved_endpoint
 
     with reserved_endpoint() as endpoint:
         membership = Membership(

@@ -22,8 +22,9 @@ from phalanx.scenario.model import Scenario
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Status
+from phalanx.wire.pubsub import subscribe
 from phalanx.wire.seal import Malformed
-from phalanx.wire.session import HubError, open_client, subscribe
+from phalanx.wire.session import HubError, open_client
 
 
 def run_processes(

@@ -2,9 +2,9 @@
 
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.access import Subject, access_control
+from phalanx.wire.credentials import Admission
 from phalanx.wire.keys import CLAIMANT, PLANT, ROUTER, VIEWER
 from phalanx.wire.membership import Membership
-from phalanx.wire.session import Admission
 
 
 def admission(swarm: Swarm, membership: Membership) -> Admission:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from cryptography.hazmat.primitives.asymmetric import ec
 
-from phalanx.wire import session as wire
+from phalanx.wire import queries
 from phalanx.wire.authority import private_pem, public_der, write_certificate
 from phalanx.wire.certificates import AUTHORITY
 from phalanx.wire.keys import PLANT
@@ -22,6 +22,7 @@ from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Place, PlaceRequest
 from phalanx.wire.presence import PlantPresence
 from phalanx.wire.seal import Malformed
+from phalanx.wire.session import open_member
 
 log = logging.getLogger("phalanx.agent")
 
@@ -65,12 +66,12 @@ def claimed(membership: Membership, digest: str) -> Iterator[Membership | None]:
 def _ask(membership: Membership, question: PlaceRequest) -> Place | None:
     keys, sealer, over = membership.keys, membership.sealer, threading.Event()
     asked = sealer.seal(keys.place, question)
-    with wire.open_member(
+    with open_member(
         membership.endpoint, keys.alive(PLANT), membership.timeout, membership.credentials
     ) as session:
         PlantPresence(membership.timeout, lambda _: over.set()).watch(session, keys)
         while not over.wait(_AGAIN):
-            answer = wire.ask(session, keys.place, _AGAIN, asked)
+            answer = queries.ask(session, keys.place, _AGAIN, asked)
             place = Place()
             with contextlib.suppress(Malformed):
                 place = sealer.open(keys.place, answer, Place) if answer else place

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from phalanx.wire.credentials import Credentials
 from phalanx.wire.keys import EVERYBODY, PLANT, VIEWER, Keys, link, owner
 from phalanx.wire.seal import RunSealer, Sealer
-from phalanx.wire.session import Credentials
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,9 @@ import threading
 import time
 from collections.abc import Callable
 
-from phalanx.wire import session as wire
+from phalanx.wire import liveliness
 from phalanx.wire.keys import PLANT, ROUTER, Keys
+from phalanx.wire.session import Session
 
 _BEFORE_IT_BEGINS = 3.0
 """How long a plant that is its own hub may be lost before the first sample [s]: Zenoh closes a
@@ -44,11 +45,11 @@ class PlantPresence:
         self._lock = threading.Lock()
         self._leaving: threading.Timer | None = None
 
-    def watch(self, session: wire.Session, keys: Keys) -> None:
+    def watch(self, session: Session, keys: Keys) -> None:
         """Begin to look; the plant is there."""
-        wire.watch(session, keys.alive(ROUTER), self.on_router)
-        wire.watch(session, keys.alive(PLANT), self.on_plant)
-        wire.on_parting(session, self.on_parting)
+        liveliness.watch(session, keys.alive(ROUTER), self.on_router)
+        liveliness.watch(session, keys.alive(PLANT), self.on_plant)
+        liveliness.on_parting(session, self.on_parting)
 
     def on_parting(self) -> None:
         """The connection to the hub was lost."""

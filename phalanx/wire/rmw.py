@@ -14,7 +14,8 @@ from typing import Self
 
 import xxhash
 
-from phalanx.wire import session as wire
+from phalanx.wire import liveliness, pubsub
+from phalanx.wire.session import HubError, open_client
 
 _ATTACHMENT = struct.Struct("<qqB16s")
 """Sequence number, source timestamp [ns], and the publisher's gid behind its length."""
@@ -88,20 +89,20 @@ class Node:
     def __init__(self, router: str, name: NodeName, timeout: float) -> None:
         """Join the ROS 2 router. Raises HubError."""
         try:
-            self._session = wire.open_client(router, timeout)
-        except wire.HubError as error:
-            raise wire.HubError(f"{error}; is rmw_zenohd running there?") from error
+            self._session = open_client(router, timeout)
+        except HubError as error:
+            raise HubError(f"{error}; is rmw_zenohd running there?") from error
         self._name, self._zid = name, str(self._session.zid())
         self._numbers = itertools.count(1)
         # A token lives as long as somebody holds it.
-        self._tokens = [wire.announce(self._session, name.token(self._zid))]
+        self._tokens = [liveliness.announce(self._session, name.token(self._zid))]
 
     def publisher(self, topic: str, kind: MessageType) -> "Publisher":
         """Announce a topic, absolute, such as "/phalanx/markers"."""
         token = self._name.publisher_token(self._zid, next(self._numbers), topic, kind)
         key = self._name.topic_key(topic, kind)
-        publisher = Publisher(wire.view_publisher(self._session, key), gid(token))
-        self._tokens.append(wire.announce(self._session, token))
+        publisher = Publisher(pubsub.view_publisher(self._session, key), gid(token))
+        self._tokens.append(liveliness.announce(self._session, token))
         return publisher
 
     def __enter__(self) -> Self:
@@ -114,14 +115,14 @@ class Node:
 class Publisher:
     """Puts serialized messages on a topic; who is too slow for them misses some."""
 
-    def __init__(self, publisher: wire.Publisher, own_gid: bytes) -> None:
+    def __init__(self, publisher: pubsub.Publisher, own_gid: bytes) -> None:
         self._publisher, self._gid = publisher, own_gid
         self._sequence: Iterator[int] = itertools.count(1)
 
     @property
     def heard(self) -> bool:
         """Whether somebody subscribes: only then a message is worth its making."""
-        return wire.has_listener(self._publisher)
+        return pubsub.has_listener(self._publisher)
 
     def put(self, payload: bytes) -> None:
         """Publish one message, serialized as CDR with its header."""

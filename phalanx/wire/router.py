@@ -9,10 +9,11 @@ import threading
 from collections.abc import Sequence
 
 from phalanx.swarm.swarm import Swarm
-from phalanx.wire import session as wire
+from phalanx.wire import liveliness
 from phalanx.wire.admission import admission
 from phalanx.wire.keys import ROUTER
 from phalanx.wire.membership import Membership
+from phalanx.wire.session import open_hub
 
 log = logging.getLogger("phalanx.router")
 
@@ -36,9 +37,11 @@ def run(swarm: Swarm, membership: Membership, beyond: Sequence[str] = ()) -> int
         signal.signal(number, lambda *_: over.set())
     shown = membership.credentials if beyond else None
     allowed = admission(swarm, membership)
-    with wire.open_hub(membership.endpoint, allowed, beyond, shown) as session:
+    with open_hub(membership.endpoint, allowed, beyond, shown) as session:
         # Who sees it knows that the hub may come back after it was lost.
-        _token = wire.announce(session, membership.keys.alive(ROUTER, str(session.info.zid())))
+        _token = liveliness.announce(
+            session, membership.keys.alive(ROUTER, str(session.info.zid()))
+        )
         log.info("run %s meets at %s", membership.run, membership.endpoint)
         over.wait()
     return 0

@@ -7,9 +7,11 @@ from typing import Any
 import msgpack
 
 from phalanx.wire.keys import PLANT
+from phalanx.wire.liveliness import watch
 from phalanx.wire.membership import Membership
+from phalanx.wire.pubsub import subscribe
 from phalanx.wire.seal import SEAL_BYTES
-from phalanx.wire.session import open_client, subscribe, watch
+from phalanx.wire.session import open_client
 
 
 def tapped(membership: Membership, kind: str = "*") -> Iterator[Any]:

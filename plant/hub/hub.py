@@ -17,7 +17,7 @@ from phalanx.plant.hub.places import Places, signer
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.scenario.load import to_json
 from phalanx.swarm.swarm import Swarm
-from phalanx.wire import session as wire
+from phalanx.wire import liveliness, pubsub, queries
 from phalanx.wire.admission import admission
 from phalanx.wire.frames import Setup
 from phalanx.wire.keys import PLANT, ROUTER
@@ -25,6 +25,7 @@ from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Actuation, Message, PlaceRequest, Sample, Status, Telemetry
 from phalanx.wire.refusals import Refusals
 from phalanx.wire.seal import Malformed, Sealer
+from phalanx.wire.session import Session, open_hub, open_member
 
 log = logging.getLogger("phalanx.plant")
 
@@ -73,14 +74,14 @@ class Hub:
         self._arrivals = Arrivals(self._from, self.refusals)
         self._session = _open(swarm, membership, at_router)
         self._sample_keys = [keys.sample(name) for name in self._names]
-        self._samples = [wire.urgent_publisher(self._session, key) for key in self._sample_keys]
-        self._status = wire.publisher(self._session, keys.status)
-        self._verdict = wire.publisher(self._session, keys.verdict)
+        self._samples = [pubsub.urgent_publisher(self._session, key) for key in self._sample_keys]
+        self._status = pubsub.publisher(self._session, keys.status)
+        self._verdict = pubsub.publisher(self._session, keys.verdict)
         for every in (keys.actuation("*"), keys.telemetry("*")):
-            wire.subscribe(self._session, every, self._arrivals.put_payload)
-        wire.watch(self._session, keys.alive("*"), self._arrivals.put_token)
+            pubsub.subscribe(self._session, every, self._arrivals.put_payload)
+        liveliness.watch(self._session, keys.alive("*"), self._arrivals.put_token)
         self._give_places(membership, swarm)
-        self._token = wire.announce(self._session, keys.alive(PLANT, self._joining.digest))
+        self._token = liveliness.announce(self._session, keys.alive(PLANT, self._joining.digest))
 
     def _give_places(self, membership: Membership, swarm: Swarm) -> None:
         key, joining, sign = self._keys.place, self._joining, signer(membership.certificates)
@@ -94,7 +95,7 @@ class Hub:
                 return None
             return self._sealer.seal(key, places.answer(request))
 
-        wire.answer_each(self._session, key, answer)
+        queries.answer_each(self._session, key, answer)
 
     def __enter__(self) -> Self:
         return self
@@ -129,7 +130,7 @@ class Hub:
 
     def _not_there(self) -> tuple[str, ...]:
         """Who has not joined, or does not hear yet: at a router that may be known later."""
-        hears = [wire.has_listener(publisher) for publisher in self._samples]
+        hears = [pubsub.has_listener(publisher) for publisher in self._samples]
         missing = self._joining.missing()
         return missing or tuple(n for n, h in zip(self._names, hears, strict=True) if not h)
 
@@ -186,7 +187,7 @@ class Hub:
         while not self._joining.has(name):
             self.publish_status(wanted)
             self._take_event(deadline, f"agent {name} did not join again")
-        wire.wait_for_listener(self._samples[i], self._timeout)
+        pubsub.wait_for_listener(self._samples[i], self._timeout)
 
     def await_actuation(self, i: int) -> Actuation:
         """What agent i's actuator gets for its last sample.
@@ -232,12 +233,12 @@ class Hub:
         """Answer viewers that ask for the scenario, and be ready to show them frames."""
         setup = Setup(scenario=to_json(self._scenario).encode(), commandable=commandable)
         key = self._keys.scenario
-        wire.answer(self._session, key, self._sealer.seal(key, setup))
-        return Viewers(wire.view_publisher(self._session, self._keys.frames), self._sealer)
+        queries.answer(self._session, key, self._sealer.seal(key, setup))
+        return Viewers(pubsub.view_publisher(self._session, self._keys.frames), self._sealer)
 
-    def listen_for_commands(self, deliver: wire.Deliver) -> None:
+    def listen_for_commands(self, deliver: pubsub.Deliver) -> None:
         """Deliver commands in a thread of Zenoh's."""
-        wire.subscribe(self._session, self._keys.command, deliver)
+        pubsub.subscribe(self._session, self._keys.command, deliver)
 
     def publish_status(self, message: Status) -> None:
         """Tell whoever watches how far the run is."""
@@ -251,7 +252,7 @@ class Hub:
     def _put_sample(self, i: int, sample: Sample) -> None:
         self._samples[i].put(self._sealer.seal(self._sample_keys[i], sample))
 
-    def _put(self, publisher: wire.Publisher, message: Message) -> None:
+    def _put(self, publisher: pubsub.Publisher, message: Message) -> None:
         publisher.put(self._sealer.seal(str(publisher.key_expr), message))
 
     def _await_report(self, i: int) -> None:
@@ -293,17 +294,17 @@ class Hub:
             self._answers.on_telemetry(i, self._sealer.open(key, payload, Telemetry))
 
 
-def _open(swarm: Swarm, membership: Membership, at_router: bool) -> wire.Session:
+def _open(swarm: Swarm, membership: Membership, at_router: bool) -> Session:
     if not at_router:
-        return wire.open_hub(membership.endpoint, admission(swarm, membership))
+        return open_hub(membership.endpoint, admission(swarm, membership))
     router = membership.keys.alive(ROUTER)
-    return wire.open_member(membership.endpoint, router, membership.timeout, membership.credentials)
+    return open_member(membership.endpoint, router, membership.timeout, membership.credentials)
 
 
 class Viewers:
     """Everybody who subscribed to the run's frames."""
 
-    def __init__(self, publisher: wire.Publisher, sealer: Sealer) -> None:
+    def __init__(self, publisher: pubsub.Publisher, sealer: Sealer) -> None:
         self._publisher, self._sealer = publisher, sealer
 
     @property

@@ -15,9 +15,9 @@ from phalanx.guarantee.verdict import Summary
 from phalanx.launcher.execute import execute
 from phalanx.scenario.model import Scenario
 from phalanx.viewer.feeds.live import Live
+from phalanx.wire.endpoints import free_endpoint
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Status
-from phalanx.wire.session import free_endpoint
 
 T = TypeVar("T")
 SECRET, COMMAND_SECRET = b"the run's secret", b"the command secret"

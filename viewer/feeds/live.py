@@ -16,13 +16,14 @@ from phalanx.scenario.user_code import code_trusted
 from phalanx.viewer.feeds.expected import check_frame
 from phalanx.viewer.feeds.live_history import LiveHistory
 from phalanx.viewer.scene.model import scene_model
-from phalanx.wire import session as wire
+from phalanx.wire import liveliness, pubsub, queries
 from phalanx.wire.frames import CommandMessage, Frame, LogLine, Setup
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Ended
 from phalanx.wire.refusals import Refusals
 from phalanx.wire.seal import Malformed, Sealer
+from phalanx.wire.session import open_client
 
 Array = NDArray[np.float64]
 
@@ -58,9 +59,7 @@ class Live:
         # Frames come in a thread of Zenoh's, which must be free again at once, and are added to the
         # history in the page's thread, where the plots read it.
         self._frames: queue.SimpleQueue[Frame] = queue.SimpleQueue()
-        self._session = wire.open_client(
-            membership.endpoint, membership.timeout, membership.credentials
-        )
+        self._session = open_client(membership.endpoint, membership.timeout, membership.credentials)
         try:
             setup = self._ask_for_setup(membership)
             with code_trusted(trust):
@@ -110,7 +109,7 @@ class Live:
 
     def _ask_for_setup(self, to: Membership) -> Setup:
         key = self._keys.scenario
-        answer = wire.ask(self._session, key, to.timeout)
+        answer = queries.ask(self._session, key, to.timeout)
         if answer is None:
             raise NoRunError(f"{to.endpoint} knows no run {to.run!r} (after {to.timeout:g} s)")
         try:
@@ -121,10 +120,10 @@ class Live:
 
     def _listen(self) -> None:
         """Everything is ready for what comes: Zenoh's threads call from here on."""
-        self._commands = wire.publisher(self._session, self._keys.command)
-        wire.subscribe(self._session, self._keys.frames, self._on_frame)
-        wire.subscribe(self._session, self._keys.verdict, self._on_verdict)
-        wire.watch(self._session, self._keys.alive(PLANT), self._on_plant)
+        self._commands = pubsub.publisher(self._session, self._keys.command)
+        pubsub.subscribe(self._session, self._keys.frames, self._on_frame)
+        pubsub.subscribe(self._session, self._keys.verdict, self._on_verdict)
+        liveliness.watch(self._session, self._keys.alive(PLANT), self._on_plant)
 
     def _on_frame(self, key: str, payload: bytes) -> None:
         try:

@@ -10,7 +10,7 @@ from bench.attacks.attacker import SCENARIO as NAME
 from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Summary
 from phalanx.scenario.load import load
-from phalanx.wire.session import free_endpoint
+from phalanx.wire.endpoints import free_endpoint
 from tests.process.runs import HELD, SECRET, live_run, wait_for
 
 SCENARIO = load(NAME, OVERRIDES)

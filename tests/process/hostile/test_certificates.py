@@ -14,11 +14,12 @@ from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.execute import execute
 from phalanx.scenario.load import load
 from phalanx.wire.authority import make_certificates
+from phalanx.wire.endpoints import free_endpoint
 from phalanx.wire.frames import CommandMessage
 from phalanx.wire.keys import OPERATOR, PLANT, VIEWER, Keys
 from phalanx.wire.membership import Membership
 from phalanx.wire.seal import Sealer
-from phalanx.wire.session import HubError, free_endpoint, open_client
+from phalanx.wire.session import HubError, open_client
 from tests.process.runs import wait_for
 
 pytestmark = pytest.mark.swarm

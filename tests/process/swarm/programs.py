@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 
 from phalanx.guarantee.verdict import Summary
-from phalanx.wire.session import free_endpoint
+from phalanx.wire.endpoints import free_endpoint
 
 
 class Programs:

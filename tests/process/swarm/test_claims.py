@@ -11,9 +11,11 @@ from phalanx.guarantee.verdict import Summary
 from phalanx.launcher.execute import execute
 from phalanx.scenario.load import load
 from phalanx.wire.authority import make_certificates
+from phalanx.wire.endpoints import free_endpoint
 from phalanx.wire.keys import CLAIMANT, PLANT, VIEWER
+from phalanx.wire.liveliness import announce
 from phalanx.wire.membership import Membership
-from phalanx.wire.session import announce, free_endpoint, open_client
+from phalanx.wire.session import open_client
 
 pytestmark = pytest.mark.swarm
 

@@ -9,7 +9,7 @@ import pytest
 
 from phalanx.guarantee.verdict import Outcome
 from phalanx.recording.read import read
-from phalanx.wire.session import free_endpoint
+from phalanx.wire.endpoints import free_endpoint
 from tests.process.runs import wait_for
 
 pytestmark = pytest.mark.swarm

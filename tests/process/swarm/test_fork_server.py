@@ -7,7 +7,9 @@ from pathlib import Path
 import psutil
 import pytest
 
-from phalanx.wire.session import HubError, announce, free_endpoint, open_hub, open_member
+from phalanx.wire.endpoints import free_endpoint
+from phalanx.wire.liveliness import announce
+from phalanx.wire.session import HubError, open_hub, open_member
 
 pytestmark = pytest.mark.swarm
 

@@ -22,11 +22,14 @@ from phalanx.plant.hub.hub import Hub
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
+from phalanx.wire.endpoints import free_endpoint
 from phalanx.wire.keys import Keys
+from phalanx.wire.liveliness import announce
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import MAX_BYTES, Actuation, Sample, Telemetry
+from phalanx.wire.pubsub import subscribe
 from phalanx.wire.seal import Sealer
-from phalanx.wire.session import announce, free_endpoint, open_client, subscribe
+from phalanx.wire.session import open_client
 from tests.process.runs import PACED, SECRET, live_run, wait_for
 
 pytestmark = pytest.mark.swarm

@@ -17,7 +17,8 @@ from phalanx.recording.read import read
 from phalanx.scenario.load import load
 from phalanx.viewer.scene.geometry import facing
 from phalanx.viewer.scene.model import scene_model
-from phalanx.wire.session import open_hub, reserved_endpoint
+from phalanx.wire.endpoints import reserved_endpoint
+from phalanx.wire.session import open_hub
 from tests import ros2_messages as ros
 from tests.process.runs import PACED, live_run, wait_for
 

@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from phalanx.wire.session import free_endpoint, open_hub, view_publisher
+from phalanx.wire.endpoints import free_endpoint
+from phalanx.wire.pubsub import view_publisher
+from phalanx.wire.session import open_hub
 from tests.process.runs import wait_for
 
 pytestmark = pytest.mark.swarm

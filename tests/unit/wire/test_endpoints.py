@@ -7,7 +7,8 @@ import subprocess
 import sys
 
 from phalanx.wire import session
-from phalanx.wire.session import open_hub, reserved_endpoint
+from phalanx.wire.endpoints import reserved_endpoint
+from phalanx.wire.session import open_hub
 
 MANY = 100
 
@@ -39,7 +40,8 @@ def test_a_hub_can_listen_where_an_endpoint_is_reserved():
 HUB = """
 import time
 from pathlib import Path
-from phalanx.wire.session import open_hub, reserved_endpoint
+from phalanx.wire.endpoints import reserved_endpoint
+from phalanx.wire.session import open_hub
 with reserved_endpoint() as endpoint, open_hub(endpoint):
     names, deadline = "", time.monotonic() + 5.0
     while "acc-0" not in names and time.monotonic() < deadline:  # a thread names itself
