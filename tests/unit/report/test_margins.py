@@ -1,7 +1,9 @@
 """The margin used beside the margin needed, of real runs."""
 
+from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
+from functools import cache
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -9,8 +11,8 @@ import pytest
 
 import phalanx
 from phalanx.recording.read import Recording, read
-from phalanx.report.margins import margin_use, margins
-from phalanx.swarm.rows import build_rows
+from phalanx.report.margins import MarginUse, margin_use, margins
+from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.margins.integrated import integrated_margin
@@ -25,45 +27,59 @@ class Folded(Separation):
         return super().between(a, b) + 1e-9 * ca.fmod(b.p[0], 2.0)
 
 
-def ran(folder: Path, name: str, *overrides: str) -> Recording:
-    scenario = phalanx.load(name, ["duration=0.3", *overrides])
-    return read(phalanx.run(scenario, engine="in-process", out=folder).folder)
+class Ran(NamedTuple):
+    """A run and the rows that made it, whose margins are compiled once."""
+
+    recording: Recording
+    rows: SafetyRows
+
+    def used_and_needed(self, i: int) -> MarginUse:
+        found = margin_use(self.recording, self.rows, i)
+        assert found is not None
+        return found
 
 
-def used_and_needed(recording: Recording, i: int):
-    found = margin_use(recording, build_rows(build_swarm(recording.scenario)), i)
-    assert found is not None
-    return found
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Ran]:
+    """A scenario's run, each made once for all tests."""
+
+    @cache
+    def run(name: str, *overrides: str) -> Ran:
+        scenario = phalanx.load(name, ["duration=0.1", *overrides])
+        folder = phalanx.run(
+            scenario, engine="in-process", out=tmp_path_factory.mktemp(name)
+        ).folder
+        return Ran(read(folder), build_rows(build_swarm(scenario)))
+
+    return run
 
 
-def test_a_bound_of_all_inputs_is_at_least_what_the_applied_one_needs(tmp_path):
-    recording = ran(tmp_path, "guaranteed")
+def test_a_bound_of_all_inputs_is_at_least_what_the_applied_one_needs(ran):
+    run = ran("guaranteed")
     for i in (0, 1, 2):
-        found = used_and_needed(recording, i)
+        found = run.used_and_needed(i)
         assert not found.short.any()
         assert (found.needed < 0.999 * found.used).all()
-    _, words = margins(recording, build_rows(build_swarm(recording.scenario)))
+    _, words = margins(*run)
     assert "less than that at 0 of" in words
 
 
-def test_a_margin_scaled_down_is_short(tmp_path):
-    found = used_and_needed(ran(tmp_path, "guaranteed", "safety.margin_scale=0.5"), 0)
-    assert found.short.all()
+def test_a_margin_scaled_down_is_short(ran):
+    assert ran("guaranteed", "safety.margin_scale=0.5").used_and_needed(0).short.all()
 
 
-def test_of_a_given_margin_the_number_itself_was_used(tmp_path):
-    recording = ran(tmp_path, "unicycles")
-    found = used_and_needed(recording, 0)
-    assert (found.used == 8.0566).all()
-    figure, words = margins(recording, build_rows(build_swarm(recording.scenario)))
+def test_of_a_given_margin_the_number_itself_was_used(ran):
+    run = ran("unicycles")
+    assert (run.used_and_needed(0).used == 8.0566).all()
+    figure, words = margins(*run)
     assert [panel.get_yscale() for panel in figure.axes] == ["log"] * 3
-    steps = sum(step.agent in ("1", "2", "3") for step in recording.steps)
+    steps = sum(step.agent in ("1", "2", "3") for step in run.recording.steps)
     assert f"less than that at {steps} of {steps} steps." in words
 
 
-def test_the_margin_needed_is_the_bound_of_the_pair_that_the_input_left_least(tmp_path):
-    recording = ran(tmp_path, "unicycles")
-    rows = build_rows(build_swarm(recording.scenario))
+def test_the_margin_needed_is_the_bound_of_the_pair_that_the_input_left_least(ran):
+    run = ran("unicycles")
+    recording, rows = run
     swarm, step = rows.swarm, next(s for s in recording.steps if s.agent == "1")
     x, u = recording.x[0], ca.SX.sym("u", 2)
     left, needed = [], []
@@ -80,22 +96,20 @@ def test_the_margin_needed_is_the_bound_of_the_pair_that_the_input_left_least(tm
         left.append(float(found[0][0]))
         needed.append(float(found[1][0]))
     expected = needed[int(np.argmax(left))]
-    assert used_and_needed(recording, 0).needed[0] == pytest.approx(expected, rel=1e-9)
+    assert run.used_and_needed(0).needed[0] == pytest.approx(expected, rel=1e-9)
 
 
-def test_many_agents_are_summarised_as_shares_of_what_is_needed(tmp_path):
-    recording = ran(tmp_path, "swarm2d", "duration=0.2")
-    figure, _ = margins(recording, build_rows(build_swarm(recording.scenario)))
+def test_many_agents_are_summarised_as_shares_of_what_is_needed(ran):
+    figure, _ = margins(*ran("swarm2d"))
     (axes,) = figure.axes
     assert axes.get_ylabel() == "margin used / needed"
 
 
-def test_where_nothing_can_be_bounded_the_figure_says_why(tmp_path):
-    recording = ran(tmp_path, "unicycles", f"safety.function.type='{__name__}:Folded'")
-    _, words = margins(recording, build_rows(build_swarm(recording.scenario)))
+def test_where_nothing_can_be_bounded_the_figure_says_why(ran):
+    _, words = margins(*ran("unicycles", f"safety.function.type='{__name__}:Folded'"))
     assert "no interval rule for the operation fmod" in words
 
 
-def test_a_recording_without_steps_has_no_such_figure(tmp_path):
-    recording = replace(ran(tmp_path, "unicycles"), steps=[])
-    assert margins(recording, build_rows(build_swarm(recording.scenario))) is None
+def test_a_recording_without_steps_has_no_such_figure(ran):
+    recording, rows = ran("unicycles")
+    assert margins(replace(recording, steps=[]), rows) is None
