@@ -4,8 +4,6 @@ import io
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-
 from phalanx.recording.read import Recording, read, steps_by_agent
 from phalanx.report import crowd, figures, space
 from phalanx.report.html import page
@@ -59,9 +57,7 @@ def write_report(run: Path, progress: Callable[[str], None] | None = None) -> Pa
 def image_of(plate: ReportFigure) -> bytes:
     """A figure as PNG."""
     image = io.BytesIO()
-    plate.figure.set_dpi(_DPI)
-    # savefig would go through the whole figure once more before it draws, and twice to crop it.
-    FigureCanvasAgg(plate.figure).print_png(image)
+    plate.figure.savefig(image, format="png", dpi=_DPI, bbox_inches="tight")
     return image.getvalue()
 
 
