@@ -21,6 +21,7 @@ from phalanx.swarm.rows import SafetyRows
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Ended, Status
+from phalanx.wire.session import HubError
 
 log = logging.getLogger("phalanx.plant")
 
@@ -64,10 +65,13 @@ def run(
     except RecordingError as error:
         _say(last_words, str(error))
         raise
-    with (
-        recording,
-        Hub(rows.swarm, membership, stop.check, at_router, real_time) as hub,
-    ):
+    try:
+        hub = Hub(rows.swarm, membership, stop.check, at_router, real_time)
+    except HubError:
+        recording.close()
+        (folder / RECORDING).unlink()  # nobody ran: the next attempt is to find no recording
+        raise
+    with recording, hub:
         commands = CommandQueue(policy, rows.swarm.names, stop.check)
         if policy.secret:
             hub.listen_for_commands(commands.on_command)

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from phalanx.cli import certify, check, keys, network, programs, recordings, ros2, run, tap, viewing
+from phalanx.cli.allowed import require_values
 from phalanx.cli.real_time import with_factor
 from phalanx.scenario.load import ScenarioError
 
@@ -59,6 +60,7 @@ def options(
 def status(arguments: list[str]) -> int:
     """Run the command and return its exit status; errors are one readable message."""
     try:
+        require_values(arguments)
         return int(app(with_factor(arguments), standalone_mode=False) or 0)
     except typer.TyperException as error:
         print(error.format_message(), file=sys.stderr)

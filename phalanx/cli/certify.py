@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from phalanx.cli.options import Trust
-from phalanx.cli.recordings import RunArgument
+from phalanx.cli.options import RunArgument, Trust
 
 if TYPE_CHECKING:
     from phalanx.guarantee.checker.certify import Certification
@@ -44,6 +43,9 @@ def certify(run: RunArgument, trust: Trust = False) -> int:
         return 3
     if recording.damage:
         print(f"{recording.path}: {recording.damage}", file=sys.stderr)
+    if not recording.states:
+        print(f"{recording.path}: the recording holds no state", file=sys.stderr)
+        return 3
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("certifying", total=1.0)
         try:

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from phalanx.cli.options import Overrides, ScenarioArgument, Seed, Trust, require_folder
+from phalanx.cli.allowed import require_png
+from phalanx.cli.options import Overrides, ScenarioArgument, Seed, Trust
 
 if TYPE_CHECKING:
     from phalanx.guarantee.check_report import CheckReport
@@ -25,7 +26,7 @@ def check(
     plot: Annotated[
         Path | None,
         typer.Option(
-            callback=require_folder,
+            callback=require_png,
             help="Save a picture of where the backup control still suffices (PNG).",
         ),
     ] = None,

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from phalanx.cli.allowed import require_hosts
 from phalanx.cli.options import Overrides, ScenarioOption
 
 
@@ -31,6 +32,7 @@ def keys(
         list[str] | None,
         typer.Option(
             "--host",
+            callback=require_hosts,
             help="Name or address under which the plant is reached, or a router. Repeatable; the "
             "first, at port 7447, is where programs connect unless they are told otherwise.",
         ),

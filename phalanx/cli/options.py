@@ -1,13 +1,11 @@
 """Options that several commands share."""
 
-import ipaddress
-import re
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
-from phalanx.wire.certificates import AUTHORITY, CERTIFICATE, ENDPOINT, PRIVATE_KEY
+from phalanx.cli.allowed import require_run, require_speed, require_timeout
 
 ScenarioArgument = Annotated[
     str,
@@ -24,6 +22,9 @@ ScenarioOption = Annotated[
         help="A TOML file, or the name of a scenario that ships.",
     ),
 ]
+RunArgument = Annotated[
+    Path, typer.Argument(metavar="RUN", help="The folder of a run, or its recording.mcap.")
+]
 Overrides = Annotated[
     list[str] | None,
     typer.Option(
@@ -36,15 +37,6 @@ Seed = Annotated[
     int | None,
     typer.Option(envvar="PHALANX_SEED", help="Replaces the scenario's seed."),
 ]
-
-
-def require_run(run: str) -> str:
-    """A run's name, one chunk of a key expression; or none. Raises BadParameter."""
-    if run and not re.fullmatch(r"[A-Za-z0-9][\w.-]*", run):
-        raise typer.BadParameter(f"expected letters, digits, '.', '_' and '-', got {run!r}")
-    return run
-
-
 RunId = Annotated[
     str,
     typer.Option(
@@ -63,7 +55,6 @@ Secret = Annotated[
         show_default=False,
     ),
 ]
-
 KeysFolder = Annotated[
     Path | None,
     typer.Option(
@@ -75,16 +66,6 @@ KeysFolder = Annotated[
         show_default=False,
     ),
 ]
-
-
-Trust = Annotated[
-    bool,
-    typer.Option(
-        "--trust", help="Import and so run the modules that its scenario names, if it names any."
-    ),
-]
-
-
 Insecure = Annotated[
     bool,
     typer.Option(
@@ -93,65 +74,27 @@ Insecure = Annotated[
         help="Leave this host without --keys: whoever is on the network reads the run.",
     ),
 ]
-
-
-NOT_HERE = "{} is not for this host alone: expected"
-
-
-def certificates_for(folder: Path | None, endpoint: str, insecure: bool) -> Path | None:
-    """The folder, if it has a program's certificate and the endpoint asks for one.
-
-    Without one nothing leaves this host, unless that is asked for.
-    """
-    if folder is None and not insecure and not on_loopback(endpoint):
-        expected = "--keys DIR (see phalanx keys), or --insecure"
-        raise typer.BadParameter(f"{NOT_HERE.format(endpoint)} {expected}")
-    if (folder is not None) != endpoint.startswith(("tls/", "quic/")):
-        raise typer.BadParameter(f"--keys: expected with a tls/ endpoint alone, got {endpoint}")
-    if folder is not None:
-        for name in (AUTHORITY, CERTIFICATE, PRIVATE_KEY):
-            if not (folder / name).is_file():
-                raise typer.BadParameter(f"--keys: expected {name} in {folder}; see phalanx keys")
-    return folder
-
-
-def endpoint_for(connect: str, keys: Path | None) -> str:
-    """Where to connect: as the option or the environment says, or the keys' folder; or here."""
-    if not connect and keys is not None and (keys / ENDPOINT).is_file():
-        return (keys / ENDPOINT).read_text(encoding="utf-8").strip()
-    return connect or "tcp/127.0.0.1:7447"
-
-
-def on_loopback(endpoint: str) -> bool:
-    """Whether a Zenoh endpoint is reached from its own host alone."""
-    protocol, _, address = endpoint.partition("/")
-    if protocol.startswith("unixsock"):
-        return True
-    host = re.split("[?#]", address)[0].rpartition(":")[0].strip("[]")
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
-
-
-def require_port(port: int | None) -> int | None:
-    """Refuse a number that no TCP port has."""
-    if port is not None and not 1 <= port <= 65535:
-        raise typer.BadParameter(f"expected 1 to 65535, got {port}")
-    return port
-
-
-def require_folder(path: Path | None) -> Path | None:
-    """Refuse a file in a folder that there is not."""
-    if path is not None and not path.parent.is_dir():
-        raise typer.BadParameter(f"expected a file in a folder that exists, got {path}")
-    return path
-
-
-def require_endpoint(endpoint: str | None) -> str | None:
-    """Refuse what names a port that there is not; of a socket's file there is none."""
-    if endpoint is not None and not endpoint.startswith("unixsock"):
-        port = re.split("[?#]", endpoint)[0].rpartition(":")[2]
-        if not port.isdecimal() or int(port) > 65535:
-            raise typer.BadParameter(f"expected such as tcp/127.0.0.1:7447, got {endpoint}")
-    return endpoint
+Trust = Annotated[
+    bool,
+    typer.Option(
+        "--trust", help="Import and so run the modules that its scenario names, if it names any."
+    ),
+]
+Engine = Annotated[
+    Literal["processes", "in-process"],
+    typer.Option(
+        help="processes: every program a process of its own, over Zenoh. in-process: the same "
+        "control steps called directly, faster; the trajectory is the same to the last bit.",
+    ),
+]
+Timeout = Annotated[
+    float, typer.Option(callback=require_timeout, help="How long to try to reach the hub [s].")
+]
+Speed = Annotated[
+    float | None,
+    typer.Option(
+        callback=require_speed,
+        help="At most this many seconds of virtual time per second; 0: as fast as it goes. By "
+        "default 0, or 1 where the run is shown on a page.",
+    ),
+]

@@ -7,6 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from phalanx.cli.allowed import require_folder
+from phalanx.cli.endpoints import (
+    certificates_for,
+    endpoint_for,
+    require_endpoint,
+    require_endpoints,
+)
 from phalanx.cli.options import (
     Insecure,
     KeysFolder,
@@ -15,8 +22,8 @@ from phalanx.cli.options import (
     ScenarioOption,
     Secret,
     Seed,
-    certificates_for,
-    endpoint_for,
+    Speed,
+    Timeout,
 )
 from phalanx.cli.real_time import RealTimeFactor
 
@@ -29,12 +36,18 @@ Endpoint = Annotated[
     typer.Option(
         "--connect",
         envvar="PHALANX_CONNECT",
+        callback=require_endpoint,
         help="Zenoh endpoint of the plant or a router; by default what the file endpoint in --keys "
         "says, or tcp/127.0.0.1:7447.",
         show_default=False,
     ),
 ]
-Listen = Annotated[str, typer.Option(envvar="PHALANX_LISTEN", help="Zenoh endpoint to listen on.")]
+Listen = Annotated[
+    str,
+    typer.Option(
+        envvar="PHALANX_LISTEN", callback=require_endpoint, help="Zenoh endpoint to listen on."
+    ),
+]
 
 
 def register(app: typer.Typer) -> None:
@@ -52,6 +65,7 @@ def plant(
         str | None,
         typer.Option(
             envvar="PHALANX_ROUTER",
+            callback=require_endpoint,
             help="Zenoh endpoint of a router to meet the agents at, in place of --listen.",
         ),
     ] = None,
@@ -59,7 +73,7 @@ def plant(
         Path,
         typer.Option(
             envvar="PHALANX_OUT",
-            file_okay=False,
+            callback=require_folder,
             help="Folder for the recording and the summary; made if it is not there.",
         ),
     ] = Path("."),
@@ -77,12 +91,7 @@ def plant(
             show_default=False,
         ),
     ] = "",
-    speed: Annotated[
-        float,
-        typer.Option(
-            min=0.0, help="Seconds of virtual time per second, at most; 0: as fast as it goes."
-        ),
-    ] = 0.0,
+    speed: Speed = None,
     real_time: RealTimeFactor = None,
 ) -> int:
     """Run the plant alone: the world, the clock, the hub and the verdict.
@@ -92,10 +101,11 @@ def plant(
       phalanx plant --scenario unicycles --run r1 --keys keys/plant --listen tls/0.0.0.0:7447
     """
     from phalanx.faults.commands import CommandPolicy
+    from phalanx.recording.records import RECORDING
     from phalanx.wire.keys import PLANT
     from phalanx.wire.membership import Membership
 
-    policy = CommandPolicy(secret=command_secret.encode(), speed=real_time or speed)
+    policy = CommandPolicy(secret=command_secret.encode(), speed=real_time or speed or 0.0)
     endpoint = connect or listen
     certificates = certificates_for(keys, endpoint, insecure)
     membership = Membership(run, endpoint, secret.encode(), PLANT, certificates=certificates)
@@ -106,6 +116,8 @@ def plant(
         "real_time": real_time is not None,
     }
     loaded = _load(scenario, overrides, seed)
+    if (out / RECORDING).exists():
+        raise typer.BadParameter(f"--out: expected a folder without a recording, got {out}")
     out.mkdir(parents=True, exist_ok=True)
     return _run_here("plant", loaded, membership, options)
 
@@ -120,9 +132,7 @@ def agent(
         bool, typer.Option("--claim", help="Be any of them whose place is free, or becomes free.")
     ] = False,
     connect: Endpoint = "",
-    timeout: Annotated[
-        float, typer.Option(min=0.0, help="How long to try to reach the hub [s].")
-    ] = 60.0,
+    timeout: Timeout = 60.0,
     seed: Seed = None,
     overrides: Overrides = None,
     secret: Secret = "",
@@ -143,7 +153,7 @@ def agent(
     resolved = _load(scenario, overrides, seed)
     names = resolved.programs()
     if (name in names) == claim or (name is not None and claim):
-        got = f"got {name!r}" + (" with --claim" if claim else "")
+        got = f"got {name or 'neither'}" + (" with --claim" if claim else "")
         raise typer.BadParameter(f"agent: expected one of {', '.join(names)}, or --claim, {got}")
     endpoint = endpoint_for(connect, keys)
     certificates = certificates_for(keys, endpoint, insecure)
@@ -160,6 +170,7 @@ def router(
         list[str] | None,
         typer.Option(
             envvar="PHALANX_ROUTER",
+            callback=require_endpoints,
             help="Zenoh endpoint of another router of the run, or of its plant. Repeatable.",
         ),
     ] = None,

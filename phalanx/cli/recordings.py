@@ -2,15 +2,12 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
-from phalanx.cli.options import Trust, require_folder
-
-RunArgument = Annotated[
-    Path, typer.Argument(metavar="RUN", help="The folder of a run, or its recording.mcap.")
-]
+from phalanx.cli.allowed import LARGEST_SEED, require_file
+from phalanx.cli.options import Engine, RunArgument, Trust
 
 
 def register(app: typer.Typer) -> None:
@@ -65,7 +62,7 @@ def compare(
     html: Annotated[
         Path | None,
         typer.Option(
-            callback=require_folder, help="Write the figures of all runs side by side there."
+            callback=require_file, help="Write the figures of all runs side by side there."
         ),
     ] = None,
     trust: Trust = False,
@@ -80,22 +77,28 @@ def compare(
     from rich.console import Console
     from rich.table import Table
 
-    from phalanx.recording.read import UnreadableRecordingError, read
-    from phalanx.report.compare import differences, results, titles, write_comparison
+    from phalanx.recording.read import UnreadableRecordingError
+    from phalanx.report.compare import (
+        compared_run,
+        differences,
+        results,
+        titles,
+        write_comparison,
+    )
 
     if len(runs) < 2:
         raise typer.BadParameter("expected two runs or more")
     try:
-        recordings = [read(run, trust) for run in runs]
-        table = Table("", *titles(recordings), box=None, pad_edge=False)
-        for row in differences(recordings):
+        compared = [compared_run(run, drawn=html is not None, trust=trust) for run in runs]
+        table = Table("", *titles(compared), box=None, pad_edge=False)
+        for row in differences(compared):
             table.add_row(*row)
         table.add_section()
-        for row in results(recordings):
+        for row in results(compared):
             table.add_row(*row)
         Console().print(table)
         if html is not None:
-            print(write_comparison(recordings, html))
+            print(write_comparison(compared, html))
     except (UnreadableRecordingError, OSError) as error:
         print(error, file=sys.stderr)
         return 3
@@ -105,11 +108,12 @@ def compare(
 def verify(
     run: RunArgument,
     seed: Annotated[
-        int | None, typer.Option(help="Run again with another seed, to see where it departs.")
+        int | None,
+        typer.Option(
+            min=0, max=LARGEST_SEED, help="Run again with another seed, to see where it departs."
+        ),
     ] = None,
-    engine: Annotated[
-        Literal["processes", "in-process"], typer.Option(help="Which engine to run it on.")
-    ] = "processes",
+    engine: Engine = "processes",
     trust: Trust = False,
 ) -> int:
     """Run a recording's scenario again and say whether the trajectory is bit-identical.

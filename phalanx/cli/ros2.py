@@ -7,7 +7,9 @@ from typing import Annotated
 
 import typer
 
-from phalanx.cli.options import Insecure, KeysFolder, Secret, Trust, certificates_for
+from phalanx.cli.allowed import require_timeout
+from phalanx.cli.endpoints import certificates_for, require_endpoint
+from phalanx.cli.options import Insecure, KeysFolder, Secret, Trust
 from phalanx.cli.viewing import Connect, LiveRun, RunOrRecording, require_either
 
 
@@ -23,7 +25,10 @@ def ros2(
     secret: Secret = "",
     keys: KeysFolder = None,
     router: Annotated[
-        str, typer.Option(help="Zenoh endpoint of the ROS 2 router, rmw_zenohd.")
+        str,
+        typer.Option(
+            callback=require_endpoint, help="Zenoh endpoint of the ROS 2 router, rmw_zenohd."
+        ),
     ] = "tcp/localhost:7447",
     domain: Annotated[
         int, typer.Option(envvar="ROS_DOMAIN_ID", min=0, max=232, help="ROS 2 domain.")
@@ -33,7 +38,10 @@ def ros2(
     ] = "/phalanx",
     timeout: Annotated[
         float,
-        typer.Option(min=0.0, help="How long to try to reach the router and the live run [s]."),
+        typer.Option(
+            callback=require_timeout,
+            help="How long to try to reach the router and the live run [s].",
+        ),
     ] = 10.0,
     insecure: Insecure = False,
     trust: Trust = False,

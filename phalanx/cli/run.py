@@ -3,27 +3,61 @@
 import secrets
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from phalanx.cli.allowed import require_folder, require_port
+from phalanx.cli.endpoints import NOT_HERE, on_loopback, require_endpoint
 from phalanx.cli.options import (
-    NOT_HERE,
+    Engine,
     Insecure,
     Overrides,
     ScenarioArgument,
     Secret,
     Seed,
-    on_loopback,
-    require_endpoint,
-    require_port,
+    Speed,
 )
 from phalanx.cli.real_time import RealTimeFactor
 
 if TYPE_CHECKING:
     from multiprocessing.process import BaseProcess
 
-    from phalanx import Run
+    from phalanx import Outcome, Run
+
+Out = Annotated[Path, typer.Option(callback=require_folder, help="Folder for the folders of runs.")]
+Listen = Annotated[
+    str | None,
+    typer.Option(
+        callback=require_endpoint,
+        help="Zenoh endpoint of the hub; by default a free port on 127.0.0.1.",
+    ),
+]
+Report = Annotated[bool, typer.Option(help="Make the report when the run is over.")]
+Strict = Annotated[bool, typer.Option(help="Exit with 1 if the run was safe but not guaranteed.")]
+Profile = Annotated[
+    bool, typer.Option("--profile", help="Say where every program's wall time went.")
+]
+View = Annotated[
+    bool,
+    typer.Option(
+        "--view", help="Show the run on a page at real time, and replay it when it is over."
+    ),
+]
+Commands = Annotated[
+    bool,
+    typer.Option(
+        "--commands",
+        help="With --view: the page may pause, step, change the network, kill and so on.",
+    ),
+]
+Port = Annotated[
+    int | None,
+    typer.Option(
+        callback=require_port,
+        help="With --view: of the page; by default 8080 or the next free one.",
+    ),
+]
 
 
 def register(app: typer.Typer) -> None:
@@ -35,59 +69,19 @@ def run(
     scenario: ScenarioArgument,
     seed: Seed = None,
     overrides: Overrides = None,
-    engine: Annotated[
-        Literal["processes", "in-process"],
-        typer.Option(
-            help="processes: every program a process of its own, over Zenoh. in-process: the same "
-            "control steps called directly, faster; the trajectory is the same to the last bit.",
-        ),
-    ] = "processes",
-    out: Annotated[Path, typer.Option(help="Folder for the folders of runs.")] = Path("runs"),
+    engine: Engine = "processes",
+    out: Out = Path("runs"),
     real_time: RealTimeFactor = None,
-    listen: Annotated[
-        str | None,
-        typer.Option(
-            callback=require_endpoint,
-            help="Zenoh endpoint of the hub; by default a free port on 127.0.0.1.",
-        ),
-    ] = None,
+    listen: Listen = None,
     secret: Secret = "",
     insecure: Insecure = False,
-    report: Annotated[bool, typer.Option(help="Make the report when the run is over.")] = True,
-    strict: Annotated[
-        bool, typer.Option(help="Exit with 1 if the run was safe but not guaranteed.")
-    ] = False,
-    profile: Annotated[
-        bool, typer.Option("--profile", help="Say where every program's wall time went.")
-    ] = False,
-    view: Annotated[
-        bool,
-        typer.Option(
-            "--view", help="Show the run on a page at real time, and replay it when it is over."
-        ),
-    ] = False,
-    speed: Annotated[
-        float | None,
-        typer.Option(
-            min=0.0,
-            help="At most this many seconds of the run for each of the clock's; 0: as fast as "
-            "possible. By default 1 with --view, else 0.",
-        ),
-    ] = None,
-    commands: Annotated[
-        bool,
-        typer.Option(
-            "--commands",
-            help="With --view: the page may pause, step, change the network, kill and so on.",
-        ),
-    ] = False,
-    port: Annotated[
-        int | None,
-        typer.Option(
-            callback=require_port,
-            help="With --view: of the page; by default 8080 or the next free one.",
-        ),
-    ] = None,
+    report: Report = True,
+    strict: Strict = False,
+    profile: Profile = False,
+    view: View = False,
+    speed: Speed = None,
+    commands: Commands = False,
+    port: Port = None,
 ) -> int:
     """Run a scenario: plant and agents, each in its own process, to a verdict.
 
@@ -103,7 +97,7 @@ def run(
       phalanx run unicycles --real-time --set time.latency=0.005
     """
     import phalanx
-    from phalanx.cli.display import last_line, print_profile, print_summary, progress
+    from phalanx.cli.display import progress
     from phalanx.guarantee.verdict import exit_status
     from phalanx.launcher.engine import silent
     from phalanx.launcher.page import serve_live
@@ -143,17 +137,10 @@ def run(
         return 3
     except OSError as error:
         raise typer.BadParameter(f"--out: cannot create a folder in {out}: {error}") from error
-    summary = finished.summary
-    assert summary is not None
-    print_summary(summary)
-    if profile:
-        print_profile(finished)
-    if report:
-        _write_report(finished)
-    print(f"{last_line(summary)} ({finished.folder})")
+    outcome = _told(finished, profile, report)
     for page in pages:
         _wait_for(page)
-    return exit_status(summary.outcome, strict)
+    return exit_status(outcome, strict)
 
 
 def _choose_port(view: bool, commands: bool, port: int | None) -> int | None:
@@ -170,6 +157,21 @@ def _choose_port(view: bool, commands: bool, port: int | None) -> int | None:
         raise typer.BadParameter(f"--port: {error}") from error
     print(f"viewer: http://127.0.0.1:{chosen}")
     return int(chosen)
+
+
+def _told(finished: "Run", profile: bool, report: bool) -> "Outcome":
+    """Print what the run came to, the verdict last."""
+    from phalanx.cli.display import last_line, print_profile, print_summary
+
+    summary = finished.summary
+    assert summary is not None
+    print_summary(summary)
+    if profile:
+        print_profile(finished)
+    if report:
+        _write_report(finished)
+    print(f"{last_line(summary)} ({finished.folder})")
+    return summary.outcome
 
 
 def _wait_for(page: "BaseProcess") -> None:

@@ -3,11 +3,15 @@
 import json
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
+from phalanx.cli.allowed import require_run
+from phalanx.cli.endpoints import require_endpoint
 from phalanx.cli.options import Secret
+
+Kind = Literal["sample", "actuation", "broadcast", "telemetry", "frame", "status", "verdict"]
 
 
 def register(app: typer.Typer) -> None:
@@ -22,17 +26,13 @@ def tap(
     connect: Annotated[
         str,
         typer.Option(
-            envvar="PHALANX_CONNECT", help="Zenoh endpoint of its hub, where RUN is a name."
+            envvar="PHALANX_CONNECT",
+            callback=require_endpoint,
+            help="Zenoh endpoint of its hub, where RUN is a name.",
         ),
     ] = "",
     secret: Secret = "",
-    kind: Annotated[
-        str,
-        typer.Option(
-            help="Only messages of this kind: sample, actuation, broadcast, telemetry, frame, "
-            "status, verdict; by default all."
-        ),
-    ] = "*",
+    kind: Annotated[Kind | None, typer.Option(help="Only messages of this kind.")] = None,
     count: Annotated[
         int, typer.Option(min=0, help="End after so many messages; 0: with the run.")
     ] = 0,
@@ -52,14 +52,15 @@ def tap(
     from phalanx.wire.session import HubError
     from phalanx.wire.tap import tapped
 
-    membership = Membership(run, connect, secret.encode(), timeout=10.0)
-    if not connect:
+    if connect:
+        membership = Membership(require_run(run), connect, secret.encode(), timeout=10.0)
+    else:
         found = find_live(Path(run))
         if found is None:
             raise typer.BadParameter(f"{run}: no run goes on there; or give its name and --connect")
         membership = found.membership
     try:
-        for number, (key, fields) in enumerate(tapped(membership, kind), start=1):
+        for number, (key, fields) in enumerate(tapped(membership, kind or "*"), start=1):
             print(json.dumps([key, fields], default=repr), flush=True)
             if number == count:
                 break

@@ -7,16 +7,22 @@ from typing import Annotated, Any
 
 import typer
 
+from phalanx.cli.allowed import (
+    require_file,
+    require_folder,
+    require_png,
+    require_port,
+    require_run,
+)
+from phalanx.cli.endpoints import certificates_for, endpoint_for, require_endpoint
 from phalanx.cli.options import (
     Insecure,
     KeysFolder,
+    RunArgument,
+    RunId,
     Secret,
+    Timeout,
     Trust,
-    certificates_for,
-    endpoint_for,
-    require_folder,
-    require_port,
-    require_run,
 )
 
 Connect = Annotated[
@@ -24,6 +30,7 @@ Connect = Annotated[
     typer.Option(
         "--connect",
         envvar="PHALANX_CONNECT",
+        callback=require_endpoint,
         help="Zenoh endpoint of the live run's hub; of `viewer` by default what the file endpoint "
         "in --keys says, or tcp/127.0.0.1:7447.",
         show_default=False,
@@ -56,7 +63,6 @@ Port = Annotated[
         show_default=False,
     ),
 ]
-Timeout = Annotated[float, typer.Option(min=0.0, help="How long to try to reach the live run [s].")]
 Origins = Annotated[
     list[str] | None,
     typer.Option("--origin", help="Another origin whose pages may connect, such as a proxy's."),
@@ -106,7 +112,7 @@ def view(
 
 
 def viewer(
-    run: LiveRun,
+    run: RunId,
     connect: Connect = "",
     secret: Secret = "",
     keys: KeysFolder = None,
@@ -126,17 +132,13 @@ def viewer(
 
 
 def export(
-    run: Annotated[
-        Path, typer.Argument(metavar="RUN", help="The folder of a run, or its recording.mcap.")
-    ],
+    run: RunArgument,
     html: Annotated[
         Path | None,
-        typer.Option(
-            callback=require_folder, help="Write one HTML file with scene and plots there."
-        ),
+        typer.Option(callback=require_file, help="Write one HTML file with scene and plots there."),
     ] = None,
     png: Annotated[
-        Path | None, typer.Option(callback=require_folder, help="Write a picture there.")
+        Path | None, typer.Option(callback=require_png, help="Write a picture there, a PNG file.")
     ] = None,
     at: Annotated[
         float | None, typer.Option(help="Time of the picture [s]; by default the worst moment.")
@@ -144,14 +146,17 @@ def export(
     mcap: Annotated[
         Path | None,
         typer.Option(
-            callback=require_folder,
+            callback=require_file,
             help="Write a recording for Foxglove, rerun and others there.",
         ),
     ] = None,
     parquet: Annotated[
-        Path | None, typer.Option(help="Write the run's tables there, a folder.")
+        Path | None,
+        typer.Option(callback=require_folder, help="Write the run's tables there, a folder."),
     ] = None,
-    csv: Annotated[Path | None, typer.Option(help="The same as CSV.")] = None,
+    csv: Annotated[
+        Path | None, typer.Option(callback=require_folder, help="The same as CSV.")
+    ] = None,
     trust: Trust = False,
 ) -> int:
     """Export a run: HTML that plays without a server, a picture, or data for other tools.
@@ -173,9 +178,11 @@ def export(
     try:
         for path in make(run, at=at, trust=trust, **wanted):
             print(path)
-    except (UnreadableRecordingError, ValueError, OSError) as error:
+    except (UnreadableRecordingError, OSError) as error:
         print(error, file=sys.stderr)
         return 3
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
     return 0
 
 

@@ -40,6 +40,8 @@ class Run:
         """The plant's key figures; None if the run broke before it had any."""
         self._temporary = temporary
         self._recording = recording
+        self._opened = recording.path if recording else folder
+        """What to read again: one may have opened a file that is not called recording.mcap."""
 
     @property
     def verdict(self) -> Outcome | None:
@@ -111,7 +113,7 @@ class Run:
         """
         from phalanx.report.write import write_report
 
-        return write_report(self.folder, progress)
+        return write_report(self._opened, progress)
 
     def view(self, port: int | None = None) -> "ViewerPage":
         """Replay the run on a page; it is served until the returned object is closed.
@@ -121,7 +123,7 @@ class Run:
         """
         from phalanx.launcher.page import ViewerPage
 
-        return ViewerPage(self.folder, port)
+        return ViewerPage(self._opened, port)
 
     def verify(
         self, *, engine: Engine = "processes", seed: int | None = None, progress: Progress = silent

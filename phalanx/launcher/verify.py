@@ -54,8 +54,10 @@ def verify(
     Of a run in real time every agent's decisions are made again, and nothing else.
 
     Raises:
-        EngineError: it cannot be run again.
+        EngineError: it cannot be run again, or there is nothing to compare.
     """
+    if not recorded.states and not recorded.shown:
+        raise EngineError(f"{recorded.path}: the recording holds no state: nothing to compare")
     if recorded.shown:
         if seed is not None:
             raise EngineError(

@@ -47,6 +47,8 @@ class Recording:
     """Why the recording ends early, in words; None if it is whole."""
     shown: list[Shown] = field(default_factory=list)
     """Of a run in real time: beside each step, what it was made of."""
+    modules: dict[str, str] = field(default_factory=dict)
+    """SHA-256 of the user's modules recorded with it, by path."""
 
     @property
     def times(self) -> Array:
@@ -108,6 +110,7 @@ def read(run: Path, trust: bool = False) -> Recording:
     return Recording(
         path, scenario, contents.metadata, by_kind[State], by_kind[Step], by_kind[Log],
         by_kind[Command], contents.summary, damage, by_kind[Shown],
+        contents.hashes,
     )  # fmt: skip
 
 

@@ -1,11 +1,14 @@
 """Several runs side by side: what differs in their scenarios, what they came to, their figures."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+import multiprocessing
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from phalanx.recording.read import Recording
+from phalanx.recording.read import Recording, read
 from phalanx.report.html import comparison, key_figures
 from phalanx.report.measures import link_statistics
 from phalanx.report.write import image_of, plates
@@ -15,62 +18,89 @@ _SAME = ("name", "description", "reading")
 _ABSENT = "–"
 
 
-def write_comparison(
-    runs: Sequence[Recording], path: Path, progress: Callable[[str], None] | None = None
-) -> Path:
-    """Write one HTML page that shows the same figures of all runs side by side.
+@dataclass(frozen=True)
+class ComparedRun:
+    """What a comparison shows of one run."""
 
-    Args:
-        runs: two or more.
-        path: of the page.
-        progress: told what is drawn next.
+    folder: str
+    """Its name."""
+    settings: dict[str, str]
+    """Every number or text of the scenario by its path, and the SHA-256 of the user's modules."""
+    results: dict[str, str]
+    """Key figures by name."""
+    figures: dict[str, bytes]
+    """PNG by name; none unless they were asked for."""
 
-    Returns:
-        The path.
 
-    Raises:
-        OSError: it cannot be written.
+def compared_run(run: Path, *, drawn: bool, trust: bool = False) -> ComparedRun:
+    """Read one run, and draw its figures if they are asked for.
+
+    Two recordings may have other modules under the same name. Code that is trusted is therefore
+    run in a process that ends with the recording it is of.
+
+    Raises UnreadableRecordingError as read does.
+    """
+    if not trust:
+        return _compared(read(run), drawn)
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(max_workers=1, mp_context=spawn) as own:
+        return own.submit(_read_trusted, run, drawn).result()
+
+
+def _read_trusted(run: Path, drawn: bool) -> ComparedRun:
+    return _compared(read(run, trust=True), drawn)
+
+
+def _compared(run: Recording, drawn: bool) -> ComparedRun:
+    scenario = json.loads(run.scenario.model_dump_json(by_alias=True))
+    settings = dict(_leaves({k: v for k, v in scenario.items() if k not in _SAME}))
+    verdict = str(run.summary.outcome) if run.summary else "unfinished"
+    images = plates(run, link_statistics(run)) if drawn else ()
+    return ComparedRun(
+        run.path.resolve().parent.name,
+        settings | {path: digest[:12] for path, digest in run.modules.items()},
+        {"Verdict": verdict, **dict(key_figures(run))},
+        {plate.name: image_of(plate) for plate in images},
+    )
+
+
+def write_comparison(runs: Sequence[ComparedRun], path: Path) -> Path:
+    """Write one HTML page that shows the same figures of two or more runs side by side.
+
+    Returns the path. Raises OSError if it cannot be written.
     """
     names, drawn = titles(runs), dict[str, dict[str, bytes]]()
-    for name, recording in zip(names, runs, strict=True):
-        for plate in plates(recording, link_statistics(recording)):
-            if progress:
-                progress(f"{name}: {plate.name}")
-            drawn.setdefault(plate.name, {})[name] = image_of(plate)
+    for name, run in zip(names, runs, strict=True):
+        for figure, image in run.figures.items():
+            drawn.setdefault(figure, {})[name] = image
     page = comparison(names, differences(runs), results(runs), drawn)
     path.write_text(page, encoding="utf-8")
     return path
 
 
-def titles(runs: Sequence[Recording]) -> list[str]:
+def titles(runs: Sequence[ComparedRun]) -> list[str]:
     """A different title for each run: its folder's name, numbered where that is not enough."""
-    folders = [run.path.resolve().parent.name for run in runs]
+    folders = [run.folder for run in runs]
     return [
         f"{folder} ({number})" if folders.count(folder) > 1 else folder
         for number, folder in enumerate(folders, start=1)
     ]
 
 
-def results(runs: Sequence[Recording]) -> list[tuple[str, ...]]:
+def results(runs: Sequence[ComparedRun]) -> list[tuple[str, ...]]:
     """Each key figure with its value in every run."""
-    tables = [
-        {"Verdict": str(run.summary.outcome) if run.summary else "unfinished"}
-        | dict(key_figures(run))
-        for run in runs
-    ]
-    rows = dict.fromkeys(name for table in tables for name in table)
-    return [(name, *(table.get(name, _ABSENT) for table in tables)) for name in rows]
+    return _side_by_side([run.results for run in runs])
 
 
-def differences(runs: Sequence[Recording]) -> list[tuple[str, ...]]:
+def differences(runs: Sequence[ComparedRun]) -> list[tuple[str, ...]]:
     """Each setting in which the scenarios differ, with its value in every run."""
-    tables = []
-    for run in runs:
-        table = json.loads(run.scenario.model_dump_json(by_alias=True))
-        tables.append(dict(_leaves({k: v for k, v in table.items() if k not in _SAME})))
-    paths = dict.fromkeys(path for table in tables for path in table)
-    rows = [(path, *(table.get(path, _ABSENT) for table in tables)) for path in paths]
+    rows = _side_by_side([run.settings for run in runs])
     return [row for row in rows if len(set(row[1:])) > 1]
+
+
+def _side_by_side(tables: Sequence[Mapping[str, str]]) -> list[tuple[str, ...]]:
+    names = dict.fromkeys(name for table in tables for name in table)
+    return [(name, *(table.get(name, _ABSENT) for table in tables)) for name in names]
 
 
 def _rounded(value: Any) -> Any:

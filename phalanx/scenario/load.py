@@ -181,7 +181,9 @@ def _read(source: str) -> str:
         raise ScenarioError(f"{source}: no such scenario, one of {', '.join(shipped())}{hint}")
     try:
         return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
+        raise ScenarioError(f"{source}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
         raise ScenarioError(f"{source}: cannot be read: {error}") from error
 
 

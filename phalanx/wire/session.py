@@ -133,7 +133,7 @@ def open_client(
         # Who is refused is not told so: there is nothing to tell it from a hub that is not there.
         proof = "certificate" if credentials and credentials.certificates else "secret"
         cause = f"{_reason(error)}; is the {proof} the run's?" if credentials else _reason(error)
-        raise HubError(f"no hub at {endpoint} within {timeout:g} s: {cause}") from error
+        raise HubError(f"no hub at {endpoint} within {timeout:.3g} s: {cause}") from error
 
 
 def _show(config: dict[str, Any], credentials: Credentials) -> None:

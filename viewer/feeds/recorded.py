@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from phalanx.faults.state import FaultState
 from phalanx.guarantee.verdict import Assumption
 from phalanx.recording.broadcasts import broadcasts
-from phalanx.recording.read import Recording, steps_by_agent
+from phalanx.recording.read import Recording, UnreadableRecordingError, steps_by_agent
 from phalanx.viewer.feeds.agent_steps import AgentSteps
 from phalanx.viewer.feeds.history import (
     ConditionChange,
@@ -32,9 +32,9 @@ class RecordedRun:
     """A recording, asked by time."""
 
     def __init__(self, recording: Recording) -> None:
-        """Raises ScenarioError if its scenario cannot be built, ValueError if it has no state."""
+        """Raises ScenarioError if its scenario cannot be built; if no state is in it, as read."""
         if not recording.states:
-            raise ValueError(f"{recording.path}: the recording holds no state")
+            raise UnreadableRecordingError(f"{recording.path}: the recording holds no state")
         self.model = scene_model(recording.scenario)
         self.summary = recording.summary
         self.times = recording.times

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from phalanx.cli.app import USAGE_ERROR, status
-from phalanx.cli.options import endpoint_for, on_loopback
+from phalanx.cli.endpoints import endpoint_for, on_loopback
 
 RUN = ("--scenario", "one-on-one", "--run", "r")
 

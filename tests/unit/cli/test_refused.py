@@ -1,8 +1,12 @@
 """Options that are refused: in one line that names them, before anything is made."""
 
+import socket
+from pathlib import Path
+
 import pytest
 
 from phalanx.cli.app import USAGE_ERROR, status
+from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space
 
 REFUSED = [
     ("run unicycles --port 9000", "--port: expected --view"),
@@ -46,6 +50,33 @@ REFUSED = [
     ("agent 1 --scenario unicycles --run r --timeout=-1", "'--timeout'"),
     ("view --connect tcp/127.0.0.1:7447 --run a/b", "'--run'"),
     ("ros2 a --timeout=-1", "'--timeout'"),
+    ("run unicycles --out=", "--out: expected a value"),
+    ("run unicycles --speed inf", "'--speed'"),
+    ("run unicycles --listen foo/127.0.0.1:7447", "'--listen'"),
+    ("run unicycles --listen tcp/127.0.0.1:0", "'--listen'"),
+    ("run unicycles --listen tcp/:7447", "'--listen'"),
+    ("run .", ".: cannot be read: Is a directory"),
+    ("check unicycles --plot .", "'--plot'"),
+    ("check unicycles --plot p.txt", "ends in .png"),
+    ("export a --png x.gif", "ends in .png"),
+    ("export a --html .", "'--html'"),
+    ("export a --csv file", "'--csv'"),
+    ("export a --parquet file/tables", "'--parquet'"),
+    ("keys made --scenario unicycles --host=", "--host: expected a value"),
+    ("keys made --scenario unicycles --host a/b", "'--host'"),
+    ("keys made --scenario unicycles --host übel.org", "'--host'"),
+    ("tap a/b --connect tcp/127.0.0.1:7447", "expected letters"),
+    ("tap a --connect nonsense", "'--connect'"),
+    ("tap a --connect tcp/127.0.0.1:7447 --kind samples", "'--kind'"),
+    ("verify a --seed=-1", "'--seed'"),
+    ("plant --scenario unicycles --run=", "--run: expected a value"),
+    ("plant --scenario unicycles --run r --speed inf", "'--speed'"),
+    ("plant --scenario unicycles --run r --listen nonsense", "'--listen'"),
+    ("agent 1 --scenario unicycles --run r --timeout inf", "'--timeout'"),
+    ("agent --scenario unicycles --run r", "or --claim, got neither"),
+    ("router --scenario unicycles --run r --connect nonsense", "'--connect'"),
+    ("viewer --run r --timeout inf", "'--timeout'"),
+    ("ros2 a --router nonsense", "'--router'"),
 ]
 
 
@@ -58,3 +89,56 @@ def test_it_is_refused_in_a_line_and_nothing_is_made(tmp_path, monkeypatch, caps
     assert len(said) == 1
     assert named in said[0]
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_an_empty_argument_is_refused_with_its_place(capsys):
+    for asked in (["run", ""], ["export", "a", "--csv", ""]):
+        assert status(asked) == USAGE_ERROR
+        named = asked[-2] if asked[-2].startswith("--") else "an argument"
+        assert f"{named}: expected a value, got an empty text" in capsys.readouterr().err
+
+
+def test_a_plant_does_not_write_over_a_recording(tmp_path, capsys):
+    (tmp_path / "recording.mcap").write_bytes(b"kept")
+    asked = ["plant", "--scenario", "unicycles", "--run", "r", "--out", str(tmp_path)]
+    assert status(asked) == USAGE_ERROR
+    assert "--out: expected a folder without a recording" in capsys.readouterr().err
+    assert (tmp_path / "recording.mcap").read_bytes() == b"kept"
+
+
+def test_a_plant_that_cannot_listen_leaves_no_recording_in_the_way_of_the_next(tmp_path, capsys):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+        asked = ["plant", "--scenario", "one-on-one", "--run", "r", "--listen", endpoint]
+        assert status([*asked, "--out", str(tmp_path)]) == 3
+    assert f"cannot listen on {endpoint}" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of a run of a second, in a file that is not called as a run's is."""
+    scenario = swarm_in_space(2, 1, {})
+    folder = record(tmp_path_factory.mktemp("run"), scenario, drift(scenario), summary_of(scenario))
+    return (folder / "recording.mcap").rename(folder / "mine.mcap")
+
+
+@pytest.mark.parametrize("at", ["99", "nan", "-1"])
+def test_a_picture_of_a_time_outside_the_run_is_refused(recording, tmp_path, capsys, at):
+    picture = tmp_path / "p.png"
+    asked = ["export", str(recording), "--png", str(picture), f"--at={at}"]
+    assert status(asked) == USAGE_ERROR
+    assert "--at: expected 0 to " in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_recording_is_reported_whatever_its_file_is_called(recording, capsys):
+    assert status(["report", str(recording)]) == 0
+    assert str(recording.parent / "report.html") in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", ["verify", "certify"])
+def test_a_recording_without_a_state_is_neither_verified_nor_certified(tmp_path, capsys, command):
+    folder = record(tmp_path, swarm_in_space(2, 1, {}), [], None)
+    assert status([command, str(folder)]) == 3
+    assert "the recording holds no state" in capsys.readouterr().err

@@ -1,13 +1,14 @@
 """Runs side by side: what differs in them, what they came to, and the same figures."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from phalanx.cli.app import USAGE_ERROR, status
-from phalanx.recording.read import read
-from phalanx.report.compare import differences, results, titles
+from phalanx.report.compare import ComparedRun, compared_run, differences, results, titles
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space
 
 
@@ -23,19 +24,23 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return found
 
 
+def compared(folders: list[Path]) -> list[ComparedRun]:
+    return [compared_run(folder, drawn=False) for folder in folders]
+
+
 def test_only_what_differs_in_the_scenarios_is_told(folders: list[Path]) -> None:
-    assert differences([read(folder) for folder in folders]) == [("network.loss", "0.0", "0.3")]
+    assert differences(compared(folders)) == [("network.loss", "0.0", "0.3")]
 
 
 def test_every_key_figure_has_a_value_for_each_run(folders: list[Path]) -> None:
-    rows = {name: values for name, *values in results([read(folder) for folder in folders])}
+    rows = {name: values for name, *values in results(compared(folders))}
     assert rows["Verdict"] == ["violated", "violated"]
     assert rows["Worst h_tot"] == ["0.25 at t = 0.300 s"] * 2
     assert "Empty K_i" in rows
 
 
 def test_runs_are_called_by_their_folders_and_told_apart(folders: list[Path]) -> None:
-    one, two = (read(folder) for folder in folders)
+    one, two = compared(folders)
     assert titles([one, two]) == ["loss-0.0", "loss-0.3"]
     assert titles([one, one]) == ["loss-0.0 (1)", "loss-0.0 (2)"]
 
@@ -54,3 +59,49 @@ def test_the_page_has_the_same_figures_of_all_runs(folders: list[Path], tmp_path
 def test_one_run_is_not_compared(folders: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
     assert status(["compare", str(folders[0])]) == USAGE_ERROR
     assert "two runs or more" in capsys.readouterr().err
+
+
+RECORD = """
+from pathlib import Path
+from phalanx.recording.records import RECORDING
+from phalanx.recording.write import RecordingWriter
+from phalanx.scenario.load import load
+scenario = load("one-on-one", {"agents.0.law.type": "law_of_two_versions:Mine"})
+with RecordingWriter(Path(RECORDING), scenario, "r") as writer:
+    writer._writer.finish()
+"""
+
+
+@pytest.fixture(scope="module")
+def versions(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Two runs with other modules of the user's under the same name."""
+    out, found = tmp_path_factory.mktemp("versions"), []
+    for gain in (1, 2):
+        folder = out / f"gain-{gain}"
+        folder.mkdir()
+        module = folder / "law_of_two_versions.py"
+        module.write_text(
+            f"from phalanx.theory.laws.velocity import TrackVelocity as Mine  # {gain}"
+        )
+        subprocess.run([sys.executable, "-c", RECORD], cwd=folder, check=True)
+        module.unlink()
+        found.append(folder)
+    return found
+
+
+def test_runs_with_modules_of_one_name_are_compared_each_in_a_process_of_its_own(
+    versions: list[Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert status(["compare", "--trust", *map(str, versions)]) == 0
+    said = capsys.readouterr().out
+    (row,) = [line for line in said.splitlines() if line.startswith("law_of_two_versions.py")]
+    _, one, two = row.split()
+    assert one != two
+    assert "law_of_two_versions" not in sys.modules
+
+
+def test_runs_with_modules_that_are_not_trusted_are_refused_with_what_to_do(
+    versions: list[Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert status(["compare", *map(str, versions)]) == 3
+    assert "--trust" in capsys.readouterr().err

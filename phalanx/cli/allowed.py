@@ -1,0 +1,89 @@
+"""What an option may be given: everything else is refused in one line, before anything is made."""
+
+import ipaddress
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import typer
+
+LARGEST_SEED = 2**63 - 1
+_LONGEST = 1e6
+"""Of a wait [s]; Zenoh counts in milliseconds."""
+_LABEL = re.compile(r"(?!-)[A-Za-z0-9-]{1,63}(?<!-)")
+
+
+def require_values(arguments: Sequence[str]) -> None:
+    """Refuse an empty argument, which is most often a variable of the shell that is not set."""
+    for before, argument in zip(["", *arguments], arguments, strict=False):
+        if not argument or re.fullmatch("--[a-z-]+=", argument):
+            option = argument or (before if before.startswith("--") else "an argument")
+            raise typer.BadParameter(f"{option.rstrip('=')}: expected a value, got an empty text")
+
+
+def require_run(run: str) -> str:
+    """A run's name, one chunk of a key expression; or none. Raises BadParameter."""
+    if run and not re.fullmatch(r"[A-Za-z0-9][\w.-]*", run):
+        raise typer.BadParameter(f"expected letters, digits, '.', '_' and '-', got {run!r}")
+    return run
+
+
+def require_port(port: int | None) -> int | None:
+    """Refuse a number that no TCP port has."""
+    if port is not None and not 1 <= port <= 65535:
+        raise typer.BadParameter(f"expected 1 to 65535, got {port}")
+    return port
+
+
+def require_timeout(seconds: float) -> float:
+    """Refuse a wait that would never end."""
+    if not 0.0 <= seconds <= _LONGEST:
+        raise typer.BadParameter(f"expected 0 to {_LONGEST:.0f} s, got {seconds:g}")
+    return seconds
+
+
+def require_speed(speed: float | None) -> float | None:
+    """Refuse a speed at which time would not go on; 0 stands for as fast as possible."""
+    if speed is not None and not 0.0 <= speed < float("inf"):
+        raise typer.BadParameter(f"expected a finite number, or 0: as fast as it goes, got {speed}")
+    return speed
+
+
+def require_hosts(hosts: list[str] | None) -> list[str] | None:
+    """Refuse what no host can be reached as."""
+    for host in hosts or ():
+        if not _is_address(host) and not all(map(_LABEL.fullmatch, host.split("."))):
+            expected = "expected a host's name or address, such as plant.example.org"
+            raise typer.BadParameter(f"{expected}, got {host!r}")
+    return hosts
+
+
+def require_file(path: Path | None) -> Path | None:
+    """Refuse a folder, and a file in a folder that there is not."""
+    if path is not None and (path.is_dir() or not path.parent.is_dir()):
+        raise typer.BadParameter(f"expected a file in a folder that exists, got {path}")
+    return path
+
+
+def require_png(path: Path | None) -> Path | None:
+    """Refuse a picture that its name calls something else."""
+    if path is not None and path.suffix != ".png":
+        raise typer.BadParameter(f"expected a file whose name ends in .png, got {path}")
+    return require_file(path)
+
+
+def require_folder(path: Path | None) -> Path | None:
+    """Refuse a folder that cannot be made because a file is in its place, or above it."""
+    if path is not None:
+        there = next(above for above in (path, *path.absolute().parents) if above.exists())
+        if not there.is_dir():
+            raise typer.BadParameter(f"expected a folder, got {path}: {there} is a file")
+    return path
+
+
+def _is_address(host: str) -> bool:
+    try:
+        ipaddress.ip_address(host)
+    except ValueError:
+        return False
+    return True

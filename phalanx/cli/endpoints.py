@@ -1,0 +1,70 @@
+"""Zenoh endpoints on the command line: which there are, and which may leave this host."""
+
+import ipaddress
+import re
+from pathlib import Path
+
+import typer
+
+from phalanx.wire.certificates import AUTHORITY, CERTIFICATE, ENDPOINT, PRIVATE_KEY
+
+NOT_HERE = "{} is not for this host alone: expected"
+
+_AT_A_PORT = re.compile(r"(tcp|udp|tls|quic|ws)/(\[[\da-fA-F:.%]+\]|[\w.-]+):(?P<port>\d+)")
+_ON_THIS_HOST = "unixsock"
+"""What a protocol begins with whose address is a file."""
+
+
+def require_endpoint(endpoint: str | None) -> str | None:
+    """Refuse what is no endpoint, or names a port that there is not; of a file there is none."""
+    if endpoint and not endpoint.startswith(_ON_THIS_HOST):
+        found = _AT_A_PORT.fullmatch(_without_settings(endpoint))
+        if not found or not 1 <= int(found["port"]) <= 65535:
+            raise typer.BadParameter(f"expected such as tcp/127.0.0.1:7447, got {endpoint}")
+    return endpoint
+
+
+def require_endpoints(endpoints: list[str] | None) -> list[str] | None:
+    """Refuse a list if one of it is to be refused."""
+    for endpoint in endpoints or ():
+        require_endpoint(endpoint)
+    return endpoints
+
+
+def certificates_for(folder: Path | None, endpoint: str, insecure: bool) -> Path | None:
+    """The folder, if it has a program's certificate and the endpoint asks for one.
+
+    Without one nothing leaves this host, unless that is asked for.
+    """
+    if folder is None and not insecure and not on_loopback(endpoint):
+        expected = "--keys DIR (see phalanx keys), or --insecure"
+        raise typer.BadParameter(f"{NOT_HERE.format(endpoint)} {expected}")
+    if (folder is not None) != endpoint.startswith(("tls/", "quic/")):
+        raise typer.BadParameter(f"--keys: expected with a tls/ endpoint alone, got {endpoint}")
+    if folder is not None:
+        for name in (AUTHORITY, CERTIFICATE, PRIVATE_KEY):
+            if not (folder / name).is_file():
+                raise typer.BadParameter(f"--keys: expected {name} in {folder}; see phalanx keys")
+    return folder
+
+
+def endpoint_for(connect: str, keys: Path | None) -> str:
+    """Where to connect: as the option or the environment says, or the keys' folder; or here."""
+    if not connect and keys is not None and (keys / ENDPOINT).is_file():
+        return (keys / ENDPOINT).read_text(encoding="utf-8").strip()
+    return connect or "tcp/127.0.0.1:7447"
+
+
+def on_loopback(endpoint: str) -> bool:
+    """Whether a Zenoh endpoint is reached from its own host alone."""
+    if endpoint.startswith(_ON_THIS_HOST):
+        return True
+    host = _without_settings(endpoint).partition("/")[2].rpartition(":")[0].strip("[]")
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _without_settings(endpoint: str) -> str:
+    return re.split("[?#]", endpoint)[0]
