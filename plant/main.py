@@ -25,6 +25,9 @@ from phalanx.wire.session import HubError
 
 log = logging.getLogger("phalanx.plant")
 
+_GLANCE = 0.2
+"""How often a wait looks up to see whether the run was stopped [s]."""
+
 
 def run(
     rows: SafetyRows,
@@ -36,6 +39,7 @@ def run(
     at_router: bool = False,
     real_time: bool = False,
     last_words: Connection | None = None,
+    agents_start: Connection | None = None,
 ) -> int:
     """Run the plant to the end of the scenario.
 
@@ -49,6 +53,8 @@ def run(
         real_time: whether the wall clock decides, at the policy's speed.
         last_words: takes the summary, or why there is none: whoever started the plant need not
             listen on the hub yet, and the disk may be full.
+        agents_start: has something to read once the agents are being started, if they are
+            started later: until then none is late.
 
     Returns:
         The exit status of the verdict.
@@ -84,6 +90,8 @@ def run(
             plant.time(stopwatch)
 
         def join() -> None:
+            while agents_start and not agents_start.poll(_GLANCE):
+                stop.check()
             hub.wait_for_agents(lambda missing: hub.publish_status(Status(waiting_for=missing)))
             gc.freeze()
 

@@ -302,11 +302,11 @@ def run(index: int, folder: Path) -> Seen:
     """Run one scenario and have it checked. Raises ScenarioError."""
     table, policy = drawn(index)
     scenario = load(table)
-    require_runnable(build_swarm(scenario))
+    rows = require_runnable(build_swarm(scenario))
     out = folder / str(index)
     out.mkdir()
     setattr(plant_run, "Judge", WatchingJudge)  # noqa: B010 - the run's own judge, but watched
-    summary = run_in_process(scenario, out, policy, lambda status: None)
+    summary = run_in_process(rows, out, policy, lambda status: None)
     judge = WatchingJudge.latest
     recording = read(out)
     try:

@@ -21,7 +21,7 @@ from unittest.mock import patch
 import phalanx
 from phalanx.faults.commands import NO_COMMANDS
 from phalanx.guarantee.verdict import Summary, read_summary
-from phalanx.launcher.fork_server import serve
+from phalanx.launcher.fork_server import Order, serve
 from phalanx.launcher.programs import Program
 from phalanx.plant.hub import hub
 from phalanx.recording.records import SUMMARY
@@ -62,9 +62,10 @@ def run(scenario: Scenario, identities: bool) -> Summary:
         (folder / "logs").mkdir(parents=True)
         membership = Membership(folder.name, endpoint, secrets.token_bytes(16))
         ours, theirs = context.Pipe()
-        server = context.Process(
-            target=_serve, args=(scenario, folder, membership, theirs, identities)
-        )
+        programs = [Program(PLANT, PLANT, {"folder": folder, "policy": NO_COMMANDS})]
+        programs += [Program("agent", name) for name in scenario.programs()]
+        ours.send(Order(membership, programs, folder / "logs"))
+        server = context.Process(target=_serve, args=(scenario, theirs, identities))
         server.start()
         theirs.close()
         server.join()
@@ -72,17 +73,14 @@ def run(scenario: Scenario, identities: bool) -> Summary:
         return read_summary((folder / SUMMARY).read_bytes())
 
 
-def _serve(
-    scenario: Scenario, folder: Path, membership: Membership, launcher: Connection, identities: bool
-) -> None:
+def _serve(scenario: Scenario, launcher: Connection, identities: bool) -> None:
     if not identities:
         # In this process and those that it forks alone.
         patch.object(hub, "admission", lambda *_: None).start()
         patch.object(Membership, "credentials", property(lambda _: None)).start()
         patch.object(Membership, "sealer", property(lambda _: Sealer())).start()
-    programs = [Program(PLANT, PLANT, {"folder": folder, "policy": NO_COMMANDS})]
-    programs += [Program("agent", name) for name in scenario.programs()]
-    serve(to_json(scenario), membership, programs, folder / "logs", launcher)
+    _, unheard = multiprocessing.Pipe(duplex=False)
+    serve(to_json(scenario), launcher, unheard)
 
 
 if __name__ == "__main__":

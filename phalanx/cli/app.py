@@ -8,7 +8,6 @@ import typer
 from phalanx.cli import certify, check, keys, network, programs, recordings, ros2, run, tap, viewing
 from phalanx.cli.allowed import require_values
 from phalanx.cli.real_time import with_factor
-from phalanx.scenario.load import ScenarioError
 
 USAGE_ERROR = 64
 
@@ -66,7 +65,13 @@ def status(arguments: list[str]) -> int:
         print(error.format_message(), file=sys.stderr)
         print("See phalanx --help, or phalanx COMMAND --help.", file=sys.stderr)
         return USAGE_ERROR
-    except ScenarioError as error:
+    except ValueError as error:
+        from phalanx.scenario.load import (
+            ScenarioError,
+        )  # takes long, which a run has better use for
+
+        if not isinstance(error, ScenarioError):
+            raise
         print(error, file=sys.stderr)
         return USAGE_ERROR
     except (MemoryError, ImportError) as error:

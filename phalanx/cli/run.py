@@ -1,5 +1,6 @@
 """phalanx run: a scenario from its file to its verdict, on this machine."""
 
+import contextlib
 import secrets
 import sys
 from pathlib import Path
@@ -96,17 +97,22 @@ def run(
       phalanx run formation3d --profile --no-report
       phalanx run unicycles --real-time --set time.latency=0.005
     """
+    if engine == "in-process" and (view or listen or secret or real_time or speed):
+        names = "--view, --listen, --secret, --real-time or --speed"
+        raise typer.BadParameter(f"--engine in-process: expected no {names}")
+    if listen is not None and not insecure and not on_loopback(listen):
+        raise typer.BadParameter(f"{NOT_HERE.format(listen)} --insecure; phalanx plant has --keys")
+    if engine == "processes":
+        from phalanx.launcher.libraries import start_loading
+
+        with contextlib.suppress(OSError):  # said when the run begins
+            start_loading()
     import phalanx
     from phalanx.cli.display import progress
     from phalanx.guarantee.verdict import exit_status
     from phalanx.launcher.engine import silent
     from phalanx.launcher.page import serve_live
 
-    if engine == "in-process" and (view or listen or secret or real_time or speed):
-        names = "--view, --listen, --secret, --real-time or --speed"
-        raise typer.BadParameter(f"--engine in-process: expected no {names}")
-    if listen is not None and not insecure and not on_loopback(listen):
-        raise typer.BadParameter(f"{NOT_HERE.format(listen)} --insecure; phalanx plant has --keys")
     resolved = phalanx.load(scenario, overrides or (), seed)
     chosen = _choose_port(view, commands, port)
     policy = phalanx.CommandPolicy(

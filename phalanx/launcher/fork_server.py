@@ -5,16 +5,16 @@ It never opens a session: a process that has opened one must not fork.
 
 import gc
 import multiprocessing
-import multiprocessing.connection
 import os
 import signal
 import sys
 import traceback
-from collections.abc import Sequence
-from multiprocessing.connection import Connection
+from collections.abc import Mapping, Sequence
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
+from phalanx.launcher.engine import EngineError
 from phalanx.launcher.programs import (
     Program,
     load_programs,
@@ -22,9 +22,10 @@ from phalanx.launcher.programs import (
     show_as,
     start_program,
 )
-from phalanx.scenario.load import from_json
+from phalanx.scenario.load import ScenarioError, from_json
 from phalanx.swarm.compile import compile_rows
-from phalanx.swarm.rows import SafetyRows, build_rows
+from phalanx.swarm.rows import SafetyRows
+from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire.membership import Membership
 
@@ -32,6 +33,17 @@ LOG = "programs.log"
 """What the fork server itself prints, in the folder of the logs."""
 _LOADED = 60
 """The programs' libraries are loaded by then [s], on the slowest machine."""
+
+
+class Order(NamedTuple):
+    """What is to be started."""
+
+    membership: Membership
+    """Of the run."""
+    programs: Sequence[Program]
+    """In the order in which they are to start, the plant first."""
+    logs: Path
+    """Folder of the logs."""
 
 
 class Report(NamedTuple):
@@ -47,74 +59,112 @@ class _StopError(Exception):
     """The launcher waits no longer."""
 
 
-def serve(
-    scenario: str,
-    membership: Membership,
-    programs: Sequence[Program],
-    logs: Path,
-    launcher: Connection,
-) -> None:
+def serve(scenario: str, launcher: Connection, last_words: Connection) -> None:
     """Fork every program, and report on each until all have ended; on SIGTERM kill them.
 
     Args:
         scenario: resolved, as JSON.
-        membership: of the run.
-        programs: in the order in which they are to start.
-        logs: folder of the logs.
-        launcher: takes a Report when a program was started, and when it has ended; whose identity
-            comes from there is started again.
+        launcher: takes None once the scenario is known to be one that can run, or the exception
+            that says why it is not; has then the Order; takes a Report when a program was started,
+            and when it has ended; whose identity comes from there is started again.
+        last_words: the plant's.
     """
     show_as("phalanx-forks")
-    redirect_output(logs / LOG)
-    rows = _theory(scenario, programs)
-    running: dict[int, Report] = {}
-    """By a file descriptor of the process."""
+    try:
+        rows = _runnable(scenario)
+    except Exception as error:
+        launcher.send(_told(error))
+        return
+    try:
+        launcher.send(None)
+        order: Order = launcher.recv()
+    except (ConnectionError, EOFError):
+        return  # nobody waits for the run
+    redirect_output(order.logs / LOG)
+    forks = _Forks(rows, order, launcher)
+    try:
+        signal.signal(signal.SIGTERM, _stop)
+        forks.start_all(last_words)
+        forks.watch()
+    except (_StopError, ConnectionError, EOFError) as ended:
+        # Without a launcher nobody would let those go on that it has stopped.
+        forks.signal(signal.SIGKILL if isinstance(ended, _StopError) else signal.SIGCONT)
+    except BaseException:
+        forks.signal(signal.SIGKILL)
+        raise
 
-    def start(program: Program) -> None:
+
+def _told(error: Exception) -> Exception:
+    """What the launcher raises of it, with the traceback as a note.
+
+    An exception of a user's own may not survive to be sent.
+    """
+    if not isinstance(error, ScenarioError | MemoryError | ImportError):
+        error = EngineError(f"the theory cannot be built: {type(error).__name__}: {error}")
+    error.add_note(traceback.format_exc())
+    return error
+
+
+def _runnable(scenario: str) -> SafetyRows:
+    """The rows of the scenario. Raises as require_runnable does."""
+    # Out of memory, a library may wait for ever while it is loaded.
+    signal.alarm(_LOADED)
+    load_programs()
+    signal.alarm(0)
+    return require_runnable(build_swarm(from_json(scenario)))
+
+
+class _Forks:
+    """The programs, forked from this process."""
+
+    def __init__(self, rows: SafetyRows, order: Order, launcher: Connection) -> None:
+        self._rows, self._order, self._launcher = rows, order, launcher
+        self._programs = {program.identity: program for program in order.programs}
+        self._running: dict[int, Report] = {}
+        """By a file descriptor of the process."""
+
+    def start_all(self, last_words: Connection) -> None:
+        """Start the plant, which has a theory of its own to build, then all that share theirs."""
+        plant, *others = self._order.programs
+        begun, begin = multiprocessing.Pipe(duplex=False)
+        self._start(plant, {"last_words": last_words, "agents_start": begun})
+        compile_rows(self._rows)
+        # What programs inherit stays shared as long as nobody writes to it, as a collector would.
+        gc.collect()
+        gc.freeze()
+        begin.send(None)
+        launcher = multiprocessing.parent_process()
+        assert launcher is not None
+        for program in others:
+            if wait([launcher.sentinel, *self._running], timeout=0.0):
+                break  # one of them died: there is no run
+            self._start(program)
+
+    def watch(self) -> None:
+        """Report on each program until all have ended, and start again whom the launcher names."""
+        while self._running:
+            for ready in wait([self._launcher, *self._running]):
+                if isinstance(ready, int):
+                    self._launcher.send(_ended(self._running.pop(ready)))
+                    os.close(ready)
+                else:
+                    self._start(self._programs[self._launcher.recv()])
+
+    def signal(self, number: signal.Signals) -> None:
+        """Send a signal to all that run."""
+        for report in self._running.values():
+            os.kill(report.pid, number)
+
+    def _start(self, program: Program, options: Mapping[str, Any] = {}) -> None:
         # Until the child is known here it must not be missed, and it must not take what is
         # meant for this process.
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
         if not (pid := os.fork()):
-            _become(program, rows, membership, logs)
-        started = running[os.pidfd_open(pid)] = Report(program.identity, pid)
+            program = program._replace(options={**program.options, **options})
+            _become(program, self._rows, self._order)
+        started = self._running[os.pidfd_open(pid)] = Report(program.identity, pid)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
-        launcher.send(started)
-
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    try:
-        signal.signal(signal.SIGTERM, _stop)
-        for program in programs:
-            if multiprocessing.connection.wait([parent.sentinel], timeout=0.0):
-                break  # it died while the theory was built: nobody waits for the run
-            start(program)
-        while running:
-            for ready in multiprocessing.connection.wait([launcher, *running]):
-                if isinstance(ready, int):
-                    launcher.send(_ended(running.pop(ready)))
-                    os.close(ready)
-                else:
-                    identity = launcher.recv()
-                    start(next(p for p in programs if p.identity == identity))
-    except (_StopError, ConnectionError, EOFError) as ended:
-        # Without a launcher nobody would let those go on that it has stopped.
-        last = signal.SIGKILL if isinstance(ended, _StopError) else signal.SIGCONT
-        for report in running.values():
-            os.kill(report.pid, last)
-
-
-def _theory(scenario: str, programs: Sequence[Program]) -> SafetyRows:
-    """What all programs inherit: their libraries, and the rows of the scenario, compiled."""
-    # Out of memory, a library may wait for ever while it is loaded.
-    signal.alarm(_LOADED)
-    load_programs(programs)
-    signal.alarm(0)
-    rows = build_rows(build_swarm(from_json(scenario)))
-    compile_rows(rows)
-    # What programs inherit stays shared as long as nobody writes to it, as a collector would.
-    gc.collect()
-    gc.freeze()
-    return rows
+        self._launcher.send(started)
 
 
 def _ended(report: Report) -> Report:
@@ -127,13 +177,13 @@ def _stop(*_: object) -> None:
     raise _StopError
 
 
-def _become(program: Program, rows: SafetyRows, membership: Membership, logs: Path) -> NoReturn:
+def _become(program: Program, rows: SafetyRows, order: Order) -> NoReturn:
     """Be one program in this process, a forked one, until it ends."""
     status = 1
     try:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
-        status = start_program(program, rows, membership, logs)
+        status = start_program(program, rows, order.membership, order.logs)
     except BaseException:
         traceback.print_exc()
     finally:

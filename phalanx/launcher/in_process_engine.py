@@ -16,15 +16,13 @@ from phalanx.plant.run import PlantRun
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.records import PROFILE, RECORDING, SUMMARY
 from phalanx.recording.write import RecordingWriter, write_down
-from phalanx.scenario.model import Scenario
 from phalanx.swarm.compile import compile_rows
-from phalanx.swarm.rows import SafetyRows, build_rows
-from phalanx.swarm.swarm import build_swarm
+from phalanx.swarm.rows import SafetyRows
 from phalanx.wire.messages import Actuation, Sample, Status, Telemetry
 
 
 def run_in_process(
-    scenario: Scenario,
+    rows: SafetyRows,
     folder: Path,
     policy: CommandPolicy,
     progress: Progress,
@@ -33,14 +31,13 @@ def run_in_process(
     """Run a scenario to its verdict in this process.
 
     Args:
-        scenario: resolved.
+        rows: of the scenario.
         folder: of the run; recording and summary go there.
         policy: which commands are scheduled; nobody can command such a run live.
         progress: called with the run's status, in this thread.
         profile: whether to leave in the folder how the time was spent.
     """
-    rows = build_rows(build_swarm(scenario))
-    with RecordingWriter(folder / RECORDING, scenario, folder.name) as recording:
+    with RecordingWriter(folder / RECORDING, rows.swarm.scenario, folder.name) as recording:
         agents = DirectAgents(rows, progress)
         plant = PlantRun(rows, agents, recording, CommandQueue(policy, rows.swarm.names))
         stopwatch = Stopwatch()

@@ -10,8 +10,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from phalanx.launcher.libraries import without_main
 from phalanx.launcher.live import find_live
-from phalanx.launcher.processes import without_main
 from phalanx.launcher.programs import (
     configure_logging,
     end_with_launcher,

@@ -5,7 +5,6 @@ by itself: agents when the hub is gone, the plant when it is done, told to, or l
 """
 
 import contextlib
-import multiprocessing
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -28,6 +27,7 @@ from phalanx.wire.session import HubError, open_client
 
 
 def run_processes(
+    processes: Processes,
     scenario: Scenario,
     folder: Path,
     membership: Membership,
@@ -40,6 +40,7 @@ def run_processes(
     """Run a scenario to its verdict.
 
     Args:
+        processes: of the scenario, which is known to be one that can run.
         scenario: resolved.
         folder: of the run; logs, recording and summary go there.
         membership: of the run; the plant will listen on its endpoint.
@@ -55,17 +56,14 @@ def run_processes(
     timed = {"profile": folder / PROFILE} if profile else {}
     if real_time is not None:
         policy = replace(policy, speed=real_time)
-    last_words, said_by_plant = multiprocessing.Pipe(duplex=False)
     of_plant = {"folder": folder, "policy": policy, "real_time": real_time is not None}
-    programs = [Program(PLANT, PLANT, {**of_plant, **timed, "last_words": said_by_plant})]
+    programs = [Program(PLANT, PLANT, {**of_plant, **timed})]
     for name in scenario.programs():
         programs.append(Program(CONTROLLER if name == CONTROLLER else "agent", name, timed))
     try:
-        processes = Processes(scenario, membership, folder / "logs", programs, last_words)
-    except (OSError, MemoryError) as error:
+        processes.start(membership, programs, folder / "logs")
+    except OSError as error:
         raise EngineError(f"no program could be started: {error}") from error
-    finally:
-        said_by_plant.close()
     try:
         with (
             announced(folder, membership),

@@ -1,39 +1,25 @@
 """The processes of one run on this machine: started, watched, and never left behind."""
 
 import contextlib
-import multiprocessing
-import multiprocessing.forkserver
-import multiprocessing.resource_tracker
 import os
 import signal
-import sys
 import threading
 import time
-import types
-from collections.abc import Iterator, Sequence, Set
-from multiprocessing.connection import Connection, wait
-from multiprocessing.context import ForkServerContext
+from collections.abc import Sequence, Set
+from multiprocessing.connection import wait
 from pathlib import Path
+from typing import Self
 
 from phalanx.guarantee.verdict import Outcome, Summary, exit_status
 from phalanx.launcher.engine import EngineError
-from phalanx.launcher.fork_server import LOG, Report, serve
+from phalanx.launcher.fork_server import LOG, Order, Report, serve
+from phalanx.launcher.libraries import start_loading, without_main
 from phalanx.launcher.programs import Program
 from phalanx.scenario.load import to_json
 from phalanx.scenario.model import Scenario
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
 
-_PRELOAD = [
-    "casadi",
-    "mcap.writer",
-    "msgspec",
-    "numpy",
-    "osqp",
-    "pydantic",
-    "scipy.sparse",
-    "zenoh",
-]
 _LONGEST_STOP = 2.0
 """How long a program may be stopped [s]: the hub gives up a connection that is silent for 10 s, and
 whoever is stopped sees neither the end of the run nor that of its launcher."""
@@ -48,37 +34,62 @@ _VERDICTS = {exit_status(outcome) for outcome in Outcome}
 class Processes:
     """The programs of one run, as the process that forks them reports on them."""
 
-    def __init__(
-        self,
-        scenario: Scenario,
-        membership: Membership,
-        logs: Path,
-        programs: Sequence[Program],
-        plant: Connection,
-    ) -> None:
-        """Start the programs; the plant is one of them, and says its last words on its own line."""
-        self._programs = {program.identity: program for program in programs}
-        self._logs = logs
-        self._logs.mkdir(exist_ok=True)
-        context = start_importing()
-        self._reports, theirs = context.Pipe()
-        self._plant = plant
+    def __init__(self, scenario: Scenario) -> None:
+        """Begin to build the theory that all programs inherit. Raises EngineError."""
+        try:
+            context = start_loading()
+            self._reports, theirs = context.Pipe()
+            self._plant, last_words = context.Pipe(duplex=False)
+            self._server = context.Process(
+                target=serve, args=(to_json(scenario), theirs, last_words)
+            )
+            with without_main():
+                self._server.start()
+        except (OSError, MemoryError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise EngineError(f"no program can be started: {reason}") from error
+        theirs.close()
+        last_words.close()
+        self._programs: dict[str, Program] = {}
+        self._logs = Path()
         self.last_words: Summary | str = ""
         """What the plant said at its end: its summary, or why there is none."""
-        self._server = context.Process(
-            target=serve, args=(to_json(scenario), membership, programs, logs, theirs)
-        )
         self._pids: dict[str, int] = {}
         self._exits: dict[str, int] = {}
         """Exit codes of the programs that have ended; negative: the signal."""
         self._killed: set[str] = set()
         self._held: Set[str] = frozenset()
         """Programs that are stopped."""
-        self._served = True
+        self._served = False
         """Whether reports may still come."""
-        with without_main():
-            self._server.start()
-        theirs.close()
+
+    def require_runnable(self) -> None:
+        """Return when the theory is known to hold at x(0).
+
+        Raises as phalanx.swarm.runnable.require_runnable, and EngineError.
+        """
+        try:
+            refusal: Exception | None = self._reports.recv()
+        except EOFError:
+            self._server.join()
+            raise EngineError(_how("the fork server", self._server.exitcode or 0)) from None
+        if refusal is not None:
+            raise refusal
+
+    def start(self, membership: Membership, programs: Sequence[Program], logs: Path) -> None:
+        """Start the programs, the plant first. Raises OSError."""
+        logs.mkdir(exist_ok=True)
+        self._programs = {program.identity: program for program in programs}
+        self._logs, self._served = logs, True
+        # If it died, that is found out when it is waited for.
+        with contextlib.suppress(BrokenPipeError):
+            self._reports.send(Order(membership, programs, logs))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
 
     @property
     def plant_runs(self) -> bool:
@@ -133,18 +144,18 @@ class Processes:
 
         Those that were killed because they would not leave do not count.
         """
-        if not self._pids and self._server.exitcode:
-            return self._death("the fork server", self._server.exitcode, LOG)
         for name, program in self._programs.items():
             code = self._exits.get(name)
             if code is None or code in _VERDICTS or name in self._killed:
                 continue
             return self._death(program.title, code, f"{name}.log", name == PLANT)
+        if self._server.exitcode:
+            return self._death("the fork server", self._server.exitcode, LOG)
         return ""
 
     def end(self) -> None:
         """Leave no process behind: give the agents time to notice, then kill."""
-        if self.plant_runs and not self._signal_plant(signal.SIGTERM):
+        if not self._programs or (self.plant_runs and not self._signal_plant(signal.SIGTERM)):
             self._server.terminate()
         deadline = time.monotonic() + _GRACE
         while self._served and (left := deadline - time.monotonic()) > 0:
@@ -194,54 +205,15 @@ class Processes:
         return name != PLANT and code > 0 and code not in _VERDICTS
 
     def _death(self, title: str, code: int, log_name: str, plant: bool = False) -> str:
-        how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit status {code}"
         log = self._logs / log_name
         lines = log.read_text(errors="replace").strip().splitlines() if log.exists() else []
         # On a full disk there may be no log.
         said = self.last_words if plant and isinstance(self.last_words, str) else ""
         last = said or "".join(lines[-1:])
-        return f"{title} died ({how}){last and f': {last}'}; log: {log}"
+        return f"{_how(title, code)}{last and f': {last}'}; log: {log}"
 
 
-def start_importing() -> ForkServerContext:
-    """Start the process that imports what all programs need, unless it runs already.
-
-    It does so while the caller goes on, so the sooner it is asked for the better. Raises
-    EngineError, as where no folder for temporary files can be written to.
-    """
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(_PRELOAD)
-    try:
-        # Where it has to be started, it unblocks SIGINT for whatever comes after it.
-        multiprocessing.resource_tracker.ensure_running()
-        with _interrupts_held_back():
-            # Programs inherit the mask: a Ctrl-C that comes before they are ready for it would
-            # end each of them in a traceback.
-            multiprocessing.forkserver.ensure_running()
-    except OSError as error:
-        raise EngineError(f"no program can be started: {error.strerror}") from error
-    return context
-
-
-@contextlib.contextmanager
-def without_main() -> Iterator[None]:
-    """Keep multiprocessing from importing the caller's script in the process it starts.
-
-    The programs need nothing of it, and a script without a main guard would run again there.
-    """
-    main = sys.modules["__main__"]
-    sys.modules["__main__"] = types.ModuleType("__main__")
-    try:
-        yield
-    finally:
-        sys.modules["__main__"] = main
-
-
-@contextlib.contextmanager
-def _interrupts_held_back() -> Iterator[None]:
-    """Block SIGINT for this thread and for whatever it starts meanwhile."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+def _how(title: str, code: int) -> str:
+    """That a program died, and by what exit code; negative: the signal."""
+    how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit status {code}"
+    return f"{title} died ({how})"

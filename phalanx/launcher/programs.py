@@ -10,7 +10,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -48,10 +48,10 @@ class Program(NamedTuple):
         return f"phx-{name}"
 
 
-def load_programs(programs: Sequence[Program]) -> None:
+def load_programs() -> None:
     """Import what the programs are."""
-    for kind in {program.kind for program in programs}:
-        pkgutil.resolve_name(PROGRAMS[kind])
+    for program in PROGRAMS.values():
+        pkgutil.resolve_name(program)
 
 
 def start_program(program: Program, rows: SafetyRows, membership: Membership, logs: Path) -> int:

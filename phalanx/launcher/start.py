@@ -9,8 +9,6 @@ from phalanx.launcher.execute import execute
 from phalanx.launcher.run import Run
 from phalanx.scenario.load import load
 from phalanx.scenario.model import Scenario
-from phalanx.swarm.runnable import require_runnable
-from phalanx.swarm.swarm import build_swarm
 
 
 def run(
@@ -58,17 +56,17 @@ def run(
         raise ValueError("engine 'in-process' has no hub to listen on, to watch or to command")
     if real_time is not None and (engine == "in-process" or not 0.0 < real_time <= 1e3):
         raise ValueError("real_time: expected a factor above 0, and engine 'processes'")
-    if engine == "processes":
-        from phalanx.launcher.processes import start_importing
-
-        start_importing()  # while the scenario is checked
-    require_runnable(build_swarm(scenario))  # what is impossible is said here, not in a log file
     temporary = tempfile.TemporaryDirectory(prefix="phalanx-") if out is None else None
-    parent = Path(temporary.name if temporary else out or "")
-    folder = new_folder(parent, scenario.name)
+    parent, name = Path(temporary.name if temporary else out or ""), scenario.name
+    folders: list[Path] = []
+
+    def make_folder() -> Path:
+        folders.append(new_folder(parent, name))
+        return folders[0]
+
     summary = execute(
         scenario,
-        folder,
+        make_folder,
         engine=engine,
         progress=progress,
         commands=commands,
@@ -78,7 +76,7 @@ def run(
         profile=profile,
         real_time=real_time,
     )
-    return Run(folder, summary, temporary)
+    return Run(folders[0], summary, temporary)
 
 
 def new_folder(parent: Path, name: str) -> Path:

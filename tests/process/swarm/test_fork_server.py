@@ -78,3 +78,41 @@ def test_a_member_of_a_hub_that_never_says_it_is_ready_gives_up():
 
 
 _FILES = resource.RLIMIT_NOFILE
+
+
+UNFIT = """
+from phalanx.theory.laws.velocity import TrackVelocity as Base
+
+
+class Short(Base):
+    def input(self, view):
+        return super().input(view)[:1]
+
+
+class Blind(Base):
+    def join(self, i, members, obstacles):
+        raise RuntimeError("no camera")
+"""
+
+
+@pytest.mark.parametrize(
+    ("law", "status", "said"),
+    [
+        ("Short", 64, "expected an array of 2 finite numbers for agent 1, got shape (1,)"),
+        ("Blind", 3, "broken: the theory cannot be built: RuntimeError: no camera"),
+    ],
+)
+def test_what_cannot_run_is_said_in_a_line_before_anything_is_made(
+    phalanx, tmp_path, monkeypatch, law, status, said
+):
+    (tmp_path / "unfit.py").write_text(UNFIT)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    run = phalanx(
+        "run", "unicycles", "--set", f"agents.0.law={{ type = 'unfit:{law}', gain = 1.0 }}"
+    )
+    ended, output = run.finish()
+    assert ended == status, output
+    assert said in output
+    assert len(output.splitlines()) == 1
+    assert not run.parent.exists()
+    run.wait_until_gone(5.0)
