@@ -47,7 +47,7 @@ class CentralisedController:
         terms, normal = self._terms(x), self._normal
         states = {l: x[part] for l, part in enumerate(self._parts)}
         u_nom = [
-            law.input(View(l, states, normal, goal(t, terms.positions[l]), terms))
+            law.input(View(l, states, normal, goal(t, states[l]), terms))
             for l, law, goal in zip(normal, self._laws, self._goals, strict=True)
         ]
         decisions = self._qp.decide(terms, normal, u_nom, self._authority)

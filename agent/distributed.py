@@ -35,8 +35,8 @@ class DistributedController:
     ) -> StepResult:
         """Decide on the stacked state x, shape (n̄,), sampled at t [s]: NaN but of those seen."""
         terms = self._terms(x, seen)
-        goal = self._goal(t, terms.positions[self._i])
         states = {l: x[self._parts[l]] for l in seen}
+        goal = self._goal(t, states[self._i])
         normal = [l for l in self._normal if l in states]
         u_nom = self._law.input(View(self._i, states, normal, goal, terms))
         now = Situation(t + self._latency, x, seen, terms, u_nom, received)

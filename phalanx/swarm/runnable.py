@@ -35,7 +35,7 @@ def require_runnable(swarm: Swarm) -> SafetyRows:
         for l, part in enumerate(swarm.safe_set.parts):
             _require_dynamics(swarm.members[l].dynamics, x[part], l in first.values())
         _require_h(swarm, x)
-        rows.terms(i)(x)
+        rows.terms(i)(x).margin  # noqa: B018
         if rows.pairwise:
             rows.pair_terms(i)(x)
         for l in sorted(first.values()):
@@ -107,7 +107,7 @@ def _require_law(rows: SafetyRows, i: int, x: Array) -> None:
     terms = rows.terms(i)(x, seen)
     states = {l: x[swarm.safe_set.parts[l]] for l in seen}
     normal = [l for l in swarm.normal if l in states]
-    view = View(i, states, normal, swarm.goal(i)(0.0, terms.positions[i]), terms)
+    view = View(i, states, normal, swarm.goal(i)(0.0, states[i]), terms)
     m = len(swarm.members[i].dynamics.inputs)
     expected = f"an array of {m} finite numbers for agent {swarm.names[i]}"
     found = ask(law, "input", expected, view)

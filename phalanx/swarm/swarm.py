@@ -88,6 +88,18 @@ class Swarm:
         apart = points - points[i]
         return tuple(np.flatnonzero(dot(apart, apart) <= radius * radius).tolist())
 
+    def position(self, i: int) -> CompiledFunction:
+        """Agent i's output position [m] from its state, compiled once for equal dynamics."""
+        dynamics = self.members[i].dynamics
+        if id(dynamics) not in self._position:
+            x = ca.SX.sym("x", len(dynamics.states))
+            self._position[id(dynamics)] = CompiledFunction([x], [dynamics.position(x)])
+        return self._position[id(dynamics)]
+
+    @cached_property
+    def _position(self) -> dict[int, CompiledFunction]:
+        return {}
+
     def positions(self, x: Array) -> Array:
         """Output positions [m] at the stacked state x, shape (N, 2) or (N, 3)."""
         return self._positions(x)[0].reshape(len(self.members), -1)
@@ -154,7 +166,7 @@ class Swarm:
             raise ScenarioError(f"{self.scenario.name}: law of {self.names[i]}: {error}") from error
 
     def goal(self, i: int) -> Callable[[float, Array], Goal]:
-        """Where agent i wants to be, given t [s] and where it is.
+        """Where agent i wants to be, given t [s] and its state, shape (n_i,).
 
         In its formation slot, or where its flow takes it; without either, here.
         """
@@ -164,7 +176,8 @@ class Swarm:
         if flows:
             start = np.array(self.groups[i].start[self._place(i)][: self.groups[i].axes])
             return lambda t, _: flows.goal(i, start, t)
-        return lambda _, position: hold(position)
+        position = self.position(i)
+        return lambda _, x: hold(position(x)[0])
 
     def start(self) -> Array:
         """x(0), shape (n̄,): each agent's start plus its spread, drawn by (seed, name)."""

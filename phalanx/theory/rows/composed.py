@@ -3,7 +3,8 @@
 Nothing in it grows with the swarm: pairs are evaluated kind by kind, and only among the seen.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -11,9 +12,9 @@ from numpy.typing import NDArray
 
 from phalanx.theory.expressions.exact import added
 from phalanx.theory.margins.margin import ComposedMargin
-from phalanx.theory.rows.members import ChosenMembers, SwarmMembers
+from phalanx.theory.models.polytope import Polytope
+from phalanx.theory.rows.members import ChosenMembers, InputExtremes, SwarmMembers
 from phalanx.theory.rows.near import ObstaclesInSight
-from phalanx.theory.rows.terms import Terms
 from phalanx.theory.safety.chain import rounded_norm
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.jets import LogSumExpJets
@@ -56,12 +57,21 @@ class SwarmTerms:
         return ComposedTerms(self, i, radius, margin)
 
 
-class _Selection(NamedTuple):
+class _Chosen(NamedTuple):
     """Who and what is composed, as long as that stays the same."""
 
     key: tuple[tuple[int, ...], bytes]
     pairs: ChosenPairs
-    members: ChosenMembers
+
+
+class _Composed(NamedTuple):
+    """The terms that pairs are composed for, as Terms has them."""
+
+    psi: Array
+    unforced: float
+    c: Mapping[int, Array]
+    extremes: InputExtremes
+    margin: float
 
 
 class ComposedTerms:
@@ -73,20 +83,33 @@ class ComposedTerms:
         self._swarm, self._margin = swarm, margin
         self._own = swarm.members.states[i]
         self._near = swarm.in_sight.of(swarm.dynamics[i], radius)
-        self._numbers = swarm.numbers.copy()
-        self._selected: _Selection | None = None
+        self._chosen: _Chosen | None = None
+        self._seen: tuple[int, ...] = ()
+        self._members = swarm.members.choose(())
 
-    def __call__(self, x: Array, seen: Sequence[int] | None = None) -> Terms:
-        """Evaluate at a stacked state, shape (n̄,), of which only the members seen are known.
+    def __call__(self, x: Array, seen: Sequence[int] | None = None) -> "SeenTerms":
+        """At a stacked state, shape (n̄,), of which only the members seen are known.
 
         Args:
-            x: anything where it is not known.
+            x: anything where it is not known. It is read when a term is asked for.
             seen: in ascending order; None for all.
         """
-        swarm, numbers = self._swarm, self._numbers
-        seen = swarm.everybody if seen is None else tuple(seen)
-        selected = self._select(x, seen)
-        pairs, inputs = selected.pairs, swarm.members.inputs
+        return SeenTerms(self, x, self._swarm.everybody if seen is None else tuple(seen))
+
+    @property
+    def known(self) -> Mapping[int, Polytope] | None:
+        """U_l of everybody, unless some vary with the state."""
+        members = self._swarm.members
+        return members.known if len(members.known) == len(members.kinds) else None
+
+    def positions(self, x: Array, seen: tuple[int, ...]) -> Mapping[int, Array]:
+        """Output positions [m] of those seen at x."""
+        return self._choose_members(seen).positions(x)
+
+    def composed(self, x: Array, seen: tuple[int, ...]) -> _Composed:
+        """What all pairs in sight come to at x."""
+        swarm, pairs = self._swarm, self._choose_pairs(x, seen)
+        inputs, numbers = swarm.members.inputs, self._numbers
         numbers[: len(x)] = x
         h, forces = pairs.jets_at(numbers)
         psi, unforced, weights = swarm.jets(h)
@@ -95,40 +118,85 @@ class ComposedTerms:
         # It adds up in the order of the pairs.
         c = np.bincount(pairs.force_input, pushes, inputs[-1].stop).astype(np.float64, copy=False)
         numbers[swarm.members.c] = c
-        positions, least, most, polytopes = selected.members(numbers)
+        extremes = self._choose_members(seen).extremes(numbers)
         margin = self._margin
-        push = self._push(x, weights, selected) if margin.bounds else 0.0
-        return Terms(
-            psi=psi,
-            unforced=unforced,
-            c={l: c[inputs[l]] for l in seen},
-            least=least,
-            most=most,
-            polytopes=polytopes,
-            positions=positions,
-            margin=margin.scale * (margin.eta + push),
-        )
+        push = self._push(x, weights, pairs, seen) if margin.bounds else 0.0
+        each = {l: c[inputs[l]] for l in seen}
+        return _Composed(psi, unforced, each, extremes, margin.scale * (margin.eta + push))
 
     def psi(self, x: Array, seen: Sequence[int] | None = None) -> Array:
         """ψ_0 ... ψ_{q-1} alone, shape (q,)."""
-        selected = self._select(x, self._swarm.everybody if seen is None else tuple(seen))
-        return self._swarm.jets(selected.pairs.jets(x).h).psi
+        pairs = self._choose_pairs(x, self._swarm.everybody if seen is None else tuple(seen))
+        return self._swarm.jets(pairs.jets(x).h).psi
 
-    def _select(self, x: Array, seen: tuple[int, ...]) -> _Selection:
+    @cached_property
+    def _numbers(self) -> Array:
+        return self._swarm.numbers.copy()
+
+    def _choose_members(self, seen: tuple[int, ...]) -> ChosenMembers:
+        if seen != self._seen:
+            self._seen, self._members = seen, self._swarm.members.choose(seen)
+        return self._members
+
+    def _choose_pairs(self, x: Array, seen: tuple[int, ...]) -> ChosenPairs:
         near = self._near(x[self._own])[0] if self._near else None
         key = seen, b"" if near is None else near.tobytes()
-        if self._selected is None or self._selected.key != key:
+        if self._chosen is None or self._chosen.key != key:
             around = None if near is None else np.flatnonzero(near).tolist()
             pairs = self._swarm.pairs
-            chosen = pairs.choose(pairs.among(seen, around))
-            self._selected = _Selection(key, chosen, self._swarm.members.choose(seen))
-        return self._selected
+            self._chosen = _Chosen(key, pairs.choose(pairs.among(seen, around)))
+        return self._chosen.pairs
 
-    def _push(self, x: Array, weights: Array, selected: _Selection) -> float:
+    def _push(self, x: Array, weights: Array, pairs: ChosenPairs, seen: tuple[int, ...]) -> float:
         """D: how fast the disturbances can push ψ_{q-1} up."""
-        slopes = pushed_slopes(selected.pairs, weights, x)
+        slopes = pushed_slopes(pairs, weights, x)
         states, bounds = self._swarm.members.states, self._margin.bounds
-        return added(rounded_norm(slopes[states[l]]) * bounds[l] for l in selected.key[0])
+        return added(rounded_norm(slopes[states[l]]) * bounds[l] for l in seen)
+
+
+class SeenTerms:
+    """One agent's terms at one state, composed when asked for: who keeps rows of pairs may not."""
+
+    def __init__(self, terms: ComposedTerms, x: Array, seen: tuple[int, ...]) -> None:
+        self._terms, self._x, self._seen = terms, x, seen
+
+    @cached_property
+    def positions(self) -> Mapping[int, Array]:
+        """As Terms has them, like all that follow."""
+        return self._terms.positions(self._x, self._seen)
+
+    @property
+    def polytopes(self) -> Mapping[int, Polytope]:
+        known = self._terms.known
+        return self._composed.extremes.polytopes if known is None else known
+
+    @property
+    def psi(self) -> Array:
+        return self._composed.psi
+
+    @property
+    def unforced(self) -> float:
+        return self._composed.unforced
+
+    @property
+    def c(self) -> Mapping[int, Array]:
+        return self._composed.c
+
+    @property
+    def least(self) -> Mapping[int, float]:
+        return self._composed.extremes.least
+
+    @property
+    def most(self) -> Mapping[int, float]:
+        return self._composed.extremes.most
+
+    @property
+    def margin(self) -> float:
+        return self._composed.margin
+
+    @cached_property
+    def _composed(self) -> _Composed:
+        return self._terms.composed(self._x, self._seen)
 
 
 def pushed_slopes(pairs: ChosenPairs, weights: Array, x: Array) -> Array:

@@ -16,11 +16,9 @@ from phalanx.theory.safety.composition import Member, stacked_slices
 Array = NDArray[np.float64]
 
 
-class MemberNumbers(NamedTuple):
+class InputExtremes(NamedTuple):
     """Of the members that are seen at one state, by index."""
 
-    positions: dict[int, Array]
-    """Output positions [m]."""
     least: dict[int, float]
     """min over U_l of c_l u, Eq. (LPvminmax)."""
     most: dict[int, float]
@@ -35,17 +33,16 @@ class _Kind:
     def __init__(self, dynamics: Dynamics) -> None:
         """Raises EmptyPolytopeError: a constant input polytope is empty or unbounded."""
         x, c = ca.SX.sym("x", len(dynamics.states)), ca.SX.sym("c", len(dynamics.inputs))
-        p, (A, b) = dynamics.position(x), dynamics.input_polytope(x)
-        self.dimension = p.numel()
+        A, b = dynamics.input_polytope(x)
         self.polytope = constant_polytope(A, b)
         corners = ca.SX(0, c.numel())
-        rest = [A, b]
+        self.position, self.extremes = dynamics.position(x), [A, b]
         if self.polytope is not None:
             # Numbers, so that dynamics with other bounds are of this kind too.
             corners = ca.SX.sym("corners", *self.polytope.corners.shape)
             values = corners @ c
-            rest = [ca.mmin(values), ca.mmax(values)]
-        self.row, self.outputs = [x, c, ca.vec(corners.T)], [p, *rest]
+            self.extremes = [ca.mmin(values), ca.mmax(values)]
+        self.x, self.row = x, [x, c, ca.vec(corners.T)]
 
     @property
     def corners(self) -> Array:
@@ -55,9 +52,17 @@ class _Kind:
     @cached_property
     def text(self) -> str:
         """What tells kinds apart."""
-        outputs = [ca.densify(o) for o in self.outputs]
+        outputs = [ca.densify(o) for o in (self.position, *self.extremes)]
         found: str = ca.Function("member", [ca.vertcat(*self.row)], outputs).serialize()
         return found
+
+
+class _Compiled(NamedTuple):
+    """One kind's functions of rows of numbers."""
+
+    position: MappedFunction
+    extremes: MappedFunction
+    """Of a constant U; of one that varies its A and b."""
 
 
 class SwarmMembers:
@@ -72,7 +77,12 @@ class SwarmMembers:
         for m in members:
             if id(m.dynamics) not in each:
                 each[id(m.dynamics)] = _Kind(m.dynamics)
-        compiled = {kind.text: MappedFunction(kind.row, kind.outputs) for kind in each.values()}
+        compiled = {
+            kind.text: _Compiled(
+                MappedFunction([kind.x], [kind.position]), MappedFunction(kind.row, kind.extremes)
+            )
+            for kind in each.values()
+        }
         self.kinds = [each[id(m.dynamics)] for m in members]
         self.functions = [compiled[kind.text] for kind in self.kinds]
         self.known = {l: k.polytope for l, k in enumerate(self.kinds) if k.polytope is not None}
@@ -102,7 +112,8 @@ class _Group(NamedTuple):
 
     members: list[int]
     kind: _Kind
-    rows: MappedRows
+    position: MappedRows
+    extremes: MappedRows
 
 
 class ChosenMembers:
@@ -113,30 +124,39 @@ class ChosenMembers:
         groups: dict[int, list[int]] = {}
         for l in seen:
             groups.setdefault(id(swarm.functions[l]), []).append(l)
-        self._groups = [
-            _Group(who, swarm.kinds[who[0]], swarm.functions[who[0]].at(places))
-            for who in groups.values()
-            for places in [np.stack([swarm.places[l] for l in who])]
-        ]
+        self._groups = [self._group(members) for members in groups.values()]
 
-    def __call__(self, numbers: Array) -> MemberNumbers:
-        """Evaluate at states, c and corners, which lie where SwarmMembers has them."""
+    def _group(self, members: list[int]) -> _Group:
+        swarm, first = self._swarm, members[0]
+        kind, compiled = swarm.kinds[first], swarm.functions[first]
+        places = np.stack([swarm.places[l] for l in members])
+        position = compiled.position.at(places[:, : kind.x.numel()])
+        return _Group(members, kind, position, compiled.extremes.at(places))
+
+    def positions(self, x: Array) -> dict[int, Array]:
+        """Output positions [m] at the stacked state x, shape (n̄,)."""
+        found: dict[int, Array] = {}
+        for members, _, position, _ in self._groups:
+            position(x)
+            found.update(zip(members, position.results.copy(), strict=True))
+        return found
+
+    def extremes(self, numbers: Array) -> InputExtremes:
+        """At states, c and corners, which lie where SwarmMembers has them."""
         swarm = self._swarm
         varying = len(swarm.known) < len(swarm.kinds)
-        found = MemberNumbers({}, {}, {}, dict(swarm.known) if varying else swarm.known)
-        for members, kind, rows in self._groups:
+        found = InputExtremes({}, {}, dict(swarm.known) if varying else swarm.known)
+        for members, kind, _, rows in self._groups:
             rows(numbers)
-            d = kind.dimension
-            found.positions.update(zip(members, rows.results[:, :d].copy(), strict=True))
             if kind.polytope is None:
-                self._solve(members, rows.results[:, d:], numbers[swarm.c], found)
+                self._solve(members, rows.results, numbers[swarm.c], found)
             else:
-                least, most = rows.results[:, d:].T.tolist()
+                least, most = rows.results.T.tolist()
                 found.least.update(zip(members, least, strict=True))
                 found.most.update(zip(members, most, strict=True))
         return found
 
-    def _solve(self, members: list[int], rows: Array, c: Array, found: MemberNumbers) -> None:
+    def _solve(self, members: list[int], rows: Array, c: Array, found: InputExtremes) -> None:
         """The linear programs of members whose U_l is what it is at this state only."""
         for l, row in zip(members, rows, strict=True):
             own = c[self._swarm.inputs[l]]

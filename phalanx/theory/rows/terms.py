@@ -15,28 +15,56 @@ from phalanx.theory.safety.chain import Chain
 Array = NDArray[np.float64]
 
 
-class Terms(NamedTuple):
+class Terms(Protocol):
     """ψ_q^d at a sampled state, split by member: Σ drift_l + Σ c_l u_l + α_q(ψ_{q-1}).
 
     Members go by their index in the swarm.
     """
 
+    @property
+    def psi(self) -> Array:
+        """ψ_0^d ... ψ_{q-1}^d, shape (q,)."""
+
+    @property
+    def unforced(self) -> float:
+        """Σ_l L_{f_l} ψ_{q-1}^{x_l} + α_q(ψ_{q-1}^d): what no input changes."""
+
+    @property
+    def c(self) -> Mapping[int, Array]:
+        """L_{g_l} ψ_{q-1}^{x_l} of each member that is seen, shapes (m_l,)."""
+
+    @property
+    def least(self) -> Mapping[int, float]:
+        """min over U_l of c_l u, likewise: γ_l^min without its drift, Eq. (vLPs)."""
+
+    @property
+    def most(self) -> Mapping[int, float]:
+        """max over U_l of c_l u, likewise: γ_l^max without its drift."""
+
+    @property
+    def polytopes(self) -> Mapping[int, Polytope]:
+        """U_l, likewise."""
+
+    @property
+    def positions(self) -> Mapping[int, Array]:
+        """Output positions, likewise [m]."""
+
+    @property
+    def margin(self) -> float:
+        """η with all that is added to it at this state, as margins.margin.Margin sums it."""
+
+
+class EvaluatedTerms(NamedTuple):
+    """Terms that are numbers already."""
+
     psi: Array
-    """ψ_0^d ... ψ_{q-1}^d, shape (q,)."""
     unforced: float
-    """Σ_l L_{f_l} ψ_{q-1}^{x_l} + α_q(ψ_{q-1}^d): what no input changes."""
     c: Mapping[int, Array]
-    """L_{g_l} ψ_{q-1}^{x_l} of each member that is seen, shapes (m_l,)."""
     least: Mapping[int, float]
-    """min over U_l of c_l u, likewise: γ_l^min without its drift, Eq. (vLPs)."""
     most: Mapping[int, float]
-    """max over U_l of c_l u, likewise: γ_l^max without its drift."""
     polytopes: Mapping[int, Polytope]
-    """U_l, likewise."""
     positions: Mapping[int, Array]
-    """Output positions, likewise [m]."""
-    margin: float = 0.0
-    """η with all that is added to it at this state, as margins.margin.Margin sums it."""
+    margin: float
 
 
 class TermsAt(Protocol):
@@ -94,7 +122,7 @@ class TermsFunction:
         settled = [composed.substitute(o, active) for o in outputs]
         self._evaluate = CompiledFunction([composed.x], settled)
 
-    def __call__(self, x: Array, seen: Sequence[int] | None = None) -> Terms:
+    def __call__(self, x: Array, seen: Sequence[int] | None = None) -> EvaluatedTerms:
         """Evaluate at a stacked state x, shape (n̄,), of which only the members seen are known."""
         psi, (unforced, margin), least, most, *rest = self._evaluate(
             with_unseen_far(x, self._parts, seen)
@@ -106,7 +134,7 @@ class TermsFunction:
             polytopes[l] = polytope(A.reshape(len(b), -1), b)
             least[l], most[l] = extremes(c[l], polytopes[l].corners)
         known = range(n) if seen is None else seen
-        return Terms(
+        return EvaluatedTerms(
             psi=psi,
             unforced=float(unforced),
             c={l: c[l] for l in known},
