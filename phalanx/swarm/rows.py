@@ -95,7 +95,7 @@ class SafetyRows:
         margin = None if swarm.members[i].adversary or self.pairwise else self.margin(i)
         numbers = margin.composed(self.relative_degree) if margin else ComposedMargin(0.0)
         # One expression of few pairs, all of them seen, shares what they have in common.
-        small = radius is None and swarm.pairs.count <= _FEW
+        small = radius is None and swarm.pairs.count <= _FEW and not self.pairwise
         if numbers is not None and not small:
             return self.composed.of(i, radius, numbers)
         alike = i if numbers is None else numbers
