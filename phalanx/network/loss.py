@@ -1,10 +1,15 @@
 """Which messages are lost: by chance, in bursts, by distance."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from phalanx.network.chance import Chance, NonNegative, Probability
 from phalanx.network.delay import BASIC
 from phalanx.network.rule import DELIVER, DROP, Message, Treatment
+from phalanx.seeded.draws import Array
 
 
 @dataclass(frozen=True)
@@ -66,11 +71,21 @@ class GilbertElliott:
         """
         both, either = sorted((self.p, 1.0 - self.r))
         draws = message.table("state of the link")
-        k = draws.last(message.k, lambda rows: (rows[:, 0] < both) | (rows[:, 0] >= either))
+        k = draws.last(message.k, Outside(both, either))
         # The first message finds the link as it is in the long run.
-        bad = bool(draws[k][0] < (both if k else self.p / (self.p + self.r)))
+        bad = draws.value(k) < (both if k else self.p / (self.p + self.r))
         # Between both the state stays, or, where p > 1 - r, turns into the other each time.
         return bad ^ (self.p > 1.0 - self.r and (message.k - k) % 2 == 1)
+
+
+class Outside(NamedTuple):
+    """Of rows of draws: those whose first draw lies outside [low, high)."""
+
+    low: float
+    high: float
+
+    def __call__(self, rows: Array, /) -> NDArray[np.bool_]:
+        return (rows[:, 0] < self.low) | (rows[:, 0] >= self.high)
 
 
 def bursts(mean: float, burst: float) -> GilbertElliott:

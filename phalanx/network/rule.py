@@ -15,7 +15,10 @@ A class of your own is a rule if it has the method `treat`; a dozen lines are en
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
-from phalanx.seeded.draws import Draws
+import numpy as np
+from numpy.typing import NDArray
+
+from phalanx.seeded.draws import Array, Draws
 
 
 class Copy(NamedTuple):
@@ -79,8 +82,18 @@ class Message(NamedTuple):
         name = purpose if self.copy == 0 else f"{purpose} of copy {self.copy}"
         k = self.k
         if kept > 0.0:
-            k = self.table(f"{name} kept").last(k, lambda rows: rows[:, column] >= kept)
-        return float(self.table(name)[k][column])
+            k = self.table(f"{name} kept").last(k, AtLeast(column, kept))
+        return self.table(name).value(k, column)
+
+
+class AtLeast(NamedTuple):
+    """Of rows of draws: those whose draw in a column is as large as that."""
+
+    column: int
+    least: float
+
+    def __call__(self, rows: Array, /) -> NDArray[np.bool_]:
+        return rows[:, self.column] >= self.least
 
 
 class Rule(Protocol):

@@ -16,7 +16,7 @@ class SamplingClock:
 
     def after(self, k: int, t: float) -> float:
         """t_i^{k+1}, given that sample k was at t_i^k = t [s]."""
-        delta = self._jitter * (2.0 * float(self._draws[k][0]) - 1.0)
+        delta = self._jitter * (2.0 * self._draws.value(k) - 1.0)
         return t + self._period + delta
 
     def most_samples(self, duration: float) -> int:

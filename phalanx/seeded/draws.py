@@ -5,8 +5,9 @@ that ask for the same draw get the same bits.
 """
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Hashable
 from functools import lru_cache
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,13 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _BLOCK = 256
+
+
+class Condition(Hashable, Protocol):
+    """Something that holds of some rows; what is found of one serves all that compare equal."""
+
+    def __call__(self, rows: Array, /) -> NDArray[np.bool_]:
+        """Of which of these rows, shape (r, width), it holds, shape (r,)."""
 
 
 class Draws:
@@ -25,6 +33,7 @@ class Draws:
         self._key = int.from_bytes(hashlib.blake2b(name, digest_size=16).digest(), "little")
         self._width = width
         self._block = lru_cache(maxsize=8)(self._generate)
+        self._latest = lru_cache(maxsize=8)(self._latest_in)
 
     def __getitem__(self, index: int) -> Array:
         """Row `index` >= 0, shape (width,). Do not write to it."""
@@ -32,19 +41,26 @@ class Draws:
         draws: Array = self._block(block)[row]
         return draws
 
-    def last(self, index: int, holds: Callable[[Array], NDArray[np.bool_]]) -> int:
-        """The last row up to `index` of which something holds; 0 if it holds of none.
-
-        holds: of rows, shape (r, width), which they are, shape (r,).
-        """
+    def value(self, index: int, column: int = 0) -> float:
+        """One draw of row `index` >= 0."""
         block, row = divmod(index, _BLOCK)
-        (found,) = holds(self._block(block)[: row + 1]).nonzero()
-        while not len(found) and block:
+        return self._block(block).item(row, column)
+
+    def last(self, index: int, holds: Condition) -> int:
+        """The last row up to `index` of which something holds; 0 if it holds of none."""
+        block, row = divmod(index, _BLOCK)
+        found = self._latest(block, holds)[row]
+        while found < 0 and block:
             block -= 1
-            (found,) = holds(self._block(block)).nonzero()
-        return block * _BLOCK + int(found[-1]) if len(found) else 0
+            found = self._latest(block, holds)[-1]
+        return block * _BLOCK + max(found, 0)
 
     def _generate(self, block: int) -> Array:
         # The block number is the counter's high word, so blocks never overlap.
         generator = np.random.Generator(np.random.Philox(key=self._key, counter=block << 192))
         return generator.random((_BLOCK, self._width))
+
+    def _latest_in(self, block: int, holds: Condition) -> list[int]:
+        """For each row of a block the last one up to it of which something holds; -1 if none."""
+        rows = np.where(holds(self._block(block)), np.arange(_BLOCK), -1)
+        return [int(row) for row in np.maximum.accumulate(rows)]

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.stats import ks_1samp, norm, spearmanr
+from scipy.stats import ks_1samp, norm, rankdata, spearmanr
 
 from phalanx.network.distributions import LONGEST
 from tests.unit.network.models import MANY, SOME, delays, model
@@ -24,7 +24,7 @@ def pareto(s):
 @cache
 def paretonormal_quantiles():
     """On a fine grid: a quarter normal and three quarters Pareto of one draw."""
-    u = np.linspace(1e-7, 1.0 - 1e-7, 2_000_001)
+    u = np.linspace(1e-7, 1.0 - 1e-7, 200_001)
     x = np.minimum(((1.0 - u) ** (-1.0 / 3.0) - 1.5) * 4.0 / 3.0, LONGEST)
     return 0.25 * norm.ppf(u) + 0.75 * x, u
 
@@ -56,21 +56,19 @@ def test_a_delay_between_two_times_fills_them_evenly_and_no_message_knows_of_ano
     assert abs(spearmanr(drawn[1:], drawn[:-1]).statistic) < 4.0 / np.sqrt(MANY)
 
 
-@pytest.mark.parametrize(
-    ("distribution", "correlation"), list(zip(EXPECTED, (0.1, 0.9, 0.25, 0.5), strict=True))
-)
+@pytest.mark.parametrize(("distribution", "correlation"), [("normal", 0.9), ("paretonormal", 0.25)])
 def test_a_correlation_is_met_and_leaves_the_distribution_as_it_is(distribution, correlation):
     table = {"time": TIME, "jitter": JITTER, "distribution": distribution}
     drawn = delays(delay={**table, "correlation": correlation})
     # Runs of equal draws: of so many messages (1 - correlation) are draws of their own.
     effective = MANY * (1.0 - correlation) / (1.0 + correlation)
+    ranks = rankdata(drawn)
     for ahead in (1, 2, 5):
-        found = spearmanr(drawn[ahead:], drawn[:-ahead]).statistic
+        found = np.corrcoef(ranks[ahead:], ranks[:-ahead])[0, 1]  # Spearman's
         assert found == pytest.approx(correlation**ahead, abs=5.0 / np.sqrt(effective))
     scaled = (drawn - TIME) / JITTER
     distance = ks_1samp(scaled, EXPECTED[distribution]).statistic
-    ends = 0.012 if distribution == "pareto" else 0.0  # the jump at the end of the table
-    assert distance < 1.63 / np.sqrt(effective) + ends
+    assert distance < 1.63 / np.sqrt(effective)
 
 
 def test_no_delay_is_below_zero():

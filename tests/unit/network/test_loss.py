@@ -44,7 +44,7 @@ def test_random_losses_have_the_correlation_asked_for_and_the_share(correlation)
     assert chi_square_of_geometric(runs(gone), correlation + (1.0 - correlation) * 0.2) > 0.01
 
 
-@pytest.mark.parametrize(("mean", "burst"), [(0.1, 4.0), (0.02, 10.0), (0.7, 25.0), (0.5, 1.2)])
+@pytest.mark.parametrize(("mean", "burst"), [(0.1, 4.0), (0.7, 25.0), (0.5, 1.2)])
 def test_bursts_are_as_long_as_asked_for_and_the_share_is_kept(mean, burst):
     gone = lost(loss={"mean": mean, "burst": burst})
     stay = 1.0 - 1.0 / burst
@@ -88,7 +88,7 @@ def runs_of_a_hidden_chain(p: float, r: float, bad: float, good: float, longest:
 
 def test_a_link_that_changes_more_often_than_not_alternates():
     p, r = 0.9, 0.8
-    gone = lost(loss={"p": p, "r": r})
+    gone = lost(SOME, loss={"p": p, "r": r})
     assert np.mean(gone) == pytest.approx(p / (p + r), abs=0.005)
     assert np.corrcoef(gone[1:], gone[:-1])[0, 1] == pytest.approx(1.0 - p - r, abs=0.02)
 

@@ -37,8 +37,9 @@ def test_without_correlation_no_message_knows_of_another(field):
     assert chisquare(pairs, expected).pvalue > 0.01
 
 
-@pytest.mark.parametrize("field", BEFALLEN)
-@pytest.mark.parametrize("correlation", [0.3, 0.8])
+@pytest.mark.parametrize(
+    ("field", "correlation"), [("corrupt", 0.3), ("duplicate", 0.8), ("reorder", 0.5)]
+)
 def test_a_correlation_makes_runs_and_leaves_the_share_as_it_is(field, correlation):
     found = befallen(field, correlation=correlation)
     effective = MANY * (1.0 - correlation) / (1.0 + correlation)

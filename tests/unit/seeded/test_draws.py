@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import kstest
 
+from phalanx.network.rule import AtLeast
 from phalanx.seeded.draws import Draws
 
 indices = st.lists(st.integers(0, 5000), min_size=1, max_size=40)
@@ -39,6 +40,14 @@ def test_draws_never_repeat_across_blocks():
     table = Draws(0, "x", width=2)
     values = np.concatenate([table[k] for k in range(2000)])
     assert len(np.unique(values)) == len(values)
+
+
+def test_the_last_row_is_found_however_many_blocks_it_lies_back():
+    table, rare = Draws(0, "x"), AtLeast(0, 0.998)
+    rows = [table.value(k) >= 0.998 for k in range(4000)]
+    assert max(np.diff(np.flatnonzero(rows))) > 3 * 256
+    expected = [max((j for j in range(k + 1) if rows[j]), default=0) for k in range(0, 4000, 97)]
+    assert [table.last(k, rare) for k in range(0, 4000, 97)] == expected
 
 
 def test_draws_are_uniform_in_the_unit_interval():
