@@ -3,7 +3,8 @@
 import ast
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -78,9 +79,9 @@ THEORY_MAY_USE = {"numpy", "casadi", "osqp", "scipy", "annotated_types"}
 ONLY_IN_WIRE = {"zenoh"}
 
 
-def imported(tree: ast.AST, module: str) -> Iterator[str]:
-    """Every module that a syntax tree imports, at any depth, as an absolute name."""
-    for node in ast.walk(tree):
+def imported(source: str, module: str) -> Iterator[str]:
+    """Every module that a module with this source imports, at any depth, as an absolute name."""
+    for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -97,10 +98,10 @@ def room_of(name: str) -> str:
     return next((prefix for prefix in prefixes if prefix in MAY_IMPORT), parts[0])
 
 
-def offences(source: str, module: str) -> list[str]:
-    """What a module with this source imports against the table."""
+def offences(names: Iterable[str], module: str) -> list[str]:
+    """What of these a module imports against the table."""
     home, found = room_of(module), []
-    for name in imported(ast.parse(source), module):
+    for name in names:
         top = name.split(".")[0]
         if top == "phalanx":
             if room_of(name) not in MAY_IMPORT[home] | {home}:
@@ -112,6 +113,12 @@ def offences(source: str, module: str) -> list[str]:
         elif home in THEORY and top not in THEORY_MAY_USE | sys.stdlib_module_names:
             found.append(f"{module} may not import {name}: theory is numpy, CasADi and OSQP alone")
     return found
+
+
+@cache
+def imports() -> dict[str, list[str]]:
+    """What every module of the project imports."""
+    return {name: list(imported(file.read_text("utf-8"), name)) for name, file in modules()}
 
 
 def modules() -> list[tuple[str, Path]]:
@@ -126,7 +133,7 @@ def modules() -> list[tuple[str, Path]]:
 
 
 def test_no_module_imports_what_the_table_forbids():
-    wrong = [o for name, file in modules() for o in offences(file.read_text("utf-8"), name)]
+    wrong = [o for name, targets in imports().items() for o in offences(targets, name)]
     assert wrong == []
 
 
@@ -154,15 +161,14 @@ def test_nothing_lies_loose_at_the_top():
 
 
 def test_no_two_modules_import_one_another_even_by_way_of_others():
-    names = {name for name, _ in modules()}
     graph = {
         name: {
             own
-            for target in imported(ast.parse(file.read_text("utf-8")), name)
-            if (own := target if target in names else target.rpartition(".")[0]) in names
+            for target in targets
+            if (own := target if target in imports() else target.rpartition(".")[0]) in imports()
             and own not in (name, "phalanx")
         }
-        for name, file in modules()
+        for name, targets in imports().items()
     }
     assert cycle(graph) is None
     assert sum(map(len, graph.values())) > 50
@@ -215,7 +221,7 @@ def cycle(graph: Mapping[str, set[str]]) -> list[str] | None:
     ],
 )
 def test_a_forbidden_import_is_found_wherever_it_stands(module, source):
-    assert len(offences(source, module)) == 1
+    assert len(offences(imported(source, module), module)) == 1
 
 
 @pytest.mark.parametrize(
@@ -229,7 +235,7 @@ def test_a_forbidden_import_is_found_wherever_it_stands(module, source):
     ],
 )
 def test_an_allowed_import_is_not_an_offence(module, source):
-    assert offences(source, module) == []
+    assert offences(imported(source, module), module) == []
 
 
 def test_a_cycle_is_found():

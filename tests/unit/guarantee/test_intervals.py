@@ -54,7 +54,7 @@ RATIONAL: list[tuple[Callable[..., ca.SX], Callable[..., Fraction]]] = [
 
 @pytest.mark.parametrize("case", range(len(RATIONAL)))
 @given(ends=st.tuples(numbers, numbers, numbers, numbers), s=shares, t=shares)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_arithmetic_holds_the_exact_result(case, ends, s, t):
     build, exactly = RATIONAL[case]
     box = [tuple(sorted(ends[:2])), tuple(sorted(ends[2:]))]
@@ -107,7 +107,7 @@ REAL: list[tuple[Callable[[ca.SX], ca.SX], Callable[[Decimal], Decimal]]] = [
 
 @pytest.mark.parametrize("case", range(len(REAL)))
 @given(a=st.floats(-20, 20), width=st.just(0.0) | st.floats(1e-12, 8.0), share=st.floats(0, 1))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_library_functions_hold_the_true_value(case, a, width, share):
     build, truly = REAL[case]
     x = ca.SX.sym("x")
@@ -129,7 +129,7 @@ def test_library_functions_hold_the_true_value(case, a, width, share):
     ],
 )
 @given(s=st.floats(0, 1), t=st.floats(0, 1))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_inverse_functions_hold_the_true_value(function, inverse, least, most, s, t):
     """They increase, so their bounds may be judged by what they are the inverse of."""
     ends = sorted(least + share * (most - least) for share in (s, t))

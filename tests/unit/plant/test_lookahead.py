@@ -20,7 +20,7 @@ def both(radius: float = 2.0) -> tuple[World, Lookahead]:
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=15)
+@settings(max_examples=10)
 def test_whoever_has_answered_is_where_the_world_will_have_it_however_late_the_answer(seed):
     rng = np.random.default_rng(seed)
     world, ahead = both()

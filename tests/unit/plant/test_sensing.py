@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from phalanx.plant.sampling.sensing import Sensing, Sight
 from phalanx.plant.world.motion import Motion
-from phalanx.plant.world.steps import STEPS_AT_ONCE
 from phalanx.scenario.load import load
 from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import Swarm, build_swarm
@@ -15,7 +14,7 @@ from tests.unit.swarms import swarm_of_scenario
 
 
 def sensing(swarm: Swarm) -> Sensing:
-    return Sensing(swarm, Motion(swarm.members, STEPS_AT_ONCE))
+    return Sensing(swarm, Motion(swarm.members, most=1))
 
 
 LIMITED = ("safety.neighbourhood=5.0", "agents.1.sensing=8.0")

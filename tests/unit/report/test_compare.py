@@ -14,13 +14,13 @@ from tests.unit.report.recordings import drift, record, summary_of, swarm_in_spa
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Two runs whose loss differs, and nothing else."""
+    """Two runs whose loss differs, and nothing else; the first ended before a step."""
     out, found = tmp_path_factory.mktemp("runs"), []
-    for loss in (0.0, 0.3):
+    for loss, steps in ((0.0, 0), (0.3, 40)):
         folder = out / f"loss-{loss}"
         folder.mkdir()
         scenario = swarm_in_space(2, 1, {"network": {"loss": loss}})
-        found.append(record(folder, scenario, drift(scenario), summary_of(scenario)))
+        found.append(record(folder, scenario, drift(scenario, steps=steps), summary_of(scenario)))
     return found
 
 

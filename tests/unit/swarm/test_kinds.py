@@ -15,7 +15,15 @@ from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.composition import FAR
 from tests.unit.swarms import rows_of_scenario
 
+FEW = ("agents.0.count=5", "agents.1.count=1", "flows.obstacles=0.2")
+"""Of a crowd: as many as make all its kinds of pairs."""
+
 close = {"rel": 1e-12, "abs": 1e-12}
+
+
+def rows_of_kinds(name: str) -> SafetyRows:
+    """A shipped scenario's rows; of a crowd's, few agents."""
+    return rows_of_scenario(name, *(FEW if name.startswith("swarm") else ()))
 
 
 def states(rows: SafetyRows, count: int) -> np.ndarray:
@@ -30,7 +38,7 @@ def states(rows: SafetyRows, count: int) -> np.ndarray:
 @pytest.mark.parametrize("name", [name for name in shipped() if not name.startswith("faults/")])
 @pytest.mark.parametrize("radius", [None, 6.0])
 def test_terms_from_kinds_are_those_of_the_printed_chain(name, radius):
-    rows = rows_of_scenario(name)
+    rows = rows_of_kinds(name)
     swarm, safety = rows.swarm, rows.swarm.scenario.safety
     composed, i = swarm.safe_set, swarm.normal[0]
     xi = 0.0 if safety.computes_margin else safety.xi
@@ -90,7 +98,7 @@ def test_what_must_not_be_above_zero_is_every_pairs_or_every_agents_own():
 @pytest.mark.parametrize("name", ["guaranteed", "swarm", "formation3d"])
 def test_forked_programs_have_nothing_left_to_compile(name, monkeypatch):
     """But memory for as many pairs as they see."""
-    rows = SafetyRows(rows_of_scenario(name).swarm, rows_of_scenario(name).composed)
+    rows = SafetyRows(rows_of_kinds(name).swarm, rows_of_kinds(name).composed)
     compile_rows(rows)
     monkeypatch.setattr(rows.__class__, "own_pair", None)
     if not rows.pairwise:
@@ -103,7 +111,7 @@ def test_forked_programs_have_nothing_left_to_compile(name, monkeypatch):
 
 
 def test_agents_of_one_group_share_what_is_compiled():
-    rows = rows_of_scenario("swarm")
+    rows = rows_of_kinds("swarm")
     x = rows.swarm.start()
     for i in rows.swarm.normal:
         for part in (RowPart.WHOLE, RowPart.HALF):

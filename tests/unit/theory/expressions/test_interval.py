@@ -31,7 +31,7 @@ def expressions(x: ca.SX) -> list[ca.SX]:
 
 
 @given(seed=seeds)
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_an_interval_extension_holds_every_value_over_the_box(seed):
     rng = np.random.default_rng(seed)
     x = ca.SX.sym("x", 3)

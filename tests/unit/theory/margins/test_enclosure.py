@@ -43,7 +43,7 @@ COMPILED = {(name, held): compiled(d, held) for name, d in CASES.items() for hel
 @pytest.mark.parametrize("held", [True, False])
 @pytest.mark.parametrize("name", CASES)
 @given(seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=30)
+@settings(max_examples=15)
 def test_no_state_leaves_the_box(name, held, seed):
     rng, (box, rate) = np.random.default_rng(seed), COMPILED[name, held]
     x, T, steps = rng.uniform(-3, 3, len(CASES[name].states)), 0.1, 200

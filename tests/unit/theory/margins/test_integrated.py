@@ -124,7 +124,7 @@ def limits(case: Case, x, u):
 @pytest.mark.parametrize("obstacle", [False, True])
 @pytest.mark.parametrize(("name", "kind"), KINDS)
 @given(seed=seeds, greedy=st.booleans())
-@settings(max_examples=25)
+@settings(max_examples=12)
 def test_no_trajectory_rises_above_the_bound(name, kind, obstacle, seed, greedy):
     case, rng = case_of(name, kind, obstacle), np.random.default_rng(seed)
     x = rng.uniform(-2, 2, case.size)

@@ -109,7 +109,7 @@ def pair_of(name: str, part: RowPart) -> Pair:
 
 @pytest.mark.parametrize("name", CASES)
 @given(seed=seeds)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_a_whole_row_that_is_barely_kept_keeps_the_pair_for_its_gap(name, seed):
     pair, rng = pair_of(name, RowPart.WHOLE), np.random.default_rng(seed)
     x = pair.start(rng)
@@ -144,7 +144,7 @@ def halves(pair: Pair, seed: int, scale: float, gaps: int):
 
 @pytest.mark.parametrize("name", CASES)
 @given(seed=seeds)
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_two_halves_that_are_barely_kept_keep_the_pair_whatever_their_clocks(name, seed):
     """Theorem 4: V(t) <= exp(-t/τ) V(0)."""
     values = halves(pair_of(name, RowPart.HALF), seed, 1.0, gaps=20)

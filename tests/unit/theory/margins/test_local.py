@@ -69,7 +69,7 @@ def pair_of(name: str, part: RowPart) -> Pair:
 @pytest.mark.parametrize("part", RowPart)
 @pytest.mark.parametrize("name", CASES)
 @given(seed=seeds)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 def test_the_local_margin_covers_every_drift_of_the_row_until_the_next_sample(name, part, seed):
     """Against trajectories whose inputs and disturbances are drawn anew all the time."""
     pair, rng = pair_of(name, part), np.random.default_rng(seed)

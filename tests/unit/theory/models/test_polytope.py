@@ -115,7 +115,7 @@ def mixed() -> TermsFunction:
 
 
 @given(seed=seeds)
-@settings(max_examples=30)
+@settings(max_examples=12)
 def test_terms_have_the_extremes_of_every_members_own_polytope_at_this_state(mixed, seed):
     x = np.random.default_rng(seed).uniform(-2, 2, 12)
     terms = mixed(x)

@@ -31,7 +31,7 @@ def motion(dynamics: Dynamics) -> tuple[CompiledFunction, CompiledFunction]:
 
 @pytest.mark.parametrize("name", BOUNDED)
 @given(seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=25)
+@settings(max_examples=12)
 def test_no_input_and_no_disturbance_carry_the_output_farther(name, seed):
     dynamics, most = BOUNDED[name]
     assert isinstance(dynamics, Bounded)

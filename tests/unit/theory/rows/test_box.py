@@ -34,7 +34,7 @@ def nearest(u_nom, weights, box, a, bound) -> list[float] | None:
 
 
 @given(seed=seeds, m=st.integers(1, 3), log_size=st.floats(-6, 3), share=st.floats(0.0, 1.2))
-@settings(max_examples=300)
+@settings(max_examples=100)
 def test_it_finds_the_nearest_input_that_satisfies_the_row(seed, m, log_size, share):
     rng, box, weights, u_nom = drawn(seed, m)
     a = normal(rng, m, log_size)

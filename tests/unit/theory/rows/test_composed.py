@@ -57,7 +57,7 @@ def largest_difference(found: Terms, expected: Terms) -> float:
 
 @pytest.mark.parametrize("name", DEGREES)
 @given(seed=seeds, apart=st.floats(0.1, 30.0))
-@settings(max_examples=40)
+@settings(max_examples=15)
 def test_terms_of_all_pairs_are_those_of_the_whole_chain(name, seed, apart):
     composed = sample_swarm(name)
     x = np.random.default_rng(seed).uniform(-apart, apart, composed.x.numel())
@@ -69,7 +69,7 @@ def test_terms_of_all_pairs_are_those_of_the_whole_chain(name, seed, apart):
 
 @pytest.mark.parametrize("name", DEGREES)
 @given(seed=seeds)
-@settings(max_examples=40)
+@settings(max_examples=15)
 def test_what_is_not_seen_has_no_part_and_may_be_anything(name, seed):
     composed = sample_swarm(name)
     x = np.random.default_rng(seed).uniform(-3.0, 3.0, composed.x.numel())

@@ -50,7 +50,7 @@ def cutting_row(rng: np.random.Generator, u_set: Polytope, size: float, share: f
 
 
 @given(seed=seeds, m=st.integers(1, 3), log_size=st.floats(-6, 3), share=st.floats(0.02, 1.2))
-@settings(max_examples=150)
+@settings(max_examples=60)
 def test_the_qp_finds_the_nearest_input_that_satisfies_the_row(seed, m, log_size, share):
     rng, u_set, weights, u_nom = drawn(seed, m)
     row = cutting_row(rng, u_set, 10.0**log_size, share)

@@ -132,7 +132,7 @@ def joint_sum_at_the_end(seed: int, q: int, keeps: bool) -> tuple[float, float]:
 
 
 @given(seed=seeds, q=degrees)
-@settings(max_examples=50)
+@settings(max_examples=25)
 def test_shares_from_different_samples_add_up_while_they_are_held(seed, q):
     joint, kept = joint_sum_at_the_end(seed, q, keeps=True)
     assume(kept > 1e-3)

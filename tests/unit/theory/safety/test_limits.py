@@ -15,8 +15,12 @@ from phalanx.theory.safety.function import Body
 from phalanx.theory.safety.limits import Band, Fence
 
 SWARM = {"agents.0.count": 40, "agents.1.count": 4, "duration": 1.0}
-BEYOND = 8.5
-"""By when the path of agent 1 has led out of the fence [s]."""
+LEAD_OUT = {
+    "formation.path": [[0.0, 6.0], [6.0, 6.0], [12.0, 0.0]],
+    "formation.finish": 8.0,
+    "duration": 4.5,
+}
+"""By the end the path of agent 1 has led out of the fence."""
 BALL = [{"type": "fence", "center": [0.0, 0.0, 0.0], "radius": 500.0}]
 
 
@@ -50,7 +54,7 @@ def test_the_outline_of_a_fence_is_where_its_h_is_zero(center, circles):
 
 
 def test_agents_stay_in_a_fence_that_their_path_leads_out_of():
-    run = phalanx.run(phalanx.load("fence", overrides={"duration": BEYOND}), engine="in-process")
+    run = phalanx.run(phalanx.load("fence", overrides=LEAD_OUT), engine="in-process")
     assert run.summary.outcome is Outcome.GUARANTEED
     worst = run.h.select("1-limit 0", "2-limit 0", "3-limit 0").max().row(0)
     assert all(value <= 0.0 for value in worst)
@@ -58,8 +62,8 @@ def test_agents_stay_in_a_fence_that_their_path_leads_out_of():
 
 
 def test_without_the_fence_they_leave_it():
-    overrides = {"duration": BEYOND, "limits": []}
-    run = phalanx.run(phalanx.load("fence", overrides=overrides), engine="in-process")
+    free = phalanx.load("fence", overrides={**LEAD_OUT, "limits": []})
+    run = phalanx.run(free, engine="in-process")
     last = run.states.tail(1)
     assert np.hypot(last["1.x"][0], last["1.y"][0]) > 8.0
 

@@ -51,7 +51,7 @@ def in_order(composed: ComposedSet, pairs: np.ndarray) -> list[int]:
 
 @pytest.mark.parametrize("name", DEGREES)
 @given(seed=seeds)
-@settings(max_examples=20)
+@settings(max_examples=8)
 def test_every_pairs_numbers_are_those_of_its_own_expression(name, seed):
     composed, pairs, function = swarm(name)
     x = np.random.default_rng(seed).uniform(-3.0, 3.0, composed.x.numel())

@@ -52,7 +52,7 @@ def state(n: int, seed: int) -> np.ndarray:
 
 @pytest.mark.parametrize("name", SWARMS)
 @given(seed=seeds)
-@settings(max_examples=25)
+@settings(max_examples=10)
 def test_lie_derivatives_of_h_tot_are_its_slopes_along_f_and_the_columns_of_g(name, seed):
     case, function = built(name)
     twin, x = case.twin, state(case.composed.x.numel(), seed)
