@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from phalanx.recording.read import Recording, read
-from phalanx.report.html import comparison, key_figures
+from phalanx.report.html import document, figure, note, section, table
 from phalanx.report.measures import link_statistics
+from phalanx.report.page import key_figures
 from phalanx.report.write import image_of, plates
 
 _SAME = ("name", "description", "reading")
@@ -69,12 +70,22 @@ def write_comparison(runs: Sequence[ComparedRun], path: Path) -> Path:
 
     Returns the path. Raises OSError if it cannot be written.
     """
-    names, drawn = titles(runs), dict[str, dict[str, bytes]]()
-    for name, run in zip(names, runs, strict=True):
-        for figure, image in run.figures.items():
-            drawn.setdefault(figure, {})[name] = image
-    page = comparison(names, differences(runs), results(runs), drawn)
-    path.write_text(page, encoding="utf-8")
+    names = titles(runs)
+    title, head = f"{len(runs)} runs", ("", *names)
+    parts = [
+        f"<h1>{title}</h1>",
+        section("What differs", table(head, differences(runs))),
+        section("What they came to", table(head, results(runs))),
+    ]
+    for drawn in dict.fromkeys(name for run in runs for name in run.figures):
+        shown = "".join(
+            figure(name, run.figures[drawn])
+            if drawn in run.figures
+            else note(f"{name}: nothing to draw")
+            for name, run in zip(names, runs, strict=True)
+        )
+        parts.append(section(drawn, f'<div class="beside">{shown}</div>'))
+    path.write_text(document(title, parts, "none"), encoding="utf-8")
     return path
 
 

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Step
+from phalanx.report.applied_inputs import input_box
+from phalanx.report.control_steps import LEAST_RATIO, draw_time_shares
 from phalanx.report.envelope import draw_envelope, envelope
-from phalanx.report.figures import LEAST_RATIO, draw_time_shares, input_box
 from phalanx.report.measures import LinkStatistics, extremes_kept
 from phalanx.report.style import FEW, LIMIT, MUTED, PEAK, WORST, legend, logarithmic, panels
 from phalanx.swarm.swarm import Swarm

@@ -5,8 +5,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from phalanx.recording.read import Recording, read, steps_by_agent
-from phalanx.report import crowd, figures, space
-from phalanx.report.html import page
+from phalanx.report import applied_inputs, control_steps, crowd, received, safety
+from phalanx.report.distances import distances, required_distance
 from phalanx.report.lanes import space_time
 from phalanx.report.margins import margins
 from phalanx.report.measures import (
@@ -15,6 +15,8 @@ from phalanx.report.measures import (
     link_statistics,
     worst_pairs,
 )
+from phalanx.report.page import page
+from phalanx.report.paths import paths
 from phalanx.report.style import FEW, MOST_NAMED, ReportFigure, summarises
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
@@ -68,14 +70,12 @@ def plates(recording: Recording, links: list[LinkStatistics]) -> Iterator[Report
         motion = Motion(recording, swarm)
         pairs = worst_pairs(recording, swarm) if many else None
         h = pairs.h if pairs else None
-        yield ReportFigure("h_tot", _SAFETY, figures.safety(recording, h))
-        if higher := figures.psi(recording, build_rows(swarm)):
+        yield ReportFigure("h_tot", _SAFETY, safety.safety(recording, h))
+        if higher := safety.psi(recording, build_rows(swarm)):
             yield ReportFigure("psi", _PSI, higher)
-        yield ReportFigure(
-            "paths", _paths_caption(recording), space.paths(recording, motion, pairs)
-        )
+        yield ReportFigure("paths", _paths_caption(recording), paths(recording, motion, pairs))
         caption = _NEAREST if many else _DISTANCES
-        yield ReportFigure("distances", caption, space.distances(recording, swarm, motion))
+        yield ReportFigure("distances", caption, distances(recording, swarm, motion))
     if recording.states and recording.steps:
         yield from (_of_many if many else _of_each)(recording, swarm)
         if compared := margins(recording, build_rows(swarm)):
@@ -83,7 +83,7 @@ def plates(recording: Recording, links: list[LinkStatistics]) -> Iterator[Report
         if lanes := space_time(recording, swarm):
             yield ReportFigure("space-time", _SPACE_TIME, lanes)
     if any(link.lost or link.model.loss for link in links):
-        drawn = (crowd.losses if many else figures.losses)(links)
+        drawn = (crowd.losses if many else received.losses)(links)
         yield ReportFigure("losses", _LOSSES, drawn)
 
 
@@ -102,11 +102,11 @@ def notes(recording: Recording) -> list[str]:
 def _of_each(recording: Recording, swarm: Swarm) -> Iterator[ReportFigure]:
     steps = steps_by_agent(recording)
     yield from _inputs(recording, swarm, [i for i in swarm.normal if steps[swarm.names[i]]])
-    if horizons := figures.certified(recording, swarm):
+    if horizons := control_steps.certified(recording, swarm):
         yield ReportFigure("certified", _CERTIFIED, horizons)
-    if ages := figures.ages(recording):
+    if ages := received.ages(recording):
         yield ReportFigure("ages", _ages_caption(recording), ages)
-    yield ReportFigure("solve-times", _SOLVE_TIMES, figures.solve_times(recording))
+    yield ReportFigure("solve-times", _SOLVE_TIMES, control_steps.solve_times(recording))
 
 
 def _of_many(recording: Recording, swarm: Swarm) -> Iterator[ReportFigure]:
@@ -129,7 +129,9 @@ def _inputs(recording: Recording, swarm: Swarm, agents: Sequence[int]) -> Iterat
             "marks each step whose K_i was empty: dark if the backup was applied, light if it had "
             "no authority."
         )
-        yield ReportFigure(f"inputs-{swarm.names[i]}", caption, figures.inputs(recording, swarm, i))
+        yield ReportFigure(
+            f"inputs-{swarm.names[i]}", caption, applied_inputs.inputs(recording, swarm, i)
+        )
 
 
 _SAFETY = (
@@ -178,7 +180,7 @@ def _paths_caption(recording: Recording) -> str:
     circles = (
         " Circles have half the required distance as radius, so that two which overlap are too "
         "close: solid at the end, dashed when h_tot was worst."
-        if space.required_distance(recording.scenario)
+        if required_distance(recording.scenario)
         else ""
     )
     return "Paths of the output points: hollow mark at the start, filled mark at the end." + circles

@@ -9,13 +9,15 @@ from matplotlib.axes import Axes
 
 from phalanx.recording.read import Recording, read, steps_by_agent
 from phalanx.recording.size import size_in_words
-from phalanx.report import crowd, space
+from phalanx.report import crowd
+from phalanx.report.distances import distances
 from phalanx.report.measures import (
     Motion,
     link_statistics,
     nearest,
     worst_pairs,
 )
+from phalanx.report.paths import paths
 from phalanx.report.write import notes, write_report
 from phalanx.swarm.swarm import Swarm, build_swarm
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space
@@ -67,7 +69,7 @@ def test_the_worst_pair_is_the_one_with_the_largest_h(crowded: Recording, swarm:
 
 
 def test_distances_name_the_closest_few_of_each_kind(crowded: Recording, swarm: Swarm) -> None:
-    panels = space.distances(crowded, swarm, Motion(crowded, swarm)).axes
+    panels = distances(crowded, swarm, Motion(crowded, swarm)).axes
     assert len(panels) == 3
     for axes in panels:
         *bands, median, first, second, third, fourth = named(axes)
@@ -81,12 +83,12 @@ def test_distances_name_the_closest_few_of_each_kind(crowded: Recording, swarm: 
 
 def test_paths_name_the_worst_pair_alone(crowded: Recording, swarm: Swarm) -> None:
     motion = Motion(crowded, swarm)
-    above, side = space.paths(crowded, motion, worst_pairs(crowded, swarm)).axes
+    above, side = paths(crowded, motion, worst_pairs(crowded, swarm)).axes
     assert (above.get_ylabel(), side.get_ylabel()) == ("y [m]", "z [m]")
     assert named(above)[:2] == ["16 × normal", "3 × adversary"]
     assert named(above)[2].endswith("of the worst pair")
-    paths = [len(lines.get_segments()) for lines in above.collections]
-    assert paths == [16, 3]
+    drawn = [len(lines.get_segments()) for lines in above.collections]
+    assert drawn == [16, 3]
 
 
 def test_inputs_tell_how_many_steps_had_an_empty_set(crowded: Recording, swarm: Swarm) -> None:

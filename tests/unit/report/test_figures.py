@@ -9,7 +9,7 @@ import pytest
 
 from phalanx.recording.read import Recording
 from phalanx.recording.records import State
-from phalanx.report import figures
+from phalanx.report import applied_inputs, control_steps, safety
 from phalanx.report.measures import origins
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
@@ -18,7 +18,7 @@ from tests.unit.swarms import rows_of_scenario, swarm_of_scenario
 
 def test_a_mark_stands_at_every_step_with_an_empty_set(recording: Recording) -> None:
     swarm = build_swarm(recording.scenario)
-    panels = figures.inputs(recording, swarm, 0).axes
+    panels = applied_inputs.inputs(recording, swarm, 0).axes
     assert len(panels) == 2
     for axes in panels:
         marks = {c.get_label(): c.get_offsets()[:, 0] for c in axes.collections}
@@ -28,7 +28,7 @@ def test_a_mark_stands_at_every_step_with_an_empty_set(recording: Recording) -> 
 
 
 def test_inputs_are_drawn_between_the_bounds_of_their_polytope(recording: Recording) -> None:
-    speed, turn_rate = figures.inputs(recording, build_swarm(recording.scenario), 4).axes
+    speed, turn_rate = applied_inputs.inputs(recording, build_swarm(recording.scenario), 4).axes
     for axes, bound in ((speed, 2.0), (turn_rate, 1.0)):
         dotted = [line.get_ydata()[0] for line in axes.lines if line.get_linestyle() == ":"]
         assert sorted(dotted) == pytest.approx([-bound, bound])
@@ -37,7 +37,7 @@ def test_inputs_are_drawn_between_the_bounds_of_their_polytope(recording: Record
 def test_certified_times_are_drawn_in_multiples_of_tau_with_a_mark_below_one(
     recording: Recording,
 ) -> None:
-    figure = figures.certified(recording, build_swarm(recording.scenario))
+    figure = control_steps.certified(recording, build_swarm(recording.scenario))
     assert figure is not None
     (axes,) = figure.axes
     assert axes.get_yscale() == "log"
@@ -53,17 +53,17 @@ def test_certified_times_are_drawn_in_multiples_of_tau_with_a_mark_below_one(
 def test_a_recording_without_certified_times_has_no_figure_of_them(recording: Recording) -> None:
     steps = [msgspec.structs.replace(step, certified=None) for step in recording.steps]
     bare = dataclasses.replace(recording, steps=steps)
-    assert figures.certified(bare, build_swarm(recording.scenario)) is None
+    assert control_steps.certified(bare, build_swarm(recording.scenario)) is None
 
 
 def test_where_the_inputs_lie_in_a_cube_their_infinity_norm_is_drawn_first() -> None:
     u = np.array([[0.5, -1.5, 1.0], [0.0, 0.2, -0.1]])
-    norm, *components = figures.input_curves(swarm_of_scenario("formation3d"), 0, u)
+    norm, *components = applied_inputs.input_curves(swarm_of_scenario("formation3d"), 0, u)
     assert norm.label == "‖u‖∞ [m/s²]"
     assert list(norm.values) == [1.5, 0.2]
     assert norm.bounds == (2.0,)
     assert len(components) == 3
-    assert len(figures.input_curves(swarm_of_scenario("unicycles"), 0, u[:, :2])) == 2
+    assert len(applied_inputs.input_curves(swarm_of_scenario("unicycles"), 0, u[:, :2])) == 2
 
 
 def test_the_nominal_input_is_drawn_beside_the_applied_one_and_does_not_stretch_the_panel(
@@ -73,7 +73,7 @@ def test_the_nominal_input_is_drawn_beside_the_applied_one_and_does_not_stretch_
     steps = [msgspec.structs.replace(step, u_nom=wanted) for step in recording.steps]
     far = dataclasses.replace(recording, steps=steps)
     for axes, nominal in zip(
-        figures.inputs(far, build_swarm(far.scenario), 0).axes, wanted, strict=True
+        applied_inputs.inputs(far, build_swarm(far.scenario), 0).axes, wanted, strict=True
     ):
         drawn = [line.get_ydata() for line in axes.lines if len(line.get_ydata()) > 2]
         assert [set(np.round(line, 12)) for line in drawn] == [{nominal}, {0.1}]
@@ -81,7 +81,7 @@ def test_the_nominal_input_is_drawn_beside_the_applied_one_and_does_not_stretch_
 
 
 def test_where_q_is_one_there_is_no_higher_psi(recording: Recording) -> None:
-    assert figures.psi(recording, build_rows(build_swarm(recording.scenario))) is None
+    assert safety.psi(recording, build_rows(build_swarm(recording.scenario))) is None
 
 
 def test_psi_1_of_a_pair_that_closes_in_is_drawn_up_to_where_it_is_largest() -> None:
@@ -89,7 +89,7 @@ def test_psi_1_of_a_pair_that_closes_in_is_drawn_up_to_where_it_is_largest() -> 
     swarm, x = rows.swarm, rows.swarm.start()
     states = [State(0.1 * k, (x + 0.1 * k).tolist(), -1.0) for k in range(5)]
     recording = Recording(Path(), swarm.scenario, {}, states=states)
-    figure = figures.psi(recording, rows)
+    figure = safety.psi(recording, rows)
     assert figure is not None
     (axes,) = figure.axes
     expected = [rows.invariants()(np.array(s.x)).reshape(-1, 2)[:, 1].max() for s in states]

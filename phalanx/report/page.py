@@ -1,0 +1,181 @@
+"""The report's page: what the recording of one run holds, in words and tables."""
+
+from collections.abc import Sequence
+from html import escape
+from itertools import starmap
+
+from phalanx.guarantee.punctuality import Punctuality, in_words
+from phalanx.guarantee.verdict import Outcome, Summary, certified
+from phalanx.network.link import DELAY, LOSS
+from phalanx.recording.read import Recording
+from phalanx.recording.size import size_in_words
+from phalanx.report.html import (
+    MOST_ROWS,
+    document,
+    figure,
+    milliseconds,
+    note,
+    percent,
+    seconds,
+    section,
+    table,
+)
+from phalanx.report.measures import LinkStatistics, origins, worst
+from phalanx.theory.rows.origin import EMPTY
+
+_NO_VERSION = ("run", "seed", "scenario_digest")
+"""What a recording says of itself beside versions."""
+_ASSUMPTIONS = ("assumption", "in words", "failed", "first failure")
+
+_MEANING = {
+    Outcome.GUARANTEED: "Safe, and proven so at every instant, whatever the others had done.",
+    Outcome.SAFE: "Never unsafe, but not proven throughout: safe by luck.",
+    Outcome.VIOLATED: "Some pair left the safe set.",
+    Outcome.BROKEN: "The run did not reach its end.",
+    Outcome.STOPPED: "The run was stopped by its user.",
+}
+
+
+def page(
+    recording: Recording,
+    links: Sequence[LinkStatistics],
+    figures: Sequence[tuple[str, bytes]],
+    notes: Sequence[str],
+) -> str:
+    """The whole report; figures are (caption, PNG), notes say what is not drawn and why."""
+    title = f"{recording.scenario.name}, seed {recording.scenario.seed}"
+    parts = [
+        f"<h1>{escape(title)}</h1>",
+        f'<p class="quiet">{escape(recording.scenario.description)}</p>',
+        *_origin(recording),
+        _verdict(recording),
+        section("Key figures", table((), key_figures(recording))),
+        *_judgement(recording.summary),
+        section("Links", _links(links)),
+        section("Figures", "\n".join([*starmap(figure, figures), *map(note, notes)])),
+        section("Events", _events(recording)),
+        _details(recording),
+    ]
+    return document(title, parts, "64rem")
+
+
+def _origin(recording: Recording) -> list[str]:
+    """The command that makes this run again, when it was made, and with what."""
+    scenario, made = recording.scenario, dict(recording.metadata)
+    command = scenario.reading.command(scenario.seed) if scenario.reading else None
+    parts = [made.pop("date", ""), f"phalanx {made.pop('phalanx', 'of unknown version')}"]
+    of_others = [f"{name} {made[name]}" for name in made if name not in _NO_VERSION]
+    words = ", ".join(filter(None, [*parts, *of_others]))
+    shown = [f"<pre>{escape(command)}</pre>"] if command else []
+    return [*shown, f'<p class="quiet">{escape(words)}</p>']
+
+
+def _verdict(recording: Recording) -> str:
+    summary = recording.summary
+    if summary is None:
+        kind, meaning = "unfinished", "No verdict: the recording ends before the run did."
+        reason = recording.damage or "it holds no summary"
+    else:
+        kind, meaning, reason = summary.outcome, _MEANING[summary.outcome], summary.reason
+    return (
+        f'<div class="verdict {kind}"><strong>{kind}</strong>{escape(meaning)}'
+        f"<p>{escape(reason)}</p></div>"
+    )
+
+
+def key_figures(recording: Recording) -> list[tuple[str, str]]:
+    """What a run came to, each with its name."""
+    summary, peak = recording.summary, worst(recording)
+    counts = origins(recording)
+    steps, normal = len(recording.steps), sum(counts.values())
+    empty = sum(counts[o] for o in EMPTY)
+    share = f"{empty} of {normal} normal steps ({percent(empty, normal)}): " if normal else ""
+    kinds = ", ".join(f"{counts[o]} {o}" for o in EMPTY)
+    reached = recording.states[-1].t if recording.states else 0.0
+    rows = [
+        ("Run", recording.metadata.get("run", "unknown")),
+        ("Seed", str(recording.scenario.seed)),
+        ("Virtual time", f"{reached:.3f} s of {recording.scenario.duration:g} s"),
+        ("Worst h_tot", f"{peak.h_tot:.6g} at t = {peak.t:.3f} s" if peak else "no state"),
+        ("Steps", f"{steps} recorded"),
+        ("Empty K_i", share + kinds),
+    ]
+    if summary:
+        rows += [
+            ("Worst pair", summary.worst_pair),
+            ("Certified", certified(summary)),
+            ("Wall time", f"{summary.wall_time:.3f} s"),
+            ("Real-time factor", f"{summary.real_time_factor:.2f}"),
+            ("Trajectory, SHA-256", summary.trajectory),
+        ]
+    return [*rows, ("Recording", size_in_words(recording))]
+
+
+def _judgement(summary: Summary | None) -> list[str]:
+    """Assumptions, violations and rejected payloads, as far as there is a verdict."""
+    if summary is None:
+        return []
+    guarantee, theorem = (
+        [(a.name, a.note, f"{a.failed} of {a.checked}", seconds(a.first)) for a in table]
+        for table in (summary.assumptions, summary.theorem)
+    )
+    violations = [
+        (v.pair, seconds(v.first), f"{v.worst:.6g}", seconds(v.worst_at), seconds(v.duration))
+        for v in sorted(summary.violations, key=lambda v: -v.worst)
+    ]
+    rejected = [(reason, str(count)) for reason, count in summary.rejected.items()]
+    faults = [(f.name, str(f.count) if f.count else "never had an effect") for f in summary.faults]
+    return [
+        section("What a guarantee rests on", table(_ASSUMPTIONS, guarantee)),
+        section("What the paper's theorem would have needed", table(_ASSUMPTIONS, theorem)),
+        section(
+            "Violations",
+            table(("pair", "first", "worst h", "worst at", "time with h > 0"), violations),
+        ),
+        *_punctuality(summary.punctuality),
+        section("Declared faults", table(("fault", "times it had an effect"), faults)),
+        section("Rejected payloads", table(("by whom or why", "payloads"), rejected)),
+    ]
+
+
+def _punctuality(found: Punctuality | None) -> list[str]:
+    if found is None:
+        return []
+    return [section("Real time", table(("what", "of this run"), in_words(found)))]
+
+
+def _links(links: Sequence[LinkStatistics]) -> str:
+    shown = sorted(links, key=lambda link: -link.excess) if len(links) > MOST_ROWS else links
+    head = ("link", "sent", "decided", "lost", "loss", "scenario's loss",
+            "mean delay", "least", "most", "scenario's delay")  # fmt: skip
+    rows = [
+        (
+            f"{link.sender} → {link.receiver}",
+            str(link.sent),
+            str(link.decided),
+            str(link.lost),
+            percent(link.lost, link.decided),
+            link.model.described(LOSS),
+            *_delays(link.delays),
+            link.model.described(DELAY),
+        )
+        for link in shown[:MOST_ROWS]
+    ]
+    return table(head, rows, len(links))
+
+
+def _delays(delays: Sequence[float]) -> tuple[str, str, str]:
+    if not delays:
+        return ("none arrived",) * 3
+    mean = sum(delays) / len(delays)
+    return milliseconds(mean), milliseconds(min(delays)), milliseconds(max(delays))
+
+
+def _events(recording: Recording) -> str:
+    return table(("t", "event"), [(seconds(event.t), event.text) for event in recording.log])
+
+
+def _details(recording: Recording) -> str:
+    text = escape(recording.scenario.model_dump_json(by_alias=True, indent=2))
+    title = "The scenario, every default spelled out"
+    return f"<details><summary>{title}</summary><pre>{text}</pre></details>"
