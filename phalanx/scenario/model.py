@@ -4,16 +4,11 @@ import shlex
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import count, islice
-from typing import Annotated, Any, Self
+from typing import Annotated, Self
 
 import numpy as np
 from pydantic import (
-    ConfigDict,
-    Discriminator,
     Field,
-    PrivateAttr,
-    RootModel,
-    Tag,
     model_validator,
 )
 
@@ -22,16 +17,11 @@ from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.faults import Fault
 from phalanx.scenario.fields import (
     CONTROLLER,
-    LIMIT,
-    SPHERE,
-    WALL,
     Finite,
     Name,
     NonNegative,
     Positive,
     Strict,
-    Table,
-    built,
     misplaced,
 )
 from phalanx.scenario.flows import Flows
@@ -39,39 +29,11 @@ from phalanx.scenario.lies import LieFault
 from phalanx.scenario.network import Network
 from phalanx.scenario.safety import Safety
 from phalanx.scenario.scatter import Scatter
+from phalanx.scenario.statics import LimitField, ObstacleField
 from phalanx.theory.laws.formation import Formation
-from phalanx.theory.safety.limits import Boundary, Limit
-from phalanx.theory.safety.obstacles import Sphere, Wall
 from phalanx.theory.safety.static import Static
 
 MAX_AGENTS = 256
-
-
-def _sphere_or_wall(value: Any) -> str:
-    has_normal = "normal" in value if isinstance(value, dict) else isinstance(value, Wall)
-    return WALL if has_normal else SPHERE
-
-
-ObstacleField = Annotated[
-    Annotated[Sphere, Tag(SPHERE)] | Annotated[Wall, Tag(WALL)], Discriminator(_sphere_or_wall)
-]
-
-
-class LimitField(RootModel[Table]):
-    """A [[limits]] table, with the limit that it describes."""
-
-    model_config = ConfigDict(frozen=True)
-    _limit: Limit = PrivateAttr()
-
-    @model_validator(mode="after")
-    def _resolve(self) -> Self:
-        self._limit = built(LIMIT, Limit, self.root)
-        return self
-
-    @property
-    def boundary(self) -> Boundary:
-        """The limit as the other side of pairs."""
-        return Boundary(self._limit)
 
 
 class Time(Strict):
