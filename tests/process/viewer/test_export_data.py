@@ -143,6 +143,6 @@ def test_a_wrong_combination_is_wrong_usage(finished, capsys, options, said):
 
 def test_a_moment_outside_the_run_is_refused_and_nothing_is_written(finished, capsys, tmp_path):
     png = tmp_path / "x.png"
-    assert status(["export", str(finished.folder), "--png", str(png), "--at", "99"]) == 3
+    assert status(["export", str(finished.folder), "--png", str(png), "--at", "99"]) == USAGE_ERROR
     assert "--at: expected 0 to" in capsys.readouterr().err
     assert not png.exists()
