@@ -1,28 +1,21 @@
 """The quadratic program of one agent: min ‖u - u_nom‖² in U_i and the safety rows."""
 
 import numpy as np
-import osqp
 from numpy.typing import NDArray
-from scipy import sparse
 
 from phalanx.theory.expressions.exact import dot, length
 from phalanx.theory.models.polytope import Box, Polytope
 from phalanx.theory.rows.box import nearest_in_box
 from phalanx.theory.rows.row import Row, Rows
+from phalanx.theory.rows.solver import INFINITY, Solver
 
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-6
 """How far a solution may stand outside its constraints, each scaled to a unit normal."""
 
-# OSQP reads 1e30 as infinity: a row that binds nothing.
-_INFINITY = 1e30
-_RHO = 0.1
-_STEEPEST = 1e4
-"""Objectives with a larger linear part are scaled down to it."""
 _FARTHEST = 1e6
 """How many times as far as U_i a nominal input counts."""
-_SOLVED = int(osqp.SolverStatus.OSQP_SOLVED)
 
 
 class NearestInput:
@@ -35,7 +28,7 @@ class NearestInput:
     def __init__(self, metric: tuple[float, ...], most_steps: int = 20_000) -> None:
         """metric: w, one weight for each input. most_steps: OSQP gives up after so many."""
         self._metric, self._most_steps = metric, most_steps
-        self._solvers: dict[int, _Osqp] = {}
+        self._solvers: dict[int, Solver] = {}
 
     def solve(
         self, u_nom: Array, polytope: Polytope, row: Row | Rows | None = None
@@ -76,59 +69,13 @@ class NearestInput:
             # Unit normals: rows of ‖a‖ from 1e-5 to 40 would strain the tolerances. A row that no
             # input changes, and that holds, binds nothing.
             scale = np.where(sizes > 0.0, sizes, 1.0)
-            bound = np.minimum(bound / scale, _INFINITY)
+            bound = np.minimum(bound / scale, INFINITY)
             A, b = np.concatenate((A, a / scale[:, None])), np.concatenate((b, bound))
             allowed = np.concatenate((allowed, bound + TOLERANCE))
         if len(b) not in self._solvers:
-            self._solvers[len(b)] = _Osqp(self._metric, len(b), self._most_steps)
+            self._solvers[len(b)] = Solver(self._metric, len(b), self._most_steps)
         u = self._solvers[len(b)].solve(u_nom, A, b)
         return u if u is not None and (dot(A, u) <= allowed).all() else None
-
-
-class _Osqp:
-    """One solver that is updated and asked again, for a given number of rows.
-
-    Its sparsity is dense and fixed, since a zero that vanished from the pattern would make the
-    update wrong. Adaptive ρ counts iterations, not time, and begins anew each time; nothing is
-    scaled by what came before.
-    """
-
-    def __init__(self, metric: tuple[float, ...], rows: int, most_steps: int) -> None:
-        self._weights = np.array(metric)
-        solver = osqp.OSQP()
-        solver.setup(
-            P=sparse.csc_matrix(np.diag(2.0 * self._weights)),
-            q=np.zeros(len(metric)),
-            A=sparse.csc_matrix(np.ones((rows, len(metric)))),
-            l=np.full(rows, -np.inf),
-            u=np.ones(rows),
-            verbose=False,
-            eps_abs=1e-6,
-            eps_rel=1e-8,
-            polishing=True,
-            max_iter=most_steps,
-            check_termination=10,
-            adaptive_rho=True,
-            adaptive_rho_interval=50,
-            warm_starting=False,
-            rho=_RHO,
-            scaling=0,
-        )
-        # The compiled solver itself: what its wrapper adds to every call takes as long as a solve.
-        self._solver = solver._solver
-
-    def solve(self, u_nom: Array, A: Array, b: Array) -> Array | None:
-        """argmin of Σ w (u - u_nom)² over A u <= b, or None if OSQP did not solve it."""
-        # Scaling the objective leaves the argmin where it is; OSQP gives up on slopes of 10⁶.
-        steepest = 2.0 * float(np.abs(self._weights * u_nom).max())
-        quadratic = 2.0 * self._weights * (_STEEPEST / max(steepest, _STEEPEST))
-        self._solver.update_rho(_RHO)
-        self._solver.update_data_vec(q=-quadratic * u_nom, l=None, u=b)
-        self._solver.update_data_mat(P_x=quadratic, P_i=None, A_x=A.ravel(order="F"), A_i=None)
-        self._solver.solve()
-        if self._solver.info.status_val != _SOLVED:
-            return None
-        return np.array(self._solver.solution.x)
 
 
 def _within_reach(u_nom: Array, box: Box) -> Array:
