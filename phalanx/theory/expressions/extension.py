@@ -4,7 +4,9 @@ The bounds are compiled like everything else, so that a control step can afford 
 exact up to rounding for each operation, and conservative where a variable occurs twice.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import casadi as ca
 
@@ -18,8 +20,10 @@ from phalanx.theory.expressions.interval import (
     beside_the_cut,
     cosine,
     equal,
+    finite,
     if_else_zero,
     increasing,
+    is_number,
     logical_not,
     multiply,
     negate,
@@ -45,11 +49,20 @@ def extend(
 ) -> list[Interval]:
     """Bounds of scalar expressions while each scalar symbol moves within its interval.
 
+    Everything where a factor of a product has no bound: only there zero could meet infinity.
+
     Raises:
         UnboundedOperationError: an operation has no rule here.
         RuntimeError: an expression contains other symbols (from CasADi).
     """
-    return _extend(expressions, symbols, box)[0]
+    extension = _Extension()
+    bounds = extension.of(expressions, symbols, box)
+    if not (factors := extension.factors()):
+        return bounds
+    known = finite(factors)
+    return [
+        Interval(ca.if_else(known, a.lo, -ca.inf), ca.if_else(known, a.hi, ca.inf)) for a in bounds
+    ]
 
 
 def continuous(
@@ -62,36 +75,90 @@ def continuous(
     Raises:
         UnboundedOperationError: as extend does.
     """
-    kept = ca.SX(1)
-    for condition in _extend(expressions, symbols, box)[1]:
+    extension = _Extension()
+    extension.of(expressions, symbols, box)
+    kept = finite(extension.factors())
+    for condition in extension.conditions:
         kept = ca.logic_and(kept, condition)
     return kept
 
 
-def _extend(
-    expressions: Sequence[ca.SX], symbols: Sequence[ca.SX], box: Sequence[Interval]
-) -> tuple[list[Interval], list[ca.SX]]:
-    """The bounds, and for each operation that can jump whether it does not."""
-    f = ca.Function("f", [ca.vertcat(*symbols)], [ca.densify(ca.vertcat(*expressions))])
-    work: dict[int, Interval] = {}
-    conditions: list[ca.SX] = []
-    results = [point(0.0)] * len(expressions)
-    for k in range(f.n_instructions()):
-        op, sources, targets = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
-        if op == ca.OP_CONST:
-            work[targets[0]] = point(f.instruction_constant(k))
-        elif op == ca.OP_INPUT:
-            work[targets[0]] = box[sources[1]]
-        elif op == ca.OP_OUTPUT:
-            results[targets[1]] = work[sources[0]]
-        elif op in _RULES:
-            arguments = [work[s] for s in sources]
-            if op in _CONTINUOUS:
-                conditions.append(_CONTINUOUS[op](*arguments))
-            work[targets[0]] = _RULES[op](*arguments)
-        else:
+class _Bounds(NamedTuple):
+    """Those of one step of an expression."""
+
+    interval: Interval
+    rest_on: frozenset[int]
+    """Which of the watched intervals must be finite for this one to be."""
+
+
+class _Extension:
+    """The steps of expressions, one after the other."""
+
+    def __init__(self) -> None:
+        self.conditions: list[ca.SX] = []
+        """For each operation that can jump whether it does not."""
+        self._watched: list[Interval] = []
+        """What may be infinite, although nothing was that it is made of."""
+        self._needed: frozenset[int] = frozenset()
+        self._reciprocals: dict[tuple[int, int], tuple[Interval, _Bounds]] = {}
+
+    def of(
+        self, expressions: Sequence[ca.SX], symbols: Sequence[ca.SX], box: Sequence[Interval]
+    ) -> list[Interval]:
+        """Their bounds, if all `factors` are finite."""
+        f = ca.Function("f", [ca.vertcat(*symbols)], [ca.densify(ca.vertcat(*expressions))])
+        work: dict[int, _Bounds] = {}
+        given = [self._given(interval) for interval in box]
+        results = [point(0.0)] * len(expressions)
+        for k in range(f.n_instructions()):
+            op, sources = f.instruction_id(k), f.instruction_input(k)
+            targets = f.instruction_output(k)
+            if op == ca.OP_CONST:
+                work[targets[0]] = self._given(point(f.instruction_constant(k)))
+            elif op == ca.OP_INPUT:
+                work[targets[0]] = given[sources[1]]
+            elif op == ca.OP_OUTPUT:
+                results[targets[1]] = work[sources[0]].interval
+            else:
+                work[targets[0]] = self._step(op, [work[s] for s in sources])
+        return results
+
+    def factors(self) -> list[Interval]:
+        """What must be finite for all products to be right."""
+        return [self._watched[k] for k in sorted(self._needed)]
+
+    def _given(self, interval: Interval) -> _Bounds:
+        known = all(end.is_constant() and math.isfinite(float(end)) for end in interval)
+        return _Bounds(interval, frozenset() if known else self._watch(interval))
+
+    def _watch(self, interval: Interval) -> frozenset[int]:
+        self._watched.append(interval)
+        return frozenset([len(self._watched) - 1])
+
+    def _step(self, op: int, arguments: Sequence[_Bounds]) -> _Bounds:
+        """Raises UnboundedOperationError."""
+        if op == ca.OP_DIV:
+            return self._step(ca.OP_MUL, [arguments[0], self._reciprocal(arguments[1])])
+        if op not in _RULES:
             raise UnboundedOperationError(f"no interval rule for the operation {_name(op)}")
-    return results, conditions
+        intervals = [a.interval for a in arguments]
+        if op in _CONTINUOUS:
+            self.conditions.append(_CONTINUOUS[op](*intervals))
+        found = _RULES[op](*intervals)
+        rest_on = frozenset[int]().union(*[a.rest_on for a in arguments])
+        if op == ca.OP_MUL and not any(map(is_number, intervals)):
+            self._needed |= rest_on
+        if op in _UNBOUNDED:
+            rest_on = self._watch(found)
+        return _Bounds(found, frozenset() if op in _BOUNDED else rest_on)
+
+    def _reciprocal(self, a: _Bounds) -> _Bounds:
+        """1/a, written once for all that are divided by it."""
+        ends = a.interval.lo.element_hash(), a.interval.hi.element_hash()
+        if ends not in self._reciprocals:
+            # The interval is kept too: while it lives, nothing else has its hash.
+            self._reciprocals[ends] = a.interval, self._step(ca.OP_INV, [a])
+        return self._reciprocals[ends][1]
 
 
 def _name(op: int) -> str:
@@ -105,7 +172,6 @@ _RULES: Mapping[int, Callable[..., Interval]] = {
     ca.OP_SUB: subtract,
     ca.OP_NEG: negate,
     ca.OP_MUL: multiply,
-    ca.OP_DIV: lambda a, b: multiply(a, reciprocal(b)),
     ca.OP_INV: reciprocal,
     ca.OP_SQ: square,
     ca.OP_TWICE: lambda a: add(a, a),
@@ -152,10 +218,38 @@ _CONTINUOUS: Mapping[int, Callable[..., ca.SX]] = {
     ca.OP_AND: lambda a, b: ca.logic_and(one_sign(a), one_sign(b)),
     ca.OP_OR: lambda a, b: ca.logic_and(one_sign(a), one_sign(b)),
     ca.OP_IF_ELSE_ZERO: lambda condition, _: one_sign(condition),
-    ca.OP_DIV: lambda _, b: without_zero(b),
     ca.OP_INV: without_zero,
     ca.OP_LOG: lambda a: a.lo > 0,
     ca.OP_SQRT: lambda a: a.lo >= 0,
     ca.OP_POW: power_is_continuous,
     ca.OP_CONSTPOW: power_is_continuous,
 }
+
+_UNBOUNDED = {
+    ca.OP_INV,
+    ca.OP_SQRT,
+    ca.OP_EXP,
+    ca.OP_LOG,
+    ca.OP_SINH,
+    ca.OP_TAN,
+    ca.OP_CONSTPOW,
+    ca.OP_POW,
+}
+"""What may be infinite where its arguments are not."""
+
+_BOUNDED = {
+    ca.OP_SIGN,
+    ca.OP_TANH,
+    ca.OP_ATAN,
+    ca.OP_ATAN2,
+    ca.OP_LT,
+    ca.OP_LE,
+    ca.OP_EQ,
+    ca.OP_NE,
+    ca.OP_NOT,
+    ca.OP_AND,
+    ca.OP_OR,
+    ca.OP_SIN,
+    ca.OP_COS,
+}
+"""What is finite wherever its arguments are."""

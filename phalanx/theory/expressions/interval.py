@@ -4,7 +4,7 @@ Beside its rule each operation that can jump has the condition under which it do
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache, wraps
 from typing import NamedTuple
 
@@ -60,18 +60,35 @@ def negate(a: Interval) -> Interval:
     return Interval(-a.hi, -a.lo)
 
 
-@_written_once
 def multiply(a: Interval, b: Interval) -> Interval:
-    """a b; everything where zero meets infinity, whose product is not a number."""
+    """a b, where no zero meets infinity: that is not a number, which min and max pass over."""
+    for factor, other in ((a, b), (b, a)):
+        if is_number(factor):
+            ends = factor.lo * other.lo, factor.lo * other.hi
+            return Interval(*ends) if float(factor.lo) >= 0.0 else Interval(*reversed(ends))
+    return _product(a, b)
+
+
+@_written_once
+def _product(a: Interval, b: Interval) -> Interval:
     # Of a number both ends are one expression, and of the four products two are two others.
     first = [a.lo] if _is_point(a) else [a.lo, a.hi]
     second = [b.lo] if _is_point(b) else [b.lo, b.hi]
     ends = ca.vertcat(*[x * y for x in first for y in second])
-    # Comparisons are false for NaN, which min and max would pass over.
-    known = ca.sum1(ends) <= ca.inf
-    return Interval(
-        ca.if_else(known, ca.mmin(ends), -ca.inf), ca.if_else(known, ca.mmax(ends), ca.inf)
-    )
+    return Interval(ca.mmin(ends), ca.mmax(ends))
+
+
+def is_number(a: Interval) -> bool:
+    """Whether a is one number that is known and finite."""
+    return a.lo.is_constant() and _is_point(a) and math.isfinite(float(a.lo))
+
+
+def finite(intervals: Iterable[Interval]) -> ca.SX:
+    """1 if all ends are numbers and none is infinite."""
+    total = ca.SX(0)
+    for a in intervals:
+        total += ca.fabs(a.lo) if _is_point(a) else a.hi - a.lo
+    return total < ca.inf
 
 
 def _is_point(a: Interval) -> bool:

@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 from phalanx.theory.expressions.extension import extend
 from phalanx.theory.expressions.interval import (
     Interval,
-    add,
     hull,
     inflate,
     inside,
-    multiply,
     point,
 )
 from phalanx.theory.models.polytope import constant_polytope, vertices
@@ -117,9 +115,8 @@ def fastest(member: Member, inputs: Sequence[Interval], bound: float) -> list[In
 
 def moved(x: ca.SX, rates: Sequence[Interval], horizon: float | ca.SX) -> list[Interval]:
     """x + [0, τ] rates, by component."""
-    span = Interval(ca.SX(0), ca.SX(horizon))
     return [
-        add(point(start), multiply(span, rate))
+        Interval(start + ca.fmin(0, horizon * rate.lo), start + ca.fmax(0, horizon * rate.hi))
         for start, rate in zip(ca.vertsplit(x), rates, strict=True)
     ]
 

@@ -70,6 +70,16 @@ def test_zero_times_what_is_unbounded_is_unbounded_and_not_forgotten():
     assert high(np.array([0.0, 3.0, 1.0, 2.0]))[0][0] == 3.0
 
 
+@pytest.mark.parametrize("factor", [ca.exp, ca.sinh, lambda y: y, lambda y: 1 / (y - 1)])
+def test_a_factor_without_bound_is_not_forgotten_wherever_it_comes_from(factor):
+    x, y, ends = ca.SX.sym("x"), ca.SX.sym("y"), ca.SX.sym("ends", 2)
+    box = [Interval(ends[0], ends[0]), Interval(ca.SX(0), ends[1])]
+    (bound,) = extend([ca.fmax(x * factor(y), -5)], [x, y], box)
+    ends_of = CompiledFunction([ends], [ca.vertcat(*bound)])
+    assert ends_of(np.array([0.0, math.inf]))[0].tolist() == [-math.inf, math.inf]
+    assert ends_of(np.array([0.0, 0.5]))[0].tolist() == [0.0, 0.0]
+
+
 @pytest.mark.parametrize("function", [ca.sqrt, ca.log])
 def test_outside_its_domain_a_function_is_unbounded_and_not_forgotten(function):
     x = ca.SX.sym("x")
