@@ -68,7 +68,8 @@ class PlantRun:
         self._world = World(rows)
         self._judge = Judge(rows)
         self._truth = Truth(rows, self._world.motion)
-        self._judge.saw(self._truth.of(self._world.take_way()))
+        for shown in self._truth.of([self._world.take_way()]):
+            self._judge.saw(shown)
         self._commands = commands
         commands.declare(declared(swarm))
         faults = FaultState(swarm.names)
@@ -103,6 +104,7 @@ class PlantRun:
         stopwatch.time(self._truth, "of", "truth")
         for call in ("reached", "sampled", "applied"):
             stopwatch.time(self._judge, call, "judge")
+        stopwatch.time(self._judge.coverage, "proven", "judge")
         stopwatch.time(self._recording, "write", "record")
         stopwatch.time(self._frames, "show", "show")
         stopwatch.time(self._commands, "take", "wait")

@@ -46,6 +46,9 @@ class Keeper:
         self.trajectory, self.steps = TrajectoryHash(), 0
         self.began = time.perf_counter()
 
+    def expect(self, event: Event) -> None:
+        """Nothing is worked out ahead."""
+
     def witness(self, event: Event) -> None:
         """Take the next event."""
         if isinstance(event, StateReached | InputApplied):

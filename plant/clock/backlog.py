@@ -6,11 +6,19 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from phalanx.plant.events.events import Event
+from phalanx.plant.events.stop import StoppedError, SwarmBrokenError
+from phalanx.plant.world.world import DivergedError
 from phalanx.recording.write import RecordingError
+
+_AT_ONCE = 24
+"""So many events may wait, though there is time: what they need is worked out for all at once."""
 
 
 class Witness(Protocol):
     """Whoever is told what happened, while there is time."""
+
+    def expect(self, event: Event) -> None:
+        """This will be told, after all that was expected before."""
 
     def witness(self, event: Event) -> None:
         """Take the next event."""
@@ -19,19 +27,33 @@ class Witness(Protocol):
         """Called when there is time for what waits until then."""
 
 
-class Backlog(deque[Event]):
+class Backlog:
     """Events in their order; whatever is left of them at the end of a run is told then."""
 
     def __init__(self, scribe: Witness) -> None:
-        super().__init__()
         self._scribe = scribe
+        self._events: deque[Event] = deque()
+
+    def __len__(self) -> int:
+        return len(self._events)
+
+    def add(self, event: Event) -> None:
+        """This happened next."""
+        self._events.append(event)
+        self._scribe.expect(event)
 
     def write_one(self) -> None:
         """Tell the scribe of the oldest."""
-        self._scribe.witness(self.popleft())
+        self._scribe.witness(self._events.popleft())
+
+    def write_most(self) -> None:
+        """Tell the scribe of all but the last few. Raises RecordingError, DivergedError."""
+        while len(self) > _AT_ONCE:
+            self.write_one()
+        self._scribe.idle()
 
     def write_down(self) -> None:
-        """Tell the scribe of all. Raises RecordingError."""
+        """Tell the scribe of all. Raises RecordingError, DivergedError."""
         while self:
             self.write_one()
         self._scribe.idle()
@@ -48,6 +70,6 @@ class Backlog(deque[Event]):
         if error is None:
             self.write_down()
         elif not isinstance(error, RecordingError):
-            # What led to the failure is worth as much as the rest.
-            with contextlib.suppress(RecordingError):
+            # What led to the failure is worth as much as the rest, as far as it can be told.
+            with contextlib.suppress(RecordingError, DivergedError, SwarmBrokenError, StoppedError):
                 self.write_down()

@@ -141,7 +141,7 @@ class Lockstep:
         return min(self._schedule.next_event(), self._commands.next)
 
     def _event_at(self, t: float) -> None:
-        commands = self._commands.take(self._now, t, self._go_on)
+        commands = self._commands.take(self._now, t, self._catch_up)
         if commands or self._ahead is None:
             self._settle()
         self._now = t
@@ -193,20 +193,28 @@ class Lockstep:
             self._finish(self._moments[0], wait=True)
 
     def _go_on(self) -> None:
-        """Let take effect what has been answered, and tell of it."""
+        """Let take effect what has been answered, and tell of most of it."""
+        self._apply_answers()
+        self._happened.write_most()
+
+    def _catch_up(self) -> None:
+        """Let take effect what has been answered, and tell of all of it."""
+        self._apply_answers()
+        self._happened.write_down()
+
+    def _apply_answers(self) -> None:
         while self._moments and self._finish(self._moments[0], wait=False):
             pass
-        self._happened.write_down()
 
     def _finish(self, moment: _Moment, wait: bool) -> bool:
         """Let the first moment's inputs take effect; False if one is not there yet."""
         if not moment.reached:
             self._reach(moment.t)
             self._require_truth(moment)
-            self._happened += moment.commands
-            self._happened += [
-                Sampled(i, moment.t, taken.truthful) for i, taken in moment.handed_out.items()
-            ]
+            for obeyed in moment.commands:
+                self._happened.add(obeyed)
+            for i, taken in moment.handed_out.items():
+                self._happened.add(Sampled(i, moment.t, taken.truthful))
             moment.reached = True
         while moment.awaited:
             message = self._answer_to(moment.awaited[0], wait)
@@ -214,16 +222,16 @@ class Lockstep:
                 return False
             i, k, sampled, lost = moment.awaited.popleft()
             if lost:
-                self._happened.append(InputLost(i, k, sampled, moment.t, message.u))
+                self._happened.add(InputLost(i, k, sampled, moment.t, message.u))
             else:
                 self.world.apply(i, np.array(message.u))
-                self._happened.append(InputApplied(i, k, sampled, moment.t, message.u))
+                self._happened.add(InputApplied(i, k, sampled, moment.t, message.u))
         self._moments.popleft()
         return True
 
     def _reach(self, t: float) -> None:
         self.world.advance(t)
-        self._happened.append(StateReached(t, self.world.x, self.world.take_way()))
+        self._happened.add(StateReached(t, self.world.x, self.world.take_way()))
 
     def _require_truth(self, moment: _Moment) -> None:
         """What was handed out ahead of the world must be what the world came to."""

@@ -137,15 +137,17 @@ class RealTime:
         due = [i for i in self._schedule.sampling_at(now) if self._may_sample(i)]
         if commands or changes or due:
             self._reach(now)
-        self._happened += [self._obey(command) for command in commands]
-        self._happened += [MemberLost(i, now, back) for i, back in changes]
+        for command in commands:
+            self._happened.add(self._obey(command))
+        for i, back in changes:
+            self._happened.add(MemberLost(i, now, back))
         self._returning -= {i for i, back in changes if back}
         self._sample([i for i in due if not self._faults.silent(i)], now)
 
     def _reach(self, t: float) -> None:
         if t > self.world.t:
             self.world.advance(t)
-            self._happened.append(StateReached(t, self.world.x, self.world.take_way()))
+            self._happened.add(StateReached(t, self.world.x, self.world.take_way()))
 
     def _may_sample(self, i: int) -> bool:
         """Whether agent i can take a sample at the tick that has come; else the tick goes by."""
@@ -166,12 +168,12 @@ class RealTime:
         asked, answer = self._asked.pop(i), self._answers.pop(i)
         self.timekeeping.late += t > asked.due
         if asked.lost:
-            self._happened.append(InputLost(i, asked.sample.k, asked.sample.t, t, answer.u))
+            self._happened.add(InputLost(i, asked.sample.k, asked.sample.t, t, answer.u))
         else:
             self.world.apply(i, np.array(answer.u))
             k, sampled = asked.sample.k, asked.sample.t
             applied = InputApplied(i, k, sampled, t, answer.u, asked.sample)
-            self._happened.append(applied)
+            self._happened.add(applied)
 
     def _sample(self, due: list[int], now: float) -> None:
         x, pace = self.world.x, self._commands.pace.speed
@@ -180,7 +182,7 @@ class RealTime:
             taken = self._sampling.take(i, now, x, sight, pace)
             takes_effect, lost = self._schedule.due(i), self._schedule.loses_input(i)
             self._asked[i] = _Asked(taken.sample, time.monotonic(), takes_effect, lost)
-            self._happened.append(Sampled(i, now, taken.truthful))
+            self._happened.add(Sampled(i, now, taken.truthful))
             self._agents.send_sample(i, taken.sample)
             while self._schedule.tick(i) <= now:
                 self._miss(i)

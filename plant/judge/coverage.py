@@ -5,6 +5,9 @@ and that input; nothing that an agent says about itself has a part in it. A pair
 as one of its normal members holds an input with a certificate: Theorem 2 of docs/certificate.md.
 """
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +21,18 @@ Array = NDArray[np.float64]
 
 _FEW = 24
 """In so small a swarm it takes longer to look who is near than to ask for all."""
+
+
+class Held(NamedTuple):
+    """An input that an actuator holds from now on."""
+
+    i: int
+    t: float
+    """[s]"""
+    x: Array
+    """The true stacked state then, shape (n̄,)."""
+    u: Array
+    """shape (m_i,)"""
 
 
 class Coverage:
@@ -56,8 +71,17 @@ class Coverage:
 
     def begin(self, x: Array) -> None:
         """Before its first input takes effect every actuator holds zero, from x(0), (n̄,), on."""
-        for i, size in self._inputs.items():
-            self._issue(i, 0.0, x, np.zeros(size))
+        held = [Held(i, 0.0, x, np.zeros(size)) for i, size in self._inputs.items()]
+        for (i, t, _, _), proven in zip(held, self.proven(held), strict=True):
+            if proven is not None:
+                self._issue(i, t, proven)
+
+    def proven(self, held: Sequence[Held]) -> list[Array | None]:
+        """For how long each of an agent's pairs is proven safe [s]; None for an adversary's input.
+
+        The inputs of one agent or of several, in the order of their times.
+        """
+        return [self._proven(*each) if each.i in self._agents else None for each in held]
 
     def reached(self, t: float) -> None:
         """Time has gone on to t [s], with the certificates that there are."""
@@ -68,23 +92,23 @@ class Coverage:
             self.summary.uncovered = self._composed.label(self._composed.pairs[first])
             self.summary.uncovered_at = max(0.0, float(self.ends[first]))
 
-    def applied(self, i: int, t: float, x: Array, u: Array) -> float | None:
-        """Normal agent i holds u, shape (m_i,), from t [s] and the true state x, (n̄,), on.
+    def applied(self, i: int, t: float, proven: Array) -> float:
+        """Normal agent i's input is held from t [s] on.
 
-        Returns how long all its pairs are certified [s]; None for an adversary.
+        Returns how long all its pairs are certified [s].
         """
-        if i not in self._agents:
-            return None
-        shortest = self._issue(i, t, x, u)
+        shortest = self._issue(i, t, proven)
         self.summary.count(shortest, self._agents[i].tau)
         return shortest
 
-    def _issue(self, i: int, t: float, x: Array, u: Array) -> float:
-        agent, sides = self._agents[i], self._sides[i]
-        around = self._boxes
-        near = None if around is None else around.near(i, self._others[i], t, x)
-        times = agent(x, u, near)
+    def _proven(self, i: int, t: float, x: Array, u: Array) -> Array:
+        boxes = self._boxes
+        near = None if boxes is None else boxes.near(i, self._others[i], t, x)
+        return self._agents[i](x, u, near)
+
+    def _issue(self, i: int, t: float, proven: Array) -> float:
+        sides, pairs = self._sides[i], self._pairs[i]
         # The certificate before it ends with the input that it was for.
-        self._until[sides, self._pairs[i]] = np.where(times > 0.0, t + times, -np.inf)
-        self.ends[self._pairs[i]] = self._until[:, self._pairs[i]].max(axis=0)
-        return float(times.min(initial=np.inf))
+        self._until[sides, pairs] = np.where(proven > 0.0, t + proven, -np.inf)
+        self.ends[pairs] = self._until[:, pairs].max(axis=0)
+        return float(proven.min(initial=np.inf))

@@ -16,7 +16,7 @@ from phalanx.plant.judge.coverage import Coverage
 from phalanx.plant.world.actuators import Actuators
 from phalanx.plant.world.extremes import PairExtremes
 from phalanx.plant.world.truth import IntegrationSteps
-from phalanx.plant.world.world import DisturbanceKnot
+from phalanx.plant.world.world import DisturbanceKnot, DivergedError
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.rows.origin import EMPTY, Origin
 from phalanx.wire.messages import Telemetry
@@ -49,8 +49,8 @@ class Judge:
         self._in_force: dict[int, float] = {}
         """When each agent's input took effect [s]."""
         self._actuators = Actuators(swarm)
-        self._zeros = [np.zeros(len(m.dynamics.inputs)) for m in swarm.members]
-        """What actuators hold before their first input."""
+        self._at_zero = {i: np.zeros(len(m.dynamics.inputs)) for i, m in enumerate(swarm.members)}
+        """What actuators hold before their first input, of those that have had none."""
         self._sampled: dict[int, float] = {}
         self._sampled_in: dict[int, Array] = {}
         """The true state that each agent last sampled."""
@@ -79,17 +79,16 @@ class Judge:
         return self._checks.of_theorem
 
     def reached(self, event: StateReached, seen: list[IntegrationSteps | DisturbanceKnot]) -> None:
-        """The world went on to another event; seen: on the way."""
+        """The world went on to another event; seen: on the way. Raises DivergedError."""
         self.saw(seen)
         self.coverage.reached(event.t)
         if event.t > 0.0:
-            for i in range(len(self._zeros)):
-                if i not in self._in_force:
-                    self._check_input(i, self._x, self._zeros[i], 0.0)
+            for i, zero in self._at_zero.items():
+                self._check_input(i, self._x, zero, 0.0)
         self._x = event.x
 
     def saw(self, seen: list[IntegrationSteps | DisturbanceKnot]) -> None:
-        """What the world went through."""
+        """What the world went through. Raises DivergedError."""
         for piece in seen:
             if isinstance(piece, DisturbanceKnot):
                 norms = np.sqrt(np.add.reduceat(piece.phi * piece.phi, self._begins))
@@ -98,6 +97,8 @@ class Judge:
                     bool((norms <= self._bounds * (1.0 + _ROUNDING)).all()), piece.t
                 )
                 continue
+            if not np.isfinite(piece.h_tot).all():
+                raise DivergedError("h_tot", float(piece.times[-1]))
             if self._checks.start.checked == 0:
                 self._checks.start.check(bool((piece.h[0] <= 0.0).all()), float(piece.times[0]))
             self.extremes.add(piece.times, piece.pairs, piece.h, piece.h_tot)
@@ -127,8 +128,10 @@ class Judge:
         if i in self._swarm.normal:
             self._checks.faithful.check(False, t)
 
-    def applied(self, event: InputApplied, telemetry: Telemetry) -> float | None:
-        """An actuator took its input.
+    def applied(
+        self, event: InputApplied, telemetry: Telemetry, proven: Array | None
+    ) -> float | None:
+        """An actuator took its input; proven: as Coverage.proven has it of a normal agent's.
 
         Returns how long all pairs of a normal agent are certified from now on [s].
         """
@@ -144,8 +147,11 @@ class Judge:
                 self._check_step(event, telemetry)
         u = np.array(event.u)
         self._in_force[event.i] = event.t_apply
+        self._at_zero.pop(event.i, None)
         self._check_input(event.i, self._sampled_in.get(event.i, self._x), u, event.t_apply)
-        return self.coverage.applied(event.i, event.t_apply, self._x, u)
+        if proven is None:
+            return None
+        return self.coverage.applied(event.i, event.t_apply, proven)
 
     def lost(self, event: InputLost) -> None:
         """An input never came to its actuator."""

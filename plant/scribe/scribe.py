@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from phalanx.faults.commands import STRIKES, CommandKind, described
 from phalanx.network.inbox import Fate
@@ -18,14 +19,18 @@ from phalanx.plant.events.events import (
     StateReached,
 )
 from phalanx.plant.judge.claims import Finding
+from phalanx.plant.judge.coverage import Held
 from phalanx.plant.judge.judge import Judge
+from phalanx.plant.scribe.ahead import Ahead
 from phalanx.plant.scribe.frames import FramePublisher
 from phalanx.plant.scribe.trajectory import TrajectoryHash
-from phalanx.plant.world.truth import Truth
+from phalanx.plant.world.truth import Seen, Truth, Way
 from phalanx.recording.records import Log, Shown, State, Step
 from phalanx.recording.write import RecordingWriter
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Sample, Status, Telemetry
+
+Array = NDArray[np.float64]
 
 _STATUS_EVERY = 0.1
 """Wall time between status messages [s]."""
@@ -59,7 +64,12 @@ class RunScribe:
             publish_status: tells whoever watches how far the run is.
             recording_step: least time between two recorded states [s].
         """
-        self._names, self._declared, self._truth, self._judge = names, declared, truth, judge
+        self._names, self._declared, self._judge = names, declared, judge
+        # Looked up at each call, for a stopwatch may time them.
+        self._ways = Ahead[Way, Seen](lambda ways: truth.of(ways))
+        self._inputs = Ahead[Held, Array | None](lambda held: judge.coverage.proven(held))
+        self._x = np.zeros(0)
+        """The stacked state at the last event that is expected, shape (n̄,)."""
         self._recording, self._frames = recording, frames
         self._telemetry, self._publish_status = telemetry, publish_status
         self.trajectory = TrajectoryHash()
@@ -90,8 +100,17 @@ class RunScribe:
         counts = zip(self._names, self._rejected, self._rejected_before, strict=True)
         return {f"by agent {name}": now + before for name, now, before in counts if now + before}
 
+    def expect(self, event: Event) -> None:
+        """This will be told, after all that was expected before."""
+        match event:
+            case StateReached():
+                self._x = event.x
+                self._ways.ask(event.way)
+            case InputApplied():
+                self._inputs.ask(Held(event.i, event.t_apply, self._x, np.array(event.u)))
+
     def witness(self, event: Event) -> None:
-        """Take the next event. Raises RecordingError."""
+        """Take the next event. Raises RecordingError, DivergedError."""
         match event:
             case StateReached():
                 self._on_state(event)
@@ -126,7 +145,7 @@ class RunScribe:
 
     def _on_state(self, event: StateReached) -> None:
         self._t = event.t
-        self._judge.reached(event, self._truth.of(event.way))
+        self._judge.reached(event, self._ways.next())
         self.trajectory.add(event)
         peak = self._judge.extremes.take_peak()
         self._frames.saw_state(event, peak)
@@ -158,7 +177,7 @@ class RunScribe:
     def _on_input(self, event: InputApplied) -> None:
         i, name = event.i, self._names[event.i]
         telemetry = self._take_telemetry(i, event.k, event.t)
-        certified = self._judge.applied(event, telemetry)
+        certified = self._judge.applied(event, telemetry, self._inputs.next())
         self.trajectory.add(event)
         self._frames.saw_input(event, telemetry, certified)
         if telemetry.origin == Origin.BACKUP and i not in self._backed_up:

@@ -3,9 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.plant.world.composition import Composed
 from phalanx.swarm.rows import SafetyRows
-from phalanx.theory.safety.pair_functions import ChosenFunctions
-from phalanx.theory.safety.pairs import ChosenPairs
+from phalanx.theory.expressions.mapped import MappedFunction
+from phalanx.theory.safety.composition import ComposedSet
+from phalanx.theory.safety.pair_functions import PairFunctions
 
 Array = NDArray[np.float64]
 
@@ -18,18 +20,36 @@ class LargestPsi:
 
     def __init__(self, rows: SafetyRows) -> None:
         self._rows = rows
-        self._of: ChosenPairs | None = None
-        self._each: ChosenFunctions | None = None
+        sorts = [0 for _ in rows.swarm.members]
+        self.functions = (
+            rows.pair_psi
+            if rows.pairwise
+            else PairFunctions(rows.swarm.pairs, sorts, self._along_drift)
+        )
+        """What it needs of a pair: ψ_0 ... ψ_{q-1}, or h, L_f h, ..., L_f^{q-1} h."""
 
-    def __call__(self, x: Array, pairs: ChosenPairs) -> Array:
-        """At stacked states x, shape (s, n̄); shape (s,), or empty if q = 1."""
-        rows = self._rows
-        if rows.relative_degree == 1:
+    def __call__(self, pairs: Array, least: Array, composed: Composed) -> Array:
+        """At s states, shape (s,); empty if q = 1.
+
+        Args:
+            pairs: what the functions say of each, shape (s, r, q).
+            least: no pair whose h is less counts for itself, shape (s,).
+            composed: of the same pairs.
+        """
+        if self._rows.relative_degree == 1:
             return np.zeros(0)
-        if not rows.pairwise:
-            composed: Array = rows.composed.jets.psi(pairs.jets(x).h)[:, 1:].max(axis=1)
-            return composed
-        if self._each is None or self._of is not pairs:
-            self._of, self._each = pairs, rows.pair_psi.choose(pairs.pairs)
-        largest: Array = self._each(x)[..., 1:].max(axis=(1, 2))
+        if self._rows.pairwise:
+            counting = pairs[..., 0] >= least[:, None]
+            each = np.where(counting, pairs[..., 1:].max(axis=2), -np.inf)
+        else:
+            some = np.flatnonzero(composed.weights.any(axis=0))
+            jets = self._rows.composed.jets
+            each = jets.psi(composed.h_tot, composed.weights[:, some], pairs[:, some])[:, 1:]
+        largest: Array = each.max(axis=1)
         return largest
+
+    def _along_drift(self, _: ComposedSet, pair: tuple[int, int]) -> MappedFunction:
+        pairs = self._rows.swarm.pairs
+        (kind,) = pairs.kinds_of(np.array([pair])).tolist()
+        found: MappedFunction = pairs.kinds[kind].along_drift
+        return found

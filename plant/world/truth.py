@@ -1,21 +1,23 @@
 """What the safe set says of every state that the world went through."""
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.plant.world.composition import LogSumExp
 from phalanx.plant.world.motion import Motion
 from phalanx.plant.world.near import NearPairs
 from phalanx.plant.world.psi import LargestPsi
-from phalanx.plant.world.world import DisturbanceKnot, DivergedError, Passage
+from phalanx.plant.world.world import DisturbanceKnot, Passage
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.expressions.mapped import Index
 
 Array = NDArray[np.float64]
 
-_STATES_AT_ONCE = 16
+_STATES_AT_ONCE = 32
 
 
 class IntegrationSteps(NamedTuple):
@@ -32,6 +34,15 @@ class IntegrationSteps(NamedTuple):
     psi: Array
     """The largest of their ψ_1 ... ψ_{q-1}, shape (s,); empty if q = 1."""
 
+    def part(self, some: slice) -> "IntegrationSteps":
+        """Some of them."""
+        times, pairs, h, h_tot, psi = self
+        return IntegrationSteps(times[some], pairs, h[some], h_tot[some], psi[some])
+
+
+Way = list[Passage | DisturbanceKnot]
+Seen = list[IntegrationSteps | DisturbanceKnot]
+
 
 class Truth:
     """h of the pairs that count, h_tot and ψ along the way.
@@ -40,23 +51,30 @@ class Truth:
     """
 
     def __init__(self, rows: SafetyRows, motion: Motion) -> None:
-        self._near = NearPairs(rows.swarm, motion)
+        swarm = rows.swarm
         self._psi = LargestPsi(rows)
+        self._near = NearPairs(swarm, motion, self._psi.functions)
+        self._sum = LogSumExp(swarm.scenario.safety.rho, len(swarm.safe_set.pairs))
 
-    def of(self, way: list[Passage | DisturbanceKnot]) -> list[IntegrationSteps | DisturbanceKnot]:
-        """The same way, its knots first. Raises DivergedError."""
-        knots = [piece for piece in way if isinstance(piece, DisturbanceKnot)]
-        return [*knots, *self._steps([p for p in way if isinstance(p, Passage)])]
-
-    def _steps(self, passages: list[Passage]) -> Iterator[IntegrationSteps]:
+    def of(self, ways: Sequence[Way]) -> list[Seen]:
+        """What each of these ways, one after the other, showed; its knots first."""
+        shown: list[Seen] = [[p for p in way if isinstance(p, DisturbanceKnot)] for way in ways]
+        passages = [(k, p) for k, way in enumerate(ways) for p in way if isinstance(p, Passage)]
         if not passages:
-            return
-        times = np.concatenate([passage.times for passage in passages])
-        x = np.concatenate([passage.x for passage in passages])
+            return shown
+        times = np.concatenate([p.times for _, p in passages])
+        x = np.concatenate([p.x for _, p in passages])
+        whose = np.array([k for k, p in passages for _ in p.times])
         for first in range(0, len(x), _STATES_AT_ONCE):
             some = slice(first, first + _STATES_AT_ONCE)
-            pairs, h, h_tot = self._near(x[some])
-            if not np.isfinite(h_tot).all():
-                raise DivergedError("h_tot", times[some][-1])
-            psi = self._psi(x[some], self._near.chosen)
-            yield IntegrationSteps(times[some], pairs, h, h_tot, psi)
+            steps, begin = self._steps(times[some], x[some]), 0
+            for k, count in Counter(whose[some].tolist()).items():
+                shown[k].append(steps.part(slice(begin, begin := begin + count)))
+        return shown
+
+    def _steps(self, times: Array, x: Array) -> IntegrationSteps:
+        pairs, values, least = self._near(x)
+        h = values[..., 0]
+        composed = self._sum(h)
+        psi = self._psi(values, least, composed)
+        return IntegrationSteps(times, pairs, h, composed.h_tot, psi)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.theory.expressions.bound import BoundFunction, rounded_up
+from phalanx.theory.expressions.mapped import MappedFunction
 from phalanx.theory.expressions.portable import portable_function
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.composition import FAR
@@ -41,13 +42,13 @@ class _Composition(NamedTuple):
 
     call: Callable[[], object]
     h: Array
-    """Of r pairs at s states, shape (s, r, q+1)."""
+    """Of r pairs, shape (r, q+1)."""
     beside: Array
     """Room for more pairs."""
     chain: Array
-    """ψ_0 ... ψ_{q-1} and the unforced part, shape (s, q+1)."""
+    """ψ_0 ... ψ_{q-1} and the unforced part, shape (q+1,)."""
     weights: Array
-    """shape (s, r, q)"""
+    """shape (r, q)"""
 
 
 class LogSumExpJets:
@@ -57,14 +58,16 @@ class LogSumExpJets:
         """alphas: α_1 ... α_q. xi: ξ of Eq. (xi), which has no part if q = 1."""
         self._rho, self._degree = rho, len(alphas)
         self._chain = _chain_of_sum(rho, alphas, xi)
+        s = ca.SX.sym("s", self._degree)
+        # The unforced part alone has the last derivative.
+        of_sum = _psi_of_sum(ca.vertcat(s, 0), alphas, xi)[:-1]
+        self._psi = MappedFunction([s], of_sum)
         h, sigma = ca.SX.sym("h"), ca.SX.sym("sigma")
         self._exponential = portable_function([ca.vertcat(h, sigma)], ca.exp(rho * (h - sigma)))
-        self._of_one: dict[int, ca.Function] = {}
-        """The composition at one state, by how many pairs it has room for."""
-        self._bound: dict[tuple[int, int], BoundFunction] = {}
-        """At so many states, with room for so many pairs."""
-        self._made: dict[tuple[int, ...], _Composition] = {}
-        """By the shape of h."""
+        self._bound: dict[int, BoundFunction] = {}
+        """The composition, by how many pairs it has room for."""
+        self._made: dict[int, _Composition] = {}
+        """By the number of pairs."""
         self._nobody = np.array([FAR] + [0.0] * self._degree)
 
     def __call__(self, h: Array) -> ComposedJets:
@@ -72,37 +75,43 @@ class LogSumExpJets:
 
         The weights are there until the next call.
         """
-        at = self._composed(h[None])
-        chain, q = at.chain[0], self._degree
-        return ComposedJets(chain[:q].copy(), chain.item(q), at.weights[0])
-
-    def psi(self, h: Array) -> Array:
-        """ψ_0 ... ψ_{q-1} at s states, shape (s, q); h of r pairs as above, (s, r, q+1)."""
-        return self._composed(h).chain[:, : self._degree].copy()
-
-    def _composed(self, h: Array) -> "_Composition":
-        """Evaluate at s states; what there is room for beside the r pairs are FAR ones."""
-        at = self._made.get(h.shape) or self._make(h.shape)
+        at, q = self._made.get(len(h)) or self._make(len(h)), self._degree
         at.h[:] = h
+        # What there is room for beside the r pairs are FAR ones.
         at.beside[:] = self._nobody
         at.call()
-        return at
+        return ComposedJets(at.chain[:q].copy(), at.chain.item(q), at.weights)
 
-    def _make(self, shape: tuple[int, ...]) -> "_Composition":
-        (states, pairs, above), q = shape, self._degree
-        room = rounded_up(pairs)
-        if (states, room) not in self._bound:
-            if room not in self._of_one:
-                self._of_one[room] = self._composition(room)
-            self._bound[states, room] = BoundFunction(self._of_one[room].map(states))
-        bound = self._bound[states, room]
-        rows, (chain, weights) = bound.inputs[0].reshape(states, room, above), bound.outputs
-        made = self._made[shape] = _Composition(
+    def psi(self, h_tot: Array, w: Array, h: Array) -> Array:
+        """ψ_0 ... ψ_{q-1} alone at s states, shape (s, q).
+
+        Args:
+            h_tot: shape (s,).
+            w: softmax(ρ h) of r pairs, all others' being 0, shape (s, r).
+            h: h, L_f h, ..., L_f^{q-1} h of these, shape (s, r, q).
+        """
+        weights, s = [w], [h_tot]
+        each = [h[..., k] for k in range(self._degree)]
+        for k in range(self._degree - 1):
+            # From left to right: pairs without weight change no digit.
+            s.append(np.add.accumulate(_leibniz(k, weights, each[1:]), axis=1)[:, -1])
+            off = [each[j] - s[j][:, None] for j in range(1, k + 2)]
+            weights.append(self._rho * _leibniz(k, weights, off))
+        rows = np.column_stack(s)
+        return self._psi(rows.ravel(), np.arange(rows.size).reshape(rows.shape))
+
+    def _make(self, pairs: int) -> "_Composition":
+        room, above = rounded_up(pairs), self._degree + 1
+        if room not in self._bound:
+            self._bound[room] = BoundFunction(self._composition(room))
+        bound = self._bound[room]
+        rows, (chain, weights) = bound.inputs[0].reshape(room, above), bound.outputs
+        made = self._made[pairs] = _Composition(
             bound.call,
-            rows[:, :pairs],
-            rows[:, pairs:],
-            chain.reshape(states, above),
-            weights.reshape(states, room, q)[:, :pairs],
+            rows[:pairs],
+            rows[pairs:],
+            chain,
+            weights.reshape(room, self._degree)[:pairs],
         )
         return made
 
@@ -134,16 +143,22 @@ def _leibniz(k: int, a: Sequence[Any], b: Sequence[Any]) -> Any:
     return sum(comb(k, j) * a[j] * b[k - j] for j in range(k + 1))
 
 
+def _psi_of_sum(s: ca.SX, alphas: Sequence[ClassK], xi: float) -> list[ca.SX]:
+    """ψ_0 ... ψ_{q-1} and the unforced part, of s_0 ... s_q."""
+    psi, q = [s[0]], len(alphas)
+    for degree, alpha in enumerate(alphas, start=1):
+        drift = ca.jacobian(psi[-1], s[:q]) @ s[1:]
+        known = xi if degree == 1 and q > 1 else 0.0
+        psi.append(drift + known + alpha.value(psi[-1]))
+    return psi
+
+
 def _chain_of_sum(rho: float, alphas: Sequence[ClassK], xi: float) -> ca.Function:
     """(σ, Σ exp(ρ (h_p - σ)), s_1, ..., s_q) -> ψ_0 ... ψ_{q-1}, unforced, ∂ψ_{q-1}/∂s_k."""
     q = len(alphas)
     sigma, total = ca.SX.sym("sigma"), ca.SX.sym("total")
     s = ca.SX.sym("s", q + 1)
-    psi = [s[0]]
-    for degree, alpha in enumerate(alphas, start=1):
-        drift = ca.jacobian(psi[-1], s[:q]) @ s[1:]
-        known = xi if degree == 1 and q > 1 else 0.0
-        psi.append(drift + known + alpha.value(psi[-1]))
+    psi = _psi_of_sum(s, alphas, xi)
     slopes = ca.densify(ca.jacobian(psi[q - 1], s[:q])).T
     (outputs,) = ca.substitute([ca.vertcat(*psi, slopes)], [s[0]], [sigma + ca.log(total) / rho])
     return portable_function([ca.vertcat(sigma, total, s[1:])], outputs)

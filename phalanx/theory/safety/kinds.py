@@ -94,6 +94,11 @@ class CompiledKind:
         return MappedFunction(self.kind.row, [self.kind.h])
 
     @cached_property
+    def along_drift(self) -> MappedFunction:
+        """h, L_f h, ..., L_f^{q-1} h."""
+        return MappedFunction(self.kind.row, self.kind.along_drift(self._degree - 1))
+
+    @cached_property
     def jets(self) -> MappedFunction:
         """h, L_f h, ..., L_f^q h; then L_g L_f^{q-1} h of each member."""
         q, kind = self._degree, self.kind

@@ -4,6 +4,7 @@ import pytest
 
 from phalanx.plant.clock.backlog import Backlog
 from phalanx.plant.events.events import Event, Sampled
+from phalanx.plant.world.world import DivergedError
 from phalanx.recording.write import RecordingError
 
 FIRST, LAST = Sampled(0, 0.0), Sampled(1, 0.01)
@@ -11,10 +12,14 @@ FIRST, LAST = Sampled(0, 0.0), Sampled(1, 0.01)
 
 class Scribe:
     def __init__(self, room: int = 9) -> None:
-        self.told = list[Event]()
+        self.told, self.expected = list[Event](), list[Event]()
         self._room = room
 
+    def expect(self, event: Event) -> None:
+        self.expected.append(event)
+
     def witness(self, event: Event) -> None:
+        assert event in self.expected
         if len(self.told) == self._room:
             raise RecordingError("the disk is full")
         self.told.append(event)
@@ -24,7 +29,8 @@ class Scribe:
 
 def run(scribe: Scribe, error: BaseException | None = None) -> None:
     with Backlog(scribe) as happened:
-        happened += [FIRST, LAST]
+        happened.add(FIRST)
+        happened.add(LAST)
         if error is not None:
             raise error
 
@@ -55,3 +61,26 @@ def test_nothing_more_is_told_once_the_disk_was_full():
     with pytest.raises(RecordingError):
         run(scribe, RecordingError())
     assert scribe.told == []
+
+
+def test_while_there_is_time_the_last_few_wait_for_what_comes_and_are_told_when_asked():
+    scribe = Scribe(room=1000)
+    happened = Backlog(scribe)
+    events = [Sampled(0, float(t)) for t in range(100)]
+    for event in events:
+        happened.add(event)
+        happened.write_most()
+    assert scribe.expected == events
+    assert scribe.told == events[: len(scribe.told)]
+    assert 1 < len(happened) == 100 - len(scribe.told) < 50
+    happened.write_down()
+    assert scribe.told == events
+
+
+def test_events_that_cannot_be_told_after_a_failure_do_not_hide_it():
+    class Broken(Scribe):
+        def witness(self, event: Event) -> None:
+            raise DivergedError("h_tot", 0.0)
+
+    with pytest.raises(KeyboardInterrupt):
+        run(Broken(), KeyboardInterrupt())

@@ -5,6 +5,7 @@ import pytest
 
 from phalanx.guarantee.verdict import Assumption
 from phalanx.plant.events.events import InputApplied, Sampled
+from phalanx.plant.judge.coverage import Held
 from phalanx.plant.judge.judge import Judge
 from phalanx.plant.world.truth import IntegrationSteps
 from phalanx.plant.world.world import DisturbanceKnot
@@ -25,7 +26,9 @@ def apply(
     telemetry = Telemetry(
         k=k, origin=origin, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0, ages=ages
     )
-    judge.applied(InputApplied(i, k, t, t, (0.0, 0.0)), telemetry)
+    held = Held(i, t, rows_of_scenario("unicycles").swarm.start(), np.zeros(2))
+    (proven,) = judge.coverage.proven([held])
+    judge.applied(InputApplied(i, k, t, t, (0.0, 0.0)), telemetry, proven)
 
 
 def assumption(judge: Judge, name: str) -> Assumption:

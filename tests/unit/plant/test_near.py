@@ -4,28 +4,34 @@ import numpy as np
 import pytest
 
 from phalanx.plant.world import near
+from phalanx.plant.world.composition import LogSumExp
 from phalanx.plant.world.motion import Motion
 from phalanx.plant.world.near import NearPairs
-from phalanx.swarm.swarm import Swarm
+from phalanx.plant.world.psi import LargestPsi
+from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.safety.obstacles import Sphere, Wall
-from tests.unit.swarms import swarm_of_scenario
+from tests.unit.swarms import rows_of_scenario
 
 LARGE = ("agents.0.count=28", "agents.1.count=4")
 
 
-def both(swarm: Swarm, monkeypatch: pytest.MonkeyPatch) -> tuple[NearPairs, NearPairs]:
+def both(rows: SafetyRows, monkeypatch: pytest.MonkeyPatch) -> tuple[NearPairs, NearPairs]:
     """One that looks up who is near, and one that takes every pair."""
-    motion = Motion(swarm.members, 1)
-    monkeypatch.setattr(near, "_FEW", 0)
-    looking = NearPairs(swarm, motion)
-    monkeypatch.setattr(near, "_FEW", 1_000_000)
-    return looking, NearPairs(swarm, motion)
+    motion, functions = Motion(rows.swarm.members, 1), LargestPsi(rows).functions
+    for limit in ("_FEW", "_FEW_ROWS"):
+        monkeypatch.setattr(near, limit, 0)
+    looking = NearPairs(rows.swarm, motion, functions)
+    for limit in ("_FEW", "_FEW_ROWS"):
+        monkeypatch.setattr(near, limit, 1_000_000)
+    return looking, NearPairs(rows.swarm, motion, functions)
 
 
 @pytest.mark.parametrize("name", ["swarm", "swarm2d", "formation3d"])
-def test_what_is_left_out_changes_neither_h_tot_nor_who_is_unsafe(name, monkeypatch):
-    swarm = swarm_of_scenario(name, *(LARGE if name.startswith("swarm") else ()))
-    looking, taking_all = both(swarm, monkeypatch)
+def test_what_is_left_out_changes_no_digit_of_h_tot_nor_of_psi_nor_who_is_unsafe(name, monkeypatch):
+    rows = rows_of_scenario(name, *(LARGE if name.startswith("swarm") else ()))
+    swarm = rows.swarm
+    looking, taking_all = both(rows, monkeypatch)
+    total, largest_psi = LogSumExp(swarm.scenario.safety.rho, 10_000), LargestPsi(rows)
     walk = np.random.default_rng(0)
     x, fewest = swarm.start(), np.inf
     for step in range(300):
@@ -33,33 +39,37 @@ def test_what_is_left_out_changes_neither_h_tot_nor_who_is_unsafe(name, monkeypa
         size = 3.0 if step % 50 == 49 else 0.05
         x = x + size * walk.standard_normal(x.shape)
         two = np.stack([x, x + 0.01])
-        pairs, h, h_tot = looking(two)
-        every, h_all, h_tot_all = taking_all(two)
+        pairs, values, least = looking(two)
+        every, of_all, _ = taking_all(two)
         assert sorted(every) == list(range(len(swarm.safe_set.pairs)))
-        assert (h_tot == h_tot_all).all() or h_tot == pytest.approx(h_tot_all, rel=1e-15)
+        some, all_ = total(values[..., 0]), total(of_all[..., 0])
+        assert (some.h_tot == all_.h_tot).all()
+        assert (largest_psi(values, least, some) == largest_psi(of_all, least, all_)).all()
         order = np.argsort(every)
-        assert (h == h_all[:, order[pairs]]).all()
+        assert (values == of_all[:, order[pairs]]).all()
         left_out = np.ones(len(every), dtype=bool)
         left_out[order[pairs]] = False
         if left_out.any():
-            assert h_all[:, left_out].max() < min(0.0, h.max(axis=1).min())
+            assert (of_all[:, left_out, 0].max(axis=1) < least).all()
+            assert (least <= np.minimum(0.0, values[..., 0].max(axis=1))).all()
         fewest = min(fewest, len(pairs))
     assert fewest < 0.5 * len(swarm.safe_set.pairs)
 
 
 def test_a_function_that_does_not_say_how_far_it_reaches_has_all_its_pairs(monkeypatch):
     oval = 'safety.function={ type = "tests.unit.theory.users_own:Oval" }'
-    swarm = swarm_of_scenario("swarm2d", *LARGE, oval)
-    looking, _ = both(swarm, monkeypatch)
-    assert len(looking(swarm.start()[None])[0]) == len(swarm.safe_set.pairs)
+    rows = rows_of_scenario("swarm2d", *LARGE, oval)
+    looking, _ = both(rows, monkeypatch)
+    assert len(looking(rows.swarm.start()[None]).pairs) == len(rows.swarm.safe_set.pairs)
 
 
 def test_pairs_are_numbered_as_the_safe_set_has_them(monkeypatch):
-    swarm = swarm_of_scenario("formation3d")
-    _, taking_all = both(swarm, monkeypatch)
-    which, h, _ = taking_all(swarm.start()[None])
+    rows = rows_of_scenario("formation3d")
+    swarm = rows.swarm
+    _, taking_all = both(rows, monkeypatch)
+    which, values, _ = taking_all(swarm.start()[None])
     x = swarm.start().reshape(8, 6)[:, :3]
-    for number, value in zip(which.tolist(), h[0], strict=True):
+    for number, value in zip(which.tolist(), values[0, :, 0], strict=True):
         pair = swarm.safe_set.pairs[number]
         obstacle = pair.obstacle is not None and swarm.scenario.obstacles[pair.obstacle]
         there = np.array(obstacle.center) if obstacle else x[pair.b]

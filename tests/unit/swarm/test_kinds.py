@@ -4,6 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from phalanx.plant.world.composition import LogSumExp
 from phalanx.plant.world.psi import LargestPsi
 from phalanx.scenario.load import shipped
 from phalanx.swarm.compile import compile_rows
@@ -65,9 +66,11 @@ def test_the_truths_largest_psi_is_that_of_the_chains(name):
     """Of h_tot, or of every pair alone."""
     rows = rows_of_scenario(name)
     composed = rows.swarm.safe_set
-    pairs = rows.swarm.pairs.choose(rows.swarm.pairs.among(range(len(composed.members))))
-    x = states(rows, 4)
-    found = LargestPsi(rows)(x, pairs)
+    every = rows.swarm.pairs.among(range(len(composed.members)))
+    x, largest_psi = states(rows, 4), LargestPsi(rows)
+    values = largest_psi.functions.choose(every)(x)
+    total = LogSumExp(rows.swarm.scenario.safety.rho, len(every))
+    found = largest_psi(values, np.full(4, -np.inf), total(values[..., 0]))
     if rows.relative_degree == 1:
         assert found.shape == (0,)
         return

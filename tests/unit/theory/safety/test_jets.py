@@ -1,4 +1,4 @@
-"""h_tot's ψ-chain from its pairs' numbers, at one state and at several in one call."""
+"""h_tot's ψ-chain from its pairs' numbers, at one state with its slopes, or at several."""
 
 import numpy as np
 import pytest
@@ -8,14 +8,22 @@ from phalanx.theory.safety.jets import LogSumExpJets
 
 
 @pytest.mark.parametrize("q", [1, 2, 3])
-def test_several_states_have_the_bits_that_each_has_alone(q):
-    jets = LogSumExpJets(0.05, [Linear(0.4)] * q, 39.0)
+def test_psi_at_several_states_is_what_each_has_alone_and_pairs_without_weight_change_no_digit(q):
+    rho = 0.05
+    jets = LogSumExpJets(rho, [Linear(0.4)] * q, 39.0)
     rng = np.random.default_rng(q)
     for states, pairs in ((1, 1), (5, 3), (16, 62), (2, 62), (3, 17)):
         h = rng.normal(size=(states, pairs, q + 1)) * [100.0, *[10.0] * q]
-        each = np.stack([jets(one).psi for one in h])
-        assert jets.psi(h).tobytes() == each.tobytes()
-        assert each.shape == (states, q)
+        each = np.exp(rho * (h[..., 0] - h[..., 0].max(axis=1, keepdims=True)))
+        h_tot = h[..., 0].max(axis=1) + np.log(each.sum(axis=1)) / rho
+        w = each / each.sum(axis=1, keepdims=True)
+        found = jets.psi(h_tot, w, h[..., :q])
+        alone = np.stack([jets(one).psi for one in h])
+        assert found == pytest.approx(alone, rel=1e-11, abs=1e-11)
+        w[:, pairs // 2] = 0.0
+        without = np.delete(w, pairs // 2, axis=1), np.delete(h[..., :q], pairs // 2, axis=1)
+        if pairs > 1:
+            assert (jets.psi(h_tot, w, h[..., :q]) == jets.psi(h_tot, *without)).all()
 
 
 @pytest.mark.parametrize("q", [1, 2, 3])
