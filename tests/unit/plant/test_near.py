@@ -34,7 +34,7 @@ def test_what_is_left_out_changes_no_digit_of_h_tot_nor_of_psi_nor_who_is_unsafe
     total, largest_psi = LogSumExp(swarm.scenario.safety.rho, 10_000), LargestPsi(rows)
     walk = np.random.default_rng(0)
     x, fewest = swarm.start(), np.inf
-    for step in range(300):
+    for step in range(150):
         # Now and then somebody is thrown far, as by a restart from another state.
         size = 3.0 if step % 50 == 49 else 0.05
         x = x + size * walk.standard_normal(x.shape)
@@ -80,7 +80,7 @@ def test_pairs_are_numbered_as_the_safe_set_has_them(monkeypatch):
 @pytest.mark.parametrize("level", [0.0, -1.0, -50.0])
 @pytest.mark.parametrize("obstacle", [Sphere((0.0, 0.0), 0.5), Wall((0.0, 2.0), 1.0, 0.5)])
 def test_beyond_its_reach_an_obstacles_intrusion_is_below_the_level(obstacle, level):
-    points = np.random.default_rng(1).uniform(-100.0, 100.0, (2000, 2))
+    points = np.random.default_rng(1).uniform(-70.0, 70.0, (800, 2))
     beyond = obstacle.distances(points) > obstacle.reach(level)
     h = np.array([float(obstacle.intrusion(p)) for p in points])
     assert beyond.any()

@@ -53,6 +53,11 @@ def case(q: int) -> Case:
     return Case(q)
 
 
+@cache
+def share_margin(q: int, horizon: float) -> ShareMargin:
+    return ShareMargin(case(q).chain, horizon, BOUNDS)
+
+
 def drawn(seed: int, q: int) -> tuple[np.random.Generator, np.ndarray, float]:
     """A state, and the η with which a given part of the agents' range is left there."""
     rng = np.random.default_rng(seed)
@@ -95,7 +100,7 @@ def test_it_is_the_fastest_fall_of_what_every_agent_may_use(seed, q):
     terms = case(q).terms(x)._replace(margin=eta)
     slope = slope_of_left(q, x, eta)
     fall = -slope @ case(q).rate(x, *worst_motion(q, x, terms, slope))
-    margin = ShareMargin(case(q).chain, 1.0, BOUNDS)(x, terms, NORMAL)
+    margin = share_margin(q, 1.0)(x, terms, NORMAL)
     expected = total_span(terms, NORMAL) * max(0.0, fall)
     assert margin == pytest.approx(expected, rel=1e-4, abs=1e-4)
 
@@ -110,7 +115,7 @@ def joint_sum_at_the_end(seed: int, q: int, keeps: bool) -> tuple[float, float]:
     instant on the adversary, the disturbances and whoever has no input yet do their worst.
     """
     rng, x, eta = drawn(seed, q)
-    margin = ShareMargin(case(q).chain, HORIZON, BOUNDS)
+    margin = share_margin(q, HORIZON)
     terms = case(q).terms(x)._replace(margin=eta)
     u, phi = worst_motion(q, x, terms, slope_of_left(q, x, eta))
     samples = {i: int(rng.integers(STEPS)) for i in NORMAL}
