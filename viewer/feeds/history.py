@@ -23,8 +23,8 @@ class TimeSeries:
         self._rows = np.zeros((_FIRST_CAPACITY, width)) if rows is None else rows
         self._count = 0 if rows is None else len(rows)
 
-    def append(self, *row: float) -> None:
-        """Add a row."""
+    def append(self, row: Array | list[float]) -> None:
+        """Add a row, shape (width,)."""
         if self._count == len(self._rows):
             self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
         self._rows[self._count] = row

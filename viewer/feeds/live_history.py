@@ -17,7 +17,6 @@ from phalanx.viewer.feeds.history import (
     PairSeries,
     TimeSeries,
     agent_series,
-    nan_if_none,
 )
 from phalanx.viewer.feeds.recent_paths import RecentPaths
 from phalanx.viewer.scene.model import SceneModel
@@ -25,8 +24,9 @@ from phalanx.wire.frames import AgentStatus, Frame, LogLine
 
 Array = NDArray[np.float64]
 
-_PAIR_STATES = 200
-"""At how many states of a run h of every pair is told: it costs more than all else here."""
+_PAIR_STATES, _PAIR_VALUES = 200, 2_000_000
+"""At how many states of a run h of every pair is told, and how many values that may be at most: it
+costs more than all else here."""
 
 
 class LiveHistory:
@@ -40,8 +40,11 @@ class LiveHistory:
         self.recent_paths = RecentPaths(n)
         self._steps = TimeSeries(1 + (SCALARS - 1) * n + 2 * m)
         """t; of every agent: empty, age, solve time, certified, residual; all u, all u_nom."""
-        self._pairs = TimeSeries(1 + len(model.swarm.safe_set.pairs))
+        pairs = len(model.swarm.safe_set.pairs)
+        self._pairs = TimeSeries(1 + pairs)
         self._pairs_due = -np.inf
+        states = min(_PAIR_STATES, _PAIR_VALUES // max(pairs, 1))
+        self._pairs_spacing = model.scenario.duration / max(states, 1)
         self._late_or_lost = TimeSeries(1 + 2 * n)
         """t; how many links to every agent were late since the row before, how many lost."""
         self._links_to = np.array([len(model.swarm.heard_by(i)) for i in range(n)], dtype=float)
@@ -55,11 +58,11 @@ class LiveHistory:
         positions = self._model.kinematics.poses(x).positions
         distance = self._model.smallest_distance(positions)
         psi = self._model.values.higher_psi(x)
-        self.history.swarm.append(frame.t, frame.h_tot, distance, *psi)
+        self.history.swarm.append([frame.t, frame.h_tot, distance, *psi])
         self.recent_paths.add(frame.t, positions)
         if frame.t >= self._pairs_due:
-            self._pairs_due = frame.t + self._model.scenario.duration / _PAIR_STATES
-            self._pairs.append(frame.t, *self._model.values.every_h(x))
+            self._pairs_due = frame.t + self._pairs_spacing
+            self._pairs.append(np.append(frame.t, self._model.values.every_h(x)))
         if not self._model.crowded:
             self._add_fates(frame)
         self._add_steps(frame.t, frame.agents)
@@ -73,18 +76,15 @@ class LiveHistory:
         empty = np.array([(s.backups, s.without_authority) for s in agents], dtype=float).T
         more = empty > self._empty
         if all(status.u for status in agents):
-            self._steps.append(
-                t,
-                *np.where(
-                    more[1], EMPTY_CODES[Origin.NO_AUTHORITY], EMPTY_CODES[Origin.BACKUP] * more[0]
-                ),
-                *[nan_if_none(status.age) for status in agents],
-                *[status.solve_time for status in agents],
-                *[nan_if_none(status.certified) for status in agents],
-                *[nan_if_none(status.residual) for status in agents],
-                *chain.from_iterable(status.u for status in agents),
-                *chain.from_iterable(status.u_nom or status.u for status in agents),
+            codes = np.where(
+                more[1], EMPTY_CODES[Origin.NO_AUTHORITY], EMPTY_CODES[Origin.BACKUP] * more[0]
             )
+            # NumPy makes NaN of None.
+            scalars = [(s.age, s.solve_time, s.certified, s.residual) for s in agents]
+            u = [*chain.from_iterable(s.u for s in agents)]
+            u_nom = [*chain.from_iterable(s.u_nom or s.u for s in agents)]
+            of_each = np.array(scalars, dtype=float).T.ravel()
+            self._steps.append(np.concatenate([[t], codes, of_each, u, u_nom]))
         self._empty = empty
 
     def _add_fates(self, frame: Frame) -> None:
@@ -92,7 +92,7 @@ class LiveHistory:
         n, events = len(self._links_to), frame.link_events
         late = np.bincount([e.receiver for e in events if e.delay >= 0.0], minlength=n)
         lost = np.bincount([e.receiver for e in events if e.delay < 0.0], minlength=n)
-        self._late_or_lost.append(frame.t, *late, *lost)
+        self._late_or_lost.append([frame.t, *late, *lost])
 
     def _fates(self) -> Fates:
         rows, n = self._late_or_lost.rows, len(self._links_to)

@@ -13,9 +13,12 @@ from phalanx.viewer.scene.view import View
 
 Array = NDArray[np.float64]
 
-_ROOM, _LOOSE = 1.2, 1.8
-"""A camera that follows the swarm is put so many times as far away as it must be; and anew when it
-is nearer than it must be, or more than the second number of times as far."""
+_TIGHT, _ROOM, _LOOSE = 1.1, 1.25, 1.8
+"""A camera that follows the swarm is put _ROOM times as far away as it must be; and anew when it is
+less than _TIGHT or more than _LOOSE times as far."""
+_LEASH = 0.04
+"""So far may the swarm's middle be from the picture's before it pulls the camera along, in shorter
+sides of the picture; _TIGHT leaves that room to those at the edge."""
 _SAME = 0.02
 """Distances and aspects that differ by less, relatively, are the same."""
 _STEADY = 1.5e-3
@@ -144,9 +147,13 @@ class Cameras:
             if not _close(seen.distance, visitor.asked.distance):  # it has not obeyed yet
                 seen = replace(visitor.asked, aspect=seen.aspect, pixels=seen.pixels)
         fitted = seen.fitted(positions, self._reach)
-        if not alone and not fitted.distance <= visitor.fit <= _LOOSE * fitted.distance:
-            visitor.fit = _ROOM * fitted.distance
-        visitor.ask(client, seen.moved(fitted.look_at, visitor.fit * visitor.zoom))
+        look_at = fitted.look_at
+        if not alone:
+            if _TIGHT <= visitor.fit / fitted.distance <= _LOOSE:
+                look_at = seen.pulled(look_at, _LEASH)
+            else:
+                visitor.fit = _ROOM * fitted.distance
+        visitor.ask(client, seen.moved(look_at, visitor.fit * visitor.zoom))
 
     def _view(self, client: viser.ClientHandle) -> View:
         camera = client.camera

@@ -1,7 +1,8 @@
 """How a stacked state becomes poses, and how inputs become arrows."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -40,13 +41,22 @@ class Kinematics:
 
     def poses(self, x: Array) -> Poses:
         """The poses at a state, shape (n̄,)."""
-        positions, headings = self._poses(x)
-        return Poses(positions.reshape(-1, 3), unit(headings.reshape(-1, 3)))
+        return self._kept_poses(x.tobytes())
 
     def effects(self, x: Array, u: Array) -> Array:
         """What inputs, shape (Σ m_i,), do: the lowest derivative of p they act on, (N, 3)."""
         found: Array = self._effects(x, u)[0].reshape(-1, 3)
         return found
+
+    @cached_property
+    def _kept_poses(self) -> Callable[[bytes], Poses]:
+        """At the last state: a frame's are asked for by the history and by the picture."""
+
+        def poses(x: bytes) -> Poses:
+            positions, headings = self._poses(np.frombuffer(x))
+            return Poses(positions.reshape(-1, 3), unit(headings.reshape(-1, 3)))
+
+        return lru_cache(maxsize=1)(poses)
 
     @cached_property
     def _poses(self) -> CompiledFunction:

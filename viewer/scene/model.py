@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows, build_rows
@@ -152,8 +152,10 @@ class SceneModel:
 
     def smallest_distance(self, positions: Array) -> float:
         """The smallest distance of a normal agent from any other [m]; infinite if it is alone."""
-        distances, _ = cKDTree(positions).query(positions[~self.adversary], k=2)
-        return float(np.asarray(distances)[:, 1].min())
+        normal = np.flatnonzero(~self.adversary)
+        distances = cdist(positions[normal], positions)
+        distances[np.arange(len(normal)), normal] = np.inf  # its own
+        return float(distances.min())
 
 
 def scene_model(scenario: Scenario) -> SceneModel:

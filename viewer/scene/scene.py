@@ -53,7 +53,7 @@ class Scene:
         self.stale = False
         """Whether a visitor came or moved his camera since the last picture."""
         self._positions: Array | None = None
-        self._poses: dict[int, list[float]] = {}
+        self._poses: dict[int, tuple[float, ...]] = {}
         """What each visitor's camera last was, and the size of his picture."""
         self.agents.on_click(self._on_click)
         server.on_client_connect(self._on_visitor)
@@ -96,8 +96,8 @@ class Scene:
         self.stale = True
 
     def _on_camera(self, camera: viser.CameraHandle) -> None:
-        pose = [*camera.position, *camera.look_at, camera.image_width, camera.image_height]
-        if not np.allclose(self._poses.get(camera.client.client_id, 0.0), pose):
+        pose = (*camera.position, *camera.look_at, camera.image_width, camera.image_height)
+        if self._poses.get(camera.client.client_id) != pose:
             self._poses[camera.client.client_id] = pose
             self.stale = True
 

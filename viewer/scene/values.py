@@ -35,7 +35,7 @@ class SafetyValues:
     def every_h(self, x: Array) -> Array:
         """h of the composed set's pairs at states (n̄,) or (s, n̄); shape (p,) or (s, p)."""
         found = self._every.h(x)
-        return found[..., np.argsort(self._every.order)]
+        return found[..., self._places]
 
     def worst_pair(self, x: Array) -> int:
         """The pair whose h is largest."""
@@ -57,6 +57,11 @@ class SafetyValues:
     def _pairs(self) -> Index:
         swarm = self.rows.swarm
         return swarm.pairs.among(range(len(swarm.members)))
+
+    @cached_property
+    def _places(self) -> Index:
+        """Where the values of `_every` have those of the composed set's pairs."""
+        return np.argsort(self._every.order)
 
     @cached_property
     def _every(self) -> ChosenPairs:

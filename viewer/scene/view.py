@@ -39,7 +39,7 @@ class View:
         """Whether it can be reckoned with: finite, and looking somewhere."""
         numbers = np.array([*self.position, *self.look_at, *self.up, self.fov, self.aspect])
         finite = bool((np.abs(numbers) < _FAR).all())
-        return finite and 0.0 < self.fov < np.pi and bool(abs(np.linalg.det(self.axes)) > 0.5)
+        return finite and 0.0 < self.fov < np.pi and bool(self.axes.any(axis=1).all())
 
     @cached_property
     def axes(self) -> Array:
@@ -94,6 +94,13 @@ class View:
         position = np.array([*sideways, depth]) @ self.axes
         middle = (along.min() + along.max()) / 2.0
         return replace(self, position=position, look_at=position + self.axes[2] * (middle - depth))
+
+    def pulled(self, towards: Array, leash: float) -> Array:
+        """What it looks at once a point pulls it along [m], by a leash in the shorter side."""
+        pull = towards - self.look_at
+        slack = leash * float(self.spans(self.look_at[None])[0])
+        found: Array = self.look_at + max(0.0, 1.0 - slack / max(np.linalg.norm(pull), 1e-9)) * pull
+        return found
 
     def moved(self, look_at: Array, distance: float) -> Self:
         """The same direction, towards another point and from another distance [m]."""

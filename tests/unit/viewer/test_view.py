@@ -81,3 +81,11 @@ def test_things_take_more_of_a_small_picture_but_never_less_of_a_large_one() -> 
     view = camera("from above", 1.0)
     assert replace(view, pixels=155.0).smallness == 4.0
     assert replace(view, pixels=3000.0).smallness == 1.0
+
+
+def test_a_point_pulls_a_camera_no_farther_than_its_leash() -> None:
+    view = camera("from above", aspect=2.0)
+    leash = 0.1 * view.spans(np.zeros((1, 3)))[0]
+    near, far = np.array([0.9 * leash, 0.0, 0.0]), np.array([3.0 * leash, 0.0, 0.0])
+    np.testing.assert_array_equal(view.pulled(near, 0.1), view.look_at)
+    np.testing.assert_allclose(far - view.pulled(far, 0.1), [leash, 0.0, 0.0])
