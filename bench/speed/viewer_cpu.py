@@ -23,7 +23,7 @@ import numpy as np
 import psutil
 from numpy.typing import NDArray
 
-from phalanx.guarantee.verdict import Summary
+from phalanx.guarantee.verdict import Summary, Violation
 from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.load import validate
 from phalanx.scenario.model import Scenario
@@ -71,7 +71,7 @@ class Carousel:
         self.history = self._past.history
         self.summary: Summary | None = None
         self.over = False
-        self.log = self._past.log
+        self.log, self.violations = self._past.log, list[Violation]()
         self._start = self.model.swarm.start()
         self._phases = np.repeat(np.arange(count), 2) + np.tile([0.0, np.pi / 2.0], count)
         self._frames = 0

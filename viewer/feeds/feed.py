@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.guarantee.verdict import Summary
+from phalanx.guarantee.verdict import Summary, Violation
 from phalanx.viewer.feeds.history import History
 from phalanx.viewer.scene.model import SceneModel
 from phalanx.wire.frames import Frame, LogLine
@@ -30,6 +30,10 @@ class Feed(Protocol):
 
     def take(self) -> Frame | None:
         """The newest frame, unless it was taken before."""
+
+    @property
+    def violations(self) -> Sequence[Violation]:
+        """Every pair that was unsafe, as far as it is known."""
 
     def recent_paths(self, t: float) -> Array:
         """Positions on the way to t [s], shape (s, N, 3)."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.faults.commands import Command, CommandKind
-from phalanx.guarantee.verdict import Summary, read_summary
+from phalanx.guarantee.verdict import Summary, Violation, read_summary
 from phalanx.scenario.load import from_json
 from phalanx.scenario.user_code import code_trusted
 from phalanx.viewer.feeds.expected import check_frame
@@ -85,6 +85,11 @@ class Live:
     def log(self) -> list[LogLine]:
         """Every line of the event log that a frame told."""
         return self._past.log
+
+    @property
+    def violations(self) -> list[Violation]:
+        """Every pair that a frame told was unsafe."""
+        return list(self._past.violations.values())
 
     def recent_paths(self, t: float) -> Array:
         """Positions on the way here, shape (s, N, 3)."""

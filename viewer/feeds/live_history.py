@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.faults.state import Condition
+from phalanx.guarantee.verdict import Violation
 from phalanx.theory.rows.origin import Origin
 from phalanx.viewer.feeds.history import (
     EMPTY_CODES,
@@ -51,6 +52,8 @@ class LiveHistory:
         self._empty = np.zeros((2, n))
         self._condition = [Condition.FINE] * n
         self.log: list[LogLine] = []
+        self.violations: dict[str, Violation] = {}
+        """By pair, as it was last told: a frame tells the worst ones alone."""
 
     def add(self, frame: Frame) -> None:
         """Append what a frame says."""
@@ -67,6 +70,7 @@ class LiveHistory:
             self._add_fates(frame)
         self._add_steps(frame.t, frame.agents)
         self._add_conditions(frame)
+        self.violations.update((violation.pair, violation) for violation in frame.violations)
         # A frame tells the last lines alone, most of which were told before.
         self.log += [line for line in frame.log if line not in self.log[-len(frame.log) :]]
 

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.guarantee.verdict import Summary
+from phalanx.guarantee.verdict import Summary, Violation
 from phalanx.recording.read import Recording, read
 from phalanx.viewer.feeds.recent_paths import SPACING, path_points
 from phalanx.viewer.feeds.recorded import RecordedRun
@@ -57,6 +57,11 @@ class Replay:
     def log(self) -> list[LogLine]:
         """The event log."""
         return self._run.log
+
+    @property
+    def violations(self) -> list[Violation]:
+        """Every pair that was unsafe."""
+        return list(self.summary.violations) if self.summary else []
 
     def seek(self, t: float) -> None:
         """Put the cursor at t [s], and stand still."""

@@ -180,8 +180,7 @@ def _marks(feed: Feed, steps: list[AgentSeries]) -> list[Mark]:
     backups = [s.t[s.empty == EMPTY_CODES[Origin.BACKUP]] for s in steps]
     if first := [float(t[0]) for t in backups if len(t)]:
         found.append(Mark(min(first), "first backup", "backup"))
-    violations = feed.summary.violations if feed.summary else []
-    found += [Mark(v.first, f"{v.pair}: violated", "violation") for v in violations]
+    found += [Mark(v.first, f"{v.pair}: violated", "violation") for v in feed.violations]
     for t, agent, condition in feed.history.conditions:
         found.append(Mark(t, f"agent {feed.model.names[agent]}: {condition}", "fault"))
     return found + [Mark(line.t, line.text) for line in feed.log]

@@ -99,7 +99,8 @@ class View:
         """What it looks at once a point pulls it along [m], by a leash in the shorter side."""
         pull = towards - self.look_at
         slack = leash * float(self.spans(self.look_at[None])[0])
-        found: Array = self.look_at + max(0.0, 1.0 - slack / max(np.linalg.norm(pull), 1e-9)) * pull
+        length = max(float(np.linalg.norm(pull)), 1e-9)
+        found: Array = self.look_at + max(0.0, 1.0 - slack / length) * pull
         return found
 
     def moved(self, look_at: Array, distance: float) -> Self:

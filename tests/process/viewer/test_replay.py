@@ -52,6 +52,25 @@ def test_a_replay_shows_what_was_seen_live(tmp_path: Path) -> None:
     assert read(tmp_path / "live").summary == summary
 
 
+def test_a_live_run_marks_violations_as_they_happen(tmp_path: Path) -> None:
+    folder = tmp_path / "live"
+    with live_run(load("surrounded", ["duration=1.5"]), folder, PACED) as run, run.watch() as live:
+
+        def marked() -> set[tuple[float, str]]:
+            live.take()
+            return violations(content(live, [0], seekable=False))
+
+        found = wait_for(marked)
+        assert live.summary is None
+        run.set_speed(0.0)
+        run.summary()
+    assert found <= violations(plotted(open_replay(folder)))
+
+
+def violations(shown: Content) -> set[tuple[float, str]]:
+    return {(mark.t, mark.text) for mark in shown.marks if mark.kind == "violation"}
+
+
 def plotted(replay: Replay, *told: int) -> Content:
     return content(replay, told or range(5), seekable=True)
 
