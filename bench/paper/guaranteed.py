@@ -8,7 +8,7 @@
 import argparse
 from collections import Counter
 
-from seeds import Variant, infeasible, outcome, spread
+from seeds import Variant, outcome, spread, with_empty_set
 
 from phalanx.guarantee.verdict import Summary
 
@@ -52,7 +52,7 @@ def line(title: str, runs: list[Summary]) -> str:
     worst = sorted(run.worst_h_tot for run in runs)
     return (
         f"| {title} | {verdicts} | {held} of {len(runs)} | {shortest:.2f} "
-        f"| {worst[0]:.2f} to {worst[-1]:.2f} | {spread(runs, infeasible)} |"
+        f"| {worst[0]:.2f} to {worst[-1]:.2f} | {spread(runs, with_empty_set)} |"
     )
 
 

@@ -7,7 +7,7 @@
 Judged like bench/paper/stale_input.py: an update is a false certificate if its row held and J, the
 joint sum with the inputs that really are in force, is above 0. The liar keeps its own rows, and
 applies what they ask of it: what is false is only what it says. A cell has the worst J of
-certified updates, in parentheses how many were false and how many of these above η; then whether
+certified steps, in parentheses how many were false and how many of these above η; then whether
 the trajectory is that of the run without lies, and the verdict.
 
 With --turns the liar becomes an adversary at that time [s], so that rows no longer say anything of

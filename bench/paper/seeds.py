@@ -174,13 +174,13 @@ def covered(results: Iterable[int]) -> str:
     return f"{seeds[0]} to {seeds[-1]}" if whole else f"{len(seeds)} of 0 to {seeds[-1]}"
 
 
-def infeasible(run: Summary) -> float:
-    """Share of normal agents' updates whose QP had no solution."""
+def with_empty_set(run: Summary) -> float:
+    """Share of normal agents' control steps whose QP had no solution."""
     return sum(run.origins.get(o, 0) for o in EMPTY) / sum(run.origins.values())
 
 
 def with_authority(run: Summary) -> float:
-    """Share of normal agents' updates on the backup LP."""
+    """Share of normal agents' control steps on the backup LP."""
     return run.origins[Origin.BACKUP] / sum(run.origins.values())
 
 

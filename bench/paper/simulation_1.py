@@ -14,9 +14,9 @@ from seeds import (
     certificates,
     command,
     covered,
-    infeasible,
     spread,
     with_authority,
+    with_empty_set,
 )
 
 from phalanx.guarantee.verdict import Outcome, Summary
@@ -49,10 +49,10 @@ def page(results: Results) -> str:
             "",
             *overview(results),
             "",
-            "*Infeasible*: updates of normal agents for which no input satisfied the row (empty "
-            "K_i). *With authority*: those at which the backup could help; the others kept their "
-            "nominal input (the agent stood far from every conflict). With `split`, a row is "
-            "infeasible only when all normal agents together could not satisfy it either.",
+            "*Empty K_i*: control steps of normal agents for which no input satisfied the row. "
+            "*With authority*: those at which the backup could help; the others kept their "
+            "nominal input (the agent stood far from every conflict). With `split`, K_i is empty "
+            "only when all normal agents together could not satisfy the condition either.",
             "",
             *by_seed(results),
             "",
@@ -62,7 +62,7 @@ def page(results: Results) -> str:
 
 def overview(results: Results) -> Iterable[str]:
     """One line for each variant."""
-    yield "| information, margin | seeds | unsafe seeds | max h_tot, least to greatest | infeasible: least, mean, greatest | with authority |"  # noqa: E501
+    yield "| information, margin | seeds | unsafe seeds | max h_tot, least to greatest | empty K_i: least, mean, greatest | with authority |"  # noqa: E501
     yield "|---|---|---|---|---|---|"
     for name, found in results.items():
         runs = [each.summary for each in found.values()]
@@ -71,14 +71,14 @@ def overview(results: Results) -> Iterable[str]:
         yield (
             f"| {VARIANTS[name].title} | {covered(found)} | {unsafe} of {len(runs)} "
             f"| {worst[0]:.2f} to {worst[-1]:.2f} "
-            f"| {spread(runs, infeasible)} | {spread(runs, with_authority)} |"
+            f"| {spread(runs, with_empty_set)} | {spread(runs, with_authority)} |"
         )
 
 
 def by_seed(results: Results) -> Iterable[str]:
     """One line for each seed."""
     head = "".join(
-        f" {VARIANTS[name].title}: max h_tot | infeasible | time unsafe [s] |" for name in results
+        f" {VARIANTS[name].title}: max h_tot | empty K_i | time unsafe [s] |" for name in results
     )
     yield f"| seed |{head}"
     yield "|---|" + 3 * len(results) * "---|"
@@ -92,7 +92,7 @@ def by_seed(results: Results) -> Iterable[str]:
 def cell(run: Summary) -> str:
     """Three columns."""
     unsafe = sum(violation.duration for violation in run.violations)
-    return f" {run.worst_h_tot:.2f} | {infeasible(run):.2%} | {unsafe:.3f} |"
+    return f" {run.worst_h_tot:.2f} | {with_empty_set(run):.2%} | {unsafe:.3f} |"
 
 
 if __name__ == "__main__":

@@ -12,9 +12,9 @@ from seeds import (
     certificates,
     command,
     covered,
-    infeasible,
     spread,
     with_authority,
+    with_empty_set,
 )
 
 from phalanx.guarantee.verdict import Outcome, Summary
@@ -58,7 +58,7 @@ def page(results: Results) -> str:
         lines.append(
             f"| {VARIANTS[name].title} | {covered(found)} | {unsafe} of {len(runs)} "
             f"| {worst[0]:.1f} to {worst[-1]:.1f} "
-            f"| {spread(runs, infeasible)} | {spread(runs, with_authority)} |"
+            f"| {spread(runs, with_empty_set)} | {spread(runs, with_authority)} |"
         )
     lines += [
         "",
@@ -78,7 +78,7 @@ def page(results: Results) -> str:
 
 def cell(run: Summary) -> str:
     """Two columns."""
-    return f" {run.worst_h_tot:.1f} | {infeasible(run):.1%} |"
+    return f" {run.worst_h_tot:.1f} | {with_empty_set(run):.1%} |"
 
 
 if __name__ == "__main__":

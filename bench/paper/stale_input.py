@@ -9,7 +9,7 @@ false certificate if its row held and J > 0; where every agent keeps its share, 
 held. J <= η means that sampling and disturbance are left with less margin than asked for, but the
 condition itself held.
 
-The table has the worst J of certified updates by delay and information model, over all losses and
+The table has the worst J of certified steps by delay and information model, over all losses and
 seeds, and in parentheses how many certificates were false and how many of these had J > η.
 """
 
@@ -37,9 +37,9 @@ ROUNDING = 1e-4
 
 
 class Certificates(NamedTuple):
-    """What updates were worth."""
+    """What steps were worth."""
 
-    updates: int
+    steps: int
     certified: int
     """Updates whose row held; with shares, after which every agent's row had held."""
     false: int
@@ -52,7 +52,7 @@ class Certificates(NamedTuple):
     def joined(self, other: "Certificates") -> "Certificates":
         """Those of both."""
         return Certificates(
-            self.updates + other.updates,
+            self.steps + other.steps,
             self.certified + other.certified,
             self.false + other.false,
             self.short + other.short,
@@ -87,7 +87,7 @@ def main() -> None:
     print("|---" * (len(models) + 1) + "|")
     for delay in delays:
         print(f"| {delay} | {' | '.join(words(found[delay, model]) for model in models)} |")
-    print(f"\n{sum(c.updates for c in found.values())} updates of normal agents.")
+    print(f"\n{sum(c.steps for c in found.values())} steps of normal agents.")
 
 
 def words(found: Certificates) -> str:
@@ -101,17 +101,17 @@ def words(found: Certificates) -> str:
 def certificates(recording: Recording) -> Certificates:
     """Judge every update of the normal agents by the inputs that were in force after it."""
     split = recording.scenario.safety.information is Information.SPLIT
-    updates = certified = false = short = 0
+    steps = certified = false = short = 0
     worst = -np.inf
     for now in joint_sums(recording):
         for agent in now.updated:
-            updates += 1
+            steps += 1
             if all(now.held.values()) if split else now.held[agent]:
                 certified += 1
                 false += now.joint > ROUNDING
                 short += now.joint > now.eta + ROUNDING
                 worst = max(worst, now.joint)
-    return Certificates(updates, certified, false, short, worst)
+    return Certificates(steps, certified, false, short, worst)
 
 
 class JointSum(NamedTuple):

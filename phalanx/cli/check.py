@@ -27,7 +27,7 @@ def check(
         Path | None,
         typer.Option(
             callback=require_png,
-            help="Save a picture of where the backup control still suffices (PNG).",
+            help="Save a picture of where the backup still suffices (PNG).",
         ),
     ] = None,
     strict: Annotated[

@@ -11,6 +11,7 @@ from phalanx.guarantee.punctuality import in_words
 from phalanx.guarantee.verdict import Outcome, Summary, certified
 from phalanx.launcher.run import Run
 from phalanx.scenario.model import Scenario
+from phalanx.theory.rows.origin import words_of
 from phalanx.wire.messages import Status
 
 _COLOUR = {
@@ -60,7 +61,7 @@ def progress(scenario: Scenario) -> Iterator[Callable[[Status], None]]:
             completed=status.t,
             factor=f"{status.real_time_factor:.1f}x",
             worst="" if status.worst_h is None else f"h_tot {status.worst_h:.3g}",
-            backups=f"{status.backups} backups",
+            backups=f"backups {status.backups}",
         )
 
     try:
@@ -98,7 +99,7 @@ def print_summary(summary: Summary) -> None:
     factor = f"real-time factor {summary.real_time_factor:.1f}"
     table.add_row("wall time", f"{summary.wall_time:.2f} s, {factor}")
     worst = f"{summary.worst_h_tot:.4g} at t = {summary.worst_at:.3f} s"
-    table.add_row("worst h_tot", f"{worst}, worst pair {summary.worst_pair}")
+    table.add_row("worst h_tot", f"{worst}, worst pair {summary.worst_pair}; safe is at most 0")
     table.add_row("control steps", _steps(summary))
     table.add_row("certified", certified(summary))
     for assumption in summary.assumptions:
@@ -139,7 +140,9 @@ def print_profile(run: Run) -> None:
 
 def _steps(summary: Summary) -> str:
     total = sum(summary.origins.values())
-    shares = [f"{name} {count / total:.1%}" for name, count in summary.origins.items() if total]
+    shares = [
+        f"{words_of(name)} {count / total:.1%}" for name, count in summary.origins.items() if total
+    ]
     return f"{summary.steps}; of normal agents: {', '.join(shares)}"
 
 

@@ -64,10 +64,12 @@ def _words_on_the_theorem(swarm: Swarm, report: CheckReport) -> list[str]:
         )
     stuck = [name for name, holds in report.rows_at_start.items() if not holds]
     if stuck:
+        # A margin that is given stays what it is.
+        computed = any(eta is None for eta in report.eta_paper.values())
+        large = "lower what makes the margin large: disturbance.bound and clock.period"
         words.append(
             f"At the start no input satisfies the rows of {', '.join(stuck)} (K_i is empty). Let "
-            "agents start farther apart, or lower what makes the margin large: disturbance.bound "
-            "and clock.period."
+            f"agents start farther apart, or {large if computed else 'raise safety.alpha'}."
         )
     words += [f"The paper's theorem proves nothing here: {gap}." for gap in report.gaps]
     if report.gaps:
@@ -78,7 +80,7 @@ def _words_on_the_theorem(swarm: Swarm, report: CheckReport) -> list[str]:
         )
     if leans_on_the_newest(swarm):
         words.append(
-            "safety.information = 'paper' counts on the last input received of each neighbour. "
+            "safety.information = 'paper' counts on the last received input of each neighbour. "
             "With any delay or loss, or where two agents sample at one instant, the neighbour may "
             "apply another one, and rows may hold that do not hold jointly. Take 'in-flight' or "
             "'split'."

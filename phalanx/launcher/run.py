@@ -15,6 +15,7 @@ from phalanx.recording.records import PROFILE
 from phalanx.scenario.load import ScenarioError
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx.theory.rows.origin import words_of
 
 if TYPE_CHECKING:
     import polars as pl
@@ -201,7 +202,7 @@ def verify_run(
 
 
 def _key_figures(summary: Summary) -> list[tuple[str, str]]:
-    steps = ", ".join(f"{count} {name}" for name, count in summary.origins.items())
+    steps = ", ".join(f"{count} {words_of(name)}" for name, count in summary.origins.items())
     failed = ", ".join(a.name for a in summary.assumptions if a.failed) or "none"
     return [
         ("verdict", str(summary.outcome)),

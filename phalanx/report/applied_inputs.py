@@ -22,7 +22,7 @@ from phalanx.report.style import (
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.models.polytope import Box, constant_polytope
 from phalanx.theory.models.units import units
-from phalanx.theory.rows.origin import Origin
+from phalanx.theory.rows.origin import Origin, words_of
 
 Array = NDArray[np.float64]
 
@@ -67,7 +67,7 @@ def inputs(recording: Recording, swarm: Swarm, i: int) -> Figure:
         )
         for bound in curve.bounds:
             axes.axhline(bound, color=LIMIT, linestyle=":", linewidth=1.2)
-        _mark_fallbacks(axes, steps, curve.values)
+        _mark_empty(axes, steps, curve.values)
         axes.set_ylabel(curve.label)
         axes.margins(x=0.01)
         axes.set_ylim(*_shown(curve))
@@ -110,14 +110,14 @@ def input_curves(swarm: Swarm, i: int, u: Array, nominal: Array | None = None) -
     return curves
 
 
-def _mark_fallbacks(axes: Axes, steps: list[Step], values: Array) -> None:
+def _mark_empty(axes: Axes, steps: list[Step], values: Array) -> None:
     origins, applied = np.array([s.origin for s in steps]), np.array([s.t_apply for s in steps])
     for origin, colour, size in (
         (Origin.NO_AUTHORITY, "#f2a7a0", 14),
         (Origin.BACKUP, "#e00000", 26),
     ):
         marked = origins == origin
-        label = f"{origin} ({marked.sum()} steps)"
+        label = f"{words_of(origin)} ({marked.sum()} steps)"
         places = applied[marked], values[marked]
         axes.scatter(
             *places, marker="x", s=size, linewidths=1.0, color=colour, label=label, zorder=3

@@ -1,4 +1,4 @@
-"""Where the backup control still suffices: a slice of the state space of two agents."""
+"""Where the backup still suffices: a slice of the state space of two agents."""
 
 from typing import NamedTuple
 
@@ -87,7 +87,7 @@ def backup_plate(found: Slice) -> ReportFigure:
     handles = [Patch(color=colour, label=label) for colour, label in _LOOKS.values()]
     figure.legend(handles=handles, loc="outside lower center", ncols=1, frameon=False)
     caption = (
-        f"Where the backup control of agent {found.normal} still suffices against agent "
+        f"Where the backup of agent {found.normal} still suffices against agent "
         f"{found.other}, the two of them alone; headings and velocities as at the start."
     )
     return ReportFigure("backup", caption, figure)

@@ -15,7 +15,7 @@ from phalanx.report.envelope import draw_envelope, envelope
 from phalanx.report.measures import LinkStatistics, extremes_kept
 from phalanx.report.style import FEW, LIMIT, MUTED, PEAK, WORST, legend, logarithmic, panels
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.rows.origin import EMPTY
+from phalanx.theory.rows.origin import EMPTY, words_of
 
 Array = NDArray[np.float64]
 Curves = dict[str, tuple[Array, Array]]
@@ -70,7 +70,7 @@ def _draw_empty(axes: Axes, steps: Sequence[Step]) -> None:
     below = np.zeros(_EMPTY_INTERVALS)
     for origin, colour in zip(EMPTY, (PEAK, "#f2a7a0"), strict=True):
         count = np.histogram([s.t for s in steps if s.origin == origin], edges)[0]
-        above, label = below + 100.0 * count / total, f"{origin} ({count.sum()} steps)"
+        above, label = below + 100.0 * count / total, f"{words_of(origin)} ({count.sum()} steps)"
         axes.stairs(above, edges, baseline=below, fill=True, color=colour, label=label)
         below = above
     axes.set_ylabel("steps with\nempty $K_i$ [%]")

@@ -145,7 +145,7 @@ def _arrival(broadcast: Broadcast, place: dict[int, int]) -> tuple[float, float]
 def _periods(
     steps: Sequence[Step], horizon: float, end: float
 ) -> Iterator[tuple[float, float, str]]:
-    """When an agent was on its backup input, without authority, or silent for more than its τ."""
+    """When an agent was on its backup, without authority, or silent for more than its τ."""
     for k, step in enumerate(steps):
         until = steps[k + 1].t if k + 1 < len(steps) else end
         if step.origin in EMPTY:

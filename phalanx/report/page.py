@@ -21,7 +21,7 @@ from phalanx.report.html import (
     table,
 )
 from phalanx.report.measures import LinkStatistics, origins, worst
-from phalanx.theory.rows.origin import EMPTY
+from phalanx.theory.rows.origin import EMPTY, words_of
 
 _NO_VERSION = ("run", "seed", "scenario_digest")
 """What a recording says of itself beside versions."""
@@ -90,7 +90,7 @@ def key_figures(recording: Recording) -> list[tuple[str, str]]:
     steps, normal = len(recording.steps), sum(counts.values())
     empty = sum(counts[o] for o in EMPTY)
     share = f"{empty} of {normal} normal steps ({percent(empty, normal)}): " if normal else ""
-    kinds = ", ".join(f"{counts[o]} {o}" for o in EMPTY)
+    kinds = ", ".join(f"{counts[o]} {words_of(o)}" for o in EMPTY)
     reached = recording.states[-1].t if recording.states else 0.0
     rows = [
         ("Run", recording.metadata.get("run", "unknown")),

@@ -168,7 +168,7 @@ _SOLVE_TIMES = (
 _SPACE_TIME = (
     "Space-time diagram. Above, the whole run: in each agent's lane the share of broadcasts to it "
     "that came too late for its next step (first row) or were lost (second row), and when it was "
-    "on its backup input, without authority, or silent for longer than its τ (third row); of more "
+    "on its backup, without authority, or silent for longer than its τ (third row); of more "
     "than 24 agents the gravest of these in one row each. Below, around the worst moment (shaded "
     "above): a dot is a control step, a square one whose K_i was empty; a line is a broadcast from "
     "its sender to its receiver, a cross one that was lost."

@@ -41,7 +41,8 @@ class Assumptions:
             "non-empty K_i", note="at every step of every normal agent some input kept its rows"
         )
         self.fresh = Assumption(
-            "fresh û", note="every received input that a row counted on was being applied"
+            "received inputs in force",
+            note="every received input that a row counted on was being applied",
         )
         self.faithful = Assumption("faithful agents", note="no normal agent fell silent or turned")
         self.truthful = Assumption(

@@ -66,7 +66,7 @@ class Plot(msgspec.Struct):
 
 
 class Period(msgspec.Struct):
-    """From when to when an agent was on its backup input, without authority, or not fine."""
+    """From when to when an agent was on its backup, without authority, or not fine."""
 
     agent: int
     kind: str

@@ -1,4 +1,4 @@
-"""When an agent was on its backup input, without authority, or not fine."""
+"""When an agent was on its backup, without authority, or not fine."""
 
 import numpy as np
 

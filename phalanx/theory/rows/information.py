@@ -25,11 +25,12 @@ class Information(StrEnum):
     PAPER = "paper"
     """(QPdistributed) as printed: the last received û_l, whatever has become of it. Sound only if
     every broadcast arrives before anyone else's next update, and no two agents update together;
-    the run checks it (fresh û)."""
+    the run checks it (received inputs in force)."""
     IN_FLIGHT = "in-flight"
     """û_l counts only while no newer input of l can be in force, t < t_l + Γ_l - δ_l^max, where
     t_l is when û_l took effect; else γ_l^max. Sound for any delay and loss, if clocks keep their
-    bounds and senders tell the truth; checked too (fresh û, sampling gap, truthful broadcasts)."""
+    bounds and senders tell the truth; checked too (received inputs in
+    force, sampling gap, truthful broadcasts)."""
     SPLIT = "split"
     """No û: each agent keeps its share of the joint condition. Sound for any delay and loss, as
     all normal agents compose the same h_tot. With `lse` shares are computed from different samples,

@@ -20,3 +20,8 @@ class Origin(StrEnum):
 
 EMPTY = (Origin.BACKUP, Origin.NO_AUTHORITY)
 """The origins of inputs for which K_i was empty."""
+
+
+def words_of(origin: str) -> str:
+    """An origin as a person reads it."""
+    return origin.replace("-", " ")

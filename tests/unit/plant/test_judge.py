@@ -53,12 +53,12 @@ def test_a_received_input_is_fresh_only_while_it_is_what_its_sender_applies():
     judge = judge_of()
     apply(judge, 1, k=0, t=0.00)
     apply(judge, 0, k=0, t=0.005, ages=((1, 0.005),))
-    assert counted(judge, "fresh û") == (0, 1, None)
+    assert counted(judge, "received inputs in force") == (0, 1, None)
     apply(judge, 1, k=1, t=0.01)
     apply(judge, 0, k=1, t=0.015, ages=((1, 0.015),))
-    assert counted(judge, "fresh û") == (1, 2, 0.015)
+    assert counted(judge, "received inputs in force") == (1, 2, 0.015)
     apply(judge, 0, k=2, t=0.025, ages=((1, 0.015),))
-    assert counted(judge, "fresh û") == (1, 3, 0.015)
+    assert counted(judge, "received inputs in force") == (1, 3, 0.015)
 
 
 def test_normal_agents_sample_together_if_each_takes_its_kth_sample_at_the_same_instant():
@@ -71,8 +71,8 @@ def test_normal_agents_sample_together_if_each_takes_its_kth_sample_at_the_same_
 
 def test_freshness_is_no_assumption_of_a_row_that_needs_nothing_from_others():
     split = judge_of("safety.information=split")
-    assert "fresh û" not in [a.name for a in split.theorem]
-    assert "fresh û" in [a.name for a in judge_of().theorem]
+    assert "received inputs in force" not in [a.name for a in split.theorem]
+    assert "received inputs in force" in [a.name for a in judge_of().theorem]
 
 
 def test_steps_are_counted_by_origin_and_without_authority_there_is_no_backup():

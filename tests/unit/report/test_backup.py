@@ -1,4 +1,4 @@
-"""The picture of where the backup control still suffices, against the hand calculation."""
+"""The picture of where the backup still suffices, against the hand calculation."""
 
 import io
 

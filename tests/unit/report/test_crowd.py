@@ -94,7 +94,7 @@ def test_paths_name_the_worst_pair_alone(crowded: Recording, swarm: Swarm) -> No
 def test_inputs_tell_how_many_steps_had_an_empty_set(crowded: Recording, swarm: Swarm) -> None:
     used, empty = crowd.inputs(crowded, swarm).axes
     assert len(named(used)) == 7
-    assert named(empty) == ["backup (16 steps)", "no-authority (16 steps)"]
+    assert named(empty) == ["backup (16 steps)", "no authority (16 steps)"]
 
 
 def test_without_an_empty_set_there_is_no_panel_of_them(crowded: Recording, swarm: Swarm) -> None:

@@ -23,7 +23,7 @@ def test_a_mark_stands_at_every_step_with_an_empty_set(recording: Recording) -> 
     for axes in panels:
         marks = {c.get_label(): c.get_offsets()[:, 0] for c in axes.collections}
         assert list(marks["backup (4 steps)"]) == pytest.approx([0.0, 0.1, 0.2, 0.3])
-        assert list(marks["no-authority (4 steps)"]) == pytest.approx([0.05, 0.15, 0.25, 0.35])
+        assert list(marks["no authority (4 steps)"]) == pytest.approx([0.05, 0.15, 0.25, 0.35])
     assert origins(recording) == {"qp": 96, "solver-failed": 0, "backup": 12, "no-authority": 12}
 
 
