@@ -3,8 +3,9 @@
 import gc
 import logging
 import signal
-import threading
+from collections.abc import Callable
 from pathlib import Path
+from queue import SimpleQueue
 
 from phalanx.agent.answering import SampleAnswering
 from phalanx.agent.step import Answer, ControlStep, control_steps
@@ -39,14 +40,15 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
     keys, sealer = membership.keys, membership.sealer
     steps = control_steps(rows, membership.identity, Door(keys, sealer))
     stopwatch = Stopwatch() if profile else None
-    over = threading.Event()
-    signal.signal(signal.SIGTERM, lambda *_: over.set())
+    # No event: a handler that sets one while this thread begins to wait for it never returns.
+    leaving: SimpleQueue[str] = SimpleQueue()
+    signal.signal(signal.SIGTERM, lambda *_: leaving.put("told to"))
     with open_member(
         membership.endpoint, keys.alive(PLANT), membership.timeout, membership.credentials
     ) as session:
         senders = [_Sender(session, keys, sealer, step) for step in steps]
         answerings = [
-            SampleAnswering(step, sealer, sender, over.set)
+            SampleAnswering(step, sealer, sender, lambda: leaving.put("a control step failed"))
             for step, sender in zip(steps, senders, strict=True)
         ]
         for step, answering in zip(steps, answerings, strict=True):
@@ -55,23 +57,19 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
             pubsub.subscribe(session, keys.broadcast("*", step.name), answering.on_broadcast)
             pubsub.subscribe(session, keys.sample(step.name), answering.on_sample)
 
-        def leave(because: str) -> None:
-            log.info("leaving: %s", because)
-            over.set()
-
         def begun() -> bool:
             return any(answering.begun for answering in answerings)
 
-        PlantPresence(membership.timeout, leave, begun).watch(session, keys)
+        PlantPresence(membership.timeout, leaving.put, begun).watch(session, keys)
         for sender in senders:
-            sender.wait_for_listeners(membership.timeout, over)
+            sender.wait_for_listeners(membership.timeout, lambda: not leaving.empty())
         # What was built so far lives as long as the process: the collector need not look at it
         # again in the middle of a step.
         gc.freeze()
         known = digest(rows.swarm.scenario)
         _tokens = [liveliness.announce(session, keys.alive(step.name, known)) for step in steps]
         log.info("joined run %s at %s", membership.run, membership.endpoint)
-        over.wait()
+        log.info("leaving: %s", leaving.get())
     log.info("left; %d payloads were rejected", sum(step.rejected for step in steps))
     if stopwatch and profile:
         stopwatch.write(profile, membership.identity)
@@ -102,7 +100,7 @@ class _Sender:
             self._broadcasts.put(key, self._sealer.seal(key, broadcast))
         self._telemetry.put(self._sealer.seal(self._telemetry_key, answer.telemetry))
 
-    def wait_for_listeners(self, timeout: float, over: threading.Event) -> None:
+    def wait_for_listeners(self, timeout: float, over: Callable[[], bool]) -> None:
         """Return when the hub takes what is put: what comes earlier is lost. Raises HubError."""
         for publisher in (self._actuation, self._telemetry):
-            pubsub.wait_for_listener(publisher, timeout, over.is_set)
+            pubsub.wait_for_listener(publisher, timeout, over)

@@ -5,8 +5,8 @@ A run may have several, each near its own agents: what comes in at one goes out 
 
 import logging
 import signal
-import threading
 from collections.abc import Sequence
+from queue import SimpleQueue
 
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire import liveliness
@@ -32,9 +32,10 @@ def run(swarm: Swarm, membership: Membership, beyond: Sequence[str] = ()) -> int
     Raises:
         HubError: the endpoint cannot be listened on.
     """
-    over = threading.Event()
+    # No event: a handler that sets one while this thread begins to wait for it never returns.
+    told_to_stop: SimpleQueue[int] = SimpleQueue()
     for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: over.set())
+        signal.signal(number, lambda number, _: told_to_stop.put(number))
     shown = membership.credentials if beyond else None
     allowed = admission(swarm, membership)
     with open_hub(membership.endpoint, allowed, beyond, shown) as session:
@@ -43,5 +44,5 @@ def run(swarm: Swarm, membership: Membership, beyond: Sequence[str] = ()) -> int
             session, membership.keys.alive(ROUTER, str(session.info.zid()))
         )
         log.info("run %s meets at %s", membership.run, membership.endpoint)
-        over.wait()
+        told_to_stop.get()
     return 0
