@@ -40,7 +40,8 @@ def check(
     Examples:
 
       phalanx check unicycles
-      phalanx check unicycles --set safety.margin=local --set safety.composition=pairs
+      phalanx check unicycles --set safety.margin=local --set safety.eta=0
+      phalanx check unicycles --set network.loss=0.3 --set safety.information=split
       phalanx check guaranteed --plot backup.png
     """
     import phalanx

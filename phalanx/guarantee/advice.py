@@ -27,13 +27,20 @@ def _believed_liars(swarm: Swarm) -> list[str]:
 def advice(swarm: Swarm, report: CheckReport, unknown: list[str]) -> list[str]:
     """What a check found, what it lacks, and which setting supplies it; unknown: in words."""
     words = _words_on_certificates(report)
-    theorem = _words_on_the_theorem(swarm, report) + unknown
     if not words:
         words.append(
             "A run can end guaranteed: it begins under certificates, and is judged by those of "
             "every input that is applied, whatever it was made from."
         )
-    return words + theorem + words_on_alpha(swarm)
+    return [
+        *words,
+        *_words_on_the_start(report),
+        *_words_on_the_theorem(swarm, report),
+        *_words_on_what_is_received(swarm),
+        *_words_on_the_margin(swarm, report),
+        *unknown,
+        *words_on_alpha(swarm),
+    ]
 
 
 def _words_on_certificates(report: CheckReport) -> list[str]:
@@ -53,17 +60,16 @@ def _words_on_certificates(report: CheckReport) -> list[str]:
     return words
 
 
-def _words_on_the_theorem(swarm: Swarm, report: CheckReport) -> list[str]:
-    """What the theorem and the rows lack, which certificates do not ask for."""
-    safety, words = swarm.scenario.safety, []
+def _words_on_the_start(report: CheckReport) -> list[str]:
+    """What the rows lack at the start, which certificates do not ask for."""
+    words = []
     if report.worst_at_start > 0:
         words.append(
             "The start is outside S_I, the states from which the safe set can be kept: ψ is up to "
             f"{in_words(report.worst_at_start)}, where 0 is allowed. Let agents start farther "
             "apart or slower, or raise safety.alpha."
         )
-    stuck = [name for name, holds in report.rows_at_start.items() if not holds]
-    if stuck:
+    if stuck := [name for name, holds in report.rows_at_start.items() if not holds]:
         # A margin that is given stays what it is.
         computed = any(eta is None for eta in report.eta_paper.values())
         large = "lower what makes the margin large: disturbance.bound and clock.period"
@@ -71,13 +77,30 @@ def _words_on_the_theorem(swarm: Swarm, report: CheckReport) -> list[str]:
             f"At the start no input satisfies the rows of {', '.join(stuck)} (K_i is empty). Let "
             f"agents start farther apart, or {large if computed else 'raise safety.alpha'}."
         )
-    words += [f"The paper's theorem proves nothing here: {gap}." for gap in report.gaps]
+    return words
+
+
+def _words_on_the_theorem(swarm: Swarm, report: CheckReport) -> list[str]:
+    """What the theorem lacks, and which settings supply it."""
+    words = [f"The paper's theorem proves nothing here: {gap}." for gap in report.gaps]
+    safety = swarm.scenario.safety
     if report.gaps:
-        words.append(
-            "For rows that are proven set safety.control = 'distributed', safety.composition = "
-            "'pairs', safety.margin = 'integrated' and safety.information = 'split', and leave out "
-            "safety.neighbourhood and time.latency."
-        )
+        wanted = {
+            "control": "distributed",
+            "composition": "pairs",
+            "margin": "integrated",
+            "information": "split",
+        }
+        lacking = [f"{k} = '{v}'" for k, v in wanted.items() if getattr(safety, k) != v]
+        lacking += [] if safety.computes_margin else ["eta = 0"]
+        if lacking:
+            words.append(f"For rows that are proven set, of safety, {', '.join(lacking)}.")
+    return words
+
+
+def _words_on_what_is_received(swarm: Swarm) -> list[str]:
+    """Where rows count on what others said, and should not."""
+    words = []
     if leans_on_the_newest(swarm):
         words.append(
             "safety.information = 'paper' counts on the last received input of each neighbour. "
@@ -88,18 +111,24 @@ def _words_on_the_theorem(swarm: Swarm, report: CheckReport) -> list[str]:
     if liars := _believed_liars(swarm):
         words.append(
             f"By faults declared here {', '.join(liars)} will say what it does not apply, and "
-            f"safety.information = '{safety.information}' counts on what is said: rows may hold "
-            "that do not hold jointly. Take 'split', which asks nobody, or 'worst-case', where a "
-            "member that does not keep its rows harms nobody's either."
+            f"safety.information = '{swarm.scenario.safety.information}' counts on what is said: "
+            "rows may hold that do not hold jointly. Take 'split', which asks nobody, or "
+            "'worst-case', where a member that does not keep its rows harms nobody's either."
         )
+    return words
+
+
+def _words_on_the_margin(swarm: Swarm, report: CheckReport) -> list[str]:
+    """Where the margin is less than a bound, and where no margin would do."""
+    words = []
     given = [eta for eta in report.eta_paper.values() if eta is not None]
     if given and report.formula and max(given) < report.formula.eta:
         words.append(
             f"The margin η = {in_words(max(given))} is below the {in_words(report.formula.eta)} "
             "that the paper's formula asks for over the workspace: it is a choice, not a bound. "
-            "Take safety.margin = 'integrated' or 'local' for one that is."
+            "Take safety.margin = 'integrated' or 'local' and safety.eta = 0 for one that is."
         )
-    if report.relative_degree > 1 and safety.margin == "paper":
+    if report.relative_degree > 1 and swarm.scenario.safety.margin == "paper":
         words.append(
             "The relative degree q is above 1, and safety.margin = 'paper' leaves out what the "
             "disturbance does to ψ_1 and those after it. Take 'corrected', 'local' or 'integrated'."

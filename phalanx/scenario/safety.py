@@ -75,7 +75,7 @@ class Safety(Strict):
             message = "expected 'lse' where safety.control is 'centralised'"
             raise misplaced(("composition",), message, self.composition)
         if self.computes_margin and self.eta:
-            message = f"expected no value: margin = '{self.margin}' computes it"
+            message = f"expected no value, or 0: margin = '{self.margin}' computes it"
             raise misplaced(("eta",), message, self.eta)
         if not self.computes_margin and "eta" not in self.model_fields_set:
             raise misplaced(("eta",), "expected a value, or margin = 'local' or 'integrated'", None)
