@@ -65,6 +65,12 @@ def require_file(path: Path | None) -> Path | None:
     return path
 
 
+def require_other(option: str, path: Path | None, recordings: Sequence[Path]) -> None:
+    """Refuse to write over a recording that is read."""
+    if path is not None and path.exists() and any(map(path.samefile, recordings)):
+        raise typer.BadParameter(f"{option}: expected another file than the recording, got {path}")
+
+
 def require_png(path: Path | None) -> Path | None:
     """Refuse a picture that its name calls something else."""
     if path is not None and path.suffix != ".png":

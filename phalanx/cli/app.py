@@ -78,6 +78,9 @@ def status(arguments: list[str]) -> int:
         # Under a tight limit it is often a library's file that cannot be mapped.
         print(f"too little memory, or a broken installation: {error}", file=sys.stderr)
         return 3
+    except OSError as error:  # of whoever reads what is printed: a full disk, say
+        print(error, file=sys.stderr)
+        return 3
     except (KeyboardInterrupt, typer.Abort):
         print("stopped", file=sys.stderr)
         return 130

@@ -1,6 +1,5 @@
 """phalanx network: link models by name, and from what was measured."""
 
-import sys
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -46,8 +45,8 @@ def fit(
         with capture.open(encoding="utf-8", newline="") as lines:
             found = fit(read_capture(lines))
     except (CaptureError, OSError, UnicodeDecodeError) as error:
-        print(f"{capture}: {error}", file=sys.stderr)
-        return 64
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise typer.BadParameter(f"{capture}: {reason}") from error
     print(f"# {found.messages} messages, {found.lost} lost; the delays of the model are")
     print(f"# off by {found.distance:.3g} at most (Kolmogorov and Smirnov's distance)")
     print(_toml(found.table))

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from phalanx.cli.allowed import LARGEST_SEED, require_file
+from phalanx.cli.allowed import LARGEST_SEED, require_file, require_other
 from phalanx.cli.options import Engine, RunArgument, Trust
 
 
@@ -77,7 +77,7 @@ def compare(
     from rich.console import Console
     from rich.table import Table
 
-    from phalanx.recording.read import UnreadableRecordingError
+    from phalanx.recording.read import UnreadableRecordingError, find
     from phalanx.report.compare import (
         compared_run,
         differences,
@@ -89,6 +89,7 @@ def compare(
     if len(runs) < 2:
         raise typer.BadParameter("expected two runs or more")
     try:
+        require_other("--html", html, [find(run) for run in runs])
         compared = [compared_run(run, drawn=html is not None, trust=trust) for run in runs]
         table = Table("", *titles(compared), box=None, pad_edge=False)
         for row in differences(compared):

@@ -142,7 +142,9 @@ def run(
         print(f"broken: {error}", file=sys.stderr)
         return 3
     except OSError as error:
-        raise typer.BadParameter(f"--out: cannot create a folder in {out}: {error}") from error
+        raise typer.BadParameter(
+            f"--out: cannot create a folder in {out}: {error.strerror}"
+        ) from error
     outcome = _told(finished, profile, report)
     for page in pages:
         _wait_for(page)

@@ -10,6 +10,7 @@ import typer
 from phalanx.cli.allowed import (
     require_file,
     require_folder,
+    require_other,
     require_png,
     require_port,
     require_run,
@@ -167,7 +168,7 @@ def export(
       phalanx export runs/unicycles-1 --mcap shown.mcap
       phalanx export runs/unicycles-1 --parquet tables
     """
-    from phalanx.recording.read import UnreadableRecordingError
+    from phalanx.recording.read import UnreadableRecordingError, find
 
     wanted = {"html": html, "png": png, "mcap": mcap, "parquet": parquet, "csv": csv}
     if not any(wanted.values()):
@@ -176,12 +177,14 @@ def export(
         raise typer.BadParameter("--at: expected --png with it")
     make = pkgutil.resolve_name("phalanx.viewer.export.write:run")
     try:
+        for option in ("html", "mcap"):
+            require_other(f"--{option}", wanted[option], [find(run)])
         for path in make(run, at=at, trust=trust, **wanted):
             print(path)
     except (UnreadableRecordingError, OSError) as error:
         print(error, file=sys.stderr)
         return 3
-    except ValueError as error:
+    except ValueError as error:  # a time outside the run
         raise typer.BadParameter(str(error)) from error
     return 0
 

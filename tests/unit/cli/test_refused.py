@@ -1,6 +1,8 @@
 """Options that are refused: in one line that names them, before anything is made."""
 
 import socket
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -55,6 +57,9 @@ REFUSED = [
     ("run unicycles --listen foo/127.0.0.1:7447", "'--listen'"),
     ("run unicycles --listen tcp/127.0.0.1:0", "'--listen'"),
     ("run unicycles --listen tcp/:7447", "'--listen'"),
+    ("run unicycles --set agents=[]", "agents: expected at least 1 item"),
+    ('run unicycles --set faults=[{kind="none"}]', "faults.0: expected one of 'partition'"),
+    ("network fit .", ".: Is a directory"),
     ("run .", ".: cannot be read: Is a directory"),
     ("check unicycles --plot .", "'--plot'"),
     ("check unicycles --plot p.txt", "ends in .png"),
@@ -142,3 +147,19 @@ def test_a_recording_without_a_state_is_neither_verified_nor_certified(tmp_path,
     folder = record(tmp_path, swarm_in_space(2, 1, {}), [], None)
     assert status([command, str(folder)]) == 3
     assert "the recording holds no state" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["export {0} --mcap {0}", "compare {0} {0} --html {0}"])
+def test_a_recording_is_not_written_over_by_what_is_made_of_it(recording, capsys, command):
+    before = recording.read_bytes()
+    assert status(command.format(recording).split()) == USAGE_ERROR
+    assert "expected another file than the recording" in capsys.readouterr().err
+    assert recording.read_bytes() == before
+
+
+def test_a_full_disk_behind_what_is_printed_is_told_in_a_line():
+    with Path("/dev/full").open("w") as full:
+        command = [sys.executable, "-m", "phalanx", "scenarios"]
+        ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert ended.returncode == 3
+    assert ended.stderr == "[Errno 28] No space left on device\n"

@@ -15,7 +15,7 @@ BROKEN: list[Broken] = [
     (
         "no gain",
         replace("alpha = [2.0]", "alpha = []"),
-        ["safety.alpha: ", "at least 1 item", "got []"],
+        ["safety.alpha: ", "expected at least 1 item", "got []"],
     ),
     (
         "negative gain",
