@@ -22,7 +22,8 @@ if (!window.phalanx.connected) (() => {
   const connect = () => {
     socket = new WebSocket(location.origin.replace("http", "ws") + "/actions");
     socket.onopen = send;
-    socket.onclose = () => setTimeout(connect, 1000);
+    // What was meant for a server that is gone is not for one that comes after it.
+    socket.onclose = () => { unsent = null; setTimeout(connect, 1000); };
   };
   connect();
   window.phalanx.connected = true;

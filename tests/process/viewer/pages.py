@@ -65,9 +65,9 @@ def viewer(*arguments: str, command_secret: bytes = b"") -> Iterator[Viewer]:
 
 
 @contextlib.contextmanager
-def served(replay: Replay) -> Iterator[Page]:
+def served(replay: Replay, port: int | None = None) -> Iterator[Page]:
     """The page of a replay, kept up to date by a thread of the test's own process."""
-    page = Page("127.0.0.1", None, (), replay)
+    page = Page("127.0.0.1", port, (), replay)
     over = threading.Event()
 
     def serve() -> None:

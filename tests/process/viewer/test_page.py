@@ -16,7 +16,7 @@ from tests.process.runs import COMMAND_SECRET, HELD, live_run, wait_for
 from tests.process.viewer.pages import served, viewer
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Locator
+    from playwright.sync_api import Locator, WebSocket
     from playwright.sync_api import Page as Tab
 
 pytestmark = [pytest.mark.browser, pytest.mark.swarm]
@@ -96,6 +96,34 @@ def test_the_keyboard_plays_pauses_and_moves_the_cursor(tab: "Tab", finished: Pa
         wait_for(lambda: replay.playing)
         tab.keyboard.press("Space")
         wait_for(lambda: not replay.playing)
+
+
+def test_what_was_meant_for_a_page_that_is_gone_does_not_move_the_next_one(
+    tab: "Tab", finished: Path
+) -> None:
+    sockets: list[WebSocket] = []
+    tab.on("websocket", lambda socket: sockets.append(socket))
+
+    def connected() -> bool:
+        tab.title()  # events come while something is asked for
+        return sum(not socket.is_closed() for socket in sockets) == 2
+
+    with served(open_replay(finished)) as page:
+        port = page.server.get_port()
+        tab.goto(f"http://127.0.0.1:{port}")
+        wait_for(connected)
+        tab.locator("#phx-plots canvas").first.wait_for()
+    wait_for(lambda: not connected())
+    tab.keyboard.press("End")
+    with served(next_one := open_replay(finished), port):
+        wait_for(connected)
+
+        def stepped() -> bool:
+            tab.keyboard.press(".")
+            return next_one.t > 0.0
+
+        wait_for(stepped)
+        assert next_one.t < next_one.end / 2.0
 
 
 def test_the_space_time_diagram_shows_the_worst_moment_in_detail(
