@@ -4,13 +4,13 @@ import gc
 import logging
 import signal
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from queue import SimpleQueue
 
 from phalanx.agent.answering import SampleAnswering
 from phalanx.agent.step import Answer, ControlStep, control_steps
 from phalanx.profile.stopwatch import Stopwatch
-from phalanx.scenario.load import digest
 from phalanx.swarm.rows import SafetyRows
 from phalanx.wire import liveliness, pubsub
 from phalanx.wire.door import Door
@@ -66,8 +66,8 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
         # What was built so far lives as long as the process: the collector need not look at it
         # again in the middle of a step.
         gc.freeze()
-        known = digest(rows.swarm.scenario)
-        _tokens = [liveliness.announce(session, keys.alive(step.name, known)) for step in steps]
+        digest = rows.swarm.digest
+        _tokens = [liveliness.announce(session, keys.alive(step.name, digest)) for step in steps]
         log.info("joined run %s at %s", membership.run, membership.endpoint)
         log.info("leaving: %s", leaving.get())
     log.info("left; %d payloads were rejected", sum(step.rejected for step in steps))
@@ -91,12 +91,12 @@ class _Sender:
         )
         self._actuation = pubsub.publisher(session, self._actuation_key)
         self._telemetry = pubsub.publisher(session, self._telemetry_key)
-        self._broadcast_keys = [keys.broadcast(step.name, peer) for peer in step.swarm.names]
+        self._broadcast_key = cache(lambda l: keys.broadcast(step.name, step.swarm.names[l]))
 
     def __call__(self, answer: Answer) -> None:
         self._actuation.put(self._sealer.seal(self._actuation_key, answer.actuation))
         for hearer, broadcast in answer.broadcasts.items():
-            key = self._broadcast_keys[hearer]
+            key = self._broadcast_key(hearer)
             self._broadcasts.put(key, self._sealer.seal(key, broadcast))
         self._telemetry.put(self._sealer.seal(self._telemetry_key, answer.telemetry))
 

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple, NoReturn
 from phalanx.launcher.engine import EngineError
 from phalanx.launcher.programs import (
     Program,
+    configure_logging,
     load_programs,
     redirect_output,
     show_as,
@@ -81,6 +82,7 @@ def serve(scenario: str, launcher: Connection, last_words: Connection) -> None:
     except (ConnectionError, EOFError):
         return  # nobody waits for the run
     redirect_output(order.logs / LOG)
+    configure_logging()
     forks = _Forks(rows, order, launcher)
     try:
         signal.signal(signal.SIGTERM, _stop)

@@ -57,7 +57,7 @@ class DirectAgents:
     def __init__(self, rows: SafetyRows, progress: Progress) -> None:
         self._names = rows.swarm.names
         self._rows = rows
-        steps = [s for name in rows.swarm.scenario.programs() for s in control_steps(rows, name)]
+        steps = [s for name in rows.swarm.programs for s in control_steps(rows, name)]
         self._steps = {step.i: step for step in steps}
         self._actuations: dict[int, Actuation] = {}
         self._telemetry: dict[tuple[int, int], Telemetry] = {}
@@ -103,7 +103,7 @@ class DirectAgents:
 
     def restart(self, i: int, t: float) -> None:
         """Put a new control step in agent i's place, unless the controller of several decides."""
-        if self._names[i] in self._rows.swarm.scenario.programs():
+        if self._names[i] in self._rows.swarm.programs:
             (self._steps[i],) = control_steps(self._rows, self._names[i])
 
     def publish_status(self, message: Status) -> None:

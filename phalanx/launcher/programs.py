@@ -55,9 +55,9 @@ def load_programs() -> None:
 
 
 def start_program(program: Program, rows: SafetyRows, membership: Membership, logs: Path) -> int:
-    """Run one program in this process until it ends; everything it prints goes to its log.
+    """Run one program in this process, where logging is set up, until it ends.
 
-    Returns its exit status.
+    Everything it prints goes to its log. Returns its exit status.
     """
     multiprocessing.current_process().name = program.title
     show_as(program.title)
@@ -67,8 +67,7 @@ def start_program(program: Program, rows: SafetyRows, membership: Membership, lo
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     end_with_launcher(_GRACE_OF_PLANT if program.kind == "plant" else _GRACE)
-    configure_logging()
-    decides_for = rows.swarm.scenario.programs().get(program.identity, ())
+    decides_for = rows.swarm.programs.get(program.identity, ())
     own = membership.of(program.identity, decides_for, rows.swarm.names)
     return run_program(program.kind, rows, own, program.options)
 
@@ -99,8 +98,8 @@ def end_with_launcher(grace: float) -> None:
 
 def show_as(title: str) -> None:
     """Have ps and top show this title; the kernel keeps 15 bytes."""
-    with contextlib.suppress(OSError):
-        Path("/proc/self/comm").write_text(title)
+    with contextlib.suppress(OSError), open("/proc/self/comm", "w") as name:
+        name.write(title)
 
 
 def redirect_output(log: Path) -> None:

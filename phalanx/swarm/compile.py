@@ -26,6 +26,7 @@ def compile_rows(rows: SafetyRows) -> None:
         _compile_pairs(rows, ends)
     for members in groups.values():
         _rehearse(rows, members[0])
+    swarm.links, swarm.programs, swarm.digest  # noqa: B018
 
 
 def _compile_pairs(rows: SafetyRows, ends: Sequence[int]) -> None:

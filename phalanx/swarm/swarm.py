@@ -1,6 +1,6 @@
 """A scenario's facts, resolved: who takes part, with what, from where, on which clock."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.links import Links
-from phalanx.scenario.load import ScenarioError
+from phalanx.scenario.load import ScenarioError, digest
 from phalanx.scenario.model import Scenario
 from phalanx.scenario.strikes import Struck, all_struck
 from phalanx.seeded.clock import SamplingClock
@@ -63,6 +63,16 @@ class Swarm:
         if self.members[i].adversary:
             return own
         return None if safety.needs_all_states else own or safety.neighbourhood
+
+    @cached_property
+    def programs(self) -> Mapping[str, tuple[str, ...]]:
+        """As phalanx.scenario.model.Scenario.programs."""
+        return self.scenario.programs()
+
+    @cached_property
+    def digest(self) -> str:
+        """Of the scenario: who has another one cannot take part."""
+        return digest(self.scenario)
 
     @cached_property
     def links(self) -> Links:

@@ -10,7 +10,7 @@ from phalanx.wire.membership import Membership
 def admission(swarm: Swarm, membership: Membership) -> Admission:
     """What the hub asks for and allows; membership is its own: the plant's, or a router's."""
     at_router = membership.identity == ROUTER
-    programs = swarm.scenario.programs()
+    programs = swarm.programs
     names = (VIEWER, ROUTER, CLAIMANT, *programs, *([PLANT] if at_router else []))
     heard = {swarm.names[j] for i in range(len(swarm.names)) for j in swarm.heard_by(i)}
     subject: Subject = "cert_common_names" if membership.certificates else "usernames"

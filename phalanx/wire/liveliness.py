@@ -24,13 +24,14 @@ def is_announced(session: zenoh.Session, token: str, timeout: float) -> bool:
 def watch(session: zenoh.Session, key: str, changed: Callable[[str, bool], None]) -> None:
     """Call changed(key, alive) whenever a liveliness token appears or disappears.
 
-    It is called in a thread of its own, so it may close things.
+    It is called in Zenoh's own thread, so it must neither close nor wait.
     """
 
     def on_token(sample: zenoh.Sample) -> None:
         changed(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
-    session.liveliness().declare_subscriber(key, on_token, history=True)
+    callback = zenoh.handlers.Callback(on_token, indirect=False)
+    session.liveliness().declare_subscriber(key, callback, history=True)
 
 
 def on_parting(session: zenoh.Session, parted: Callable[[], None]) -> None:

@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 from phalanx.wire.credentials import Credentials
@@ -51,8 +52,11 @@ class Membership:
         """
         if self.held is not None:
             return self.held[name]
-        secret = hashlib.blake2b(self.secret, digest_size=32).digest()
-        return hashlib.blake2b(name.encode(), key=secret, digest_size=32).digest()
+        return hashlib.blake2b(name.encode(), key=self._root, digest_size=32).digest()
+
+    @cached_property
+    def _root(self) -> bytes:
+        return hashlib.blake2b(self.secret, digest_size=32).digest()
 
     def password_of(self, name: str) -> str:
         """What a program shows at the hub's door; it tells nothing of its key."""

@@ -59,7 +59,7 @@ class Hub:
         self._keys, self._sealer = membership.keys, membership.sealer
         self._names, self._scenario = swarm.names, swarm.scenario
         self._joining, self._answers = Joining(swarm, real_time), Answers(swarm)
-        programs = swarm.scenario.programs().values()
+        programs = swarm.programs.values()
         self._alone = {swarm.names.index(who[0]) for who in programs if len(who) == 1}
         """The agents that have a process of their own."""
         self._stopped: set[str] = set()
@@ -85,7 +85,7 @@ class Hub:
 
     def _give_places(self, membership: Membership, swarm: Swarm) -> None:
         key, joining, sign = self._keys.place, self._joining, signer(membership.certificates)
-        places = Places(swarm.scenario.programs(), joining.vacant, joining.digest, sign)
+        places = Places(swarm.programs, joining.vacant, joining.digest, sign)
 
         def answer(question: bytes) -> bytes | None:
             try:
@@ -130,9 +130,10 @@ class Hub:
 
     def _not_there(self) -> tuple[str, ...]:
         """Who has not joined, or does not hear yet: at a router that may be known later."""
-        hears = [pubsub.has_listener(publisher) for publisher in self._samples]
-        missing = self._joining.missing()
-        return missing or tuple(n for n, h in zip(self._names, hears, strict=True) if not h)
+        if missing := self._joining.missing():
+            return missing
+        samples = zip(self._names, self._samples, strict=True)
+        return tuple(name for name, publisher in samples if not pubsub.has_listener(publisher))
 
     def send_sample(self, i: int, sample: Sample) -> None:
         """Hand agent i its sample."""

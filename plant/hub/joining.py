@@ -2,7 +2,6 @@
 
 import time
 
-from phalanx.scenario.load import digest
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.keys import kind_and_name
 
@@ -12,7 +11,7 @@ class Joining:
 
     def __init__(self, swarm: Swarm, real_time: bool) -> None:
         """real_time: whether agents that joined may go, and come back."""
-        self.digest = digest(swarm.scenario)
+        self.digest = swarm.digest
         """Of the scenario; an agent that runs another one cannot take part."""
         self._names, self._real_time = swarm.names, real_time
         self._joined: set[str] = set()
