@@ -80,7 +80,8 @@ class AgentCertificates:
 
     def __init__(self, swarm: SwarmCertificates, i: int) -> None:
         self._numbers = swarm.pairs.numbers
-        mine = np.flatnonzero((swarm.ends == i).any(axis=1))
+        first, second = swarm.ends.T
+        mine = np.flatnonzero((first == i) | (second == i))
         self.pairs = tuple(mine.tolist())
         """Indices of agent i's pairs in the composed set."""
         self.tau = swarm.swarm.horizon(i)
