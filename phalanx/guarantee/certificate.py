@@ -53,17 +53,16 @@ class PairCertificate:
 
         Args:
             pairs: each one's state, its members' in order, and numbers of its obstacle; (r, n).
-            u: the input that agent i holds, shape (m_i,).
+            u: the input that agent i holds, of each pair or of all, shape (r, m_i) or (m_i,).
         """
-        best = np.zeros(len(pairs))
+        best, u = np.zeros(len(pairs)), np.broadcast_to(u, (len(pairs), u.shape[-1]))
         if self.proven is None:
             return best
         for horizon in self.horizons:
             open_ = np.flatnonzero(best < horizon)
             if not len(open_):
                 break
-            asked = np.tile(np.append(u, horizon), (len(open_), 1))
-            rows = np.concatenate([pairs[open_], asked], axis=1)
+            rows = np.column_stack([pairs[open_], u[open_], np.full(len(open_), horizon)])
             places = np.arange(rows.size).reshape(rows.shape)
             best[open_] = np.maximum(best[open_], self.proven(rows.ravel(), places)[:, 0])
         return best

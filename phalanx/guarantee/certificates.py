@@ -1,5 +1,6 @@
-"""The certificates of a swarm: compiled once for each kind of pair, and asked agent by agent."""
+"""The certificates of a swarm: compiled once for each kind of pair, and asked for inputs."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,19 @@ from phalanx.theory.safety.pairs import spread
 Array = NDArray[np.float64]
 
 
+class Held(NamedTuple):
+    """An input that a normal agent holds from now on."""
+
+    agent: "AgentCertificates"
+    x: Array
+    """The true stacked state now, shape (n̄,)."""
+    u: Array
+    """shape (m_i,)"""
+    near: Array | None = None
+    """Which of the agent's pairs may become unsafe within the longest horizon at all, shape (p,);
+    None if that is not known."""
+
+
 class _Kind(NamedTuple):
     """What pairs with the same expressions and bounds have in common."""
 
@@ -25,6 +39,8 @@ class _Kind(NamedTuple):
     highest: MappedFunction | None
     """(x and the obstacle's numbers) -> the highest that h can be within the longest horizon,
     whatever all agents do, agent i too; None if unknown. It has few operations."""
+    sizes: list[int]
+    """How many numbers each side has."""
 
 
 class SwarmCertificates:
@@ -42,18 +58,44 @@ class SwarmCertificates:
         number_of: Index = np.array([*own, *[-1 for _ in scenario.static]])
         self.alike: Index = np.column_stack([number_of[self.ends], self.pairs.kinds_of(self.ends)])
         """What makes pairs alike: the groups of both, and the expressions; shape (p, 3)."""
-        self._kinds: dict[tuple[int, ...], _Kind] = {}
+        self.kinds: list[_Kind] = []
+        """In the order in which they were first needed."""
+        self._number: dict[tuple[int, ...], int] = {}
 
     def of(self, i: int) -> "AgentCertificates":
         """Those of normal agent i."""
         return AgentCertificates(self, i)
 
-    def kind(self, pair: int, own: int) -> _Kind:
-        """What pairs like this one have in common, for the agent whose place in them is `own`."""
+    def kind(self, pair: int, own: int) -> int:
+        """The number of the kind of a pair, for the agent whose place in it is `own`."""
         key = (own, *self.alike[pair].tolist())
-        if key not in self._kinds:
-            self._kinds[key] = self._compiled(pair, own)
-        return self._kinds[key]
+        if key not in self._number:
+            self._number[key] = len(self.kinds)
+            self.kinds.append(self._compiled(pair, own))
+        return self._number[key]
+
+    def proven(self, held: Sequence[Held]) -> list[Array]:
+        """How long each pair's h <= 0 is proven from now on [s], in the order of its agent's pairs.
+
+        Of several inputs, each with its own now: a call costs more than what it says of one.
+        """
+        numbers = self.pairs.numbers(np.stack([each.x for each in held]))
+        rows = _rows(held, numbers.shape[1])
+        found = rows.longest.copy()
+        for number in np.unique(rows.kinds).tolist():
+            kind, which = self.kinds[number], np.flatnonzero(rows.kinds == number)
+            places = rows.places[which, : sum(kind.sizes)]
+            if kind.highest is not None:
+                # Most of them are too far apart to meet.
+                may_meet = ~(kind.highest(numbers.ravel(), places)[:, 0] <= 0.0)
+                which, places = which[may_meet], places[may_meet]
+            if len(which):
+                u = np.stack([held[k].u for k in rows.held[which].tolist()])
+                found[which] = kind.certificate.times(numbers.ravel()[places], u)
+        times = [np.full(len(each.agent.pairs), each.agent.longest) for each in held]
+        for own, some, of_some in zip(times, rows.asked, np.split(found, rows.ends), strict=True):
+            own[some] = of_some
+        return times
 
     def _compiled(self, pair: int, own: int) -> _Kind:
         swarm, (a, b) = self.swarm, self.ends[pair].tolist()
@@ -62,66 +104,86 @@ class SwarmCertificates:
         tau, alphas = swarm.horizon(involved[own]), swarm.scenario.safety.class_k()
         alone = self.pairs.alone(a, b)
         highest = highest_within(alone, bounds, MULTIPLES[0] * tau)
-        return _Kind(pair_certificate(alone, own, alphas, bounds, tau), highest)
+        sizes = [*[part.stop - part.start for part in alone.parts], alone.parameters.numel()]
+        return _Kind(pair_certificate(alone, own, alphas, bounds, tau), highest, sizes)
 
 
-class _Alike(NamedTuple):
-    """Pairs of agent i's of one kind."""
+class _Rows(NamedTuple):
+    """All pairs of which something is asked, one after the other."""
 
-    kind: _Kind
-    which: Index
-    """Their places among agent i's pairs."""
+    asked: list[Index]
+    """Which they are among their agent's pairs, for each input."""
+    held: Index
+    """Number of the input that each is asked for, shape (r,)."""
+    kinds: Index
+    """shape (r,)"""
     places: Index
-    """Where their numbers lie, shape (r, n)."""
+    """Where each one's numbers lie, shape (r, n), as AgentCertificates has them."""
+    longest: Array
+    """The most that is said of each [s], shape (r,)."""
+
+    @property
+    def ends(self) -> Index:
+        """Where those of an input end, but for the last."""
+        return np.cumsum([len(some) for some in self.asked[:-1]], dtype=np.intp)
+
+
+def _rows(held: Sequence[Held], width: int) -> _Rows:
+    """width: how many numbers a state and the obstacles have."""
+    agents = [each.agent for each in held]
+    asked = [
+        np.arange(len(agent.pairs)) if near is None else np.flatnonzero(near)
+        for agent, _, _, near in held
+    ]
+    each = list(zip(agents, asked, strict=True))
+    numbers = np.repeat(np.arange(len(held)), [len(some) for some in asked])
+    return _Rows(
+        asked,
+        numbers,
+        np.concatenate([agent.kinds[some] for agent, some in each]),
+        np.concatenate([agent.places[some] for agent, some in each]) + numbers[:, None] * width,
+        np.array([agent.longest for agent in agents])[numbers],
+    )
 
 
 class AgentCertificates:
     """Of all pairs of normal agent i."""
 
     def __init__(self, swarm: SwarmCertificates, i: int) -> None:
-        self._numbers = swarm.pairs.numbers
+        self._swarm = swarm
         first, second = swarm.ends.T
         mine = np.flatnonzero((first == i) | (second == i))
         self.pairs = tuple(mine.tolist())
         """Indices of agent i's pairs in the composed set."""
         self.tau = swarm.swarm.horizon(i)
         """τ = Γ_i + δ_i^max and the latency [s]."""
-        self._longest = MULTIPLES[0] * self.tau
+        self.longest = MULTIPLES[0] * self.tau
+        """What is said of a pair that cannot become unsafe for longer [s]."""
         sides = (swarm.ends[mine, 0] != i).astype(np.intp)
+        self.kinds: Index = np.empty(len(mine), dtype=np.intp)
+        """Of each pair, by number, shape (p,)."""
+        width = max(sum(kind.kind.sizes) for kind in swarm.pairs.kinds)
+        self.places: Index = np.zeros((len(mine), width), dtype=np.intp)
+        """Where each pair's numbers lie, shape (p, n), zeros after those that it has."""
         differ = np.column_stack([sides, swarm.alike[mine]])
-        self._alike = []
         for alike in np.unique(differ, axis=0):
             which = np.flatnonzero((differ == alike).all(axis=1))
-            kind = swarm.kind(self.pairs[which[0]], int(alike[0]))
-            ends = swarm.ends[mine[which]]
-            places = spread(swarm.pairs.begin, ends, swarm.pairs.kinds[alike[-1]].kind.sizes)
-            self._alike.append(_Alike(kind, which, places))
+            number = swarm.kind(self.pairs[which[0]], int(alike[0]))
+            places = spread(swarm.pairs.begin, swarm.ends[mine[which]], swarm.kinds[number].sizes)
+            self.kinds[which] = number
+            self.places[which, : places.shape[1]] = places
 
     @property
     def refused(self) -> dict[int, str]:
         """Pairs that no input of the agent's can ever certify, by index, and why."""
+        each = [self._swarm.kinds[number].certificate for number in self.kinds.tolist()]
         return {
-            self.pairs[k]: alike.kind.certificate.refused
-            for alike in self._alike
-            if alike.kind.certificate.proven is None
-            for k in alike.which.tolist()
+            pair: certificate.refused
+            for pair, certificate in zip(self.pairs, each, strict=True)
+            if certificate.proven is None
         }
 
     def __call__(self, x: Array, u: Array, near: Array | None = None) -> Array:
-        """How long each pair's h <= 0 is proven from now on [s], in the order of `pairs`.
-
-        Args:
-            x: the true stacked state, shape (n̄,).
-            u: the input that agent i holds from now on, shape (m_i,).
-            near: which pairs may become unsafe within the longest horizon at all, shape (p,);
-                None if that is not known.
-        """
-        numbers, times = self._numbers(x), np.full(len(self.pairs), self._longest)
-        for (certificate, highest), which, places in self._alike:
-            some = np.arange(len(which)) if near is None else np.flatnonzero(near[which])
-            if highest is not None and len(some):
-                # Most of them are too far apart to meet.
-                some = some[~(highest(numbers, places[some])[:, 0] <= 0.0)]
-            if len(some):
-                times[which[some]] = certificate.times(numbers[places[some]], u)
+        """How long each pair is proven safe with one input, as SwarmCertificates.proven has it."""
+        (times,) = self._swarm.proven([Held(self, x, u, near)])
         return times

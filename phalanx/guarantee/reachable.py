@@ -45,6 +45,7 @@ class ReachableBoxes:
         self._lasting = _LASTING * tau
         self._until = -np.inf
         axes, count = scenario.agents[0].axes, len(members) + len(scenario.static)
+        self._members = len(members)
         self._low, self._high = np.full((count, axes), -np.inf), np.full((count, axes), np.inf)
         self._reach = np.full(count, function.reach(0.0))
         for k, obstacle in enumerate(scenario.static, start=len(members)):
@@ -74,11 +75,16 @@ class ReachableBoxes:
                 if alike.box is not None:
                     low, high = np.split(alike.box(x, alike.states), 2, axis=1)
                     self._low[alike.members], self._high[alike.members] = low, high
-        low, high = self._low[others], self._high[others]
-        gap = np.maximum(0.0, np.maximum(low - self._high[i], self._low[i] - high))
-        reach = self._reach[others]
+            self._near = self._pairwise()
+        near: Array = self._near[i, others]
+        return near
+
+    def _pairwise(self) -> NDArray[np.bool_]:
+        """Whether a member, by row, may meet another or an obstacle, shape (N, N + K)."""
+        low, high = self._low[: self._members, None], self._high[: self._members, None]
+        gap = np.maximum(0.0, np.maximum(self._low - high, low - self._high))
         # What is not a number is near.
-        near: Array = ~(dot(gap, gap) > reach * reach)
+        near: NDArray[np.bool_] = ~(dot(gap, gap) > self._reach * self._reach)
         return near
 
 

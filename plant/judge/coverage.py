@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.guarantee.certificates import SwarmCertificates
+from phalanx.guarantee.certificates import Held, SwarmCertificates
 from phalanx.guarantee.reachable import ReachableBoxes
 from phalanx.guarantee.verdict import Assumption, CertificateSummary
 from phalanx.swarm.swarm import Swarm
@@ -23,8 +23,8 @@ _FEW = 24
 """In so small a swarm it takes longer to look who is near than to ask for all."""
 
 
-class Held(NamedTuple):
-    """An input that an actuator holds from now on."""
+class Applied(NamedTuple):
+    """An input that takes effect."""
 
     i: int
     t: float
@@ -41,7 +41,7 @@ class Coverage:
     def __init__(self, swarm: Swarm) -> None:
         """Compile every kind of pair's certificate."""
         self._composed, pairs = swarm.safe_set, swarm.safe_set.pairs
-        certificates = SwarmCertificates(swarm)
+        certificates = self._certificates = SwarmCertificates(swarm)
         function = swarm.scenario.safety.safe_set_function()
         self._boxes = (
             ReachableBoxes(swarm, function)
@@ -55,12 +55,12 @@ class Coverage:
             for ends in [certificates.ends[list(each.pairs)]]
         }
         self._pairs = {i: np.array(each.pairs) for i, each in self._agents.items()}
-        self._sides = {
-            i: np.array([0 if pairs[p].a == i else 1 for p in each.pairs])
-            for i, each in self._agents.items()
-        }
-        self._until = np.full((2, len(pairs)), -np.inf)
-        """When the certificate of each side of each pair ends [s], shape (2, p)."""
+        # An agent's side of a pair, and the other one.
+        sides = {i: (certificates.ends[own, 0] != i) for i, own in self._pairs.items()}
+        self._own = {i: 2 * own + sides[i] for i, own in self._pairs.items()}
+        self._other = {i: 2 * own + ~sides[i] for i, own in self._pairs.items()}
+        self._until = np.full(2 * len(pairs), -np.inf)
+        """When the certificate of each side of each pair ends [s], pair by pair, shape (2p,)."""
         self.ends = np.full(len(pairs), -np.inf)
         """Until when each pair is certified, with the certificates that there are [s], (p,)."""
         self._inputs = {i: len(swarm.members[i].dynamics.inputs) for i in swarm.normal}
@@ -71,17 +71,22 @@ class Coverage:
 
     def begin(self, x: Array) -> None:
         """Before its first input takes effect every actuator holds zero, from x(0), (n̄,), on."""
-        held = [Held(i, 0.0, x, np.zeros(size)) for i, size in self._inputs.items()]
-        for (i, t, _, _), proven in zip(held, self.proven(held), strict=True):
-            if proven is not None:
-                self._issue(i, t, proven)
+        zeros = [Applied(i, 0.0, x, np.zeros(size)) for i, size in self._inputs.items()]
+        for zero, proven in zip(zeros, self.proven(zeros), strict=True):
+            self._issue(zero.i, 0.0, proven)
 
-    def proven(self, held: Sequence[Held]) -> list[Array | None]:
-        """For how long each of an agent's pairs is proven safe [s]; None for an adversary's input.
+    def proven(self, applied: Sequence[Applied]) -> list[Array]:
+        """For how long each pair of the agent's is proven safe [s]; nothing of an adversary's.
 
-        The inputs of one agent or of several, in the order of their times.
+        Of any inputs in the order of their times.
         """
-        return [self._proven(*each) if each.i in self._agents else None for each in held]
+        held = [
+            Held(self._agents[i], x, u, self._near(i, t, x))
+            for i, t, x, u in applied
+            if i in self._agents
+        ]
+        found = iter(self._certificates.proven(held) if held else ())
+        return [next(found) if each.i in self._agents else np.zeros(0) for each in applied]
 
     def reached(self, t: float) -> None:
         """Time has gone on to t [s], with the certificates that there are."""
@@ -92,23 +97,23 @@ class Coverage:
             self.summary.uncovered = self._composed.label(self._composed.pairs[first])
             self.summary.uncovered_at = max(0.0, float(self.ends[first]))
 
-    def applied(self, i: int, t: float, proven: Array) -> float:
-        """Normal agent i's input is held from t [s] on.
+    def applied(self, i: int, t: float, proven: Array) -> float | None:
+        """Agent i's input, of which so much is proven, is held from t [s] on.
 
-        Returns how long all its pairs are certified [s].
+        Returns how long all its pairs are certified [s]; None for an adversary.
         """
+        if i not in self._agents:
+            return None
         shortest = self._issue(i, t, proven)
         self.summary.count(shortest, self._agents[i].tau)
         return shortest
 
-    def _proven(self, i: int, t: float, x: Array, u: Array) -> Array:
-        boxes = self._boxes
-        near = None if boxes is None else boxes.near(i, self._others[i], t, x)
-        return self._agents[i](x, u, near)
+    def _near(self, i: int, t: float, x: Array) -> Array | None:
+        return None if self._boxes is None else self._boxes.near(i, self._others[i], t, x)
 
     def _issue(self, i: int, t: float, proven: Array) -> float:
-        sides, pairs = self._sides[i], self._pairs[i]
+        own, other, pairs = self._own[i], self._other[i], self._pairs[i]
         # The certificate before it ends with the input that it was for.
-        self._until[sides, pairs] = np.where(proven > 0.0, t + proven, -np.inf)
-        self.ends[pairs] = self._until[:, pairs].max(axis=0)
+        self._until[own] = until = np.where(proven > 0.0, t + proven, -np.inf)
+        self.ends[pairs] = np.maximum(until, self._until[other])
         return float(proven.min(initial=np.inf))

@@ -128,10 +128,8 @@ class Judge:
         if i in self._swarm.normal:
             self._checks.faithful.check(False, t)
 
-    def applied(
-        self, event: InputApplied, telemetry: Telemetry, proven: Array | None
-    ) -> float | None:
-        """An actuator took its input; proven: as Coverage.proven has it of a normal agent's.
+    def applied(self, event: InputApplied, telemetry: Telemetry, proven: Array) -> float | None:
+        """An actuator took its input; proven: as Coverage has it.
 
         Returns how long all pairs of a normal agent are certified from now on [s].
         """
@@ -149,8 +147,6 @@ class Judge:
         self._in_force[event.i] = event.t_apply
         self._at_zero.pop(event.i, None)
         self._check_input(event.i, self._sampled_in.get(event.i, self._x), u, event.t_apply)
-        if proven is None:
-            return None
         return self.coverage.applied(event.i, event.t_apply, proven)
 
     def lost(self, event: InputLost) -> None:

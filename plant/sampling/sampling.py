@@ -84,7 +84,8 @@ class Sampling:
             orders=self._faults.orders(i),
             pace=pace,
         )
-        return Taken(sample, sight, self.packed(x, sight.seen), told is x)
+        truth = sample.x if told is x else self.packed(x, sight.seen)
+        return Taken(sample, sight, truth, told is x)
 
     def packed(self, x: Array, who: tuple[int, ...]) -> bytes:
         """The states of these agents, as a sample holds them."""

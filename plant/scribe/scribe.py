@@ -19,7 +19,7 @@ from phalanx.plant.events.events import (
     StateReached,
 )
 from phalanx.plant.judge.claims import Finding
-from phalanx.plant.judge.coverage import Held
+from phalanx.plant.judge.coverage import Applied
 from phalanx.plant.judge.judge import Judge
 from phalanx.plant.scribe.ahead import Ahead
 from phalanx.plant.scribe.frames import FramePublisher
@@ -67,7 +67,7 @@ class RunScribe:
         self._names, self._declared, self._judge = names, declared, judge
         # Looked up at each call, for a stopwatch may time them.
         self._ways = Ahead[Way, Seen](lambda ways: truth.of(ways))
-        self._inputs = Ahead[Held, Array | None](lambda held: judge.coverage.proven(held))
+        self._inputs = Ahead[Applied, Array](lambda applied: judge.coverage.proven(applied))
         self._x = np.zeros(0)
         """The stacked state at the last event that is expected, shape (n̄,)."""
         self._recording, self._frames = recording, frames
@@ -107,7 +107,7 @@ class RunScribe:
                 self._x = event.x
                 self._ways.ask(event.way)
             case InputApplied():
-                self._inputs.ask(Held(event.i, event.t_apply, self._x, np.array(event.u)))
+                self._inputs.ask(Applied(event.i, event.t_apply, self._x, np.array(event.u)))
 
     def witness(self, event: Event) -> None:
         """Take the next event. Raises RecordingError, DivergedError."""

@@ -13,9 +13,7 @@ from phalanx.guarantee.certificate import (
     PairCertificate,
     pair_certificate,
 )
-from phalanx.guarantee.certificates import SwarmCertificates
-from phalanx.scenario.load import load
-from phalanx.swarm.swarm import build_swarm
+from phalanx.guarantee.certificates import Held, SwarmCertificates
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.unicycle import Unicycle
@@ -23,6 +21,7 @@ from phalanx.theory.safety.class_k import Linear
 from phalanx.theory.safety.composition import Member, compose
 from phalanx.theory.safety.function import Body, Separation
 from phalanx.theory.safety.obstacles import Obstacle, Sphere
+from tests.unit.swarms import swarm_of_scenario
 
 seeds = st.integers(0, 2**32 - 1)
 TAU = 0.05
@@ -193,7 +192,7 @@ def test_small_lengths_and_great_speeds_are_no_exception(dynamics, alphas, scale
 
 @pytest.fixture(scope="module")
 def swarm():
-    return build_swarm(load("unicycles"))
+    return swarm_of_scenario("unicycles")
 
 
 def test_an_agents_certificates_are_those_of_its_pairs(swarm, rng):
@@ -212,7 +211,25 @@ def test_an_agents_certificates_are_those_of_its_pairs(swarm, rng):
             assert (times <= MULTIPLES[0] * certificates.tau).all()
             assert ((times > 0) | (h(x)[0][list(certificates.pairs)] > -1.0)).all()
     # Either side of two normal agents; beside an adversary, and beside a sphere.
-    assert len(every._kinds) == 4
+    assert len(every.kinds) == 4
+
+
+@pytest.mark.parametrize("name", ["unicycles", "formation3d", "swarm"])
+def test_of_several_inputs_at_once_as_much_is_proven_as_of_each_alone(name, rng):
+    """Of agents of different kinds and in different states, with pairs left out or not."""
+    swarm = swarm_of_scenario(name)
+    every = SwarmCertificates(swarm)
+    held = []
+    for i in [*swarm.normal, *swarm.normal[:2]]:
+        agent, inputs = every.of(i), len(swarm.members[i].dynamics.inputs)
+        x = swarm.start() + rng.uniform(-3, 3, swarm.safe_set.x.numel())
+        near = None if i % 2 else rng.random(len(agent.pairs)) < 0.5
+        held.append(Held(agent, x, rng.uniform(-1, 1, inputs), near))
+    for each, found in zip(held, every.proven(held), strict=True):
+        assert (found == each.agent(each.x, each.u, each.near)).all()
+        assert found.shape == (len(each.agent.pairs),)
+        if each.near is not None:
+            assert (found[~each.near] == each.agent.longest).all()
 
 
 def test_obstacles_are_pairs_too():

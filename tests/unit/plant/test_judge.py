@@ -5,7 +5,7 @@ import pytest
 
 from phalanx.guarantee.verdict import Assumption
 from phalanx.plant.events.events import InputApplied, Sampled
-from phalanx.plant.judge.coverage import Held
+from phalanx.plant.judge.coverage import Applied
 from phalanx.plant.judge.judge import Judge
 from phalanx.plant.world.truth import IntegrationSteps
 from phalanx.plant.world.world import DisturbanceKnot
@@ -26,8 +26,8 @@ def apply(
     telemetry = Telemetry(
         k=k, origin=origin, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0, ages=ages
     )
-    held = Held(i, t, rows_of_scenario("unicycles").swarm.start(), np.zeros(2))
-    (proven,) = judge.coverage.proven([held])
+    x = rows_of_scenario("unicycles").swarm.start()
+    (proven,) = judge.coverage.proven([Applied(i, t, x, np.zeros(2))])
     judge.applied(InputApplied(i, k, t, t, (0.0, 0.0)), telemetry, proven)
 
 
