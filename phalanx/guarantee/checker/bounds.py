@@ -6,9 +6,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.guarantee.checker.interval_function import IntervalFunction
 from phalanx.guarantee.checker.intervals import (
     Interval,
-    IntervalFunction,
     Truth,
     add,
     dot,

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from phalanx.guarantee.checker.interval_function import IntervalFunction
 from phalanx.guarantee.checker.intervals import (
     Interval,
-    IntervalFunction,
     UncertifiableError,
     norm,
     point,
