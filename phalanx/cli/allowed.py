@@ -10,7 +10,7 @@ import typer
 LARGEST_SEED = 2**63 - 1
 _LONGEST = 1e6
 """Of a wait [s]; Zenoh counts in milliseconds."""
-_LABEL = re.compile(r"(?!-)[A-Za-z0-9-]{1,63}(?<!-)")
+_LABEL = re.compile(r"(?!-)[A-Za-z0-9_-]{1,63}(?<!-)")
 
 
 def require_values(arguments: Sequence[str]) -> None:

@@ -71,8 +71,9 @@ def keys(
     try:
         make_certificates(folder, names, reached_as, datetime.timedelta(days=days), claims)
         for host in (hosts or ())[:1]:
+            at = f"[{host}]" if ":" in host else host  # an IPv6 address
             for name in names:
-                (folder / name / ENDPOINT).write_text(f"tls/{host}:7447\n", encoding="utf-8")
+                (folder / name / ENDPOINT).write_text(f"tls/{at}:7447\n", encoding="utf-8")
     except OSError as error:
         raise typer.BadParameter(f"DIR: {error}") from error
     print(f"{folder}: certificates of {', '.join(names)}")

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from phalanx.cli.app import USAGE_ERROR, status
-from phalanx.cli.endpoints import endpoint_for, on_loopback
+from phalanx.cli.endpoints import endpoint_for, on_loopback, require_endpoint
 
 RUN = ("--scenario", "one-on-one", "--run", "r")
 
@@ -62,3 +62,14 @@ def test_the_folder_of_a_certificate_says_where_to_connect_unless_somebody_does(
     assert endpoint_for("", keys / "1") == "tls/p.org:7447"
     assert endpoint_for("tls/q.org:1", keys / "1") == "tls/q.org:1"
     assert endpoint_for("", None) == "tcp/127.0.0.1:7447"
+
+
+@pytest.mark.parametrize("host", ["p.org", "my_plant", "10.0.0.1", "2001:db8::1"])
+def test_a_certificate_for_a_host_says_an_endpoint_that_can_be_connected_to(
+    tmp_path: Path, host: str
+) -> None:
+    keys = tmp_path / "keys"
+    assert status(["keys", str(keys), "--scenario", "one-on-one", "--host", host]) == 0
+    endpoint = endpoint_for("", keys / "1")
+    assert require_endpoint(endpoint) == endpoint
+    assert host in endpoint
