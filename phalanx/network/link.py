@@ -44,7 +44,10 @@ class Stage:
         """What the rule makes of a message. Raises RuleError if it is no treatment."""
         try:
             treatment = self.rule.treat(message)
-            if all(0.0 <= message.waited + copy.after < math.inf for copy in treatment):
+            for copy in treatment:
+                if not 0.0 <= message.waited + copy.after < math.inf:
+                    break
+            else:
                 return treatment
             problem = f"expected delays that end after the message was sent, got {treatment}"
         except Exception as error:  # a user's rule may raise anything
@@ -95,10 +98,8 @@ class Passage(NamedTuple):
     @property
     def delay(self) -> float | None:
         """Of the first copy that can be read [s]; None if there is none."""
-        return min((copy.after for copy in self.copies if not copy.corrupt), default=None)
-
-
-_UNTOUCHED = Passage(DELIVER, ())
+        readable = [copy.after for copy in self.copies if not copy.corrupt]
+        return min(readable) if readable else None
 
 
 class Link:
@@ -139,9 +140,8 @@ class Link:
             sent: when it leaves its sender [s].
             distance: between the two [m].
         """
-        if not self.model.stages:
-            return _UNTOUCHED
-        copies, faults = DELIVER, []
+        copies: Treatment = DELIVER
+        faults: tuple[int, ...] = ()
         for place, stage in enumerate(self.model.stages):
             came, copies = copies, ()
             for number, copy in enumerate(came):
@@ -150,12 +150,16 @@ class Link:
                     self._left[place], self._tables[place],
                 )  # fmt: skip
                 treatment = stage.treat(message)
-                if treatment != DELIVER and stage.declared not in faults:
-                    faults.append(stage.declared)
+                if treatment == DELIVER:
+                    self._left[place] = message.t
+                    copies += (copy,)
+                    continue
+                if 0 <= stage.declared not in faults:
+                    faults += (stage.declared,)
                 for new in treatment:
                     self._left[place] = message.t + new.after
                     copies += (Copy(copy.after + new.after, copy.corrupt or new.corrupt),)
-        return Passage(copies, tuple(fault for fault in faults if fault >= 0))
+        return Passage(copies, faults)
 
     def _of_stage(self, field: str, purpose: str) -> Draws:
         # What fields of a link model draw for differs by purpose; rules of one's own may not know.
