@@ -5,7 +5,7 @@ import os
 import signal
 from collections.abc import Callable
 
-from phalanx.agent.step import Answer, ControlStep
+from phalanx.agent.step import Accepted, Answer, ControlStep
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.wire.keys import kind_and_name
 from phalanx.wire.messages import Broadcast, Sample
@@ -35,7 +35,7 @@ class SampleAnswering:
         self._step, self._sealer = step, sealer
         self._send, self._give_up = send, give_up
         self._refusals = Refusals(log)
-        self._pending: Sample | None = None
+        self._pending: Accepted | None = None
 
     def time(self, stopwatch: Stopwatch) -> None:
         """Have the stopwatch tell computing from handling messages; what is left is waiting."""
@@ -46,15 +46,16 @@ class SampleAnswering:
     def on_sample(self, key: str, payload: bytes) -> None:
         """Take a sample."""
         try:
-            sample = self._step.accept_sample(self._sealer.open(key, payload, Sample))
+            accepted = self._step.accept_sample(self._sealer.open(key, payload, Sample))
         except Malformed as reason:
             self._drop(key, reason)
             return
-        if sample.orders and sample.orders.die:
+        orders = accepted.sample.orders
+        if orders and orders.die:
             # A crash as it would be: no clean-up, no goodbye.
             os.kill(os.getpid(), signal.SIGKILL)
         self.begun = True
-        self._pending = sample
+        self._pending = accepted
         self._answer_if_complete()
 
     def on_broadcast(self, key: str, payload: bytes) -> None:
@@ -67,19 +68,19 @@ class SampleAnswering:
         else:
             self._answer_if_complete()
 
-    def answer(self, sample: Sample) -> Answer:
+    def answer(self, accepted: Accepted) -> Answer:
         """What the agent makes of a sample."""
-        return self._step(sample)
+        return self._step(accepted)
 
     def _answer_if_complete(self) -> None:
         # Broadcasts come from other sessions than samples do: nothing orders the two, so a sample
         # may be here before a broadcast that it counts.
-        sample = self._pending
-        if sample is None or self._step.lacks_broadcasts(sample):
+        accepted = self._pending
+        if accepted is None or self._step.lacks_broadcasts(accepted):
             return
         self._pending = None
         try:
-            self._send(self.answer(sample))
+            self._send(self.answer(accepted))
         except Exception as error:  # a user's law may raise anything, and Zenoh would swallow it
             self.error = error
             self._give_up()

@@ -23,7 +23,7 @@ class DistributedController:
         """Compile agent i's own copy of the theory."""
         swarm = rows.swarm
         self._rows, self._i = rows, i
-        self._normal, self._parts = swarm.normal, swarm.safe_set.parts
+        self._members, self._parts = swarm.members, swarm.safe_set.parts
         self._law: Law = swarm.law(i)
         self._goal = swarm.goal(i)
         self._terms = rows.terms(i)
@@ -37,7 +37,7 @@ class DistributedController:
         terms = self._terms(x, seen)
         states = {l: x[self._parts[l]] for l in seen}
         goal = self._goal(t, states[self._i])
-        normal = [l for l in self._normal if l in states]
+        normal = [l for l in seen if not self._members[l].adversary]
         u_nom = self._law.input(View(self._i, states, normal, goal, terms))
         now = Situation(t + self._latency, x, seen, terms, u_nom, received)
         decision, used = self._filter(now)

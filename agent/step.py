@@ -3,7 +3,7 @@
 import time
 from collections import deque
 from collections.abc import Mapping
-from functools import cache, cached_property
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -45,6 +45,16 @@ class Answer(NamedTuple):
     telemetry: Telemetry
 
 
+class Accepted(NamedTuple):
+    """A sample that may be the plant's next, taken apart."""
+
+    sample: Sample
+    x: Array
+    """Stacked state, shape (n̄,); NaN where it is not seen."""
+    existing: dict[int, Existing]
+    """Which broadcasts it counts, by sender."""
+
+
 class ControlStep:
     """Agent i beside its controller: what may come, what it has received, what it says."""
 
@@ -60,10 +70,8 @@ class ControlStep:
         self.swarm = swarm
         self.i = i
         self.name = swarm.names[i]
+        self._heard = frozenset(swarm.heard_by(i))
         self.inbox = BroadcastInbox(swarm.heard_by(i), self._link)
-        self._senders = {swarm.names[j]: j for j in swarm.heard_by(i)}
-        self._most = cache(lambda j: swarm.clock(j).most_samples(swarm.scenario.duration))
-        """By sender, more broadcasts than it can send in the run."""
         self.rejected = 0
         """Payloads dropped so far."""
         self._states = SeenStates(swarm)
@@ -80,7 +88,7 @@ class ControlStep:
         """Inputs that lies may look back at, the newest last."""
         self._controller: Controller = controller or DistributedController(rows, i)
 
-    def accept_sample(self, sample: Sample) -> Sample:
+    def accept_sample(self, sample: Sample) -> Accepted:
         """Check a sample against what the plant may send next. Raises Malformed.
 
         The first one may have any number: who takes over from an agent that died joins in the
@@ -95,7 +103,7 @@ class ControlStep:
         if not np.isfinite(np.frombuffer(sample.x, dtype="<f8")).all():
             raise Malformed("not finite")
         existing = _existing(sample)
-        if self.i not in states or not set(self._senders.values()).issuperset(existing):
+        if self.i not in states or not self._heard.issuperset(existing):
             raise Malformed("wrong agents")
         if self.i in sample.hearers or not states.keys() >= set(sample.hearers):
             raise Malformed("wrong agents")
@@ -108,31 +116,30 @@ class ControlStep:
             self.inbox.join_at(existing)
         self._next = sample.k + 1
         self._clock.set(sample.t, sample.pace)
-        return sample
+        return Accepted(sample, self._states.stacked(states), existing)
 
-    def lacks_broadcasts(self, sample: Sample) -> bool:
+    def lacks_broadcasts(self, accepted: Accepted) -> bool:
         """Whether a broadcast that a sample counts has yet to arrive."""
-        return sample.pace is None and self.inbox.missing(_existing(sample))
+        return accepted.sample.pace is None and self.inbox.missing(accepted.existing)
 
     def accept_broadcast(self, sender: str, message: Broadcast) -> None:
         """Put another agent's broadcast into the inbox. Raises Malformed."""
-        if sender not in self._senders:
+        speaker = self.swarm.speakers.get(sender)
+        if speaker is None or speaker.i not in self._heard:
             raise Malformed("unknown sender")
-        j = self._senders[sender]
-        if message.k >= self._most(j):
+        if message.k >= speaker.most:
             # More of them would only fill the memory.
             raise Malformed("from the future")
-        if len(message.u) != len(self.swarm.members[j].dynamics.inputs):
+        if len(message.u) != speaker.inputs:
             raise Malformed("wrong size")
-        if not self.inbox.put(j, message, self._clock.now()):
+        if not self.inbox.put(speaker.i, message, self._clock.now()):
             raise Malformed("out of order")
 
-    def __call__(self, sample: Sample) -> Answer:
+    def __call__(self, accepted: Accepted) -> Answer:
         """Answer a sample. In lockstep the inbox must have every broadcast that it counts."""
-        began = time.perf_counter()
+        began, (sample, x, _) = time.perf_counter(), accepted
         self.obey(sample.orders)
-        x = self._states.stacked(self._states.of(sample.x, sample.seen))
-        self._untold += self._decide_fates(sample, x)
+        self._untold += self._decide_fates(accepted)
         fates, self._untold = self._untold[:_MOST_FATES], self._untold[_MOST_FATES:]
         received = self.inbox.received()
         decision, u_nom, used = self.decide(x, sample.seen, sample.t, received)
@@ -173,8 +180,8 @@ class ControlStep:
             for l, (claim, _) in told.items()
         }
 
-    def _decide_fates(self, sample: Sample, x: Array) -> tuple[Fate, ...]:
-        existing = _existing(sample)
+    def _decide_fates(self, accepted: Accepted) -> tuple[Fate, ...]:
+        sample, x, existing = accepted
         if sample.pace is not None:
             existing = self.inbox.here(existing)
         fates = self.inbox.advance(

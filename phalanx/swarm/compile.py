@@ -13,6 +13,7 @@ _REHEARSED = 40
 def compile_rows(rows: SafetyRows) -> None:
     """Compile the rows of all agents, for processes that are forked to inherit them."""
     swarm = rows.swarm
+    swarm.speakers  # noqa: B018
     for kind in swarm.pairs.kinds:
         kind.jets  # noqa: B018
     groups: dict[int, list[int]] = {}

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -25,6 +26,17 @@ from phalanx.theory.safety.composition import ComposedSet, Member, compose
 from phalanx.theory.safety.pairs import SwarmPairs
 
 Array = NDArray[np.float64]
+
+
+class Speaker(NamedTuple):
+    """What everybody knows beforehand of a normal agent's broadcasts."""
+
+    i: int
+    """Whose they are."""
+    inputs: int
+    """m_i"""
+    most: int
+    """More of them than it can send in the run."""
 
 
 @dataclass(frozen=True)
@@ -124,6 +136,18 @@ class Swarm:
         if self.members[i].adversary or self.scenario.safety.control == "centralised":
             return ()
         return tuple(j for j in self.normal if j != i)
+
+    @cached_property
+    def speakers(self) -> dict[str, Speaker]:
+        """Every normal agent by name."""
+        return {
+            self.names[i]: Speaker(
+                i,
+                len(self.members[i].dynamics.inputs),
+                self.clock(i).most_samples(self.scenario.duration),
+            )
+            for i in self.normal
+        }
 
     @property
     def joint(self) -> bool:

@@ -3,7 +3,7 @@
 Adversaries count at their worst, γ_j^max, in every model.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
@@ -69,11 +69,21 @@ class InformationModel:
             }
         return {l: h.u for l, h in received.items() if t - h.since <= self.silence}
 
-    def sharing(self, i: int, received: Mapping[int, ReceivedInput], t: float) -> list[int]:
-        """Normal agents that can be expected to keep their share at t [s], agent i with them."""
+    def sharing(
+        self,
+        i: int,
+        received: Mapping[int, ReceivedInput],
+        t: float,
+        among: Sequence[int] | None = None,
+    ) -> list[int]:
+        """Normal agents that can be expected to keep their share at t [s], agent i with them.
+
+        among: agents of any kind, of whom it is asked; None for all.
+        """
         begun = t <= self.silence
         alive = {l for l, h in received.items() if t - h.since <= self.silence}
-        return [l for l in self.unchanged if l == i or begun or l in alive]
+        asked = self.unchanged if among is None else [l for l in among if l in self.unchanged]
+        return [l for l in asked if l == i or begun or l in alive]
 
 
 _INSTANT = 1e-9

@@ -61,6 +61,8 @@ class PairTerms(NamedTuple):
     """The other member's index; None for an obstacle."""
     parts: tuple[RowPart, ...]
     """What agent i keeps of each pair: all of it, or its half."""
+    half: NDArray[np.bool_]
+    """Whether it is a half."""
 
 
 class PairRowFunction:
@@ -107,6 +109,18 @@ class _Group(NamedTuple):
     rows: MappedRows
 
 
+class _Chosen(NamedTuple):
+    """The pairs in sight, as long as they stay the same."""
+
+    key: tuple[object, ...]
+    groups: list[_Group]
+    beside: tuple[int, ...]
+    """As PairTerms has them, like those that follow."""
+    others: tuple[int | None, ...]
+    parts: tuple[RowPart, ...]
+    half: NDArray[np.bool_]
+
+
 class OwnPairTerms:
     """Agent i's pairs with what it sees, at any state."""
 
@@ -126,8 +140,7 @@ class OwnPairTerms:
         """
         self._swarm, self._i, self._function, self._near = swarm, i, function, near
         self._own = slice(swarm.begin[i], swarm.begin[i] + len(swarm.members[i].dynamics.states))
-        self._key: tuple[object, ...] | None = None
-        self._groups: list[_Group] = []
+        self._chosen: _Chosen | None = None
 
     def __call__(
         self,
@@ -147,16 +160,21 @@ class OwnPairTerms:
         seen = range(len(self._swarm.members)) if seen is None else seen
         near = self._near(x[self._own])[0] if self._near else None
         key = tuple(seen), tuple(sharing), b"" if near is None else near.tobytes()
-        if key != self._key:
-            self._key, self._groups = key, self._grouped(seen, near, sharing, len(symbols))
+        if self._chosen is None or self._chosen.key != key:
+            self._chosen = self._choose(key, seen, near, sharing, len(symbols))
         numbers = np.concatenate([x, self._swarm.parameters, symbols])
-        for group in self._groups:
+        for group in self._chosen.groups:
             group.rows(numbers)
-        return self._terms()
+        return self._terms(self._chosen)
 
-    def _grouped(
-        self, seen: Sequence[int], near: Array | None, sharing: Sequence[int], symbols: int
-    ) -> list[_Group]:
+    def _choose(
+        self,
+        key: tuple[object, ...],
+        seen: Sequence[int],
+        near: Array | None,
+        sharing: Sequence[int],
+        symbols: int,
+    ) -> _Chosen:
         swarm, i = self._swarm, self._i
         pairs = swarm.of(i, seen, None if near is None else np.flatnonzero(near).tolist())
         functions: dict[PairRowFunction, list[tuple[int, int]]] = {}
@@ -172,27 +190,35 @@ class OwnPairTerms:
             rows = function.evaluate.at(np.concatenate([places, tail], axis=1))
             others = [b if a == i else a for a, b in own]
             groups.append(_Group(others, function.part, rows))
-        return groups
+        beside = tuple(other for group in groups for other in group.others)
+        parts = tuple(group.part for group in groups for _ in group.others)
+        return _Chosen(
+            key,
+            groups,
+            beside,
+            others=tuple(other if other < len(swarm.members) else None for other in beside),
+            parts=parts,
+            half=np.array([part is RowPart.HALF for part in parts], dtype=np.bool_),
+        )
 
-    def _terms(self) -> PairTerms:
+    def _terms(self, chosen: _Chosen) -> PairTerms:
         """What the groups' rows came to, one group after the other."""
-        q, members = self._swarm.degree, len(self._swarm.members)
-        inputs = len(self._swarm.members[self._i].dynamics.inputs)
+        q, inputs = self._swarm.degree, len(self._swarm.members[self._i].dynamics.inputs)
         end = q + 3 + inputs
-        known = [np.zeros((0, end)), *[group.rows.results[:, :end] for group in self._groups]]
+        known = [np.zeros((0, end)), *[group.rows.results[:, :end] for group in chosen.groups]]
         numbers = np.concatenate(known)
         unforced, most, margin = numbers[:, q : q + 3].T
-        beside = tuple(other for group in self._groups for other in group.others)
         return PairTerms(
             psi=numbers[:, :q],
             a=numbers[:, q + 3 :],
             unforced=unforced,
             most=most,
             margin=margin,
-            forces=[c for group in self._groups for c in group.rows.results[:, end:].copy()],
-            beside=beside,
-            others=tuple(other if other < members else None for other in beside),
-            parts=tuple(group.part for group in self._groups for _ in group.others),
+            forces=[c for group in chosen.groups for c in group.rows.results[:, end:].copy()],
+            beside=chosen.beside,
+            others=chosen.others,
+            parts=chosen.parts,
+            half=chosen.half,
         )
 
 
@@ -203,11 +229,13 @@ def pair_rows(terms: PairTerms, received: Mapping[int, Array]) -> Rows:
         terms: at agent i's sampled state.
         received: û_l, shape (m_l,), of normal agents that count; others count at γ_l^max.
     """
-    bound = -(terms.unforced + terms.most + terms.margin)
-    for k, (other, part) in enumerate(zip(terms.others, terms.parts, strict=True)):
-        if part is RowPart.HALF:
-            bound[k] = -(part.value * terms.unforced[k] + terms.margin[k])
-        elif other is not None and (u := received.get(other)) is not None:
+    whole = terms.unforced + terms.most + terms.margin
+    half = RowPart.HALF.value * terms.unforced + terms.margin
+    bound = -np.where(terms.half, half, whole)
+    for k, other in enumerate(terms.others if received else ()):
+        if other is None or terms.half[k]:
+            continue
+        if (u := received.get(other)) is not None:
             bound[k] += terms.most[k] - float(dot(terms.forces[k], u))
     return Rows(terms.a, bound)
 

@@ -102,7 +102,7 @@ class PairwiseFilter:
     def __call__(self, now: Situation) -> Filtered:
         """The input to apply."""
         information, i = self._information, self._i
-        sharing = information.sharing(i, now.received, now.t) if self._split else []
+        sharing = information.sharing(i, now.received, now.t, now.seen) if self._split else []
         counted = _believed(information, now)
         rows = pair_rows(self._terms(now.x, now.seen, sharing), counted)
         decision = decide_pairs(now.terms.polytopes[i], rows, now.u_nom, self._qp)
