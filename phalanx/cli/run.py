@@ -1,6 +1,7 @@
 """phalanx run: a scenario from its file to its verdict, on this machine."""
 
 import contextlib
+import resource
 import secrets
 import sys
 from pathlib import Path
@@ -102,18 +103,23 @@ def run(
         raise typer.BadParameter(f"--engine in-process: expected no {names}")
     if listen is not None and not insecure and not on_loopback(listen):
         raise typer.BadParameter(f"{NOT_HERE.format(listen)} --insecure; phalanx plant has --keys")
-    if engine == "processes":
+    # Libraries that find no memory die in words of their own: there this process loads them first.
+    if (
+        engine == "processes"
+        and resource.getrlimit(resource.RLIMIT_AS)[0] == resource.RLIM_INFINITY
+    ):
         from phalanx.launcher.libraries import start_loading
 
         with contextlib.suppress(OSError):  # said when the run begins
             start_loading()
     import phalanx
+
+    resolved = phalanx.load(scenario, overrides or (), seed)
     from phalanx.cli.display import progress
     from phalanx.guarantee.verdict import exit_status
     from phalanx.launcher.engine import silent
     from phalanx.launcher.page import serve_live
 
-    resolved = phalanx.load(scenario, overrides or (), seed)
     chosen = _choose_port(view, commands, port)
     policy = phalanx.CommandPolicy(
         secret=secrets.token_bytes(16) if commands else b"",

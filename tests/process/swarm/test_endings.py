@@ -177,7 +177,7 @@ def test_no_folder_for_temporary_files_ends_in_one_line(phalanx):
     assert len(output.splitlines()) == 1
 
 
-@pytest.mark.parametrize("megabytes", [120, 200])
+@pytest.mark.parametrize("megabytes", [120, 170])
 def test_too_little_memory_to_load_ends_in_one_line(phalanx, megabytes):
     size = megabytes * 1_000_000
     run = phalanx(
