@@ -52,13 +52,11 @@ def test_the_log_names_each_pair_that_leaves_not_the_one_that_was_worst_before(t
 
 def test_a_backup_is_a_step_at_which_the_backup_input_was_applied():
     """Steps with empty K_i that kept the nominal input are none."""
-    told: list[phalanx.Status] = []
     scenario = phalanx.load("unicycles", {"duration": 0.5, "safety.eta": 40.0})
-    run = phalanx.run(scenario, engine="in-process", progress=told.append)
+    run = phalanx.run(scenario, engine="in-process")
     counted = dict(run.inputs["origin"].value_counts().iter_rows())
     assert counted["no-authority"] > 0
     assert run.summary.origins["backup"] == counted["backup"] > 0
-    assert max(status.backups for status in told) <= counted["backup"]
 
 
 def test_states_are_recorded_no_more_often_than_asked_for_and_no_peak_is_lost():

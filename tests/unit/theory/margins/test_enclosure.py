@@ -1,6 +1,7 @@
 """Where a state can be within a horizon, and which inputs an actuator takes."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -27,6 +28,7 @@ PHI = 0.5
 CASES = {"unicycle": Unicycle(4.0, 2.0), "bicycle": KinematicBicycle(2.0, 0.7)}
 
 
+@cache
 def compiled(dynamics, held):
     member = Member("a", dynamics, False)
     x, T = ca.SX.sym("x", len(dynamics.states)), ca.SX.sym("T")
@@ -37,15 +39,12 @@ def compiled(dynamics, held):
     return box, CompiledFunction([x, e.u, e.phi], [e.rate])
 
 
-COMPILED = {(name, held): compiled(d, held) for name, d in CASES.items() for held in (True, False)}
-
-
 @pytest.mark.parametrize("held", [True, False])
 @pytest.mark.parametrize("name", CASES)
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=15)
 def test_no_state_leaves_the_box(name, held, seed):
-    rng, (box, rate) = np.random.default_rng(seed), COMPILED[name, held]
+    rng, (box, rate) = np.random.default_rng(seed), compiled(CASES[name], held)
     x, T, steps = rng.uniform(-3, 3, len(CASES[name].states)), 0.1, 200
     corners = admissible_corners(Member("a", CASES[name], False))
     u = corners[rng.integers(len(corners))]
