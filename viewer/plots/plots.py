@@ -162,7 +162,7 @@ class _Plots:
         safe: Safe = (None, None) if bounds is None else (float(bounds[0][c]), float(bounds[1][c]))
         name = self._model.input_names(i)[c]
         unit = self._model.input_units[i][name]
-        title = f"Input {name}, and the nominal one"
+        title = f"Input {name} and nominal"
         return Plot(title, unit, curves, safe, of_agents=True, agent=i)
 
 

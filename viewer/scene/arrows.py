@@ -11,7 +11,7 @@ from phalanx.viewer.scene.picture import Picture
 Array = NDArray[np.float64]
 
 _LONGEST, _HEAD = 3.5, 0.4
-"""Lengths of the longest nominal input and of an arrow's head, in bodies."""
+"""Lengths of the longest arrow and of an arrow's head, in bodies."""
 
 
 class ArrowNodes:
@@ -24,16 +24,20 @@ class ArrowNodes:
 
     def show(self, picture: Picture, size: float) -> None:
         """Point them; size of a body [m]."""
-        longest = float(np.linalg.norm(picture.u_nom, axis=1).max())
+        # Nominal inputs may be many times as large as any that can be applied: they are cut.
+        longest = float(np.linalg.norm(picture.applied, axis=1).max())
         scale = _LONGEST * size / max(1.0, longest)
         # The applied input lies above the nominal one, which is often the same.
         for arrows, vectors, height in (
             (self._applied, scale * picture.applied, 0.9 * size),
             (self._u_nom, scale * picture.u_nom, 0.5 * size),
         ):
-            seen = np.linalg.norm(vectors, axis=1) > _HEAD * size
+            lengths = np.linalg.norm(vectors, axis=1)
+            seen = lengths > _HEAD * size
+            cut = np.minimum(1.0, _LONGEST * size / lengths[seen])
             tails = picture.positions[seen] + [0.0, 0.0, height]
-            arrows.points = single(np.stack([tails, tails + vectors[seen]], axis=1))
+            heads = tails + cut[:, None] * vectors[seen]
+            arrows.points = single(np.stack([tails, heads], axis=1))
             update(arrows, shaft_radius=0.08 * size, head_radius=0.2 * size)
             update(arrows, head_length=_HEAD * size)
 

@@ -13,11 +13,12 @@ OVER_THE_SCENE = """<style>
   left: calc((100vw - var(--phx-plots, 0px) + 360px) / 2); width: max-content;
   max-width: max(100vw - var(--phx-plots, 0px) - 384px, 18em);
   font: 13px/1.5 system-ui, sans-serif; border-radius: 6px; }
+@media (max-width: 1000px) { .phalanx-over { font-size: 11px; } }
 @media (max-width: 576px) { .phalanx-over { left: 50vw; max-width: 94vw; } }
 </style>"""
 """Style of what lies over the middle of the scene, between the panels."""
 _STYLE = """<style>
-.phalanx-alarm { top: 12px; padding: 8px 16px; color: #fff; background: #e11d2e;
+.phalanx-alarm { top: 12px; padding: 6px 12px; color: #fff; background: #e11d2e;
   box-shadow: 0 2px 12px #e11d2e88; font-weight: 600; }
 .phalanx-alarm.phalanx-past { background: #92400e; box-shadow: none; font-weight: 400; }
 </style>"""

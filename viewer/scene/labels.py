@@ -17,7 +17,7 @@ _PAIR = -1
 """Whose text the worst pair's is."""
 _STEADY = 0.003
 """What moves by less, in shorter sides of the picture, seems to stand still: two pixels."""
-_LETTER, _LINE = 0.013, 0.032
+LETTER, _LINE = 0.013, 0.032
 """Width of a letter and height of a line, in the shorter side of a usual picture."""
 
 
@@ -64,20 +64,24 @@ class LabelNodes:
         above = picture.positions[agents] + clear[:, None] * up
         texts = [picture.worst_pair_text, *(model.names[i] for i in agents)]
         clear_of = 1.5 * float(sizes[sorted(model.agents_of([picture.pair]))].max())
-        beside = _beside(*picture.worst_pair, len(texts[0]), clear_of, view)
-        return [_PAIR, *agents], texts, np.concatenate([beside[None], above])
+        place = beside(*picture.worst_pair, len(texts[0]), clear_of, view)
+        return [_PAIR, *agents], texts, np.concatenate([place[None], above])
 
 
-def _beside(a: Array, b: Array, letters: int, clear: float, view: View) -> Array:
+def beside(a: Array, b: Array, letters: int, clear: float, view: View) -> Array:
     """Where the middle of a text stands beside the line from a to b [m], and off it, (3,)."""
     right, up = view.axes[:2] @ (b - a)
     # Square to the line in the picture, and downwards rather than up.
     off = np.array([up, -right]) / max(float(np.hypot(right, up)), 1e-9)
     off = -off if off[1] > 0.0 else off
     middle = (a + b) / 2.0
-    halves = float(view.spans(middle[None])[0]) * np.array([_LETTER * letters, _LINE]) / 2.0
-    halves *= view.smallness
+    span = float(view.spans(middle[None])[0])
+    halves = view.smallness * span * np.array([LETTER * letters, _LINE]) / 2.0
     found: Array = middle + (clear + np.abs(off) @ halves) * off @ view.axes[:2]
+    # Beside a pair at the picture's edge it would be cut off.
+    at, edge = float(view.project(found[None])[0, 0]), max(1.0, view.aspect) / 2.0
+    inside = max(edge - halves[0] / span, 0.0)
+    found += span * (min(max(at, -inside), inside) - at) * view.axes[0]
     return found
 
 
@@ -88,7 +92,7 @@ def apart(at: Array, letters: list[int]) -> list[int]:
         at: where they stand in a usual picture, in its shorter sides, shape (l, 2).
         letters: how long each is.
     """
-    halves = np.column_stack([_LETTER * (np.array(letters) + 1.0), np.full(len(at), _LINE)]) / 2.0
+    halves = np.column_stack([LETTER * (np.array(letters) + 1.0), np.full(len(at), _LINE)]) / 2.0
     reach = halves[:, None] + halves
     covers: list[list[bool]] = np.all(np.abs(at[:, None] - at) < reach, axis=2).tolist()
     shown: list[int] = []

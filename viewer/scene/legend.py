@@ -9,9 +9,9 @@ _STYLE = """<style>
   background: color-mix(in srgb, var(--mantine-color-body) 85%, transparent);
   color: var(--mantine-color-text); font-size: 12px; }
 .phalanx-legend summary { cursor: pointer; font-weight: 600; }
-.phalanx-legend div { display: flex; flex-wrap: wrap; gap: 0 1.1em; }
+.phalanx-legend div { display: flex; flex-wrap: wrap; gap: 0 1em; }
 .phalanx-legend span { white-space: nowrap; }
-@media (max-width: 1000px) { .phalanx-legend div { flex-wrap: nowrap; overflow-x: auto; } }
+@media (max-width: 1000px) { .phalanx-legend { font-size: 11px; line-height: 1.35; } }
 @media (max-width: 576px) { .phalanx-legend { display: none; } }
 </style>"""
 

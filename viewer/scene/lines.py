@@ -20,11 +20,12 @@ class LineNodes:
 
     def __init__(self, scene: viser.SceneApi, model: SceneModel, palette: Palette) -> None:
         self._model, self._palette = model, palette
-        self._paths = _lines(scene, "/recent paths", palette.faint, 2.0)
+        # viser never shows a colour for each end of a node that began with one for all.
+        self._paths = _lines(scene, "/recent paths", np.tile(palette.faint, (1, 2, 1)), 2.0)
         self._drops = _lines(scene, "/ground/drops", self._of_drops(palette), 1.0)
         self._worst_pair = _lines(scene, "/worst pair", WORST_PAIR, 3.0)
         self._unsafe = _lines(scene, "/unsafe pairs", DANGER, 6.0)
-        self._links = _lines(scene, "/links", LATE, 1.5)
+        self._links = _lines(scene, "/links", np.tile(LATE, (1, 2, 1)), 1.5)
         self._links.visible = False
         self._colours = np.tile(palette.faint, (len(model.names), 1))
 
@@ -77,7 +78,7 @@ class LineNodes:
 
 
 def _lines(
-    scene: viser.SceneApi, name: str, colour: Colour, pixels: float
+    scene: viser.SceneApi, name: str, colour: Colour | NDArray[np.int_], pixels: float
 ) -> viser.LineSegmentsHandle:
     return scene.add_line_segments(
         name, _NOTHING, colour, thickness=pixels, thickness_units="screen"

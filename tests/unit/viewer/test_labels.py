@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from phalanx.viewer.scene.labels import apart
+from phalanx.viewer.scene.labels import LETTER, apart, beside
+from phalanx.viewer.scene.view import View
 
 
 def test_of_two_texts_in_one_place_the_first_stays() -> None:
@@ -19,3 +20,10 @@ def test_a_long_text_needs_more_room_to_its_sides_but_not_above() -> None:
 def test_what_gave_way_takes_no_room_itself() -> None:
     row = np.array([[0.0, 0.0], [0.02, 0.0], [0.04, 0.0]])
     assert apart(row, [1, 1, 1]) == [0, 2]
+
+
+def test_the_text_beside_a_pair_at_the_pictures_edge_stays_inside() -> None:
+    view = View(np.array([0.0, 0.0, 10.0]), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.5, 1.5)
+    a, b = (np.array([0.74 * view.spans(np.zeros((1, 3)))[0], y, 0.0]) for y in (0.0, 0.1))
+    right = view.project(beside(a, b, letters=20, clear=0.1, view=view)[None])[0, 0]
+    assert 0.0 < right <= 0.75 - 20 * LETTER / 2.0 + 1e-9
