@@ -22,7 +22,7 @@ from phalanx.theory.safety.static import static_reach
 
 Array = NDArray[np.float64]
 
-_LASTING = 2.0
+_LASTING = 0.5
 """For how many τ boxes are kept: they are made for so much longer than a certificate lasts."""
 
 

@@ -19,7 +19,7 @@ from phalanx.theory.safety.function import Reaching
 
 Array = NDArray[np.float64]
 
-_FEW = 24
+_FEW = 6
 """In so small a swarm it takes longer to look who is near than to ask for all."""
 
 
