@@ -55,6 +55,7 @@ SHOTS = (
     Shot("viewer", "unicycles"),
     Shot("viewer-narrow", "unicycles", size=NARROW),
     Shot("viewer-space", "formation3d"),
+    Shot("viewer-fence", "fence"),
     Shot("viewer-alarm", "surrounded", at=1.2),
     Shot("viewer-alarm-narrow", "surrounded", at=1.2, size=NARROW, dark=True),
     Shot("viewer-swarm", "swarm", CROWD, at=3.0),
@@ -108,12 +109,14 @@ def take_live(browser: "Browser") -> None:
     """Take a picture of a run that goes on, a few seconds after its start."""
     port = choose_port(HOST, None)
     with tempfile.TemporaryDirectory() as out:
-        command = ["run", "unicycles", "--view", "--port", str(port), "--out", out]
+        # At real time a browser without a graphics card would lag behind what it is told.
+        pace = ["--view", "--speed", "0.1", "--port", str(port)]
+        command = ["run", "unicycles", *pace, "--out", out]
         run = subprocess.Popen([sys.executable, "-m", "phalanx", *command])
         try:
             with opened(browser, port, WIDE) as tab:
                 clock = f"(document.body.innerText.match(/{CLOCK}/) || [0, 0])[1]"
-                tab.wait_for_function(f"+{clock} > 5")
+                tab.wait_for_function(f"+{clock} > 2.5")
                 save(tab.screenshot(), "viewer-live")
         finally:
             run.send_signal(signal.SIGINT)
@@ -127,7 +130,8 @@ def opened(browser: "Browser", port: int, size: tuple[int, int]) -> Iterator["Ta
     tab.set_default_timeout(180_000)
     for _ in range(100):
         with contextlib.suppress(Exception):  # a live run's page is not there at once
-            tab.goto(f"http://{HOST}:{port}")
+            # Else viser draws coarser while the browser is slow, and again finer.
+            tab.goto(f"http://{HOST}:{port}/?fixedDpr=1")
             break
         tab.wait_for_timeout(300)
     tab.add_style_tag(content=HIDE_NOTES)
