@@ -151,6 +151,7 @@ class ControlStep:
                 k=sample.k,
                 origin=decision.origin,
                 residual=decision.residual,
+                margin=decision.margin,
                 u_nom=tuple(u_nom.tolist()),
                 solve_time=time.perf_counter() - began,
                 ages=tuple((l, sample.t - received[l].since) for l in used),

@@ -47,6 +47,7 @@ def _decided(step: ControlStep, shown: Shown, recorded: Step, states: SeenStates
         u=decision.u.tolist(),
         origin=decision.origin,
         residual=decision.residual,
+        margin=decision.margin,
         ages=[(names[l], shown.t - received[l].since) for l in used],
         u_nom=u_nom.tolist(),
     )

@@ -48,6 +48,8 @@ class Step(msgspec.Struct):
     """The nominal input, or the attack before its projection onto U_i, shape (m_i,)."""
     certified: float | None = None
     """How long all of a normal agent's pairs are proven safe from t_apply on [s]."""
+    margin: float | None = None
+    """η with all that its row added to it; None as wire.messages.Telemetry has it."""
     faults: list[tuple[str, int, list[str]]] = []
     """(sender, sequence number, names) of those of `fates` in which declared faults had a part."""
     false: list[tuple[str, int, float, list[float]]] = []

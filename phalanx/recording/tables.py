@@ -39,8 +39,8 @@ def h_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
 def inputs_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
     """One row for each control step of each agent.
 
-    Columns: agent, k, t and t_apply [s], origin, residual, solve_time [s], oldest_input (the age of
-    the oldest û its row used [s], null if none); then "u.<input>" as applied and
+    Columns: agent, k, t and t_apply [s], origin, residual, margin, solve_time [s], oldest_input
+    (the age of the oldest û its row used [s], null if none); then "u.<input>" as applied and
     "nominal.<input>" as its law would have it, null where the agent's dynamics have no such input.
     """
     names = list(dict.fromkeys(n for m in swarm.members for n in m.dynamics.inputs))
@@ -53,6 +53,7 @@ def inputs_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
         "t_apply": [step.t_apply for step in steps],
         "origin": [step.origin for step in steps],
         "residual": [step.residual for step in steps],
+        "margin": [step.margin for step in steps],
         "solve_time": [step.solve_time for step in steps],
         "oldest_input": [step.oldest for step in steps],
     }

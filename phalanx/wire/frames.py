@@ -29,6 +29,8 @@ class AgentStatus(msgspec.Struct, array_like=True, frozen=True):
     """Age of the oldest û_l its last step knew [s]; null if it knew none."""
     certified: float | None = None
     """How long all its pairs are proven safe from its last input on [s]; null for an adversary."""
+    margin: float | None = None
+    """Of its row, as Telemetry has it."""
 
 
 class LinkEvent(msgspec.Struct, array_like=True, frozen=True):

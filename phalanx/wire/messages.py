@@ -106,6 +106,9 @@ class Telemetry(Message, frozen=True, kw_only=True):
     """Fates of the broadcasts that this step was the first to know of."""
     rejected: int = 0
     """Payloads dropped by this agent so far."""
+    margin: float | None = None
+    """η with all that its row adds to it; null for an adversary, where none of several rows binds
+    anything, and where none is known."""
     received: tuple[tuple[int, float, tuple[float, ...]], ...] = ()
     """In real time, (agent's index, t_apply [s], u) of every û_l that the agent had."""
 

@@ -136,6 +136,7 @@ class FramePublisher:
             solve_time=telemetry.solve_time,
             age=max((age for _, age in telemetry.ages), default=None),
             certified=certified,
+            margin=telemetry.margin,
         )
 
     def _real_time_factor(self, now: float) -> float:

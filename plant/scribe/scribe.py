@@ -237,6 +237,7 @@ class RunScribe:
             fates=[(names[fate.sender], fate.k, fate.delay) for fate, _ in heard],
             u_nom=list(telemetry.u_nom),
             certified=certified,
+            margin=telemetry.margin,
             faults=[entry for entry in hit if entry[2]],
             false=[
                 (names[fate.sender], fate.k, fate.claim.t_apply, list(fate.claim.u))

@@ -6,7 +6,7 @@
 | /poses | foxglove.PosesInFrame: the same as one list, in the scenario's order |
 | /scene | foxglove.SceneUpdate: agents, surroundings, violated pairs |
 | /agents/<name>/state | every state by its name |
-| /agents/<name>/step | u_<input> and nominal_<input>, residual, certified and so on, origin |
+| /agents/<name>/step | u_<input> and nominal_<input>, residual, margin and so on, origin |
 | /h | h_tot, and h of the pairs that were the worst one of some agent; safe is h <= 0 |
 | /log | foxglove.Log |
 
@@ -37,7 +37,7 @@ from phalanx.viewer.export.numbers import Numbers
 from phalanx.viewer.export.scene_update import frames, opening, stamp, violations
 from phalanx.viewer.scene.model import SceneModel, scene_model
 
-_STEP = ("residual", "certified", "oldest_input", "solve_time")
+_STEP = ("residual", "margin", "certified", "oldest_input", "solve_time")
 
 
 class Topical(NamedTuple):
@@ -125,7 +125,7 @@ def _steps(recording: Recording) -> Iterator[Topical]:
     for step in sorted(recording.steps, key=lambda step: step.t):
         kind, of_field = of_agent[step.agent]
         nominal: Sequence[float | None] = step.u_nom or [None] * len(step.u)
-        rest = (step.residual, step.certified, step.oldest, step.solve_time)
+        rest = (step.residual, step.margin, step.certified, step.oldest, step.solve_time)
         message = kind([*step.u, *nominal, *rest], origin=step.origin)
         yield Topical(step.t, f"/agents/{step.agent}/step", message, of_field)
 
@@ -150,7 +150,9 @@ def _step_kind(dynamics: Dynamics) -> _Kind:
     inputs = units(dynamics).inputs
     of_input = {f"{side}_{i}": unit for side in ("u", "nominal") for i, unit in inputs.items()}
     kind = Numbers(f"{type(dynamics).__name__}Step", [*of_input, *_STEP], texts=["origin"])
-    return kind, kind.by_field(of_input | dict.fromkeys(_STEP, "s") | {"residual": ""})
+    return kind, kind.by_field(
+        of_input | dict.fromkeys(_STEP, "s") | {"residual": "", "margin": ""}
+    )
 
 
 def _log(recording: Recording) -> Iterator[Topical]:

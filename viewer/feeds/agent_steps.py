@@ -46,6 +46,7 @@ class AgentSteps:
             solve_time=step.solve_time,
             age=step.oldest,
             certified=step.certified,
+            margin=step.margin,
         )
 
     def applied_within(self, after: float, until: float) -> list[Step]:
@@ -63,6 +64,7 @@ class AgentSteps:
                 s.solve_time,
                 nan_if_none(s.certified),
                 nan_if_none(s.residual),
+                nan_if_none(s.margin),
                 *s.u,
                 *(s.u_nom or [np.nan] * inputs),
             ]

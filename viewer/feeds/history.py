@@ -51,6 +51,8 @@ class AgentSeries(NamedTuple):
     """How long the agent's pairs are proven safe [s]."""
     residual: Array
     """aᵀu - bound of the agent's row."""
+    margin: Array
+    """η with all that the row adds to it."""
     u: Array
     """Applied inputs, shape (s, m_i)."""
     u_nom: Array
@@ -59,15 +61,15 @@ class AgentSeries(NamedTuple):
 
 EMPTY_CODES: dict[str, float] = {Origin.BACKUP: 1.0, Origin.NO_AUTHORITY: 2.0}
 """How AgentSeries.empty tells what became of a step with empty K_i."""
-SCALARS = 6
+SCALARS = 7
 """Of an agent's row, before its inputs."""
 
 
 def agent_series(rows: Array) -> AgentSeries:
     """From rows in the order of AgentSeries, shape (s, SCALARS + 2 m_i)."""
-    t, empty, age, solve_time, certified, residual = rows[:, :SCALARS].T
+    t, empty, age, solve_time, certified, residual, margin = rows[:, :SCALARS].T
     u, u_nom = np.hsplit(rows[:, SCALARS:], 2)
-    return AgentSeries(t, empty, age, solve_time, certified, residual, u, u_nom)
+    return AgentSeries(t, empty, age, solve_time, certified, residual, margin, u, u_nom)
 
 
 class PairSeries(NamedTuple):

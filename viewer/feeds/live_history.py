@@ -40,7 +40,7 @@ class LiveHistory:
         self.history = History(swarm, self._agent, self._every_pair, self._fates)
         self.recent_paths = RecentPaths(n)
         self._steps = TimeSeries(1 + (SCALARS - 1) * n + 2 * m)
-        """t; of every agent: empty, age, solve time, certified, residual; all u, all u_nom."""
+        """t; of every agent what AgentSeries has from `empty` to `margin`; all u, all u_nom."""
         pairs = len(model.swarm.safe_set.pairs)
         self._pairs = TimeSeries(1 + pairs)
         self._pairs_due = -np.inf
@@ -84,7 +84,7 @@ class LiveHistory:
                 more[1], EMPTY_CODES[Origin.NO_AUTHORITY], EMPTY_CODES[Origin.BACKUP] * more[0]
             )
             # NumPy makes NaN of None.
-            scalars = [(s.age, s.solve_time, s.certified, s.residual) for s in agents]
+            scalars = [(s.age, s.solve_time, s.certified, s.residual, s.margin) for s in agents]
             u = [*chain.from_iterable(s.u for s in agents)]
             u_nom = [*chain.from_iterable(s.u_nom or s.u for s in agents)]
             of_each = np.array(scalars, dtype=float).T.ravel()

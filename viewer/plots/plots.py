@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.swarm.units import unit_of_psi
 from phalanx.theory.rows.origin import Origin
 from phalanx.viewer.feeds.feed import Feed
 from phalanx.viewer.feeds.history import EMPTY_CODES, AgentSeries
@@ -85,13 +86,17 @@ class _Plots:
 
     def of_swarm(self) -> list[Plot]:
         rows, pairs = self._history.swarm.rows, self._near_pairs()
-        levels = self._model.psi_levels
+        of_h, levels = self._unit_of_psi(0), self._model.psi_levels
+        psi = {k: [_bold(rows, 2 + k, highest)] for k in levels}
         return [
-            Plot("h_tot", "", [_bold(rows, 1, highest)], _UNSAFE_ABOVE_0),
-            Plot("h of the pairs nearest to violation", "", pairs, _UNSAFE_ABOVE_0),
+            Plot("h_tot", of_h, [_bold(rows, 1, highest)], _UNSAFE_ABOVE_0),
+            Plot("h of the pairs nearest to violation", of_h, pairs, _UNSAFE_ABOVE_0),
             Plot("Smallest distance", "m", [_bold(rows, 2, lowest)], self._least_distance()),
-            *(Plot(f"ψ_{k}", "", [_bold(rows, 2 + k, highest)], _UNSAFE_ABOVE_0) for k in levels),
+            *(Plot(f"ψ_{k}", self._unit_of_psi(k), psi[k], _UNSAFE_ABOVE_0) for k in levels),
         ]
+
+    def _unit_of_psi(self, k: int) -> str:
+        return unit_of_psi(self._model.scenario, k)
 
     def of_inputs(self, agents: Sequence[int]) -> list[Plot]:
         return [self._input(i, c) for i in agents for c in range(self._steps[i].u.shape[1])]
@@ -101,10 +106,13 @@ class _Plots:
         ages = self._every(lambda _, s: 1e3 * s.age, highest)
         solve_times = self._every(lambda _, s: 1e3 * s.solve_time, highest)
         residuals = self._every(lambda _, s: s.residual, highest)
+        of_row = self._unit_of_psi(len(self._model.psi_levels) + 1)
+        margins = self._every(lambda _, s: s.margin, highest)
         return [
             Plot("Certified for", "τ", horizons, (1.0, None), logarithmic=True, of_agents=True),
             *inputs,
-            Plot("Residual of the row", "", residuals, _UNSAFE_ABOVE_0, of_agents=True),
+            Plot("Residual of the row", of_row, residuals, _UNSAFE_ABOVE_0, of_agents=True),
+            Plot("Margin of the row", of_row, margins, of_agents=True),
             Plot("Age of the oldest û", "ms", ages, of_agents=True),
             Plot("Control step", "ms", solve_times, of_agents=True),
             *self._space_time(),

@@ -62,17 +62,18 @@ class JointInput:
             backups = [minimiser(terms.c[l], terms.polytopes[l].corners) for l in normal]
             u, origin = np.concatenate(backups), Origin.SOLVER_FAILED
         left = float(dot(row.a, u) - row.bound)
-        return [Decision(u[part], origin, left) for part in self._parts]
+        return [Decision(u[part], origin, left, terms.margin) for part in self._parts]
 
     def _backup(
         self, place: int, terms: Terms, l: int, u_nom: Array, left: float, authority: float
     ) -> Decision:
-        residual = left if np.isfinite(left) else None
+        residual, margin = (x if np.isfinite(x) else None for x in (left, terms.margin))
         if terms.most[l] - terms.least[l] <= authority:
             u = self._alone[place].solve(u_nom, terms.polytopes[l])
             if u is not None:
-                return Decision(u, Origin.NO_AUTHORITY, residual)
-        return Decision(minimiser(terms.c[l], terms.polytopes[l].corners), Origin.BACKUP, residual)
+                return Decision(u, Origin.NO_AUTHORITY, residual, margin)
+        u = minimiser(terms.c[l], terms.polytopes[l].corners)
+        return Decision(u, Origin.BACKUP, residual, margin)
 
     def _joint(self, terms: Terms, normal: Sequence[int]) -> Polytope:
         """U_N, the product of the U_i. Its corners are many, and nobody asks for them."""

@@ -26,6 +26,9 @@ class Decision(NamedTuple):
     residual: float | None
     """aᵀu - bound; at most the solver's tolerance when the row holds. None where no margin is
     known: no input keeps such a row."""
+    margin: float | None = None
+    """η with all that the row adds to it, of several rows of the one that is nearest to binding.
+    None for an adversary, where none of several binds anything, and where none is known."""
 
 
 def decide(
@@ -42,18 +45,18 @@ def decide(
         authority: if max c_i u - min c_i u <= authority the backup could not help: an agent far
             from every conflict would otherwise brake or bolt at full throttle for nothing.
     """
-    polytope = terms.polytopes[i]
+    polytope, margin = terms.polytopes[i], _known(terms.margin)
     if terms.least[i] <= row.bound:
         u = qp.solve(u_nom, polytope, row)
         if u is not None:
-            return Decision(u, Origin.QP, _residual(row, u))
+            return Decision(u, Origin.QP, _residual(row, u), margin)
     elif terms.most[i] - terms.least[i] <= authority:
         u = qp.solve(u_nom, polytope)
         if u is not None:
-            return Decision(u, Origin.NO_AUTHORITY, _residual(row, u))
+            return Decision(u, Origin.NO_AUTHORITY, _residual(row, u), margin)
     u = minimiser(terms.c[i], polytope.corners)
     origin = Origin.SOLVER_FAILED if terms.least[i] <= row.bound else Origin.BACKUP
-    return Decision(u, origin, _residual(row, u))
+    return Decision(u, origin, _residual(row, u), margin)
 
 
 def decide_pairs(polytope: Polytope, rows: Rows, u_nom: Array, qp: NearestInput) -> Decision:
@@ -66,19 +69,27 @@ def decide_pairs(polytope: Polytope, rows: Rows, u_nom: Array, qp: NearestInput)
         u = least_violation(polytope, rows)
         holds = (dot(rows.a, u) <= rows.bound).all()
         origin = Origin.SOLVER_FAILED if holds else Origin.BACKUP
-    return Decision(u, origin, _worst_residual(rows, u))
+    return Decision(u, origin, *_nearest_to_binding(rows, u))
 
 
 def _residual(row: Row, u: Array) -> float | None:
     """aᵀu - bound; None if it is infinite."""
-    left = max(inner(row.a, u) - row.bound, FAR)
-    return left if math.isfinite(left) else None
+    return _known(max(inner(row.a, u) - row.bound, FAR))
 
 
-def _worst_residual(rows: Rows, u: Array) -> float | None:
-    """The largest a u - bound, at least FAR; None if it is infinite."""
-    worst = float(np.maximum(dot(rows.a, u) - rows.bound, FAR).max(initial=FAR))
-    return worst if math.isfinite(worst) else None
+def _nearest_to_binding(rows: Rows, u: Array) -> tuple[float | None, float | None]:
+    """The largest a u - bound, at least FAR, and that row's margin; None what is infinite."""
+    residuals = dot(rows.a, u) - rows.bound
+    nearest = int(residuals.argmax()) if len(residuals) else None
+    if nearest is None or residuals[nearest] <= FAR:
+        return FAR, None
+    margin = None if rows.margin is None else _known(float(rows.margin[nearest]))
+    return _known(float(residuals[nearest])), margin
+
+
+def _known(value: float) -> float | None:
+    """None if it is infinite."""
+    return value if math.isfinite(value) else None
 
 
 def least_violation(polytope: Polytope, rows: Rows) -> Array:

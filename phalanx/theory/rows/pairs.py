@@ -237,7 +237,7 @@ def pair_rows(terms: PairTerms, received: Mapping[int, Array]) -> Rows:
             continue
         if (u := received.get(other)) is not None:
             bound[k] += terms.most[k] - float(dot(terms.forces[k], u))
-    return Rows(terms.a, bound)
+    return Rows(terms.a, bound, terms.margin)
 
 
 def _most(pair: OwnPair) -> ca.SX:

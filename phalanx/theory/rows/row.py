@@ -31,6 +31,8 @@ class Rows(NamedTuple):
     """shape (r, m_i)"""
     bound: Array
     """shape (r,)"""
+    margin: Array | None = None
+    """What of it is margin, shape (r,), if that is asked for."""
 
 
 def paper_row(terms: Terms, i: int, received: Mapping[int, Array]) -> Row:

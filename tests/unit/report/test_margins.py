@@ -77,6 +77,14 @@ def test_of_a_given_margin_the_number_itself_was_used(ran):
     assert f"less than that at {steps} of {steps} steps." in words
 
 
+@pytest.mark.parametrize("name", ["guaranteed", "unicycles"])
+def test_the_margin_that_an_agent_tells_is_the_one_its_row_used(ran, name):
+    run = ran(name)
+    told = [step.margin for step in run.recording.steps if step.agent == "1"]
+    assert told == pytest.approx(run.used_and_needed(0).used.tolist(), rel=1e-12)
+    assert {step.margin for step in run.recording.steps if step.agent == "4"} == {None}
+
+
 def test_the_margin_needed_is_the_bound_of_the_pair_that_the_input_left_least(ran):
     run = ran("unicycles")
     recording, rows = run

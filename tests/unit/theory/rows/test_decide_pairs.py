@@ -80,6 +80,16 @@ def test_where_no_pair_is_near_the_nominal_input_is_applied_and_every_number_is_
     decision = decide_pairs(SQUARE, rows, u_nom, NearestInput((1.0, 1.0)))
     assert decision.u == pytest.approx(u_nom)
     assert np.isfinite(decision.residual)
+    assert decision.margin is None
+
+
+def test_the_margin_told_is_that_of_the_row_nearest_to_binding():
+    rows = Rows(np.eye(2), np.array([0.9, 0.1]), np.array([7.0, 8.0]))
+    decision = decide_pairs(SQUARE, rows, np.zeros(2), NearestInput((1.0, 1.0)))
+    assert (decision.residual, decision.margin) == (-0.1, 8.0)
+    unknown = Rows(np.eye(2), np.array([0.9, -np.inf]), np.array([7.0, np.inf]))
+    decision = decide_pairs(SQUARE, unknown, np.zeros(2), NearestInput((1.0, 1.0)))
+    assert (decision.residual, decision.margin) == (None, None)
 
 
 def test_the_backup_ignores_pairs_outside_the_neighbourhood():
