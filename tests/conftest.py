@@ -28,7 +28,7 @@ def pytest_collection_finish() -> None:
     all time.
     """
     gc.freeze()
-    gc.set_threshold(50_000)
+    gc.set_threshold(50_000, 20, 100)
 
 
 @pytest.fixture

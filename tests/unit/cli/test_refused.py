@@ -122,9 +122,9 @@ def test_a_plant_that_cannot_listen_leaves_no_recording_in_the_way_of_the_next(t
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of a run of a second, in a file that is not called as a run's is."""
-    scenario = swarm_in_space(2, 1, {})
-    folder = record(tmp_path_factory.mktemp("run"), scenario, drift(scenario), summary_of(scenario))
+    """Of a run of a second without steps, in a file that is not called as a run's is."""
+    scenario, run = swarm_in_space(2, 1, {}), tmp_path_factory.mktemp("run")
+    folder = record(run, scenario, drift(scenario, steps=0), summary_of(scenario))
     return (folder / "recording.mcap").rename(folder / "mine.mcap")
 
 

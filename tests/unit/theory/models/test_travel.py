@@ -58,3 +58,8 @@ def test_a_single_integrator_at_full_speed_gets_as_far_as_it_says():
 def test_a_double_integrator_from_rest_gets_as_far_as_it_says():
     travel = DoubleIntegrator(2.0).travel(np.zeros(6), 0.5, 0.0)
     assert travel == pytest.approx(np.sqrt(3.0) * 2.0 * 0.5**2 / 2)
+
+
+def test_a_unicycle_straight_ahead_at_full_speed_gets_nearly_as_far_as_it_says():
+    travel = Unicycle(4.0, 2.0).travel(np.zeros(3), 0.5, 0.0)
+    assert 4.0 * 0.5 <= travel < 1.02 * 4.0 * 0.5
