@@ -176,8 +176,10 @@ class RunScribe:
 
     def _on_input(self, event: InputApplied) -> None:
         i, name = event.i, self._names[event.i]
+        # Taken first: a report that never comes must not leave it to the next input.
+        proven = self._inputs.next()
         telemetry = self._take_telemetry(i, event.k, event.t)
-        certified = self._judge.applied(event, telemetry, self._inputs.next())
+        certified = self._judge.applied(event, telemetry, proven)
         self.trajectory.add(event)
         self._frames.saw_input(event, telemetry, certified)
         if telemetry.origin == Origin.BACKUP and i not in self._backed_up:

@@ -9,6 +9,7 @@ import pytest
 from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.plant.clock.commands import CommandQueue
+from phalanx.plant.events.stop import SwarmBrokenError
 from phalanx.plant.run import PlantRun
 from phalanx.recording.read import read
 from phalanx.recording.write import RecordingWriter
@@ -109,6 +110,35 @@ def test_an_agent_thawed_while_its_input_is_on_its_way_samples_after_that_took_e
         summary = PlantRun(rows, agents, recording, commands).run()
     assert summary.outcome is not Outcome.BROKEN
     assert summary.steps == agents.asked
+
+
+class Silenced(Coasting):
+    """Agents of which the first dies between an input and the report on it."""
+
+    def await_telemetry(self, i: int, k: int) -> Telemetry:
+        if (i, k) == (0, 3):
+            raise SwarmBrokenError("agent 1 died: see its log")
+        return super().await_telemetry(i, k)
+
+
+def test_a_report_that_never_comes_is_why_the_run_broke_and_shifts_no_other_certificate(
+    tmp_path: Path,
+) -> None:
+    rows = rows_of_scenario("unicycles", "duration=0.3")
+    certified, reasons = [], []
+    for agents in (Coasting(), Silenced()):
+        file = tmp_path / f"{type(agents).__name__}.mcap"
+        with RecordingWriter(file, rows.swarm.scenario, "run") as recording:
+            commands = CommandQueue(NO_COMMANDS, rows.swarm.names)
+            summary = PlantRun(rows, agents, recording, commands).run()
+            recording.finish(summary)
+        reasons.append(summary.reason)
+        certified.append({(step.agent, step.k): step.certified for step in read(file).steps})
+    whole, broken = certified
+    assert reasons[1] == "agent 1 died: see its log"
+    assert ("1", 3) in whole.keys() - broken.keys()
+    assert len(broken) > 12
+    assert broken.items() <= whole.items()
 
 
 class Slow(Coasting):
