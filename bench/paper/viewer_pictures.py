@@ -55,11 +55,16 @@ SHOTS = (
     Shot("viewer", "unicycles"),
     Shot("viewer-narrow", "unicycles", size=NARROW),
     Shot("viewer-space", "formation3d"),
+    Shot("viewer-space-narrow", "formation3d", size=NARROW),
     Shot("viewer-fence", "fence"),
+    Shot("viewer-fence-narrow", "fence", size=NARROW),
     Shot("viewer-alarm", "surrounded", at=1.2),
     Shot("viewer-alarm-narrow", "surrounded", at=1.2, size=NARROW, dark=True),
     Shot("viewer-swarm", "swarm", CROWD, at=3.0),
+    Shot("viewer-swarm-narrow", "swarm", CROWD, at=3.0, size=NARROW),
 )
+LIVE = {"viewer-live": WIDE, "viewer-live-narrow": NARROW}
+"""Pictures of a live run."""
 
 
 def main() -> None:
@@ -74,8 +79,9 @@ def main() -> None:
                 scenario = load(shot.scenario, list(shot.overrides))
                 runs[key] = phalanx.run(scenario, engine="in-process")
             take(browser, shot, runs[key].folder)
-        if is_wanted("viewer-live"):
-            take_live(browser)
+        for name, size in LIVE.items():
+            if is_wanted(name):
+                take_live(browser, name, size)
         browser.close()
 
 
@@ -105,7 +111,7 @@ def take(browser: "Browser", shot: Shot, folder: Path) -> None:
         viewer.wait()
 
 
-def take_live(browser: "Browser") -> None:
+def take_live(browser: "Browser", name: str, size: tuple[int, int]) -> None:
     """Take a picture of a run that goes on, a few seconds after its start."""
     port = choose_port(HOST, None)
     with tempfile.TemporaryDirectory() as out:
@@ -114,13 +120,20 @@ def take_live(browser: "Browser") -> None:
         command = ["run", "unicycles", *pace, "--out", out]
         run = subprocess.Popen([sys.executable, "-m", "phalanx", *command])
         try:
-            with opened(browser, port, WIDE) as tab:
+            with opened(browser, port, size) as tab:
                 clock = f"(document.body.innerText.match(/{CLOCK}/) || [0, 0])[1]"
                 tab.wait_for_function(f"+{clock} > 2.5")
-                save(tab.screenshot(), "viewer-live")
+                save(tab.screenshot(), name)
         finally:
-            run.send_signal(signal.SIGINT)
-            run.wait()
+            stop(run)
+
+
+def stop(run: subprocess.Popen[bytes]) -> None:
+    """End a live run, then the replay that its page goes on with."""
+    while run.poll() is None:
+        run.send_signal(signal.SIGINT)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            run.wait(timeout=10.0)
 
 
 @contextlib.contextmanager

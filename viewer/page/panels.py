@@ -7,11 +7,13 @@ import viser
 from phalanx.faults.state import Condition
 from phalanx.guarantee.verdict import Assumption, Summary
 from phalanx.viewer.scene.model import SceneModel
-from phalanx.wire.frames import Frame
+from phalanx.wire.frames import AgentStatus, Frame
 
 _LOG_LINES = 12
 _SAME_TIME = 1e-9
 """Times that differ by rounding alone [s]."""
+_NO_RESIDUAL = 1e-9
+"""Residuals this small are those of a row that holds with equality, but for rounding."""
 
 
 class Panels:
@@ -45,7 +47,7 @@ class Panels:
         self._worst_pair = frame.pair
         self._status.content = _status(frame, self._model.scenario.duration, over)
         self._verdict.content = _verdict(frame, summary)
-        self._agent.content = _agent(frame, selected)
+        self._agent.content = agent_in_words(frame.agents[selected])
         lines = [f"- `{line.t:.3f} s` {line.text}" for line in reversed(frame.log[-_LOG_LINES:])]
         self._log.content = "\n".join(lines) or "Nothing yet."
 
@@ -86,7 +88,7 @@ def _pace(frame: Frame, over: bool) -> str:
 
 def _empty_sets(backups: int, without_authority: int) -> str:
     """What became of the steps with empty K_i."""
-    found = f"{backups} backups"
+    found = f"{backups} backup{'s' * (backups != 1)}"
     return f"{found}, {without_authority} without authority" if without_authority else found
 
 
@@ -121,13 +123,12 @@ def _outcome(frame: Frame, summary: Summary | None) -> str:
     return "**guaranteed so far**"
 
 
-def _agent(frame: Frame, i: int) -> str:
-    status = frame.agents[i]
+def agent_in_words(status: AgentStatus) -> str:
+    """What an agent did at its last step, and for how long that is proven safe."""
     parts = [] if status.condition == Condition.FINE else [f"**{status.condition}**"]
     if status.u:
         parts.append(f"u = ({', '.join(f'{u:.3f}' for u in status.u)}) by {status.origin}")
-        known = status.residual is not None
-        parts.append(f"residual {status.residual:.3g}" if known else "no margin known")
+        parts.append(_residual(status.residual))
         parts.append(_empty_sets(status.backups, status.without_authority))
         parts.append(f"{1e3 * status.solve_time:.2f} ms")
     if status.age is not None:
@@ -135,3 +136,9 @@ def _agent(frame: Frame, i: int) -> str:
     if status.certified is not None:
         parts.append(f"proven safe for {1e3 * status.certified:.0f} ms")
     return " · ".join(parts) or "no input yet"
+
+
+def _residual(residual: float | None) -> str:
+    if residual is None:
+        return "no margin known"
+    return f"residual {residual if abs(residual) > _NO_RESIDUAL else 0.0:.3g}"

@@ -116,11 +116,11 @@ function valueAxis(p, Y, values, width) {
 function timeAxis(p, X, { begin, end }, width, height) {
   p.fillStyle = colour("dim");
   p.textBaseline = "bottom";
-  for (const t of ticks(begin, end, 6)) {
+  ticks(begin, end, 6).forEach((t, k) => {
     line(p, [[X(t), height - BOTTOM], [X(t), height - BOTTOM + 3]], colour("dim"), 1);
     p.textAlign = X(t) > width - 40 ? "right" : "center";
-    p.fillText(label(t) + (t === begin ? " s" : ""), X(t), height);
-  }
+    p.fillText(label(t) + (k ? "" : " s"), X(t), height);
+  });
 }
 
 function drawCurve(p, X, Y, curve) {
@@ -179,6 +179,7 @@ function decades(low, high) {
   return found;
 }
 
-const label = v => String(Number(v.toPrecision(4)));
+// What is as small as that differs from 0 by rounding alone.
+const label = v => String(Math.abs(v) < 1e-9 ? 0 : Number(v.toPrecision(4)));
 
 redraws.push(drawPlots);
