@@ -16,7 +16,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PIL import Image
+from PIL import Image, ImageChops
 from playwright.sync_api import sync_playwright
 
 import phalanx
@@ -35,7 +35,11 @@ FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-
 CLOCK = r"t = ([\d.]+) s"
 # What viser says of a browser without a graphics card would cover the scene.
 HIDE_NOTES = ".mantine-Notifications-root { display: none }"
-CROWD = ("agents.0.count=112", "agents.1.count=16", "duration=4.0")
+SHIMMER = 48
+"""Changes of grey, of 255, that are less than this do not count."""
+LARGE = 400_000
+"""[bytes]"""
+CROWD = ("agents.0.count=112", "agents.1.count=16", "duration=3.0")
 
 
 @dataclass(frozen=True)
@@ -60,8 +64,8 @@ SHOTS = (
     Shot("viewer-fence-narrow", "fence", size=NARROW),
     Shot("viewer-alarm", "surrounded", at=1.2),
     Shot("viewer-alarm-narrow", "surrounded", at=1.2, size=NARROW, dark=True),
-    Shot("viewer-swarm", "swarm", CROWD, at=3.0),
-    Shot("viewer-swarm-narrow", "swarm", CROWD, at=3.0, size=NARROW),
+    Shot("viewer-swarm", "swarm", CROWD, at=2.5),
+    Shot("viewer-swarm-narrow", "swarm", CROWD, at=2.5, size=NARROW),
 )
 LIVE = {"viewer-live": WIDE, "viewer-live-narrow": NARROW}
 """Pictures of a live run."""
@@ -123,7 +127,7 @@ def take_live(browser: "Browser", name: str, size: tuple[int, int]) -> None:
             with opened(browser, port, size) as tab:
                 clock = f"(document.body.innerText.match(/{CLOCK}/) || [0, 0])[1]"
                 tab.wait_for_function(f"+{clock} > 2.5")
-                save(tab.screenshot(), name)
+                save(screenshot(tab), name)
         finally:
             stop(run)
 
@@ -155,20 +159,30 @@ def opened(browser: "Browser", port: int, size: tuple[int, int]) -> Iterator["Ta
         tab.close()
 
 
-def settled(tab: "Tab") -> bytes:
+def settled(tab: "Tab") -> Image.Image:
     """The page once it has not changed for a while: the scene comes in steps."""
-    shown, same = tab.screenshot(), 0
+    shown, same = screenshot(tab), 0
     while same < 4:
         tab.wait_for_timeout(1000)
-        now = tab.screenshot()
-        same = same + 1 if now == shown else 0
+        now = screenshot(tab)
+        # The field of view is nudged once a second: edges of lines shimmer by less than is seen.
+        change = ImageChops.difference(now, shown).convert("L").getextrema()
+        same = same + 1 if change[1] < SHIMMER else 0
         shown = now
     return shown
 
 
-def save(png: bytes, name: str) -> None:
-    """Save a picture."""
-    Image.open(BytesIO(png)).convert("RGB").save(IMAGES / f"{name}.png", optimize=True)
+def screenshot(tab: "Tab") -> Image.Image:
+    """The page as it is."""
+    return Image.open(BytesIO(tab.screenshot())).convert("RGB")
+
+
+def save(image: Image.Image, name: str) -> None:
+    """Save a picture, in fewer colours where it is a large one."""
+    path = IMAGES / f"{name}.png"
+    image.save(path, optimize=True)
+    if path.stat().st_size > LARGE:
+        image.quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 if __name__ == "__main__":

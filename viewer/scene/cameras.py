@@ -25,6 +25,8 @@ _STEADY = 1.5e-3
 """What moves by less than this share of its distance from the camera seems to stand still."""
 _SHAPES_EVERY = 1.0
 """[s]"""
+_NUDGE = 2e-5
+"""Change of the field of view, relatively: of half as much viser tells no browser."""
 
 
 class Framing(StrEnum):
@@ -69,7 +71,7 @@ class Cameras:
         self._server, self._first, self._reach = server, direction, reach
         self.framing, self._run = Framing.SWARM, np.zeros((1, 3))
         self._visitors: dict[int, _Visitor] = {}
-        self._asked_at, self._nudge = 0.0, 1e-4
+        self._asked_at, self._nudge = 0.0, _NUDGE
         self.on_keep: Callable[[Framing], None] = lambda _: None
         """Called with what is kept in sight from now on."""
 
