@@ -166,8 +166,8 @@ def settled(tab: "Tab") -> Image.Image:
         tab.wait_for_timeout(1000)
         now = screenshot(tab)
         # The field of view is nudged once a second: edges of lines shimmer by less than is seen.
-        change = ImageChops.difference(now, shown).convert("L").getextrema()
-        same = same + 1 if change[1] < SHIMMER else 0
+        change = ImageChops.difference(now, shown).convert("L").tobytes()
+        same = same + 1 if max(change) < SHIMMER else 0
         shown = now
     return shown
 

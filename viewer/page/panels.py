@@ -6,6 +6,7 @@ import viser
 
 from phalanx.faults.state import Condition
 from phalanx.guarantee.verdict import Assumption, Summary
+from phalanx.theory.rows.origin import words_of
 from phalanx.viewer.scene.model import SceneModel
 from phalanx.wire.frames import AgentStatus, Frame
 
@@ -127,7 +128,7 @@ def agent_in_words(status: AgentStatus) -> str:
     """What an agent did at its last step, and for how long that is proven safe."""
     parts = [] if status.condition == Condition.FINE else [f"**{status.condition}**"]
     if status.u:
-        parts.append(f"u = ({', '.join(f'{u:.3f}' for u in status.u)}) by {status.origin}")
+        parts.append(f"u = ({', '.join(f'{u:.3f}' for u in status.u)}), {words_of(status.origin)}")
         parts.append(_residual(status.residual))
         parts.append(_empty_sets(status.backups, status.without_authority))
         parts.append(f"{1e3 * status.solve_time:.2f} ms")
