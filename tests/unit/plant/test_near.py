@@ -8,7 +8,9 @@ from phalanx.plant.world.composition import LogSumExp
 from phalanx.plant.world.motion import Motion
 from phalanx.plant.world.near import NearPairs
 from phalanx.plant.world.psi import LargestPsi
-from phalanx.swarm.rows import SafetyRows
+from phalanx.scenario.load import load
+from phalanx.swarm.rows import SafetyRows, build_rows
+from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.safety.obstacles import Sphere, Wall
 from tests.unit.swarms import rows_of_scenario
 
@@ -54,6 +56,59 @@ def test_what_is_left_out_changes_no_digit_of_h_tot_nor_of_psi_nor_who_is_unsafe
             assert (least <= np.minimum(0.0, values[..., 0].max(axis=1))).all()
         fewest = min(fewest, len(pairs))
     assert fewest < 0.5 * len(swarm.safe_set.pairs)
+
+
+FAR_APART = 1000.0
+
+
+def two_twos_and_one_beside_a_sphere() -> SafetyRows:
+    """a and b, c and d, e and the sphere: all else is too far apart to count."""
+    agents = {
+        "names": list("abcde"),
+        "role": "normal",
+        "dynamics": {"type": "single-integrator", "speed": 1.0},
+        "law": {"type": "track-velocity"},
+        "clock": {"period": 0.01},
+        "start": beside(7.07, 9.0, 9.0).reshape(5, 2).tolist(),
+    }
+    function = {"type": "separation", "radius": 1.0}
+    safety = {"function": function, "rho": 5.0, "alpha": [1.0], "eta": 0.0}
+    sphere = {"center": [2.0 * FAR_APART, 0.0], "clearance": 1.0}
+    scenario = {"name": "twos", "duration": 1.0, "safety": safety, "obstacles": [sphere]}
+    return build_rows(build_swarm(load({**scenario, "agents": [agents]})))
+
+
+def beside(ab: float, cd: float, of_sphere: float) -> np.ndarray:
+    """A stacked state by distances [m]; two that approach each go half the way."""
+    x = np.zeros((5, 2))
+    x[:, 0] = [-ab / 2, ab / 2, FAR_APART - cd / 2, FAR_APART + cd / 2, 2 * FAR_APART + of_sphere]
+    return x.ravel()
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        # The largest h is that of a and b, about -49, and falls by less than is in reserve; the
+        # others come from outside of the reach, about 7.9 m, but nobody goes farther than 1 m.
+        ([(7.07, 9.69, 90.0)], [(7.2, 7.79, 90.0)]),
+        ([(7.07, 90.0, 8.7)], [(7.2, 90.0, 7.79)]),
+        # It falls by more, so that others count which were too far away.
+        ([(7.07, 10.5, 90.0)], [(8.9, 8.7, 90.0)]),
+        # Somebody goes far, seen at the second of two states only.
+        ([(7.07, 90.0, 90.0)], [(7.07, 90.0, 90.0), (7.07, 5.0, 90.0)]),
+    ],
+    ids=["two approach", "one approaches a sphere", "all are farther apart", "a later state"],
+)
+def test_who_has_come_near_since_one_looked_is_not_left_out(before, after, monkeypatch):
+    rows = two_twos_and_one_beside_a_sphere()
+    looking, taking_all = both(rows, monkeypatch)
+    then, now = (np.stack([beside(*distances) for distances in at]) for at in (before, after))
+    assert len(looking(then).pairs) < 3
+    pairs, _, least = looking(now)
+    every, of_all, _ = taking_all(now)
+    counting = every[(of_all[..., 0] >= least[:, None]).any(axis=0)]
+    assert len(counting) == 2
+    assert set(counting) <= set(pairs)
 
 
 def test_a_function_that_does_not_say_how_far_it_reaches_has_all_its_pairs(monkeypatch):

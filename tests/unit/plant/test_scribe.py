@@ -2,11 +2,14 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import phalanx
+from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.guarantee.checker.certify import certify
 from phalanx.guarantee.checker.intervals import UncertifiableError
+from phalanx.swarm.swarm import build_swarm
 
 LINE = {
     "name": "line",
@@ -74,3 +77,21 @@ def test_states_are_recorded_no_more_often_than_asked_for_and_no_peak_is_lost():
         assert peak == since["h_tot"].max()
     with pytest.raises(UncertifiableError, match="in a state not recorded"):
         certify(run.scenario, run.recording.states, run.recording.steps)
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.004])
+def test_each_input_is_certified_from_the_state_in_which_it_took_effect(latency: float):
+    start = [[0.0, 0.0, 0.0], [1.2, 0.0, 0.0], [0.0, 1.2, 0.0]]
+    close = {"agents.0.start": start, "agents.0.spread": [0.0, 0.0, 0.0]}
+    settings = {"duration": 0.3, "time.latency": latency, **close}
+    run = phalanx.run(phalanx.load("unicycles", settings), engine="in-process")
+    swarm, recording = build_swarm(run.scenario), run.recording
+    certificates, states = SwarmCertificates(swarm), {s.t: np.array(s.x) for s in recording.states}
+    told = set()
+    for step in recording.steps:
+        i = swarm.names.index(step.agent)
+        if i in swarm.normal:
+            proven = certificates.of(i)(states[step.t_apply], np.array(step.u))
+            assert step.certified == proven.min()
+            told.add(step.certified)
+    assert len(told) > 20
