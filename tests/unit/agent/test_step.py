@@ -5,7 +5,10 @@ import numpy as np
 import pytest
 
 from phalanx.agent.step import ControlStep
+from phalanx.scenario.load import load
+from phalanx.swarm.rows import build_rows
 from phalanx.swarm.seen import SeenStates
+from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import MAX_BYTES, Broadcast, Sample
 from phalanx.wire.seal import Malformed
@@ -62,6 +65,26 @@ def test_a_broadcast_from_before_its_time_is_refused(step: ControlStep):
     step.accept_sample(sample(step, 5, latest=4))
     with pytest.raises(Malformed, match="out of order"):
         hear(step, 4)
+
+
+def test_each_sender_may_send_as_much_as_its_own_clock_lets_it():
+    group = {
+        "role": "normal",
+        "dynamics": {"type": "single-integrator", "speed": 1.0},
+        "law": {"type": "track-velocity"},
+    }
+    groups = [
+        {**group, "names": [name], "clock": {"period": period}, "start": [[5.0 * place, 0.0]]}
+        for place, (name, period) in enumerate([("me", 0.01), ("quick", 0.01), ("slow", 0.1)])
+    ]
+    function = {"type": "separation", "radius": 1.0}
+    safety = {"function": function, "rho": 1.0, "alpha": [1.0], "eta": 0.0}
+    scenario = load({"name": "three", "duration": 10.0, "safety": safety, "agents": groups})
+    step = ControlStep(build_rows(build_swarm(scenario)), 0)
+    late = Broadcast(k=2000, t_apply=0.0, u=(0.0, 0.0))
+    step.accept_broadcast("quick", late)
+    with pytest.raises(Malformed, match="from the future"):
+        step.accept_broadcast("slow", late)
 
 
 @pytest.mark.parametrize("k", [5, 4, 7, -1])

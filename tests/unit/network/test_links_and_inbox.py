@@ -252,8 +252,11 @@ def test_who_goes_out_of_sight_is_forgotten_with_all_that_is_on_its_way():
     assert newest(inbox) == 0
     inbox.advance({}, 0.04)
     assert newest(inbox) is None
-    inbox.advance({}, 1.0)
+    inbox.put(0, broadcast(3))
+    inbox.advance({0: Existing(3, 3)}, 0.055)
     assert newest(inbox) is None, "what was in flight arrives no more"
+    inbox.advance({0: Existing(3, 3)}, 0.06)
+    assert newest(inbox) == 3
 
 
 def test_who_comes_back_is_heard_again_from_its_first_broadcast_since():

@@ -8,8 +8,9 @@ import pytest
 
 from phalanx.network.inbox import BroadcastInbox, Existing
 from phalanx.network.link import Link, LinkModel, RuleError, Stage
-from phalanx.network.rule import CORRUPT, DELIVER, DROP, DUPLICATE, delay
+from phalanx.network.rule import CORRUPT, DELIVER, DROP, DUPLICATE, Message, delay
 from phalanx.network.window import Cut, During, Hold
+from phalanx.seeded.draws import Draws
 from phalanx.wire.door import Door
 from phalanx.wire.keys import Keys
 from phalanx.wire.messages import Broadcast
@@ -158,6 +159,21 @@ def test_two_rules_of_one_class_draw_each_for_itself():
     link = Link(0, "a", "b", model(rules=[RAIN, RAIN]))
     found = [link.fate(k, distance=50.0).delay is None for k in range(20_000)]
     assert np.mean(found) == pytest.approx(0.75, abs=0.015)
+
+
+@pytest.mark.parametrize("column", [0, 1])
+def test_each_of_a_messages_draws_is_kept_by_chance_of_its_own(column):
+    """Loss and delay of a message may be drawn side by side: neither has a part in the other."""
+
+    def table(purpose: str) -> Draws:
+        return Draws(0, purpose, width=2)
+
+    before = table("wind").value(0, column)
+    for k in range(600):
+        message = Message("a", "b", k, 0.0, 0.0, 1.0, 0, 0.0, table)
+        if table("wind kept").value(k, column) >= 0.7:
+            before = table("wind").value(k, column)
+        assert message.draw("wind", column, kept=0.7) == before
 
 
 def test_what_changes_on_one_link_changes_nothing_on_another():
