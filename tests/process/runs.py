@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -109,3 +110,14 @@ def wait_for(condition: Callable[[], T], seconds: float = 120.0) -> T:
         assert time.monotonic() < deadline, "the condition did not come true in time"
         time.sleep(0.01)
     return value
+
+
+def free_port() -> int:
+    """A port that was nobody's lately: a tab comes back by itself to where its server was.
+
+    The first free port from the viewer's own on would often be that of a test that ran before, or
+    that runs in another process, and whose tab is still open.
+    """
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

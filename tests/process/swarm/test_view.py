@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from phalanx.guarantee.verdict import Summary
-from tests.process.runs import wait_for
+from tests.process.runs import free_port, wait_for
 
 pytestmark = pytest.mark.swarm
 
@@ -59,8 +59,3 @@ def served(port: int) -> bool:
     ):
         return page.status == 200
     return False
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        return probe.getsockname()[1]

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 
 from phalanx.viewer.feeds.replay import Replay
 from phalanx.viewer.page.page import Page
-from tests.process.runs import SECRET
+from tests.process.runs import SECRET, free_port
 
 
 class Viewer:
@@ -27,7 +27,7 @@ class Viewer:
             "PHALANX_COMMAND_SECRET": command_secret.decode(),
         }
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "phalanx", "view", *arguments],
+            [sys.executable, "-m", "phalanx", "view", "--port", str(free_port()), *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -67,7 +67,7 @@ def viewer(*arguments: str, command_secret: bytes = b"") -> Iterator[Viewer]:
 @contextlib.contextmanager
 def served(replay: Replay, port: int | None = None) -> Iterator[Page]:
     """The page of a replay, kept up to date by a thread of the test's own process."""
-    page = Page("127.0.0.1", port, (), replay)
+    page = Page("127.0.0.1", port or free_port(), (), replay)
     over = threading.Event()
 
     def serve() -> None:
