@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 import casadi as ca
 
+_LARGE = 1e30
+
 
 class UnboundedOperationError(ValueError):
     """An expression uses an operation that has no interval rule; the message names it."""
@@ -84,11 +86,11 @@ def is_number(a: Interval) -> bool:
 
 
 def finite(intervals: Iterable[Interval]) -> ca.SX:
-    """1 if all ends are numbers and none is infinite."""
+    """1 if all ends are numbers, so far from infinite that no product of ten of them is."""
     total = ca.SX(0)
     for a in intervals:
-        total += ca.fabs(a.lo) if _is_point(a) else a.hi - a.lo
-    return total < ca.inf
+        total += ca.fabs(a.lo) if _is_point(a) else ca.fabs(a.lo) + ca.fabs(a.hi)
+    return total < _LARGE
 
 
 def _is_point(a: Interval) -> bool:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from phalanx.theory.expressions.extension import extend
 from phalanx.theory.expressions.interval import (
     Interval,
+    finite,
     hull,
     inflate,
     inside,
@@ -76,15 +77,17 @@ def enclose(
     symbols = scalars([x, u, phi])
     starts = [point(component) for component in ca.vertsplit(x)]
 
-    def picard(box: Sequence[Interval]) -> list[Interval]:
-        return moved(x, extend(ca.vertsplit(rate), symbols, [*box, *allowed, *pushed]), horizon)
+    def rates(box: Sequence[Interval]) -> list[Interval]:
+        return extend(ca.vertsplit(rate), symbols, [*box, *allowed, *pushed])
 
     box = starts
     for extra in inflations:
-        reached = [hull(a, b) for a, b in zip(starts, picard(box), strict=True)]
+        ends = moved(x, rates(box), horizon)
+        reached = [hull(a, b) for a, b in zip(starts, ends, strict=True)]
         box = [inflate(reach, extra, _LEAST) for reach in reached]
-    final = picard(box)
-    certain = ca.SX(1)
+    last = rates(box)
+    final = moved(x, last, horizon)
+    certain = finite(last)
     for start, a, b in zip(starts, final, box, strict=True):
         within = ca.logic_and(b.lo < start.lo, start.hi < b.hi)  # not so where 1e-9 is rounded off
         certain = ca.logic_and(certain, ca.logic_and(within, inside(a, b)))
@@ -114,7 +117,7 @@ def fastest(member: Member, inputs: Sequence[Interval], bound: float) -> list[In
 
 
 def moved(x: ca.SX, rates: Sequence[Interval], horizon: float | ca.SX) -> list[Interval]:
-    """x + [0, τ] rates, by component."""
+    """x + [0, τ] rates, by component; a rate that is no number is passed over."""
     return [
         Interval(start + ca.fmin(0, horizon * rate.lo), start + ca.fmax(0, horizon * rate.hi))
         for start, rate in zip(ca.vertsplit(x), rates, strict=True)

@@ -80,6 +80,15 @@ def test_a_factor_without_bound_is_not_forgotten_wherever_it_comes_from(factor):
     assert ends_of(np.array([0.0, 0.5]))[0].tolist() == [0.0, 0.0]
 
 
+def test_a_product_that_overflows_is_unbounded_and_not_forgotten():
+    x, y, z, ends = *ca.vertsplit(ca.SX.sym("x", 3)), ca.SX.sym("ends", 3)
+    box = [Interval(ends[0], ends[0]), Interval(ends[0], ends[0]), Interval(ends[1], ends[2])]
+    (bound,) = extend([ca.fmax(-(z * (x * y)), -5)], [x, y, z], box)
+    ends_of = CompiledFunction([ends], [ca.vertcat(*bound)])
+    assert ends_of(np.array([2.0, 0.0, 1.0]))[0].tolist() == [-4.0, 0.0]
+    assert ends_of(np.array([1e200, 0.0, 1.0]))[0].tolist() == [-math.inf, math.inf]
+
+
 @pytest.mark.parametrize("function", [ca.sqrt, ca.log])
 def test_outside_its_domain_a_function_is_unbounded_and_not_forgotten(function):
     x = ca.SX.sym("x")

@@ -64,6 +64,20 @@ def test_a_box_that_cannot_be_shown_to_hold_the_state_is_not_certain():
     assert box(np.array([0.0, 0.0, 20.0, 0.0]), np.zeros(2), 1.0)[2] == 0.0
 
 
+@dataclass(frozen=True)
+class Fleeing(SingleIntegrator):
+    """A drift that is the difference of two numbers, each beyond float64 far from here."""
+
+    def drift(self, x):
+        return ca.vertcat(ca.exp(x[0]) - ca.exp(x[1]), 0.0)
+
+
+def test_a_rate_that_is_no_number_makes_no_box_certain():
+    box, _ = compiled(Fleeing(1.0), False)
+    assert box(np.zeros(2), np.zeros(2), 0.1)[2] == 1.0
+    assert box(np.array([1e3, 1e3]), np.zeros(2), 0.1)[2] == 0.0
+
+
 def test_a_unicycle_is_never_faster_than_its_speed_and_an_integrator_may_be():
     unicycle = Member("a", Unicycle(4.0, 2.0), False)
     rates = fastest(unicycle, admissible_inputs(unicycle), 0.5)
