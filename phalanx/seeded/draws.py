@@ -18,7 +18,7 @@ _BLOCK = 256
 
 
 class Condition(Hashable, Protocol):
-    """Something that holds of some rows; what is found of one serves all that compare equal."""
+    """Something that holds of some rows; what is found serves all of its class that are equal."""
 
     def __call__(self, rows: Array, /) -> NDArray[np.bool_]:
         """Of which of these rows, shape (r, width), it holds, shape (r,)."""
@@ -33,7 +33,8 @@ class Draws:
         self._key = int.from_bytes(hashlib.blake2b(name, digest_size=16).digest(), "little")
         self._width = width
         self._block = lru_cache(maxsize=8)(self._generate)
-        self._latest = lru_cache(maxsize=8)(self._latest_in)
+        # Named tuples of two kinds are equal if their numbers are.
+        self._latest = lru_cache(maxsize=8, typed=True)(self._latest_in)
 
     def __getitem__(self, index: int) -> Array:
         """Row `index` >= 0, shape (width,). Do not write to it."""

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import kstest
 
+from phalanx.network.loss import Outside
 from phalanx.network.rule import AtLeast
 from phalanx.seeded.draws import Draws
 
@@ -48,6 +49,13 @@ def test_the_last_row_is_found_however_many_blocks_it_lies_back():
     assert max(np.diff(np.flatnonzero(rows))) > 3 * 256
     expected = [max((j for j in range(k + 1) if rows[j]), default=0) for k in range(0, 4000, 97)]
     assert [table.last(k, rare) for k in range(0, 4000, 97)] == expected
+
+
+def test_conditions_of_two_kinds_with_the_same_numbers_are_two():
+    table = Draws(0, "x", width=2)
+    everywhere = [table.last(k, Outside(1, 0.9)) for k in range(100, 120)]
+    assert everywhere == list(range(100, 120))
+    assert [table.last(k, AtLeast(1, 0.9)) for k in range(100, 120)] != everywhere
 
 
 def test_draws_are_uniform_in_the_unit_interval():
