@@ -10,13 +10,16 @@ from typing import Generic, TypeVar
 Question = TypeVar("Question")
 Answer = TypeVar("Answer")
 
+_AT_ONCE = 16
+"""So many at most: more save little, and in real time the next sample is due soon."""
+
 
 class Ahead(Generic[Question, Answer]):
-    """Questions asked one by one, and answered in their order: all of them when one is due."""
+    """Questions asked one by one, and answered in their order: several when one is due."""
 
     def __init__(self, answers: Callable[[list[Question]], Iterable[Answer]]) -> None:
         """answers: to some questions, in their order."""
-        self._answer_all = answers
+        self._answer = answers
         self._asked: list[Question] = []
         self._answers: deque[Answer] = deque()
 
@@ -27,6 +30,6 @@ class Ahead(Generic[Question, Answer]):
     def next(self) -> Answer:
         """The answer to the oldest question."""
         if not self._answers:
-            asked, self._asked = self._asked, []
-            self._answers.extend(self._answer_all(asked))
+            self._answers.extend(self._answer(self._asked[:_AT_ONCE]))
+            del self._asked[:_AT_ONCE]
         return self._answers.popleft()
