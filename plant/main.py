@@ -54,7 +54,7 @@ def run(
         last_words: takes the summary, or why there is none: whoever started the plant need not
             listen on the hub yet, and the disk may be full.
         agents_start: has something to read once the agents are being started, if they are
-            started later: until then none is late.
+            started later, or ends with whoever was to start them: until then none is late.
 
     Returns:
         The exit status of the verdict.

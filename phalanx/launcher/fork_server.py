@@ -129,7 +129,7 @@ class _Forks:
         """Start the plant, which has a theory of its own to build, then all that share theirs."""
         plant, *others = self._order.programs
         begun, begin = multiprocessing.Pipe(duplex=False)
-        self._start(plant, {"last_words": last_words, "agents_start": begun})
+        self._start(plant, {"last_words": last_words, "agents_start": begun}, begin)
         compile_rows(self._rows)
         # What programs inherit stays shared as long as nobody writes to it, as a collector would.
         gc.collect()
@@ -157,11 +157,16 @@ class _Forks:
         for report in self._running.values():
             os.kill(report.pid, number)
 
-    def _start(self, program: Program, options: Mapping[str, Any] = {}) -> None:
+    def _start(
+        self, program: Program, options: Mapping[str, Any] = {}, kept: Connection | None = None
+    ) -> None:
+        """kept: this process's own end of a pipe, so that the other end sees it die."""
         # Until the child is known here it must not be missed, and it must not take what is
         # meant for this process.
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
         if not (pid := os.fork()):
+            if kept is not None:
+                kept.close()
             program = program._replace(options={**program.options, **options})
             _become(program, self._rows, self._order)
         started = self._running[os.pidfd_open(pid)] = Report(program.identity, pid)

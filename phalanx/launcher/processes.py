@@ -168,6 +168,7 @@ class Processes:
             # The fork server does it, unless it was killed itself.
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self._pids[name], signal.SIGKILL)
+        self._pids.clear()  # by and by they are others'
 
     def _take_reports(self, timeout: float | None) -> None:
         """Take what has been reported, waiting for the first report if there is none."""

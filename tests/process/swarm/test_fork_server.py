@@ -10,6 +10,7 @@ import pytest
 from phalanx.wire.endpoints import free_endpoint
 from phalanx.wire.liveliness import announce
 from phalanx.wire.session import HubError, open_hub, open_member
+from tests.process.runs import wait_for
 
 pytestmark = pytest.mark.swarm
 
@@ -39,6 +40,20 @@ def test_a_run_goes_on_to_its_verdict_without_the_fork_server(phalanx):
     status, output = run.finish()
     assert status == 0, output
     assert output.splitlines()[-1].startswith(("guaranteed", "safe"))
+    run.wait_until_gone(5.0)
+
+
+def test_a_run_whose_fork_server_dies_before_it_has_forked_the_agents_says_so(phalanx):
+    timeout, many = ("--set", "time.timeout=3.0"), ("--set", "agents.0.count=96")
+    run = phalanx("run", "swarm", *many, *timeout)
+    wait_for(run.programs)
+    parent = fork_server(run)
+    parent.suspend()  # the agents' theory takes longer than to fork the plant
+    assert set(run.programs()) == {"phx-plant"}
+    parent.kill()
+    status, output = run.finish()
+    assert status == 3
+    assert "the fork server died (killed by SIGKILL)" in output
     run.wait_until_gone(5.0)
 
 
