@@ -149,10 +149,15 @@ def test_a_recording_without_a_state_is_neither_verified_nor_certified(tmp_path,
     assert "the recording holds no state" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("command", ["export {0} --mcap {0}", "compare {0} {0} --html {0}"])
-def test_a_recording_is_not_written_over_by_what_is_made_of_it(recording, capsys, command):
-    before = recording.read_bytes()
-    assert status(command.format(recording).split()) == USAGE_ERROR
+@pytest.mark.parametrize("linked", [False, True], ids=["by its name", "by a link"])
+@pytest.mark.parametrize("command", ["export {0} --mcap {1}", "compare {0} {0} --html {1}"])
+def test_a_recording_is_not_written_over_by_what_is_made_of_it(
+    recording, tmp_path, capsys, command, linked
+):
+    before, link = recording.read_bytes(), tmp_path / "link"
+    link.symlink_to(recording)
+    asked = command.format(recording, link if linked else recording)
+    assert status(asked.split()) == USAGE_ERROR
     assert "expected another file than the recording" in capsys.readouterr().err
     assert recording.read_bytes() == before
 
