@@ -1,16 +1,23 @@
 """Lockstep where it ends badly."""
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
 import pytest
 
 from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind, CommandPolicy
+from phalanx.faults.state import FaultState
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.plant.clock.commands import CommandQueue
+from phalanx.plant.clock.lockstep import Lockstep
+from phalanx.plant.events.events import Event
 from phalanx.plant.events.stop import SwarmBrokenError
 from phalanx.plant.run import PlantRun
+from phalanx.plant.sampling.harness import Harness
+from phalanx.plant.sampling.schedule import Schedule
+from phalanx.plant.world.world import World
 from phalanx.recording.read import read
 from phalanx.recording.write import RecordingWriter
 from phalanx.scenario.load import load
@@ -200,3 +207,43 @@ def test_dynamics_that_travel_farther_than_they_say_end_the_run(
     summary = run_of(Slow((4.0, 0.0)), tmp_path, "safety.neighbourhood=4.7", "agents.1.sensing=4.0")
     assert summary.outcome is Outcome.BROKEN
     assert "travel farther than" in summary.reason
+
+
+class Told:
+    """What a scribe was told of all that is to be told."""
+
+    def __init__(self) -> None:
+        self.expected, self.told = list[Event](), list[Event]()
+
+    def expect(self, event: Event) -> None:
+        self.expected.append(event)
+
+    def witness(self, event: Event) -> None:
+        self.told.append(event)
+
+    def idle(self) -> None: ...
+
+
+class PausedNowAndThen(CommandQueue):
+    """Virtual time waits before each event; whoever looks then sees so many events."""
+
+    def __init__(self, scribe: Told) -> None:
+        super().__init__(NO_COMMANDS, ())
+        self.seen, self._scribe = list[int](), scribe
+
+    def take(self, now: float, t: float, idle: Callable[[], None]) -> list[Command]:
+        idle()
+        assert self._scribe.told == self._scribe.expected
+        self.seen.append(len(self._scribe.told))
+        return super().take(now, t, idle)
+
+
+def test_while_virtual_time_waits_all_that_happened_has_been_told() -> None:
+    rows, scribe = rows_of_scenario("unicycles", "duration=0.1"), Told()
+    swarm, commands = rows.swarm, PausedNowAndThen(scribe)
+    schedule = Schedule([swarm.clock(i) for i in range(len(swarm.names))], 0.0, Harness(swarm))
+    faults = FaultState(swarm.names)
+    run = Lockstep(rows, World(rows), schedule, Coasting(), scribe, faults, commands)
+    run.run(swarm.scenario.duration)
+    assert commands.seen == sorted(set(commands.seen))
+    assert scribe.told == scribe.expected

@@ -9,6 +9,7 @@ import phalanx
 from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.guarantee.checker.certify import certify
 from phalanx.guarantee.checker.intervals import UncertifiableError
+from phalanx.plant.judge import coverage
 from phalanx.swarm.swarm import build_swarm
 
 LINE = {
@@ -79,19 +80,37 @@ def test_states_are_recorded_no_more_often_than_asked_for_and_no_peak_is_lost():
         certify(run.scenario, run.recording.states, run.recording.steps)
 
 
-@pytest.mark.parametrize("latency", [0.0, 0.004])
-def test_each_input_is_certified_from_the_state_in_which_it_took_effect(latency: float):
-    start = [[0.0, 0.0, 0.0], [1.2, 0.0, 0.0], [0.0, 1.2, 0.0]]
-    close = {"agents.0.start": start, "agents.0.spread": [0.0, 0.0, 0.0]}
-    settings = {"duration": 0.3, "time.latency": latency, **close}
-    run = phalanx.run(phalanx.load("unicycles", settings), engine="in-process")
-    swarm, recording = build_swarm(run.scenario), run.recording
+def certified(run: phalanx.Run) -> set[float]:
+    """What was recorded, which must be what is proven of the state that the input met."""
+    swarm, recording, told = build_swarm(run.scenario), run.recording, set()
     certificates, states = SwarmCertificates(swarm), {s.t: np.array(s.x) for s in recording.states}
-    told = set()
     for step in recording.steps:
         i = swarm.names.index(step.agent)
         if i in swarm.normal:
             proven = certificates.of(i)(states[step.t_apply], np.array(step.u))
             assert step.certified == proven.min()
             told.add(step.certified)
-    assert len(told) > 20
+    return told
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.004])
+def test_each_input_is_certified_from_the_state_in_which_it_took_effect(latency: float):
+    start = [[0.0, 0.0, 0.0], [1.2, 0.0, 0.0], [0.0, 1.2, 0.0]]
+    close = {"agents.0.start": start, "agents.0.spread": [0.0, 0.0, 0.0]}
+    settings = {"duration": 0.3, "time.latency": latency, **close}
+    run = phalanx.run(phalanx.load("unicycles", settings), engine="in-process")
+    assert len(certified(run)) > 20
+
+
+def test_whoever_comes_from_afar_counts_in_certificates_when_it_is_there(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    """In large swarms alone it is looked who may meet whom, and not at each input."""
+    monkeypatch.setattr(coverage, "_FEW", 0)
+    hunted = agent("hunted", "normal", [0.0, 0.0], "track-velocity")
+    hunter = agent("hunter", "adversary", [2.5, 0.0], "pursue")
+    hunted["dynamics"]["speed"] = 1e-3
+    run = phalanx.run(phalanx.load({**LINE, "agents": [hunted, hunter]}), engine="in-process")
+    told = certified(run)
+    assert min(told) == 0.0
+    assert len(told) > 3
