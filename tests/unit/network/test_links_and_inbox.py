@@ -286,6 +286,16 @@ def test_a_new_contact_between_two_samples_ends_the_old_one_though_nobody_was_ou
     assert newest(inbox) == 2
 
 
+def test_an_order_to_lose_all_counts_for_senders_of_whom_nothing_has_come_yet():
+    inbox = inbox_of(model())
+    inbox.override_links(loss=1.0, delay=None)
+    for k, kept in ((0, None), (1, 1)):
+        inbox.put(0, broadcast(k))
+        inbox.advance(upto(k), 1.0)
+        assert newest(inbox) == kept
+        inbox.override_links(loss=None, delay=None)
+
+
 def test_in_real_time_a_broadcast_counts_from_when_it_came_and_what_did_not_come_is_lost():
     inbox = BroadcastInbox([1], lambda _: Link(0, "b", "a", model(delay=0.01)))
     for k, at in ((0, 0.004), (2, 0.023)):

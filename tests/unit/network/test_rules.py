@@ -155,6 +155,13 @@ def test_a_rule_of_ones_own_takes_a_dozen_lines():
     assert np.mean(np.array(kept) == 0.01) == pytest.approx(0.5, abs=0.02)
 
 
+def test_an_inbox_tells_a_rule_how_far_away_the_sender_is():
+    inbox = inbox_of(model(rules=[RAIN]), 40)
+    far = inbox.advance({0: Existing(0, 19)}, 1.0, lambda _: 100.0)
+    near = inbox.advance({0: Existing(0, 39)}, 1.0, lambda _: 0.0)
+    assert [fate.delay < 0.0 for fate in (*far, *near)] == [True] * 20 + [False] * 20
+
+
 def test_two_rules_of_one_class_draw_each_for_itself():
     link = Link(0, "a", "b", model(rules=[RAIN, RAIN]))
     found = [link.fate(k, distance=50.0).delay is None for k in range(20_000)]

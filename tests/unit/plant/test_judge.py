@@ -105,6 +105,15 @@ def steps(times: list[float], h: list[float], psi: list[float] | None = None) ->
     )
 
 
+def test_a_pair_is_covered_as_long_as_either_of_its_agents_holds_a_certificate():
+    coverage = judge_of().coverage
+    pairs = rows_of_scenario("unicycles").swarm.safe_set.pairs
+    (both,) = (k for k, pair in enumerate(pairs) if (pair.a, pair.b) == (0, 1))
+    for i, t, seconds, ends in ((0, 1.0, 0.5, 1.5), (1, 1.1, 0.0, 1.5), (0, 1.2, 0.0, -np.inf)):
+        coverage.applied(i, t, np.full(7, seconds))
+        assert coverage.ends[both] == ends
+
+
 @pytest.mark.parametrize(("h", "failed"), [(-1.0, 0), (0.0, 0), (0.1, 1)])
 def test_a_start_outside_the_safe_set_is_counted_once(h, failed):
     judge = judge_of()
