@@ -37,8 +37,6 @@ CLOCK = r"t = ([\d.]+) s"
 HIDE_NOTES = ".mantine-Notifications-root { display: none }"
 SHIMMER = 48
 """Changes of grey, of 255, that are less than this do not count."""
-LARGE = 400_000
-"""[bytes]"""
 CROWD = ("agents.0.count=112", "agents.1.count=16", "duration=3.0")
 
 
@@ -178,11 +176,8 @@ def screenshot(tab: "Tab") -> Image.Image:
 
 
 def save(image: Image.Image, name: str) -> None:
-    """Save a picture, in fewer colours where it is a large one."""
-    path = IMAGES / f"{name}.png"
-    image.save(path, optimize=True)
-    if path.stat().st_size > LARGE:
-        image.quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
+    """Save a picture."""
+    image.save(IMAGES / f"{name}.png", optimize=True)
 
 
 if __name__ == "__main__":

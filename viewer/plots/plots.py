@@ -90,7 +90,7 @@ class _Plots:
         psi = {k: [_bold(rows, 2 + k, highest)] for k in levels}
         return [
             Plot("h_tot", of_h, [_bold(rows, 1, highest)], _UNSAFE_ABOVE_0),
-            Plot("h of the pairs nearest to violation", of_h, pairs, _UNSAFE_ABOVE_0),
+            Plot("h of the worst pairs", of_h, pairs, _UNSAFE_ABOVE_0),
             Plot("Smallest distance", "m", [_bold(rows, 2, lowest)], self._least_distance()),
             *(Plot(f"ψ_{k}", self._unit_of_psi(k), psi[k], _UNSAFE_ABOVE_0) for k in levels),
         ]

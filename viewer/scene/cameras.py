@@ -9,7 +9,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from phalanx.viewer.scene.view import View
+from phalanx.viewer.scene.view import View, looks_at
 
 Array = NDArray[np.float64]
 
@@ -164,7 +164,13 @@ class Cameras:
         # is sized by it would be sent anew each time.
         fov = self._first.fov
         position, look_at, up = camera.position, camera.look_at, camera.up_direction
-        return View(position, look_at, up, fov, wide / high, min(wide, high))
+        seen = View(position, look_at, up, fov, wide / high, min(wide, high))
+        visitor = self._visitors.get(client.client_id)
+        if visitor is None or looks_at(look_at, position, camera.wxyz):
+            return seen
+        # A browser that is asked for its shape before it has drawn what it was asked to show tells
+        # where it looks next, but still where it is: as a direction that would be a tilted one.
+        return replace(visitor.asked, aspect=seen.aspect, pixels=seen.pixels)
 
 
 def _close(a: float, b: float) -> bool:

@@ -15,6 +15,8 @@ _FAR = 1e9
 """Beyond any scene [m]."""
 _USUAL = 620.0
 """Shorter side of a usual picture [pixels]."""
+_STRAIGHT = 1e-4
+"""Directions that differ by less are the same [rad]."""
 
 
 @dataclass(frozen=True)
@@ -106,3 +108,10 @@ class View:
     def moved(self, look_at: Array, distance: float) -> Self:
         """The same direction, towards another point and from another distance [m]."""
         return replace(self, look_at=look_at, position=look_at - distance * self.axes[2])
+
+
+def looks_at(point: Array, position: Array, wxyz: Array) -> bool:
+    """Whether a camera of this orientation, a unit quaternion, has a point right ahead."""
+    w, x, y, z = wxyz
+    forward = np.array([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)])
+    return bool(np.linalg.norm(unit(point - position) - forward) < _STRAIGHT)

@@ -126,6 +126,41 @@ def test_a_camera_that_follows_the_swarm_is_put_anew_when_somebody_leaves(tab: "
         server.stop()
 
 
+def test_a_camera_asked_for_its_shape_while_it_is_moved_does_not_seem_tilted(tab: "Tab") -> None:
+    down = np.array([0.0, 0.0, -1.0])
+    from_above = View(np.array([0.0, 0.0, 9.0]), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.8, 1.5)
+    swarm = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    server = open_page("127.0.0.1", None, "cameras")
+    try:
+        cameras = Cameras(server, from_above, reach=0.1)
+        cameras.expect(swarm)
+        reported = open_tab(tab, server)
+        (client,) = server.get_clients().values()
+        tilts: list[tuple[float, float]] = []
+
+        def on_report(_: object) -> None:
+            views = reported(), cameras.show(swarm, None)
+            told, taken = (float(np.linalg.norm(view.axes[2] - down)) for view in views)
+            tilts.append((told, taken))
+
+        client.camera.on_update(on_report)
+
+        def told_at_once() -> bool:
+            nonlocal swarm
+            swarm = swarm + np.array([0.5, 0.0, 0.0])
+            before = len(tilts)
+            with client.atomic():
+                cameras.show(swarm, None)
+                client.camera.fov *= 1.001  # it tells how it stands, before it has moved
+            wait_for(lambda: len(tilts) > before)
+            return any(told > 0.1 for told, _ in tilts)
+
+        wait_for(told_at_once)
+        assert all(taken < 1e-3 for _, taken in tilts)
+    finally:
+        server.stop()
+
+
 def test_a_click_selects_the_agent_under_it(tab: "Tab", finished: Path) -> None:
     replay = open_replay(finished)
     with served(replay) as page:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
-from phalanx.viewer.scene.view import View
+from phalanx.viewer.scene.view import View, looks_at
 
 DIRECTIONS = {
     "from above": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), 0.35),
@@ -89,3 +90,16 @@ def test_a_point_pulls_a_camera_no_farther_than_its_leash() -> None:
     near, far = np.array([0.9 * leash, 0.0, 0.0]), np.array([3.0 * leash, 0.0, 0.0])
     np.testing.assert_array_equal(view.pulled(near, 0.1), view.look_at)
     np.testing.assert_allclose(far - view.pulled(far, 0.1), [leash, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("name", sorted(DIRECTIONS))
+def test_a_camera_looks_at_what_is_right_ahead_and_at_nothing_beside_it(name: str) -> None:
+    view = camera(name, 1.5).moved(np.array([3.0, -2.0, 1.0]), 40.0)
+    right, up, forward = view.axes
+    x, y, z, w = Rotation.from_matrix(np.column_stack([right, -up, forward])).as_quat()
+    orientation = np.array([w, x, y, z])
+    assert looks_at(view.look_at, view.position, orientation)
+    assert looks_at(view.look_at + 7.0 * forward, view.position, -orientation)
+    for aside in (right, -up):
+        assert not looks_at(view.look_at + 0.1 * aside, view.position, orientation)
+    assert not looks_at(view.position - forward, view.position, orientation)
