@@ -18,7 +18,7 @@ from phalanx.viewer.scene.cameras import Cameras, Framing
 from phalanx.viewer.scene.picture import Picture, picture
 from phalanx.viewer.scene.server import SceneServer
 from phalanx.viewer.scene.view import View
-from tests.process.runs import wait_for
+from tests.process.runs import free_port, wait_for
 from tests.process.viewer.pages import served
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def test_the_camera_holds_all_agents_throughout(
 def test_a_camera_that_follows_the_swarm_is_put_anew_when_somebody_leaves(tab: "Tab") -> None:
     from_above = View(np.array([0.0, 0.0, 9.0]), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.8, 1.5)
     together = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    server = open_page("127.0.0.1", None, "cameras")
+    server = open_page("127.0.0.1", free_port(), "cameras")
     try:
         cameras = Cameras(server, from_above, reach=0.1)
         cameras.expect(together)
@@ -130,7 +130,7 @@ def test_a_camera_asked_for_its_shape_while_it_is_moved_does_not_seem_tilted(tab
     down = np.array([0.0, 0.0, -1.0])
     from_above = View(np.array([0.0, 0.0, 9.0]), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.8, 1.5)
     swarm = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    server = open_page("127.0.0.1", None, "cameras")
+    server = open_page("127.0.0.1", free_port(), "cameras")
     try:
         cameras = Cameras(server, from_above, reach=0.1)
         cameras.expect(swarm)
