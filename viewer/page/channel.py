@@ -14,20 +14,21 @@ log = logging.getLogger("phalanx.viewer")
 _CONNECT = """
 if (!window.phalanx.connected) (() => {
   let socket = null, unsent = null;
-  const send = () => {
-    if (unsent === null || socket.readyState !== WebSocket.OPEN) return;
-    socket.send(unsent);
-    unsent = null;
-  };
   const connect = () => {
     socket = new WebSocket(location.origin.replace("http", "ws") + "/actions");
-    socket.onopen = send;
-    // What was meant for a server that is gone is not for one that comes after it.
-    socket.onclose = () => { unsent = null; setTimeout(connect, 1000); };
+    socket.onopen = () => {
+      if (unsent) socket.send(unsent);
+      unsent = "";
+    };
+    socket.onclose = () => setTimeout(connect, 1000);
   };
   connect();
   window.phalanx.connected = true;
-  window.phalanx.act = action => { unsent = JSON.stringify(action); send(); };
+  window.phalanx.act = action => {
+    if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(action));
+    // Later, what is meant for a server that is gone is not for one that comes after it.
+    else if (unsent !== "") unsent = JSON.stringify(action);
+  };
 })();
 """
 
