@@ -63,7 +63,6 @@ SHOTS = (
     Shot("viewer-alarm", "surrounded", at=1.2),
     Shot("viewer-alarm-narrow", "surrounded", at=1.2, size=NARROW, dark=True),
     Shot("viewer-swarm", "swarm", CROWD, at=2.5),
-    Shot("viewer-swarm-narrow", "swarm", CROWD, at=2.5, size=NARROW),
 )
 LIVE = {"viewer-live": WIDE, "viewer-live-narrow": NARROW}
 """Pictures of a live run."""
