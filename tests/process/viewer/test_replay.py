@@ -96,7 +96,7 @@ def test_h_tots_plot_and_the_nearest_pairs_reach_the_recorded_worst(
 ) -> None:
     worst = max(read(finished).h_tot)
     assert max(titled(plotted(replay), "h_tot").curves[0].y) == pytest.approx(worst, rel=1e-3)
-    *others, nearest = titled(plotted(replay), "h of the pairs").curves
+    *others, nearest = titled(plotted(replay), "h of the worst pairs").curves
     assert nearest.name == replay.model.label(replay.frame(replay.worst_at).pair)
     assert all(max(other.y) <= max(nearest.y) for other in others)
 
