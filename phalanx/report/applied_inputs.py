@@ -9,16 +9,8 @@ from numpy.typing import NDArray
 
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Step
-from phalanx.report.measures import (
-    extremes_kept,
-)
-from phalanx.report.style import (
-    LIMIT,
-    MUTED,
-    colours,
-    legend,
-    panels,
-)
+from phalanx.report.measures import extremes_kept
+from phalanx.report.style import LIMIT, MUTED, colours, legend, panels
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.models.polytope import Box, constant_polytope
 from phalanx.theory.models.units import units

@@ -9,17 +9,8 @@ from numpy.typing import NDArray
 
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Step
-from phalanx.report.measures import (
-    extremes_kept,
-)
-from phalanx.report.style import (
-    LIMIT,
-    PEAK,
-    colours,
-    legend,
-    logarithmic,
-    panels,
-)
+from phalanx.report.measures import extremes_kept
+from phalanx.report.style import LIMIT, PEAK, colours, legend, logarithmic, panels
 from phalanx.swarm.swarm import Swarm
 
 Array = NDArray[np.float64]

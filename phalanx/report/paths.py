@@ -10,14 +10,7 @@ from numpy.typing import NDArray
 from phalanx.recording.read import Recording
 from phalanx.report.distances import required_distance
 from phalanx.report.measures import Motion, WorstPairs
-from phalanx.report.style import (
-    MUTED,
-    PEAK,
-    WORST,
-    colours,
-    legend,
-    style_axes,
-)
+from phalanx.report.style import MUTED, PEAK, WORST, colours, legend, style_axes
 from phalanx.scenario.model import Scenario
 from phalanx.theory.safety.composition import static_label
 from phalanx.theory.safety.limits import Line, Outlined

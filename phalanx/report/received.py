@@ -5,17 +5,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from phalanx.recording.read import Recording, steps_by_agent
-from phalanx.report.measures import (
-    LinkStatistics,
-    extremes_kept,
-)
-from phalanx.report.style import (
-    LIMIT,
-    MUTED,
-    colours,
-    legend,
-    panels,
-)
+from phalanx.report.measures import LinkStatistics, extremes_kept
+from phalanx.report.style import LIMIT, MUTED, colours, legend, panels
 
 Array = NDArray[np.float64]
 

@@ -5,17 +5,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from phalanx.recording.read import Recording
-from phalanx.report.measures import (
-    extremes_kept,
-    worst,
-)
-from phalanx.report.style import (
-    LIMIT,
-    PEAK,
-    legend,
-    panels,
-    summarises,
-)
+from phalanx.report.measures import extremes_kept, worst
+from phalanx.report.style import LIMIT, PEAK, legend, panels, summarises
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.units import unit_of_psi
 

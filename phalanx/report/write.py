@@ -9,12 +9,7 @@ from phalanx.report import applied_inputs, control_steps, crowd, received, safet
 from phalanx.report.distances import distances, required_distance
 from phalanx.report.lanes import space_time
 from phalanx.report.margins import margins
-from phalanx.report.measures import (
-    LinkStatistics,
-    Motion,
-    link_statistics,
-    worst_pairs,
-)
+from phalanx.report.measures import LinkStatistics, Motion, link_statistics, worst_pairs
 from phalanx.report.page import page
 from phalanx.report.paths import paths
 from phalanx.report.style import FEW, MOST_NAMED, ReportFigure, summarises
