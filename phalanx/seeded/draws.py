@@ -10,6 +10,7 @@ from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
+from numpy.random import Generator, Philox
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -58,7 +59,7 @@ class Draws:
 
     def _generate(self, block: int) -> Array:
         # The block number is the counter's high word, so blocks never overlap.
-        generator = np.random.Generator(np.random.Philox(key=self._key, counter=block << 192))
+        generator = Generator(Philox(key=self._key, counter=block << 192))
         return generator.random((_BLOCK, self._width))
 
     def _latest_in(self, block: int, holds: Condition) -> list[int]:

@@ -4,10 +4,13 @@ The Python package around that part imports SciPy and a template engine, which t
 else that a program of a run loads, and a third of what each fork of one costs.
 """
 
+import contextlib
 import importlib
 import importlib.machinery
 import importlib.util
 import sys
+import types
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,16 +50,19 @@ class Solver:
     def __init__(self, metric: tuple[float, ...], rows: int, most_steps: int) -> None:
         """metric: w, one weight for each input. most_steps: it gives up after so many."""
         self._weights, inputs = np.array(metric), len(metric)
-        osqp = _compiled()
+        osqp = _OSQP
         settings = osqp.OSQPSettings()
         osqp.osqp_set_default_settings(settings)
         for name, value in {**_SETTINGS, "max_iter": most_steps}.items():
             setattr(settings, name, value)
         self._solved = int(osqp.osqp_status_type.OSQP_SOLVED)
+        with _without_scipy():
+            P = osqp.CSC(_columns(2.0 * self._weights[None], np.arange(inputs)[None], inputs))
+            A = osqp.CSC(_columns(np.ones((rows, inputs)), np.indices((rows, inputs))[0], rows))
         self._solver = osqp.OSQPSolver(
-            osqp.CSC(_columns(2.0 * self._weights[None], np.arange(inputs)[None], inputs)),
+            P,
             np.zeros(inputs),
-            osqp.CSC(_columns(np.ones((rows, inputs)), np.indices((rows, inputs))[0], rows)),
+            A,
             np.full(rows, -INFINITY),
             np.ones(rows),
             rows,
@@ -110,3 +116,23 @@ def _compiled() -> Any:
         sys.modules[_NAME] = module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
     return sys.modules[_NAME]
+
+
+_OSQP = _compiled()
+"""Loaded before the programs are forked: what is loaded later, each of them loads."""
+
+
+@contextlib.contextmanager
+def _without_scipy() -> Iterator[None]:
+    """Show the compiled part a stand-in for SciPy, which it would load, where none is loaded.
+
+    It asks it one thing, whether a matrix is sparse, and does not heed the answer.
+    """
+    asked = types.SimpleNamespace(isspmatrix_csc=lambda _: True)
+    absent = {name: asked for name in ("scipy", "scipy.sparse") if name not in sys.modules}
+    sys.modules |= absent  # type: ignore[arg-type]
+    try:
+        yield
+    finally:
+        for name in absent:
+            del sys.modules[name]

@@ -75,6 +75,16 @@ def test_every_program_writes_a_log_of_its_own(phalanx):
     assert not (logs / "programs.log").read_text()
 
 
+def test_no_agent_loads_anything_after_it_was_forked(phalanx, monkeypatch):
+    # Agents of these draw the network's chances, and solve with OSQP.
+    monkeypatch.setenv("PYTHONPROFILEIMPORTTIME", "1")
+    run = phalanx("run", "swarm", "--set", "duration=1.5")
+    status, output = run.finish()
+    assert status == 0, output
+    logs = {log.stem: log.read_text() for log in (run.folder / "logs").iterdir()}
+    assert [name for name, log in logs.items() if "import time" in log] == []
+
+
 def test_members_that_knock_before_the_hub_opens_all_come_in():
     endpoint, token = free_endpoint(), "test/alive/plant"
     with ThreadPoolExecutor(24) as pool:
