@@ -3,9 +3,12 @@
 import os
 import sys
 
+from phalanx.launcher import interrupt
+
 
 def main() -> None:
     """Run the command and exit with its status."""
+    interrupt.remember()
     # Matrices here are small. More threads only take memory; with too little of it OpenBLAS hangs
     # while it is loaded.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

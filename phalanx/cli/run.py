@@ -87,6 +87,8 @@ def run(
 ) -> int:
     """Run a scenario: plant and agents, each in its own process, to a verdict.
 
+    Ctrl-C stops it, with a verdict and all that was recorded; one more ends it at once.
+
     Examples:
 
       phalanx run unicycles

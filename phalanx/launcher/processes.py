@@ -1,6 +1,7 @@
 """The processes of one run on this machine: started, watched, and never left behind."""
 
 import contextlib
+import math
 import os
 import signal
 import threading
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import Self
 
 from phalanx.guarantee.verdict import Outcome, Summary, exit_status
+from phalanx.launcher import interrupt
 from phalanx.launcher.engine import EngineError
 from phalanx.launcher.fork_server import LOG, Order, Report, serve
 from phalanx.launcher.libraries import start_loading, without_main
@@ -27,6 +29,12 @@ _NOTICE = 1.0
 """How long the plant gets to see by itself that an agent failed [s]."""
 _GRACE = 4.0
 """How long agents get to leave after the plant did [s]."""
+_GLANCE = 0.2
+"""How often a wait looks up [s]: a signal may come just before it begins, and not end it."""
+_LONGEST_END = 60.0
+"""How long the plant gets to stop [s]: it writes down what it has, unless a user's code hangs."""
+_AGAIN = 1.0
+"""A Ctrl-C so long after another one is one of its own [s]: a shell may send both at once."""
 
 _VERDICTS = {exit_status(outcome) for outcome in Outcome}
 
@@ -69,6 +77,8 @@ class Processes:
         Raises as phalanx.swarm.runnable.require_runnable, and EngineError.
         """
         try:
+            while not self._reports.poll(_GLANCE):
+                interrupt.raise_unanswered()
             refusal: Exception | None = self._reports.recv()
         except EOFError:
             self._server.join()
@@ -122,21 +132,29 @@ class Processes:
                 os.kill(self._pids[identity], number)
 
     def wait_for_plant(self) -> None:
-        """Return when the plant has ended. Ctrl-C asks it to stop, and waits on.
+        """Return when the plant has ended. Ctrl-C asks it to stop, the next one ends it at once.
 
         The plant sees an agent die by its liveliness token; one that fails before it joins, and so
         has none, is told of.
         """
-        told = False
+        told, asked = False, math.inf
         while self.plant_runs:
             try:
+                interrupt.raise_unanswered()
                 if not told and any(map(self._failed, self._exits)):
                     self._await_plant(_NOTICE)
                     told = self._signal_plant(signal.SIGUSR1)
+                elif time.monotonic() > asked + _LONGEST_END:
+                    asked = self._abort_plant()
                 else:
-                    self._take_reports(None)
+                    self._take_reports(_GLANCE)
             except KeyboardInterrupt:
-                if not self._signal_plant(signal.SIGTERM):
+                interrupt.answer()
+                if time.monotonic() > asked + _AGAIN:
+                    asked = self._abort_plant()
+                elif self._signal_plant(signal.SIGTERM):
+                    asked = min(asked, time.monotonic())
+                else:
                     raise
 
     def first_failure(self) -> str:
@@ -199,6 +217,11 @@ class Processes:
         if self.plant_runs and PLANT in self._pids:
             os.kill(self._pids[PLANT], number)
         return PLANT in self._pids
+
+    def _abort_plant(self) -> float:
+        """End the plant, which leaves in its log where it was; when to do so again."""
+        self._signal_plant(signal.SIGABRT)
+        return math.inf
 
     def _failed(self, name: str) -> bool:
         """Whether an agent ended with an error of its own; a kill may be part of the run."""

@@ -1,8 +1,10 @@
 """How runs end: Ctrl-C, a death, a full disk. No orphan, a readable recording, a last line."""
 
+import math
 import os
 import resource
 import signal
+import time
 
 import psutil
 import pytest
@@ -203,9 +205,52 @@ def test_an_agent_whose_law_fails_is_named_with_its_error(phalanx, tmp_path, mon
     assert "RuntimeError: no such sensor" in output
 
 
+def test_a_second_ctrl_c_ends_a_plant_that_stands_still_and_its_log_says_where(
+    phalanx, tmp_path, monkeypatch
+):
+    """A rule of a user's own may wait for what never comes, whatever signal the plant gets."""
+    (tmp_path / "stuck_link.py").write_text(STUCK_LINK)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    rules = 'network.sample.rules=[{ type = "stuck_link:Stuck" }]'
+    run = phalanx("run", "one-on-one", "--set", rules)
+    log = run.folder / "logs" / "plant.log"
+    wait_for(lambda: log.exists() and "stuck" in log.read_text())
+    asked = [-math.inf]
+
+    def no_plant_is_left() -> bool:
+        """Else Ctrl-C now and then: of two that come at once the second is not one of its own."""
+        over = "phx-plant" not in run.programs()
+        if not over and time.monotonic() > asked[-1] + 1.5:
+            os.killpg(run.process.pid, signal.SIGINT)
+            asked.append(time.monotonic())
+        return over
+
+    wait_for(no_plant_is_left)
+    status, output = run.finish()
+    run.wait_until_gone(ORPHAN_LIMIT)
+    assert status == 3
+    assert "phx-plant died (killed by SIGABRT)" in output
+    assert "stuck_link.py" in log.read_text()
+    assert read(run.folder, trust=True).steps
+
+
 def limit_files_to_150_kb() -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000))
 
+
+STUCK_LINK = """
+import time
+from dataclasses import dataclass
+from phalanx.network.rule import DELIVER
+
+@dataclass(frozen=True)
+class Stuck:
+    def treat(self, message):
+        if message.k == 99:
+            print("stuck", flush=True)
+            time.sleep(1e6)
+        return DELIVER
+"""
 
 FAULTY_LAW = """
 from dataclasses import dataclass

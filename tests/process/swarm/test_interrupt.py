@@ -42,3 +42,33 @@ def test_ctrl_c_while_a_run_starts_ends_it_without_a_traceback(phalanx, moment: 
     # Ended by the signal itself, a shell says 130 too.
     assert status in (130, -signal.SIGINT), printed
     run.wait_until_gone(10)
+
+
+def test_a_ctrl_c_that_python_drops_ends_the_run_all_the_same(
+    phalanx, tmp_path, monkeypatch
+) -> None:
+    """As one does that comes while the lock of an import is let go."""
+    (tmp_path / "sitecustomize.py").write_text(DROPPED)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    run = phalanx("run", "unicycles", "--set", "duration=500")
+    status, printed = run.finish()
+    assert "Exception ignored" in printed
+    assert status == 130, printed
+    run.wait_until_gone(10)
+
+
+DROPPED = """
+import os, signal, sys
+
+class Importing:
+    def find_spec(self, name, path=None, target=None):
+        if name == "phalanx.launcher.processes":
+            sys.meta_path.remove(self)
+            LetGo()
+
+class LetGo:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Importing())
+"""
