@@ -2,6 +2,9 @@
 
 import logging
 import queue
+import signal
+import threading
+import time
 
 import pytest
 
@@ -66,6 +69,23 @@ def test_what_is_too_large_does_not_wait(arrivals, refusals):
     arrivals.put_payload(KEY, bytes(MAX_BYTES + 1))
     assert taken(arrivals) == []
     assert refusals.counts == {"oversized": 1}
+
+
+def test_a_signal_that_takes_longer_than_the_timeout_leaves_no_wait_without_end(arrivals):
+    def take_longer(*_: object) -> None:
+        began = time.monotonic()
+        while time.monotonic() < began + 0.05:
+            pass
+
+    at_last = threading.Timer(10.0, arrivals.put_token, ("the wait had no end", True))
+    at_last.daemon = True
+    at_last.start()
+    before = signal.signal(signal.SIGALRM, take_longer)
+    signal.setitimer(signal.ITIMER_REAL, 0.01)
+    with pytest.raises(queue.Empty):
+        arrivals.get(timeout=0.03)
+    signal.signal(signal.SIGALRM, before)
+    at_last.cancel()
 
 
 def test_a_hundred_thousand_refusals_are_six_lines(refusals, caplog):
