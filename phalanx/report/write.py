@@ -4,6 +4,8 @@ import io
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
 from phalanx.recording.read import Recording, read, steps_by_agent
 from phalanx.report import applied_inputs, control_steps, crowd, received, safety
 from phalanx.report.distances import distances, required_distance
@@ -20,6 +22,8 @@ from phalanx.theory.rows.origin import EMPTY
 
 REPORT = "report.html"
 _DPI = 110
+_MARGIN = 0.1
+"""Around what is drawn on a figure [inch]."""
 
 
 def write_report(run: Path, progress: Callable[[str], None] | None = None) -> Path:
@@ -52,9 +56,18 @@ def write_report(run: Path, progress: Callable[[str], None] | None = None) -> Pa
 
 
 def image_of(plate: ReportFigure) -> bytes:
-    """A figure as PNG."""
-    image = io.BytesIO()
-    plate.figure.savefig(image, format="png", dpi=_DPI, bbox_inches="tight")
+    """A figure as PNG, laid out and then cut to what is drawn on it.
+
+    savefig alone can do both, but draws the whole figure once more to lay it out.
+    """
+    figure, image = plate.figure, io.BytesIO()
+    figure.dpi = _DPI
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    if (layout := figure.get_layout_engine()) is not None:
+        layout.execute(figure)
+    figure.set_layout_engine()
+    cut = figure.get_tightbbox(renderer).padded(_MARGIN)
+    figure.savefig(image, format="png", dpi=_DPI, bbox_inches=cut)
     return image.getvalue()
 
 
