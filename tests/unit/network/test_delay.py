@@ -1,4 +1,4 @@
-"""Delays over 100 000 messages against the distributions that they are named after."""
+"""Delays over 40 000 messages against the distributions that they are named after."""
 
 from functools import cache
 

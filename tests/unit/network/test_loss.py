@@ -1,4 +1,4 @@
-"""Losses over 100 000 messages: shares, bursts and correlation as asked for."""
+"""Losses over 40 000 messages: shares, bursts and correlation as asked for."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What befalls some of 100 000 messages: as many as asked for, in runs as long as asked for."""
+"""What befalls some of 40 000 messages: as many as asked for, in runs as long as asked for."""
 
 from collections.abc import Callable
 
