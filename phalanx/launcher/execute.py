@@ -6,6 +6,7 @@ from pathlib import Path
 
 from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
 from phalanx.guarantee.verdict import Summary
+from phalanx.launcher import interrupt
 from phalanx.launcher.engine import Announce, Engine, Progress, silent
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.runnable import require_runnable
@@ -38,6 +39,7 @@ def execute(
         from phalanx.launcher.in_process_engine import run_in_process
 
         rows = require_runnable(build_swarm(scenario))
+        interrupt.raise_unanswered()
         return run_in_process(rows, _made(folder), commands, progress, profile)
     from phalanx.launcher.process_engine import run_processes
     from phalanx.launcher.processes import Processes

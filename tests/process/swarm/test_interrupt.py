@@ -44,13 +44,14 @@ def test_ctrl_c_while_a_run_starts_ends_it_without_a_traceback(phalanx, moment: 
     run.wait_until_gone(10)
 
 
+@pytest.mark.parametrize("engine", ["processes", "in-process"])
 def test_a_ctrl_c_that_python_drops_ends_the_run_all_the_same(
-    phalanx, tmp_path, monkeypatch
+    phalanx, tmp_path, monkeypatch, engine: str
 ) -> None:
     """As one does that comes while the lock of an import is let go."""
     (tmp_path / "sitecustomize.py").write_text(DROPPED)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    run = phalanx("run", "unicycles", "--set", "duration=500")
+    run = phalanx("run", "unicycles", "--set", "duration=500", "--engine", engine)
     status, printed = run.finish()
     assert "Exception ignored" in printed
     assert status == 130, printed
@@ -62,7 +63,7 @@ import os, signal, sys
 
 class Importing:
     def find_spec(self, name, path=None, target=None):
-        if name == "phalanx.launcher.processes":
+        if name in ("phalanx.launcher.processes", "phalanx.launcher.in_process_engine"):
             sys.meta_path.remove(self)
             LetGo()
 
