@@ -5,12 +5,16 @@ Beside its rule each operation that can jump has the condition under which it do
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from functools import cache, wraps
+from functools import cache, partial, wraps
 from typing import NamedTuple
 
 import casadi as ca
 
 _LARGE = 1e30
+
+# What a rule writes most often: a + b itself looks for its overload, seven times as long.
+_plus, _times = partial(ca.SX.binary, ca.OP_ADD), partial(ca.SX.binary, ca.OP_MUL)
+_least, _most = partial(ca.SX.binary, ca.OP_FMIN), partial(ca.SX.binary, ca.OP_FMAX)
 
 
 class UnboundedOperationError(ValueError):
@@ -54,7 +58,7 @@ def _ends(intervals: Sequence[Interval], points: Sequence[bool]) -> list[ca.SX]:
 
 def add(a: Interval, b: Interval) -> Interval:
     """a + b."""
-    return Interval(a.lo + b.lo, a.hi + b.hi)
+    return Interval(_plus(a.lo, b.lo), _plus(a.hi, b.hi))
 
 
 def negate(a: Interval) -> Interval:
@@ -66,7 +70,7 @@ def multiply(a: Interval, b: Interval) -> Interval:
     """a b, where no zero meets infinity: that is not a number, which min and max pass over."""
     for factor, other in ((a, b), (b, a)):
         if is_number(factor):
-            ends = factor.lo * other.lo, factor.lo * other.hi
+            ends = _times(factor.lo, other.lo), _times(factor.lo, other.hi)
             return Interval(*ends) if float(factor.lo) >= 0.0 else Interval(*reversed(ends))
     return _product(a, b)
 
@@ -99,7 +103,7 @@ def _is_point(a: Interval) -> bool:
 
 def hull(a: Interval, b: Interval) -> Interval:
     """The smallest interval that holds both."""
-    return Interval(ca.fmin(a.lo, b.lo), ca.fmax(a.hi, b.hi))
+    return Interval(_least(a.lo, b.lo), _most(a.hi, b.hi))
 
 
 def inflate(a: Interval, share: float, least: float) -> Interval:
