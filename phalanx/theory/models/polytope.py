@@ -4,6 +4,7 @@ A linear function on a compact polytope attains its extremes at vertices, and th
 small (m <= 3), so the programs are solved exactly by looking at every vertex.
 """
 
+from functools import cache
 from itertools import combinations
 from operator import le
 from typing import NamedTuple
@@ -153,4 +154,11 @@ def constant_polytope(A: ca.SX, b: ca.SX) -> Polytope | None:
     """The polytope as numbers if it does not depend on the state. Raises EmptyPolytopeError."""
     if not (A.is_constant() and b.is_constant()):
         return None
-    return polytope(np.array(ca.DM(A)), np.array(ca.DM(b))[:, 0])
+    faces = np.array(ca.DM(A))
+    return _polytope_of(faces.shape, faces.tobytes(), np.array(ca.DM(b)).tobytes())
+
+
+@cache
+def _polytope_of(shape: tuple[int, ...], A: bytes, b: bytes) -> Polytope:
+    """One for all who ask, and only read it; by its bits, for 0.0 equals -0.0."""
+    return polytope(np.frombuffer(A).reshape(shape), np.frombuffer(b))
