@@ -28,7 +28,8 @@ def test_one_who_drowns_its_own_answers_is_named(calm: Summary, tmp_path) -> Non
     summary, attacker = assailed(AT_ITS_OWN_COST, tmp_path / "assailed", PACED)
     assert attacker.let_in
     if summary.outcome is Outcome.BROKEN:
-        assert f"agent {INSIDER} did not answer" in summary.reason
+        # Its input drowns, or its report on it.
+        assert summary.reason.startswith(f"agent {INSIDER} did not ")
     else:
         assert (summary.trajectory, summary.outcome) == (calm.trajectory, calm.outcome)
     assert summary.rejected["too many"] > 0
