@@ -4,13 +4,18 @@ Python raises KeyboardInterrupt in whatever runs just then. Where that is a call
 of an import's lock, the exception is printed and dropped, and the program goes on.
 """
 
+import contextlib
 import signal
+from collections.abc import Iterator
 
 _unanswered = False
+_held_back = False
 
 
 def remember() -> None:
     """From now on remember every Ctrl-C; to be called in the main thread."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        return  # a shell started it in the background: a Ctrl-C is meant for others
     signal.signal(signal.SIGINT, _on_interrupt)
 
 
@@ -26,7 +31,19 @@ def answer() -> None:
     _unanswered = False
 
 
+@contextlib.contextmanager
+def held_back() -> Iterator[None]:
+    """Meanwhile a Ctrl-C breaks into nothing: raise_unanswered alone raises it."""
+    global _held_back
+    _held_back = True
+    try:
+        yield
+    finally:
+        _held_back = False
+
+
 def _on_interrupt(*_: object) -> None:
     global _unanswered
     _unanswered = True
-    raise KeyboardInterrupt
+    if not _held_back:
+        raise KeyboardInterrupt

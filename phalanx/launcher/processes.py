@@ -36,6 +36,7 @@ _LONGEST_END = 60.0
 _AGAIN = 1.0
 """A Ctrl-C so long after another one is one of its own [s]: a shell may send both at once."""
 
+_CRASHED = "Fatal Python error: "
 _VERDICTS = {exit_status(outcome) for outcome in Outcome}
 
 
@@ -131,6 +132,8 @@ class Processes:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self._pids[identity], number)
 
+    # Of two Ctrl-C the second must not break into what the first is answered by.
+    @interrupt.held_back()
     def wait_for_plant(self) -> None:
         """Return when the plant has ended. Ctrl-C asks it to stop, the next one ends it at once.
 
@@ -171,6 +174,7 @@ class Processes:
             return self._death("the fork server", self._server.exitcode, LOG)
         return ""
 
+    @interrupt.held_back()
     def end(self) -> None:
         """Leave no process behind: give the agents time to notice, then kill."""
         if not self._programs or (self.plant_runs and not self._signal_plant(signal.SIGTERM)):
@@ -215,11 +219,12 @@ class Processes:
     def _signal_plant(self, number: signal.Signals) -> bool:
         """Send the plant a signal if it has started and not ended; whether it has started."""
         if self.plant_runs and PLANT in self._pids:
-            os.kill(self._pids[PLANT], number)
+            with contextlib.suppress(ProcessLookupError):  # its end is not reported yet
+                os.kill(self._pids[PLANT], number)
         return PLANT in self._pids
 
     def _abort_plant(self) -> float:
-        """End the plant, which leaves in its log where it was; when to do so again."""
+        """End the plant, which leaves in its log where it was; from then on nothing is asked."""
         self._signal_plant(signal.SIGABRT)
         return math.inf
 
@@ -230,7 +235,9 @@ class Processes:
 
     def _death(self, title: str, code: int, log_name: str, plant: bool = False) -> str:
         log = self._logs / log_name
-        lines = log.read_text(errors="replace").strip().splitlines() if log.exists() else []
+        text = log.read_text(errors="replace") if log.exists() else ""
+        # What a crash left behind it is for whoever opens the log.
+        lines = text.partition(_CRASHED)[0].strip().splitlines()
         # On a full disk there may be no log.
         said = self.last_words if plant and isinstance(self.last_words, str) else ""
         last = said or "".join(lines[-1:])

@@ -63,7 +63,7 @@ def start_program(program: Program, rows: SafetyRows, membership: Membership, lo
     multiprocessing.current_process().name = program.title
     show_as(program.title)
     redirect_output(logs / f"{program.identity}.log")
-    faulthandler.enable()  # whatever kills it, the log says where it was
+    faulthandler.enable()  # of a crash the log says where it was
     if program.kind != "plant":
         # Ctrl-C reaches the whole terminal; only the plant decides what it means.
         signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -160,5 +160,8 @@ def constant_polytope(A: ca.SX, b: ca.SX) -> Polytope | None:
 
 @cache
 def _polytope_of(shape: tuple[int, ...], A: bytes, b: bytes) -> Polytope:
-    """One for all who ask, and only read it; by its bits, for 0.0 equals -0.0."""
-    return polytope(np.frombuffer(A).reshape(shape), np.frombuffer(b))
+    """One for all who ask, which nobody can write to; by its bits, for 0.0 equals -0.0."""
+    found = polytope(np.frombuffer(A).reshape(shape), np.frombuffer(b))
+    for array in (found.A, found.b, found.corners, *(found.box or ())):
+        array.flags.writeable = False
+    return found

@@ -9,6 +9,7 @@ import importlib
 import importlib.machinery
 import importlib.util
 import sys
+import threading
 import types
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -56,9 +57,10 @@ class Solver:
         for name, value in {**_SETTINGS, "max_iter": most_steps}.items():
             setattr(settings, name, value)
         self._solved = int(osqp.osqp_status_type.OSQP_SOLVED)
+        squares = _columns(2.0 * self._weights[None], np.arange(inputs)[None], inputs)
+        constraints = _columns(np.ones((rows, inputs)), np.indices((rows, inputs))[0], rows)
         with _without_scipy():
-            P = osqp.CSC(_columns(2.0 * self._weights[None], np.arange(inputs)[None], inputs))
-            A = osqp.CSC(_columns(np.ones((rows, inputs)), np.indices((rows, inputs))[0], rows))
+            P, A = osqp.CSC(squares), osqp.CSC(constraints)
         self._solver = osqp.OSQPSolver(
             P,
             np.zeros(inputs),
@@ -120,6 +122,8 @@ def _compiled() -> Any:
 
 _OSQP = _compiled()
 """Loaded before the programs are forked: what is loaded later, each of them loads."""
+_SCIPY = "scipy", "scipy.sparse"
+_one_at_a_time = threading.Lock()
 
 
 @contextlib.contextmanager
@@ -128,11 +132,13 @@ def _without_scipy() -> Iterator[None]:
 
     It asks it one thing, whether a matrix is sparse, and does not heed the answer.
     """
-    asked = types.SimpleNamespace(isspmatrix_csc=lambda _: True)
-    absent = {name: asked for name in ("scipy", "scipy.sparse") if name not in sys.modules}
-    sys.modules |= absent  # type: ignore[arg-type]
-    try:
-        yield
-    finally:
-        for name in absent:
-            del sys.modules[name]
+    asked: Any = types.SimpleNamespace(isspmatrix_csc=lambda _: True)
+    with _one_at_a_time:
+        for name in _SCIPY:
+            sys.modules.setdefault(name, asked)
+        try:
+            yield
+        finally:
+            for name in _SCIPY:
+                if sys.modules.get(name) is asked:
+                    del sys.modules[name]

@@ -229,7 +229,7 @@ def test_a_second_ctrl_c_ends_a_plant_that_stands_still_and_its_log_says_where(
     status, output = run.finish()
     run.wait_until_gone(ORPHAN_LIMIT)
     assert status == 3
-    assert "phx-plant died (killed by SIGABRT)" in output
+    assert "phx-plant died (killed by SIGABRT): stuck; log: " in output
     assert "stuck_link.py" in log.read_text()
     assert read(run.folder, trust=True).steps
 

@@ -11,8 +11,7 @@ from phalanx.scenario.network import LinkTable
 Array = NDArray[np.float64]
 
 MANY = 40_000
-"""So many that four standard errors are a hundredth at most: shares and correlations that are off
-by a twentieth are found."""
+"""So many that four standard errors of a share are a hundredth, where messages are independent."""
 SOME = 20_000
 """Where a share alone is asked for, to a hundredth."""
 

@@ -1,6 +1,7 @@
 """What comes to the plant is bounded, and what is refused is counted without filling the log."""
 
 import logging
+import os
 import queue
 import signal
 import threading
@@ -80,12 +81,14 @@ def test_a_signal_that_takes_longer_than_the_timeout_leaves_no_wait_without_end(
     at_last = threading.Timer(10.0, arrivals.put_token, ("the wait had no end", True))
     at_last.daemon = True
     at_last.start()
-    before = signal.signal(signal.SIGALRM, take_longer)
-    signal.setitimer(signal.ITIMER_REAL, 0.01)
-    with pytest.raises(queue.Empty):
-        arrivals.get(timeout=0.03)
-    signal.signal(signal.SIGALRM, before)
-    at_last.cancel()
+    before = signal.signal(signal.SIGUSR1, take_longer)
+    threading.Timer(0.01, os.kill, (os.getpid(), signal.SIGUSR1)).start()
+    try:
+        with pytest.raises(queue.Empty):
+            arrivals.get(timeout=0.03)
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+        at_last.cancel()
 
 
 def test_a_hundred_thousand_refusals_are_six_lines(refusals, caplog):
