@@ -6,6 +6,7 @@ import polars as pl
 import pytest
 
 import phalanx
+from tests.process.runs import free_port
 
 SHORT = {"duration": 1.0, "network.loss": 0.3, "network.delay": 0.004}
 
@@ -104,7 +105,8 @@ def test_the_fast_engine_refuses_what_only_processes_can_do():
 def test_a_replay_is_served_until_it_is_closed(run: phalanx.Run):
     import urllib.request
 
-    with run.view() as page:
+    # Of its own: whoever looks for the next free one may have taken it when it is asked again.
+    with run.view(free_port()) as page:
         assert urllib.request.urlopen(page.url, timeout=60).status == 200
         assert page.url in page._repr_html_()
     with pytest.raises(OSError, match="refused"):
