@@ -148,17 +148,15 @@ class Processes:
                     self._await_plant(_NOTICE)
                     told = self._signal_plant(signal.SIGUSR1)
                 elif time.monotonic() > asked + _LONGEST_END:
-                    asked = self._abort_plant()
+                    raise KeyboardInterrupt  # as if somebody had lost patience
                 else:
                     self._take_reports(_GLANCE)
             except KeyboardInterrupt:
                 interrupt.answer()
-                if time.monotonic() > asked + _AGAIN:
-                    asked = self._abort_plant()
-                elif self._signal_plant(signal.SIGTERM):
-                    asked = min(asked, time.monotonic())
-                else:
+                again = time.monotonic() > asked + _AGAIN
+                if not self._signal_plant(signal.SIGABRT if again else signal.SIGTERM):
                     raise
+                asked = math.inf if again else min(asked, time.monotonic())
 
     def first_failure(self) -> str:
         """Which program died first, how, and the last line it wrote; empty if none died.
@@ -222,11 +220,6 @@ class Processes:
             with contextlib.suppress(ProcessLookupError):  # its end is not reported yet
                 os.kill(self._pids[PLANT], number)
         return PLANT in self._pids
-
-    def _abort_plant(self) -> float:
-        """End the plant, which leaves in its log where it was; from then on nothing is asked."""
-        self._signal_plant(signal.SIGABRT)
-        return math.inf
 
     def _failed(self, name: str) -> bool:
         """Whether an agent ended with an error of its own; a kill may be part of the run."""
