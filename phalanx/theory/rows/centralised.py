@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from phalanx.theory.expressions.exact import added, dot
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import Box, Polytope, minimiser
-from phalanx.theory.rows.decision import Decision
+from phalanx.theory.rows.decision import Decision, finite_or_none
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Row
@@ -67,7 +67,7 @@ class JointInput:
     def _backup(
         self, place: int, terms: Terms, l: int, u_nom: Array, left: float, authority: float
     ) -> Decision:
-        residual, margin = (x if np.isfinite(x) else None for x in (left, terms.margin))
+        residual, margin = finite_or_none(left), finite_or_none(terms.margin)
         if terms.most[l] - terms.least[l] <= authority:
             u = self._alone[place].solve(u_nom, terms.polytopes[l])
             if u is not None:

@@ -45,7 +45,7 @@ def decide(
         authority: if max c_i u - min c_i u <= authority the backup could not help: an agent far
             from every conflict would otherwise brake or bolt at full throttle for nothing.
     """
-    polytope, margin = terms.polytopes[i], _known(terms.margin)
+    polytope, margin = terms.polytopes[i], finite_or_none(terms.margin)
     if terms.least[i] <= row.bound:
         u = qp.solve(u_nom, polytope, row)
         if u is not None:
@@ -74,7 +74,7 @@ def decide_pairs(polytope: Polytope, rows: Rows, u_nom: Array, qp: NearestInput)
 
 def _residual(row: Row, u: Array) -> float | None:
     """aᵀu - bound; None if it is infinite."""
-    return _known(max(inner(row.a, u) - row.bound, FAR))
+    return finite_or_none(max(inner(row.a, u) - row.bound, FAR))
 
 
 def _nearest_to_binding(rows: Rows, u: Array) -> tuple[float | None, float | None]:
@@ -83,11 +83,11 @@ def _nearest_to_binding(rows: Rows, u: Array) -> tuple[float | None, float | Non
     nearest = int(residuals.argmax()) if len(residuals) else None
     if nearest is None or residuals[nearest] <= FAR:
         return FAR, None
-    margin = None if rows.margin is None else _known(float(rows.margin[nearest]))
-    return _known(float(residuals[nearest])), margin
+    margin = None if rows.margin is None else finite_or_none(float(rows.margin[nearest]))
+    return finite_or_none(float(residuals[nearest])), margin
 
 
-def _known(value: float) -> float | None:
+def finite_or_none(value: float) -> float | None:
     """None if it is infinite."""
     return value if math.isfinite(value) else None
 

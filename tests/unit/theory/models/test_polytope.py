@@ -1,5 +1,6 @@
 """γ^min, γ^max, u^min, u^max of Eqs. (vLPs), (LPvminmax), (umin), against a linear program."""
 
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,6 +11,7 @@ from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.polytope import (
     ACTUATION,
     EmptyPolytopeError,
+    constant_polytope,
     extremes,
     maximiser,
     minimiser,
@@ -194,3 +196,13 @@ def test_a_needle_is_allowed_no_more_than_its_point_may_move():
         rows = np.array([[sin, cos], [sin, -cos], [-1.0, 0.0]])
         allowance = polytope(rows, np.array([0.0, 0.0, 1.0])).allowance
         assert 0.5 * ACTUATION * sin <= allowance <= ACTUATION * sin
+
+
+def test_a_polytope_of_numbers_is_found_once_and_nobody_can_write_to_it():
+    faces = ca.SX([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+    found = constant_polytope(faces, ca.SX([2.0, 2.0, 3.0, 3.0]))
+    assert found is constant_polytope(faces, ca.SX([2.0, 2.0, 3.0, 3.0]))
+    assert found.corners.max() == 3.0
+    for array in (found.A, found.b, found.corners, minimiser(np.ones(2), found.corners)):
+        with pytest.raises(ValueError, match="read-only"):
+            array *= 0.5
