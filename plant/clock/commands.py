@@ -35,7 +35,7 @@ class CommandQueue:
         self.refusals = Refusals(log)
         self._schedule = _in_order([c for c in policy.schedule if c.changes_trajectory])
         self._names, self._check_stop = names, check_stop
-        # Not queue.SimpleQueue: up to Python 3.12 a signal may leave its wait without an end.
+        # Not queue.SimpleQueue, for the reason that Arrivals has.
         self._live: queue.Queue[Command] = queue.Queue()
         self._latest = 0
         self._sealer = Sealer(policy.secret)

@@ -2,8 +2,6 @@
 
 import queue
 import threading
-import time
-from collections import deque
 from collections.abc import Iterable
 
 from phalanx.wire.messages import MAX_BYTES
@@ -22,13 +20,11 @@ class Arrivals:
     def __init__(self, keys: Iterable[str], refusals: Refusals) -> None:
         """keys: under which payloads may come; all others are refused."""
         self._refusals = refusals
-        self._arrived: deque[tuple[str, bytes | bool]] = deque()
+        # Not queue.SimpleQueue: up to Python 3.12 its get waits for ever if a signal, or a wake-up
+        # for nothing, finds the timeout just over.
+        self._arrived: queue.Queue[tuple[str, bytes | bool]] = queue.Queue()
         self._waiting = dict.fromkeys(keys, 0)
         self._lock = threading.Lock()
-        # Held until something comes. Not queue.SimpleQueue: up to Python 3.12 its get waits for
-        # ever if a signal, or a wake-up for nothing, finds the timeout just over.
-        self._nothing_new = threading.Lock()
-        self._nothing_new.acquire()
 
     def put_payload(self, key: str, payload: bytes) -> None:
         """A payload came."""
@@ -38,30 +34,20 @@ class Arrivals:
             return
         with self._lock:
             self._waiting[key] += 1
-            self._put(key, payload)
+        self._arrived.put((key, payload))
 
     def put_token(self, key: str, alive: bool) -> None:
         """A liveliness token appeared or disappeared."""
-        with self._lock:
-            self._put(key, alive)
-
-    def _put(self, key: str, content: bytes | bool) -> None:
-        self._arrived.append((key, content))
-        if self._nothing_new.locked():
-            self._nothing_new.release()
+        self._arrived.put((key, alive))
 
     @property
     def waiting(self) -> int:
         """How many there are."""
-        return len(self._arrived)
+        return self._arrived.qsize()
 
     def get(self, timeout: float) -> tuple[str, bytes | bool]:
         """The next payload, or whether a token is there. Raises queue.Empty after timeout [s]."""
-        deadline = time.monotonic() + timeout
-        while not self._arrived:
-            if not self._nothing_new.acquire(timeout=max(0.0, deadline - time.monotonic())):
-                raise queue.Empty
-        key, content = self._arrived.popleft()
+        key, content = self._arrived.get(timeout=timeout)
         if key in self._waiting:
             with self._lock:
                 self._waiting[key] -= 1

@@ -1,17 +1,14 @@
 """What comes to the plant is bounded, and what is refused is counted without filling the log."""
 
 import logging
-import os
 import queue
-import signal
-import threading
-import time
 
 import pytest
 
 from phalanx.plant.hub.arrivals import _MOST, Arrivals
 from phalanx.wire.messages import MAX_BYTES
 from phalanx.wire.refusals import Refusals
+from tests.unit.plant.signals import outlasting_a_wait
 
 KEY, OTHER = "phalanx/r/actuation/1", "phalanx/r/actuation/2"
 LOG = logging.getLogger("phalanx.test")
@@ -72,23 +69,9 @@ def test_what_is_too_large_does_not_wait(arrivals, refusals):
     assert refusals.counts == {"oversized": 1}
 
 
-def test_a_signal_that_takes_longer_than_the_timeout_leaves_no_wait_without_end(arrivals):
-    def take_longer(*_: object) -> None:
-        began = time.monotonic()
-        while time.monotonic() < began + 0.05:
-            pass
-
-    at_last = threading.Timer(10.0, arrivals.put_token, ("the wait had no end", True))
-    at_last.daemon = True
-    at_last.start()
-    before = signal.signal(signal.SIGUSR1, take_longer)
-    threading.Timer(0.01, os.kill, (os.getpid(), signal.SIGUSR1)).start()
-    try:
-        with pytest.raises(queue.Empty):
-            arrivals.get(timeout=0.03)
-    finally:
-        signal.signal(signal.SIGUSR1, before)
-        at_last.cancel()
+def test_a_signal_that_outlasts_a_wait_leaves_it_its_end(arrivals):
+    with outlasting_a_wait(lambda: arrivals.put_token("at last", True)), pytest.raises(queue.Empty):
+        arrivals.get(timeout=0.03)
 
 
 def test_a_hundred_thousand_refusals_are_six_lines(refusals, caplog):

@@ -8,6 +8,7 @@ from phalanx.plant.clock.commands import CommandQueue
 from phalanx.wire.frames import CommandMessage
 from phalanx.wire.keys import Keys
 from phalanx.wire.seal import Sealer
+from tests.unit.plant.signals import outlasting_a_wait
 
 KEY, SECRET = Keys("run").command, b"the command secret"
 LOSS = Command(t=0.0, kind=CommandKind.LOSS, value=0.5)
@@ -55,3 +56,10 @@ def test_what_cannot_be_obeyed_is_refused(commands: CommandQueue, command: Comma
     put(commands, 5, command)
     assert obeyed(commands) == []
     assert commands.refusals.counts == {"command: wrong command": 1}
+
+
+def test_a_signal_that_outlasts_a_wait_for_the_wall_clock_leaves_it_its_end():
+    paced = CommandQueue(CommandPolicy(secret=SECRET, speed=1.0), ("1", "2"))
+    paced.pace.restart(0.0)
+    with outlasting_a_wait(lambda: put(paced, 1)):
+        assert paced.take(0.0, 0.1, lambda: None) == []
