@@ -1,6 +1,7 @@
 """What cameras show: everybody, or the one that a visitor follows; and who is unsafe."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -100,14 +101,26 @@ def test_the_camera_holds_all_agents_throughout(
             wait_for(lambda: paints(tab, view(), picture(replay.model, replay.frame(replay.t))))
 
 
-def test_a_camera_that_follows_the_swarm_is_put_anew_when_somebody_leaves(tab: "Tab") -> None:
+@contextmanager
+def seen_from_above(
+    tab: "Tab", swarm: Array
+) -> Iterator[tuple[SceneServer, Cameras, Callable[[], View]]]:
+    """A page, cameras that expect a swarm of shape (N, 3) [m], and how a browser looks at it."""
     from_above = View(np.array([0.0, 0.0, 9.0]), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.8, 1.5)
-    together = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     server = open_page("127.0.0.1", free_port(), "cameras")
     try:
         cameras = Cameras(server, from_above, reach=0.1)
-        cameras.expect(together)
-        view = open_tab(tab, server)
+        cameras.expect(swarm)
+        yield server, cameras, open_tab(tab, server)
+    finally:
+        server.stop()
+
+
+TOGETHER = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+
+
+def test_a_camera_that_follows_the_swarm_is_put_anew_when_somebody_leaves(tab: "Tab") -> None:
+    with seen_from_above(tab, TOGETHER) as (_, cameras, view):
 
         def seen(positions: Array) -> View | None:
             cameras.show(positions, None)
@@ -116,25 +129,17 @@ def test_a_camera_that_follows_the_swarm_is_put_anew_when_somebody_leaves(tab: "
             there = np.allclose(looked.look_at[:2], middle[:2], atol=0.1)
             return looked if there and looked.holds(positions) else None
 
-        near = wait_for(lambda: seen(together)).distance
-        elsewhere = wait_for(lambda: seen(together + np.array([5.0, 0.0, 0.0])))
+        near = wait_for(lambda: seen(TOGETHER)).distance
+        elsewhere = wait_for(lambda: seen(TOGETHER + np.array([5.0, 0.0, 0.0])))
         assert elsewhere.distance < 1.5 * near
-        left = together * np.array([[1.0], [20.0], [1.0]])
+        left = TOGETHER * np.array([[1.0], [20.0], [1.0]])
         assert wait_for(lambda: seen(left)).distance > 5.0 * near
-        wait_for(lambda: (back := seen(together)) and back.distance < 1.5 * near)
-    finally:
-        server.stop()
+        wait_for(lambda: (back := seen(TOGETHER)) and back.distance < 1.5 * near)
 
 
 def test_a_camera_asked_for_its_shape_while_it_is_moved_does_not_seem_tilted(tab: "Tab") -> None:
-    down = np.array([0.0, 0.0, -1.0])
-    from_above = View(np.array([0.0, 0.0, 9.0]), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.8, 1.5)
-    swarm = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    server = open_page("127.0.0.1", free_port(), "cameras")
-    try:
-        cameras = Cameras(server, from_above, reach=0.1)
-        cameras.expect(swarm)
-        reported = open_tab(tab, server)
+    down, swarm = np.array([0.0, 0.0, -1.0]), TOGETHER
+    with seen_from_above(tab, swarm) as (server, cameras, reported):
         (client,) = server.get_clients().values()
         tilts: list[tuple[float, float]] = []
 
@@ -157,8 +162,6 @@ def test_a_camera_asked_for_its_shape_while_it_is_moved_does_not_seem_tilted(tab
 
         wait_for(told_at_once)
         assert all(taken < 1e-3 for _, taken in tilts)
-    finally:
-        server.stop()
 
 
 def test_a_click_selects_the_agent_under_it(tab: "Tab", finished: Path) -> None:
