@@ -1,8 +1,9 @@
 """The visitors' cameras: they hold the whole run, follow the swarm, or follow one agent."""
 
 import time
+from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
@@ -21,6 +22,8 @@ _LEASH = 0.04
 sides of the picture; _TIGHT leaves that room to those at the edge."""
 _SAME = 0.02
 """Distances and aspects that differ by less, relatively, are the same."""
+_UNDERWAY = 32
+"""So many of the views that a browser was asked for are remembered."""
 _STEADY = 1.5e-3
 """What moves by less than this share of its distance from the camera seems to stand still."""
 _SHAPES_EVERY = 1.0
@@ -42,23 +45,26 @@ class _Visitor:
     """What one visitor's browser was asked to show, and what he made of it."""
 
     asked: View
-    before: View
-    """What it was asked before: until it obeys, it reports that."""
     fit: float
     """The distance at which he sees what is to be kept in sight [m]."""
     zoom: float = 1.0
     """By how many times he is farther away."""
+    told: deque[View] = field(default_factory=lambda: deque(maxlen=_UNDERWAY))
+    """What his browser was asked to show before: a slow one still reports the first of them while
+    the last is on its way."""
 
     def saw(self, seen: View) -> None:
-        """Take what his browser reports: what is neither of the two is his own doing."""
-        if not any(_close(seen.distance, known.distance) for known in (self.asked, self.before)):
+        """Take what his browser reports: what it was not asked for is his own doing."""
+        if not any(_expected(seen, told) for told in (self.asked, *self.told)):
             self.zoom *= seen.distance / self.asked.distance
-            self.asked = self.before = seen
+            self.asked = seen
+            self.told.clear()
 
     def ask(self, client: viser.ClientHandle, view: View) -> None:
         """Have his browser show a view."""
         if not _steady(self.asked, view):
-            self.before, self.asked = self.asked, view
+            self.told.append(self.asked)
+            self.asked = view
             with client.atomic():
                 client.camera.position, client.camera.look_at = view.position, view.look_at
 
@@ -106,8 +112,7 @@ class Cameras:
         Returns:
             Of what visitors see, that in which the swarm is smallest.
         """
-        seen, known = self._seen(), self._visitors
-        self._visitors = {key: known[key] for key in seen if key in known}
+        seen = self._seen()
         alone = self.framing is Framing.AGENT and chosen is not None
         kept = positions[chosen : chosen + 1] if alone and chosen is not None else positions
         for key, (client, view) in seen.items():
@@ -121,8 +126,9 @@ class Cameras:
 
     def _seen(self) -> dict[int, tuple[viser.ClientHandle, View]]:
         """What every visitor sees; one whose browser reports nonsense is left alone."""
-        clients = self._server.get_clients().items()
-        views = {key: (client, self._view(client)) for key, client in clients}
+        clients = self._server.get_clients()
+        self._visitors = {key: who for key, who in self._visitors.items() if key in clients}
+        views = {key: (client, self._view(client)) for key, client in clients.items()}
         return {key: (client, view) for key, (client, view) in views.items() if view.possible}
 
     def _fit_run(self, key: int, client: viser.ClientHandle, seen: View) -> None:
@@ -132,7 +138,7 @@ class Cameras:
             # Whoever just came has no direction of his own, and may not look where he is to yet.
             towards = self._first if visitor is None else seen
             fitted = replace(towards, aspect=seen.aspect).fitted(self._run, self._reach)
-            self._visitors[key] = visitor = _Visitor(seen, seen, fitted.distance)
+            self._visitors[key] = visitor = _Visitor(seen, fitted.distance)
             visitor.ask(client, fitted)
 
     def _follow(
@@ -140,7 +146,7 @@ class Cameras:
     ) -> None:
         visitor = self._visitors.get(key)
         if visitor is None:
-            visitor = self._visitors[key] = _Visitor(seen, seen, seen.distance)
+            visitor = self._visitors[key] = _Visitor(seen, seen.distance)
             if not alone:  # whoever just came may not look where he is to yet
                 seen = replace(self._first, aspect=seen.aspect, pixels=seen.pixels)
         else:
@@ -175,6 +181,16 @@ class Cameras:
 
 def _close(a: float, b: float) -> bool:
     return abs(a - b) <= _SAME * b
+
+
+def _expected(seen: View, told: View) -> bool:
+    """Whether somebody may see this who was told to look so.
+
+    A report that comes while viser is told of a new view, position first, leaves it with the
+    position of one and the middle of the other. Who zooms moves: his position is new too.
+    """
+    there = np.abs(seen.position - told.position).max() <= _SAME * told.distance
+    return bool(there) or _close(seen.distance, told.distance)
 
 
 def _steady(a: View, b: View) -> bool:

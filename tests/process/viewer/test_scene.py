@@ -137,6 +137,26 @@ def test_a_camera_that_follows_the_swarm_is_put_anew_when_somebody_leaves(tab: "
         wait_for(lambda: (back := seen(TOGETHER)) and back.distance < 1.5 * near)
 
 
+def test_a_browser_that_lags_behind_what_it_is_asked_for_is_not_taken_for_a_visitor_who_zooms(
+    tab: "Tab",
+) -> None:
+    with seen_from_above(tab, TOGETHER) as (server, cameras, view):
+
+        def distance(size: float) -> float:
+            cameras.show(size * TOGETHER, None)
+            return view().distance
+
+        near = distance(1.0)
+        wait_for(lambda: distance(20.0) > 10.0 * near)
+        (client,) = server.get_clients().values()
+        for size in (1.0, 4.0, 20.0) * 60:
+            tab.evaluate("0")  # meanwhile it draws, or does not
+            client.camera.fov *= 1.001 if size == 4.0 else 1.0 / 1.001  # it tells how it stands
+            cameras.show(size * TOGETHER, None)
+        for size in (20.0, 1.0):
+            wait_for(lambda size=size: 0.8 < distance(size) / (size * near) < 1.2)  # type: ignore[misc]
+
+
 def test_a_camera_asked_for_its_shape_while_it_is_moved_does_not_seem_tilted(tab: "Tab") -> None:
     down, swarm = np.array([0.0, 0.0, -1.0]), TOGETHER
     with seen_from_above(tab, swarm) as (server, cameras, reported):
