@@ -1,4 +1,4 @@
-"""The process that loads what all programs need, while the one that wants them does other things.
+"""The process that loads what programs are, while the one that wants them does other things.
 
 Nothing here takes long to import, so that it can be asked for before anything else.
 """
@@ -13,7 +13,8 @@ import types
 from collections.abc import Iterator
 from multiprocessing.context import ForkServerContext
 
-_LIBRARIES = ["casadi", "mcap.writer", "msgspec", "numpy", "pydantic", "zenoh"]
+_PROGRAMS = ["phalanx.launcher.fork_server", "phalanx.plant.main", "phalanx.agent.main"]
+"""Modules that have imported all that a run needs but the scenario's own code."""
 
 
 def start_loading() -> ForkServerContext:
@@ -23,7 +24,7 @@ def start_loading() -> ForkServerContext:
     where no folder for temporary files can be written to.
     """
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(_LIBRARIES)
+    context.set_forkserver_preload(_PROGRAMS)
     # Where it has to be started, it unblocks SIGINT for whatever comes after it.
     multiprocessing.resource_tracker.ensure_running()
     with _interrupts_held_back():
