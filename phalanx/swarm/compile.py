@@ -16,17 +16,13 @@ def compile_rows(rows: SafetyRows) -> None:
     swarm.speakers  # noqa: B018
     for kind in swarm.pairs.kinds:
         kind.jets  # noqa: B018
-    groups: dict[int, list[int]] = {}
-    for l, group in enumerate(swarm.groups):
-        groups.setdefault(id(group), []).append(l)
-    # The first and the last of a group have every place in every kind of pair.
-    ends = sorted({l for members in groups.values() for l in (members[0], members[-1])})
+    ends = sorted({l for both in swarm.ends for l in both})
     for i in ends:
         rows.terms(i)
     if rows.pairwise:
         _compile_pairs(rows, ends)
-    for members in groups.values():
-        _rehearse(rows, members[0])
+    for first, _ in swarm.ends:
+        _rehearse(rows, first)
     swarm.links, swarm.programs, swarm.digest  # noqa: B018
 
 

@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 _SOON = 0.1
 """How far ahead `travel` is asked for [s]."""
+_TOGETHER = 1024
+"""As many pairs are evaluated at once: memory for them is kept, and every program inherits it."""
 
 
 def require_runnable(swarm: Swarm) -> SafetyRows:
@@ -30,15 +32,17 @@ def require_runnable(swarm: Swarm) -> SafetyRows:
             returned what is not finite or of the wrong shape, or failed.
     """
     rows, i, x, name = build_rows(swarm), swarm.normal[0], swarm.start(), swarm.scenario.name
-    first = {id(group): l for l, group in reversed(list(enumerate(swarm.groups)))}
+    first = sorted(l for l, _ in swarm.ends)
     try:
-        for l, part in enumerate(swarm.safe_set.parts):
-            _require_dynamics(swarm.members[l].dynamics, x[part], l in first.values())
+        for l in first:
+            _require_dynamics(swarm.members[l].dynamics, _starts(swarm, l, x))
         _require_h(swarm, x)
-        rows.terms(i)(x).margin  # noqa: B018
+        # Not all: of a large swarm no agent evaluates so many at once.
+        seen = sorted({*swarm.seen(i, x), *[l for ends in swarm.ends for l in ends]})
+        rows.terms(i)(x, seen).margin  # noqa: B018
         if rows.pairwise:
-            rows.pair_terms(i)(x)
-        for l in sorted(first.values()):
+            rows.pair_terms(i)(x, seen)
+        for l in first:
             _require_law(rows, l, x)
     except MistakenMethodError as error:
         raise ScenarioError(f"{name}: {error}") from error
@@ -47,28 +51,39 @@ def require_runnable(swarm: Swarm) -> SafetyRows:
     return rows
 
 
-def _require_dynamics(dynamics: Dynamics, x: Array, first: bool) -> None:
-    """At one agent's x(0), shape (n,); the `first` of a group is asked for its polytope too."""
-    symbol = ca.SX.sym("x", len(x))
+def _starts(swarm: Swarm, l: int, x: Array) -> list[Array]:
+    """x(0) of each agent of agent l's group, out of the stacked one."""
+    parts = zip(swarm.groups, swarm.safe_set.parts, strict=True)
+    return [x[part] for group, part in parts if group is swarm.groups[l]]
+
+
+def _require_dynamics(dynamics: Dynamics, starts: list[Array]) -> None:
+    """At x(0) of each agent of a group, shapes (n,); its polytope at the first one's."""
+    symbol = ca.SX.sym("x", len(starts[0]))
     methods = ("drift", "actuation", "position")
     values = [ca.densify(ca.SX(getattr(dynamics, method)(symbol))) for method in methods]
-    at_start = ca.Function("f", [symbol], values)(x)
-    for method, value in zip(methods, at_start, strict=True):
-        _require_finite(dynamics, method, x, np.array(value))
-    if first:
-        sides = [ca.densify(ca.SX(side)) for side in dynamics.input_polytope(symbol)]
-        A, b = (np.array(side) for side in ca.Function("f", [symbol], sides)(x))
-        for side in (A, b):
-            _require_finite(dynamics, "input_polytope", x, side)
-        try:
-            polytope(A, b[:, 0])
-        except EmptyPolytopeError as error:
-            expected = f"a compact set that is not empty at the start x = {_short(x)}"
-            raise MistakenMethodError(dynamics, "input_polytope", expected, str(error)) from error
+    evaluate = ca.Function("f", [symbol], values)
+    for x in starts:
+        for method, value in zip(methods, evaluate(x), strict=True):
+            _require_finite(dynamics, method, x, np.array(value))
+    _require_polytope(dynamics, symbol, starts[0])
     if isinstance(dynamics, Bounded):
-        distance: Any = ask(dynamics, "travel", "a distance [m]", x, _SOON, 0.0)
-        if not isinstance(distance, int | float) or not distance >= 0.0:
-            raise MistakenMethodError(dynamics, "travel", "a distance [m]", repr(distance))
+        for x in starts:
+            distance: Any = ask(dynamics, "travel", "a distance [m]", x, _SOON, 0.0)
+            if not isinstance(distance, int | float) or not distance >= 0.0:
+                raise MistakenMethodError(dynamics, "travel", "a distance [m]", repr(distance))
+
+
+def _require_polytope(dynamics: Dynamics, symbol: ca.SX, x: Array) -> None:
+    sides = [ca.densify(ca.SX(side)) for side in dynamics.input_polytope(symbol)]
+    A, b = (np.array(side) for side in ca.Function("f", [symbol], sides)(x))
+    for side in (A, b):
+        _require_finite(dynamics, "input_polytope", x, side)
+    try:
+        polytope(A, b[:, 0])
+    except EmptyPolytopeError as error:
+        expected = f"a compact set that is not empty at the start x = {_short(x)}"
+        raise MistakenMethodError(dynamics, "input_polytope", expected, str(error)) from error
 
 
 def _require_finite(dynamics: Dynamics, method: str, x: Array, value: Array) -> None:
@@ -79,12 +94,13 @@ def _require_finite(dynamics: Dynamics, method: str, x: Array, value: Array) -> 
 
 def _require_h(swarm: Swarm, x: Array) -> None:
     """Of every pair at the stacked x(0), shape (n̄,)."""
-    members = len(swarm.members)
-    chosen = swarm.pairs.choose(swarm.pairs.among(range(members)))
-    h = chosen.h(x)
-    for k in np.flatnonzero(~np.isfinite(h))[:1]:
-        a, b = chosen.pairs[k].tolist()
-        raise _infinite(swarm, a, b, f"{h[k]:g}")
+    pairs = swarm.pairs.among(range(len(swarm.members)))
+    for few in np.array_split(pairs, 1 + len(pairs) // _TOGETHER):
+        chosen = swarm.pairs.choose(few)
+        h = chosen.h(x)
+        for k in np.flatnonzero(~np.isfinite(h))[:1]:
+            a, b = chosen.pairs[k].tolist()
+            raise _infinite(swarm, a, b, f"{h[k]:g}")
 
 
 def _infinite(swarm: Swarm, a: int, b: int, got: str) -> MistakenMethodError:

@@ -69,6 +69,14 @@ class Swarm:
         """Every agent's group."""
         return tuple(group for _, group, _ in self.scenario.roster())
 
+    @cached_property
+    def ends(self) -> tuple[tuple[int, int], ...]:
+        """The first and the last of each group: they have every place in every kind of pair."""
+        members: dict[int, list[int]] = {}
+        for l, group in enumerate(self.groups):
+            members.setdefault(id(group), []).append(l)
+        return tuple((each[0], each[-1]) for each in members.values())
+
     def sensing(self, i: int) -> float | None:
         """How far agent i sees [m]; None if it sees everything."""
         safety, own = self.scenario.safety, self.groups[i].sensing
