@@ -113,6 +113,8 @@ def _runnable(scenario: str) -> SafetyRows:
     signal.alarm(_LOADED)
     load_programs()
     signal.alarm(0)
+    # None of it is ever garbage: while the theory is built, the collector need not look at it.
+    gc.freeze()
     return require_runnable(build_swarm(from_json(scenario)))
 
 
@@ -138,8 +140,8 @@ class _Forks:
         launcher = multiprocessing.parent_process()
         assert launcher is not None
         for program in others:
-            if wait([launcher.sentinel, *self._running], timeout=0.0):
-                break  # one of them died: there is no run
+            if wait([launcher.sentinel], timeout=0.0) or _one_ended():
+                break  # there is no run
             self._start(program)
 
     def watch(self) -> None:
@@ -172,6 +174,11 @@ class _Forks:
         started = self._running[os.pidfd_open(pid)] = Report(program.identity, pid)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
         self._launcher.send(started)
+
+
+def _one_ended() -> bool:
+    """Whether one of the programs has ended; the same work, however many there are."""
+    return os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
 
 
 def _ended(report: Report) -> Report:

@@ -100,8 +100,11 @@ def end_with_launcher(grace: float) -> None:
 
 def show_as(title: str) -> None:
     """Have ps and top show this title; the kernel keeps 15 bytes."""
-    with contextlib.suppress(OSError), open("/proc/self/comm", "w") as name:
-        name.write(title)
+    # Not open(): a forked program has its first pages to copy for what that goes through.
+    with contextlib.suppress(OSError):
+        name = os.open("/proc/self/comm", os.O_WRONLY)
+        os.write(name, title.encode())
+        os.close(name)
 
 
 def redirect_output(log: Path) -> None:
