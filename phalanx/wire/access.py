@@ -6,6 +6,7 @@ knows. Zenoh tells a denied sender nothing.
 """
 
 from collections.abc import Container, Iterator, Mapping
+from itertools import chain
 from typing import Any, Literal
 
 from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, ROUTER, VIEWER, Keys
@@ -36,29 +37,26 @@ def access_control(
     programs |= {name: _agent(keys, own, heard) for name, own in agents.items()}
     programs |= {PLANT: _plant(keys)} if with_plant else {}
     programs |= {ROUTER: _router(keys), CLAIMANT: _claimant(keys)}
-    named = {
-        name: {
-            f"{name} {flow} {' '.join(messages)}": (flow, messages, on)
-            for flow, messages, on in allowed
-        }
-        for name, allowed in programs.items()
-    }
+    # The hub copies its rules for every connection: what many programs may do is one rule.
+    ids = {rule: str(n) for n, rule in enumerate(dict.fromkeys(chain(*programs.values())))}
     return {
         "enabled": True,
         "default_permission": "deny",
         "rules": [
             {
-                "id": rule,
+                "id": number,
                 "permission": "allow",
                 "flows": [flow],
                 "messages": list(messages),
                 "key_exprs": list(key_exprs),
             }
-            for rules in named.values()
-            for rule, (flow, messages, key_exprs) in rules.items()
+            for (flow, messages, key_exprs), number in ids.items()
         ],
         "subjects": [{"id": name, subject: [name]} for name in programs],
-        "policies": [{"subjects": [name], "rules": list(rules)} for name, rules in named.items()],
+        "policies": [
+            {"subjects": [name], "rules": [ids[rule] for rule in allowed]}
+            for name, allowed in programs.items()
+        ],
     }
 
 
