@@ -1,5 +1,6 @@
 """The [[agents]] tables: who takes part, with which dynamics, law, clock and disturbance."""
 
+from functools import cached_property
 from typing import Annotated, Literal, Self
 
 import casadi as ca
@@ -102,7 +103,7 @@ class AgentGroup(Strict):
         """How many agents."""
         return self.count or len(self.names)
 
-    @property
+    @cached_property
     def axes(self) -> int:
         """Of the space in which the agents move: 2 or 3."""
         state = ca.SX.sym("x", len(self._dynamics.states))
