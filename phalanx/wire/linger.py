@@ -9,18 +9,29 @@ import contextlib
 import os
 import socket
 import struct
+import threading
 
 import zenoh
 
 _DO_NOT_LINGER = struct.pack("ii", 0, 0)
+_TOGETHER = 0.1
+"""Connections that come within this are told together [s]: each time all sockets are looked at."""
 
 
 def close_at_once(session: zenoh.Session) -> None:
-    """Have this process's connections not linger, as soon as each is there."""
+    """Have this process's connections not linger, soon after each is there."""
+    told_soon = threading.Event()
+
+    def tell() -> None:
+        told_soon.clear()
+        _linger_nowhere()
 
     def on_event(event: zenoh.TransportEvent) -> None:
-        if event.kind == zenoh.SampleKind.PUT:
-            _linger_nowhere()
+        if event.kind == zenoh.SampleKind.PUT and not told_soon.is_set():
+            told_soon.set()
+            timer = threading.Timer(_TOGETHER, tell)
+            timer.daemon = True
+            timer.start()
 
     session.info.declare_transport_events_listener(on_event, history=True)
 
