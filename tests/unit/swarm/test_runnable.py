@@ -1,0 +1,95 @@
+"""What is found at x(0), however many agents there are and however little one of them sees."""
+
+import sys
+
+import pytest
+
+from phalanx.scenario.load import ScenarioError, load
+from phalanx.swarm.runnable import require_runnable
+from phalanx.swarm.swarm import Swarm, build_swarm
+
+MODULE = """
+from dataclasses import dataclass
+
+import casadi as ca
+
+from phalanx.theory.models.integrators import SingleIntegrator
+
+
+@dataclass(frozen=True)
+class Tiring(SingleIntegrator):
+    def input_polytope(self, x):
+        A, b = super().input_polytope(x)
+        return A, b / (1 + x[0] ** 2)
+
+
+@dataclass(frozen=True)
+class Touchy:
+    def between(self, a, b):
+        return 1 - ca.log(ca.sumsqr(a.p - b.p) - 1)
+
+    def to_obstacle(self, a, obstacle):
+        return obstacle.clearance - ca.norm_2(a.p - obstacle.center)
+"""
+COUNT = 60
+SCENARIO = """
+name = "many"
+duration = 1.0
+
+[safety]
+function = {{ type = "distance", radius = 0.5 }}
+rho = 5.0
+alpha = [1.0]
+eta = 0.1
+composition = "pairs"
+neighbourhood = 3.0
+
+[[agents]]
+names = {names}
+role = "normal"
+dynamics = {{ type = "single-integrator", speed = 1.0 }}
+law = {{ type = "track", gains = [1.0] }}
+clock = {{ period = 0.01 }}
+start = {start}
+
+[[agents]]
+names = ["far"]
+role = "adversary"
+dynamics = {{ type = "single-integrator", speed = 1.0 }}
+law = {{ type = "chase", gains = [1.0] }}
+clock = {{ period = 0.01 }}
+start = [[0.0, 100.0]]
+"""
+
+
+@pytest.fixture
+def many(tmp_path, monkeypatch):
+    (tmp_path / "many_own.py").write_text(MODULE)
+    names = [f"a{k}" for k in range(COUNT)]
+    places = [[2.0 * k, 0.0] for k in range(COUNT - 1)]
+    places.append([places[-1][0] + 0.9, 0.0])  # nearer to the one before it than any other two
+    file = tmp_path / "many.toml"
+    file.write_text(SCENARIO.format(names=names, start=places))
+    monkeypatch.chdir(tmp_path)
+    yield lambda *overrides: build_swarm(load(file, overrides))
+    sys.modules.pop("many_own", None)
+
+
+def refused(swarm: Swarm) -> str:
+    with pytest.raises(ScenarioError) as error:
+        require_runnable(swarm)
+    return str(error.value)
+
+
+def test_a_swarm_in_which_no_agent_sees_all_others_can_run(many):
+    require_runnable(many())
+
+
+def test_an_h_that_is_not_finite_is_found_in_the_last_of_all_pairs(many):
+    pair = f"h of a{COUNT - 2} and a{COUNT - 1}"
+    assert pair in refused(many("safety.function={ type = 'many_own:Touchy' }"))
+
+
+def test_what_does_not_fit_is_found_in_an_agent_that_nobody_sees(many):
+    own = "agents.1.dynamics={ type = 'many_own:Tiring', speed = 1.0 }"
+    assert "input bounds of far that do not depend on its state" in refused(many(own))
