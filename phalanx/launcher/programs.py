@@ -4,9 +4,9 @@ import contextlib
 import faulthandler
 import logging
 import multiprocessing
-import multiprocessing.connection
 import os
 import pkgutil
+import select
 import signal
 import sys
 import threading
@@ -90,7 +90,8 @@ def end_with_launcher(grace: float) -> None:
     sentinel = launcher.sentinel
 
     def watch() -> None:
-        multiprocessing.connection.wait([sentinel])
+        # Not multiprocessing's own wait: see show_as.
+        select.select([sentinel], [], [])
         time.sleep(grace)
         log.error("the launcher died")
         os._exit(3)

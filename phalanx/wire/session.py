@@ -1,13 +1,13 @@
 """Zenoh sessions: one is the hub, the plant's own or a router's; all others are its clients."""
 
 import contextlib
-import json
 import os
 import resource
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+import msgspec
 import zenoh
 
 from phalanx.wire.certificates import tls
@@ -63,7 +63,7 @@ def open_hub(
         if os.environ.get(_RUNTIME) == _CLIENT_RUNTIME:
             del os.environ[_RUNTIME]
         try:
-            session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+            session = zenoh.open(_parsed(config))
         except zenoh.ZError as error:
             raise HubError(f"cannot listen on {endpoint}: {_reason(error)}") from error
     close_at_once(session)
@@ -128,12 +128,16 @@ def open_client(
     if credentials is not None:
         _show(config, credentials)
     try:
-        return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+        return zenoh.open(_parsed(config))
     except zenoh.ZError as error:
         # Who is refused is not told so: there is nothing to tell it from a hub that is not there.
         proof = "certificate" if credentials and credentials.certificates else "secret"
         cause = f"{_reason(error)}; is the {proof} the run's?" if credentials else _reason(error)
         raise HubError(f"no hub at {endpoint} within {timeout:.3g} s: {cause}") from error
+
+
+def _parsed(config: dict[str, Any]) -> zenoh.Config:
+    return zenoh.Config.from_json5(msgspec.json.encode(config).decode())
 
 
 def _show(config: dict[str, Any], credentials: Credentials) -> None:
