@@ -87,11 +87,12 @@ def end_with_launcher(grace: float) -> None:
     launcher = multiprocessing.parent_process()
     if launcher is None:
         return
-    sentinel = launcher.sentinel
+    # Not multiprocessing's own wait: see show_as.
+    death = select.poll()
+    death.register(launcher.sentinel, select.POLLIN)
 
     def watch() -> None:
-        # Not multiprocessing's own wait: see show_as.
-        select.select([sentinel], [], [])
+        death.poll()
         time.sleep(grace)
         log.error("the launcher died")
         os._exit(3)
