@@ -67,7 +67,7 @@ class PlantRun:
         self._declared = swarm.links.declared
         self._world = World(rows)
         self._judge = Judge(rows)
-        self._truth = Truth(rows, self._world.motion)
+        self._truth = Truth(rows)
         for shown in self._truth.of([self._world.take_way()]):
             self._judge.saw(shown)
         self._commands = commands

@@ -101,7 +101,7 @@ class Lockstep:
         swarm = rows.swarm
         self.world = world
         self._schedule, self._agents = schedule, agents
-        self._sampling = Sampling(swarm, world.motion, schedule, faults)
+        self._sampling = Sampling(swarm, schedule, faults)
         self.sensors = self._sampling.sensors
         self._commands = commands or CommandQueue(NO_COMMANDS, ())
         adverse = any(group.disturbance.kind == "adverse" for group in swarm.groups)
@@ -154,21 +154,23 @@ class Lockstep:
     def _sample(self, t: float) -> dict[int, Taken]:
         """Hand a sample to every agent due at t."""
         due = self._schedule.sampling_at(t)
-        x = self._state_at(t, due)
+        x, p = self._state_at(t, due)
         handed_out = {}
-        p = self._ahead.positions if self._ahead else None
-        for i, sight in zip(due, self._sampling.sensing.sights(x, due, p), strict=True):
+        for i, sight in zip(due, self._sampling.sensing.sights(p, due), strict=True):
             taken = handed_out[i] = self._sampling.take(i, t, x, sight)
             self._newest[i] = _Awaited(i, taken.sample.k, t, self._schedule.loses_input(i))
             self._agents.send_sample(i, taken.sample)
         return handed_out
 
-    def _state_at(self, t: float, due: list[int]) -> Array:
-        """The stacked state at t [s], of which is known at least what those due can see."""
+    def _state_at(self, t: float, due: list[int]) -> tuple[Array, Array]:
+        """The stacked state and the output positions at t [s].
+
+        Of them is known at least what those due can see.
+        """
         ahead = self._ahead
         if ahead is None:
             self.world.advance(t)
-            return self.world.x
+            return self.world.x, self.world.p
         ahead.advance(t)
         while wanted := ahead.in_question(due) or ahead.open[:-_AT_ONCE]:
             self._go_on()
@@ -177,7 +179,7 @@ class Lockstep:
                 self._answers[awaited] = self._known(
                     awaited, self._agents.await_actuation(awaited.i)
                 )
-        return ahead.x
+        return ahead.x, ahead.p
 
     def _due(self, t: float) -> Iterator[_Awaited]:
         """The inputs that take effect at t [s]."""
@@ -238,7 +240,7 @@ class Lockstep:
         if self._ahead is None:
             return
         who, x = list(moment.handed_out), self.world.x
-        for i, sight in zip(who, self._sampling.sensing.sights(x, who), strict=True):
+        for i, sight in zip(who, self._sampling.sensing.sights(self.world.p, who), strict=True):
             taken = moment.handed_out[i]
             if (sight, self._sampling.packed(x, sight.seen)) != (taken.sight, taken.truth):
                 raise SwarmBrokenError(

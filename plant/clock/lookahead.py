@@ -65,6 +65,8 @@ class Lookahead:
         """[s]"""
         self.x = swarm.start()
         """shape (n̄,)"""
+        self.p = motion.positions(self.x)
+        """Output positions at x [m], shape (N, d)."""
         self._motion, self._radii = motion, radii
         self._parts = swarm.safe_set.parts
         dynamics = [m.dynamics for m in swarm.members]
@@ -75,19 +77,11 @@ class Lookahead:
         self._bounds = [group.disturbance.bound for group in swarm.groups]
         self._disturbances = SwarmDisturbance(rows)
         self._line = self._disturbances.line(0.0, self.x)
-        self._positions: Array | None = None
         self._open: dict[int, _Open] = {}
         self._courses: deque[_Course] = deque()
         """All since the oldest awaited input took effect."""
         self._first = 0
         """Number of the first of them."""
-
-    @property
-    def positions(self) -> Array:
-        """Output positions at x [m], shape (N, d)."""
-        if self._positions is None:
-            self._positions = self._motion.positions(self.x[None])[0]
-        return self._positions
 
     @property
     def open(self) -> list[int]:
@@ -98,8 +92,8 @@ class Lookahead:
         """From now on agent i holds an input that is not known yet."""
         course = self._first + len(self._courses)
         u = self._u[self._inputs[i]].copy()
-        x = self.x[self._parts[i]].copy()
-        self._open[i] = _Open(self.t, x, self.positions[i], u, course)
+        x, p = self.x[self._parts[i]].copy(), self.p[i].copy()
+        self._open[i] = _Open(self.t, x, p, u, course)
         self._u[self._inputs[i]] = np.nan
 
     def end_awaiting(self, i: int, u: Array | None) -> None:
@@ -108,13 +102,14 @@ class Lookahead:
         None: it was lost, and the actuator holds what it did.
         """
         begun = self._open.pop(i)
-        x, held, own = begun.x, begun.u if u is None else u, self._parts[i]
+        x, p, own = begun.x, begun.p, self._parts[i]
+        held = begun.u if u is None else u
         for place in range(begun.course - self._first, len(self._courses)):
             (count, dt, _), phi, slope = self._courses[place]
-            x = self._motion.one_through(i, count, x, held, phi[own], slope[own], dt)
+            went = self._motion.one_through(i, count, x, held, phi[own], slope[own], dt)
+            x, p = went[0][-1], went[1][-1]
         self._u[self._inputs[i]] = held
-        self.x[own] = x
-        self._positions = None
+        self.x[own], self.p[i] = x, p
         oldest = min((o.course for o in self._open.values()), default=math.inf)
         while self._courses and self._first < oldest:
             self._courses.popleft()
@@ -129,8 +124,8 @@ class Lookahead:
             course = _Course(stretch, self._line.at(self.t), self._line.slope)
             self._courses.append(course)
             count, dt, self.t = stretch
-            self.x = self._motion.steps(count, self.x, self._u, course.phi, course.slope, dt)[-1]
-            self._positions = None
+            x, p = self._motion.steps(count, self.x, self._u, course.phi, course.slope, dt)
+            self.x, self.p = x[-1], p[-1]
         if not self._open:
             self._first += len(self._courses)
             self._courses.clear()
@@ -142,8 +137,7 @@ class Lookahead:
         """
         if not self._open:
             return []
-        p = self.positions
-        return [i for i in self._open if any(self._may_see(j, p[j], i) for j in who)]
+        return [i for i in self._open if any(self._may_see(j, self.p[j], i) for j in who)]
 
     def _may_see(self, j: int, p: Array, i: int) -> bool:
         if j in self._open:

@@ -97,7 +97,7 @@ class RealTime:
         self.timekeeping = Timekeeping([group.clock.period for group in swarm.groups])
         self._schedule, self._agents, self._scribe = schedule, agents, scribe
         self._faults, self._commands = faults, commands
-        self._sampling = Sampling(swarm, world.motion, schedule, faults)
+        self._sampling = Sampling(swarm, schedule, faults)
         self.sensors = self._sampling.sensors
         self._asked: dict[int, _Asked] = {}
         """Whose input has not taken effect yet."""
@@ -177,7 +177,7 @@ class RealTime:
 
     def _sample(self, due: list[int], now: float) -> None:
         x, pace = self.world.x, self._commands.pace.speed
-        for i, sight in zip(due, self._sampling.sensing.sights(x, due), strict=True):
+        for i, sight in zip(due, self._sampling.sensing.sights(self.world.p, due), strict=True):
             self.timekeeping.sampled(i, now, self._schedule.tick(i))
             taken = self._sampling.take(i, now, x, sight, pace)
             takes_effect, lost = self._schedule.due(i), self._schedule.loses_input(i)

@@ -15,7 +15,6 @@ from phalanx.plant.sampling.contacts import Contacts
 from phalanx.plant.sampling.schedule import Schedule
 from phalanx.plant.sampling.sensing import Sensing, Sight
 from phalanx.plant.sampling.sensors import Sensors
-from phalanx.plant.world.motion import Motion
 from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.messages import Sample, last_sample
@@ -54,11 +53,8 @@ class Taken(NamedTuple):
 class Sampling:
     """The samples of all agents of a run."""
 
-    def __init__(
-        self, swarm: Swarm, motion: Motion, schedule: Schedule, faults: FaultState
-    ) -> None:
-        """motion: of the same members, for their positions."""
-        self.sensing, self.sensors = Sensing(swarm, motion), Sensors(swarm)
+    def __init__(self, swarm: Swarm, schedule: Schedule, faults: FaultState) -> None:
+        self.sensing, self.sensors = Sensing(swarm), Sensors(swarm)
         self._schedule, self._faults = schedule, faults
         self._states = SeenStates(swarm)
         self._contacts = Contacts(len(swarm.members), swarm.scenario.time.latency)

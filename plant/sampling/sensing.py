@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.plant.world.motion import Motion
 from phalanx.swarm.swarm import Swarm
 
 Array = NDArray[np.float64]
@@ -32,8 +31,7 @@ class Sensing:
     than a spatial index takes to build.
     """
 
-    def __init__(self, swarm: Swarm, motion: Motion) -> None:
-        """motion: of the same members, for their positions."""
+    def __init__(self, swarm: Swarm) -> None:
         members = range(len(swarm.members))
         radii = [swarm.sensing(i) for i in members]
         self.radii = np.array([np.inf if r is None else r for r in radii])
@@ -44,17 +42,11 @@ class Sensing:
         self._listeners = [tuple(i for i in members if j in heard[i]) for j in members]
         self._listening = [frozenset(each) for each in self._listeners]
         self._limited = bool(np.isfinite(self._reach).any())
-        self._motion = motion
 
-    def sights(self, x: Array, who: Sequence[int], p: Array | None = None) -> list[Sight]:
-        """Of each agent in `who`, at the true stacked state x, shape (n̄,).
-
-        p: output positions there [m], shape (N, d), if they are known.
-        """
+    def sights(self, p: Array, who: Sequence[int]) -> list[Sight]:
+        """Of each agent in `who`, where the true output positions are p [m], shape (N, d)."""
         if not self._limited:
             return [Sight(self._everybody, self._listeners[i]) for i in who]
-        if p is None:
-            (p,) = self._motion.positions(x[None])
         return [self._sight(p, i) for i in who]
 
     def _sight(self, p: Array, i: int) -> Sight:

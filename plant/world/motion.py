@@ -19,10 +19,12 @@ class _Alike(NamedTuple):
 
     states: Index
     """Where their states lie in the stack, shape (r, n)."""
+    positions: Index
+    """Where their output positions lie in theirs, shape (r, d)."""
     numbers: Index
     """Where x, u, φ, φ' and dt lie in the stack of all five, shape (r, k)."""
     steps: list[MappedFunction]
-    """For 1 to `most` steps: the states after each, shape (steps, n)."""
+    """For 1 to `most` steps: state and position after each, shape (steps, n + d)."""
     position: MappedFunction
 
 
@@ -33,8 +35,10 @@ class Motion:
         """most: steps at once."""
         states = _begins([len(m.dynamics.states) for m in members])
         inputs = _begins([len(m.dynamics.inputs) for m in members])
-        self._alike: list[_Alike] = []
-        found: list[Index] = []
+        axes = int(members[0].dynamics.position(ca.SX(states[1], 1)).numel())
+        self._axes, self._alike = axes, list[_Alike]()
+        self._of: dict[int, _Alike] = {}
+        """By member."""
         for each in _alike(members):
             own, dynamics = np.array(each), members[each[0]].dynamics
             x = states[own][:, None] + np.arange(len(dynamics.states))
@@ -43,15 +47,15 @@ class Motion:
             phi = total + inputs[-1] + x
             numbers = np.concatenate([x, total + u, phi, total + phi, dt], axis=1)
             steps = [_runge_kutta(dynamics, count) for count in range(1, most + 1)]
-            self._alike.append(_Alike(x, numbers, steps, _position(dynamics)))
-            found.append(own)
-        self._order: Index = np.argsort(np.concatenate(found))
-        """Of members, sorted by how they move, in their own order."""
-        kinds = np.repeat(np.arange(len(found)), [len(own) for own in found])
-        self._kinds = kinds[self._order].tolist()
+            p = axes * own[:, None] + np.arange(axes)
+            alike = _Alike(x, p, numbers, steps, _position(dynamics))
+            self._alike.append(alike)
+            self._of |= dict.fromkeys(each, alike)
 
-    def steps(self, count: int, x: Array, u: Array, phi: Array, slope: Array, dt: float) -> Array:
-        """The stacked states after each of `count` steps, shape (count, n̄).
+    def steps(
+        self, count: int, x: Array, u: Array, phi: Array, slope: Array, dt: float
+    ) -> tuple[Array, Array]:
+        """Stacked states, (count, n̄), and output positions [m], (count, N, d), after each step.
 
         Args:
             count: of steps.
@@ -63,24 +67,31 @@ class Motion:
         """
         numbers = np.concatenate([x, u, phi, slope, [dt]])
         after = np.empty((count, len(x)))
+        p = np.empty((count, self._axes * len(self._of)))
         for alike in self._alike:
             found = alike.steps[count - 1](numbers, alike.numbers)
-            after[:, alike.states] = found.reshape(len(found), count, -1).swapaxes(0, 1)
-        return after
+            each = found.reshape(len(found), count, -1).swapaxes(0, 1)
+            after[:, alike.states], p[:, alike.positions] = self._split(each)
+        return after, p.reshape(count, -1, self._axes)
 
     def one_through(
         self, i: int, count: int, x: Array, u: Array, phi: Array, slope: Array, dt: float
-    ) -> Array:
-        """Member i's state after `count` of the same steps, shape (n_i,); all parts are its own."""
+    ) -> tuple[Array, Array]:
+        """The same for member i, (count, n_i) and (count, d); all parts are its own."""
         numbers = np.concatenate([x, u, phi, slope, [dt]])
-        steps = self._alike[self._kinds[i]].steps[count - 1]
-        last: Array = steps(numbers, np.arange(len(numbers))[None])[0, -len(x) :]
-        return last
+        found = self._of[i].steps[count - 1](numbers, np.arange(len(numbers))[None])
+        return self._split(found.reshape(count, -1))
 
     def positions(self, x: Array) -> Array:
-        """Output positions of all agents [m] at stacked states x, (s, n̄); shape (s, N, d)."""
-        found = [alike.position(x, alike.states) for alike in self._alike]
-        return np.concatenate(found, axis=1)[:, self._order]
+        """Output positions of all agents [m] at a stacked state x, (n̄,); shape (N, d)."""
+        p = np.empty(self._axes * len(self._of))
+        for alike in self._alike:
+            p[alike.positions] = alike.position(x, alike.states)
+        return p.reshape(-1, self._axes)
+
+    def _split(self, each: Array) -> tuple[Array, Array]:
+        """States and positions."""
+        return each[..., : -self._axes], each[..., -self._axes :]
 
 
 def _begins(sizes: Sequence[int]) -> Index:
@@ -107,7 +118,7 @@ def _text(dynamics: Dynamics) -> str:
 
 
 def _runge_kutta(dynamics: Dynamics, steps: int) -> MappedFunction:
-    """(x, u, φ, φ', dt) -> x after each step; φ is at the first one's begin, on its line."""
+    """(x, u, φ, φ', dt) -> x and p after each step; φ is at the first one's begin, on its line."""
     start, u = ca.SX.sym("x", len(dynamics.states)), ca.SX.sym("u", len(dynamics.inputs))
     phi, slope = ca.SX.sym("phi", start.numel()), ca.SX.sym("slope", start.numel())
     dt, x = ca.SX.sym("dt"), start
@@ -122,7 +133,7 @@ def _runge_kutta(dynamics: Dynamics, steps: int) -> MappedFunction:
         k3 = field(x + dt / 2 * k2, u) + middle
         k4 = field(x + dt * k3, u) + end
         x = x + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        after.append(x.T)
+        after.append(ca.horzcat(x.T, dynamics.position(x).T))
     return MappedFunction([start, u, phi, slope, dt], [ca.vertcat(*after)])
 
 

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.plant.world.composition import allowance
-from phalanx.plant.world.motion import Motion
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.expressions.mapped import Index
@@ -46,14 +45,14 @@ class Near(NamedTuple):
 class NearPairs:
     """The numbers of the pairs that count."""
 
-    def __init__(self, swarm: Swarm, motion: Motion, functions: PairFunctions) -> None:
+    def __init__(self, swarm: Swarm, functions: PairFunctions) -> None:
         """Begin with every pair.
 
         functions: h of a pair, and what else is asked of it.
         """
         scenario, function = swarm.scenario, swarm.scenario.safety.safe_set_function()
         self._functions = functions
-        self._obstacles, self._motion = scenario.static, motion
+        self._obstacles = scenario.static
         self._normal = np.array([not m.adversary for m in swarm.members])
         self._every = swarm.pairs.among(range(len(swarm.members)))
         composed = scenario.safety.composition == "lse"
@@ -65,17 +64,15 @@ class NearPairs:
         self._numbers = _numbers(swarm.safe_set)
         self._choose(self._every)
 
-    def __call__(self, x: Array) -> Near:
-        """At stacked states x, shape (s, n̄)."""
+    def __call__(self, x: Array, positions: Array) -> Near:
+        """At stacked states x, (s, n̄), where output positions are these [m], (s, N, d)."""
         found = self._chosen(x)
-        if self._function is not None:
-            positions = self._motion.positions(x)
+        if self._function is not None and not self._stands(positions, found[..., 0]):
+            self._look(self._function, positions[0], found[..., 0])
+            found = self._chosen(x)
             if not self._stands(positions, found[..., 0]):
-                self._look(self._function, positions[0], found[..., 0])
+                self._choose(self._every)
                 found = self._chosen(x)
-                if not self._stands(positions, found[..., 0]):
-                    self._choose(self._every)
-                    found = self._chosen(x)
         return Near(self._which, found, self._least(found[..., 0]))
 
     def _choose(self, pairs: Index) -> None:

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.plant.world.composition import LogSumExp
-from phalanx.plant.world.motion import Motion
 from phalanx.plant.world.near import NearPairs
 from phalanx.plant.world.psi import LargestPsi
 from phalanx.plant.world.world import DisturbanceKnot, Passage
@@ -50,10 +49,10 @@ class Truth:
     Nobody's sample needs them, so they are looked at when there is time: while agents compute.
     """
 
-    def __init__(self, rows: SafetyRows, motion: Motion) -> None:
+    def __init__(self, rows: SafetyRows) -> None:
         swarm = rows.swarm
         self._psi = LargestPsi(rows)
-        self._near = NearPairs(swarm, motion, self._psi.functions)
+        self._near = NearPairs(swarm, self._psi.functions)
         self._sum = LogSumExp(swarm.scenario.safety.rho, len(swarm.safe_set.pairs))
 
     def of(self, ways: Sequence[Way]) -> list[Seen]:
@@ -64,16 +63,17 @@ class Truth:
             return shown
         times = np.concatenate([p.times for _, p in passages])
         x = np.concatenate([p.x for _, p in passages])
+        positions = np.concatenate([p.p for _, p in passages])
         whose = np.array([k for k, p in passages for _ in p.times])
         for first in range(0, len(x), _STATES_AT_ONCE):
             some = slice(first, first + _STATES_AT_ONCE)
-            steps, begin = self._steps(times[some], x[some]), 0
+            steps, begin = self._steps(times[some], x[some], positions[some]), 0
             for k, count in Counter(whose[some].tolist()).items():
                 shown[k].append(steps.part(slice(begin, begin := begin + count)))
         return shown
 
-    def _steps(self, times: Array, x: Array) -> IntegrationSteps:
-        pairs, values, least = self._near(x)
+    def _steps(self, times: Array, x: Array, positions: Array) -> IntegrationSteps:
+        pairs, values, least = self._near(x, positions)
         h = values[..., 0]
         composed = self._sum(h)
         psi = self._psi(values, least, composed)

@@ -32,6 +32,8 @@ class Passage(NamedTuple):
     """[s], shape (s,)"""
     x: Array
     """Stacked states, shape (s, n̄)."""
+    p: Array
+    """Output positions [m], shape (s, N, d)."""
 
 
 class DisturbanceKnot(NamedTuple):
@@ -57,9 +59,11 @@ class World:
         self._disturbances = SwarmDisturbance(rows)
         self._line = self._disturbances.line(0.0, self.x)
         self.motion = Motion(swarm.members, STEPS_AT_ONCE)
+        self.p = self.motion.positions(self.x)
+        """Output positions of all agents [m], shape (N, d)."""
         self._way: list[Passage | DisturbanceKnot] = [
             DisturbanceKnot(0.0, self._line.value),
-            Passage(np.zeros(1), self.x[None]),
+            Passage(np.zeros(1), self.x[None], self.p[None]),
         ]
 
     def take_way(self) -> list[Passage | DisturbanceKnot]:
@@ -82,9 +86,9 @@ class World:
                 self._way.append(DisturbanceKnot(self.t, self._line.value))
             count, dt, stop = next_stretch(self.t, until, self._line.end, self._longest)
             phi = self._line.at(self.t)
-            x = self.motion.steps(count, self.x, self._u, phi, self._line.slope, dt)
+            x, p = self.motion.steps(count, self.x, self._u, phi, self._line.slope, dt)
             if not np.isfinite(x).all():
                 raise DivergedError("the state", stop)
-            self.x = x[-1]
-            self._way.append(Passage(self.t + dt * np.arange(1.0, count + 1), x))
+            self.x, self.p = x[-1], p[-1]
+            self._way.append(Passage(self.t + dt * np.arange(1.0, count + 1), x, p))
             self.t = stop

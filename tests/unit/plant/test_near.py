@@ -5,12 +5,11 @@ import pytest
 
 from phalanx.plant.world import near
 from phalanx.plant.world.composition import LogSumExp
-from phalanx.plant.world.motion import Motion
-from phalanx.plant.world.near import NearPairs
+from phalanx.plant.world.near import Near, NearPairs
 from phalanx.plant.world.psi import LargestPsi
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import SafetyRows, build_rows
-from phalanx.swarm.swarm import build_swarm
+from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.safety.obstacles import Sphere, Wall
 from tests.unit.swarms import rows_of_scenario
 
@@ -19,13 +18,18 @@ LARGE = ("agents.0.count=28", "agents.1.count=4")
 
 def both(rows: SafetyRows, monkeypatch: pytest.MonkeyPatch) -> tuple[NearPairs, NearPairs]:
     """One that looks up who is near, and one that takes every pair."""
-    motion, functions = Motion(rows.swarm.members, 1), LargestPsi(rows).functions
+    functions = LargestPsi(rows).functions
     for limit in ("_FEW", "_FEW_ROWS"):
         monkeypatch.setattr(near, limit, 0)
-    looking = NearPairs(rows.swarm, motion, functions)
+    looking = NearPairs(rows.swarm, functions)
     for limit in ("_FEW", "_FEW_ROWS"):
         monkeypatch.setattr(near, limit, 1_000_000)
-    return looking, NearPairs(rows.swarm, motion, functions)
+    return looking, NearPairs(rows.swarm, functions)
+
+
+def at(pairs: NearPairs, swarm: Swarm, x: np.ndarray) -> Near:
+    """At states x, shape (s, n̄)."""
+    return pairs(x, np.stack([swarm.positions(each) for each in x]))
 
 
 @pytest.mark.parametrize("name", ["swarm", "swarm2d", "formation3d"])
@@ -41,8 +45,8 @@ def test_what_is_left_out_changes_no_digit_of_h_tot_nor_of_psi_nor_who_is_unsafe
         size = 3.0 if step % 50 == 49 else 0.05
         x = x + size * walk.standard_normal(x.shape)
         two = np.stack([x, x + 0.01])
-        pairs, values, least = looking(two)
-        every, of_all, _ = taking_all(two)
+        pairs, values, least = at(looking, swarm, two)
+        every, of_all, _ = at(taking_all, swarm, two)
         assert sorted(every) == list(range(len(swarm.safe_set.pairs)))
         some, all_ = total(values[..., 0]), total(of_all[..., 0])
         assert (some.h_tot == all_.h_tot).all()
@@ -102,10 +106,10 @@ def beside(ab: float, cd: float, of_sphere: float) -> np.ndarray:
 def test_who_has_come_near_since_one_looked_is_not_left_out(before, after, monkeypatch):
     rows = two_twos_and_one_beside_a_sphere()
     looking, taking_all = both(rows, monkeypatch)
-    then, now = (np.stack([beside(*distances) for distances in at]) for at in (before, after))
-    assert len(looking(then).pairs) < 3
-    pairs, _, least = looking(now)
-    every, of_all, _ = taking_all(now)
+    then, now = (np.stack([beside(*distances) for distances in those]) for those in (before, after))
+    assert len(at(looking, rows.swarm, then).pairs) < 3
+    pairs, _, least = at(looking, rows.swarm, now)
+    every, of_all, _ = at(taking_all, rows.swarm, now)
     counting = every[(of_all[..., 0] >= least[:, None]).any(axis=0)]
     assert len(counting) == 2
     assert set(counting) <= set(pairs)
@@ -115,14 +119,15 @@ def test_a_function_that_does_not_say_how_far_it_reaches_has_all_its_pairs(monke
     oval = 'safety.function={ type = "tests.unit.theory.users_own:Oval" }'
     rows = rows_of_scenario("swarm2d", *LARGE, oval)
     looking, _ = both(rows, monkeypatch)
-    assert len(looking(rows.swarm.start()[None]).pairs) == len(rows.swarm.safe_set.pairs)
+    found = at(looking, rows.swarm, rows.swarm.start()[None])
+    assert len(found.pairs) == len(rows.swarm.safe_set.pairs)
 
 
 def test_pairs_are_numbered_as_the_safe_set_has_them(monkeypatch):
     rows = rows_of_scenario("formation3d")
     swarm = rows.swarm
     _, taking_all = both(rows, monkeypatch)
-    which, values, _ = taking_all(swarm.start()[None])
+    which, values, _ = at(taking_all, swarm, swarm.start()[None])
     x = swarm.start().reshape(8, 6)[:, :3]
     for number, value in zip(which.tolist(), values[0, :, 0], strict=True):
         pair = swarm.safe_set.pairs[number]

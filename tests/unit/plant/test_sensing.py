@@ -6,16 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phalanx.plant.sampling.sensing import Sensing, Sight
-from phalanx.plant.world.motion import Motion
 from phalanx.scenario.load import load
 from phalanx.swarm.seen import SeenStates
-from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx.swarm.swarm import build_swarm
 from tests.unit.swarms import swarm_of_scenario
-
-
-def sensing(swarm: Swarm) -> Sensing:
-    return Sensing(swarm, Motion(swarm.members, most=1))
-
 
 LIMITED = ("safety.neighbourhood=5.0", "agents.1.sensing=8.0")
 
@@ -29,7 +23,7 @@ def test_an_agent_sees_who_lies_within_its_radius_and_is_heard_by_who_is_in_sigh
     p = pose[:, :2] + 0.25 * np.column_stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])])
     radius = [5.0, 5.0, 5.0, 8.0, 8.0]
     apart = np.linalg.norm(p[:, None] - p, axis=2)
-    for i, sight in enumerate(sensing(swarm).sights(x, range(5))):
+    for i, sight in enumerate(Sensing(swarm).sights(swarm.positions(x), range(5))):
         assert sight.seen == tuple(j for j in range(5) if apart[i, j] < radius[i])
         heard = [j for j in range(3) if i < 3 and j != i and apart[i, j] < 5.0]
         assert list(sight.hearers) == heard
@@ -42,19 +36,19 @@ def test_a_broadcast_goes_to_nobody_whom_its_sender_does_not_see():
     swarm = build_swarm(scenario.model_copy(update={"agents": (near, short)}))
     x = np.zeros(15)
     x[12] = 5.0  # of the last agent
-    sights = sensing(swarm).sights(x, range(5))
+    sights = Sensing(swarm).sights(swarm.positions(x), range(5))
     assert sights[0] == Sight((0, 1, 2, 3, 4), (1, 2, 3))
     assert sights[4] == Sight((4,), ())
 
 
 def test_without_a_radius_everybody_sees_everybody():
-    sights = sensing(swarm_of_scenario("unicycles")).sights(np.zeros(15), [0, 3])
+    sights = Sensing(swarm_of_scenario("unicycles")).sights(np.zeros((5, 2)), [0, 3])
     assert sights == [Sight((0, 1, 2, 3, 4), (1, 2)), Sight((0, 1, 2, 3, 4), ())]
 
 
 def test_one_controller_sees_everything_and_listens_to_nobody():
     swarm = swarm_of_scenario("unicycles", "safety.control=centralised", LIMITED[0])
-    assert sensing(swarm).sights(np.zeros(15), [1]) == [Sight((0, 1, 2, 3, 4), ())]
+    assert Sensing(swarm).sights(np.zeros((5, 2)), [1]) == [Sight((0, 1, 2, 3, 4), ())]
 
 
 @pytest.mark.parametrize("seen", [(0, 1, 2, 3, 4), (1, 4), (2,)])

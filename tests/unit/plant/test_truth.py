@@ -24,7 +24,7 @@ def test_of_several_ways_at_once_is_said_what_is_said_of_each_alone(name):
     for stop in (0.003, 0.01, 0.07, 0.0701, 0.62):
         world.advance(stop)
         ways.append(world.take_way())
-    together, alone = Truth(rows, world.motion).of(ways), Truth(rows, world.motion)
+    together, alone = Truth(rows).of(ways), Truth(rows)
     knots = []
     for way, seen in zip(ways, together, strict=True):
         (expected,) = alone.of([way])
@@ -35,6 +35,5 @@ def test_of_several_ways_at_once_is_said_what_is_said_of_each_alone(name):
 
 def test_nothing_is_said_of_no_way():
     rows = rows_of_scenario("unicycles")
-    world = World(rows)
-    assert Truth(rows, world.motion).of([]) == []
-    assert Truth(rows, world.motion).of([[], []]) == [[], []]
+    assert Truth(rows).of([]) == []
+    assert Truth(rows).of([[], []]) == [[], []]

@@ -112,7 +112,7 @@ def test_the_truth_is_seen_at_every_step_of_at_most_a_millisecond():
     rows = rows_of_scenario("unicycles")
     own = world(rows)
     own.advance(0.45)
-    (seen,) = Truth(rows, own.motion).of([own.take_way()])
+    (seen,) = Truth(rows).of([own.take_way()])
     assert own.take_way() == []
     truths = [s for s in seen if isinstance(s, IntegrationSteps)]
     steps = np.concatenate([s.times for s in truths])

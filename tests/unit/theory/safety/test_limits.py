@@ -6,7 +6,6 @@ import pytest
 
 import phalanx
 from phalanx.guarantee.verdict import Outcome
-from phalanx.plant.world.motion import Motion
 from phalanx.plant.world.near import NearPairs
 from phalanx.plant.world.psi import LargestPsi
 from phalanx.scenario.load import ScenarioError
@@ -73,7 +72,8 @@ def test_without_the_fence_they_leave_it():
 def test_no_limit_is_left_out_where_distant_pairs_are():
     swarm = build_swarm(phalanx.load("swarm", overrides={**SWARM, "limits": BALL}))
     x, functions = swarm.start(), LargestPsi(build_rows(swarm)).functions
-    which, values, _ = NearPairs(swarm, Motion(swarm.members, 1), functions)(np.array([x, x]))
+    p = swarm.positions(x)
+    which, values, _ = NearPairs(swarm, functions)(np.array([x, x]), np.array([p, p]))
     composed = swarm.safe_set
     limits = {k for k, p in enumerate(composed.pairs) if "limit" in composed.label(p)}
     every = swarm.pairs.choose(swarm.pairs.among(range(len(swarm.members)))).h(x)
