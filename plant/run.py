@@ -100,7 +100,7 @@ class PlantRun:
 
     def time(self, stopwatch: Stopwatch) -> None:
         """Have the stopwatch tell the plant's own phases apart."""
-        stopwatch.time(self._world, "advance", "integrate")
+        stopwatch.time(self._world.integration.motion, "steps", "integrate")
         stopwatch.time(self._truth, "of", "truth")
         for call in ("reached", "sampled", "applied"):
             stopwatch.time(self._judge, call, "judge")

@@ -27,8 +27,8 @@ from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.in_process_engine import run_in_process
 from phalanx.plant import run as plant_run
 from phalanx.plant.judge.judge import Judge
+from phalanx.plant.world.integration import DisturbanceKnot
 from phalanx.plant.world.truth import IntegrationSteps
-from phalanx.plant.world.world import DisturbanceKnot
 from phalanx.recording.read import read
 from phalanx.scenario.load import ScenarioError, load
 from phalanx.scenario.safety import Composition, Margin

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from phalanx.faults.commands import NO_COMMANDS
 from phalanx.faults.state import FaultState
@@ -32,8 +31,6 @@ from phalanx.plant.sampling.schedule import Schedule
 from phalanx.plant.world.world import World
 from phalanx.swarm.rows import SafetyRows
 from phalanx.wire.messages import Actuation, Sample
-
-Array = NDArray[np.float64]
 
 _AT_ONCE = 8
 """How many answers may be awaited at once before the plant waits for the oldest: enough for the
@@ -77,6 +74,8 @@ class _Moment:
     commands: list[CommandObeyed]
     handed_out: dict[int, Taken]
     """By agent that samples."""
+    unknown: list[int]
+    """Agents whose states were not known when samples were handed out."""
     awaited: deque[_Awaited]
     """Inputs that take effect, and are not there yet."""
     reached: bool = False
@@ -109,7 +108,7 @@ class Lockstep:
         limited = 2 * np.isfinite(self._sampling.sensing.radii).sum() > len(swarm.members)
         self._ahead: Lookahead | None = None
         if concurrent and swarm.scenario.time.lookahead and limited and not adverse:
-            self._ahead = Lookahead(rows, world.motion, self._sampling.sensing.radii)
+            self._ahead = Lookahead(swarm, world.integration, self._sampling.sensing.radii)
         self._now = 0.0
         """How far samples were handed out [s]; the world may be behind."""
         self._newest: dict[int, _Awaited] = {}
@@ -147,30 +146,28 @@ class Lockstep:
         self._now = t
         obeyed = [self._sampling.obey(c, self.world.x, self._agents) for c in commands]
         handed_out = self._sample(t)
-        self._moments.append(_Moment(t, obeyed, handed_out, deque(self._due(t))))
+        unknown = self._ahead.open if self._ahead else []
+        self._moments.append(_Moment(t, obeyed, handed_out, unknown, deque(self._due(t))))
         # The agents compute now: writing down costs no time while it takes less than they do.
         self._go_on()
 
     def _sample(self, t: float) -> dict[int, Taken]:
         """Hand a sample to every agent due at t."""
         due = self._schedule.sampling_at(t)
-        x, p = self._state_at(t, due)
-        handed_out = {}
-        for i, sight in zip(due, self._sampling.sensing.sights(p, due), strict=True):
-            taken = handed_out[i] = self._sampling.take(i, t, x, sight)
+        self._advance(t, due)
+        state, handed_out = self.world.integration, {}
+        for i, sight in zip(due, self._sampling.sensing.sights(state.p, due), strict=True):
+            taken = handed_out[i] = self._sampling.take(i, t, state.x, sight)
             self._newest[i] = _Awaited(i, taken.sample.k, t, self._schedule.loses_input(i))
             self._agents.send_sample(i, taken.sample)
         return handed_out
 
-    def _state_at(self, t: float, due: list[int]) -> tuple[Array, Array]:
-        """The stacked state and the output positions at t [s].
-
-        Of them is known at least what those due can see.
-        """
+    def _advance(self, t: float, due: list[int]) -> None:
+        """Integrate to t [s], until at least is known what those due can see."""
         ahead = self._ahead
         if ahead is None:
             self.world.advance(t)
-            return self.world.x, self.world.p
+            return
         ahead.advance(t)
         while wanted := ahead.in_question(due) or ahead.open[:-_AT_ONCE]:
             self._go_on()
@@ -179,7 +176,6 @@ class Lockstep:
                 self._answers[awaited] = self._known(
                     awaited, self._agents.await_actuation(awaited.i)
                 )
-        return ahead.x, ahead.p
 
     def _due(self, t: float) -> Iterator[_Awaited]:
         """The inputs that take effect at t [s]."""
@@ -226,23 +222,23 @@ class Lockstep:
             if lost:
                 self._happened.add(InputLost(i, k, sampled, moment.t, message.u))
             else:
-                self.world.apply(i, np.array(message.u))
+                if self._ahead is None:
+                    self.world.apply(i, np.array(message.u))
                 self._happened.add(InputApplied(i, k, sampled, moment.t, message.u))
         self._moments.popleft()
         return True
 
     def _reach(self, t: float) -> None:
-        self.world.advance(t)
+        if self._ahead is None:
+            self.world.advance(t)
+        else:
+            self.world.follow(self._ahead.take_way(t))
         self._happened.add(StateReached(t, self.world.x, self.world.take_way()))
 
     def _require_truth(self, moment: _Moment) -> None:
-        """What was handed out ahead of the world must be what the world came to."""
-        if self._ahead is None:
-            return
-        who, x = list(moment.handed_out), self.world.x
-        for i, sight in zip(who, self._sampling.sensing.sights(self.world.p, who), strict=True):
-            taken = moment.handed_out[i]
-            if (sight, self._sampling.packed(x, sight.seen)) != (taken.sight, taken.truth):
+        """Whoever was not known when samples were handed out must have been out of sight."""
+        for i in moment.handed_out:
+            if self._sampling.sensing.sees(self.world.p, i, moment.unknown):
                 raise SwarmBrokenError(
                     f"the sample at t = {moment.t:.3f} s that was handed out ahead is not the "
                     "truth: some dynamics travel farther than their `travel` says; correct it, or "

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.faults.commands import Command
-from phalanx.plant.world.world import DisturbanceKnot, Passage
+from phalanx.plant.world.integration import Piece
 from phalanx.wire.messages import Sample
 
 Array = NDArray[np.float64]
@@ -19,7 +19,7 @@ class StateReached(NamedTuple):
     """[s]"""
     x: Array
     """Stacked state, shape (n̄,)."""
-    way: list[Passage | DisturbanceKnot]
+    way: list[Piece]
     """What the world went through since the event before."""
 
 

@@ -15,8 +15,9 @@ from phalanx.plant.judge.claims import Claims
 from phalanx.plant.judge.coverage import Coverage
 from phalanx.plant.world.actuators import Actuators
 from phalanx.plant.world.extremes import PairExtremes
+from phalanx.plant.world.integration import DisturbanceKnot
 from phalanx.plant.world.truth import IntegrationSteps
-from phalanx.plant.world.world import DisturbanceKnot, DivergedError
+from phalanx.plant.world.world import DivergedError
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.rows.origin import EMPTY, Origin
 from phalanx.wire.messages import Telemetry

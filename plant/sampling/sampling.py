@@ -39,15 +39,11 @@ class Processes(Protocol):
 
 
 class Taken(NamedTuple):
-    """A sample, and the truth behind it."""
+    """A sample, and what is behind it."""
 
     sample: Sample
-    sight: Sight
-    """Whom its agent sees, the silent included."""
-    truth: bytes
-    """Their states, packed."""
     truthful: bool
-    """Whether the agent's sensors told it these."""
+    """Whether the agent's sensors told it the true states."""
 
 
 class Sampling:
@@ -73,19 +69,14 @@ class Sampling:
             k=k,
             t=t,
             seen=awake.seen,
-            x=self.packed(told, awake.seen),
+            x=self._states.packed(told, awake.seen),
             since=since,
             latest=latest,
             hearers=awake.hearers,
             orders=self._faults.orders(i),
             pace=pace,
         )
-        truth = sample.x if told is x else self.packed(x, sight.seen)
-        return Taken(sample, sight, truth, told is x)
-
-    def packed(self, x: Array, who: tuple[int, ...]) -> bytes:
-        """The states of these agents, as a sample holds them."""
-        return self._states.packed(x, who)
+        return Taken(sample, told is x)
 
     def obey(self, command: Command, x: Array, processes: Processes) -> CommandObeyed:
         """Let a command take effect at its time, at the stacked state x."""
@@ -99,7 +90,7 @@ class Sampling:
             case CommandKind.KILL:
                 # The order travels in a sample, which is not answered.
                 k = self._schedule.next_number(i)
-                processes.kill(i, last_sample(i, k, command.t, self.packed(x, (i,))))
+                processes.kill(i, last_sample(i, k, command.t, self._states.packed(x, (i,))))
                 forgotten = self._contacts.forget(i)
             case CommandKind.RESTART:
                 processes.restart(i, command.t)

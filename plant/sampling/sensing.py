@@ -49,10 +49,21 @@ class Sensing:
             return [Sight(self._everybody, self._listeners[i]) for i in who]
         return [self._sight(p, i) for i in who]
 
+    def sees(self, p: Array, i: int, others: Sequence[int]) -> bool:
+        """Whether agent i sees any of these others, where output positions are p [m], (N, d)."""
+        return bool((_squared(p[others] - p[i]) <= self._reach[i]).any())
+
     def _sight(self, p: Array, i: int) -> Sight:
-        # A fixed order of summation: who is seen must not depend on a vector unit.
-        apart = sum(axis * axis for axis in (p - p[i]).T)
+        apart = _squared(p - p[i])
         seen = np.flatnonzero(apart <= self._reach[i])
         mutual = seen[apart[seen] <= self._reach[seen]].tolist()
         listeners = self._listening[i]
         return Sight(tuple(seen.tolist()), tuple(l for l in mutual if l in listeners))
+
+
+def _squared(apart: Array) -> Array:
+    """Squared lengths of some vectors, shape (r, d)."""
+    # A fixed order of summation: who is seen must not depend on a vector unit.
+    x, *others = (apart * apart).T
+    total: Array = sum(others, x)
+    return total

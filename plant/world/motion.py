@@ -77,7 +77,7 @@ class Motion:
     def one_through(
         self, i: int, count: int, x: Array, u: Array, phi: Array, slope: Array, dt: float
     ) -> tuple[Array, Array]:
-        """The same for member i, (count, n_i) and (count, d); all parts are its own."""
+        """The same of member i, (count, n_i) and (count, d); all arguments are its own parts."""
         numbers = np.concatenate([x, u, phi, slope, [dt]])
         found = self._of[i].steps[count - 1](numbers, np.arange(len(numbers))[None])
         return self._split(found.reshape(count, -1))

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.plant.world.composition import LogSumExp
+from phalanx.plant.world.integration import DisturbanceKnot, Passage, Piece
 from phalanx.plant.world.near import NearPairs
 from phalanx.plant.world.psi import LargestPsi
-from phalanx.plant.world.world import DisturbanceKnot, Passage
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.expressions.mapped import Index
 
@@ -39,7 +39,7 @@ class IntegrationSteps(NamedTuple):
         return IntegrationSteps(times[some], pairs, h[some], h_tot[some], psi[some])
 
 
-Way = list[Passage | DisturbanceKnot]
+Way = list[Piece]
 Seen = list[IntegrationSteps | DisturbanceKnot]
 
 
@@ -64,7 +64,7 @@ class Truth:
         times = np.concatenate([p.times for _, p in passages])
         x = np.concatenate([p.x for _, p in passages])
         positions = np.concatenate([p.p for _, p in passages])
-        whose = np.array([k for k, p in passages for _ in p.times])
+        whose = np.array([k for k, p in passages for _ in p.x])
         for first in range(0, len(x), _STATES_AT_ONCE):
             some = slice(first, first + _STATES_AT_ONCE)
             steps, begin = self._steps(times[some], x[some], positions[some]), 0

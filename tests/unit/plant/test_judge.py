@@ -7,8 +7,8 @@ from phalanx.guarantee.verdict import Assumption
 from phalanx.plant.events.events import InputApplied, Sampled
 from phalanx.plant.judge.coverage import Applied
 from phalanx.plant.judge.judge import Judge
+from phalanx.plant.world.integration import DisturbanceKnot
 from phalanx.plant.world.truth import IntegrationSteps
-from phalanx.plant.world.world import DisturbanceKnot
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Telemetry
 from tests.unit.swarms import rows_of_scenario

@@ -13,17 +13,18 @@ EVENTS = np.cumsum([0.0013, 0.0002, 0.004, 0.0031, 0.0007, 0.19, 0.0009, 0.006])
 """Instants [s] of any distance, and a knot of the disturbances (every 0.2 s) among them."""
 
 
-def both(radius: float = 2.0) -> tuple[World, Lookahead]:
+def both(radius: float = 2.0) -> tuple[World, World, Lookahead]:
+    """A world that knows every input at once, and another, which a lookahead goes ahead of."""
     rows = rows_of_scenario("unicycles")
-    world = World(rows)
-    return world, Lookahead(rows, world.motion, np.full(5, radius))
+    behind = World(rows)
+    return World(rows), behind, Lookahead(rows.swarm, behind.integration, np.full(5, radius))
 
 
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=10)
 def test_whoever_has_answered_is_where_the_world_will_have_it_however_late_the_answer(seed):
     rng = np.random.default_rng(seed)
-    world, ahead = both()
+    world, behind, ahead = both()
     late: list[tuple[int, int, np.ndarray | None]] = []  # until which event, who, which input
     for event, t in enumerate(EVENTS):
         world.advance(t)
@@ -33,7 +34,7 @@ def test_whoever_has_answered_is_where_the_world_will_have_it_however_late_the_a
             ahead.end_awaiting(due[1], due[2])
         open_ = set(ahead.open)
         for i, (known, true) in enumerate(
-            zip(ahead.x.reshape(5, 3), world.x.reshape(5, 3), strict=True)
+            zip(behind.integration.x.reshape(5, 3), world.x.reshape(5, 3), strict=True)
         ):
             assert np.isnan(known).all() if i in open_ else np.array_equal(known, true)
         for i in set(range(5)) - open_:
@@ -44,12 +45,34 @@ def test_whoever_has_answered_is_where_the_world_will_have_it_however_late_the_a
                     world.apply(i, u)
                 ahead.begin_awaiting(i)
                 late.append((event + int(rng.integers(1, 4)), i, u))
-    assert late or ahead.open == []
+    for _, i, u in late:
+        ahead.end_awaiting(i, u)
+    behind.follow(ahead.take_way(EVENTS[-1]))
+    assert (behind.t, behind.x.tobytes()) == (world.t, world.x.tobytes())
+    for piece, expected in zip(behind.take_way(), world.take_way(), strict=True):
+        assert [np.array(part).tobytes() for part in piece] == [
+            np.array(part).tobytes() for part in expected
+        ]
+
+
+def test_the_world_follows_up_to_the_oldest_input_that_is_awaited():
+    world, behind, ahead = both()
+    ahead.advance(0.01)
+    ahead.begin_awaiting(4)
+    ahead.advance(0.03)
+    world.advance(0.01)
+    behind.follow(ahead.take_way(0.01))
+    assert (behind.t, behind.x.tobytes()) == (0.01, world.x.tobytes())
+    ahead.end_awaiting(4, np.array([1.0, 0.5]))
+    world.apply(4, np.array([1.0, 0.5]))
+    world.advance(0.03)
+    behind.follow(ahead.take_way(0.03))
+    assert behind.x.tobytes() == world.x.tobytes()
 
 
 def test_only_who_may_be_in_sight_by_now_is_in_question():
     """Agents 1 and 2 of Simulation 1 are 4.7 m apart at first; a unicycle goes 4 m/s."""
-    _, ahead = both(radius=4.0)
+    *_, ahead = both(radius=4.0)
     ahead.begin_awaiting(1)
     assert ahead.in_question([0]) == []
     assert ahead.in_question([1]) == [1], "nobody is handed a sample before it has answered"
@@ -62,13 +85,13 @@ def test_only_who_may_be_in_sight_by_now_is_in_question():
 
 
 def test_with_unlimited_sensing_everybody_is_in_question():
-    _, ahead = both(radius=np.inf)
+    *_, ahead = both(radius=np.inf)
     ahead.begin_awaiting(3)
     assert ahead.in_question([0]) == [3]
 
 
 @pytest.mark.parametrize("radius", [0.0, 100.0])
 def test_who_does_not_move_at_all_is_in_question_by_where_it_is(radius):
-    _, ahead = both(radius)
+    *_, ahead = both(radius)
     ahead.begin_awaiting(2)
     assert bool(ahead.in_question([0])) == (radius > 0.0)

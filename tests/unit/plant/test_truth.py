@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from phalanx.plant.world.integration import DisturbanceKnot
 from phalanx.plant.world.truth import IntegrationSteps, Seen, Truth
-from phalanx.plant.world.world import DisturbanceKnot, World
+from phalanx.plant.world.world import World
 from tests.unit.swarms import rows_of_scenario
 
 LARGE = ("agents.0.count=28", "agents.1.count=4")

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from phalanx.plant.world.disturbance import KnottedDisturbance
+from phalanx.plant.world.integration import DisturbanceKnot
 from phalanx.plant.world.truth import IntegrationSteps, Truth
-from phalanx.plant.world.world import DisturbanceKnot, World
+from phalanx.plant.world.world import World
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
 from tests.unit.swarms import rows_of_scenario
