@@ -237,13 +237,13 @@ class Lockstep:
 
     def _require_truth(self, moment: _Moment) -> None:
         """Whoever was not known when samples were handed out must have been out of sight."""
-        for i in moment.handed_out:
-            if self._sampling.sensing.sees(self.world.p, i, moment.unknown):
-                raise SwarmBrokenError(
-                    f"the sample at t = {moment.t:.3f} s that was handed out ahead is not the "
-                    "truth: some dynamics travel farther than their `travel` says; correct it, or "
-                    "set time.lookahead = false"
-                )
+        sees, p = self._sampling.sensing.sees, self.world.p
+        if moment.unknown and any(sees(p, i, moment.unknown) for i in moment.handed_out):
+            raise SwarmBrokenError(
+                f"the sample at t = {moment.t:.3f} s that was handed out ahead is not the truth: "
+                "some dynamics travel farther than their `travel` says; correct it, or set "
+                "time.lookahead = false"
+            )
 
     def _answer_to(self, awaited: _Awaited, wait: bool) -> Actuation | None:
         if (kept := self._answers.pop(awaited, None)) is not None:
