@@ -34,7 +34,8 @@ class Harness:
             passage = link.fate(number, t, 0.0)
         except RuleError as error:
             raise SwarmBrokenError(f"a robot's own link: {error}") from error
-        self.faults.update(passage.faults)
+        for fault in passage.faults:
+            self.faults[fault] += 1
         return passage
 
 

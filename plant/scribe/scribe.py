@@ -206,8 +206,9 @@ class RunScribe:
         """Agent i's report on its sample k at t [s]."""
         telemetry = self._telemetry(i, k)
         self._rejected[i] = telemetry.rejected
-        self.faults.update(fault for fate in telemetry.fates for fault in fate.faults)
         for fate in telemetry.fates:
+            for fault in fate.faults:
+                self.faults[fault] += 1
             finding = self._judge.claims.heard(i, fate, t)
             self._heard[i].append((fate, finding))
             if finding.false and fate.sender not in self._lied:

@@ -19,8 +19,8 @@ class _Alike(NamedTuple):
 
     states: Index
     """Where their states lie in the stack, shape (r, n)."""
-    positions: Index
-    """Where their output positions lie in theirs, shape (r, d)."""
+    after: Index
+    """Where states and output positions lie in the stack of both, shape (r, n + d)."""
     numbers: Index
     """Where x, u, φ, φ' and dt lie in the stack of all five, shape (r, k)."""
     steps: list[MappedFunction]
@@ -47,8 +47,8 @@ class Motion:
             phi = total + inputs[-1] + x
             numbers = np.concatenate([x, total + u, phi, total + phi, dt], axis=1)
             steps = [_runge_kutta(dynamics, count) for count in range(1, most + 1)]
-            p = axes * own[:, None] + np.arange(axes)
-            alike = _Alike(x, p, numbers, steps, _position(dynamics))
+            p = total + axes * own[:, None] + np.arange(axes)
+            alike = _Alike(x, np.hstack([x, p]), numbers, steps, _position(dynamics))
             self._alike.append(alike)
             self._of |= dict.fromkeys(each, alike)
 
@@ -66,13 +66,11 @@ class Motion:
             dt: of each step [s].
         """
         numbers = np.concatenate([x, u, phi, slope, [dt]])
-        after = np.empty((count, len(x)))
-        p = np.empty((count, self._axes * len(self._of)))
+        after = np.empty((count, len(x) + self._axes * len(self._of)))
         for alike in self._alike:
             found = alike.steps[count - 1](numbers, alike.numbers)
-            each = found.reshape(len(found), count, -1).swapaxes(0, 1)
-            after[:, alike.states], p[:, alike.positions] = self._split(each)
-        return after, p.reshape(count, -1, self._axes)
+            after[:, alike.after] = found.reshape(len(found), count, -1).swapaxes(0, 1)
+        return after[:, : len(x)], after[:, len(x) :].reshape(count, -1, self._axes)
 
     def one_through(
         self, i: int, count: int, x: Array, u: Array, phi: Array, slope: Array, dt: float
@@ -80,18 +78,15 @@ class Motion:
         """The same of member i, (count, n_i) and (count, d); all arguments are its own parts."""
         numbers = np.concatenate([x, u, phi, slope, [dt]])
         found = self._of[i].steps[count - 1](numbers, np.arange(len(numbers))[None])
-        return self._split(found.reshape(count, -1))
+        each = found.reshape(count, -1)
+        return each[:, : len(x)], each[:, len(x) :]
 
     def positions(self, x: Array) -> Array:
         """Output positions of all agents [m] at a stacked state x, (n̄,); shape (N, d)."""
-        p = np.empty(self._axes * len(self._of))
+        here = np.empty(len(x) + self._axes * len(self._of))
         for alike in self._alike:
-            p[alike.positions] = alike.position(x, alike.states)
-        return p.reshape(-1, self._axes)
-
-    def _split(self, each: Array) -> tuple[Array, Array]:
-        """States and positions."""
-        return each[..., : -self._axes], each[..., -self._axes :]
+            here[alike.after[:, -self._axes :]] = alike.position(x, alike.states)
+        return here[len(x) :].reshape(-1, self._axes)
 
 
 def _begins(sizes: Sequence[int]) -> Index:
