@@ -10,7 +10,7 @@ from phalanx.plant.events.stop import StoppedError, SwarmBrokenError
 from phalanx.plant.world.world import DivergedError
 from phalanx.recording.write import RecordingError
 
-_AT_ONCE = 24
+_AT_ONCE = 48
 """So many events may wait, though there is time: what they need is worked out for all at once."""
 
 
