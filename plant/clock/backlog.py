@@ -1,6 +1,7 @@
 """What happened and is still to be written down, as soon as there is time."""
 
 import contextlib
+import time
 from collections import deque
 from types import TracebackType
 from typing import Protocol, Self
@@ -10,8 +11,10 @@ from phalanx.plant.events.stop import StoppedError, SwarmBrokenError
 from phalanx.plant.world.world import DivergedError
 from phalanx.recording.write import RecordingError
 
-_AT_ONCE = 48
+_AT_ONCE = 96
 """So many events may wait, though there is time: what they need is worked out for all at once."""
+_LONGEST = 0.1
+"""Where events are few, all are told every so often [s of wall time]: somebody may look."""
 
 
 class Witness(Protocol):
@@ -33,6 +36,7 @@ class Backlog:
     def __init__(self, scribe: Witness) -> None:
         self._scribe = scribe
         self._events: deque[Event] = deque()
+        self._due = time.monotonic() + _LONGEST
 
     def __len__(self) -> int:
         return len(self._events)
@@ -48,6 +52,10 @@ class Backlog:
 
     def write_most(self) -> None:
         """Tell the scribe of all but the last few. Raises RecordingError, DivergedError."""
+        if time.monotonic() >= self._due:
+            self.write_down()
+            self._due = time.monotonic() + _LONGEST
+            return
         while len(self) > _AT_ONCE:
             self.write_one()
         self._scribe.idle()

@@ -10,7 +10,7 @@ from typing import Generic, TypeVar
 Question = TypeVar("Question")
 Answer = TypeVar("Answer")
 
-_AT_ONCE = 16
+_AT_ONCE = 32
 """So many at most: more save little, and in real time the next sample is due soon."""
 
 

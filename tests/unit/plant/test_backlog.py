@@ -2,6 +2,7 @@
 
 import pytest
 
+from phalanx.plant.clock import backlog
 from phalanx.plant.clock.backlog import Backlog
 from phalanx.plant.events.events import Event, Sampled
 from phalanx.plant.world.world import DivergedError
@@ -66,15 +67,24 @@ def test_nothing_more_is_told_once_the_disk_was_full():
 def test_while_there_is_time_the_last_few_wait_for_what_comes_and_are_told_when_asked():
     scribe = Scribe(room=1000)
     happened = Backlog(scribe)
-    events = [Sampled(0, float(t)) for t in range(100)]
+    events = [Sampled(0, float(t)) for t in range(300)]
     for event in events:
         happened.add(event)
         happened.write_most()
     assert scribe.expected == events
     assert scribe.told == events[: len(scribe.told)]
-    assert 1 < len(happened) == 100 - len(scribe.told) < 50
+    assert 1 < len(happened) == 300 - len(scribe.told) < 150
     happened.write_down()
     assert scribe.told == events
+
+
+def test_an_event_waits_no_longer_than_a_moment_for_others(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(backlog, "_LONGEST", 0.0)
+    scribe = Scribe()
+    happened = Backlog(scribe)
+    happened.add(FIRST)
+    happened.write_most()
+    assert scribe.told == [FIRST]
 
 
 def test_events_that_cannot_be_told_after_a_failure_do_not_hide_it():
