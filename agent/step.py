@@ -154,7 +154,7 @@ class ControlStep:
                 margin=decision.margin,
                 u_nom=tuple(u_nom.tolist()),
                 solve_time=time.perf_counter() - began,
-                ages=tuple((l, sample.t - received[l].since) for l in used),
+                ages=tuple((l, sample.t - received[l].t_apply) for l in used),
                 fates=fates,
                 rejected=self.rejected,
                 received=() if sample.pace is None else _said(received),
@@ -227,7 +227,7 @@ def _said(
     received: Mapping[int, ReceivedInput],
 ) -> tuple[tuple[int, float, tuple[float, ...]], ...]:
     """Every û_l as a message has it."""
-    return tuple((l, known.since, tuple(known.u.tolist())) for l, known in received.items())
+    return tuple((l, known.t_apply, known.u) for l, known in received.items())
 
 
 def _existing(sample: Sample) -> dict[int, Existing]:

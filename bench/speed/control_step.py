@@ -27,6 +27,7 @@ from cbfpy_peer import Peer, push
 from numpy.typing import NDArray
 
 import phalanx
+from phalanx.network.claim import Claim
 from phalanx.recording.read import Recording
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
@@ -87,9 +88,9 @@ def sampled(recording: Recording, swarm: Swarm, i: int) -> Iterator[Sampled]:
         l = swarm.names.index(step.agent)
         if l == i and step.origin == Origin.QP:
             received = {
-                k: next(h for h in reversed(past) if h.since < step.t)
+                k: next(h for h in reversed(past) if h.t_apply < step.t)
                 for k, past in newest.items()
-                if past and past[0].since < step.t
+                if past and past[0].t_apply < step.t
             }
             u, u_nom = np.array(step.u), np.array(step.u_nom)
             binding = step.residual is not None and step.residual > -1e-3
@@ -97,7 +98,7 @@ def sampled(recording: Recording, swarm: Swarm, i: int) -> Iterator[Sampled]:
             seen = swarm.seen(i, x)
             yield Sampled(step.t, x, seen, u_nom, received, u, binding)
         elif l in newest:
-            newest[l].append(ReceivedInput(np.array(step.u), step.t_apply))
+            newest[l].append(Claim(step.t_apply, tuple(step.u)))
 
 
 def our_step(rows: SafetyRows, i: int) -> Callable[[Sampled], Array]:
@@ -124,7 +125,11 @@ def cbfpy_step(
     told = {
         now.t: (
             push(
-                swarm, i, terms(now.x, now.seen), {l: h.u for l, h in now.received.items()}, now.x
+                swarm,
+                i,
+                terms(now.x, now.seen),
+                {l: np.array(h.u) for l, h in now.received.items()},
+                now.x,
             ),
             near(now.x)[0].ravel(),
         )

@@ -9,12 +9,12 @@ import numpy as np
 
 from phalanx.agent.step import ControlStep, control_steps
 from phalanx.faults.state import Orders
+from phalanx.network.claim import Claim
 from phalanx.recording.read import Recording
 from phalanx.recording.records import Shown, Step
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import build_swarm
-from phalanx.theory.rows.information import ReceivedInput
 
 
 def decided_again(recorded: Recording) -> Recording:
@@ -37,10 +37,7 @@ def _decided(step: ControlStep, shown: Shown, recorded: Step, states: SeenStates
     names = step.swarm.names
     seen = tuple(map(names.index, shown.seen))
     x = states.stacked(states.of(np.array(shown.x, dtype="<f8").tobytes(), seen))
-    received = {
-        names.index(sender): ReceivedInput(np.array(u), since)
-        for sender, since, u in shown.received
-    }
+    received = {names.index(sender): Claim(since, tuple(u)) for sender, since, u in shown.received}
     decision, u_nom, used = step.decide(x, seen, shown.t, received)
     return msgspec.structs.replace(
         recorded,
@@ -48,6 +45,6 @@ def _decided(step: ControlStep, shown: Shown, recorded: Step, states: SeenStates
         origin=decision.origin,
         residual=decision.residual,
         margin=decision.margin,
-        ages=[(names[l], shown.t - received[l].since) for l in used],
+        ages=[(names[l], shown.t - received[l].t_apply) for l in used],
         u_nom=u_nom.tolist(),
     )

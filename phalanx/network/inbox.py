@@ -1,16 +1,14 @@
 """An agent's inbox for broadcasts: all that were sent arrive; the link rule says what it got."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Set
 from typing import NamedTuple
 
 import msgspec
-import numpy as np
 
 from phalanx.network.claim import Claim
 from phalanx.network.incoming import Arrived, Incoming, SentInput
 from phalanx.network.link import Link
-from phalanx.theory.rows.information import ReceivedInput
 
 
 class Existing(NamedTuple):
@@ -57,8 +55,8 @@ class BroadcastInbox:
         self._incoming = {sender: Incoming() for sender in senders}
         self._make, self._links = link, dict[int, Link]()
         self._override: tuple[float | None, float | None] = None, None
-        self._in_sight: list[int] = []
-        self._received: dict[int, ReceivedInput] = {}
+        self._in_sight: Set[int] = frozenset()
+        self._received: dict[int, SentInput] = {}
         self._corrupt: list[tuple[int, SentInput]] = []
 
     def override_links(self, loss: float | None, delay: float | None) -> None:
@@ -78,7 +76,7 @@ class BroadcastInbox:
             incoming = self._incoming[sender]
             incoming.since = since
             incoming.skip_to(latest)
-        self._in_sight = list(existing)
+        self._in_sight = existing.keys()
 
     def put(self, sender: int, message: SentInput, at: float | None = None) -> bool:
         """Keep a broadcast. False if it is from the past or already here: a replay.
@@ -112,21 +110,20 @@ class BroadcastInbox:
         Returns the fates of those decided now. Of several delivered, the newest counts.
         distance: to a sender, at the sample that first counts its broadcast [m].
         """
-        for sender in self._in_sight:
-            if sender not in existing:
-                self._incoming[sender].forget()
-                self._received.pop(sender, None)
-        self._in_sight = list(existing)
+        for sender in self._in_sight - existing.keys():
+            self._incoming[sender].forget()
+            self._received.pop(sender, None)
+        self._in_sight = existing.keys()
         fates: list[Fate] = []
         for sender, (since, latest) in existing.items():
             incoming = self._incoming[sender]
             if incoming.since != since:
                 incoming.begin(since)
                 self._received.pop(sender, None)
-            if taken := incoming.take(latest):
-                fates += self._decide(sender, taken, t, distance)
+            if latest > incoming.decided:
+                fates += self._decide(sender, incoming.take(latest), t, distance)
             if (newest := incoming.land(t)) is not None:
-                self._received[sender] = ReceivedInput(np.array(newest.u), newest.t_apply)
+                self._received[sender] = newest
         return tuple(fates)
 
     def take_corrupt(self) -> list[tuple[int, SentInput]]:
@@ -134,15 +131,16 @@ class BroadcastInbox:
         taken, self._corrupt = self._corrupt, []
         return taken
 
-    def received(self) -> Mapping[int, ReceivedInput]:
-        """û_l by sender; one never heard since it came into sight is absent."""
+    def received(self) -> Mapping[int, SentInput]:
+        """The newest broadcast by sender; one never heard since it came into sight is absent."""
         return self._received
 
     def _decide(
         self, sender: int, taken: list[Arrived], t: float, distance: Callable[[int], float]
     ) -> list[Fate]:
         """Have the sender's link decide its broadcasts at t [s]."""
-        fates, link, incoming = [], self._link(sender), self._incoming[sender]
+        fates, incoming = [], self._incoming[sender]
+        link = self._links.get(sender) or self._new_link(sender)
         apart = distance(sender) if link.asks_distance else math.nan
         for message, at in taken:
             # It is sent when the input takes effect, and delays count from then; in real time
@@ -163,8 +161,7 @@ class BroadcastInbox:
                     incoming.fly(sent + copy.after, message)
         return fates
 
-    def _link(self, sender: int) -> Link:
-        if sender not in self._links:
-            link = self._links[sender] = self._make(sender)
-            link.override(*self._override)
-        return self._links[sender]
+    def _new_link(self, sender: int) -> Link:
+        link = self._links[sender] = self._make(sender)
+        link.override(*self._override)
+        return link

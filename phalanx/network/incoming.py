@@ -1,30 +1,20 @@
 """The broadcasts of one sender on their way to one receiver."""
 
-from typing import NamedTuple, Protocol
+from typing import Protocol
+
+from phalanx.theory.rows.information import ReceivedInput
 
 
-class SentInput(Protocol):
-    """A broadcast as the inbox needs it."""
+class SentInput(ReceivedInput, Protocol):
+    """A broadcast as the inbox needs it; it leaves when its input takes effect."""
 
     @property
     def k(self) -> int:
         """Its sequence number."""
 
-    @property
-    def t_apply(self) -> float:
-        """When the input takes effect, and the broadcast leaves [s]."""
 
-    @property
-    def u(self) -> tuple[float, ...]:
-        """The input, shape (m_l,)."""
-
-
-class Arrived(NamedTuple):
-    """A broadcast that is here, its fate not decided."""
-
-    message: SentInput
-    at: float | None
-    """When it came [s of virtual time], in real time."""
+Arrived = tuple[SentInput, float | None]
+"""A broadcast that is here, its fate not decided, and in real time when it came [s]."""
 
 
 class Incoming:
@@ -46,13 +36,13 @@ class Incoming:
         k = message.k
         if k <= self.decided or k in self._arrived:
             return False
-        self._arrived[k] = Arrived(message, at)
+        self._arrived[k] = message, at
         return True
 
     def lacks(self, since: int, latest: int) -> bool:
         """Whether one that is to be decided has yet to arrive."""
         first = max(self.decided + 1, since)
-        return any(k not in self._arrived for k in range(first, latest + 1))
+        return not self._arrived.keys() >= set(range(first, latest + 1))
 
     def newest_here(self) -> int:
         """The last one that is here or decided."""
@@ -75,11 +65,10 @@ class Incoming:
         self._in_flight = []
 
     def take(self, latest: int) -> list[Arrived]:
-        """Those up to the latest, to be decided now, in order."""
-        arrived = self._arrived
-        taken = [arrived.pop(k) for k in sorted(arrived) if k <= latest] if arrived else []
-        self.decided = max(self.decided, latest)
-        return taken
+        """Those not decided up to the latest, to be decided now, in order."""
+        arrived, first = self._arrived, self.decided + 1
+        self.decided = latest
+        return [arrived.pop(k) for k in range(first, latest + 1) if k in arrived]
 
     def fly(self, arrival: float, message: SentInput) -> None:
         """A copy of a broadcast arrives at a time [s]."""
@@ -90,12 +79,12 @@ class Incoming:
 
         A slow broadcast may arrive after one that was sent later: the newest counts.
         """
-        due = [message for arrival, message in self._in_flight if arrival <= t]
-        if not due:
-            return None
-        self._in_flight = [flying for flying in self._in_flight if flying[0] > t]
-        newest = max(due, key=lambda message: message.k) if len(due) > 1 else due[0]
-        if newest.k <= self._newest:
-            return None
-        self._newest = newest.k
+        newest, in_flight = None, []
+        for flying in self._in_flight:
+            arrival, message = flying
+            if arrival > t:
+                in_flight.append(flying)
+            elif message.k > self._newest:
+                newest, self._newest = message, message.k
+        self._in_flight = in_flight
         return newest

@@ -1,9 +1,12 @@
 """Links: the fate of every message, a pure function of (seed, link, number, time, distance)."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
-from typing import Literal, NamedTuple
+from typing import Literal
+
+import msgspec
 
 from phalanx.network.chance import Chance
 from phalanx.network.delay import ConstantDelay
@@ -87,7 +90,7 @@ class LinkModel:
         return LinkModel(tuple(new if s.field == new.field else s for s in self.stages))
 
 
-class Passage(NamedTuple):
+class Passage(msgspec.Struct, frozen=True):
     """What became of one message."""
 
     copies: tuple[Copy, ...]
@@ -124,7 +127,7 @@ class Link:
         """Follow another model for the broadcasts not decided yet."""
         self.model = model
         self._left = [-math.inf for _ in model.stages]
-        self._tables = [partial(self._of_stage, stage.field) for stage in model.stages]
+        self._tables = [self._of_stage(stage.field) for stage in model.stages]
         self.asks_distance = any(stage.asks_distance for stage in model.stages)
         """Whether a fate depends on the distance between the two."""
 
@@ -161,9 +164,9 @@ class Link:
                     copies += (Copy(copy.after + new.after, copy.corrupt or new.corrupt),)
         return Passage(copies, faults)
 
-    def _of_stage(self, field: str, purpose: str) -> Draws:
+    def _of_stage(self, field: str) -> Callable[[str], Draws]:
         # What fields of a link model draw for differs by purpose; rules of one's own may not know.
-        return self._table(purpose if "." not in field else f"{field} {purpose}")
+        return (lambda purpose: self._table(f"{field} {purpose}")) if "." in field else self._table
 
 
 def _table(seed: int, *purpose: str) -> Draws:

@@ -15,13 +15,14 @@ A class of your own is a rule if it has the method `treat`; a dozen lines are en
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.seeded.draws import Array, Draws
 
 
-class Copy(NamedTuple):
+class Copy(msgspec.Struct, frozen=True):
     """One copy of a message that a rule lets through."""
 
     after: float = 0.0
@@ -44,7 +45,7 @@ def delay(after: float) -> Treatment:
     return (Copy(after),)
 
 
-class Message(NamedTuple):
+class Message(msgspec.Struct, frozen=True):
     """One message on its way over one link, as it comes to a rule."""
 
     sender: str

@@ -6,7 +6,7 @@ Adversaries count at their worst, γ_j^max, in every model.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import NamedTuple
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,13 +40,16 @@ class Information(StrEnum):
     """γ_l^max for everybody else. Sound always, feasible least often."""
 
 
-class ReceivedInput(NamedTuple):
-    """The newest broadcast that an agent has of another one."""
+class ReceivedInput(Protocol):
+    """The newest broadcast that an agent has of another one, as a row needs it."""
 
-    u: Array
-    """û_l, shape (m_l,)."""
-    since: float
-    """When it took effect [s]."""
+    @property
+    def t_apply(self) -> float:
+        """When the input takes effect [s]."""
+
+    @property
+    def u(self) -> tuple[float, ...]:
+        """û_l, shape (m_l,)."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +68,11 @@ class InformationModel:
             return {}
         if self.kind is Information.IN_FLIGHT:
             return {
-                l: h.u for l, h in received.items() if t < h.since + self.unchanged[l] - _INSTANT
+                l: np.array(h.u)
+                for l, h in received.items()
+                if t < h.t_apply + self.unchanged[l] - _INSTANT
             }
-        return {l: h.u for l, h in received.items() if t - h.since <= self.silence}
+        return {l: np.array(h.u) for l, h in received.items() if t - h.t_apply <= self.silence}
 
     def sharing(
         self,
@@ -81,7 +86,7 @@ class InformationModel:
         among: agents of any kind, of whom it is asked; None for all.
         """
         begun = t <= self.silence
-        alive = {l for l, h in received.items() if t - h.since <= self.silence}
+        alive = {l for l, h in received.items() if t - h.t_apply <= self.silence}
         asked = self.unchanged if among is None else [l for l in among if l in self.unchanged]
         return [l for l in asked if l == i or begun or l in alive]
 

@@ -160,7 +160,7 @@ def test_the_first_of_two_claims_to_one_number_counts():
     rival = Broadcast(k=0, t_apply=0.0, u=(99.0, 0.0))
     assert not inbox.put(0, rival)
     inbox.advance(upto(0), 1.0)
-    assert inbox.received()[0].u.tolist() == [0.0, 0.0]
+    assert inbox.received()[0].u == (0.0, 0.0)
 
 
 def test_a_broadcast_that_came_early_counts_only_once_the_sample_says_it_exists():

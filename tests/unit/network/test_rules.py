@@ -49,7 +49,7 @@ def test_an_inbox_takes_a_duplicate_once():
     inbox = inbox_of(LinkModel((Stage("duplicate", Always(DUPLICATE)),)), 3)
     fates = inbox.advance({0: Existing(0, 2)}, 1.0)
     assert [fate.delay for fate in fates] == [0.0, 0.0, 0.0]
-    assert inbox.received()[0].u.tolist() == [2.0, 0.0]
+    assert inbox.received()[0].u == (2.0, 0.0)
     assert not inbox.put(0, broadcast(2))
 
 
