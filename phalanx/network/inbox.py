@@ -7,7 +7,7 @@ from typing import NamedTuple
 import msgspec
 
 from phalanx.network.claim import Claim
-from phalanx.network.incoming import Arrived, Incoming, SentInput
+from phalanx.network.incoming import Incoming, SentInput
 from phalanx.network.link import Link
 
 
@@ -121,7 +121,7 @@ class BroadcastInbox:
                 incoming.begin(since)
                 self._received.pop(sender, None)
             if latest > incoming.decided:
-                fates += self._decide(sender, incoming.take(latest), t, distance)
+                fates += self._decide(sender, latest, t, distance)
             if (newest := incoming.land(t)) is not None:
                 self._received[sender] = newest
         return tuple(fates)
@@ -136,29 +136,34 @@ class BroadcastInbox:
         return self._received
 
     def _decide(
-        self, sender: int, taken: list[Arrived], t: float, distance: Callable[[int], float]
+        self, sender: int, latest: int, t: float, distance: Callable[[int], float]
     ) -> list[Fate]:
-        """Have the sender's link decide its broadcasts at t [s]."""
+        """Have the sender's link decide its broadcasts up to the latest, in order, at t [s]."""
         fates, incoming = [], self._incoming[sender]
         link = self._links.get(sender) or self._new_link(sender)
         apart = distance(sender) if link.asks_distance else math.nan
-        for message, at in taken:
+        first, incoming.decided = incoming.decided + 1, latest
+        for k in range(first, latest + 1):
+            if k not in incoming.arrived:  # in real time it is lost
+                continue
+            message, at = incoming.arrived.pop(k)
             # It is sent when the input takes effect, and delays count from then; in real time
             # they come on top of what it took to be here.
             begins = message.t_apply
             sent = begins if at is None else max(begins, min(at, t))
-            passage = link.fate(message.k, sent, apart)
-            after = passage.delay
-            if after is None:
-                fates.append(Fate(sender, message.k, -1.0, passage.faults))
-            else:
-                claim = Claim(begins, message.u)
-                fates.append(Fate(sender, message.k, sent - begins + after, passage.faults, claim))
+            passage = link.fate(k, sent, apart)
+            after = math.inf
             for copy in passage.copies:
                 if copy.corrupt:
                     self._corrupt.append((sender, message))
                 else:
-                    incoming.fly(sent + copy.after, message)
+                    after = min(after, copy.after)
+                    incoming.in_flight.append((sent + copy.after, message))
+            if after == math.inf:
+                fates.append(Fate(sender, k, -1.0, passage.faults))
+            else:
+                claim = Claim(begins, message.u)
+                fates.append(Fate(sender, k, sent - begins + after, passage.faults, claim))
         return fates
 
     def _new_link(self, sender: int) -> Link:

@@ -43,20 +43,6 @@ class Stage:
         own = type(rule).__module__.startswith("phalanx.network.")
         return getattr(rule, "asks_distance", not own)
 
-    def treat(self, message: Message) -> Treatment:
-        """What the rule makes of a message. Raises RuleError if it is no treatment."""
-        try:
-            treatment = self.rule.treat(message)
-            for copy in treatment:
-                if not 0.0 <= message.waited + copy.after < math.inf:
-                    break
-            else:
-                return treatment
-            problem = f"expected delays that end after the message was sent, got {treatment}"
-        except Exception as error:  # a user's rule may raise anything
-            problem = f"{type(error).__name__}: {error}"
-        raise RuleError(f"rule {self.field} failed at message {message.k}: {problem}")
-
 
 @dataclass(frozen=True)
 class LinkModel:
@@ -105,6 +91,17 @@ class Passage(msgspec.Struct, frozen=True):
         return min(readable) if readable else None
 
 
+class _Place:
+    """A stage's place on one link."""
+
+    __slots__ = ("left", "stage", "table")
+
+    def __init__(self, stage: Stage, table: Callable[[str], Draws]) -> None:
+        self.stage, self.table = stage, table
+        self.left = -math.inf
+        """When the last message left it [s]."""
+
+
 class Link:
     """One direction between two agents, as its receiver decides it, or a robot's own."""
 
@@ -125,9 +122,7 @@ class Link:
 
     def become(self, model: LinkModel) -> None:
         """Follow another model for the broadcasts not decided yet."""
-        self.model = model
-        self._left = [-math.inf for _ in model.stages]
-        self._tables = [self._of_stage(stage.field) for stage in model.stages]
+        self._places = [_Place(stage, self._of_stage(stage.field)) for stage in model.stages]
         self.asks_distance = any(stage.asks_distance for stage in model.stages)
         """Whether a fate depends on the distance between the two."""
 
@@ -142,26 +137,35 @@ class Link:
             k: sequence numbers come in order, where a rule has a memory.
             sent: when it leaves its sender [s].
             distance: between the two [m].
+
+        Raises:
+            RuleError: a rule raised, or lets a message arrive before it was sent.
         """
         copies: Treatment = DELIVER
         faults: tuple[int, ...] = ()
-        for place, stage in enumerate(self.model.stages):
-            came, copies = copies, ()
-            for number, copy in enumerate(came):
-                message = Message(
-                    *self._ends, k, sent, copy.after, distance, number,
-                    self._left[place], self._tables[place],
-                )  # fmt: skip
-                treatment = stage.treat(message)
-                if treatment == DELIVER:
-                    self._left[place] = message.t
-                    copies += (copy,)
-                    continue
-                if 0 <= stage.declared not in faults:
-                    faults += (stage.declared,)
-                for new in treatment:
-                    self._left[place] = message.t + new.after
-                    copies += (Copy(copy.after + new.after, copy.corrupt or new.corrupt),)
+        for place in self._places:
+            came, copies, stage = copies, (), place.stage
+            try:
+                for number, copy in enumerate(came):
+                    message = Message(
+                        *self._ends, k, sent, copy.after, distance, number, place.left, place.table
+                    )
+                    treatment, t = stage.rule.treat(message), sent + copy.after
+                    if treatment == DELIVER:
+                        place.left = t
+                        copies += (copy,)
+                        continue
+                    if 0 <= stage.declared not in faults:
+                        faults += (stage.declared,)
+                    for new in treatment:
+                        after = copy.after + new.after
+                        if not 0.0 <= after < math.inf:
+                            raise ValueError(f"expected an arrival after sending, got {treatment}")
+                        place.left = t + new.after
+                        copies += (Copy(after, copy.corrupt or new.corrupt),)
+            except Exception as error:  # a user's rule may raise anything
+                problem = f"{type(error).__name__}: {error}"
+                raise RuleError(f"rule {stage.field} failed at message {k}: {problem}") from error
         return Passage(copies, faults)
 
     def _of_stage(self, field: str) -> Callable[[str], Draws]:
