@@ -22,16 +22,20 @@ class Links:
     def __init__(self, scenario: Scenario) -> None:
         network = scenario.network
         self._names = [name for name, _, _ in scenario.roster()]
-        self._tables: list[tuple[str, LinkTable]] = [
+        tables: list[tuple[str, LinkTable]] = [
             ("network", network),
             ("network.sample", network.sample),
             ("network.actuation", network.actuation),
         ]
-        self._tables += [(f"network.links.{i}", link) for i, link in enumerate(network.links)]
+        tables += [(f"network.links.{i}", link) for i, link in enumerate(network.links)]
         self._exceptions = network.links
-        fields = [
-            f"{where}.{field}" for where, table in self._tables for field, _ in table.fields()
-        ]
+        fields: list[str] = []
+        self._static: list[tuple[Stage, ...]] = []
+        """What each table asks for at all times."""
+        for where, table in tables:
+            rules, first = list(table.fields()), len(fields)
+            fields += [f"{where}.{field}" for field, _ in rules]
+            self._static.append(tuple(Stage(*rule, first + n) for n, rule in enumerate(rules)))
         self._first_fault = len(fields)
         self._faults = scenario.faults
         self._seed = scenario.seed
@@ -48,14 +52,10 @@ class Links:
 
         Both ends of a robot's own links, of samples and actuations, are called like it.
         """
-        where, table = self._tables[_BASE.index(of)]
+        static = self._static[_BASE.index(of)]
         for place, exception in enumerate(self._exceptions):
             if exception.concerns(sender, receiver, of):
-                where, table = self._tables[len(_BASE) + place]
-        static = (
-            Stage(field, rule, self.declared.index(f"{where}.{field}"))
-            for field, rule in table.fields()
-        )
+                static = self._static[len(_BASE) + place]
         link = sender, receiver, of
         within = self._within(receiver, of)
         return LinkModel((*within, *self._timed(*link), *static, *self._holds(*link)))

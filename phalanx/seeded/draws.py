@@ -33,20 +33,21 @@ class Draws:
         name = "\x1f".join([str(seed), *purpose]).encode()
         self._key = int.from_bytes(hashlib.blake2b(name, digest_size=16).digest(), "little")
         self._width = width
-        self._block = lru_cache(maxsize=8)(self._generate)
+        self._drawn: tuple[int, Array] = -1, np.empty((0, width))
+        """The block that was last asked for, and its number."""
         # Named tuples of two kinds are equal if their numbers are.
         self._latest = lru_cache(maxsize=8, typed=True)(self._latest_in)
 
     def __getitem__(self, index: int) -> Array:
         """Row `index` >= 0, shape (width,). Do not write to it."""
         block, row = divmod(index, _BLOCK)
-        draws: Array = self._block(block)[row]
+        draws: Array = self._rows(block)[row]
         return draws
 
     def value(self, index: int, column: int = 0) -> float:
         """One draw of row `index` >= 0."""
         block, row = divmod(index, _BLOCK)
-        return self._block(block).item(row, column)
+        return self._rows(block).item(row, column)
 
     def last(self, index: int, holds: Condition) -> int:
         """The last row up to `index` of which something holds; 0 if it holds of none."""
@@ -57,12 +58,16 @@ class Draws:
             found = self._latest(block, holds)[-1]
         return block * _BLOCK + max(found, 0)
 
-    def _generate(self, block: int) -> Array:
-        # The block number is the counter's high word, so blocks never overlap.
-        generator = Generator(Philox(key=self._key, counter=block << 192))
-        return generator.random((_BLOCK, self._width))
+    def _rows(self, block: int) -> Array:
+        drawn, rows = self._drawn
+        if drawn != block:
+            # The block number is the counter's high word, so blocks never overlap.
+            generator = Generator(Philox(key=self._key, counter=block << 192))
+            rows = generator.random((_BLOCK, self._width))
+            self._drawn = block, rows
+        return rows
 
     def _latest_in(self, block: int, holds: Condition) -> list[int]:
         """For each row of a block the last one up to it of which something holds; -1 if none."""
-        rows = np.where(holds(self._block(block)), np.arange(_BLOCK), -1)
+        rows = np.where(holds(self._rows(block)), np.arange(_BLOCK), -1)
         return [int(row) for row in np.maximum.accumulate(rows)]
