@@ -168,6 +168,9 @@ class ControlStep:
         return self._controller(x, seen, t, received)
 
     def _broadcasts(self, sample: Sample, truth: Claim) -> dict[int, Broadcast]:
+        if not self._lies.declared:
+            same = Broadcast(k=sample.k, t_apply=truth.t_apply, u=truth.u)
+            return dict.fromkeys(sample.hearers, same)
         past, names = self._past, self.swarm.names
         told = {
             l: self._lies.tell(

@@ -106,12 +106,13 @@ class Lies:
     def __init__(self, seed: int, name: str, lies: tuple[DeclaredLie, ...], reach: int) -> None:
         """reach: how many steps back the lies look."""
         self.reach = reach
-        self._seed, self._name, self._lies = seed, name, lies
+        self.declared = lies
+        self._seed, self._name = seed, name
 
     def tell(self, receiver: str, k: int, truth: Claim, past: Past) -> Told:
         """What the agent tells one peer with broadcast k."""
         claim, told = truth, []
-        for declared in self._lies:
+        for declared in self.declared:
             if declared.concerns(receiver, truth.t_apply):
                 before = claim
                 claim = declared.lie(Telling(self._seed, self._name, receiver, k, claim, past))
