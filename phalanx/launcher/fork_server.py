@@ -60,17 +60,22 @@ class _StopError(Exception):
     """The launcher waits no longer."""
 
 
-def serve(scenario: str, launcher: Connection, last_words: Connection) -> None:
+def serve(
+    scenario: str, environment: Mapping[str, str], launcher: Connection, last_words: Connection
+) -> None:
     """Fork every program, and report on each until all have ended; on SIGTERM kill them.
 
     Args:
         scenario: resolved, as JSON.
+        environment: the launcher's; the libraries were loaded in another one.
         launcher: takes None once the scenario is known to be one that can run, or the exception
             that says why it is not; has then the Order; takes a Report when a program was started,
             and when it has ended; whose identity comes from there is started again.
         last_words: the plant's.
     """
     show_as("phalanx-forks")
+    os.environ.clear()
+    os.environ.update(environment)
     try:
         rows = _runnable(scenario)
     except Exception as error:

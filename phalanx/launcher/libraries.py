@@ -7,6 +7,7 @@ import contextlib
 import multiprocessing
 import multiprocessing.forkserver
 import multiprocessing.resource_tracker
+import os
 import signal
 import sys
 import types
@@ -27,7 +28,7 @@ def start_loading() -> ForkServerContext:
     context.set_forkserver_preload(_PROGRAMS)
     # Where it has to be started, it unblocks SIGINT for whatever comes after it.
     multiprocessing.resource_tracker.ensure_running()
-    with _interrupts_held_back():
+    with _interrupts_held_back(), _importing_as_here():
         # Programs inherit the mask: a Ctrl-C that comes before they are ready for it would
         # end each of them in a traceback.
         multiprocessing.forkserver.ensure_running()
@@ -46,6 +47,26 @@ def without_main() -> Iterator[None]:
         yield
     finally:
         sys.modules["__main__"] = main
+
+
+@contextlib.contextmanager
+def _importing_as_here() -> Iterator[None]:
+    """Have a Python that is started meanwhile import what this one does.
+
+    multiprocessing tells its server of sys.path only when it has loaded what it was to load ahead,
+    out of the working directory before all else: another phalanx may lie there.
+    """
+    path = os.pathsep.join(os.path.abspath(entry) for entry in sys.path)
+    before = {name: os.environ.get(name) for name in ("PYTHONPATH", "PYTHONSAFEPATH")}
+    os.environ.update(PYTHONPATH=path, PYTHONSAFEPATH="1")
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
 @contextlib.contextmanager

@@ -50,7 +50,7 @@ class Processes:
             self._reports, theirs = context.Pipe()
             self._plant, last_words = context.Pipe(duplex=False)
             self._server = context.Process(
-                target=serve, args=(to_json(scenario), theirs, last_words)
+                target=serve, args=(to_json(scenario), dict(os.environ), theirs, last_words)
             )
             with without_main():
                 self._server.start()
