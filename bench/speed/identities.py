@@ -11,6 +11,7 @@ The two take turns; a step is a control step of one agent, start and end of the 
 
 import argparse
 import multiprocessing
+import os
 import secrets
 import statistics
 import tempfile
@@ -80,7 +81,7 @@ def _serve(scenario: Scenario, launcher: Connection, identities: bool) -> None:
         patch.object(Membership, "credentials", property(lambda _: None)).start()
         patch.object(Membership, "sealer", property(lambda _: Sealer())).start()
     _, unheard = multiprocessing.Pipe(duplex=False)
-    serve(to_json(scenario), launcher, unheard)
+    serve(to_json(scenario), dict(os.environ), launcher, unheard)
 
 
 if __name__ == "__main__":
