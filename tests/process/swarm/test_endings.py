@@ -246,7 +246,7 @@ from phalanx.network.rule import DELIVER
 @dataclass(frozen=True)
 class Stuck:
     def treat(self, message):
-        if message.k == 99:
+        if message.k == 599:
             print("stuck", flush=True)
             time.sleep(1e6)
         return DELIVER
