@@ -56,11 +56,12 @@ class SwarmCertificates:
         groups = {id(group): number for number, group in enumerate(scenario.agents)}
         own = [groups[id(group)] for group in swarm.groups]
         number_of: Index = np.array([*own, *[-1 for _ in scenario.static]])
-        self.alike: Index = np.column_stack([number_of[self.ends], self.pairs.kinds_of(self.ends)])
-        """What makes pairs alike: the groups of both, and the expressions; shape (p, 3)."""
+        sorts = np.column_stack([number_of[self.ends], self.pairs.kinds_of(self.ends)])
+        self.alike: Index = np.unique(sorts, axis=0, return_inverse=True)[1].ravel()
+        """The same number for pairs whose groups and expressions are the same, shape (p,)."""
         self.kinds: list[_Kind] = []
         """In the order in which they were first needed."""
-        self._number: dict[tuple[int, ...], int] = {}
+        self._number: dict[tuple[int, int], int] = {}
 
     def of(self, i: int) -> "AgentCertificates":
         """Those of normal agent i."""
@@ -68,7 +69,7 @@ class SwarmCertificates:
 
     def kind(self, pair: int, own: int) -> int:
         """The number of the kind of a pair, for the agent whose place in it is `own`."""
-        key = (own, *self.alike[pair].tolist())
+        key = own, int(self.alike[pair])
         if key not in self._number:
             self._number[key] = len(self.kinds)
             self.kinds.append(self._compiled(pair, own))
@@ -165,10 +166,10 @@ class AgentCertificates:
         width = max(sum(kind.kind.sizes) for kind in swarm.pairs.kinds)
         self.places: Index = np.zeros((len(mine), width), dtype=np.intp)
         """Where each pair's numbers lie, shape (p, n), zeros after those that it has."""
-        differ = np.column_stack([sides, swarm.alike[mine]])
-        for alike in np.unique(differ, axis=0):
-            which = np.flatnonzero((differ == alike).all(axis=1))
-            number = swarm.kind(self.pairs[which[0]], int(alike[0]))
+        differ = 2 * swarm.alike[mine] + sides
+        for alike in np.unique(differ).tolist():
+            which = np.flatnonzero(differ == alike)
+            number = swarm.kind(self.pairs[which[0]], alike % 2)
             places = spread(swarm.pairs.begin, swarm.ends[mine[which]], swarm.kinds[number].sizes)
             self.kinds[which] = number
             self.places[which, : places.shape[1]] = places

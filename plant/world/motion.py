@@ -96,7 +96,8 @@ def _begins(sizes: Sequence[int]) -> Index:
 
 def _alike(members: Sequence[Member]) -> list[list[int]]:
     """Members that move alike, whatever bounds their inputs have."""
-    text = {id(m.dynamics): _text(m.dynamics) for m in members}
+    different = {id(m.dynamics): m.dynamics for m in members}
+    text = {number: _text(dynamics) for number, dynamics in different.items()}
     found: dict[str, list[int]] = {}
     for i, m in enumerate(members):
         found.setdefault(text[id(m.dynamics)], []).append(i)
