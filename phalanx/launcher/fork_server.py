@@ -6,6 +6,7 @@ It never opens a session: a process that has opened one must not fork.
 import gc
 import multiprocessing
 import os
+import select
 import signal
 import sys
 import traceback
@@ -144,8 +145,11 @@ class _Forks:
         begin.send(None)
         launcher = multiprocessing.parent_process()
         assert launcher is not None
+        # Made once: what is written to between two forks has its page copied.
+        death = select.poll()
+        death.register(launcher.sentinel, select.POLLIN)
         for program in others:
-            if wait([launcher.sentinel], timeout=0.0) or _one_ended():
+            if death.poll(0) or _one_ended():
                 break  # there is no run
             self._start(program)
 
