@@ -1,11 +1,19 @@
 """What is still to be written down when a run ends, however it ends."""
 
-import pytest
+import math
+from pathlib import Path
 
+import pytest
+from msgspec.structs import replace
+
+import phalanx
+from phalanx.guarantee.verdict import Summary
 from phalanx.plant.clock import backlog
 from phalanx.plant.clock.backlog import Backlog
 from phalanx.plant.events.events import Event, Sampled
 from phalanx.plant.world.world import DivergedError
+from phalanx.recording.read import read
+from phalanx.recording.records import Step
 from phalanx.recording.write import RecordingError
 
 FIRST, LAST = Sampled(0, 0.0), Sampled(1, 0.01)
@@ -64,7 +72,10 @@ def test_nothing_more_is_told_once_the_disk_was_full():
     assert scribe.told == []
 
 
-def test_while_there_is_time_the_last_few_wait_for_what_comes_and_are_told_when_asked():
+def test_while_there_is_time_the_last_few_wait_for_what_comes_and_are_told_when_asked(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setattr(backlog, "_LONGEST", math.inf)
     scribe = Scribe(room=1000)
     happened = Backlog(scribe)
     events = [Sampled(0, float(t)) for t in range(300)]
@@ -85,6 +96,22 @@ def test_an_event_waits_no_longer_than_a_moment_for_others(monkeypatch: pytest.M
     happened.add(FIRST)
     happened.write_most()
     assert scribe.told == [FIRST]
+
+
+@pytest.mark.parametrize("scenario", ["unicycles", "swarm"])
+def test_what_a_run_came_to_does_not_depend_on_how_many_events_waited_for_others(
+    scenario: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def told() -> tuple[Summary, list[Step]]:
+        loaded = phalanx.load(scenario, {"duration": 0.3})
+        run = phalanx.run(loaded, engine="in-process", out=tmp_path)
+        assert run.folder is not None
+        steps = [replace(step, solve_time=0.0) for step in read(run.folder).steps]
+        return replace(run.summary, wall_time=0.0), steps
+
+    together = told()
+    monkeypatch.setattr(backlog, "_LONGEST", 0.0)
+    assert told() == together
 
 
 def test_events_that_cannot_be_told_after_a_failure_do_not_hide_it():
