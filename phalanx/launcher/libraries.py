@@ -10,12 +10,14 @@ import multiprocessing.resource_tracker
 import os
 import signal
 import sys
+import threading
 import types
 from collections.abc import Iterator
 from multiprocessing.context import ForkServerContext
 
 _PROGRAMS = ["phalanx.launcher.fork_server", "phalanx.plant.main", "phalanx.agent.main"]
 """Modules that have imported all that a run needs but the scenario's own code."""
+_changing_environment = threading.Lock()
 
 
 def start_loading() -> ForkServerContext:
@@ -25,7 +27,8 @@ def start_loading() -> ForkServerContext:
     where no folder for temporary files can be written to.
     """
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(_PROGRAMS)
+    # A Python that heeds no environment would take them from elsewhere: see _importing_as_here.
+    context.set_forkserver_preload([] if sys.flags.ignore_environment else _PROGRAMS)
     # Where it has to be started, it unblocks SIGINT for whatever comes after it.
     multiprocessing.resource_tracker.ensure_running()
     with _interrupts_held_back(), _importing_as_here():
@@ -56,17 +59,18 @@ def _importing_as_here() -> Iterator[None]:
     multiprocessing tells its server of sys.path only when it has loaded what it was to load ahead,
     out of the working directory before all else: another phalanx may lie there.
     """
-    path = os.pathsep.join(os.path.abspath(entry) for entry in sys.path)
-    before = {name: os.environ.get(name) for name in ("PYTHONPATH", "PYTHONSAFEPATH")}
-    os.environ.update(PYTHONPATH=path, PYTHONSAFEPATH="1")
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
+    # What is no text is passed over by import too.
+    path = os.pathsep.join(os.path.abspath(entry) for entry in sys.path if isinstance(entry, str))
+    with _changing_environment:
+        before = {name: os.environ.pop(name, None) for name in ("PYTHONPATH", "PYTHONSAFEPATH")}
+        os.environ.update(PYTHONPATH=path, PYTHONSAFEPATH="1")
+        try:
+            yield
+        finally:
+            for name, value in before.items():
                 del os.environ[name]
-            else:
-                os.environ[name] = value
+                if value is not None:
+                    os.environ[name] = value
 
 
 @contextlib.contextmanager

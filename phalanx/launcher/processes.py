@@ -54,7 +54,8 @@ class Processes:
             )
             with without_main():
                 self._server.start()
-        except (OSError, MemoryError) as error:
+        except (OSError, MemoryError, EOFError) as error:
+            # EOFError: what loads the libraries died of it, and told the launcher's terminal why.
             reason = getattr(error, "strerror", None) or error
             raise EngineError(f"no program can be started: {reason}") from error
         theirs.close()

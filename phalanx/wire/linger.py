@@ -28,10 +28,13 @@ def close_at_once(session: zenoh.Session) -> None:
 
     def on_event(event: zenoh.TransportEvent) -> None:
         if event.kind == zenoh.SampleKind.PUT and not told_soon.is_set():
-            told_soon.set()
             timer = threading.Timer(_TOGETHER, tell)
             timer.daemon = True
-            timer.start()
+            told_soon.set()
+            try:
+                timer.start()
+            except RuntimeError:  # there may be no more threads
+                tell()
 
     session.info.declare_transport_events_listener(on_event, history=True)
 

@@ -14,7 +14,8 @@ from phalanx.recording.write import RecordingError
 _AT_ONCE = 96
 """So many events may wait, though there is time: what they need is worked out for all at once."""
 _LONGEST = 0.1
-"""Where events are few, all are told every so often [s of wall time]: somebody may look."""
+"""Where events are few, all are told every so often [s of wall time], while answers come: somebody
+may look."""
 
 
 class Witness(Protocol):

@@ -22,6 +22,8 @@ _LEASH = 0.04
 sides of the picture; _TIGHT leaves that room to those at the edge."""
 _SAME = 0.02
 """Distances and aspects that differ by less, relatively, are the same."""
+_EXACT = 1e-4
+"""What moved by less than this share of its distance from the camera was only rounded."""
 _UNDERWAY = 32
 """So many of the views that a browser was asked for are remembered."""
 _STEADY = 1.5e-3
@@ -189,7 +191,7 @@ def _expected(seen: View, told: View) -> bool:
     A report that comes while viser is told of a new view, position first, leaves it with the
     position of one and the middle of the other. Who zooms moves: his position is new too.
     """
-    there = np.abs(seen.position - told.position).max() <= _SAME * told.distance
+    there = np.abs(seen.position - told.position).max() <= _EXACT * told.distance
     return bool(there) or _close(seen.distance, told.distance)
 
 
