@@ -169,7 +169,7 @@ def _dynamics(chance: Chance, model: str, dimension: int) -> dict[str, Any]:
             table |= {"acceleration": chance.scale(0.5, 6.0), "dimension": dimension}
             table |= {"drag": chance.of([0.0, 0.5, 2.0])}
         case "bicycle":
-            table |= {"acceleration": chance.scale(0.5, 4.0), "policy": chance.uniform(0.2, 1.0)}
+            table |= {"acceleration": chance.scale(0.5, 4.0), "steering": chance.uniform(0.2, 1.0)}
         case "triple-integrator":
             table |= {"jerk": chance.scale(1.0, 20.0), "dimension": dimension}
     return table

@@ -15,15 +15,15 @@ Positive = Annotated[float, Gt(0)]
 class KinematicBicycle:
     """(x, y) the rear axle, x' = v cos θ, y' = v sin θ, θ' = v s / wheelbase, v' = a.
 
-    The inputs are the acceleration a and s, the tangent of the policy angle, in which the
+    The inputs are the acceleration a and s, the tangent of the steering angle, in which the
     dynamics are affine. The axle's acceleration is a along the heading and v² s / wheelbase
-    across it, so both inputs appear in ψ_2; policy has no authority at standstill.
+    across it, so both inputs appear in ψ_2; steering has no authority at standstill.
     """
 
     acceleration: Positive
     """Bound on a [m/s²]."""
-    policy: Positive
-    """Bound on the tangent of the policy angle."""
+    steering: Positive
+    """Bound on the tangent of the steering angle."""
     wheelbase: Positive = 0.5
     """[m]"""
 
@@ -45,7 +45,7 @@ class KinematicBicycle:
         return x[:2]
 
     def input_polytope(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
-        return box_polytope((self.acceleration, self.policy))
+        return box_polytope((self.acceleration, self.steering))
 
     def input_metric(self) -> tuple[float, ...]:
         return (1.0, 1.0)

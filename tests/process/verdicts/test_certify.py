@@ -276,7 +276,7 @@ MODELS = {
         4,
     ),
     "triple-integrator": ({"type": "triple-integrator", "jerk": 20.0, "dimension": 2}, 0.2, 6),
-    "bicycle": ({"type": "bicycle", "acceleration": 4.0, "policy": 0.5}, 0.3, 4),
+    "bicycle": ({"type": "bicycle", "acceleration": 4.0, "steering": 0.5}, 0.3, 4),
 }
 
 
