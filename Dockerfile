@@ -8,7 +8,7 @@ RUN python3 -m venv /opt/phalanx
 COPY pyproject.toml constraints.txt README.md LICENSE ./
 RUN mkdir phalanx agent plant viewer scenarios \
  && /opt/phalanx/bin/pip install --no-cache-dir --constraint constraints.txt . \
- && /opt/phalanx/bin/pip uninstall --yes phalanx
+ && /opt/phalanx/bin/pip uninstall --yes phalanx-swarm
 # CasADi's solver plugins and headers, and the libraries' own tests: half of the image, unused.
 RUN cd /opt/phalanx/lib/python3*/site-packages \
  && find casadi -mindepth 1 -maxdepth 1 \

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from phalanx.scenario.model import Scenario
     from phalanx.wire.messages import Status
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 _HOMES = {
     "Assumption": "phalanx.guarantee.verdict",

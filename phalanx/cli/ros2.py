@@ -40,7 +40,7 @@ def ros2(
         float,
         typer.Option(
             callback=require_timeout,
-            help="How long to try to reach the router and the live run [s].",
+            help="How long to try to reach the router and the live run, in seconds.",
         ),
     ] = 10.0,
     insecure: Insecure = False,
@@ -92,4 +92,4 @@ def _require_libraries() -> None:
     missing = [name for name in ("rosbags", "xxhash") if importlib.util.find_spec(name) is None]
     if missing:
         needed = " and ".join(missing)
-        raise typer.BadParameter(f"needs {needed}: pip install 'phalanx[ros2]'")
+        raise typer.BadParameter(f"needs {needed}: pip install 'phalanx-swarm[ros2]'")

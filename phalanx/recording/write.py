@@ -22,7 +22,7 @@ from phalanx.scenario.model import Scenario
 from phalanx.scenario.user_code import imported_sources
 
 _CHUNK_BYTES = 64 * 1024
-_VERSIONS = ("phalanx", "eclipse-zenoh", "osqp", "casadi", "numpy")
+_VERSIONS = ("phalanx-swarm", "eclipse-zenoh", "osqp", "casadi", "numpy")
 
 Record = State | Step | Shown | Log | Command
 
@@ -38,7 +38,7 @@ class RecordingWriter:
         """Create the file, with versions, the user's modules and the resolved scenario first."""
         self._file = _WholeWrites(path)
         self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES, enable_data_crcs=True)  # type: ignore[arg-type]
-        self._writer.start(profile="", library=f"phalanx {version('phalanx')}")
+        self._writer.start(profile="", library=f"phalanx {version('phalanx-swarm')}")
         self._encode = msgspec.json.Encoder().encode
         self._writer.add_metadata(
             "phalanx",

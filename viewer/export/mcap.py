@@ -67,7 +67,7 @@ class _Channels:
     def __init__(self, writer: Writer) -> None:
         self._writer, self._numbers = writer, dict[str, int]()
         self._schemas: dict[type[Message], int] = {}
-        writer.start(profile="", library=f"phalanx {version('phalanx')}")
+        writer.start(profile="", library=f"phalanx {version('phalanx-swarm')}")
 
     def write(self, topical: Topical) -> None:
         if topical.topic not in self._numbers:
