@@ -10,6 +10,7 @@ run: $(READY)
 	$(VENV)/bin/phalanx run unicycles
 
 test: $(READY)
+	@echo "Testing: about 15 minutes on two cores; the first minute starts no processes."
 	$(VENV)/bin/python -m pytest -q -n 2 --dist loadscope --durations 15 tests/unit
 	$(VENV)/bin/python -m pytest -q -n 2 --durations 15 tests/process tests/containers
 
@@ -22,6 +23,7 @@ docs: $(READY)
 	NO_MKDOCS_2_WARNING=1 $(VENV)/bin/mkdocs build --strict --quiet -f docs/site/mkdocs.yml
 
 $(READY): pyproject.toml constraints.txt
+	@echo "Installing Phalanx and its libraries into $(VENV), once: about 2 minutes and 1.5 GB."
 	$(PYTHON) -m venv $(VENV)
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[test,docs]'
 	touch $(READY)

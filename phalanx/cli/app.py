@@ -5,7 +5,19 @@ from typing import Annotated
 
 import typer
 
-from phalanx.cli import certify, check, keys, network, programs, recordings, ros2, run, tap, viewing
+from phalanx.cli import (
+    certify,
+    check,
+    keys,
+    network,
+    programs,
+    recordings,
+    ros2,
+    run,
+    runs,
+    tap,
+    viewing,
+)
 from phalanx.cli.allowed import require_values
 from phalanx.cli.real_time import with_factor
 
@@ -26,6 +38,7 @@ app = typer.Typer(
 )
 run.register(app)
 check.register(app)
+runs.register(app)
 recordings.register(app)
 certify.register(app)
 tap.register(app)

@@ -14,7 +14,7 @@ from phalanx.scenario.model import Scenario
 from phalanx.theory.rows.origin import words_of
 from phalanx.wire.messages import Status
 
-_COLOUR = {
+COLOUR = {
     Outcome.GUARANTEED: "green",
     Outcome.SAFE: "yellow",
     Outcome.VIOLATED: "red",
@@ -93,7 +93,7 @@ def print_summary(summary: Summary) -> None:
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="dim")
     table.add_column()
-    colour = _COLOUR[summary.outcome]
+    colour = COLOUR[summary.outcome]
     table.add_row("verdict", f"[{colour} bold]{summary.outcome}[/]")
     table.add_row("virtual time", f"{summary.t:.3f} s, seed {summary.seed}")
     factor = f"real-time factor {summary.real_time_factor:.1f}"

@@ -27,10 +27,11 @@ def presets() -> int:
 @commands.command()
 def fit(
     capture: Annotated[
-        Path, typer.Argument(help="CSV with a column delay [s], empty where a message was lost.")
+        Path,
+        typer.Argument(help="CSV with a column delay, in seconds, empty where a message was lost."),
     ],
 ) -> int:
-    """Print the [network] table that fits measured delays and losses best.
+    """Print the network table that fits measured delays and losses best.
 
     One line for each message, in the order in which they were sent: losses in a row make bursts.
 

@@ -88,7 +88,8 @@ Engine = Annotated[
     ),
 ]
 Timeout = Annotated[
-    float, typer.Option(callback=require_timeout, help="How long to try to reach the hub [s].")
+    float,
+    typer.Option(callback=require_timeout, help="How long to try to reach the hub, in seconds."),
 ]
 Speed = Annotated[
     float | None,

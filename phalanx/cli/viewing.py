@@ -142,7 +142,8 @@ def export(
         Path | None, typer.Option(callback=require_png, help="Write a picture there, a PNG file.")
     ] = None,
     at: Annotated[
-        float | None, typer.Option(help="Time of the picture [s]; by default the worst moment.")
+        float | None,
+        typer.Option(help="Time of the picture, in seconds; by default the worst moment."),
     ] = None,
     mcap: Annotated[
         Path | None,

@@ -177,8 +177,9 @@ def _read(source: str) -> str:
     looks_like_path = path.suffix == ".toml" or "/" in source
     if not looks_like_path and not path.exists():
         close = difflib.get_close_matches(source, shipped(), n=1)
-        hint = f"; did you mean {close[0]!r}?" if close else ""
-        raise ScenarioError(f"{source}: no such scenario, one of {', '.join(shipped())}{hint}")
+        listed = "`phalanx scenarios` lists those that ship"
+        hint = f"did you mean {close[0]!r}?" if close else listed
+        raise ScenarioError(f"{source}: no such scenario; {hint}")
     try:
         return path.read_text(encoding="utf-8")
     except OSError as error:

@@ -32,14 +32,13 @@ def test_a_folder_is_not_a_scenario(tmp_path):
         load(f"{tmp_path}/")
 
 
-def test_a_misspelt_shipped_name_gets_a_suggestion():
-    with pytest.raises(
-        ScenarioError, match=r"unicylces: no such scenario.*did you mean 'unicycles'"
-    ):
+def test_a_misspelt_shipped_name_gets_a_suggestion_and_no_list():
+    with pytest.raises(ScenarioError) as error:
         load("unicylces")
+    assert str(error.value) == "unicylces: no such scenario; did you mean 'unicycles'?"
 
 
-def test_a_name_like_no_other_gets_the_list_and_no_suggestion():
-    with pytest.raises(ScenarioError, match=r"no such scenario, one of .*unicycles") as error:
+def test_a_name_like_no_other_gets_the_command_that_lists_them():
+    with pytest.raises(ScenarioError) as error:
         load("qqqq")
-    assert "did you mean" not in str(error.value)
+    assert str(error.value) == "qqqq: no such scenario; `phalanx scenarios` lists those that ship"

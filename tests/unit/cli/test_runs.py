@@ -1,0 +1,38 @@
+"""phalanx runs: what runs there are, and how each ended."""
+
+import os
+
+import msgspec
+
+from phalanx.cli.app import status
+from phalanx.launcher.live import announced
+from phalanx.wire.membership import Membership
+from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space
+
+
+def test_each_run_has_a_line_that_says_how_it_ended(tmp_path, capsys):
+    scenario = swarm_in_space(2, 1, {})
+    folders = [tmp_path / name for name in ("new [red]-2", "old-1", "cut-3", "live-4")]
+    for age, folder in enumerate(folders):
+        folder.mkdir()
+        record(folder, scenario, drift(scenario, steps=0), summary_of(scenario))
+        os.utime(folder / "recording.mcap", (1e9 - age, 1e9 - age))
+    ended = msgspec.json.encode(summary_of(scenario))
+    for folder in folders[:2]:
+        (folder / "summary.json").write_bytes(ended)
+    (folders[2] / "summary.json").write_bytes(ended[:20])
+    with announced(folders[3], Membership("r", "tcp/127.0.0.1:7447", secret=b"s" * 16)):
+        assert status(["runs", str(tmp_path)]) == 0
+    _, live, cut, old, new = capsys.readouterr().out.splitlines()
+    assert "live-4" in live
+    assert "running" in live
+    assert "broken: no summary" in cut
+    assert "old-1" in old
+    assert "new [red]-2" in new
+    assert "violated" in new
+    assert "0.25" in new
+
+
+def test_a_folder_without_runs_says_how_to_make_one(tmp_path, capsys):
+    assert status(["runs", str(tmp_path / "none")]) == 3
+    assert "no runs there; make one with: phalanx run" in capsys.readouterr().err
