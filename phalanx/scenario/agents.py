@@ -17,6 +17,7 @@ from phalanx.scenario.fields import (
     built,
     misplaced,
 )
+from phalanx.scenario.registry import is_users
 from phalanx.theory.expressions.asked import MistakenMethodError, in_words
 from phalanx.theory.laws.law import Law
 from phalanx.theory.models.dynamics import Dynamics
@@ -114,10 +115,10 @@ class AgentGroup(Strict):
         return self._dynamics
 
     def fresh_law(self) -> Law:
-        """The law that the table describes, built anew and prepared."""
+        """The law that the table describes, built anew and prepared for dynamics of its own."""
         law: Law = built("law", Law, self.law)
         try:
-            law.prepare(self._dynamics)
+            law.prepare(built("dynamics", Dynamics, self.dynamics))
         except ValueError as error:
             raise misplaced(("law",), str(error), self.law) from error
         except Exception as error:  # of a user's own
@@ -126,5 +127,5 @@ class AgentGroup(Strict):
         return law
 
     def law_object(self) -> Law:
-        """The law that the table describes, prepared."""
-        return self._law
+        """One agent's law, prepared: a user's may keep what it was asked, those built in do not."""
+        return self.fresh_law() if is_users(self.law) else self._law

@@ -1,6 +1,7 @@
 """All that a scenario declares to go wrong: numbered, and put together for each link or liar."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 
 from phalanx.faults.lies import Lies
 from phalanx.network.link import Kind, LinkModel, Stage
@@ -30,12 +31,13 @@ class Links:
         tables += [(f"network.links.{i}", link) for i, link in enumerate(network.links)]
         self._exceptions = network.links
         fields: list[str] = []
-        self._static: list[tuple[Stage, ...]] = []
-        """What each table asks for at all times."""
+        self._static: list[Callable[[], tuple[Stage, ...]]] = []
+        """What each table asks for at all times, for one more link."""
         for where, table in tables:
-            rules, first = list(table.fields()), len(fields)
-            fields += [f"{where}.{field}" for field, _ in rules]
-            self._static.append(tuple(Stage(*rule, first + n) for n, rule in enumerate(rules)))
+            stages = partial(_stages, table, len(fields))
+            fields += [f"{where}.{stage.field}" for stage in stages()]
+            # Those built in remember nothing, and serve any number of links.
+            self._static.append(stages if table.rules else partial(tuple, stages()))
         self._first_fault = len(fields)
         self._faults = scenario.faults
         self._seed = scenario.seed
@@ -50,7 +52,8 @@ class Links:
     def model(self, sender: str, receiver: str, of: Kind = "broadcast") -> LinkModel:
         """The model of one link: faults of a time, what the link always does, holds.
 
-        Both ends of a robot's own links, of samples and actuations, are called like it.
+        A user's rules are this link's own: they may keep what they were asked. Both ends of a
+        robot's own links, of samples and actuations, are called like it.
         """
         static = self._static[_BASE.index(of)]
         for place, exception in enumerate(self._exceptions):
@@ -58,7 +61,7 @@ class Links:
                 static = self._static[len(_BASE) + place]
         link = sender, receiver, of
         within = self._within(receiver, of)
-        return LinkModel((*within, *self._timed(*link), *static, *self._holds(*link)))
+        return LinkModel((*within, *self._timed(*link), *static(), *self._holds(*link)))
 
     def lies(self, name: str) -> Lies:
         """What an agent makes of the truth before it tells its peers."""
@@ -101,3 +104,8 @@ class Links:
     def number(self, place: int) -> int:
         """The number of the fault at this place of [[faults]]."""
         return self._first_fault + place
+
+
+def _stages(table: LinkTable, first: int) -> tuple[Stage, ...]:
+    """A table's rules, built anew, with their numbers."""
+    return tuple(Stage(*rule, first + n) for n, rule in enumerate(table.fields()))

@@ -9,6 +9,7 @@ from typing import Any
 import pydantic
 
 from phalanx.network.rule import Rule
+from phalanx.scenario.instances import asked_anew, separate
 from phalanx.scenario.user_code import import_named
 from phalanx.theory.laws.chase import Chase
 from phalanx.theory.laws.law import Law
@@ -78,13 +79,25 @@ def lookup(kind: type, name: str) -> type:
 def construct(kind: type, table: Mapping[str, Any]) -> Any:
     """Build an object from its scenario table {type = "name", field = value, ...}.
 
+    One of a user's class shares no memory with any other.
+
     Raises:
         ValueError: as lookup. pydantic.ValidationError: a field is unknown, missing or wrong.
     """
     if "type" not in table:
         raise ValueError(f"expected a field type, {_choices(kind)}")
     checked = _validated(lookup(kind, str(table["type"])))
-    return checked(**{key: value for key, value in table.items() if key != "type"})
+    fields = {key: value for key, value in table.items() if key != "type"}
+    if not is_users(table):
+        return checked(**fields)
+    if kind in (Law, Rule):
+        return separate(checked, fields)
+    return asked_anew(checked, tuple(_members(kind)), fields)
+
+
+def is_users(table: Mapping[str, Any]) -> bool:
+    """Whether a table names a user's class."""
+    return ":" in str(table.get("type"))
 
 
 def _choices(kind: type) -> str:

@@ -119,7 +119,7 @@ def _infinite(swarm: Swarm, a: int, b: int, got: str) -> MistakenMethodError:
 def _require_law(rows: SafetyRows, i: int, x: Array) -> None:
     """Agent i's first input; of a law of its own, since a law may remember what it was asked."""
     swarm = rows.swarm
-    law, seen = swarm.law(i, fresh=True), swarm.seen(i, x)
+    law, seen = swarm.law(i), swarm.seen(i, x)
     terms = rows.terms(i)(x, seen)
     states = {l: x[swarm.safe_set.parts[l]] for l in seen}
     normal = [l for l in swarm.normal if l in states]

@@ -194,12 +194,12 @@ class Swarm:
         unchanged = {l: clock.period - clock.jitter for l, clock in clocks.items()}
         return InformationModel(safety.information, unchanged, safety.silence)
 
-    def law(self, i: int, fresh: bool = False) -> Law:
-        """Agent i's law; `fresh`: one that nobody else asks.
+    def law(self, i: int) -> Law:
+        """A law for agent i that has not been asked yet.
 
         Raises ScenarioError if it does not fit the swarm.
         """
-        law = self.groups[i].fresh_law() if fresh else self.groups[i].law_object()
+        law = self.groups[i].law_object()
         if not isinstance(law, TeamLaw):
             return law
         try:
