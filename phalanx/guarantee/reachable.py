@@ -16,9 +16,8 @@ from phalanx.theory.expressions.extension import extend
 from phalanx.theory.expressions.interval import UnboundedOperationError
 from phalanx.theory.expressions.mapped import Index, MappedFunction
 from phalanx.theory.margins.enclosure import scalars
-from phalanx.theory.safety.function import Reaching
 from phalanx.theory.safety.obstacles import Sphere
-from phalanx.theory.safety.static import static_reach
+from phalanx.theory.safety.reach import Reaching, static_reach
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from phalanx.guarantee.certificates import Held, SwarmCertificates
 from phalanx.guarantee.reachable import ReachableBoxes
 from phalanx.guarantee.verdict import Assumption, CertificateSummary
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.safety.function import Reaching
+from phalanx.theory.safety.reach import proven_reach
 
 Array = NDArray[np.float64]
 
@@ -42,12 +42,9 @@ class Coverage:
         """Compile every kind of pair's certificate."""
         self._composed, pairs = swarm.safe_set, swarm.safe_set.pairs
         certificates = self._certificates = SwarmCertificates(swarm)
-        function = swarm.scenario.safety.safe_set_function()
-        self._boxes = (
-            ReachableBoxes(swarm, function)
-            if isinstance(function, Reaching) and len(swarm.members) > _FEW
-            else None
-        )
+        function = proven_reach(swarm.scenario.safety.safe_set_function())
+        large = len(swarm.members) > _FEW
+        self._boxes = ReachableBoxes(swarm, function) if function and large else None
         self._agents = {i: certificates.of(i) for i in swarm.normal}
         self._others = {
             i: np.where(ends[:, 0] == i, ends[:, 1], ends[:, 0])

@@ -1,8 +1,9 @@
 """The pairs whose h can count for anything, found by where agents are; the others are left out.
 
-A safe-set function may say beyond which distance its h is below any level. Pairs whose h is below
-zero, and so far below the largest one that h_tot is the same number without them, are then left
-out. Who is near whom is looked up in a spatial index, and stands until somebody has moved too far.
+Of the safe-set functions that come with Phalanx it is known beyond which distance h is below any
+level. Pairs whose h is below zero, and so far below the largest one that h_tot is the same number
+without them, are then left out. Who is near whom is looked up in a spatial index, and stands until
+somebody has moved too far.
 """
 
 import math
@@ -17,9 +18,8 @@ from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.expressions.mapped import Index
 from phalanx.theory.safety.composition import ComposedSet
-from phalanx.theory.safety.function import Reaching
 from phalanx.theory.safety.pair_functions import PairFunctions
-from phalanx.theory.safety.static import static_reach
+from phalanx.theory.safety.reach import Reaching, proven_reach, static_reach
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ class NearPairs:
         self._every = swarm.pairs.among(range(len(swarm.members)))
         composed = scenario.safety.composition == "lse"
         few = len(self._every) <= (_FEW if composed else _FEW_ROWS)
-        self._function = function if isinstance(function, Reaching) and not few else None
+        self._function = None if few else proven_reach(function)
         if self._function is not None:
             _spatial_index()  # now, and not in the middle of the run
         self._allowance = allowance(scenario.safety.rho, len(self._every))

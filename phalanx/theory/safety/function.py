@@ -40,18 +40,6 @@ class SafeSetFunction(Protocol):
         """
 
 
-@runtime_checkable
-class Reaching(Protocol):
-    """A safe-set function that says how far it reaches, so that distant pairs can be left out."""
-
-    def reach(self, level: float, obstacle: Obstacle | None = None) -> float:
-        """Distance beyond which h is below a level <= 0 [m].
-
-        Of the output points of any two agents; or of an agent's from an obstacle, as the obstacle
-        measures it.
-        """
-
-
 @dataclass(frozen=True)
 class Separation:
     """h = R² - ‖p_a - p_b‖²: the output points stay R apart."""

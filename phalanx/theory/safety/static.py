@@ -1,11 +1,9 @@
-"""h of an agent and what stands still, an obstacle or a limit, and how far that reaches."""
-
-import math
+"""h of an agent and what stands still, an obstacle or a limit."""
 
 import casadi as ca
 
 from phalanx.theory.expressions.asked import ask_expression
-from phalanx.theory.safety.function import Body, Reaching, SafeSetFunction
+from phalanx.theory.safety.function import Body, SafeSetFunction
 from phalanx.theory.safety.limits import Boundary
 from phalanx.theory.safety.obstacles import Obstacle
 
@@ -21,8 +19,3 @@ def static_h(function: SafeSetFunction, a: Body, static: Static, parameters: ca.
     if isinstance(static, Boundary):
         return ask_expression(static.limit, "alone", [()], a, symbols=[a.x])
     return ask_expression(function, "to_obstacle", [()], a, static, symbols=[a.x, parameters])
-
-
-def static_reach(function: Reaching, level: float, static: Static) -> float:
-    """Distance from it beyond which h is below a level <= 0 [m]: a limit's is without end."""
-    return math.inf if isinstance(static, Boundary) else function.reach(level, static)

@@ -6,6 +6,7 @@ import pytest
 from phalanx.guarantee.certificate import MULTIPLES
 from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.guarantee.reachable import ReachableBoxes
+from phalanx.plant.judge.coverage import Applied, Coverage
 from phalanx.plant.world.motion import Motion
 from tests.unit.swarms import swarm_of_scenario
 
@@ -35,3 +36,16 @@ def test_whoever_is_left_out_is_certified_for_as_long_as_any_certificate_lasts(n
         pushed = rng.uniform(-0.5, 0.5, sum(len(d.inputs) for d in inputs))
         x = motion.steps(1, x, pushed, still, still, 0.01)[0][0]
     assert left_out > 30 * len(others) if name.startswith("swarm") else left_out >= 0
+
+
+@pytest.mark.parametrize("function", ["ShortSighted", "Reaches"])
+def test_what_a_users_function_says_of_its_reach_leaves_nobody_out(function):
+    radius = ", radius = 1.0" if function == "ShortSighted" else ""
+    own = f'safety.function={{ type = "tests.unit.theory.users_own:{function}"{radius} }}'
+    swarm = swarm_of_scenario("swarm2d", own)
+    coverage, x = Coverage(swarm), swarm.start()
+    i, j = swarm.normal[:2]
+    x[swarm.safe_set.parts[j]] = x[swarm.safe_set.parts[i]] + [1.5, 0.0, 0.0]
+    (times,) = coverage.proven([Applied(i, 0.0, x, np.zeros(2))])
+    assert (times == SwarmCertificates(swarm).of(i)(x, np.zeros(2))).all()
+    assert times.min() == 0.0 or function == "Reaches"

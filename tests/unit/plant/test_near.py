@@ -115,9 +115,13 @@ def test_who_has_come_near_since_one_looked_is_not_left_out(before, after, monke
     assert set(counting) <= set(pairs)
 
 
-def test_a_function_that_does_not_say_how_far_it_reaches_has_all_its_pairs(monkeypatch):
-    oval = 'safety.function={ type = "tests.unit.theory.users_own:Oval" }'
-    rows = rows_of_scenario("swarm2d", *LARGE, oval)
+@pytest.mark.parametrize(
+    "function", ["Oval", "Reaches", "ShortSighted"], ids=["silent", "a field", "too short"]
+)
+def test_a_users_function_has_all_its_pairs_whatever_it_says_of_its_reach(function, monkeypatch):
+    radius = ", radius = 1.0" if function == "ShortSighted" else ""
+    own = f'safety.function={{ type = "tests.unit.theory.users_own:{function}"{radius} }}'
+    rows = rows_of_scenario("swarm2d", *LARGE, own)
     looking, _ = both(rows, monkeypatch)
     found = at(looking, rows.swarm, rows.swarm.start()[None])
     assert len(found.pairs) == len(rows.swarm.safe_set.pairs)

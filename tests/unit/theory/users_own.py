@@ -211,6 +211,24 @@ class Oval:
         return 1 - (d[0] / self.a) ** 2 - (d[1] / self.b) ** 2 + d[0] * d[1] / 50
 
 
+@dataclass(frozen=True)
+class ShortSighted(Separation):
+    """Separation of its own that says it reaches a hundredth as far as it does."""
+
+    def between(self, a: Body, b: Body) -> ca.SX:
+        return 4.0 * self.radius * self.radius - ca.sumsqr(a.p - b.p)
+
+    def reach(self, level: float, obstacle: object = None) -> float:
+        return 0.01 * self.radius
+
+
+@dataclass(frozen=True)
+class Reaches(Oval):
+    """An ellipse with a number that is called reach."""
+
+    reach: float = 3.0
+
+
 class Twin:
     """h_tot and every member's f and g again, in numpy."""
 
