@@ -4,7 +4,7 @@
 
 A limit on the size of files is the full disk that needs no root. One line for each size [bytes] at
 which a run came to anything else than exit status 3, a line that names the recording, no summary
-beside it and a recording that is cut short; exit with 1 if there was any.
+beside it and a recording that is cut short and shows no verdict; exit with 1 if there was any.
 """
 
 import resource
@@ -42,11 +42,13 @@ def complaints(ended: subprocess.CompletedProcess[str], folder: Path) -> list[st
         found.append(f"a {SUMMARY}")
     for written in folder.glob(f"*/{RECORDING}"):
         try:
-            damage = read(written).damage
-        except UnreadableRecordingError as error:
-            damage = str(error)  # nothing of it was written
-        if not damage:
+            recording = read(written)
+        except UnreadableRecordingError:
+            continue  # nothing of it was written
+        if not recording.damage:
             found.append("a whole recording")
+        if recording.summary:
+            found.append(f"a verdict: {recording.summary.outcome}")
     return found
 
 

@@ -70,7 +70,7 @@ class Carousel:
         self._past = LiveHistory(self.model)
         self.history = self._past.history
         self.summary: Summary | None = None
-        self.over = False
+        self.over, self.unfinished = False, ""
         self.log, self.violations = self._past.log, list[Violation]()
         self._start = self.model.swarm.start()
         self._phases = np.repeat(np.arange(count), 2) + np.tile([0.0, np.pi / 2.0], count)

@@ -9,6 +9,7 @@ from phalanx.cli.options import RunArgument, Trust
 
 if TYPE_CHECKING:
     from phalanx.guarantee.checker.certify import Certification
+    from phalanx.recording.read import Recording
 
 
 def register(app: typer.Typer) -> None:
@@ -27,11 +28,13 @@ def certify(run: RunArgument, trust: Trust = False) -> int:
     long an agent's certificates last if it hears nothing more, looked for up to four times the
     longest planned time between two inputs.
 
-    Exit status 0 if the run is certified, 1 if it is not, 3 if the recording cannot be read.
+    Exit status 0 if the run is certified, 1 if it is not or its recording is cut short, 3 if the
+    recording cannot be read.
     """
     from rich.console import Console
     from rich.progress import Progress
 
+    from phalanx.cli.damage import warn_of_damage
     from phalanx.guarantee.checker.certify import certify as certify_run
     from phalanx.guarantee.checker.intervals import UncertifiableError
     from phalanx.recording.read import UnreadableRecordingError, read
@@ -41,8 +44,7 @@ def certify(run: RunArgument, trust: Trust = False) -> int:
     except (UnreadableRecordingError, OSError) as error:
         print(error, file=sys.stderr)
         return 3
-    if recording.damage:
-        print(f"{recording.path}: {recording.damage}", file=sys.stderr)
+    warn_of_damage(recording)
     if not recording.states:
         print(f"{recording.path}: the recording holds no state", file=sys.stderr)
         return 3
@@ -58,18 +60,21 @@ def certify(run: RunArgument, trust: Trust = False) -> int:
         except UncertifiableError as error:
             print(f"not certified: {error}")
             return 1
-    _show(found)
-    return 0 if found else 1
+    _show(found, recording)
+    return 0 if found and not recording.damage else 1
 
 
-def _show(found: "Certification") -> None:
+def _show(found: "Certification", recording: "Recording") -> None:
     from rich.console import Console
     from rich.table import Table
 
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="dim")
     table.add_column()
-    table.add_row("verdict", "[green bold]certified[/]" if found else "[red bold]not certified[/]")
+    # What is missing of a recording may hold anything.
+    until = f" up to t = {recording.states[-1].t:.3f} s alone" if recording.damage else ""
+    certified = f"[{'yellow' if until else 'green'} bold]certified{until}[/]"
+    table.add_row("verdict", certified if found else "[red bold]not certified[/]")
     table.add_row("assumed", "the dynamics, and disturbances within their bounds")
     table.add_row("recording", "does not contradict them")
     share = f"{found.certified} of {found.samples} ({found.certified / max(found.samples, 1):.2%})"

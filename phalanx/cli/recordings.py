@@ -45,10 +45,12 @@ def report(run: RunArgument, trust: Trust = False) -> int:
     how large the recording.
     """
     import phalanx
+    from phalanx.cli.damage import warn_of_damage
     from phalanx.recording.size import size_in_words
 
     try:
         recorded = phalanx.open(run, trust=trust)
+        warn_of_damage(recorded.recording)
         print(recorded.report())
         print(f"recording: {size_in_words(recorded.recording)}")
     except (phalanx.UnreadableRecordingError, OSError) as error:

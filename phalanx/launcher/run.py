@@ -38,7 +38,7 @@ class Run:
         self.folder = folder
         """Recording, summary, logs and report lie here."""
         self.summary = summary
-        """The plant's key figures; None if the run broke before it had any."""
+        """The plant's key figures; None if its recording is damaged, or ends without them."""
         self._temporary = temporary
         self._recording = recording
         self._opened = recording.path if recording else folder
@@ -151,12 +151,14 @@ class Run:
             raise UnreadableRecordingError(f"{self.recording.path}: {error}") from error
 
     def __repr__(self) -> str:
-        return f"Run({str(self.folder)!r}, verdict={self.verdict and str(self.verdict)!r})"
+        verdict = self.verdict or f"none: {self.recording.unfinished}"
+        return f"Run({str(self.folder)!r}, verdict={str(verdict)!r})"
 
     def _repr_html_(self) -> str:
         """The key figures, as a notebook shows them."""
         if self.summary is None:
-            return f"<p>{escape(str(self.folder))}: no verdict</p>"
+            why = escape(self.recording.unfinished)
+            return f"<p>{escape(str(self.folder))}: no verdict, {why}</p>"
         rows = "".join(
             f"<tr><th style='text-align:left'>{escape(name)}</th><td>{escape(value)}</td></tr>"
             for name, value in _key_figures(self.summary)

@@ -43,12 +43,18 @@ class Recording:
     log: list[Log] = field(default_factory=list)
     commands: list[Command] = field(default_factory=list)
     summary: Summary | None = None
+    """The verdict; None of a recording with damage, wherever that is."""
     damage: str | None = None
     """Why the recording ends early, in words; None if it is whole."""
     shown: list[Shown] = field(default_factory=list)
     """Of a run in real time: beside each step, what it was made of."""
     modules: dict[str, str] = field(default_factory=dict)
     """SHA-256 of the user's modules recorded with it, by path."""
+
+    @property
+    def unfinished(self) -> str:
+        """Why there is no verdict, in words; empty if there is one."""
+        return "" if self.summary else self.damage or "it holds no summary"
 
     @property
     def times(self) -> Array:
@@ -77,7 +83,8 @@ def find(run: Path) -> Path:
 def read(run: Path, trust: bool = False) -> Recording:
     """Read a run folder or a recording file.
 
-    A file that was cut short gives all records up to its last whole chunk, and says so.
+    A file that was cut short gives all records up to its last whole chunk, says so, and has no
+    verdict: that is of the whole run, and stands before the last records.
 
     Args:
         run: the folder or the file.
@@ -109,7 +116,7 @@ def read(run: Path, trust: bool = False) -> Recording:
         raise UnreadableRecordingError(f"{path}: {unfit}: not of its scenario")
     return Recording(
         path, scenario, contents.metadata, by_kind[State], by_kind[Step], by_kind[Log],
-        by_kind[Command], contents.summary, damage, by_kind[Shown],
+        by_kind[Command], None if damage else contents.summary, damage, by_kind[Shown],
         contents.hashes,
     )  # fmt: skip
 

@@ -118,17 +118,20 @@ def write_down(summary: Summary, file: Path, recording: RecordingWriter) -> None
 
 
 class _WholeWrites:
-    """A file that takes each write whole or not at all, and keeps nothing back in memory."""
+    """A file that takes each write whole or not at all, and nothing behind one that failed."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._end = 0
+        self._failure: RecordingError | None = None
         try:
             self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         except OSError as error:
             raise RecordingError(error.errno, f"{error.strerror}: {path}") from error
 
     def write(self, data: bytes) -> int:
+        if self._failure:
+            raise self._failure
         rest = memoryview(data)
         try:
             while rest:
@@ -136,7 +139,8 @@ class _WholeWrites:
         except OSError as error:
             # Half a chunk would hide the whole ones behind it from a strict reader.
             os.ftruncate(self._fd, self._end)
-            raise RecordingError(error.errno, f"{error.strerror}: {self._path}") from error
+            self._failure = RecordingError(error.errno, f"{error.strerror}: {self._path}")
+            raise self._failure from error
         self._end += len(data)
         return len(data)
 

@@ -55,7 +55,7 @@ def _read_trusted(run: Path, drawn: bool) -> ComparedRun:
 def _compared(run: Recording, drawn: bool) -> ComparedRun:
     scenario = json.loads(run.scenario.model_dump_json(by_alias=True))
     settings = dict(_leaves({k: v for k, v in scenario.items() if k not in _SAME}))
-    verdict = str(run.summary.outcome) if run.summary else "unfinished"
+    verdict = str(run.summary.outcome) if run.summary else f"unfinished: {run.unfinished}"
     images = plates(run, link_statistics(run)) if drawn else ()
     return ComparedRun(
         run.path.resolve().parent.name,

@@ -74,7 +74,7 @@ def _verdict(recording: Recording) -> str:
     summary = recording.summary
     if summary is None:
         kind, meaning = "unfinished", "No verdict: the recording ends before the run did."
-        reason = recording.damage or "it holds no summary"
+        reason = recording.unfinished
     else:
         kind, meaning, reason = summary.outcome, _MEANING[summary.outcome], summary.reason
     return (

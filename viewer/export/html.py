@@ -22,8 +22,9 @@ def document(replay: Replay) -> str:
     """The whole document."""
     scene, summary = _scene(replay), replay.summary
     player = files(__package__).joinpath("player.html").read_text(encoding="utf-8")
+    verdict = (summary.outcome, summary.reason) if summary else ("no verdict", replay.unfinished)
     data = {
-        "verdict": f"{summary.outcome}: {summary.reason}" if summary else "no verdict",
+        "verdict": ": ".join(verdict),
         "content": content(replay, range(len(replay.model.names)), seekable=True),
     }
     # A name with "</script>" in it would end the element that holds the data.

@@ -163,6 +163,9 @@ def _log(recording: Recording) -> Iterator[Topical]:
         bad = summary.outcome in (Outcome.VIOLATED, Outcome.BROKEN)
         level = FoxgloveLog.ERROR if bad else FoxgloveLog.INFO
         lines.append((max(summary.t, 0.0), level, f"{summary.outcome}: {summary.reason}"))
+    else:
+        end = recording.states[-1].t if recording.states else 0.0
+        lines.append((end, FoxgloveLog.ERROR, f"no verdict: {recording.unfinished}"))
     for t, level, text in sorted(lines, key=lambda line: line[0]):
         message = FoxgloveLog(timestamp=stamp(t), level=level, message=text, name="phalanx")
         yield Topical(t, "/log", message)

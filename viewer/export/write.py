@@ -1,5 +1,6 @@
 """Write a recorded run to files that one can share."""
 
+import logging
 from pathlib import Path
 
 from phalanx.recording.read import read
@@ -7,6 +8,8 @@ from phalanx.viewer.export.html import document
 from phalanx.viewer.export.still import draw
 from phalanx.viewer.export.tables import CSV, PARQUET, write_tables
 from phalanx.viewer.feeds.replay import Replay
+
+log = logging.getLogger("phalanx.viewer")
 
 
 def run(
@@ -40,6 +43,8 @@ def run(
         OSError: it cannot be written.
     """
     recorded = read(recording, trust)
+    if recorded.damage:
+        log.warning("%s: %s; no verdict", recorded.path, recorded.damage)
     replay = Replay(recorded)
     if at is not None and not replay.times[0] <= at <= replay.end:
         raise ValueError(f"--at: expected {replay.times[0]:g} to {replay.end:g} s, got {at:g}")

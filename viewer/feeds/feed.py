@@ -25,6 +25,10 @@ class Feed(Protocol):
     """Whether a live run's plant has left; never of a recording."""
 
     @property
+    def unfinished(self) -> str:
+        """Why there will be no verdict, in words; empty otherwise."""
+
+    @property
     def log(self) -> Sequence[LogLine]:
         """Every line of the event log, as far as it is known."""
 

@@ -82,6 +82,12 @@ class Live:
         return newest
 
     @property
+    def unfinished(self) -> str:
+        """That the plant left without a verdict; empty otherwise."""
+        left = self.over and self.summary is None
+        return "the plant left without a verdict" if left else ""
+
+    @property
     def log(self) -> list[LogLine]:
         """Every line of the event log that a frame told."""
         return self._past.log

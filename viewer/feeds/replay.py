@@ -26,6 +26,7 @@ class Replay:
         self._run = RecordedRun(recording)
         self.model: SceneModel = self._run.model
         self.summary: Summary | None = self._run.summary
+        self.unfinished = recording.unfinished
         self.over = False
         self.history = self._run.history()
         self.times = self._run.times

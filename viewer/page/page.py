@@ -114,7 +114,7 @@ class Page:
     def _tell(self, frame: Frame) -> None:
         """Texts, in one message to every page."""
         with self.server.atomic():
-            self._panels.show(frame, self.selected, self._feed.summary, self._feed.over)
+            self._panels.show(frame, self.selected, self._feed)
             self._scene.lines.show_recent_paths(self._feed.recent_paths(frame.t))
             if self._commands:
                 self._commands.show(frame)

@@ -7,6 +7,7 @@ import viser
 from phalanx.faults.state import Condition
 from phalanx.guarantee.verdict import Assumption, Summary
 from phalanx.theory.rows.origin import words_of
+from phalanx.viewer.feeds.feed import Feed
 from phalanx.viewer.scene.model import SceneModel
 from phalanx.wire.frames import AgentStatus, Frame
 
@@ -43,11 +44,11 @@ class Panels:
         """Show agent i as selected."""
         self._selected.value = self._model.names[i]  # type: ignore[misc]
 
-    def show(self, frame: Frame, selected: int, summary: Summary | None, over: bool) -> None:
+    def show(self, frame: Frame, selected: int, feed: Feed) -> None:
         """Say how things stand."""
         self._worst_pair = frame.pair
-        self._status.content = _status(frame, self._model.scenario.duration, over)
-        self._verdict.content = _verdict(frame, summary)
+        self._status.content = _status(frame, self._model.scenario.duration, feed.over)
+        self._verdict.content = _verdict(frame, feed)
         self._agent.content = agent_in_words(frame.agents[selected])
         lines = [f"- `{line.t:.3f} s` {line.text}" for line in reversed(frame.log[-_LOG_LINES:])]
         self._log.content = "\n".join(lines) or "Nothing yet."
@@ -98,14 +99,14 @@ def _network(frame: Frame) -> str:
     return ", ".join(found + ([] if frame.delay is None else [f"delay {1e3 * frame.delay:g} ms"]))
 
 
-def _verdict(frame: Frame, summary: Summary | None) -> str:
+def _verdict(frame: Frame, feed: Feed) -> str:
     """The verdict, or how it would stand now; failed assumptions in words."""
     failed = [
         f"- {a.name}: failed {_count(a)}first at {a.first:.3f} s ({a.note})"
         for a in frame.assumptions
         if a.failed and a.first is not None
     ]
-    return "\n".join([_outcome(frame, summary), "", *failed])
+    return "\n".join([outcome_in_words(frame, feed.summary, feed.unfinished), "", *failed])
 
 
 def _count(assumption: Assumption) -> str:
@@ -113,7 +114,10 @@ def _count(assumption: Assumption) -> str:
     return f"{assumption.failed} of {assumption.checked}, " if assumption.checked else ""
 
 
-def _outcome(frame: Frame, summary: Summary | None) -> str:
+def outcome_in_words(frame: Frame, summary: Summary | None, unfinished: str) -> str:
+    """The verdict, why there is none, or how it would stand now."""
+    if unfinished:
+        return f"**no verdict**: {unfinished}"
     if summary is not None and frame.t >= summary.t - _SAME_TIME:
         return f"**{summary.outcome}**: {summary.reason}"
     if frame.violations:

@@ -275,6 +275,17 @@ def test_a_run_that_was_killed_leaves_a_recording_without_summary(tmp_path):
     assert len(found.states) > COUNT // 2
 
 
+def test_a_verdict_counts_only_at_the_end_of_a_whole_recording(whole, tmp_path):
+    """The last chunk is written behind it: what a run that broke then leaves has none."""
+    last, _ = chunks(whole)[-1]
+    assert b"summary.json" in whole[:last]
+    for cut in (last, last + 100, len(whole) - 1):
+        found = reread(tmp_path, whole[:cut])
+        assert found.summary is None
+        assert found.unfinished == found.damage
+    assert reread(tmp_path, whole).unfinished == ""
+
+
 def test_what_is_no_recording_is_refused_by_name(tmp_path):
     (tmp_path / "noise.mcap").write_bytes(os.urandom(100))
     (tmp_path / "empty.mcap").write_bytes(b"")
@@ -325,6 +336,20 @@ def test_a_full_disk_is_an_error_that_names_the_file_and_leaves_it_readable(whol
     whole_chunks = [end for _, end in chunks(whole) if end <= limit]
     assert path.stat().st_size >= whole_chunks[-1]
     assert len(found.states) > 0
+
+
+def test_behind_a_write_that_failed_nothing_is_written(whole, tmp_path):
+    """Room may come again: a later chunk is not to follow one that is missing, or zeros."""
+    path = tmp_path / RECORDING
+    with RecordingWriter(path, scenario(), "run-1") as writer:
+        with contextlib.suppress(RecordingError), full_disk(int(0.5 * len(whole))):
+            for record in records():
+                writer.write(record)
+        kept = path.read_bytes()
+        with pytest.raises(RecordingError, match=re.escape(str(path))):
+            writer.finish(FIGURES)
+    assert path.read_bytes() == kept
+    assert "cut short" in (read(path).damage or "")
 
 
 def bomb(whole: bytes, chunks_of: int, copies: int, *, honest: bool = True) -> bytes:
