@@ -1,6 +1,5 @@
 """phalanx: the command, its subcommands and its exit statuses."""
 
-import sys
 from typing import Annotated
 
 import typer
@@ -20,6 +19,7 @@ from phalanx.cli import (
 )
 from phalanx.cli.allowed import require_values
 from phalanx.cli.real_time import with_factor
+from phalanx.cli.terminal import complain, say
 
 USAGE_ERROR = 64
 
@@ -53,7 +53,7 @@ def _print_version(asked: bool) -> None:
     if asked:
         from phalanx import __version__
 
-        print(f"phalanx {__version__}")
+        say(f"phalanx {__version__}")
         raise typer.Exit
 
 
@@ -75,8 +75,8 @@ def status(arguments: list[str]) -> int:
         require_values(arguments)
         return int(app(with_factor(arguments), standalone_mode=False) or 0)
     except typer.TyperException as error:
-        print(error.format_message(), file=sys.stderr)
-        print("See phalanx --help, or phalanx COMMAND --help.", file=sys.stderr)
+        complain(error.format_message())
+        complain("See phalanx --help, or phalanx COMMAND --help.")
         return USAGE_ERROR
     except ValueError as error:
         from phalanx.scenario.load import (
@@ -85,15 +85,15 @@ def status(arguments: list[str]) -> int:
 
         if not isinstance(error, ScenarioError):
             raise
-        print(error, file=sys.stderr)
+        complain(error)
         return USAGE_ERROR
     except (MemoryError, ImportError) as error:
         # Under a tight limit it is often a library's file that cannot be mapped.
-        print(f"too little memory, or a broken installation: {error}", file=sys.stderr)
+        complain(f"too little memory, or a broken installation: {error}")
         return 3
     except OSError as error:  # of whoever reads what is printed: a full disk, say
-        print(error, file=sys.stderr)
+        complain(error)
         return 3
     except (KeyboardInterrupt, typer.Abort):
-        print("stopped", file=sys.stderr)
+        complain("stopped")
         return 130

@@ -1,11 +1,11 @@
 """phalanx certify: prove a recorded run safe, with code of its own."""
 
-import sys
 from typing import TYPE_CHECKING
 
 import typer
 
 from phalanx.cli.options import RunArgument, Trust
+from phalanx.cli.terminal import complain, say
 
 if TYPE_CHECKING:
     from phalanx.guarantee.checker.certify import Certification
@@ -42,11 +42,11 @@ def certify(run: RunArgument, trust: Trust = False) -> int:
     try:
         recording = read(run, trust)
     except (UnreadableRecordingError, OSError) as error:
-        print(error, file=sys.stderr)
+        complain(error)
         return 3
     warn_of_damage(recording)
     if not recording.states:
-        print(f"{recording.path}: the recording holds no state", file=sys.stderr)
+        complain(f"{recording.path}: the recording holds no state")
         return 3
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("certifying", total=1.0)
@@ -58,7 +58,7 @@ def certify(run: RunArgument, trust: Trust = False) -> int:
                 lambda share: bar.update(task, completed=share),
             )
         except UncertifiableError as error:
-            print(f"not certified: {error}")
+            say(f"not certified: {error}")
             return 1
     _show(found, recording)
     return 0 if found and not recording.damage else 1
@@ -66,15 +66,16 @@ def certify(run: RunArgument, trust: Trust = False) -> int:
 
 def _show(found: "Certification", recording: "Recording") -> None:
     from rich.console import Console
-    from rich.table import Table
 
-    table = Table(show_header=False, box=None, pad_edge=False)
+    from phalanx.cli.text_table import TextTable, styled
+
+    table = TextTable(show_header=False)
     table.add_column(style="dim")
     table.add_column()
     # What is missing of a recording may hold anything.
     until = f" up to t = {recording.states[-1].t:.3f} s alone" if recording.damage else ""
-    certified = f"[{'yellow' if until else 'green'} bold]certified{until}[/]"
-    table.add_row("verdict", certified if found else "[red bold]not certified[/]")
+    certified = styled(f"certified{until}", f"{'yellow' if until else 'green'} bold")
+    table.add_row("verdict", certified if found else styled("not certified", "red bold"))
     table.add_row("assumed", "the dynamics, and disturbances within their bounds")
     table.add_row("recording", "does not contradict them")
     share = f"{found.certified} of {found.samples} ({found.certified / max(found.samples, 1):.2%})"

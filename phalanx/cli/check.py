@@ -8,6 +8,8 @@ import typer
 
 from phalanx.cli.allowed import require_png
 from phalanx.cli.options import Overrides, ScenarioArgument, Seed, Trust
+from phalanx.cli.terminal import say
+from phalanx.launcher.printable import printable
 
 if TYPE_CHECKING:
     from phalanx.guarantee.check_report import CheckReport
@@ -57,35 +59,34 @@ def check(
     if plot is not None:
         found = backup_slice(build_rows(build_swarm(resolved)))
         if found is None:
-            print("no picture: it needs two agents with states x and y; this scenario has others")
+            say("no picture: it needs two agents with states x and y; this scenario has others")
         else:
             backup_plate(found).figure.savefig(plot, dpi=110)
-            print(f"picture: {plot}")
+            say(f"picture: {plot}")
     return 1 if strict and not report.may_be_guaranteed else 0
 
 
 def _show(scenario: "Scenario", report: "CheckReport") -> None:
     from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
 
     from phalanx.cli.check_table import asked
+    from phalanx.cli.text_table import TextTable, styled
 
     can = "can" if report.may_be_guaranteed else "cannot"
     q = report.relative_degree
-    print(f"{scenario.name}: a run {can} end guaranteed (relative degree q = {q})")
-    table = Table("what is asked", "found", "allowed", "paper", box=None, pad_edge=False)
+    say(f"{scenario.name}: a run {can} end guaranteed (relative degree q = {q})")
+    table = TextTable("what is asked", "found", "allowed", "paper")
     for row in asked(scenario, report):
-        found = Text(row.found, style="" if row.holds else "yellow")
-        table.add_row(row.what, found, Text(row.allowed), row.equation)
+        found = styled(row.found, "" if row.holds else "yellow")
+        table.add_row(row.what, found, row.allowed, row.equation)
     console = Console()
     console.print(table)
     for words in report.words:
-        print(_wrapped(words, console.width))
+        say(*_wrapped(printable(words), console.width))
 
 
-def _wrapped(words: str, width: int) -> str:
+def _wrapped(words: str, width: int) -> list[str]:
     """A line of a list, in lines of the terminal."""
-    return textwrap.fill(
+    return textwrap.wrap(
         f"- {words}", width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
     )

@@ -2,11 +2,14 @@
 
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Column, Table
+from rich.table import Column
+from rich.text import Text
 
+from phalanx.cli.text_table import TextTable, styled
 from phalanx.guarantee.punctuality import in_words
 from phalanx.guarantee.verdict import Outcome, Summary, certified
 from phalanx.launcher.run import Run
@@ -33,17 +36,12 @@ def progress(scenario: Scenario) -> Iterator[Callable[[Status], None]]:
     It fits 80 columns: the bar takes what the texts leave.
     """
     columns = (
-        TextColumn("{task.description}", table_column=Column(no_wrap=True, overflow="ellipsis")),
+        _text("{task.description}", overflow="ellipsis"),
         BarColumn(bar_width=None, table_column=Column(ratio=1, min_width=4)),
-        *[
-            TextColumn(text, table_column=Column(no_wrap=True))
-            for text in (
-                "{task.completed:.2f}/{task.total:g} s",
-                "{task.fields[factor]}",
-                "{task.fields[worst]}",
-                "{task.fields[backups]}",
-            )
-        ],
+        _text("{task.completed:.2f}/{task.total:g} s"),
+        _text("{task.fields[factor]}"),
+        _text("{task.fields[worst]}"),
+        _text("{task.fields[backups]}"),
         TimeRemainingColumn(table_column=Column(no_wrap=True)),
     )
     bar = Progress(*columns, console=Console(stderr=True), transient=True, expand=True)
@@ -72,6 +70,10 @@ def progress(scenario: Scenario) -> Iterator[Callable[[Status], None]]:
             bar.stop()
 
 
+def _text(words: str, **options: Any) -> TextColumn:
+    return TextColumn(words, markup=False, table_column=Column(no_wrap=True, **options))
+
+
 def _waiting(missing: Sequence[str], agents: int) -> str:
     """How many agents have joined, and some of those that have not."""
     named = ", ".join(missing[:_MOST_NAMES]) + (", ..." if len(missing) > _MOST_NAMES else "")
@@ -90,11 +92,10 @@ def last_line(summary: Summary) -> str:
 
 def print_summary(summary: Summary) -> None:
     """Print the table of a run's key figures."""
-    table = Table(show_header=False, box=None, pad_edge=False)
+    table = TextTable(show_header=False)
     table.add_column(style="dim")
     table.add_column()
-    colour = COLOUR[summary.outcome]
-    table.add_row("verdict", f"[{colour} bold]{summary.outcome}[/]")
+    table.add_row("verdict", styled(summary.outcome, f"{COLOUR[summary.outcome]} bold"))
     table.add_row("virtual time", f"{summary.t:.3f} s, seed {summary.seed}")
     factor = f"real-time factor {summary.real_time_factor:.1f}"
     table.add_row("wall time", f"{summary.wall_time:.2f} s, {factor}")
@@ -106,21 +107,22 @@ def print_summary(summary: Summary) -> None:
         table.add_row(assumption.name, _assumption(assumption.failed, assumption.checked))
     for needed in summary.theorem:
         if needed.name not in {a.name for a in summary.assumptions}:
-            told = _assumption(needed.failed, needed.checked)
-            table.add_row(f"[dim]of the theorem:[/] {needed.name}", told)
+            counts = _assumption(needed.failed, needed.checked)
+            table.add_row(f"of the theorem: {needed.name}", counts)
     for violation in summary.violations:
         depth = f"h up to {violation.worst:.4g} at t = {violation.worst_at:.3f} s"
-        table.add_row("[red]violated[/]", f"{violation.pair}: {depth}, {violation.duration:.3f} s")
+        told = f"{violation.pair}: {depth}, {violation.duration:.3f} s"
+        table.add_row(styled("violated", "red"), told)
     for reason, count in summary.rejected.items():
         table.add_row("payloads dropped", f"{count} {reason}")
     for fault in summary.faults:
         times = "once" if fault.count == 1 else f"{fault.count} times"
-        hit = times if fault.count else "[yellow]never had an effect[/]"
-        table.add_row(f"[dim]fault:[/] {fault.name}", hit)
+        hit = styled(times, "") if fault.count else styled("never had an effect", "yellow")
+        table.add_row(f"fault: {fault.name}", hit)
     table.add_row("trajectory", summary.trajectory[:16])
     if summary.punctuality:
         for name, value in in_words(summary.punctuality):
-            table.add_row(f"[dim]real time:[/] {name}", value)
+            table.add_row(f"real time: {name}", value)
     Console().print(table)
 
 
@@ -131,7 +133,7 @@ def print_profile(run: Run) -> None:
     for program, phase, _, share, per_step in run.profile.iter_rows():
         part = by_phase.setdefault((groups.get(program, program), phase), [])
         part.append((share, per_step))
-    table = Table("program", "phase", "µs per step", "share", box=None, pad_edge=False)
+    table = TextTable("program", "phase", "µs per step", "share")
     for (program, phase), values in by_phase.items():
         share, per_step = (sum(column) / len(values) for column in zip(*values, strict=True))
         table.add_row(program, phase, f"{per_step * 1e6:.0f}", f"{share:.0%}")
@@ -146,5 +148,7 @@ def _steps(summary: Summary) -> str:
     return f"{summary.steps}; of normal agents: {', '.join(shares)}"
 
 
-def _assumption(failed: int, checked: int) -> str:
-    return "[green]held[/]" if not failed else f"[yellow]failed[/] {failed} of {checked}"
+def _assumption(failed: int, checked: int) -> Text:
+    if not failed:
+        return styled("held", "green")
+    return styled(f"failed {failed} of {checked}", "yellow")

@@ -8,6 +8,7 @@ import typer
 
 from phalanx.cli.allowed import require_hosts
 from phalanx.cli.options import Overrides, ScenarioOption
+from phalanx.cli.terminal import say
 
 
 def register(app: typer.Typer) -> None:
@@ -76,5 +77,5 @@ def keys(
                 (folder / name / ENDPOINT).write_text(f"tls/{at}:7447\n", encoding="utf-8")
     except OSError as error:
         raise typer.BadParameter(f"DIR: {error}") from error
-    print(f"{folder}: certificates of {', '.join(names)}")
+    say(f"{folder}: certificates of {', '.join(names)}")
     return 0

@@ -5,6 +5,8 @@ from typing import Annotated, Any
 
 import typer
 
+from phalanx.cli.terminal import say
+
 commands = typer.Typer(no_args_is_help=True, help="Link models: presets, and fits to a capture.")
 
 
@@ -19,8 +21,7 @@ def presets() -> int:
     from phalanx.network.presets import PRESETS
 
     for name, preset in PRESETS.items():
-        print(f"# {name}: {preset.source}")
-        print(_toml(preset.table))
+        say(f"# {name}: {preset.source}", *_toml(preset.table))
     return 0
 
 
@@ -48,14 +49,14 @@ def fit(
     except (CaptureError, OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise typer.BadParameter(f"{capture}: {reason}") from error
-    print(f"# {found.messages} messages, {found.lost} lost; the delays of the model are")
-    print(f"# off by {found.distance:.3g} at most (Kolmogorov and Smirnov's distance)")
-    print(_toml(found.table))
+    say(f"# {found.messages} messages, {found.lost} lost; the delays of the model are")
+    say(f"# off by {found.distance:.3g} at most (Kolmogorov and Smirnov's distance)")
+    say(*_toml(found.table))
     return 0
 
 
-def _toml(fields: Any) -> str:
-    return "\n".join(["[network]", *(f"{k} = {_value(v)}" for k, v in fields.items()), ""])
+def _toml(fields: Any) -> list[str]:
+    return ["[network]", *(f"{k} = {_value(v)}" for k, v in fields.items()), ""]
 
 
 def _value(value: Any) -> str:

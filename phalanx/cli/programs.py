@@ -1,6 +1,5 @@
 """phalanx plant, agent, router: one program of a run, by itself, for containers and many hosts."""
 
-import sys
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -26,6 +25,7 @@ from phalanx.cli.options import (
     Timeout,
 )
 from phalanx.cli.real_time import RealTimeFactor
+from phalanx.cli.terminal import complain
 
 if TYPE_CHECKING:
     from phalanx.scenario.model import Scenario
@@ -202,7 +202,7 @@ def router(
         swarm = build_swarm(_load(scenario, overrides, seed))
         return run_router(swarm, membership, connect or ())
     except (HubError, OSError) as error:
-        print(error, file=sys.stderr)
+        complain(error)
         return 3
 
 
@@ -231,5 +231,5 @@ def _run_here(
         with claimed(membership, digest(scenario)) if claims else nullcontext(membership) as own:
             return run_program(program, rows, own, options) if own else 0
     except (HubError, ClaimError, OSError) as error:
-        print(error, file=sys.stderr)
+        complain(error)
         return 3

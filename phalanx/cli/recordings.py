@@ -1,6 +1,5 @@
 """phalanx scenarios, report, compare and verify: look at what there is."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -8,6 +7,7 @@ import typer
 
 from phalanx.cli.allowed import LARGEST_SEED, require_file, require_other
 from phalanx.cli.options import Engine, RunArgument, Trust
+from phalanx.cli.terminal import complain, say
 
 
 def register(app: typer.Typer) -> None:
@@ -21,20 +21,18 @@ def register(app: typer.Typer) -> None:
 def scenarios() -> int:
     """List the scenarios that ship."""
     from rich.console import Console
-    from rich.table import Table
 
+    from phalanx.cli.text_table import TextTable
     from phalanx.scenario.load import load, shipped
 
-    table = Table(box=None, pad_edge=False)
-    for column in ("name", "agents", "duration", "description"):
-        table.add_column(column)
+    table = TextTable("name", "agents", "duration", "description")
     for name in shipped():
         scenario = load(name)
         roles = [group.role for _, group, _ in scenario.roster()]
         agents = f"{roles.count('normal')} + {roles.count('adversary')}"
         table.add_row(name, agents, f"{scenario.duration:g} s", scenario.description)
     Console().print(table)
-    print("agents: normal + adversary. Run one with: phalanx run NAME")
+    say("agents: normal + adversary. Run one with: phalanx run NAME")
     return 0
 
 
@@ -51,10 +49,10 @@ def report(run: RunArgument, trust: Trust = False) -> int:
     try:
         recorded = phalanx.open(run, trust=trust)
         warn_of_damage(recorded.recording)
-        print(recorded.report())
-        print(f"recording: {size_in_words(recorded.recording)}")
+        say(recorded.report())
+        say(f"recording: {size_in_words(recorded.recording)}")
     except (phalanx.UnreadableRecordingError, OSError) as error:
-        print(error, file=sys.stderr)
+        complain(error)
         return 3
     return 0
 
@@ -77,8 +75,8 @@ def compare(
       phalanx compare runs/unicycles-* --html beside.html
     """
     from rich.console import Console
-    from rich.table import Table
 
+    from phalanx.cli.text_table import TextTable
     from phalanx.recording.read import UnreadableRecordingError, find
     from phalanx.report.compare import (
         compared_run,
@@ -93,7 +91,7 @@ def compare(
     try:
         require_other("--html", html, [find(run) for run in runs])
         compared = [compared_run(run, drawn=html is not None, trust=trust) for run in runs]
-        table = Table("", *titles(compared), box=None, pad_edge=False)
+        table = TextTable("", *titles(compared))
         for row in differences(compared):
             table.add_row(*row)
         table.add_section()
@@ -101,9 +99,9 @@ def compare(
             table.add_row(*row)
         Console().print(table)
         if html is not None:
-            print(write_comparison(compared, html))
+            say(write_comparison(compared, html))
     except (UnreadableRecordingError, OSError) as error:
-        print(error, file=sys.stderr)
+        complain(error)
         return 3
     return 0
 
@@ -132,11 +130,11 @@ def verify(
         with progress(recorded.scenario) as show:
             verification = recorded.verify(engine=engine, seed=seed, progress=show)
     except (phalanx.UnreadableRecordingError, phalanx.EngineError, OSError) as error:
-        print(error, file=sys.stderr)
+        complain(error)
         return 3
     if cut_short(recorded.recording):
         summary = recorded.summary
         why = recorded.recording.damage or (summary and summary.reason) or "no summary"
-        print(f"{recorded.recording.path}: {why}; comparing what there is")
-    print(verification)
+        say(f"{recorded.recording.path}: {why}; comparing what there is")
+    say(verification)
     return 0 if verification else 1

@@ -2,7 +2,6 @@
 
 import importlib.util
 import pkgutil
-import sys
 from typing import Annotated
 
 import typer
@@ -10,6 +9,7 @@ import typer
 from phalanx.cli.allowed import require_timeout
 from phalanx.cli.endpoints import certificates_for, require_endpoint
 from phalanx.cli.options import Insecure, KeysFolder, Secret, Trust
+from phalanx.cli.terminal import complain
 from phalanx.cli.viewing import Connect, LiveRun, RunOrRecording, require_either
 
 
@@ -84,7 +84,7 @@ def ros2(
         membership = Membership(run, connect, secret.encode(), VIEWER, timeout, certificates)
         return int(main.run_live(membership, graph, trust=trust))
     except (RuntimeError, ValueError, OSError) as error:
-        print(error, file=sys.stderr)
+        complain(error)
         return 3
 
 

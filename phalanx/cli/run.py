@@ -3,7 +3,6 @@
 import contextlib
 import resource
 import secrets
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,6 +20,7 @@ from phalanx.cli.options import (
     Speed,
 )
 from phalanx.cli.real_time import RealTimeFactor
+from phalanx.cli.terminal import complain, say
 
 if TYPE_CHECKING:
     from multiprocessing.process import BaseProcess
@@ -147,7 +147,7 @@ def run(
                 real_time=real_time,
             )
     except phalanx.EngineError as error:
-        print(f"broken: {error}", file=sys.stderr)
+        complain(f"broken: {error}")
         return 3
     except OSError as error:
         raise typer.BadParameter(
@@ -171,7 +171,7 @@ def _choose_port(view: bool, commands: bool, port: int | None) -> int | None:
         chosen = pkgutil.resolve_name("phalanx.viewer.page.server:choose_port")("127.0.0.1", port)
     except OSError as error:
         raise typer.BadParameter(f"--port: {error}") from error
-    print(f"viewer: http://127.0.0.1:{chosen}")
+    say(f"viewer: http://127.0.0.1:{chosen}")
     return int(chosen)
 
 
@@ -186,14 +186,14 @@ def _told(finished: "Run", profile: bool, report: bool) -> "Outcome":
         print_profile(finished)
     if report:
         _write_report(finished)
-    print(f"{last_line(summary)} ({finished.folder})")
+    say(f"{last_line(summary)} ({finished.folder})")
     return summary.outcome
 
 
 def _wait_for(page: "BaseProcess") -> None:
     """Let the page go on until Ctrl-C."""
     try:
-        print("the page replays the run; Ctrl-C ends it", flush=True)
+        say("the page replays the run; Ctrl-C ends it")
         page.join()
     except KeyboardInterrupt:
         page.terminate()
@@ -204,6 +204,6 @@ def _write_report(finished: "Run") -> None:
     from phalanx import UnreadableRecordingError
 
     try:
-        print(f"report: {finished.report()}")
+        say(f"report: {finished.report()}")
     except (UnreadableRecordingError, OSError) as error:
-        print(f"no report: {error}", file=sys.stderr)
+        complain(f"no report: {error}")

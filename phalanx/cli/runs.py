@@ -1,10 +1,11 @@
 """phalanx runs: the runs of a folder, and how each ended."""
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from phalanx.cli.terminal import complain
 
 if TYPE_CHECKING:
     from phalanx.guarantee.verdict import Summary
@@ -29,27 +30,26 @@ def runs(
       phalanx runs /data/runs
     """
     from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
 
     from phalanx.cli.display import COLOUR
+    from phalanx.cli.text_table import TextTable, styled
     from phalanx.launcher.live import find_live
     from phalanx.recording.records import RECORDING
 
     recordings = sorted(folder.glob(f"*/{RECORDING}"), key=lambda path: path.stat().st_mtime)
     if not recordings:
-        print(f"{folder}: no runs there; make one with: phalanx run unicycles", file=sys.stderr)
+        complain(f"{folder}: no runs there; make one with: phalanx run unicycles")
         return 3
-    table = Table("run", "verdict", "time", "seed", "worst h_tot", "certified", box=None)
+    table = TextTable("run", "verdict", "time", "seed", "worst h_tot", "certified")
     for run in (recording.parent for recording in recordings):
         summary = _summary(run)
         if summary is None:
-            table.add_row(Text(run.name), "running" if find_live(run) else "broken: no summary")
+            table.add_row(run.name, "running" if find_live(run) else "broken: no summary")
             continue
         certificates = summary.certificates
         table.add_row(
-            Text(run.name),
-            Text(summary.outcome, style=COLOUR[summary.outcome]),
+            run.name,
+            styled(summary.outcome, COLOUR[summary.outcome]),
             f"{summary.t:.3f} s",
             str(summary.seed),
             f"{summary.worst_h_tot:.4g}",

@@ -1,7 +1,6 @@
 """phalanx tap: a run's traffic as it goes."""
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -10,6 +9,7 @@ import typer
 from phalanx.cli.allowed import require_run
 from phalanx.cli.endpoints import require_endpoint
 from phalanx.cli.options import Secret
+from phalanx.cli.terminal import complain, say
 
 Kind = Literal["sample", "actuation", "broadcast", "telemetry", "frame", "status", "verdict"]
 
@@ -61,10 +61,10 @@ def tap(
         membership = found.membership
     try:
         for number, (key, fields) in enumerate(tapped(membership, kind or "*"), start=1):
-            print(json.dumps([key, fields], default=repr), flush=True)
+            say(json.dumps([key, fields], default=repr))
             if number == count:
                 break
     except HubError as error:
-        print(error, file=sys.stderr)
+        complain(error)
         return 3
     return 0

@@ -1,7 +1,6 @@
 """phalanx view, viewer and export: a run on a page, live or recorded, and as one file."""
 
 import pkgutil
-import sys
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -25,6 +24,7 @@ from phalanx.cli.options import (
     Timeout,
     Trust,
 )
+from phalanx.cli.terminal import complain, say
 
 Connect = Annotated[
     str,
@@ -181,9 +181,9 @@ def export(
         for option in ("html", "mcap"):
             require_other(f"--{option}", wanted[option], [find(run)])
         for path in make(run, at=at, trust=trust, **wanted):
-            print(path)
+            say(path)
     except (UnreadableRecordingError, OSError) as error:
-        print(error, file=sys.stderr)
+        complain(error)
         return 3
     except ValueError as error:  # a time outside the run
         raise typer.BadParameter(str(error)) from error
@@ -226,5 +226,5 @@ def _show(program: str, *arguments: object, **options: object) -> int:
     try:
         return int(pkgutil.resolve_name(f"phalanx.viewer.main:{program}")(*arguments, **options))
     except (RuntimeError, ValueError, OSError) as error:
-        print(error, file=sys.stderr)
+        complain(error)
         return 3

@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from phalanx.launcher.printable import PrintableFormatter
 from phalanx.scenario.fields import CONTROLLER
 from phalanx.swarm.rows import SafetyRows
 from phalanx.wire.membership import Membership
@@ -119,4 +120,6 @@ def redirect_output(log: Path) -> None:
 
 def configure_logging() -> None:
     """Log to standard error, each line with its wall time."""
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s")
+    handler = logging.StreamHandler()
+    handler.setFormatter(PrintableFormatter("%(asctime)s %(levelname)s %(message)s"))
+    logging.basicConfig(level=logging.INFO, handlers=[handler])

@@ -2,13 +2,18 @@
 
 from collections.abc import Iterable
 
+from phalanx.faults.commands import ON_AGENTS, Command
 from phalanx.recording.records import Shown, State, Step
 from phalanx.scenario.model import Scenario
 from phalanx.theory.rows.origin import Origin
 
 
 def misfit(
-    scenario: Scenario, states: Iterable[State], steps: Iterable[Step], shown: Iterable[Shown] = ()
+    scenario: Scenario,
+    states: Iterable[State],
+    steps: Iterable[Step],
+    shown: Iterable[Shown] = (),
+    commands: Iterable[Command] = (),
 ) -> str | None:
     """The first record that is none of this scenario's, in words; None if all are."""
     dynamics = {name: group.dynamics_object() for name, group, _ in scenario.roster()}
@@ -24,6 +29,9 @@ def misfit(
     for each in shown:
         if not _could_be_shown(each, sizes, inputs):
             return f"what agent {each.agent!r} was shown at t = {each.t:.3f} s has wrong fields"
+    for command in commands:
+        if command.kind in ON_AGENTS and command.agent not in dynamics:
+            return f"a command at t = {command.t:.3f} s to {command.agent!r}, which is no agent"
     return None
 
 

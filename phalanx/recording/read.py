@@ -112,7 +112,7 @@ def read(run: Path, trust: bool = False) -> Recording:
         with_it = f" (recorded with it: {', '.join(contents.modules)})" if contents.modules else ""
         raise UnreadableRecordingError(f"{path}: {error}{with_it}") from error
     by_kind: dict[type, list[Any]] = contents.records
-    if unfit := misfit(scenario, by_kind[State], by_kind[Step], by_kind[Shown]):
+    if unfit := misfit(scenario, by_kind[State], by_kind[Step], by_kind[Shown], by_kind[Command]):
         raise UnreadableRecordingError(f"{path}: {unfit}: not of its scenario")
     return Recording(
         path, scenario, contents.metadata, by_kind[State], by_kind[Step], by_kind[Log],

@@ -34,11 +34,17 @@ def tapped(membership: Membership, kind: str = "*") -> Iterator[Any]:
         watch(session, keys.alive(PLANT), lambda _, alive: None if alive else arrived.put(None))
         while (message := arrived.get()) is not None:
             key, payload = message
-            yield key, _fields(payload)
+            yield key, decoded(payload)
 
 
-def _fields(payload: bytes) -> Any:
+def decoded(payload: bytes) -> Any:
+    """Fields of a message, each as JSON has it; its bytes if it is not msgpack under a seal."""
     try:
-        return msgpack.unpackb(payload[SEAL_BYTES:])
+        return msgpack.unpackb(payload[SEAL_BYTES:], object_pairs_hook=_named)
     except (ValueError, msgpack.UnpackException):
         return payload
+
+
+def _named(fields: list[tuple[str | bytes, Any]]) -> dict[str, Any]:
+    """A map by texts, as JSON has it: in msgpack a name may be bytes."""
+    return {str(name): value for name, value in fields}

@@ -27,8 +27,8 @@ def document(replay: Replay) -> str:
         "verdict": ": ".join(verdict),
         "content": content(replay, range(len(replay.model.names)), seekable=True),
     }
-    # A name with "</script>" in it would end the element that holds the data.
-    shown = msgspec.json.encode(data).decode().replace("</", "<\\/")
+    # What looks like a tag, or a comment, could end the element that holds the data.
+    shown = msgspec.json.encode(data).decode().replace("<", "\\u003c")
     end = scene.rindex("</body>")
     parts = player.replace("/*SCRIPT*/", script()).replace("/*DATA*/", shown)
     return scene[:end] + parts + scene[end:]

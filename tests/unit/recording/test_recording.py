@@ -23,6 +23,7 @@ from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 from zstandard import ZstdCompressor
 
+from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Assumption, CertificateSummary, Outcome, Summary, Violation
 from phalanx.recording.read import Recording, UnreadableRecordingError, read
 from phalanx.recording.records import RECORDING, SUMMARY, Log, State, Step
@@ -405,11 +406,14 @@ MISFITS = {
     "an unknown origin": msgspec.structs.replace(GOOD, origin="divine"),
     "a broadcast of nobody": msgspec.structs.replace(GOOD, fates=[("9", 0, 0.0)]),
     "a false claim of another size": msgspec.structs.replace(GOOD, false=[("2", 0, 0.0, [0.0])]),
+    "a command to nobody": Command(0.1, CommandKind.KILL, "9"),
 }
 
 
 @pytest.mark.parametrize("record", MISFITS.values(), ids=MISFITS)
-def test_records_that_are_not_of_their_scenario_are_refused(record: State | Step, tmp_path: Path):
+def test_records_that_are_not_of_their_scenario_are_refused(
+    record: State | Step | Command, tmp_path: Path
+):
     with RecordingWriter(tmp_path / RECORDING, scenario(), "run-1") as writer:
         writer.write(GOOD)
         writer.write(record)
