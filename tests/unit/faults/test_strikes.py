@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from phalanx.faults.strikes import at_random
+from phalanx.faults.strikes import Strike, at_random
 from phalanx.scenario.load import load
 from phalanx.scenario.strikes import Struck, all_struck
 from phalanx.seeded.draws import Draws
@@ -40,6 +40,11 @@ def test_a_longer_run_begins_with_the_same_strikes():
 def test_at_a_time_everybody_is_struck_once_and_for_as_long_as_it_lasts():
     _, *others = struck(kind="pause", at=2.0, **{"for": 0.5})
     assert [each.strike for each in others] == [(name, 2.0, 2.5) for name in "12345"]
+
+
+def test_a_strike_is_in_force_from_its_begin_and_no_longer_at_its_end():
+    strike = Strike("1", 2.0, 2.5)
+    assert [strike.holds(t) for t in (1.999, 2.0, 2.499, 2.5)] == [False, True, True, False]
 
 
 def test_one_faults_strikes_do_not_depend_on_anothers():

@@ -15,6 +15,7 @@ from phalanx.guarantee.certificate import (
 )
 from phalanx.guarantee.certificates import Held, SwarmCertificates
 from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.models.dynamics import box_polytope
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.unicycle import Unicycle
 from phalanx.theory.safety.class_k import Linear
@@ -177,6 +178,31 @@ def test_without_an_enclosure_nothing_is_certified():
     """Positions of which even the box is infinite."""
     pair = certificate(DoubleIntegrator(1e200, 1e200, 2), [1.0, 1.0])
     assert held(pair, np.array([50.0, 0, 0, 0, 0, 0, 0, 0]), np.zeros(2)) == 0.0
+
+
+class Exploding:
+    """x' = x² + u and y' = 0: from x = 10 on there is no state after .1 s."""
+
+    states, inputs = ("x", "y"), ("u",)
+
+    def drift(self, x: ca.SX) -> ca.SX:
+        return ca.vertcat(x[0] * x[0], 0)
+
+    def actuation(self, x: ca.SX) -> ca.SX:
+        return ca.SX([1, 0])
+
+    def position(self, x: ca.SX) -> ca.SX:
+        return x
+
+    def input_polytope(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
+        return box_polytope((1.0,))
+
+
+def test_nothing_is_certified_for_longer_than_there_is_a_state():
+    """The other agent is far aside: no box that is computed comes near it."""
+    pair = certificate(Exploding(), [1.0], bounds=(0.0, 0.0))
+    x = np.array([10.0, 0.0, 10.0, 100.0])
+    assert held(pair, x, np.zeros(1)) < 0.1
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Which broadcasts exist for whom, by virtual time alone. Agent 0 listens to agent 1 here."""
 
+import numpy as np
 import pytest
 
 from phalanx.plant.sampling.contacts import Contacts
@@ -50,6 +51,14 @@ def test_agents_that_sample_together_do_not_hear_each_other():
         assert existing == [((-1, since), (-1, newest)), ((since, -1), (newest, -1))]
         for i in everybody:
             contacts.sampled(i, k, PERIOD * k, Sight(everybody, (1 - i,)))
+
+
+def test_a_broadcast_sent_at_the_very_instant_of_a_sample_is_not_heard_in_it():
+    contacts = Contacts(2, 0.0)
+    for k, t in enumerate((0.0, PERIOD)):
+        contacts.sampled(1, k, t, IN_SIGHT)
+    assert contacts.existing(0, PERIOD, (1,)) == ((0,), (0,))
+    assert contacts.existing(0, np.nextafter(PERIOD, 1.0), (1,)) == ((0,), (1,))
 
 
 def test_of_who_comes_into_range_only_what_is_sent_from_then_on_counts():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from phalanx.guarantee.verdict import Assumption
-from phalanx.plant.events.events import InputApplied, Sampled
+from phalanx.plant.events.events import InputApplied, Sampled, StateReached
 from phalanx.plant.judge.coverage import Applied
 from phalanx.plant.judge.judge import Judge
 from phalanx.plant.world.integration import DisturbanceKnot
@@ -20,15 +20,23 @@ def judge_of(*overrides: str) -> Judge:
 
 
 def apply(
-    judge: Judge, i: int, k: int = 0, t: float = 0.0, ages=(), origin: Origin = Origin.QP
+    judge: Judge,
+    i: int,
+    k: int = 0,
+    t: float = 0.0,
+    ages=(),
+    origin: Origin = Origin.QP,
+    t_apply: float | None = None,
+    u: tuple[float, float] = (0.0, 0.0),
 ) -> None:
-    """Agent i's input for a sample at t takes effect at once."""
+    """Agent i's input for a sample at t [s] takes effect, at once or at t_apply [s]."""
     telemetry = Telemetry(
         k=k, origin=origin, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0, ages=ages
     )
     x = rows_of_scenario("unicycles").swarm.start()
-    (proven,) = judge.coverage.proven([Applied(i, t, x, np.zeros(2))])
-    judge.applied(InputApplied(i, k, t, t, (0.0, 0.0)), telemetry, proven)
+    t_apply = t if t_apply is None else t_apply
+    (proven,) = judge.coverage.proven([Applied(i, t_apply, x, np.array(u))])
+    judge.applied(InputApplied(i, k, t, t_apply, u), telemetry, proven)
 
 
 def assumption(judge: Judge, name: str) -> Assumption:
@@ -93,7 +101,7 @@ def test_a_disturbance_beyond_its_bound_is_counted_at_its_knot():
     phi[3:6] = 1.73 / np.sqrt(3)
     judge.saw([DisturbanceKnot(0.1, phi)])
     assert counted(judge, "disturbance bound") == (0, 1, None)
-    judge.saw([DisturbanceKnot(0.2, 1.01 * phi)])
+    judge.saw([DisturbanceKnot(0.2, (1.0 + 1e-6) * phi)])
     assert counted(judge, "disturbance bound") == (1, 2, 0.2)
 
 
@@ -152,3 +160,32 @@ def test_a_solver_that_failed_is_no_empty_k_i():
     assert judge.origins["solver-failed"] == 1
     apply(judge, 0, k=1, t=0.01, origin=Origin.BACKUP)
     assert counted(judge, "non-empty K_i") == (1, 2, 0.01)
+
+
+def test_an_input_that_is_half_a_millisecond_late_is_late():
+    judge = judge_of("time.latency=0.002")
+    for late in (0.0, 5e-4):
+        apply(judge, 0, t=0.01, t_apply=0.012 + late)
+    assert counted(judge, "inputs in time") == (1, 2, 0.0125)
+
+
+def test_an_input_has_to_be_in_u_of_the_state_that_was_sampled():
+    """The output's velocity is bound to 4 m/s ahead and .5 m/s aside, of the sampled heading."""
+    dynamics = 'agents.0.dynamics={ type = "tests.unit.theory.users_own:OutputUnicycle" }'
+    judge = judge_of(dynamics, "time.latency=0.002")
+    ahead, aside = start_with(heading=0.0), start_with(heading=np.pi / 2)
+    for k, (sampled, applied) in enumerate([(ahead, aside), (aside, ahead)]):
+        t = 0.01 * k
+        judge.reached(StateReached(t, sampled, []), [])
+        judge.sampled(Sampled(0, t))
+        judge.reached(StateReached(t + 0.002, applied, []), [])
+        apply(judge, 0, k=k, t=t, t_apply=t + 0.002, u=(4.0, 0.0))
+    failed, _, first = counted(judge, "admissible inputs")
+    assert (failed, first) == (1, 0.012)
+
+
+def start_with(heading: float) -> np.ndarray:
+    """Simulation 1's start, where the first agent's heading is this [rad]."""
+    x = rows_of_scenario("unicycles").swarm.start()
+    x[2] = heading
+    return x

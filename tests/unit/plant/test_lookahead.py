@@ -78,6 +78,8 @@ def test_only_who_may_be_in_sight_by_now_is_in_question():
     assert ahead.in_question([1]) == [1], "nobody is handed a sample before it has answered"
     ahead.advance(0.05)
     assert ahead.in_question([0]) == []
+    ahead.advance(0.12)  # .54 m from being seen: .48 m by its own speed, .70 m if it is pushed
+    assert ahead.in_question([0]) == [1]
     ahead.advance(0.2)
     assert ahead.in_question([0]) == [1]
     ahead.end_awaiting(1, np.array([0.0, 0.0]))

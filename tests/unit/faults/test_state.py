@@ -1,0 +1,77 @@
+"""Conditions of agents: which commands have an effect, and on whom."""
+
+import pytest
+
+from phalanx.faults.commands import Command, CommandKind
+from phalanx.faults.state import Condition, FaultState
+
+KILL, RESTART = CommandKind.KILL, CommandKind.RESTART
+FREEZE, THAW, TURN = CommandKind.FREEZE, CommandKind.THAW, CommandKind.TURN
+
+
+def after(*kinds: CommandKind) -> tuple[Condition, bool]:
+    """Agent a's condition after these commands, and whether the last of them changed it."""
+    state = FaultState(("b", "a"))
+    changed = [state.obey(Command(0.0, kind, "a")) for kind in kinds]
+    assert state.condition[0] is Condition.FINE
+    return state.condition[1], changed[-1] == 1
+
+
+@pytest.mark.parametrize(
+    ("kinds", "condition"),
+    [
+        ((KILL,), Condition.DEAD),
+        ((FREEZE,), Condition.FROZEN),
+        ((FREEZE, THAW), Condition.FINE),
+        ((FREEZE, KILL), Condition.DEAD),
+        ((KILL, RESTART), Condition.FINE),
+        ((TURN,), Condition.TURNED),
+        ((TURN, FREEZE, THAW), Condition.TURNED),
+        ((TURN, KILL, RESTART), Condition.TURNED),
+    ],
+)
+def test_a_command_leads_on_from_the_conditions_that_it_fits(kinds, condition):
+    assert after(*kinds) == (condition, True)
+
+
+@pytest.mark.parametrize(
+    ("kinds", "condition"),
+    [
+        ((RESTART,), Condition.FINE),
+        ((THAW,), Condition.FINE),
+        ((FREEZE, RESTART), Condition.FROZEN),
+        ((FREEZE, FREEZE), Condition.FROZEN),
+        ((FREEZE, TURN), Condition.FROZEN),
+        ((KILL, KILL), Condition.DEAD),
+        ((KILL, FREEZE), Condition.DEAD),
+        ((KILL, THAW), Condition.DEAD),
+        ((KILL, TURN), Condition.DEAD),
+        ((TURN, TURN), Condition.TURNED),
+    ],
+)
+def test_in_any_other_condition_a_command_has_no_effect(kinds, condition):
+    assert after(*kinds) == (condition, False)
+
+
+def test_only_the_frozen_and_the_dead_are_silent():
+    state = FaultState(("a",))
+    silent = []
+    for kind in (TURN, FREEZE, THAW, KILL, RESTART):
+        state.obey(Command(0.0, kind, "a"))
+        silent.append(state.silent(0))
+    assert silent == [False, True, False, True, False]
+
+
+def test_orders_tell_of_links_and_of_who_turned_alone():
+    state = FaultState(("a", "b"))
+    assert state.orders(0) is None
+    state.obey(Command(0.0, TURN, "a"))
+    assert state.orders(1) is None
+    assert state.orders(0).adversary
+    state.obey(Command(0.0, CommandKind.LOSS, value=0.25))
+    state.obey(Command(0.0, CommandKind.DELAY, value=0.5))
+    assert (state.orders(1).loss, state.orders(1).delay, state.orders(1).adversary) == (
+        0.25,
+        0.5,
+        False,
+    )

@@ -1,0 +1,72 @@
+"""Two recordings side by side: every number of the trajectory is compared, and nothing else."""
+
+from pathlib import Path
+
+import pytest
+
+from phalanx.launcher.verify import first_difference
+from phalanx.recording.read import Recording, read
+from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space
+
+
+@pytest.fixture
+def twins(tmp_path: Path) -> tuple[Recording, Recording]:
+    """The same run, recorded twice."""
+    scenario = swarm_in_space(2, 1, {})
+    found = []
+    for name in ("first", "second"):
+        (tmp_path / name).mkdir()
+        found.append(read(record(tmp_path / name, scenario, drift(scenario), summary_of(scenario))))
+    return found[0], found[1]
+
+
+def test_the_same_run_has_no_difference_whatever_its_wall_times(twins):
+    first, second = twins
+    for step in second.steps:
+        step.solve_time += 1.0
+    assert first_difference(first, second) is None
+
+
+@pytest.mark.parametrize("field", ["t", "x", "h_tot"])
+def test_every_number_of_a_state_is_compared(twins, field):
+    first, second = twins
+    state = second.states[7]
+    value = getattr(state, field)
+    changed = [*value[:-1], value[-1] + 1e-12] if field == "x" else value + 1e-12
+    setattr(state, field, changed)
+    found = first_difference(first, second)
+    assert found.startswith(f"state 7 at t = {first.states[7].t:.6f} s: ")
+    assert f" s: {'agent' if field == 'x' else field} " in found
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("t_apply", 9.0),
+        ("u", [0.1, 0.1, 0.2]),
+        ("origin", "backup"),
+        ("residual", 1e-12),
+        ("ages", [("3", 0.5)]),
+        ("fates", [("3", 0, 0.5)]),
+        ("u_nom", [0.0, 0.0, 1e-12]),
+        ("certified", 0.5),
+        ("margin", 0.5),
+        ("faults", [("3", 0, ["network.loss"])]),
+        ("false", [("3", 0, 0.0, [1.0, 1.0, 1.0])]),
+    ],
+)
+def test_every_number_of_a_step_but_its_wall_time_is_compared(twins, field, value):
+    first, second = twins
+    setattr(second.steps[5], field, value)
+    found = first_difference(first, second)
+    assert found.startswith("step 5, agent ")
+    assert f" s: {field}" in found
+
+
+def test_a_run_that_is_shorter_differs(twins):
+    first, second = twins
+    second.steps.pop()
+    assert "steps recorded" in first_difference(first, second)
+    first.steps.pop()
+    second.states.pop()
+    assert "states recorded" in first_difference(first, second)
