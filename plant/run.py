@@ -73,7 +73,7 @@ class PlantRun:
         self._commands = commands
         commands.declare(declared(swarm))
         faults = FaultState(swarm.names)
-        self._frames = FramePublisher(audience, self._judge, commands, faults, self._world.x)
+        self._frames = FramePublisher(audience, self._judge, commands, swarm.names, self._world.x)
         self._scribe = RunScribe(
             swarm.names,
             self._declared,

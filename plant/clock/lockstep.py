@@ -22,6 +22,7 @@ from phalanx.plant.events.events import (
     CommandObeyed,
     InputApplied,
     InputLost,
+    InstantOver,
     Sampled,
     StateReached,
 )
@@ -225,6 +226,7 @@ class Lockstep:
                 if self._ahead is None:
                     self.world.apply(i, np.array(message.u))
                 self._happened.add(InputApplied(i, k, sampled, moment.t, message.u))
+        self._happened.add(InstantOver(moment.t))
         self._moments.popleft()
         return True
 

@@ -21,6 +21,7 @@ from phalanx.plant.events.events import (
     CommandObeyed,
     InputApplied,
     InputLost,
+    InstantOver,
     MemberLost,
     Sampled,
     StateReached,
@@ -143,6 +144,8 @@ class RealTime:
             self._happened.add(MemberLost(i, now, back))
         self._returning -= {i for i, back in changes if back}
         self._sample([i for i in due if not self._faults.silent(i)], now)
+        if ready or commands or changes or due:
+            self._happened.add(InstantOver(self.world.t))
 
     def _reach(self, t: float) -> None:
         if t > self.world.t:

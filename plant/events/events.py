@@ -80,4 +80,11 @@ class MemberLost(NamedTuple):
     back: bool
 
 
-Event = StateReached | Sampled | CommandObeyed | InputApplied | InputLost | MemberLost
+class InstantOver(NamedTuple):
+    """Nothing more happens at t: what is shown of it now is what a replay shows."""
+
+    t: float
+    """[s]"""
+
+
+Event = StateReached | Sampled | CommandObeyed | InputApplied | InputLost | MemberLost | InstantOver

@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.faults.commands import Command
 from phalanx.faults.state import FaultState
 from phalanx.plant.clock.commands import CommandQueue
 from phalanx.plant.events.events import InputApplied, StateReached
@@ -47,19 +48,17 @@ class FramePublisher:
         audience: FrameAudience | None,
         judge: Judge,
         commands: CommandQueue,
-        faults: FaultState,
+        names: tuple[str, ...],
         start: Array,
     ) -> None:
-        """start: x(0), shape (n̄,)."""
-        self._audience, self._judge = audience, judge
-        self._commands, self._faults = commands, faults
-        self._t, self._x = 0.0, start
-        agents = faults.condition
-        self._last: list[tuple[InputApplied, Telemetry, float | None] | None] = [
-            None for _ in agents
-        ]
-        self._backups = [0 for _ in agents]
-        self._without_authority = [0 for _ in agents]
+        """names: of all agents. start: x(0), shape (n̄,)."""
+        self._audience, self._judge, self._commands = audience, judge, commands
+        # Its own: those who obey are ahead of what has been told.
+        self._faults = FaultState(names)
+        self._t, self._x, self._settled = 0.0, start, True
+        self._last: list[_Answered | None] = [None for _ in names]
+        self._backups = [0 for _ in names]
+        self._without_authority = [0 for _ in names]
         self._log: deque[LogLine] = deque(maxlen=_LINES)
         self._link_events: dict[tuple[int, int], float] = {}
         self._peak = -np.inf
@@ -69,7 +68,7 @@ class FramePublisher:
 
     def saw_state(self, event: StateReached, peak: float) -> None:
         """The world at an event, and the largest h_tot since the one before."""
-        self._t, self._x = event.t, event.x
+        self._t, self._x, self._settled = event.t, event.x, False
         self._peak = max(self._peak, peak)
 
     def saw_input(self, event: InputApplied, telemetry: Telemetry, certified: float | None) -> None:
@@ -84,14 +83,27 @@ class FramePublisher:
             if fate.delay != 0.0 and (known or len(self._link_events) < _LINK_EVENTS):
                 self._link_events[link] = worse(self._link_events.get(link, 0.0), fate.delay)
 
+    def saw_command(self, command: Command) -> None:
+        """A command was obeyed."""
+        self._faults.obey(command)
+
+    def settled(self) -> None:
+        """All that happens at the last state's time was seen; show it if a frame is due."""
+        self._settled = True
+        self.show()
+
     def say(self, t: float, text: str) -> None:
         """Add a line to the event log."""
         self._log.append(LogLine(t, text))
 
     def show(self, last: bool = False) -> None:
-        """Publish a frame if one is due and somebody looks; the last one is always due."""
+        """Publish a frame if one is due and somebody looks; the last one is always due.
+
+        None is due in the middle of an instant, some of whose inputs were seen and some not.
+        """
         now = time.monotonic()
-        if self._audience is None or (now < self._due and not last):
+        due = self._settled and now >= self._due
+        if self._audience is None or not (due or last):
             return
         self._due = now + _EVERY
         if self._audience.present:

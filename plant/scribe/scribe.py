@@ -14,6 +14,7 @@ from phalanx.plant.events.events import (
     Event,
     InputApplied,
     InputLost,
+    InstantOver,
     MemberLost,
     Sampled,
     StateReached,
@@ -124,6 +125,8 @@ class RunScribe:
                 self._on_lost_input(event)
             case MemberLost():
                 self._on_lost_member(event)
+            case InstantOver():
+                self._frames.settled()
 
     def idle(self) -> None:
         """Show what is due to be shown."""
@@ -161,6 +164,7 @@ class RunScribe:
     def _on_command(self, event: CommandObeyed) -> None:
         command = event.command
         self._recording.write(command)
+        self._frames.saw_command(command)
         of = ", ".join(self._names[j] for j in event.forgotten)
         lost = f"; lost with it: the inputs received of {of}" if of else ""
         self._say(command.t, described(command) + lost)

@@ -1,0 +1,68 @@
+"""What viewers see live is what a replay shows at the same time."""
+
+from pathlib import Path
+
+import pytest
+
+from phalanx.faults.commands import Command, CommandKind, CommandPolicy
+from phalanx.launcher.engine import silent
+from phalanx.launcher.in_process_engine import DirectAgents
+from phalanx.plant.clock import backlog
+from phalanx.plant.clock.commands import CommandQueue
+from phalanx.plant.run import PlantRun
+from phalanx.plant.scribe import frames
+from phalanx.recording.write import RecordingWriter
+from phalanx.viewer.feeds.replay import open_replay
+from phalanx.wire.frames import Frame
+from phalanx.wire.messages import Actuation
+from tests.unit.swarms import rows_of_scenario
+
+
+class LateAgents(DirectAgents):
+    """Agents whose answers are there when they are awaited alone: the plant shows frames before."""
+
+    def take_actuation(self, i: int) -> Actuation | None:
+        return None
+
+    def await_actuation(self, i: int) -> Actuation:
+        return self._actuations.pop(i)
+
+
+class Audience:
+    present = True
+
+    def __init__(self) -> None:
+        self.frames: list[Frame] = []
+
+    def show(self, frame: Frame) -> None:
+        self.frames.append(frame)
+
+
+@pytest.mark.parametrize(("agents_of", "longest"), [(LateAgents, 0.0), (DirectAgents, 1e9)])
+def test_a_frame_shows_what_a_replay_does_at_its_time(
+    agents_of: type[DirectAgents],
+    longest: float,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """However late answers come, and however many events wait to be told."""
+    monkeypatch.setattr(frames, "_EVERY", 0.0)
+    monkeypatch.setattr(backlog, "_LONGEST", longest)
+    rows = rows_of_scenario("unicycles", "duration=1.5", "time.latency=0.002")
+    schedule = tuple(
+        Command(t=t, kind=kind, agent="4")
+        for kind, t in ((CommandKind.FREEZE, 0.5), (CommandKind.THAW, 1.0))
+    )
+    commands = CommandQueue(CommandPolicy(schedule=schedule), rows.swarm.names)
+    audience = Audience()
+    with RecordingWriter(tmp_path / "recording.mcap", rows.swarm.scenario, "run") as recording:
+        agents = agents_of(rows, silent)
+        summary = PlantRun(rows, agents, recording, commands, audience).run()
+        recording.finish(summary)
+    replay = open_replay(tmp_path)
+    assert len(audience.frames) > 100
+    for frame in audience.frames:
+        again = replay.frame(frame.t)
+        assert (frame.t, frame.agents) == (again.t, again.agents)
+        assert (frame.x, frame.pair, frame.worst_h) == (again.x, again.pair, again.worst_h)
+    assert sum(agent.backups for agent in audience.frames[-1].agents) > 0
