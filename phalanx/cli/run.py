@@ -23,9 +23,8 @@ from phalanx.cli.real_time import RealTimeFactor
 from phalanx.cli.terminal import complain, say
 
 if TYPE_CHECKING:
-    from multiprocessing.process import BaseProcess
-
     from phalanx import Outcome, Run
+    from phalanx.launcher.page import LivePage
 
 Out = Annotated[Path, typer.Option(callback=require_folder, help="Folder for the folders of runs.")]
 Listen = Annotated[
@@ -120,41 +119,36 @@ def run(
     from phalanx.cli.display import progress
     from phalanx.guarantee.verdict import exit_status
     from phalanx.launcher.engine import silent
-    from phalanx.launcher.page import serve_live
+    from phalanx.launcher.page import LivePage
 
     chosen = _choose_port(view, commands, port)
     policy = phalanx.CommandPolicy(
         secret=secrets.token_bytes(16) if commands else b"",
         speed=float(view) if speed is None else speed,
     )
-    pages: list[BaseProcess] = []
-
-    def show_page(folder: Path) -> None:
-        pages.append(serve_live(folder, chosen, policy.secret))
-
-    try:
-        with progress(resolved) as show:
-            finished = phalanx.run(
-                resolved,
-                engine=engine,
-                out=out,
-                progress=show,
-                commands=policy,
-                listen=listen,
-                secret=secret.encode(),
-                announce=show_page if view else silent,
-                profile=profile,
-                real_time=real_time,
-            )
-    except phalanx.EngineError as error:
-        complain(f"broken: {error}")
-        return 3
-    except OSError as error:
-        raise typer.BadParameter(
-            f"--out: cannot create a folder in {out}: {error.strerror}"
-        ) from error
-    outcome = _told(finished, profile, report)
-    for page in pages:
+    with LivePage(chosen, policy.secret) as page:
+        try:
+            with progress(resolved) as show:
+                finished = phalanx.run(
+                    resolved,
+                    engine=engine,
+                    out=out,
+                    progress=show,
+                    commands=policy,
+                    listen=listen,
+                    secret=secret.encode(),
+                    announce=page.serve if view else silent,
+                    profile=profile,
+                    real_time=real_time,
+                )
+        except phalanx.EngineError as error:
+            complain(f"broken: {error}")
+            return 3
+        except OSError as error:
+            raise typer.BadParameter(
+                f"--out: cannot create a folder in {out}: {error.strerror}"
+            ) from error
+        outcome = _told(finished, profile, report)
         _wait_for(page)
     return exit_status(outcome, strict)
 
@@ -190,14 +184,12 @@ def _told(finished: "Run", profile: bool, report: bool) -> "Outcome":
     return summary.outcome
 
 
-def _wait_for(page: "BaseProcess") -> None:
-    """Let the page go on until Ctrl-C."""
-    try:
-        say("the page replays the run; Ctrl-C ends it")
-        page.join()
-    except KeyboardInterrupt:
-        page.terminate()
-        page.join()
+def _wait_for(page: "LivePage") -> None:
+    """Let the page, if there is one, go on until Ctrl-C."""
+    with contextlib.suppress(KeyboardInterrupt):
+        if page.served:
+            say("the page replays the run; Ctrl-C ends it")
+        page.wait()
 
 
 def _write_report(finished: "Run") -> None:

@@ -1,10 +1,13 @@
 """A run on a page, served by a process of its own for as long as one likes."""
 
+import contextlib
 import multiprocessing
 import os
 import pkgutil
 import subprocess
 import sys
+import threading
+from dataclasses import replace
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import TracebackType
@@ -12,14 +15,21 @@ from typing import Self
 
 from phalanx.launcher.libraries import without_main
 from phalanx.launcher.live import find_live
+from phalanx.launcher.printable import printable
 from phalanx.launcher.programs import (
     configure_logging,
     end_with_launcher,
     redirect_output,
     show_as,
 )
+from phalanx.wire.session import HubError
 
 _ANNOUNCED = "viewer: "
+_LOG = "viewer.log"
+_STARTS = 4
+"""So often a page is started at most."""
+_TIMEOUT = 5.0
+"""For the hub of a run to answer, before it is looked whether that is over [s]."""
 _GRACE = 2.5
 """How long a page may outlive who opened it [s]."""
 
@@ -71,36 +81,98 @@ class ViewerPage:
         return f'<iframe src="{self.url}" width="100%" height="600" style="border:0"></iframe>'
 
 
-def serve_live(folder: Path, port: int | None = None, command_secret: bytes = b"") -> BaseProcess:
-    """Start a page that shows the run of a folder while it goes on, then its recording.
+class LivePage:
+    """The page of a run while it goes on, then of its recording; started again if it dies."""
 
-    Args:
-        folder: of a run that can be met there.
-        port: of the page; by default 8080 or the next free one.
-        command_secret: that of the run, if the page may command it.
+    def __init__(self, port: int | None = None, command_secret: bytes = b"") -> None:
+        """Serve nothing yet.
 
-    Returns:
-        The process, which ends when it is terminated, or with this one. Its log is in the run's.
-    """
-    context = multiprocessing.get_context("forkserver")
-    # A daemon: it ends with this process, however that ends.
-    process = context.Process(target=_serve, args=(folder, port, command_secret), daemon=True)
-    with without_main():
-        process.start()
-    return process
+        Args:
+            port: of the page; None takes 8080 or the next free one.
+            command_secret: that of the run, if the page may command it.
+        """
+        self._options = port, command_secret
+        self._process: BaseProcess | None = None
+        self._watch: threading.Thread | None = None
+        self._closed = threading.Event()
+
+    def serve(self, folder: Path) -> None:
+        """Start to show the run of a folder, where it can be met. Its log is in the run's."""
+        self._process = self._start(folder)
+        self._watch = threading.Thread(target=self._keep_up, args=(folder,), daemon=True)
+        self._watch.start()
+
+    @property
+    def served(self) -> bool:
+        """Whether the page is there."""
+        return self._watch is not None and self._watch.is_alive()
+
+    def wait(self) -> None:
+        """Return when the page has ended."""
+        while self.served:
+            assert self._watch
+            self._watch.join(1.0)
+
+    def close(self) -> None:
+        """End the page."""
+        self._closed.set()
+        if self._process is not None:
+            self._process.terminate()
+        self.wait()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _keep_up(self, folder: Path) -> None:
+        """Start the page again when it dies, and say so, but not for ever."""
+        for left in reversed(range(_STARTS)):
+            assert self._process
+            self._process.join()
+            if self._closed.is_set() or self._process.exitcode == 0:
+                return
+            after = "it is started again" if left else f"phalanx view {folder} shows the run"
+            died = f"the page died ({_why(self._process, folder)}): {after}"
+            print(printable(died), file=sys.stderr)
+            if left:
+                self._process = self._start(folder)
+                if self._closed.is_set():  # meanwhile: nobody else knows of this one
+                    self._process.terminate()
+
+    def _start(self, folder: Path) -> BaseProcess:
+        context = multiprocessing.get_context("forkserver")
+        # A daemon: it ends with this process, however that ends.
+        process = context.Process(target=_serve, args=(folder, *self._options), daemon=True)
+        with without_main():
+            process.start()
+        return process
+
+
+def _why(process: BaseProcess, folder: Path) -> str:
+    """How a page ended: the last line of its log is that of a traceback."""
+    if process.exitcode is not None and process.exitcode < 0:
+        return f"killed by signal {-process.exitcode}"
+    log = folder / "logs" / _LOG
+    said = log.read_text("utf-8", "replace").split("\n") if log.exists() else []
+    return next(filter(None, map(str.strip, reversed(said))), f"exit status {process.exitcode}")
 
 
 def _serve(folder: Path, port: int | None, command_secret: bytes) -> None:
     os.setsid()  # a Ctrl-C in the terminal ends the run; what became of it is still to be seen
     show_as("phx-viewer")
-    redirect_output(folder / "logs" / "viewer.log")
+    redirect_output(folder / "logs" / _LOG)
     end_with_launcher(_GRACE)
     configure_logging()
-    found = find_live(folder)
-    program = "run_replay" if found is None else "run_live"
-    show = pkgutil.resolve_name(f"phalanx.viewer.main:{program}")
-    if found is None:
-        sys.exit(show(folder, port=port, trust=True))
+    show_live, replay = (
+        pkgutil.resolve_name(f"phalanx.viewer.main:{name}") for name in ("run_live", "run_replay")
+    )
     # Who runs a scenario trusts what it names.
-    options = {"recording": folder, "command_secret": command_secret, "trust": True}
-    sys.exit(show(None, found.membership, port=port, **options))
+    options = {"port": port, "trust": True}
+    while (found := find_live(folder)) is not None:
+        membership = replace(found.membership, timeout=_TIMEOUT)
+        live = {"recording": folder, "command_secret": command_secret}
+        with contextlib.suppress(HubError):  # it may be over meanwhile
+            sys.exit(show_live(None, membership, **live, **options))
+    sys.exit(replay(folder, **options))

@@ -10,7 +10,7 @@ from phalanx.viewer.plots.plots import content
 from phalanx.viewer.plots.script import script
 from phalanx.viewer.scene.picture import picture
 from phalanx.viewer.scene.scene import Scene
-from phalanx.viewer.scene.server import serve_scene
+from phalanx.viewer.scene.server import SceneServer
 
 _FRAMES = 300
 """Most frames in a file: it has to stay a small one."""
@@ -38,7 +38,7 @@ def _scene(replay: Replay) -> str:
     """The scene with viser's player."""
     # viser records what a server sends, and has no scene without a server. Nobody visits this one:
     # it lets no page in.
-    server = serve_scene("127.0.0.1", 0, replay.model.scenario.name)
+    server = SceneServer("127.0.0.1", 0, replay.model.scenario.name)
     try:
         scene = Scene(server, replay.model, lambda _: None)
         scene.expect(replay.trajectory)

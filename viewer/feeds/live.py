@@ -2,7 +2,6 @@
 
 import logging
 import queue
-import threading
 import time
 from typing import Self
 
@@ -55,7 +54,7 @@ class Live:
         self.over = False
         self._refusals = Refusals(log)
         self._keys, self._sealer = membership.keys, membership.sealer
-        self._command_sealer, self._commanding = Sealer(command_secret), threading.Lock()
+        self._command_sealer = Sealer(command_secret)
         # Frames come in a thread of Zenoh's, which must be free again at once, and are added to the
         # history in the page's thread, where the plots read it.
         self._frames: queue.SimpleQueue[Frame] = queue.SimpleQueue()
@@ -103,14 +102,11 @@ class Live:
 
     def command(self, kind: CommandKind, agent: str = "", value: float = 0.0) -> None:
         """Send the plant a command. Without the command secret it refuses."""
-        key = self._keys.command
-        # The plant refuses a number that is not above the last one. viser calls from many threads:
-        # of two commands at once, the later number must not overtake the earlier. The wall clock
-        # numbers the commands of several viewers, and of one that was started anew.
-        with self._commanding:
-            command = Command(t=0.0, kind=kind, agent=agent, value=value)
-            message = CommandMessage(number=time.time_ns(), command=command)
-            self._commands.put(self._command_sealer.seal(key, message))
+        key, command = self._keys.command, Command(t=0.0, kind=kind, agent=agent, value=value)
+        # The plant refuses a number that is not above the last one. The wall clock numbers the
+        # commands of several viewers, and of one that was started anew.
+        message = CommandMessage(number=time.time_ns(), command=command)
+        self._commands.put(self._command_sealer.seal(key, message))
 
     def __enter__(self) -> Self:
         return self

@@ -33,8 +33,8 @@ class Replay:
         self.t = float(self.times[0])
         self.playing = False
         self.speed = 1.0
-        # The page's thread moves a playing cursor, viser's threads move it for visitors: without
-        # the lock, a visitor's jump between a read and a write of it would be lost.
+        # A cursor that plays may be moved from another thread: without the lock, a jump between a
+        # read and a write of it would be lost.
         self._cursor = threading.Lock()
         self._played_until = time.monotonic()
         self._taken: tuple[int, bool, float] | None = None

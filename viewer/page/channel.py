@@ -49,7 +49,7 @@ class Channel:
     """Plots and timeline of every page of a server."""
 
     def __init__(self, server: SceneServer, act: Callable[[Action], None]) -> None:
-        """act is called in the server's thread, and must be quick."""
+        """act is called with each action, and must be quick."""
         self._server, self._act = server, act
         server.on_action = self._on_action
         server.run_script("script", script() + _CONNECT)

@@ -1,12 +1,13 @@
-"""The command panel: pause and pace, the network, and what befalls the selected agent."""
+"""The command panel: pause and pace, the network, and what becomes of the selected agent."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from typing import Any
 
 import viser
 
 from phalanx.faults.commands import CommandKind
 from phalanx.viewer.feeds.live import Live
+from phalanx.viewer.scene.server import in_loop
 from phalanx.wire.frames import Frame
 
 _SPEEDS = {"as fast as possible": 0.0, **{f"{s:g} ×": s for s in (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)}}
@@ -31,8 +32,8 @@ class CommandPanel:
             self._agent = gui.add_button_group("Agent", _ON_AGENT)
         self._shown: tuple[float | None, float | None] = None, None
         """Loss and delay as the plant last told them."""
-        self._pause.on_click(lambda _: self._command_pace())
-        self._agent.on_click(lambda _: self._command_agent())
+        self._pause.on_click(in_loop(lambda _: self._command_pace()))
+        self._agent.on_click(in_loop(lambda _: self._command_agent()))
         self._speed.on_update(_by_visitors(self._command_speed))
         self._loss.on_update(_by_visitors(self._command_loss))
         self._delay.on_update(_by_visitors(self._command_delay))
@@ -69,11 +70,6 @@ class CommandPanel:
         self._live.command(CommandKind.DELAY, value=self._delay.value / 1000.0)
 
 
-def _by_visitors(act: Callable[[], None]) -> Callable[[viser.GuiEvent[Any]], None]:
+def _by_visitors(act: Callable[[], None]) -> Callable[[Any], Coroutine[Any, Any, None]]:
     """Act on what visitors do alone: viser also calls back when show() sets a value."""
-
-    def on_update(event: viser.GuiEvent[Any]) -> None:
-        if event.client is not None:
-            act()
-
-    return on_update
+    return in_loop(lambda event: act() if event.client is not None else None)

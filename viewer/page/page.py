@@ -26,7 +26,7 @@ _PLOT_SHARE = 0.01
 class Page:
     """Everything on the page, for one feed.
 
-    tick() is called in one thread, select() and what the panels do in threads of viser's.
+    tick() and replay() are called in one thread, everything else in the server's.
     """
 
     def __init__(
@@ -67,6 +67,7 @@ class Page:
         self._frame: Frame | None = None
         self._standing = feed.summary, feed.over
         self._stale, self._texts_due = True, 0.0
+        self.server.admit()
 
     def select(self, i: int) -> None:
         """Make agent i the selected one."""
@@ -77,6 +78,13 @@ class Page:
     def replay(self, replay: Replay) -> None:
         """Go on with the recording of the run that was shown live, from where that ended."""
         replay.seek(replay.end)
+        self.server.run(lambda: self._show_instead(replay))
+
+    def tick(self) -> None:
+        """Show what is new."""
+        self.server.run(self._tick)
+
+    def _show_instead(self, replay: Replay) -> None:
         self._scene.expect(replay.trajectory)
         self._feed, self._frame, self._plotted, self._plots_due = replay, None, None, 0.0
         if self._commands:
@@ -84,8 +92,7 @@ class Page:
             self._commands = None
         self._stale = True
 
-    def tick(self) -> None:
-        """Show what is new."""
+    def _tick(self) -> None:
         frame = self._feed.take()
         self._plot()
         self._scene.cameras.ask_for_shapes()
@@ -137,7 +144,7 @@ class Page:
         return [self.selected, *(i for i in others if i != self.selected)]
 
     def _act(self, action: Action) -> None:
-        """Do what a visitor asks; in a thread of viser's."""
+        """Do what a visitor asks."""
         replay = self._feed
         if not isinstance(replay, Replay):
             return

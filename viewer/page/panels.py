@@ -9,6 +9,7 @@ from phalanx.guarantee.verdict import Assumption, Summary
 from phalanx.theory.rows.origin import words_of
 from phalanx.viewer.feeds.feed import Feed
 from phalanx.viewer.scene.model import SceneModel
+from phalanx.viewer.scene.server import in_loop
 from phalanx.wire.frames import AgentStatus, Frame
 
 _LOG_LINES = 12
@@ -24,7 +25,7 @@ class Panels:
     def __init__(
         self, server: viser.ViserServer, model: SceneModel, select: Callable[[int], None]
     ) -> None:
-        """select is called with the index of the agent chosen here, in a thread of viser's."""
+        """select is called with the index of the agent chosen here."""
         self._model, self._select = model, select
         gui = server.gui
         seed = model.scenario.seed
@@ -37,8 +38,8 @@ class Panels:
         with gui.add_folder("Event log", order=90):
             self._log = gui.add_markdown("Nothing yet.")
         self._worst_pair: int | None = None
-        self._selected.on_update(self._on_choice)
-        worst.on_click(lambda _: self._choose_worst())
+        self._selected.on_update(in_loop(self._on_choice))
+        worst.on_click(in_loop(lambda _: self._choose_worst()))
 
     def show_selected(self, i: int) -> None:
         """Show agent i as selected."""

@@ -2,7 +2,7 @@
 
 import socket
 
-from phalanx.viewer.scene.server import SceneServer, serve_scene
+from phalanx.viewer.scene.server import SceneServer
 
 DEFAULT_PORT = 8080
 _LAST_PORT = 65535
@@ -37,7 +37,7 @@ def choose_port(host: str, port: int | None) -> int:
 def open_page(
     host: str, port: int | None, title: str, origins: tuple[str, ...] = ()
 ) -> SceneServer:
-    """Serve the page. Connections from pages of other origins are refused.
+    """Serve a page, to be filled before it admits visitors; pages of other origins are refused.
 
     Args:
         host: address to listen on.
@@ -52,7 +52,7 @@ def open_page(
     for _ in range(_TRIED):
         chosen = choose_port(host, port)
         own = [f"http://{name}:{chosen}" for name in names]
-        server = serve_scene(host, chosen, title, (*own, *origins))
+        server = SceneServer(host, chosen, title, (*own, *origins))
         if server.get_port() == chosen:
             server.gui.configure_theme(
                 show_logo=False, show_share_button=False, control_width="medium"

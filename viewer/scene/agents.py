@@ -12,6 +12,7 @@ from phalanx.viewer.scene.model import SceneModel
 from phalanx.viewer.scene.nodes import HIDDEN, add_batch, single, update
 from phalanx.viewer.scene.palette import DANGER
 from phalanx.viewer.scene.picture import Picture
+from phalanx.viewer.scene.server import in_loop
 
 Array = NDArray[np.float64]
 Click = viser.SceneNodePointerEvent[viser.BatchedMeshHandle]
@@ -73,5 +74,5 @@ class AgentNodes:
             )
 
     def on_click(self, clicked: Callable[[Click], None]) -> None:
-        """Call `clicked` when a body is clicked; in a thread of viser's."""
-        self._bodies.on_click(clicked)
+        """Call `clicked` when a body is clicked."""
+        self._bodies.on_click(in_loop(clicked))

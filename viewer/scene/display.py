@@ -6,6 +6,7 @@ import viser
 
 from phalanx.viewer.scene.cameras import Framing
 from phalanx.viewer.scene.scene import Scene
+from phalanx.viewer.scene.server import in_loop
 
 
 def add_display(gui: viser.GuiApi, scene: Scene) -> None:
@@ -31,9 +32,9 @@ def add_display(gui: viser.GuiApi, scene: Scene) -> None:
         scene.set_dark(dark.value)
 
     scene.cameras.on_keep = lambda kept: setattr(framing, "value", kept.value)
-    framing.on_update(keep)
-    fit.on_click(keep)
-    dark.on_update(wear)
-    arrows.on_update(lambda _: scene.arrows.set_visible(arrows.value))
-    paths.on_update(lambda _: scene.lines.set_paths_visible(paths.value))
-    links.on_update(lambda _: scene.lines.set_links_visible(links.value))
+    framing.on_update(in_loop(keep))
+    fit.on_click(in_loop(keep))
+    dark.on_update(in_loop(wear))
+    arrows.on_update(in_loop(lambda _: scene.arrows.set_visible(arrows.value)))
+    paths.on_update(in_loop(lambda _: scene.lines.set_paths_visible(paths.value)))
+    links.on_update(in_loop(lambda _: scene.lines.set_links_visible(links.value)))

@@ -18,6 +18,7 @@ from phalanx.viewer.scene.model import SceneModel
 from phalanx.viewer.scene.palette import DARK, LIGHT
 from phalanx.viewer.scene.picture import Picture
 from phalanx.viewer.scene.selection import SelectionNodes, nearest_to_ray
+from phalanx.viewer.scene.server import in_loop
 from phalanx.viewer.scene.view import View
 
 Array = NDArray[np.float64]
@@ -37,7 +38,7 @@ class Scene:
         Args:
             server: to draw on.
             model: what there is.
-            select: called with an agent's index when it is clicked, in a thread of viser's.
+            select: called with an agent's index when it is clicked.
         """
         self._server, self._model, self._select = server, model, select
         self._backdrop = Backdrop(server.scene, model, LIGHT)
@@ -56,7 +57,7 @@ class Scene:
         self._poses: dict[int, tuple[float, ...]] = {}
         """What each visitor's camera last was, and the size of his picture."""
         self.agents.on_click(self._on_click)
-        server.on_client_connect(self._on_visitor)
+        server.on_client_connect(in_loop(self._on_visitor))
 
     def expect(self, trajectory: Array) -> None:
         """Hold all of a run in sight: its positions, shape (s, N, 3)."""
@@ -92,7 +93,7 @@ class Scene:
         self.stale = True
 
     def _on_visitor(self, client: viser.ClientHandle) -> None:
-        client.camera.on_update(self._on_camera)
+        client.camera.on_update(in_loop(self._on_camera))
         self.stale = True
 
     def _on_camera(self, camera: viser.CameraHandle) -> None:

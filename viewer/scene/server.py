@@ -1,15 +1,20 @@
 """A viser server to draw on: for pages of given origins alone, and without a public link."""
 
+import asyncio
 import contextlib
 import io
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Awaitable, Callable, Coroutine, Iterator
+from concurrent.futures import Future
+from typing import Any, TypeVar
 
 import viser
 import websockets.asyncio.server
 from viser._messages import RunJavascriptMessage
 from websockets.asyncio.server import ServerConnection
 from websockets.typing import Origin
+
+T = TypeVar("T")
+Handler = Callable[[ServerConnection], Awaitable[None]]
 
 ACTIONS = "/actions"
 """Where pages of the server's own origin send what a visitor does."""
@@ -19,13 +24,38 @@ class SceneServer(viser.ViserServer):
     """viser without its public share link, which any visitor could ask for, and without greetings.
 
     Standard output is for what the command has to say; other programs read it.
+
+    Once visitors are admitted, everything that is sent to them is sent from the server's own
+    thread: from another one viser would, now and then, die of "deque mutated during iteration".
     """
 
-    def __init__(self, host: str, port: int, title: str) -> None:
+    def __init__(self, host: str, port: int, title: str, origins: tuple[str, ...] = ()) -> None:
+        """Listen; nobody is let in before admit() is called.
+
+        Args:
+            host: address to listen on.
+            port: to listen on, or the next free one: ask get_port(). 0: any free one.
+            title: of the page.
+            origins: whose pages may connect, such as "https://viewer.example"; by default none. A
+                program that is no browser says no origin, and may connect.
+        """
         self.on_action: Callable[[str | bytes], None] = lambda _: None
-        """Called with each message to ACTIONS, in a thread of viser's."""
-        with contextlib.redirect_stdout(io.StringIO()):
+        """Called with each message to ACTIONS, in the server's thread."""
+        self._complete: Future[None] = Future()
+        with _serving(self._let_in, origins), contextlib.redirect_stdout(io.StringIO()):
             super().__init__(host=host, port=port, label=title, verbose=False)
+
+    def admit(self) -> None:
+        """Let visitors in: the page is complete."""
+        self._complete.set_result(None)
+
+    def run(self, act: Callable[[], T]) -> T:
+        """Run a function in the server's thread; what it returns. To be called from another one."""
+
+        async def called() -> T:
+            return act()
+
+        return asyncio.run_coroutine_threadsafe(called(), self.get_event_loop()).result()
 
     def run_script(self, name: str, source: str) -> None:
         """Run JavaScript on every page, and on later ones the last of each name, in order."""
@@ -43,26 +73,29 @@ class SceneServer(viser.ViserServer):
         """Refuse: a run is shown where its user wants it, and nowhere else."""
         return None
 
+    async def _let_in(self, handler: Handler, connection: ServerConnection) -> None:
+        await asyncio.shield(asyncio.wrap_future(self._complete))
+        if connection.request is None or connection.request.path != ACTIONS:
+            await handler(connection)
+            return
+        async for message in connection:
+            self.on_action(message)
 
-def serve_scene(host: str, port: int, title: str, origins: tuple[str, ...] = ()) -> SceneServer:
-    """Start a server.
 
-    Args:
-        host: address to listen on.
-        port: to listen on, or the next free one: ask get_port(). 0: any free one.
-        title: of the page.
-        origins: whose pages may connect, such as "https://viewer.example"; by default none. A
-            program that is no browser says no origin, and may connect.
-    """
-    with _serving(origins) as actions:
-        server = SceneServer(host, port, title)
-        actions.append(lambda text: server.on_action(text))
-        return server
+def in_loop(act: Callable[[Any], None]) -> Callable[[Any], Coroutine[Any, Any, None]]:
+    """A callback that viser runs in the server's thread; those that are not async it does not."""
+
+    async def called(event: Any) -> None:
+        act(event)
+
+    return called
 
 
 @contextlib.contextmanager
-def _serving(origins: tuple[str, ...]) -> Iterator[list[Callable[[str | bytes], None]]]:
-    """Let servers that are started in the block check origins, and hand actions on.
+def _serving(
+    let_in: Callable[[Handler, ServerConnection], Awaitable[None]], origins: tuple[str, ...]
+) -> Iterator[None]:
+    """Have servers that are started in the block check origins, and let_in handle connections.
 
     A browser lets any page that its user visits connect to a port of his machine, and only tells
     where the page came from: without the check, a foreign page could watch a run and command it.
@@ -70,22 +103,17 @@ def _serving(origins: tuple[str, ...]) -> Iterator[list[Callable[[str | bytes], 
     # viser has no option for either. It calls websockets' serve(), which checks origins, in a
     # thread of its own, and its constructor returns when that thread listens: the block lasts long
     # enough.
-    module, actions = websockets.asyncio.server, list[Callable[[str | bytes], None]]()
+    module = websockets.asyncio.server
     serve, allowed = module.serve, [None, *map(Origin, origins)]
 
-    def checked(handler: Any, *arguments: Any, **options: Any) -> Any:
+    def checked(handler: Handler, *arguments: Any, **options: Any) -> Any:
         async def handle(connection: ServerConnection) -> None:
-            if connection.request is None or connection.request.path != ACTIONS:
-                await handler(connection)
-                return
-            async for message in connection:
-                for act in actions:
-                    act(message)
+            await let_in(handler, connection)
 
         return serve(handle, *arguments, origins=allowed, **options)
 
     module.serve = checked  # type: ignore[assignment, misc]
     try:
-        yield actions
+        yield
     finally:
         module.serve = serve  # type: ignore[misc]

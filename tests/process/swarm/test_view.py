@@ -32,6 +32,27 @@ def test_a_run_shows_itself_and_then_its_replay_until_ctrl_c(phalanx):
     run.wait_until_gone(60.0)
 
 
+def test_a_page_that_dies_is_started_again_a_few_times_and_the_terminal_says_so(phalanx):
+    port = free_port()
+    run = phalanx("run", "unicycles", "--set", "duration=10", "--view", "--port", str(port))
+    killed = set()
+
+    def kill_the_page() -> bool:
+        page = run.programs().get("phx-viewer")
+        if page and page.pid not in killed and served(port):
+            killed.add(page.pid)
+            page.kill()
+        return (run.folder / "summary.json").exists() and run.process.poll() is not None
+
+    wait_for(kill_the_page, 300)
+    status, output = run.finish()
+    assert len(killed) == 4, output
+    assert output.count("the page died (killed by signal 9)") == 4
+    assert output.count("it is started again") == 3
+    assert f"phalanx view {run.folder}" in output
+    assert status == 0, output
+
+
 def test_a_taken_port_is_an_error_that_names_it(phalanx):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])

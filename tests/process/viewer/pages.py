@@ -10,6 +10,7 @@ import threading
 import time
 import urllib.request
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor, wait
 
 from phalanx.viewer.feeds.replay import Replay
 from phalanx.viewer.page.page import Page
@@ -74,11 +75,12 @@ def served(replay: Replay, port: int | None = None) -> Iterator[Page]:
         while not over.wait(0.03):
             page.tick()
 
-    server = threading.Thread(target=serve, daemon=True)
-    server.start()
-    try:
-        yield page
-    finally:
-        over.set()
-        server.join()
-        page.server.stop()
+    with ThreadPoolExecutor(1, "page") as thread:
+        serving = thread.submit(serve)
+        try:
+            yield page
+        finally:
+            over.set()
+            wait([serving])
+            page.server.stop()
+            serving.result()  # why a page died, before what a test missed on it

@@ -2,6 +2,7 @@
 
 import math
 import re
+import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -96,6 +97,28 @@ def test_the_keyboard_plays_pauses_and_moves_the_cursor(tab: "Tab", finished: Pa
         wait_for(lambda: replay.playing)
         tab.keyboard.press("Space")
         wait_for(lambda: not replay.playing)
+
+
+def test_whatever_touches_a_visitor_runs_in_the_thread_that_serves_him(
+    tab: "Tab", finished: Path
+) -> None:
+    before = set(threading.enumerate())
+    with served(replay := open_replay(finished)) as page:
+        # A loop that debugs refuses to be touched from another thread. Otherwise it goes wrong
+        # when the loop happens to be doing the same: "deque mutated during iteration".
+        page.server.get_event_loop().set_debug(True)
+        tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
+        tab.locator("#phx-plots canvas").first.wait_for()
+        for name in ("Dark", "Late and lost links", "Inputs", "Recent paths"):
+            tab.get_by_role("checkbox", name=name).click(force=True)
+        for name in ("Fit the view", "Choose from the worst pair"):
+            tab.get_by_role("button", name=name).click()
+        worst = replay.model.swarm.safe_set.pairs[replay.frame(0.0).pair].a
+        wait_for(lambda: page.selected == worst)
+        tab.keyboard.press("End")
+        wait_for(lambda: time_shown(tab) == round(replay.end, 3))
+        added = {thread.name for thread in threading.enumerate() if thread not in before}
+        assert not any(name.startswith("ThreadPoolExecutor") for name in added)  # viser's own
 
 
 def test_what_was_meant_for_a_page_that_is_gone_does_not_move_the_next_one(

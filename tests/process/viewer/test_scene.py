@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +18,7 @@ from phalanx.viewer.feeds.replay import Replay, open_replay
 from phalanx.viewer.page.server import open_page
 from phalanx.viewer.scene.cameras import Cameras, Framing
 from phalanx.viewer.scene.picture import Picture, picture
-from phalanx.viewer.scene.server import SceneServer
+from phalanx.viewer.scene.server import SceneServer, in_loop
 from phalanx.viewer.scene.view import View
 from tests.process.runs import free_port, wait_for
 from tests.process.viewer.pages import served
@@ -111,6 +112,7 @@ def seen_from_above(
     try:
         cameras = Cameras(server, from_above, reach=0.1)
         cameras.expect(swarm)
+        server.admit()
         yield server, cameras, open_tab(tab, server)
     finally:
         server.stop()
@@ -120,10 +122,10 @@ TOGETHER = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
 def test_a_camera_that_follows_the_swarm_is_put_anew_when_somebody_leaves(tab: "Tab") -> None:
-    with seen_from_above(tab, TOGETHER) as (_, cameras, view):
+    with seen_from_above(tab, TOGETHER) as (server, cameras, view):
 
         def seen(positions: Array) -> View | None:
-            cameras.show(positions, None)
+            server.run(lambda: cameras.show(positions, None))
             middle = (positions.min(axis=0) + positions.max(axis=0)) / 2.0
             looked = view()
             there = np.allclose(looked.look_at[:2], middle[:2], atol=0.1)
@@ -143,16 +145,20 @@ def test_a_browser_that_lags_behind_what_it_is_asked_for_is_not_taken_for_a_visi
     with seen_from_above(tab, TOGETHER) as (server, cameras, view):
 
         def distance(size: float) -> float:
-            cameras.show(size * TOGETHER, None)
+            server.run(lambda: cameras.show(size * TOGETHER, None))
             return view().distance
 
         near = distance(1.0)
         wait_for(lambda: distance(20.0) > 10.0 * near)
         (client,) = server.get_clients().values()
-        for size in (1.0, 4.0, 20.0) * 60:
-            tab.evaluate("0")  # meanwhile it draws, or does not
+
+        def show_anew(size: float) -> None:
             client.camera.fov *= 1.001 if size == 4.0 else 1.0 / 1.001  # it tells how it stands
             cameras.show(size * TOGETHER, None)
+
+        for size in (1.0, 4.0, 20.0) * 60:
+            tab.evaluate("0")  # meanwhile it draws, or does not
+            server.run(partial(show_anew, size))
         for size in (20.0, 1.0):
             wait_for(lambda size=size: 0.8 < distance(size) / (size * near) < 1.2)  # type: ignore[misc]
 
@@ -168,15 +174,18 @@ def test_a_camera_asked_for_its_shape_while_it_is_moved_does_not_seem_tilted(tab
             told, taken = (float(np.linalg.norm(view.axes[2] - down)) for view in views)
             tilts.append((told, taken))
 
-        client.camera.on_update(on_report)
+        client.camera.on_update(in_loop(on_report))
+
+        def show_at_once() -> None:
+            with client.atomic():
+                cameras.show(swarm, None)
+                client.camera.fov *= 1.001  # it tells how it stands, before it has moved
 
         def told_at_once() -> bool:
             nonlocal swarm
             swarm = swarm + np.array([0.5, 0.0, 0.0])
             before = len(tilts)
-            with client.atomic():
-                cameras.show(swarm, None)
-                client.camera.fov *= 1.001  # it tells how it stands, before it has moved
+            server.run(show_at_once)
             wait_for(lambda: len(tilts) > before)
             return any(told > 0.1 for told, _ in tilts)
 
@@ -204,7 +213,7 @@ def test_who_follows_an_agent_has_it_in_the_middle_and_may_zoom(tab: "Tab", fini
     replay = open_replay(finished)
     with served(replay) as page:
         view = open_tab(tab, page.server)
-        page.select(3)
+        page.server.run(lambda: page.select(3))
         keep(tab, Framing.AGENT)
 
         def in_the_middle() -> bool:

@@ -15,6 +15,7 @@ from phalanx.viewer.scene.server import SceneServer
 @pytest.fixture
 def server() -> Iterator[SceneServer]:
     opened = open_page("127.0.0.1", None, "test", ("https://ours.example",))
+    opened.admit()
     yield opened
     opened.stop()
 
