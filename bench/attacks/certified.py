@@ -1,13 +1,16 @@
 """Attacks on a run with certificates: by who has none, a wrong one, or one of his own.
 
 The run's programs are started as on many hosts, each with the folder of its certificate. Who has
-one knows all secrets besides: what he may do is decided at the hub's door alone.
+one knows all secrets besides: what he may do is decided at the hub's door alone. Who plays the hub
+is at its endpoint before it, while the agents try to connect, and leaves it to the plant then.
 """
 
 import datetime
+import os
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,7 +21,9 @@ from attacker import (
     OVERRIDES,
     PEER,
     READ,
+    READY,
     SCENARIO,
+    UNDER_WAY,
     VICTIM,
     Attack,
     Attacker,
@@ -35,6 +40,7 @@ from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Summary, read_summary
 from phalanx.recording.records import SUMMARY
 from phalanx.scenario.load import load
+from phalanx.wire import liveliness
 from phalanx.wire.authority import (
     Authority,
     make_certificates,
@@ -42,15 +48,19 @@ from phalanx.wire.authority import (
     write_certificate,
 )
 from phalanx.wire.certificates import AUTHORITY, AUTHORITY_KEY, tls
+from phalanx.wire.credentials import Admission
 from phalanx.wire.endpoints import free_endpoint
 from phalanx.wire.frames import CommandMessage
-from phalanx.wire.keys import OPERATOR, PLANT, VIEWER
+from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, VIEWER, Keys
 from phalanx.wire.seal import Sealer
+from phalanx.wire.session import open_hub
 
 ROOT = Path(__file__).parents[2]
 RUN, COMMAND_SECRET = "assailed", "known"
 SPEED = 0.1
 OURS, FOREIGN, EXPIRED = "ours", "foreign", "expired"
+PLAYED = 5.0
+"""For how long the hub is played when all agents try to connect [s of wall time]."""
 _MONTH = datetime.timedelta(days=30)
 
 
@@ -101,6 +111,30 @@ def commands(by: Attacker) -> Iterator[None]:
             yield
 
 
+def play_the_hub(endpoint: str, certificate: Path) -> None:
+    """Be the plant for all who believe it."""
+    keys = Keys(RUN)
+
+    def say(_: object) -> None:
+        print(READ, flush=True)
+
+    everybody = Admission({}, {"enabled": False}, certificate)
+    with open_hub(endpoint, everybody) as session:
+        session.declare_subscriber(keys.everything, say)
+        session.liveliness().declare_subscriber(
+            keys.alive(VICTIM), lambda _: print(UNDER_WAY, flush=True)
+        )
+        _token = liveliness.announce(session, keys.alive(PLANT, "x"))
+        print(READY, flush=True)
+        while True:
+            time.sleep(1.0)
+
+
+HUBS = {
+    f"{whose} certificate: plays the hub": name
+    for whose, name in (("agent 3's", INSIDER), ("viewer's", VIEWER), ("claimant's", CLAIMANT))
+}
+"""Whose certificate each shows."""
 CERTIFIED: Mapping[str, Shown] = {
     "no certificate: reads": Shown(OURS, None, reads),
     "another authority's certificate: answers for another": Shown(
@@ -122,21 +156,26 @@ def attacked(attack: str) -> tuple[list[str], Summary]:
     agents = [name for name, _, _ in load(SCENARIO, OVERRIDES).roster()]
     with tempfile.TemporaryDirectory() as parent:
         keys, folder = Path(parent) / "keys", Path(parent) / RUN
-        _make_keys(keys, [PLANT, VIEWER, OPERATOR, *agents])
+        _make_keys(keys, [PLANT, VIEWER, OPERATOR, CLAIMANT, *agents])
         attacker = _start(__file__, attack, endpoint, str(keys))
         of_run = ["--run", RUN, "--scenario", SCENARIO]
         of_run += [word for override in OVERRIDES for word in ("--set", override)]
         own = keys / OURS
-        running = [
-            _start(
-                *("-m", "phalanx", "plant", "--listen", endpoint, "--out", str(folder), *of_run),
-                *("--keys", str(own / PLANT), "--speed", str(SPEED)),
-                *("--command-secret", COMMAND_SECRET),
-            )
-        ]
+        running = []
         for name in agents:
             ends = ("--connect", endpoint, "--keys", str(own / name))
             running.append(_start("-m", "phalanx", "agent", name, *ends, *of_run))
+        if attack in HUBS:
+            while not all(map(_connects, running)):
+                time.sleep(0.1)
+            time.sleep(PLAYED)
+            attacker.kill()
+        running.append(
+            _start(
+                *("-m", "phalanx", "plant", "--listen", endpoint, "--out", str(folder), *of_run),
+                *("--keys", str(own / PLANT), "--speed", str(SPEED)),
+            )
+        )
         try:
             for program in running:
                 program.communicate(timeout=120)
@@ -166,12 +205,23 @@ def _make_keys(keys: Path, names: list[str]) -> None:
 
 def _start(*arguments: str) -> subprocess.Popen[str]:
     command, quiet = [sys.executable, *arguments], subprocess.DEVNULL
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=quiet, text=True, cwd=ROOT)
+    environment = {**os.environ, "PHALANX_COMMAND_SECRET": COMMAND_SECRET}
+    return subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=quiet, text=True, cwd=ROOT, env=environment
+    )
+
+
+def _connects(program: subprocess.Popen[str]) -> bool:
+    """Whether it has a thread of Zenoh's, which names itself."""
+    threads = Path(f"/proc/{program.pid}/task").glob("*/comm")
+    return any(thread.read_text().startswith("app-") for thread in threads)
 
 
 def main() -> None:
     """Attack until killed."""
     name, endpoint, keys = sys.argv[1:]
+    if name in HUBS:
+        play_the_hub(endpoint, Path(keys) / OURS / HUBS[name])
     shown = CERTIFIED[name]
     folder = Path(keys) / shown.authority
     shows: dict[str, Any] = {"enable_mtls": False}

@@ -94,7 +94,7 @@ def row(attack: str, outcome: Outcome, calm: Summary, wall_time: float) -> str:
 
 def main() -> None:
     """Print rows as they come, and put them into the page's table."""
-    every = (*ATTACKS, *certified.CERTIFIED)
+    every = (*ATTACKS, *certified.CERTIFIED, *certified.HUBS)
     chosen = [name for name in every if all(word in name for word in sys.argv[1:])]
     scenario = phalanx.load(SCENARIO, OVERRIDES)
     calm = phalanx.run(scenario, engine="in-process").summary

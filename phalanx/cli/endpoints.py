@@ -42,10 +42,22 @@ def certificates_for(folder: Path | None, endpoint: str, insecure: bool) -> Path
     if (folder is not None) != endpoint.startswith(("tls/", "quic/")):
         raise typer.BadParameter(f"--keys: expected with a tls/ endpoint alone, got {endpoint}")
     if folder is not None:
-        for name in (AUTHORITY, CERTIFICATE, PRIVATE_KEY):
-            if not (folder / name).is_file():
-                raise typer.BadParameter(f"--keys: expected {name} in {folder}; see phalanx keys")
+        _require_certificate(folder)
     return folder
+
+
+def _require_certificate(folder: Path) -> None:
+    from phalanx.wire.authority import require_current  # long to import, and needed with keys alone
+
+    for name in (AUTHORITY, CERTIFICATE, PRIVATE_KEY):
+        if not (folder / name).is_file():
+            raise typer.BadParameter(f"--keys: expected {name} in {folder}; see phalanx keys")
+    try:
+        require_current(folder)
+    except (ValueError, OSError) as error:
+        raise typer.BadParameter(
+            f"--keys: {folder}: {error}; make new ones: phalanx keys"
+        ) from error
 
 
 def endpoint_for(connect: str, keys: Path | None) -> str:

@@ -13,7 +13,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from phalanx.wire.certificates import AUTHORITY, AUTHORITY_KEY, CERTIFICATE, PRIVATE_KEY
-from phalanx.wire.keys import PLANT
+from phalanx.wire.keys import HUBS, PLANT
 
 _CLOCKS_DIFFER = datetime.timedelta(minutes=5)
 
@@ -35,6 +35,7 @@ class Authority:
             .not_valid_before(now + min(valid, datetime.timedelta()) - _CLOCKS_DIFFER)
             .not_valid_after(now + valid)
             .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+            .add_extension(_usage(signs_certificates=True), critical=True)
             .sign(key, hashes.SHA256())
         )
         return cls(certificate, key)
@@ -59,13 +60,17 @@ class Authority:
         return private_pem(self._key)
 
     def sign(self, name: str, key: ec.EllipticCurvePublicKey, hosts: Iterable[str] = ()) -> bytes:
-        """A certificate, PEM: whoever has the key's other half is `name`, reached at `hosts`."""
+        """A certificate, PEM: who has the key's other half is `name`; a hub is reached at `hosts`.
+
+        With no hosts it is good for connecting alone, and its owner cannot pass for a hub.
+        """
         own = self._certificate
         builder = (
             _begun(_named(name), own.subject, key)
             .not_valid_before(own.not_valid_before_utc)
             .not_valid_after(own.not_valid_after_utc)
             .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+            .add_extension(_usage(signs_certificates=False), critical=True)
         )
         usage = [ExtendedKeyUsageOID.CLIENT_AUTH]
         if reached_as := [_host(host) for host in hosts]:
@@ -107,11 +112,24 @@ def make_certificates(
         write_certificate(
             own,
             authority.certificate,
-            authority.sign(name, key.public_key(), reached_as),
+            authority.sign(name, key.public_key(), reached_as if name in HUBS else ()),
             private_pem(key),
         )
         if claims and name == PLANT:
             _write(own / AUTHORITY_KEY, authority.private_key)
+
+
+def require_current(folder: Path) -> None:
+    """Refuse keys that older versions made: there each member's certificate served as a hub's.
+
+    Raises ValueError: they are such, or no certificate. OSError: it cannot be read.
+    """
+    certificate = x509.load_pem_x509_certificate((folder / CERTIFICATE).read_bytes())
+    try:
+        certificate.extensions.get_extension_for_class(x509.KeyUsage)
+    except x509.ExtensionNotFound as error:
+        why = "keys of an older version, with which an agent can pass for the plant"
+        raise ValueError(why) from error
 
 
 def write_certificate(folder: Path, authority: bytes, certificate: bytes, key: bytes) -> None:
@@ -157,6 +175,21 @@ def _begun(
         .issuer_name(issuer)
         .public_key(key)
         .serial_number(x509.random_serial_number())
+    )
+
+
+def _usage(*, signs_certificates: bool) -> x509.KeyUsage:
+    """What a key is for; require_current knows certificates of before by its absence."""
+    return x509.KeyUsage(
+        digital_signature=not signs_certificates,
+        key_cert_sign=signs_certificates,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        crl_sign=False,
+        encipher_only=False,
+        decipher_only=False,
     )
 
 

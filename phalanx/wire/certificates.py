@@ -14,11 +14,15 @@ ENDPOINT = "endpoint"
 
 
 def tls(folder: Path, role: Literal["listen", "connect"]) -> dict[str, Any]:
-    """Zenoh's `tls` of one program: both ends show a certificate of the run's authority."""
+    """Zenoh's `tls` of one program: both ends show a certificate of the run's authority.
+
+    Who connects goes on only if the hub's is good for the host that it connected to.
+    """
     return {
         "enable_mtls": True,
         "root_ca_certificate": str(folder / AUTHORITY),
         f"{role}_certificate": str(folder / CERTIFICATE),
         f"{role}_private_key": str(folder / PRIVATE_KEY),
+        "verify_name_on_connect": True,
         "close_link_on_expiration": True,
     }

@@ -15,6 +15,8 @@ ROUTER = "router"
 """The program that all others meet in where the plant is not it; scenarios cannot use the name."""
 CLAIMANT = "claimant"
 """Who asks for an agent's place and is nobody yet; scenarios cannot use the name."""
+HUBS = (PLANT, ROUTER)
+"""Whom the others connect to; nobody else may be taken for it."""
 EVERYBODY = ""
 """The name of no program: of what all of a run have."""
 

@@ -1,9 +1,16 @@
 """A run with certificates: the same trajectory, and nobody is let in without one of its own."""
 
+import contextlib
 import datetime
+import os
+import socket
+import ssl
 import subprocess
 import sys
+import threading
+from collections.abc import Iterator
 from pathlib import Path
+from queue import SimpleQueue
 
 import msgspec
 import pytest
@@ -16,16 +23,16 @@ from phalanx.scenario.load import load
 from phalanx.wire.authority import make_certificates
 from phalanx.wire.endpoints import free_endpoint
 from phalanx.wire.frames import CommandMessage
-from phalanx.wire.keys import OPERATOR, PLANT, VIEWER, Keys
+from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, ROUTER, VIEWER, Keys
 from phalanx.wire.membership import Membership
 from phalanx.wire.seal import Sealer
-from phalanx.wire.session import HubError, open_client
+from phalanx.wire.session import HubError, open_client, open_hub
 from tests.process.runs import wait_for
 
 pytestmark = pytest.mark.swarm
 
 SCENARIO = ("--scenario", "one-on-one", "--set", "duration=0.3", "--run", "r")
-NAMES = [PLANT, VIEWER, OPERATOR, "1", "2"]
+NAMES = [PLANT, ROUTER, VIEWER, OPERATOR, CLAIMANT, "1", "2"]
 HOSTS = ["127.0.0.1"]
 MONTH = datetime.timedelta(days=30)
 BLOCK = zenoh.CongestionControl.BLOCK
@@ -44,16 +51,19 @@ class Programs:
     def __init__(self, keys: Path, out: Path) -> None:
         self.keys, self.out = keys, out
         self.endpoint = free_endpoint().replace("tcp/", "tls/")
-        self.running = [
-            self.start("plant", "--listen", self.endpoint, "--out", str(out),
-                       "--command-secret", "c")
-        ]  # fmt: skip
+        self.running = [self.start("plant", "--listen", self.endpoint, "--out", str(out))]
 
     def start(self, program: str, *arguments: str) -> subprocess.Popen[str]:
         own = self.keys / (arguments[0] if program == "agent" else program)
         command = [sys.executable, "-m", "phalanx", program, *arguments]
         command += [*SCENARIO, "--keys", str(own)]
-        return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        return subprocess.Popen(
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "PHALANX_COMMAND_SECRET": "c"},
+        )
 
     def start_agents(self) -> None:
         self.running += [self.start("agent", n, "--connect", self.endpoint) for n in ("1", "2")]
@@ -155,6 +165,67 @@ def test_only_the_operators_certificate_can_command(programs: Programs, identity
         programs.start_agents()
         summary = programs.summary()
     assert summary.rejected == ({} if identity == VIEWER else {"command: bad seal": 1})
+
+
+@contextlib.contextmanager
+def pretended_hub(shown: Path) -> Iterator[tuple[str, SimpleQueue[bool]]]:
+    """The endpoint of who plays the hub with the certificate shown, and who has believed it."""
+    context, believed = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER), SimpleQueue[bool]()
+    context.load_cert_chain(shown / "tls.crt", shown / "tls.key")
+    context.load_verify_locations(shown / "ca.crt")
+    context.verify_mode = ssl.CERT_REQUIRED
+
+    def play() -> None:
+        with contextlib.suppress(OSError):  # shut down
+            while True:
+                connection, _ = listening.accept()
+                try:
+                    context.wrap_socket(connection, server_side=True).close()
+                except OSError:
+                    believed.put(False)
+                else:
+                    believed.put(True)
+                    connection.close()
+
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        playing = threading.Thread(target=play)
+        playing.start()
+        try:
+            yield f"tls/127.0.0.1:{listening.getsockname()[1]}", believed
+        finally:
+            listening.shutdown(socket.SHUT_RDWR)
+            playing.join()
+
+
+def connect_until(answered: SimpleQueue[bool], who: Membership) -> bool:
+    """What the first connection of a program came to, which tries until one was answered."""
+    if who.identity == ROUTER:
+        with open_hub(free_endpoint(), None, [who.endpoint], who.credentials):
+            return answered.get()
+    while answered.empty():
+        with contextlib.suppress(HubError):
+            open_client(who.endpoint, 0.2, who.credentials).close()
+    return answered.get()
+
+
+@pytest.mark.parametrize("connects", [PLANT, ROUTER, VIEWER, OPERATOR, CLAIMANT, "1"])
+@pytest.mark.parametrize("plays_the_hub", [PLANT, ROUTER, VIEWER, OPERATOR, CLAIMANT, "2"])
+def test_none_but_plant_and_router_can_play_the_hub(
+    connects: str, plays_the_hub: str, keys: Path
+) -> None:
+    with pretended_hub(keys / plays_the_hub) as (endpoint, answered):
+        who = Membership("r", endpoint, b"", connects, certificates=keys / connects)
+        assert connect_until(answered, who) == (plays_the_hub in (PLANT, ROUTER))
+
+
+@pytest.mark.parametrize("connects", [ROUTER, "1"])
+def test_a_hub_that_is_reached_by_another_name_than_its_own_is_not_believed(
+    connects: str, tmp_path: Path
+) -> None:
+    make_certificates(tmp_path, [PLANT, connects], ["plant.example.org"], MONTH)
+    with pretended_hub(tmp_path / PLANT) as (endpoint, answered):
+        who = Membership("r", endpoint, b"", connects, certificates=tmp_path / connects)
+        assert not connect_until(answered, who)
 
 
 def bare_config(programs: Programs) -> str:

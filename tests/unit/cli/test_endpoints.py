@@ -1,8 +1,11 @@
 """Nothing leaves its host unprotected, unless that is asked for."""
 
+import datetime
 from pathlib import Path
 
 import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
 
 from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.cli.endpoints import endpoint_for, on_loopback, require_endpoint
@@ -45,6 +48,29 @@ def test_a_program_that_would_be_reached_unprotected_does_not_start(command, cap
     said = " ".join(capsys.readouterr().err.split())
     assert "is not for this host alone: expected --" in said
     assert "--insecure" in said
+
+
+@pytest.mark.parametrize("name", ["plant", "1"])
+def test_keys_of_an_older_version_are_refused_with_what_to_do(
+    name: str, tmp_path: Path, capsys
+) -> None:
+    assert status(["keys", str(tmp_path / "keys"), "--scenario", "one-on-one"]) == 0
+    old = tmp_path / "keys" / name
+    key = serialization.load_pem_private_key((old / "tls.key").read_bytes(), None)
+    owner = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, name)])
+    now = datetime.datetime.now(datetime.UTC)
+    certificate = (
+        x509.CertificateBuilder(owner, owner, key.public_key(), 1, now, now)
+        .add_extension(x509.ExtendedKeyUsage([x509.ExtendedKeyUsageOID.SERVER_AUTH]), False)
+        .sign(key, hashes.SHA256())
+    )
+    (old / "tls.crt").write_bytes(certificate.public_bytes(serialization.Encoding.PEM))
+    program = ("agent", "1") if name == "1" else (name,)
+    where = ("--connect", "tls/127.0.0.1:7447", "--keys", str(old))
+    assert status([*program, *RUN, *where]) == USAGE_ERROR
+    said = " ".join(capsys.readouterr().err.split())
+    assert f"{old}: keys of an older version" in said
+    assert "make new ones: phalanx keys" in said
 
 
 @pytest.mark.parametrize("who", [(), ("1", "--claim"), ("7",)])
