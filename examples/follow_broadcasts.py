@@ -1,11 +1,13 @@
 """Follow a live run and print every broadcast, with nothing but zenoh, msgpack and docs/wire.md.
 
-python examples/follow_broadcasts.py tcp/127.0.0.1:7447 unicycles-1 s &
-phalanx run unicycles --listen tcp/127.0.0.1:7447 --secret s
+export PHALANX_SECRET=s
+python examples/follow_broadcasts.py tcp/127.0.0.1:7447 unicycles-1 &
+phalanx run unicycles --listen tcp/127.0.0.1:7447
 """
 
 import hashlib
 import json
+import os
 import queue
 import sys
 
@@ -30,7 +32,8 @@ def opened(key: str, payload: bytes, secret: str) -> list | None:
 
 def main() -> None:
     """Connect, wait for the run, print until its plant is gone."""
-    endpoint, run, secret = sys.argv[1:]
+    endpoint, run = sys.argv[1:]
+    secret = os.environ["PHALANX_SECRET"]
     retry = {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 1.5}
     connect = {"endpoints": [endpoint], "timeout_ms": -1, "retry": retry}  # until it is up
     viewer = key_of("viewer", secret)

@@ -85,6 +85,7 @@ class Testbed:
         return subprocess.Popen(
             ["ip", "netns", "exec", place, *command],
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            env={**os.environ, "PHALANX_SECRET": "s"},
         )  # fmt: skip
 
     def close(self) -> None:
@@ -146,7 +147,7 @@ def over_the_wire(
     course: Callable[[Callable[[float], None]], None],
 ) -> Recording:
     """Simulation 1 over the test bed; course(until) changes the wire as virtual time goes on."""
-    scenario = ("--scenario", "unicycles", "--run", "bed", "--secret", "s", "--insecure")
+    scenario = ("--scenario", "unicycles", "--run", "bed", "--insecure")
     overrides = [part for o in (*SLOW, f"duration={duration}") for part in ("--set", o)]
     endpoint = f"{protocol}/{HERE}:7447"
     command = (sys.executable, "-m", "phalanx")

@@ -19,6 +19,7 @@ from phalanx.cli import (
 )
 from phalanx.cli.allowed import require_values
 from phalanx.cli.real_time import with_factor
+from phalanx.cli.secret import refuse_secrets
 from phalanx.cli.terminal import complain, say
 
 USAGE_ERROR = 64
@@ -73,6 +74,7 @@ def status(arguments: list[str]) -> int:
     """Run the command and return its exit status; errors are one readable message."""
     try:
         require_values(arguments)
+        refuse_secrets(arguments)
         return int(app(with_factor(arguments), standalone_mode=False) or 0)
     except typer.TyperException as error:
         complain(error.format_message())

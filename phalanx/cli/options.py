@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 import typer
 
 from phalanx.cli.allowed import require_run, require_speed, require_timeout
+from phalanx.cli.secret import secret_from
+from phalanx.wire.credentials import COMMAND_SECRET, SECRET
 
 ScenarioArgument = Annotated[
     str,
@@ -49,9 +51,24 @@ RunId = Annotated[
 Secret = Annotated[
     str,
     typer.Option(
-        envvar="PHALANX_SECRET",
-        help="Shared by the run's programs; seals their messages against forgery. "
-        "`run` draws one unless it is given.",
+        "--secret-file",
+        envvar="PHALANX_SECRET_FILE",
+        metavar="FILE",
+        callback=secret_from(SECRET),
+        help="With the secret that the run's programs share, which seals their messages; or "
+        "PHALANX_SECRET has it. `run` draws one unless it is given.",
+        show_default=False,
+    ),
+]
+CommandSecret = Annotated[
+    str,
+    typer.Option(
+        "--command-secret-file",
+        envvar="PHALANX_COMMAND_SECRET_FILE",
+        metavar="FILE",
+        callback=secret_from(COMMAND_SECRET),
+        help="With the command secret, or PHALANX_COMMAND_SECRET has it: who knows it may pause "
+        "the run, kill agents and so on; without one nobody may.",
         show_default=False,
     ),
 ]

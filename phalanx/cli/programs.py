@@ -14,6 +14,7 @@ from phalanx.cli.endpoints import (
     require_endpoints,
 )
 from phalanx.cli.options import (
+    CommandSecret,
     Insecure,
     KeysFolder,
     Overrides,
@@ -82,15 +83,7 @@ def plant(
     secret: Secret = "",
     keys: KeysFolder = None,
     insecure: Insecure = False,
-    command_secret: Annotated[
-        str,
-        typer.Option(
-            envvar="PHALANX_COMMAND_SECRET",
-            metavar="SECRET",
-            help="Who has it may command the run; without one nobody may.",
-            show_default=False,
-        ),
-    ] = "",
+    command_secret: CommandSecret = "",
     speed: Speed = None,
     real_time: RealTimeFactor = None,
 ) -> int:

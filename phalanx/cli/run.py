@@ -100,7 +100,7 @@ def run(
       phalanx run unicycles --real-time --set time.latency=0.005
     """
     if engine == "in-process" and (view or listen or secret or real_time or speed):
-        names = "--view, --listen, --secret, --real-time or --speed"
+        names = "--view, --listen, --secret-file, --real-time or --speed"
         raise typer.BadParameter(f"--engine in-process: expected no {names}")
     if listen is not None and not insecure and not on_loopback(listen):
         raise typer.BadParameter(f"{NOT_HERE.format(listen)} --insecure; phalanx plant has --keys")

@@ -16,6 +16,7 @@ from phalanx.cli.allowed import (
 )
 from phalanx.cli.endpoints import certificates_for, endpoint_for, require_endpoint
 from phalanx.cli.options import (
+    CommandSecret,
     Insecure,
     KeysFolder,
     RunArgument,
@@ -44,15 +45,6 @@ RunOrRecording = Annotated[
 LiveRun = Annotated[
     str,
     typer.Option("--run", envvar="PHALANX_RUN", callback=require_run, help="Name of the live run."),
-]
-CommandSecret = Annotated[
-    str,
-    typer.Option(
-        envvar="PHALANX_COMMAND_SECRET",
-        metavar="SECRET",
-        help="The live run's command secret: the page may then pause, kill and so on.",
-        show_default=False,
-    ),
 ]
 Host = Annotated[str, typer.Option(envvar="PHALANX_HOST", help="Address to serve the page on.")]
 Port = Annotated[

@@ -19,6 +19,7 @@ from phalanx.launcher.libraries import start_loading, without_main
 from phalanx.launcher.programs import Program
 from phalanx.scenario.load import to_json
 from phalanx.scenario.model import Scenario
+from phalanx.wire.credentials import COMMAND_SECRET, SECRET
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
 
@@ -40,6 +41,11 @@ _CRASHED = "Fatal Python error: "
 _VERDICTS = {exit_status(outcome) for outcome in Outcome}
 
 
+def _environment() -> dict[str, str]:
+    """What programs get of this process's: agents may not have what others are known by."""
+    return {k: v for k, v in os.environ.items() if k not in (SECRET, COMMAND_SECRET)}
+
+
 class Processes:
     """The programs of one run, as the process that forks them reports on them."""
 
@@ -50,7 +56,7 @@ class Processes:
             self._reports, theirs = context.Pipe()
             self._plant, last_words = context.Pipe(duplex=False)
             self._server = context.Process(
-                target=serve, args=(to_json(scenario), dict(os.environ), theirs, last_words)
+                target=serve, args=(to_json(scenario), _environment(), theirs, last_words)
             )
             with without_main():
                 self._server.start()

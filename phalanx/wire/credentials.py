@@ -7,6 +7,9 @@ from typing import Any
 
 from phalanx.wire.certificates import tls
 
+SECRET, COMMAND_SECRET = "PHALANX_SECRET", "PHALANX_COMMAND_SECRET"
+"""Variables of the environment that have the run's secrets; no agent of a launcher's gets them."""
+
 
 @dataclass(frozen=True)
 class Credentials:

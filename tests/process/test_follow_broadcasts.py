@@ -12,7 +12,7 @@ import pytest
 from phalanx.wire.endpoints import free_endpoint
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "follow_broadcasts.py"
-RUN = ["--scenario", "stale-inputs", "--run", "r1", "--set", "duration=0.5", "--secret", "s"]
+RUN = ["--scenario", "stale-inputs", "--run", "r1", "--set", "duration=0.5"]
 
 
 def start(*command: object) -> subprocess.Popen[str]:
@@ -22,9 +22,10 @@ def start(*command: object) -> subprocess.Popen[str]:
 
 
 @pytest.mark.swarm
-def test_it_prints_every_broadcast(tmp_path):
+def test_it_prints_every_broadcast(tmp_path, monkeypatch):
+    monkeypatch.setenv("PHALANX_SECRET", "s")
     endpoint = free_endpoint()
-    follower = start(EXAMPLE, endpoint, "r1", "s")
+    follower = start(EXAMPLE, endpoint, "r1")
     plant = start("-m", "phalanx", "plant", *RUN, "--listen", endpoint, "--out", tmp_path)
     # No agent comes before it listens, so it cannot miss the first broadcast.
     assert follower.stdout.readline() == "following run r1\n"

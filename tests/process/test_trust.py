@@ -73,6 +73,33 @@ def test_with_trust_it_is_imported(folder: Path) -> None:
     (folder / "it-ran").unlink()
 
 
+PEEKING = """
+import os
+from pathlib import Path
+from phalanx.theory.laws.velocity import TrackVelocity
+
+class Mine(TrackVelocity):
+    def input(self, *arguments):
+        with open("seen", "a") as seen:
+            print(dict(os.environ), Path("/proc/self/cmdline").read_text(), file=seen)
+        return super().input(*arguments)
+"""
+
+
+def test_the_law_of_a_run_does_not_see_its_secrets(tmp_path: Path) -> None:
+    (tmp_path / "peek.py").write_text(PEEKING)
+    options = ["--set", "agents.0.law.type=peek:Mine", "--set", "duration=0.1", "--no-report"]
+    ended = subprocess.run(
+        [sys.executable, "-m", "phalanx", "run", "one-on-one", *options],
+        cwd=tmp_path,
+        env={**os.environ, "PHALANX_SECRET": "hush-1", "PHALANX_COMMAND_SECRET": "hush-2"},
+        capture_output=True,
+        text=True,
+    )
+    assert ended.returncode == 0, ended.stderr
+    assert "hush" not in (tmp_path / "seen").read_text()
+
+
 @pytest.fixture(scope="module")
 def moved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recording in a folder where the module that it names is not; where it was it is deleted."""

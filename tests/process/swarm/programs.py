@@ -1,5 +1,6 @@
 """The programs of one run as commands of their own, as on many hosts."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -9,13 +10,15 @@ import msgspec
 from phalanx.guarantee.verdict import Summary
 from phalanx.wire.endpoints import free_endpoint
 
+ENVIRONMENT = {**os.environ, "PHALANX_SECRET": "s"}
+
 
 class Programs:
     """A router, a plant that is its client, and the agents."""
 
     def __init__(self, out: Path, agents: int, *scenario: str) -> None:
         self.out, self.agents, self.endpoint = out, agents, free_endpoint()
-        self._scenario = ("--scenario", *scenario, "--run", "r", "--secret", "s")
+        self._scenario = ("--scenario", *scenario, "--run", "r")
         self.router = self.start_router()
         self.plant: subprocess.Popen[str] | None = None
         self.started = [self.router]
@@ -23,7 +26,9 @@ class Programs:
     def start(self, *arguments: str) -> subprocess.Popen[str]:
         """Start one of them."""
         command = [sys.executable, "-m", "phalanx", *arguments, *self._scenario]
-        return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        return subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT
+        )
 
     def start_router(self) -> subprocess.Popen[str]:
         """Start the hub."""

@@ -134,8 +134,11 @@ def test_a_plant_that_cannot_sign_says_so(phalanx, tmp_path: Path) -> None:
     assert "made without `phalanx keys --claims`" in said.splitlines()[-1]
 
 
-def test_with_a_secret_alone_a_claim_is_a_choice_of_name(phalanx, tmp_path: Path) -> None:
-    common = ("--scenario", "one-on-one", "--set", SHORT, "--run", "r", "--secret", "s")
+def test_with_a_secret_alone_a_claim_is_a_choice_of_name(
+    phalanx, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PHALANX_SECRET", "s")
+    common = ("--scenario", "one-on-one", "--set", SHORT, "--run", "r")
     endpoint = free_endpoint()
     plant = phalanx("plant", *common, "--listen", endpoint, "--out", str(tmp_path))
     for _ in range(2):

@@ -86,13 +86,16 @@ def test_loss_and_delay_are_what_the_scenario_says_and_the_same_every_time(phala
     assert share == pytest.approx(0.3, abs=0.04)  # 2400 draws: four standard deviations
 
 
-def test_agents_that_reach_the_same_plant_from_elsewhere_make_the_same_run(phalanx, tmp_path):
+def test_agents_that_reach_the_same_plant_from_elsewhere_make_the_same_run(
+    phalanx, tmp_path, monkeypatch
+):
     """Plant and agents started by hand, as on several hosts, give the launcher's trajectory."""
     from phalanx.wire.endpoints import free_endpoint
 
     endpoint, out = free_endpoint(), tmp_path / "plant"
     out.mkdir()
-    common = ("--scenario", "unicycles", "--set", "duration=0.5", "--run", "r", "--secret", "s")
+    monkeypatch.setenv("PHALANX_SECRET", "s")
+    common = ("--scenario", "unicycles", "--set", "duration=0.5", "--run", "r")
     plant = phalanx("plant", *common, "--listen", endpoint, "--out", str(out))
     agents = [phalanx("agent", name, *common, "--connect", endpoint) for name in "12345"]
     assert plant.finish()[0] == 0

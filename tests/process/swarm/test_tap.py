@@ -1,6 +1,7 @@
 """phalanx tap: a run's traffic as it goes, decoded by somebody who knows nothing of its types."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -16,7 +17,8 @@ pytestmark = pytest.mark.swarm
 
 def tap(*arguments: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "phalanx", "tap", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=170)
+    environment = {**os.environ, "PHALANX_SECRET": SECRET.decode()}
+    return subprocess.run(command, capture_output=True, text=True, timeout=170, env=environment)
 
 
 def test_tap_prints_every_kind_of_message_of_a_run_that_goes_on(tmp_path: Path):
@@ -32,8 +34,6 @@ def test_tap_prints_every_kind_of_message_of_a_run_that_goes_on(tmp_path: Path):
             "broadcast",
             "--count",
             "5",
-            "--secret",
-            SECRET.decode(),
         )
     assert done.returncode == 0, done.stderr
     lines = [json.loads(line) for line in done.stdout.splitlines()]

@@ -1,5 +1,6 @@
 """Viewers come and go; the run does not notice."""
 
+import os
 import signal
 import socket
 import subprocess
@@ -50,7 +51,8 @@ def test_a_viewer_that_finds_no_run_says_why(
     with live_run(load("unicycles", ["duration=4.0"]), tmp_path / "real", HELD) as run:
         command = [sys.executable, "-m", "phalanx", "viewer", "--connect", run.endpoint]
         asked = subprocess.run(
-            [*command, "--run", run_id, "--timeout", "2", "--secret", secret.decode()],
+            [*command, "--run", run_id, "--timeout", "2"],
+            env={**os.environ, "PHALANX_SECRET": secret.decode()},
             capture_output=True, text=True, timeout=60,
         )  # fmt: skip
         run.set_speed(0.0)

@@ -82,6 +82,15 @@ REFUSED = [
     ("router --scenario unicycles --run r --connect nonsense", "'--connect'"),
     ("viewer --run r --timeout inf", "'--timeout'"),
     ("ros2 a --router nonsense", "'--router'"),
+    ("run unicycles --secret s", "--secret: every user of this host can read"),
+    ("agent 1 --scenario unicycles --run r --secret=s", "in the environment, PHALANX_SECRET,"),
+    (
+        "viewer --run r --command-secret s",
+        "PHALANX_COMMAND_SECRET, or in a file, --command-secret-",
+    ),
+    ("plant --scenario unicycles --run r --command-secret=s", "make a new secret"),
+    ("tap r --connect tcp/127.0.0.1:7447 --secret-file nowhere", "'--secret-file'"),
+    ("view a --command-secret-file file", "expected a secret in file, got nothing"),
 ]
 
 
