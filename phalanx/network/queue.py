@@ -10,6 +10,9 @@ from phalanx.network.rule import DELIVER, DROP, Message, Treatment, delay
 
 Positive = Annotated[float, Gt(0)]
 
+_ROUNDING = 1e-6
+"""Of a wait, as a share of the time that a message takes."""
+
 
 @dataclass(frozen=True)
 class Rate:
@@ -29,7 +32,8 @@ class Rate:
         """Delay until the link has carried it."""
         takes = 8.0 * self.size / self.bits_per_second
         begins = max(message.t, message.previous)
-        if begins - message.t > (self.limit - 0.5) * takes:
+        # One that waits longer finds `limit` before it, the one being carried among them.
+        if begins - message.t > (self.limit - 1 + _ROUNDING) * takes:
             return DROP
         return delay(begins + takes - message.t)
 

@@ -84,6 +84,19 @@ def test_a_full_queue_loses_what_comes():
     assert found[3:] == [None, None, None]
 
 
+@pytest.mark.parametrize("limit", [1, 2, 3, 8])
+def test_a_queue_takes_what_comes_exactly_while_it_holds_less_than_its_limit(limit: int):
+    link = Link(0, "a", "b", model(rate={"bits_per_second": 51_200.0, "limit": limit}))
+    through, sent = list[float](), 0.0
+    for k, pause in enumerate(np.random.default_rng(1).uniform(0.0, 0.03, 500)):
+        sent += pause
+        held = sum(t > sent for t in through)
+        delay = link.fate(k, sent=sent).delay
+        assert (delay is not None) == (held < limit)
+        if delay is not None:
+            through.append(sent + delay)
+
+
 def test_what_comes_in_a_slot_is_delivered_at_its_end():
     link = Link(0, "a", "b", model(slot=0.1, delay=0.03))
     arrivals = [0.01 * k + link.fate(k, sent=0.01 * k).delay for k in range(25)]
