@@ -1,7 +1,7 @@
 """phalanx network: link models by name, and from what was measured."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -29,8 +29,12 @@ def presets() -> int:
 def fit(
     capture: Annotated[
         Path,
-        typer.Argument(help="CSV with a column delay, in seconds, empty where a message was lost."),
+        typer.Argument(help="CSV with a column delay, empty where a message was lost."),
     ],
+    unit: Annotated[
+        Literal["s", "ms", "us"] | None,
+        typer.Option(help="Of the delays; seconds by default, if they can be.", show_default=False),
+    ] = None,
 ) -> int:
     """Print the network table that fits measured delays and losses best.
 
@@ -39,17 +43,18 @@ def fit(
     Examples:
 
       phalanx network fit capture.csv
-      phalanx network fit capture.csv > network.toml
+      phalanx network fit capture.csv --unit ms > network.toml
     """
     from phalanx.network.fit import CaptureError, fit, read_capture
 
     try:
         with capture.open(encoding="utf-8", newline="") as lines:
-            found = fit(read_capture(lines))
+            found = fit(read_capture(lines, unit))
     except (CaptureError, OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise typer.BadParameter(f"{capture}: {reason}") from error
-    say(f"# {found.messages} messages, {found.lost} lost; the delays of the model are")
+    say(f"# {found.messages} messages, {found.lost} lost")
+    say(f"# half of the delays are below {1e3 * found.median:.4g} ms; those of the model are")
     say(f"# off by {found.distance:.3g} at most (Kolmogorov and Smirnov's distance)")
     say(*_toml(found.table))
     return 0

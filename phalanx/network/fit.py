@@ -2,9 +2,9 @@
 
 import csv
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,10 @@ from phalanx.network.distributions import Distribution, quantile
 
 Array = NDArray[np.float64]
 
+Unit = Literal["s", "ms", "us"]
+_SECONDS: Mapping[Unit, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+_IMPLAUSIBLE = 1.0
+"""Networks of robots are faster: a median delay above it [s] is most likely in another unit."""
 _FEW = 30
 """Messages that are too few to fit anything to."""
 _SIGNIFICANT = 3.0
@@ -33,22 +37,37 @@ class FittedLink:
     """Fields of [network]."""
     messages: int
     lost: int
+    median: float
+    """Of the delays [s]."""
     distance: float
     """Kolmogorov and Smirnov's, of the measured delays and the model's."""
 
 
-def read_capture(lines: Iterable[str]) -> Array:
+def read_capture(lines: Iterable[str], unit: Unit | None = None) -> Array:
     """Delays [s] of a CSV's column `delay`; not a number where it is empty: lost.
 
+    Args:
+        lines: of the file. Where `delay` is the only column, an empty line is a lost message.
+        unit: of the delays; seconds by default, if they can be.
+
     Raises:
-        CaptureError: no such column, too few lines, or a delay that is none.
+        CaptureError: no such column, too few lines, a delay that is none, or delays so long that
+            they are hardly in seconds.
     """
-    reader = csv.DictReader(lines)
-    if "delay" not in (reader.fieldnames or ()):
-        raise CaptureError(f"line 1: expected a column delay, got {reader.fieldnames}")
-    delays = np.array([_delay(row["delay"], reader.line_num) for row in reader])
+    reader = csv.reader(lines)
+    head = next(reader, [])
+    if "delay" not in head:
+        raise CaptureError(f"line 1: expected a column delay, got {head}")
+    place, only = head.index("delay"), len(head) == 1
+    read = [_delay(row[place:], reader.line_num) for row in reader if row or only]
+    delays = _SECONDS[unit or "s"] * np.array(read)
     if np.count_nonzero(np.isfinite(delays)) < _FEW:
         raise CaptureError(f"expected at least {_FEW} messages that were not lost")
+    median = np.nanmedian(delays)
+    if unit is None and median > _IMPLAUSIBLE:
+        raise CaptureError(
+            f"half of the delays are above {median:.4g} s: say what they are in, --unit ms or s"
+        )
     return delays
 
 
@@ -66,7 +85,7 @@ def fit(delays: Array) -> FittedLink:
             table["delay"]["correlation"] = kept
     if lost.any():
         table["loss"] = _loss(lost)
-    return FittedLink(table, len(delays), int(lost.sum()), distance)
+    return FittedLink(table, len(delays), int(lost.sum()), float(np.median(arrived)), distance)
 
 
 def _fitted(arrived: Array, kind: Distribution) -> tuple[float, dict[str, Any]]:
@@ -104,15 +123,17 @@ def _loss(lost: NDArray[np.bool_]) -> float | dict[str, float]:
     return _rounded(mean)
 
 
-def _delay(text: str | None, line: int) -> float:
-    if not (text or "").strip():
+def _delay(cells: Sequence[str], line: int) -> float:
+    """What the first cell says; not a number if there is none, or nothing in it."""
+    text = "".join(cells[:1]).strip()
+    if not text:
         return math.nan
     try:
-        delay = float(text or "")
+        delay = float(text)
     except ValueError:
         delay = -1.0
     if not 0.0 <= delay < math.inf:
-        raise CaptureError(f"line {line}: expected a delay in seconds or nothing, got {text!r}")
+        raise CaptureError(f"line {line}: expected a delay or nothing, got {text!r}")
     return delay
 
 

@@ -1,6 +1,8 @@
 """A link model fitted to what a link model did is that model."""
 
 import math
+import statistics
+import tomllib
 
 import pytest
 
@@ -60,7 +62,7 @@ def test_the_distance_tells_a_model_that_fits_from_one_that_does_not():
     ("lines", "message"),
     [
         (["time", "0.1"], "line 1: expected a column delay"),
-        (["delay", "0.1", "soon"], "line 3: expected a delay in seconds or nothing, got 'soon'"),
+        (["delay", "0.1", "soon"], "line 3: expected a delay or nothing, got 'soon'"),
         (["delay", "-0.1"], "line 2: expected a delay"),
         (["delay", "inf"], "line 2: expected a delay"),
         (["delay", *["0.1"] * 5], "expected at least 30 messages"),
@@ -72,8 +74,6 @@ def test_a_capture_that_is_none_is_refused_with_its_line(lines, message):
 
 
 def test_what_the_command_prints_is_a_table_of_a_scenario(tmp_path, capsys):
-    import tomllib
-
     capture = tmp_path / "capture.csv"
     capture.write_text("\n".join(captured(3000, **MODELS["pareto"])))
     assert status(["network", "fit", str(capture)]) == 0
@@ -82,3 +82,38 @@ def test_what_the_command_prints_is_a_table_of_a_scenario(tmp_path, capsys):
     assert delay.distribution == "pareto"
     assert math.isclose(delay.time, 0.1, rel_tol=0.05)
     assert status(["network", "fit", str(tmp_path / "none.csv")]) == 64
+
+
+def in_one_column(delays: list[float | None]) -> str:
+    return "\n".join(["delay", *("" if d is None else f"{d}" for d in delays), ""])
+
+
+def test_an_empty_line_of_one_column_is_a_message_that_was_lost(tmp_path, capsys):
+    link = Link(5, "a", "b", model(**MODELS["normal"]))
+    delays = [link.fate(k).delay for k in range(3000)]
+    capture = tmp_path / "capture.csv"
+    capture.write_text(in_one_column(delays))
+    assert status(["network", "fit", str(capture)]) == 0
+    told = capsys.readouterr().out
+    assert f"# 3000 messages, {delays.count(None)} lost" in told
+    assert "loss = " in told
+
+
+def test_a_blank_line_among_several_columns_is_none():
+    assert len(read_capture([*captured(100), ""])) == 100
+
+
+def test_delays_in_milliseconds_are_not_taken_for_seconds(tmp_path, capsys):
+    link = Link(5, "a", "b", model(**MODELS["normal"]))
+    delays = [link.fate(k).delay for k in range(3000)]
+    capture = tmp_path / "capture.csv"
+    capture.write_text(in_one_column([d and 1e3 * d for d in delays]))
+    fitting = ["network", "fit", str(capture)]
+    assert status(fitting) == 64
+    median = 1e3 * statistics.median(d for d in delays if d is not None)
+    assert f"half of the delays are above {median:.4g} s" in capsys.readouterr().err
+    assert status([*fitting, "--unit", "ms"]) == 0
+    told = capsys.readouterr().out
+    assert f"half of the delays are below {median:.4g} ms" in told
+    assert tomllib.loads(told)["network"]["delay"]["time"] == pytest.approx(0.1, rel=0.05)
+    assert status([*fitting, "--unit", "s"]) == 0
