@@ -8,8 +8,6 @@ import typer
 
 from phalanx.wire.certificates import AUTHORITY, CERTIFICATE, ENDPOINT, PRIVATE_KEY
 
-NOT_HERE = "{} is not for this host alone: expected"
-
 _AT_A_PORT = re.compile(r"(tcp|udp|tls|quic|ws)/(\[[\da-fA-F:.%]+\]|[\w.-]+):(?P<port>\d+)")
 _ON_THIS_HOST = "unixsock"
 """What a protocol begins with whose address is a file."""
@@ -31,14 +29,19 @@ def require_endpoints(endpoints: list[str] | None) -> list[str] | None:
     return endpoints
 
 
+def require_here(endpoint: str, insecure: bool, expected: str) -> None:
+    """Refuse an endpoint beyond this host, and say what is expected, unless that is asked for."""
+    if not insecure and not on_loopback(endpoint):
+        raise typer.BadParameter(f"{endpoint} is not for this host alone: expected {expected}")
+
+
 def certificates_for(folder: Path | None, endpoint: str, insecure: bool) -> Path | None:
     """The folder, if it has a program's certificate and the endpoint asks for one.
 
     Without one nothing leaves this host, unless that is asked for.
     """
-    if folder is None and not insecure and not on_loopback(endpoint):
-        expected = "--keys DIR (see phalanx keys), or --insecure"
-        raise typer.BadParameter(f"{NOT_HERE.format(endpoint)} {expected}")
+    if folder is None:
+        require_here(endpoint, insecure, "--keys DIR (see phalanx keys), or --insecure")
     if (folder is not None) != endpoint.startswith(("tls/", "quic/")):
         raise typer.BadParameter(f"--keys: expected with a tls/ endpoint alone, got {endpoint}")
     if folder is not None:

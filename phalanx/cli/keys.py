@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from phalanx.cli.allowed import require_hosts
-from phalanx.cli.options import Overrides, ScenarioOption
+from phalanx.cli.options import Overrides, ScenarioOption, Trust
 from phalanx.cli.terminal import say
 
 
@@ -49,6 +49,7 @@ def keys(
     days: Annotated[
         float, typer.Option(callback=_require_days, help="For how long they are valid.")
     ] = 30.0,
+    trust: Trust = False,
 ) -> int:
     """Make a certificate for each program: links are encrypted, and both ends know each other.
 
@@ -62,11 +63,13 @@ def keys(
       phalanx agent --claim --keys keys/claimant --scenario unicycles --run r1
     """
     from phalanx.scenario.load import load
+    from phalanx.scenario.user_code import code_trusted
     from phalanx.wire.authority import make_certificates
     from phalanx.wire.certificates import ENDPOINT
     from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, ROUTER, VIEWER
 
-    programs = load(scenario, overrides or ()).programs()
+    with code_trusted(trust):
+        programs = load(scenario, overrides or ()).programs()
     names = [PLANT, ROUTER, VIEWER, OPERATOR, *([CLAIMANT] if claims else []), *programs]
     reached_as = ["localhost", "127.0.0.1", *(hosts or ())]
     try:

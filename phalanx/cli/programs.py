@@ -24,6 +24,7 @@ from phalanx.cli.options import (
     Seed,
     Speed,
     Timeout,
+    Trust,
 )
 from phalanx.cli.real_time import RealTimeFactor
 from phalanx.cli.terminal import complain
@@ -172,6 +173,7 @@ def router(
     secret: Secret = "",
     keys: KeysFolder = None,
     insecure: Insecure = False,
+    trust: Trust = False,
 ) -> int:
     """Run a hub alone, for a plant that is started with --connect; Ctrl-C ends it.
 
@@ -182,17 +184,20 @@ def router(
       phalanx router --listen tls/0.0.0.0:7447 --connect tls/router.example.org:7447 ...
     """
     from phalanx.launcher.programs import configure_logging
+    from phalanx.scenario.user_code import code_trusted
     from phalanx.swarm.swarm import build_swarm
     from phalanx.wire.keys import ROUTER
     from phalanx.wire.membership import Membership
     from phalanx.wire.router import run as run_router
     from phalanx.wire.session import HubError
 
-    certificates = certificates_for(keys, listen, insecure)
+    for endpoint in (listen, *(connect or ())):
+        certificates = certificates_for(keys, endpoint, insecure)
     membership = Membership(run, listen, secret.encode(), ROUTER, certificates=certificates)
     configure_logging()
     try:
-        swarm = build_swarm(_load(scenario, overrides, seed))
+        with code_trusted(trust):
+            swarm = build_swarm(_load(scenario, overrides, seed))
         return run_router(swarm, membership, connect or ())
     except (HubError, OSError) as error:
         complain(error)

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from phalanx.cli.allowed import require_timeout
-from phalanx.cli.endpoints import certificates_for, require_endpoint
+from phalanx.cli.endpoints import certificates_for, require_endpoint, require_here
 from phalanx.cli.options import Insecure, KeysFolder, Secret, Trust
 from phalanx.cli.terminal import complain
 from phalanx.cli.viewing import Connect, LiveRun, RunOrRecording, require_either
@@ -59,9 +59,12 @@ def ros2(
     Examples:
 
       phalanx ros2 runs/unicycles-1
-      phalanx ros2 --connect tcp/plant:7447 --run r1 --router tcp/robot:7447
+      phalanx ros2 --connect tcp/plant:7447 --run r1 --router tcp/robot:7447 --insecure
     """
     require_either(recording, connect, run)
+    require_here(
+        router, insecure, "--insecure, since ROS 2's router reads and passes on everything"
+    )
     _require_libraries()
     from phalanx.launcher.live import find_live
     from phalanx.launcher.programs import configure_logging

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from phalanx.cli.allowed import require_folder, require_port
-from phalanx.cli.endpoints import NOT_HERE, on_loopback, require_endpoint
+from phalanx.cli.endpoints import require_endpoint, require_here
 from phalanx.cli.options import (
     Engine,
     Insecure,
@@ -102,8 +102,8 @@ def run(
     if engine == "in-process" and (view or listen or secret or real_time or speed):
         names = "--view, --listen, --secret-file, --real-time or --speed"
         raise typer.BadParameter(f"--engine in-process: expected no {names}")
-    if listen is not None and not insecure and not on_loopback(listen):
-        raise typer.BadParameter(f"{NOT_HERE.format(listen)} --insecure; phalanx plant has --keys")
+    if listen is not None:
+        require_here(listen, insecure, "--insecure; phalanx plant has --keys")
     # Libraries that find no memory die in words of their own: there this process loads them first.
     if (
         engine == "processes"

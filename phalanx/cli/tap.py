@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 import typer
 
 from phalanx.cli.allowed import require_run
-from phalanx.cli.endpoints import require_endpoint
-from phalanx.cli.options import Secret
+from phalanx.cli.endpoints import certificates_for, require_endpoint
+from phalanx.cli.options import Insecure, KeysFolder, Secret
 from phalanx.cli.terminal import complain, say
 
 Kind = Literal["sample", "actuation", "broadcast", "telemetry", "frame", "status", "verdict"]
@@ -32,6 +32,8 @@ def tap(
         ),
     ] = "",
     secret: Secret = "",
+    keys: KeysFolder = None,
+    insecure: Insecure = False,
     kind: Annotated[Kind | None, typer.Option(help="Only messages of this kind.")] = None,
     count: Annotated[
         int, typer.Option(min=0, help="End after so many messages; 0: with the run.")
@@ -53,7 +55,10 @@ def tap(
     from phalanx.wire.tap import tapped
 
     if connect:
-        membership = Membership(require_run(run), connect, secret.encode(), timeout=10.0)
+        certificates = certificates_for(keys, connect, insecure)
+        membership = Membership(
+            require_run(run), connect, secret.encode(), timeout=10.0, certificates=certificates
+        )
     else:
         found = find_live(Path(run))
         if found is None:

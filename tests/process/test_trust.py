@@ -18,6 +18,7 @@ Path("it-ran").touch()
 class Mine(TrackVelocity):
     pass
 """
+NAMES_CODE = "agents.0.law.type=mine:Mine"
 READERS = ("report", "verify", "certify", "view", "export --png picture.png")
 
 
@@ -56,14 +57,29 @@ def test_a_recording_that_names_code_is_refused_in_one_line(command: str, folder
     assert not (folder / "it-ran").exists()
 
 
-def test_a_check_of_a_scenario_that_names_code_runs_none_of_it(folder: Path) -> None:
-    command = ["check", "one-on-one", "--set", "agents.0.law.type=mine:Mine"]
+@pytest.mark.parametrize(
+    "command",
+    ["check one-on-one", "keys made --scenario one-on-one", "router --run r --scenario one-on-one"],
+)
+def test_a_scenario_that_names_code_is_refused_and_runs_none_of_it(
+    command: str, folder: Path
+) -> None:
     ended = subprocess.run(
-        [sys.executable, "-m", "phalanx", *command], cwd=folder, capture_output=True, text=True
-    )
+        [*(sys.executable, "-m", "phalanx"), *command.split(), "--set", NAMES_CODE],
+        cwd=folder, capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
     assert ended.returncode == 64
     assert "mine:Mine" in ended.stderr
-    assert not (folder / "it-ran").exists()
+    assert "--trust" in ended.stderr
+    assert {path.name for path in folder.iterdir()} == {"mine.py", "runs"}
+
+
+def test_keys_of_a_scenario_that_is_trusted_are_made(folder: Path, tmp_path: Path) -> None:
+    command = ["keys", str(tmp_path / "keys"), "--scenario", "one-on-one", "--set", NAMES_CODE]
+    phalanx = [sys.executable, "-m", "phalanx"]
+    subprocess.run([*phalanx, *command, "--trust"], cwd=folder, check=True)
+    assert (tmp_path / "keys" / "1" / "tls.key").exists()
+    (folder / "it-ran").unlink()
 
 
 def test_with_trust_it_is_imported(folder: Path) -> None:

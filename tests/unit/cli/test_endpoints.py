@@ -41,6 +41,9 @@ def test_whether_an_endpoint_is_for_its_own_host_alone(endpoint: str, here: bool
         ("agent", "1", *RUN, "--connect", "tcp/10.0.0.1:7447"),
         ("viewer", "--run", "r", "--connect", "tcp/10.0.0.1:7447"),
         ("run", "one-on-one", "--listen", "tcp/0.0.0.0:7447"),
+        ("router", *RUN, "--connect", "tcp/10.0.0.1:7447"),
+        ("tap", "r", "--connect", "tcp/10.0.0.1:7447"),
+        ("ros2", "a", "--router", "tcp/10.0.0.1:7447"),
     ],
 )
 def test_a_program_that_would_be_reached_unprotected_does_not_start(command, capsys) -> None:
