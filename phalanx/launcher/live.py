@@ -35,7 +35,7 @@ def announced(folder: Path, membership: Membership) -> Iterator[None]:
     viewer = membership.of(VIEWER)
     found = LiveRun(viewer.run, viewer.endpoint, dict(viewer.held or {}))
     try:
-        with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as out:
+        with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as out:
             out.write(msgspec.json.encode(found))
     except OSError as error:
         raise EngineError(f"{error.strerror}: {file}") from error

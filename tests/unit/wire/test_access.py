@@ -1,12 +1,24 @@
 """The rules by which the hub passes messages on."""
 
+from queue import SimpleQueue
 from typing import Any
 
+import pytest
+import zenoh
+
 from phalanx.wire.access import access_control
+from phalanx.wire.credentials import Admission, Credentials
+from phalanx.wire.endpoints import free_endpoint
 from phalanx.wire.keys import Keys
+from phalanx.wire.session import open_client, open_hub
+from tests.process.runs import wait_for
 
 NAMES = ("4", "5", "6")
-RULES = access_control(Keys("r"), {name: (name,) for name in NAMES}, NAMES)
+KEYS = Keys("r")
+RULES = access_control(KEYS, {name: (name,) for name in NAMES}, NAMES)
+OF_OTHERS = [KEYS.sample("5"), KEYS.actuation("5"), KEYS.telemetry("5"), KEYS.broadcast("5", "6"),
+             KEYS.broadcast("4", "5"), KEYS.frames, KEYS.command]  # fmt: skip
+"""What is put neither by agent 4 nor for it, or by it for another."""
 
 
 def rules_of(name: str) -> list[dict[str, Any]]:
@@ -31,3 +43,33 @@ def test_agents_share_the_rules_in_which_no_agent_is_named():
 def test_an_agent_may_do_nothing_in_the_name_of_another():
     for rule in rules_of("4"):
         assert not {"5", "6"} & {chunk for key in rule["key_exprs"] for chunk in key.split("/")}
+
+
+@pytest.mark.parametrize("key", OF_OTHERS)
+def test_an_agent_is_shown_nothing_that_is_for_another(key: str) -> None:
+    put, shows = zenoh.KeyExpr(key), {("egress", "put"), ("ingress", "declare_subscriber")}
+    for rule in rules_of("4"):
+        if any((rule["flows"][0], message) in shows for message in rule["messages"]):
+            assert not any(put.intersects(zenoh.KeyExpr(shown)) for shown in rule["key_exprs"])
+
+
+def test_an_agent_that_subscribes_to_everybodys_broadcasts_hears_its_own_alone() -> None:
+    endpoint, heard = free_endpoint(), SimpleQueue[str]()
+
+    def opened(name: str) -> zenoh.Session:
+        return open_client(endpoint, 60.0, Credentials(name, "p"))
+
+    with (
+        open_hub(endpoint, Admission(dict.fromkeys(NAMES, "p"), RULES)),
+        opened("4") as listening,
+        opened("5") as speaking,
+    ):
+        wanted = KEYS.broadcast("*", "*"), KEYS.broadcast("5", "6"), KEYS.everything, "**"
+        for key in (*wanted, KEYS.broadcast("*", "4")):
+            listening.declare_subscriber(key, lambda sample: heard.put(str(sample.key_expr)))
+        last = speaking.declare_publisher(KEYS.broadcast("5", "4"))
+        wait_for(lambda: last.matching_status.matching)
+        # In this order they would come: what it hears first is all that it does.
+        for key in (KEYS.broadcast("5", "6"), KEYS.broadcast("5", "4")):
+            speaking.put(key, b"?", congestion_control=zenoh.CongestionControl.BLOCK)
+        assert heard.get() == KEYS.broadcast("5", "4")
