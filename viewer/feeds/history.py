@@ -10,10 +10,13 @@ from numpy.typing import NDArray
 from phalanx.faults.state import Condition
 from phalanx.recording.broadcasts import LATE, LOST, Broadcast
 from phalanx.theory.rows.origin import Origin
+from phalanx.theory.safety.composition import FAR
 
 Array = NDArray[np.float64]
 
 _FIRST_CAPACITY = 256
+NOBODY_NEAR = 1e-3 * FAR
+"""A residual this small is no row's: no pair was composed, so that none had to be kept."""
 
 
 class TimeSeries:

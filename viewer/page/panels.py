@@ -1,6 +1,6 @@
 """The panels in words: how the run stands, the selected agent, the event log."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import viser
 
@@ -8,10 +8,17 @@ from phalanx.faults.state import Condition
 from phalanx.guarantee.verdict import Assumption, Summary
 from phalanx.theory.rows.origin import words_of
 from phalanx.viewer.feeds.feed import Feed
+from phalanx.viewer.feeds.history import NOBODY_NEAR
+from phalanx.viewer.scene.markup import Markup, Panel, element, markup
 from phalanx.viewer.scene.model import SceneModel
 from phalanx.viewer.scene.server import in_loop
-from phalanx.wire.frames import AgentStatus, Frame
+from phalanx.wire.frames import AgentStatus, Frame, LogLine
 
+_STYLE = Markup("""<style>
+.phalanx-words { margin: 0; padding: 0 0.75em 0.5em; font-size: 0.875em; line-height: 1.5;
+  overflow-wrap: anywhere; white-space: pre-wrap; unicode-bidi: isolate; }
+ul.phalanx-words { padding-left: 1.75em; }
+</style>""")
 _LOG_LINES = 12
 _SAME_TIME = 1e-9
 """Times that differ by rounding alone [s]."""
@@ -27,16 +34,16 @@ class Panels:
     ) -> None:
         """select is called with the index of the agent chosen here."""
         self._model, self._select = model, select
-        gui = server.gui
-        seed = model.scenario.seed
-        gui.add_markdown(f"**{model.scenario.name}** · {_headcount(model)} · seed {seed}")
-        self._status = gui.add_markdown("Waiting for the first frame.")
-        self._verdict = gui.add_markdown("")
+        gui, scenario = server.gui, model.scenario
+        told = element("b", scenario.name), f" · {_headcount(model)} · seed {scenario.seed}"
+        Panel(gui, _words(*told))
+        self._status = Panel(gui, _words("Waiting for the first frame."))
+        self._verdict = Panel(gui, markup())
         self._selected = gui.add_dropdown("Agent", model.names)
         worst = gui.add_button("Choose from the worst pair")
-        self._agent = gui.add_markdown("")
+        self._agent = Panel(gui, markup())
         with gui.add_folder("Event log", order=90):
-            self._log = gui.add_markdown("Nothing yet.")
+            self._log = Panel(gui, _log([]))
         self._worst_pair: int | None = None
         self._selected.on_update(in_loop(self._on_choice))
         worst.on_click(in_loop(lambda _: self._choose_worst()))
@@ -48,11 +55,10 @@ class Panels:
     def show(self, frame: Frame, selected: int, feed: Feed) -> None:
         """Say how things stand."""
         self._worst_pair = frame.pair
-        self._status.content = _status(frame, self._model.scenario.duration, feed.over)
-        self._verdict.content = _verdict(frame, feed)
-        self._agent.content = agent_in_words(frame.agents[selected])
-        lines = [f"- `{line.t:.3f} s` {line.text}" for line in reversed(frame.log[-_LOG_LINES:])]
-        self._log.content = "\n".join(lines) or "Nothing yet."
+        self._status.show(_status(frame, self._model.scenario.duration, feed.over))
+        self._verdict.show(verdict_in_words(frame, feed.summary, feed.unfinished))
+        self._agent.show(_words(agent_in_words(frame.agents[selected])))
+        self._log.show(_log(frame.log[-_LOG_LINES:]))
 
     def _on_choice(self, event: viser.GuiEvent[viser.GuiDropdownHandle[str]]) -> None:
         if event.client is not None:  # viser also calls back when show_selected() sets the value
@@ -67,19 +73,32 @@ def _headcount(model: SceneModel) -> str:
     return f"{len(model.names)} agents ({int(model.adversary.sum())} adversaries)"
 
 
-def _status(frame: Frame, duration: float, over: bool) -> str:
-    network = _network(frame)
-    return "\n".join(
-        [
-            f"**t = {frame.t:.3f} s** of {duration:g} s · {_pace(frame, over)}",
-            "",
-            f"h_tot {frame.h_tot:.3f}, worst {frame.worst_h:.3f} · {frame.steps} steps, "
-            + _empty_sets(
-                sum(status.backups for status in frame.agents),
-                sum(status.without_authority for status in frame.agents),
-            ),
-            *([f"\nnetwork by command: {network}"] if network else []),
-        ]
+def _words(*parts: str) -> Markup:
+    return element("p", *parts, kind="phalanx-words")
+
+
+def _items(items: Sequence[Markup]) -> Markup:
+    return element("ul", *items, kind="phalanx-words") if items else markup()
+
+
+def _log(lines: Sequence[LogLine]) -> Markup:
+    """The last line first."""
+    items = [element("li", element("code", f"{x.t:.3f} s"), " ", x.text) for x in reversed(lines)]
+    return _items(items) if items else _words("Nothing yet.")
+
+
+def _status(frame: Frame, duration: float, over: bool) -> Markup:
+    clock, network = element("b", f"t = {frame.t:.3f} s"), _network(frame)
+    empty = _empty_sets(
+        sum(status.backups for status in frame.agents),
+        sum(status.without_authority for status in frame.agents),
+    )
+    steps = f"{frame.steps} steps, {empty}"
+    return markup(
+        _STYLE,
+        _words(clock, f" of {duration:g} s · {_pace(frame, over)}"),
+        _words(f"h_tot {frame.h_tot:.3f}, worst {frame.worst_h:.3f} · {steps}"),
+        *([_words(f"network by command: {network}")] if network else []),
     )
 
 
@@ -100,38 +119,47 @@ def _network(frame: Frame) -> str:
     return ", ".join(found + ([] if frame.delay is None else [f"delay {1e3 * frame.delay:g} ms"]))
 
 
-def _verdict(frame: Frame, feed: Feed) -> str:
-    """The verdict, or how it would stand now; failed assumptions in words."""
-    failed = [
-        f"- {a.name}: failed {_count(a)}first at {a.first:.3f} s ({a.note})"
-        for a in frame.assumptions
-        if a.failed and a.first is not None
-    ]
-    return "\n".join([outcome_in_words(frame, feed.summary, feed.unfinished), "", *failed])
+def verdict_in_words(frame: Frame, summary: Summary | None, unfinished: str) -> Markup:
+    """The verdict or why there is none, how things stood at a frame, and what had failed by then.
 
-
-def _count(assumption: Assumption) -> str:
-    """How often it failed, if that is known."""
-    return f"{assumption.failed} of {assumption.checked}, " if assumption.checked else ""
-
-
-def outcome_in_words(frame: Frame, summary: Summary | None, unfinished: str) -> str:
-    """The verdict, why there is none, or how it would stand now."""
+    Args:
+        frame: the moment shown.
+        summary: of the run, once there is one.
+        unfinished: why there will be none; empty otherwise.
+    """
+    told = []
     if unfinished:
-        return f"**no verdict**: {unfinished}"
-    if summary is not None and frame.t >= summary.t - _SAME_TIME:
-        return f"**{summary.outcome}**: {summary.reason}"
+        told.append(_words(element("b", "no verdict"), f": {unfinished}"))
+    elif summary is not None:
+        told.append(_words(element("b", summary.outcome), f": {summary.reason}"))
+        if frame.t < summary.t - _SAME_TIME:
+            told.append(_standing(frame, "until now"))
+    else:
+        told.append(_standing(frame, "so far"))
+    failed = [_failure(a, a.first) for a in frame.assumptions if a.failed and a.first is not None]
+    return markup(*told, _items(failed))
+
+
+def _failure(assumption: Assumption, first: float) -> Markup:
+    count = f"{assumption.failed} of {assumption.checked}, " if assumption.checked else ""
+    expected = f"; expected was: {assumption.note}" if assumption.note else ""
+    return element("li", f"{assumption.name} failed: {count}first at {first:.3f} s{expected}")
+
+
+def _standing(frame: Frame, when: str) -> Markup:
     if frame.violations:
         worst = frame.violations[0]
-        return f"**violated so far**: {worst.pair} since t = {worst.first:.3f} s"
+        since = f": {worst.pair} since t = {worst.first:.3f} s"
+        return _words(element("b", f"violated {when}"), since)
     if any(a.failed for a in frame.assumptions):
-        return "**safe so far**, not guaranteed"
-    return "**guaranteed so far**"
+        return _words(element("b", f"safe {when}"), ", not guaranteed")
+    return _words(element("b", f"guaranteed {when}"))
 
 
-def agent_in_words(status: AgentStatus) -> str:
+def agent_in_words(status: AgentStatus) -> Markup:
     """What an agent did at its last step, and for how long that is proven safe."""
-    parts = [] if status.condition == Condition.FINE else [f"**{status.condition}**"]
+    fine = status.condition == Condition.FINE
+    parts: list[str] = [] if fine else [element("b", status.condition)]
     if status.u:
         parts.append(f"u = ({', '.join(f'{u:.3f}' for u in status.u)}), {words_of(status.origin)}")
         parts.append(_residual(status.residual))
@@ -141,10 +169,12 @@ def agent_in_words(status: AgentStatus) -> str:
         parts.append(f"oldest û {1e3 * status.age:.1f} ms")
     if status.certified is not None:
         parts.append(f"proven safe for {1e3 * status.certified:.0f} ms")
-    return " · ".join(parts) or "no input yet"
+    return Markup(" · ".join(map(markup, parts))) or markup("no input yet")
 
 
 def _residual(residual: float | None) -> str:
     if residual is None:
         return "no margin known"
+    if residual <= NOBODY_NEAR:
+        return "nobody near, so no row to keep"
     return f"residual {residual if abs(residual) > _NO_RESIDUAL else 0.0:.3g}"

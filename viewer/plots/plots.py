@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from phalanx.swarm.units import unit_of_psi
 from phalanx.theory.rows.origin import Origin
 from phalanx.viewer.feeds.feed import Feed
-from phalanx.viewer.feeds.history import EMPTY_CODES, AgentSeries
+from phalanx.viewer.feeds.history import EMPTY_CODES, NOBODY_NEAR, AgentSeries
 from phalanx.viewer.plots.content import Content, Curve, Mark, Plot
 from phalanx.viewer.plots.curves import (
     Keep,
@@ -105,7 +105,7 @@ class _Plots:
         horizons = self._every(self._horizon, lowest)
         ages = self._every(lambda _, s: 1e3 * s.age, highest)
         solve_times = self._every(lambda _, s: 1e3 * s.solve_time, highest)
-        residuals = self._every(lambda _, s: s.residual, highest)
+        residuals = self._every(_of_rows, highest)
         of_row = self._unit_of_psi(len(self._model.psi_levels) + 1)
         margins = self._every(lambda _, s: s.margin, highest)
         return [
@@ -172,6 +172,11 @@ class _Plots:
         unit = self._model.input_units[i][name]
         title = f"Input {name} and nominal"
         return Plot(title, unit, curves, safe, of_agents=True, agent=i)
+
+
+def _of_rows(_: int, steps: AgentSeries) -> Array:
+    """Residuals, where there was a row to keep."""
+    return np.where(steps.residual > NOBODY_NEAR, steps.residual, np.nan)
 
 
 def _bold(rows: Array, column: int, keep: Keep) -> Curve:

@@ -14,6 +14,7 @@ from phalanx.viewer.scene.cameras import Cameras, Framing
 from phalanx.viewer.scene.labels import LabelNodes
 from phalanx.viewer.scene.legend import legend
 from phalanx.viewer.scene.lines import LineNodes
+from phalanx.viewer.scene.markup import Panel
 from phalanx.viewer.scene.model import SceneModel
 from phalanx.viewer.scene.palette import DARK, LIGHT
 from phalanx.viewer.scene.picture import Picture
@@ -47,7 +48,7 @@ class Scene:
         self.lines = LineNodes(server.scene, model, LIGHT)
         self.labels = LabelNodes(server.scene, model)
         self.banner = Banner(server.gui)
-        server.gui.add_html(legend(), order=99.0)
+        Panel(server.gui, legend(), order=99.0)
         self.selection = SelectionNodes(server.scene, LIGHT)
         self.cameras = Cameras(server, _direction(model.flat), 3.0 * model.body)
         self.cameras.expect(np.stack(model.extent))

@@ -1,15 +1,20 @@
 """What a visitor sees and does, in a real browser on real runs."""
 
 import math
+import os
 import re
 import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 import pytest
 
+from phalanx.guarantee.verdict import Assumption, Outcome, Violation
 from phalanx.recording.read import read
+from phalanx.recording.records import RECORDING, Log
+from phalanx.recording.write import RecordingWriter
 from phalanx.scenario.load import load
 from phalanx.viewer.feeds.replay import open_replay
 from phalanx.viewer.plots.plots import content
@@ -257,3 +262,41 @@ def test_a_read_only_page_of_a_live_run_offers_no_commands(tab: "Tab", tmp_path:
         tab.get_by_text("the run is over").wait_for()
         run.summary()
     assert [command.kind for command in read(tmp_path / "live").commands] == ["speed"]
+
+
+RUNS_CODE = (
+    "<img src=x onerror='owned=1'><iframe srcdoc='<script>parent.owned=1</script>'></iframe>"
+)
+HOSTILE = f"{RUNS_CODE} {{owned=1}} **bold** [link](javascript:owned=1) ![](http://evil.example/x)"
+
+
+def test_text_of_a_recording_is_text_on_the_page(
+    tab: "Tab", finished: Path, tmp_path: Path
+) -> None:
+    recording = read(finished)
+    assert recording.summary is not None
+    os.mkfifo(fifo := tmp_path / "fifo")
+    spoken = f"{HOSTILE} ![]({fifo}) ![](/etc/hostname)"
+    with RecordingWriter(tmp_path / RECORDING, recording.scenario, spoken) as writer:
+        for record in [*recording.states, *recording.steps]:
+            writer.write(record)
+        writer.write(Log(0.0, f"log {spoken}"))
+        writer.finish(
+            msgspec.structs.replace(
+                recording.summary,
+                outcome=Outcome.VIOLATED,
+                reason=f"reason {spoken}",
+                assumptions=[Assumption(f"name {spoken}", 1, 2, 0.0, f"note {spoken}")],
+                violations=[Violation(f"pair {spoken}", 0.0, 0.25, 0.3, 0.15)],
+            )
+        )
+    with viewer(str(tmp_path)) as page:
+        tab.goto(page.url)
+        for kind in ("log", "reason", "name", "note", "pair"):
+            tab.get_by_text(f"{kind} {spoken}").first.wait_for()
+        tab.keyboard.press("End")
+        wait_for(lambda: time_shown(tab) == round(float(recording.times[-1]), 3))
+        assert tab.locator("iframe, img[src=x], a, strong:text('bold')").count() == 0
+        assert tab.evaluate("window.owned") is None
+        page.process.terminate()
+        assert page.process.wait(60) == 0

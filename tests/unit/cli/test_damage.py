@@ -10,7 +10,7 @@ from phalanx.cli.app import status
 from phalanx.recording.read import read
 from phalanx.recording.records import RECORDING
 from phalanx.viewer.feeds.replay import Replay
-from phalanx.viewer.page.panels import outcome_in_words
+from phalanx.viewer.page.panels import verdict_in_words
 
 CUT_SHORT = re.compile(r"cut\s+short\s+after\s+t\s+=\s+0\.\d{3}\s+s")
 
@@ -62,6 +62,6 @@ def test_the_api_says_so(folders):
 
 def test_a_replay_says_so_at_its_beginning_already(folders):
     replay = Replay(read(folders[1]))
-    said = outcome_in_words(replay.frame(0.0), replay.summary, replay.unfinished)
+    said = verdict_in_words(replay.frame(0.0), replay.summary, replay.unfinished)
     assert CUT_SHORT.search(said)
     assert "guaranteed" not in said

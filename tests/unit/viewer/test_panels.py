@@ -1,9 +1,17 @@
-"""What the panels say of an agent."""
+"""What the panels say of an agent, and of the verdict."""
 
+from pathlib import Path
+
+import msgspec
 import pytest
 
-from phalanx.viewer.page.panels import agent_in_words
+from phalanx.guarantee.verdict import Assumption
+from phalanx.recording.read import read
+from phalanx.theory.safety.composition import FAR
+from phalanx.viewer.feeds.replay import Replay
+from phalanx.viewer.page.panels import agent_in_words, verdict_in_words
 from phalanx.wire.frames import AgentStatus
+from tests.unit.report.recordings import drift, record, summary_of, unicycles
 
 
 @pytest.mark.parametrize(
@@ -18,3 +26,28 @@ def test_steps_with_empty_sets_are_counted_in_words() -> None:
     assert "· 1 backup ·" in agent_in_words(AgentStatus(u=(1.0,), backups=1))
     told = agent_in_words(AgentStatus(u=(1.0,), backups=2, without_authority=1))
     assert "· 2 backups, 1 without authority ·" in told
+
+
+def test_without_anybody_near_there_is_no_residual() -> None:
+    told = agent_in_words(AgentStatus(u=(1.0,), residual=FAR))
+    assert "nobody near" in told
+    assert "e+09" not in told
+
+
+@pytest.fixture
+def violated(tmp_path: Path) -> Replay:
+    scenario = unicycles()
+    return Replay(read(record(tmp_path, scenario, drift(scenario), summary_of(scenario))))
+
+
+def test_a_violated_recording_says_so_from_its_beginning(violated: Replay) -> None:
+    told = verdict_in_words(violated.frame(0.0), violated.summary, violated.unfinished)
+    assert told.index("<b>violated</b>: h &lt;= 0") < told.index("<b>guaranteed until now</b>")
+
+
+def test_a_failed_assumption_is_worded_as_a_failure(violated: Replay) -> None:
+    certificates = Assumption("certificates", 3, 120, 0.2, "every pair was under one")
+    frame = msgspec.structs.replace(violated.frame(0.0), assumptions=(certificates,))
+    told = verdict_in_words(frame, None, "")
+    failed = "certificates failed: 3 of 120, first at 0.200 s; expected was: every pair was"
+    assert failed in told
