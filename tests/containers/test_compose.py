@@ -166,12 +166,21 @@ def test_the_file_is_valid_and_its_services_are_what_they_should_be(compose: lis
     for name, service in services.items():
         assert "tls/" in service["environment"]["PHALANX_CONNECT"], name
         assert len(key_volumes(service)) == 1 or name == "keys", "each has its own alone"
-        assert set(service.get("networks", [])) <= {"swarm", "page"}, name
+        assert set(service.get("networks", [])) <= {"swarm", "watch", "page"}, name
         assert service["init"], name
         assert service["mem_limit"], name
         assert "healthcheck" in service or name == "keys", name
         published = [str(port) for port in service.get("ports", [])]
         assert all("127.0.0.1" in port for port in published), name
+
+
+def test_no_container_but_the_plants_shares_a_network_with_the_viewer() -> None:
+    """Whose page obeys who reaches it."""
+    services = yaml.safe_load((ROOT / "compose.yaml").read_text())["services"]
+    networks = {name: set(service.get("networks", [])) for name, service in services.items()}
+    assert {n for n in networks if networks[n] & networks["viewer"]} == {"viewer", "plant"}
+    assert all(port.startswith("127.0.0.1:") for port in services["viewer"]["ports"])
+    assert not any("ports" in service for n, service in services.items() if n != "viewer")
 
 
 def test_a_run_in_containers_is_the_local_run_also_when_a_cable_is_pulled(

@@ -1,6 +1,7 @@
 """docs/deploy/kubernetes.yaml: valid, and every pod is given its own key alone."""
 
 from pathlib import Path
+from typing import Any
 
 import kubernetes_validate
 import pytest
@@ -11,6 +12,11 @@ import phalanx
 MANIFEST = Path(__file__).parents[2] / "docs" / "deploy" / "kubernetes.yaml"
 RESOURCES = list(yaml.safe_load_all(MANIFEST.read_text()))
 BY_NAME = {(each["kind"], each["metadata"]["name"]): each for each in RESOURCES}
+PODS = {
+    name: resource["spec"]["template"]["spec"]
+    for (kind, name), resource in BY_NAME.items()
+    if kind == "Job"
+}
 
 
 @pytest.mark.parametrize("kind_and_name", BY_NAME, ids=str)
@@ -35,13 +41,74 @@ def test_there_is_a_pod_for_every_agent_of_the_scenario() -> None:
 
 def test_every_pod_is_given_one_secret_of_those_that_are_made() -> None:
     given = {
-        name: [v["secret"]["secretName"] for v in spec["volumes"] if "secret" in v]
-        for (kind, name), resource in BY_NAME.items()
-        if kind == "Job" and (spec := resource["spec"]["template"]["spec"])
+        name: [v["secret"]["secretName"] for v in pod["volumes"] if "secret" in v]
+        for name, pod in PODS.items()
     }
     assert given == {
         "plant": ["phalanx-plant"],
         "agents": ["phalanx-claimant"],
-        "viewer": ["phalanx-operator"],
+        "viewer": ["phalanx-viewer"],
     }
-    assert "for name in plant operator claimant; do" in MANIFEST.read_text()
+    assert "for name in plant viewer claimant; do" in MANIFEST.read_text()
+
+
+@pytest.mark.parametrize("job", PODS)
+def test_every_pod_fits_the_restricted_profile(job: str) -> None:
+    """What the profile of Pod Security asks for, and a root that nobody writes to besides."""
+    pod = PODS[job]
+    assert pod["securityContext"]["runAsNonRoot"]
+    assert pod["securityContext"]["seccompProfile"] == {"type": "RuntimeDefault"}
+    assert not {"hostNetwork", "hostPID", "hostIPC"} & set(pod)
+    assert not pod["automountServiceAccountToken"]
+    kinds = {kind for volume in pod["volumes"] for kind in volume if kind != "name"}
+    assert kinds <= {"secret", "emptyDir", "persistentVolumeClaim"}
+    for container in pod["containers"]:
+        assert container["securityContext"] == {
+            "allowPrivilegeEscalation": False,
+            "readOnlyRootFilesystem": True,
+            "capabilities": {"drop": ["ALL"]},
+        }
+        assert not any("hostPort" in port for port in container.get("ports", []))
+
+
+def test_nobody_of_the_run_reaches_anything_but_the_plant() -> None:
+    """And names of the cluster; an agent does not reach the viewer's page."""
+    pods = {"plant", "agent", "viewer"}
+    allowed: dict[tuple[str, str], set[str]] = {}
+    for (kind, _), resource in BY_NAME.items():
+        if kind != "NetworkPolicy":
+            continue
+        spec = resource["spec"]
+        assert set(spec["policyTypes"]) == {"Ingress", "Egress"}
+        for pod in selected(spec["podSelector"]):
+            for way, ends in (("ingress", "from"), ("egress", "to")):
+                others = [end for rule in spec.get(way, []) for end in rule[ends]]
+                inside = [end["podSelector"] for end in others if "namespaceSelector" not in end]
+                allowed[pod, way] = {other for each in inside for other in selected(each)}
+    assert (
+        {pod for pod, _ in allowed}
+        == pods
+        == {
+            each["metadata"]["labels"]["phalanx"]
+            for (kind, _), resource in BY_NAME.items()
+            if kind == "Job" and (each := resource["spec"]["template"])
+        }
+    )
+    assert allowed["plant", "ingress"] == {"agent", "viewer"}
+    assert allowed["plant", "egress"] == set()
+    for pod in ("agent", "viewer"):
+        assert allowed[pod, "ingress"] == set()
+        assert allowed[pod, "egress"] == {"plant"}
+
+
+def test_the_page_is_served_to_its_own_pod_alone() -> None:
+    (viewer,) = PODS["viewer"]["containers"]
+    assert "--host" not in viewer["args"], "on 127.0.0.1, for kubectl port-forward"
+    assert "ports" not in viewer
+    assert {name for kind, name in BY_NAME if kind == "Service"} == {"plant"}
+
+
+def selected(by: dict[str, Any]) -> set[str]:
+    """The pods of the run that a selector selects."""
+    named = {by["matchLabels"]["phalanx"]} if "matchLabels" in by else set()
+    return named.union(*(each["values"] for each in by.get("matchExpressions", [])))
