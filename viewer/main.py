@@ -1,6 +1,7 @@
 """The viewer's shell: a feed, live or recorded, shown on a page until it is told to stop."""
 
 import logging
+import secrets
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -25,6 +26,7 @@ def run_live(
     *,
     recording: Path | None = None,
     command_secret: bytes = b"",
+    token: str = "",
     host: str = "127.0.0.1",
     port: int | None = None,
     origins: tuple[str, ...] = (),
@@ -37,6 +39,7 @@ def run_live(
         membership: of the run.
         recording: its folder, to replay it when it is over; None: the last frame stays.
         command_secret: that of viewers that may command the run; empty: read-only.
+        token: what the page's visitors must show to command it; by default a new one.
         host: address to serve the page on.
         port: to serve the page on; None takes 8080 or the next free one, and says which.
         origins: further origins whose pages may connect; needed behind a proxy only.
@@ -54,8 +57,9 @@ def run_live(
     with Live(membership, command_secret, trust) as live:
         if command_secret and not live.commandable:
             log.warning("the plant obeys no commands: it was started without a command secret")
-        page = Page(host, port, origins, live)
-        _announce(page)
+        token = token or secrets.token_urlsafe(16)
+        page = Page(host, port, origins, live, token)
+        _announce(page, f"/?token={token}" if live.commandable else "")
         _tick(page, lambda: told_to_stop() or (recording is not None and live.over))
     if recording is not None and not told_to_stop():
         try:
@@ -90,10 +94,10 @@ def run_replay(
     return 0
 
 
-def _announce(page: Page) -> None:
+def _announce(page: Page, token: str = "") -> None:
     where = f"http://{page.server.get_host()}:{page.server.get_port()}"
-    print(f"viewer: {where}", flush=True)
-    log.info("showing the run at %s", where)
+    print(f"viewer: {where}{token}", flush=True)
+    log.info("showing the run at %s", where)  # a log is read by others too
 
 
 def _tick(page: Page, over: Callable[[], bool]) -> None:

@@ -121,12 +121,15 @@ def run(
     from phalanx.launcher.engine import silent
     from phalanx.launcher.page import LivePage
 
+    token = secrets.token_urlsafe(16) if commands else ""
     chosen = _choose_port(view, commands, port)
+    if chosen is not None:
+        say(f"viewer: http://127.0.0.1:{chosen}{token and f'/?token={token}'}")
     policy = phalanx.CommandPolicy(
         secret=secrets.token_bytes(16) if commands else b"",
         speed=float(view) if speed is None else speed,
     )
-    with LivePage(chosen, policy.secret) as page:
+    with LivePage(chosen, policy.secret, token) as page:
         try:
             with progress(resolved) as show:
                 finished = phalanx.run(
@@ -165,7 +168,6 @@ def _choose_port(view: bool, commands: bool, port: int | None) -> int | None:
         chosen = pkgutil.resolve_name("phalanx.viewer.page.server:choose_port")("127.0.0.1", port)
     except OSError as error:
         raise typer.BadParameter(f"--port: {error}") from error
-    say(f"viewer: http://127.0.0.1:{chosen}")
     return int(chosen)
 
 

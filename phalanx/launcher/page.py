@@ -84,14 +84,17 @@ class ViewerPage:
 class LivePage:
     """The page of a run while it goes on, then of its recording; started again if it dies."""
 
-    def __init__(self, port: int | None = None, command_secret: bytes = b"") -> None:
+    def __init__(
+        self, port: int | None = None, command_secret: bytes = b"", token: str = ""
+    ) -> None:
         """Serve nothing yet.
 
         Args:
             port: of the page; None takes 8080 or the next free one.
             command_secret: that of the run, if the page may command it.
+            token: what its visitors must show to do so.
         """
-        self._options = port, command_secret
+        self._options = port, command_secret, token
         self._process: BaseProcess | None = None
         self._watch: threading.Thread | None = None
         self._closed = threading.Event()
@@ -159,7 +162,7 @@ def _why(process: BaseProcess, folder: Path) -> str:
     return next(filter(None, map(str.strip, reversed(said))), f"exit status {process.exitcode}")
 
 
-def _serve(folder: Path, port: int | None, command_secret: bytes) -> None:
+def _serve(folder: Path, port: int | None, command_secret: bytes, token: str) -> None:
     os.setsid()  # a Ctrl-C in the terminal ends the run; what became of it is still to be seen
     show_as("phx-viewer")
     redirect_output(folder / "logs" / _LOG)
@@ -172,7 +175,7 @@ def _serve(folder: Path, port: int | None, command_secret: bytes) -> None:
     options = {"port": port, "trust": True}
     while (found := find_live(folder)) is not None:
         membership = replace(found.membership, timeout=_TIMEOUT)
-        live = {"recording": folder, "command_secret": command_secret}
+        live = {"recording": folder, "command_secret": command_secret, "token": token}
         with contextlib.suppress(HubError):  # it may be over meanwhile
             sys.exit(show_live(None, membership, **live, **options))
     sys.exit(replay(folder, **options))

@@ -14,14 +14,24 @@ log = logging.getLogger("phalanx.viewer")
 _CONNECT = """
 if (!window.phalanx.connected) (() => {
   let socket = null, unsent = null;
+  // Who may command has the token in his address, and is asked for it by a name of his own.
+  const answer = () => {
+    const token = new URLSearchParams(location.search).get("token");
+    const visitor = window.phalanxVisitor;
+    if (!token || !visitor || socket.readyState !== WebSocket.OPEN) return;
+    window.phalanxVisitor = null;
+    socket.send(JSON.stringify({ visitor, token }));
+  };
   const connect = () => {
     socket = new WebSocket(location.origin.replace("http", "ws") + "/actions");
     socket.onopen = () => {
+      answer();
       if (unsent) socket.send(unsent);
       unsent = "";
     };
     socket.onclose = () => setTimeout(connect, 1000);
   };
+  addEventListener("phalanx-visitor", answer);
   connect();
   window.phalanx.connected = true;
   window.phalanx.act = action => {
@@ -43,6 +53,9 @@ class Action(msgspec.Struct, frozen=True):
     play: bool | None = None
     speed: float | None = None
     """Of a replay, times real time."""
+    visitor: str = ""
+    """By what name he was asked for the token, if he has one."""
+    token: str = ""
 
 
 class Channel:

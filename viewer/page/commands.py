@@ -1,5 +1,8 @@
-"""The command panel: pause and pace, the network, and what becomes of the selected agent."""
+"""The command panels: pause and pace, the network, and what becomes of the selected agent."""
 
+import hmac
+import logging
+import secrets
 from collections.abc import Callable, Coroutine
 from typing import Any
 
@@ -7,20 +10,74 @@ import viser
 
 from phalanx.faults.commands import CommandKind
 from phalanx.viewer.feeds.live import Live
-from phalanx.viewer.scene.server import in_loop
+from phalanx.viewer.scene.server import SceneServer, in_loop
 from phalanx.wire.frames import Frame
+
+log = logging.getLogger("phalanx.viewer")
 
 _SPEEDS = {"as fast as possible": 0.0, **{f"{s:g} ×": s for s in (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)}}
 
 _ON_AGENT = ("Kill", "Restart", "Freeze", "Thaw", "Turn")
 
 
-class CommandPanel:
-    """Commands to a live run; only on pages of a viewer that the plant obeys."""
+class Commands:
+    """The panels of those visitors whose address had the token; nobody else's page has one."""
 
-    def __init__(self, server: viser.ViserServer, live: Live, selected: Callable[[], str]) -> None:
-        """selected tells the name of the agent that commands to an agent are meant for."""
-        gui = server.gui
+    def __init__(
+        self, server: SceneServer, live: Live, token: str, selected: Callable[[], str]
+    ) -> None:
+        """Ask every visitor for the token.
+
+        Args:
+            server: of the page.
+            live: the run, which obeys.
+            token: what its visitors must show.
+            selected: tells the name of the agent that commands to an agent are meant for.
+        """
+        self._server, self._live, self._token, self._selected = server, live, token, selected
+        self._asked: dict[str, viser.ClientHandle] = {}
+        self._panels: dict[int, CommandPanel] = {}
+        server.on_client_connect(in_loop(self._ask))
+        server.on_client_disconnect(in_loop(self._forget))
+
+    def answer(self, visitor: str, token: str) -> None:
+        """Give a visitor, by the name that he was asked by, a panel for the right token."""
+        client = self._asked.pop(visitor, None)
+        if client is None:
+            return
+        if hmac.compare_digest(token.encode(), self._token.encode()):
+            self._panels[client.client_id] = CommandPanel(client.gui, self._live, self._selected)
+        else:
+            log.warning("a visitor with a wrong token may look, but not command")
+
+    def show(self, frame: Frame) -> None:
+        """Let the sliders say what the plant does, whoever asked for it."""
+        for panel in self._panels.values():
+            panel.show(frame)
+
+    def remove(self) -> None:
+        """Take the panels off the page: nobody is there to command."""
+        self._asked.clear()
+        for panel in self._panels.values():
+            panel.remove()
+        self._panels.clear()
+
+    def _ask(self, client: viser.ClientHandle) -> None:
+        # A name that nobody can guess, nor use again: his answer comes by another connection.
+        visitor = secrets.token_urlsafe(16)
+        self._asked[visitor] = client
+        ask = f'window.phalanxVisitor = "{visitor}"; dispatchEvent(new Event("phalanx-visitor"));'
+        self._server.run_script("visitor", ask, client)
+
+    def _forget(self, client: viser.ClientHandle) -> None:
+        self._asked = {name: who for name, who in self._asked.items() if who is not client}
+        self._panels.pop(client.client_id, None)
+
+
+class CommandPanel:
+    """One visitor's."""
+
+    def __init__(self, gui: viser.GuiApi, live: Live, selected: Callable[[], str]) -> None:
         self._live, self._selected = live, selected
         self._folder = gui.add_folder("Command", order=10)
         with self._folder:
@@ -39,11 +96,11 @@ class CommandPanel:
         self._delay.on_update(_by_visitors(self._command_delay))
 
     def remove(self) -> None:
-        """Take the panel off the page: nobody is there to command."""
+        """Take it off the page."""
         self._folder.remove()
 
     def show(self, frame: Frame) -> None:
-        """Let the sliders say what the plant does, whoever asked for it."""
+        """Let the sliders say what the plant does."""
         # Only what changed: else a slider that a visitor has just moved would be put back before
         # his command is on its way, and the command would carry the old value.
         loss, delay = self._shown

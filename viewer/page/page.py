@@ -6,7 +6,7 @@ from phalanx.viewer.feeds.feed import Feed
 from phalanx.viewer.feeds.live import Live
 from phalanx.viewer.feeds.replay import Replay
 from phalanx.viewer.page.channel import Action, Channel
-from phalanx.viewer.page.commands import CommandPanel
+from phalanx.viewer.page.commands import Commands
 from phalanx.viewer.page.panels import Panels
 from phalanx.viewer.page.server import open_page
 from phalanx.viewer.plots.plots import content
@@ -35,6 +35,7 @@ class Page:
         port: int | None,
         origins: tuple[str, ...],
         feed: Feed,
+        token: str = "",
     ) -> None:
         """Serve it.
 
@@ -42,7 +43,8 @@ class Page:
             host: address to listen on.
             port: to listen on; None takes 8080 or the next free one.
             origins: further origins whose pages may connect.
-            feed: what to show: a live run, with a command panel if the plant obeys, or a replay.
+            feed: what to show: a live run or a replay.
+            token: what visitors must show who may command a plant that obeys; empty: nobody may.
 
         Raises:
             ValueError, PortTakenError: the page cannot be served there.
@@ -59,8 +61,8 @@ class Page:
         self._plotted: tuple[int, int, int] | None = None
         self._plots_due = 0.0
         self._commands = None
-        if isinstance(feed, Live) and feed.commandable:
-            self._commands = CommandPanel(self.server, feed, lambda: model.names[self.selected])
+        if isinstance(feed, Live) and feed.commandable and token:
+            self._commands = Commands(self.server, feed, token, lambda: model.names[self.selected])
         add_display(self.server.gui, self._scene)
         self.server.gui.main_panel.dock_left()
         self.server.gui.main_panel.set_width(360)
@@ -145,6 +147,8 @@ class Page:
 
     def _act(self, action: Action) -> None:
         """Do what a visitor asks."""
+        if self._commands and action.visitor:
+            self._commands.answer(action.visitor, action.token)
         replay = self._feed
         if not isinstance(replay, Replay):
             return

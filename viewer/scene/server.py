@@ -57,12 +57,16 @@ class SceneServer(viser.ViserServer):
 
         return asyncio.run_coroutine_threadsafe(called(), self.get_event_loop()).result()
 
-    def run_script(self, name: str, source: str) -> None:
-        """Run JavaScript on every page, and on later ones the last of each name, in order."""
+    def run_script(self, name: str, source: str, client: viser.ClientHandle | None = None) -> None:
+        """Run JavaScript on one client's page; or on every page, and on later ones, in order.
+
+        Those get the last script of each name.
+        """
         message = RunJavascriptMessage(source)
         # By itself viser would keep every script for pages to come.
         message.redundancy_key = lambda: f"phalanx-{name}"  # type: ignore[method-assign]
-        self._websock_server.queue_message(message)
+        to = self._websock_server if client is None else client._websock_connection
+        to.queue_message(message)
 
     def stop(self) -> None:
         """Stop serving."""

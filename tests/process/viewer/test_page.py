@@ -10,6 +10,10 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 import pytest
+import viser
+import zstandard
+from websockets.sync.client import connect
+from websockets.typing import Subprotocol
 
 from phalanx.guarantee.verdict import Assumption, Outcome, Violation
 from phalanx.recording.read import read
@@ -247,6 +251,68 @@ def test_a_commanding_page_changes_the_loss_and_pauses_the_swarm(
     late = [fate[2] for s in recording.steps if s.t >= at for fate in s.fates]
     assert min(early) >= 0.0
     assert 0.4 < float(np.mean(np.array(late) < 0.0)) < 0.6
+
+
+def told(frame: bytes) -> list[dict[str, object]]:
+    """What viser tells a page in one message."""
+    packed = 16 + int.from_bytes(frame[8:16], "little")
+    messages = msgspec.msgpack.decode(zstandard.decompress(frame[16:packed]))["messages"]
+    return [message for message in messages if isinstance(message, dict)]
+
+
+def test_a_page_without_the_token_shows_and_cannot_command(tab: "Tab", tmp_path: Path) -> None:
+    frames: list[bytes] = []
+    tab.on("websocket", lambda s: s.on("framereceived", lambda f: frames.append(f)))
+    with (
+        live_run(load("unicycles", ["duration=3.0"]), tmp_path / "live", HELD) as run,
+        viewer("--connect", run.endpoint, "--run", "live", command_secret=COMMAND_SECRET) as page,
+    ):
+        tab.goto(page.url)
+        tab.get_by_role("button", name="Pause", exact=True).wait_for()
+        buttons = {
+            message["uuid"]: name
+            for frame in frames
+            if isinstance(frame, bytes)
+            for message in told(frame)
+            for name in ("Kill", "Pause")
+            if name in str(message) and "uuid" in message
+        }
+        assert set(buttons.values()) == {"Kill", "Pause"}
+        address, _, token = page.url.partition("/?token=")
+        camera = {
+            "type": "ViewerCameraMessage", "wxyz": [1.0, 0.0, 0.0, 0.0], "fov": 1.0,
+            "position": [0.0] * 3, "look_at": [1.0] * 3, "up_direction": [0.0, 0.0, 1.0],
+            "near": 0.1, "far": 9.0, "image_height": 9, "image_width": 9,
+        }  # fmt: skip
+        protocol = Subprotocol(f"viser-v{viser.__version__}")
+        with (
+            connect(address.replace("http", "ws"), subprotocols=[protocol]) as shown,
+            connect(f"{address.replace('http', 'ws')}/actions") as acting,
+        ):
+            shown.send(msgspec.msgpack.encode(camera))
+            received = ""
+            while "t = " not in received:  # it sees the run
+                received += str(told(bytes(shown.recv(60))))
+            acting.send(msgspec.json.encode({"visitor": "0", "token": "guessed"}))
+            for uuid, name in buttons.items():
+                update = {"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": name}}
+                shown.send(msgspec.msgpack.encode(update))
+            assert shown.ping().wait(60)
+            assert "Kill" not in received
+            assert token
+            assert token not in received
+        tab.get_by_role("button", name="Pause", exact=True).click()
+        tab.get_by_text("· paused").wait_for()
+        tab.get_by_role("button", name="Resume", exact=True).click()
+        tab.get_by_text("× real time").wait_for()
+        tab.goto(address)
+        tab.get_by_text("× real time").wait_for()
+        run.set_speed(0.0)
+        tab.get_by_text("the run is over").wait_for()
+        run.summary()
+        assert tab.get_by_role("button", name="Kill").count() == 0
+    kinds = [command.kind for command in read(tmp_path / "live").commands]
+    assert kinds == ["pause", "resume", "speed"]
 
 
 def test_a_read_only_page_of_a_live_run_offers_no_commands(tab: "Tab", tmp_path: Path) -> None:
