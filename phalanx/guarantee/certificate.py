@@ -2,7 +2,8 @@
 
 From the true state and the input that is applied alone: who made the input, and from what, has no
 part in it. A pair's certificate is the best of three bounds, each over several horizons: of h over
-the box that can be reached, of h integrated (q > 1), and of ψ_{q-1} integrated.
+the box that can be reached, of h integrated (q > 1), and of ψ_{q-1} integrated. Every number in it
+is rounded outwards.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from phalanx.theory.expressions.extension import extend
 from phalanx.theory.expressions.interval import Interval, UnboundedOperationError, point
 from phalanx.theory.expressions.mapped import MappedFunction
+from phalanx.theory.expressions.rounding import outwards
 from phalanx.theory.margins.enclosure import (
     Enclosure,
     admissible_inputs,
@@ -68,6 +70,7 @@ class PairCertificate:
         return best
 
 
+@outwards()
 def pair_certificate(
     pair: ComposedSet,
     own: int,
@@ -126,6 +129,7 @@ def pair_certificate(
     return PairCertificate(horizons, proven, "; ".join(refused))
 
 
+@outwards()
 def highest_within(
     pair: ComposedSet, bounds: Sequence[float], horizon: float
 ) -> MappedFunction | None:

@@ -15,6 +15,7 @@ from phalanx.theory.expressions.exact import dot
 from phalanx.theory.expressions.extension import extend
 from phalanx.theory.expressions.interval import UnboundedOperationError
 from phalanx.theory.expressions.mapped import Index, MappedFunction
+from phalanx.theory.expressions.rounding import outwards
 from phalanx.theory.margins.enclosure import scalars
 from phalanx.theory.safety.obstacles import Sphere
 from phalanx.theory.safety.reach import Reaching, static_reach
@@ -87,6 +88,7 @@ class ReachableBoxes:
         return near
 
 
+@outwards()
 def _box(swarm: Swarm, i: int, bound: float, horizon: float) -> MappedFunction | None:
     """x_i -> least and largest of each component of p_i within the horizon; None if unknown."""
     member = swarm.members[i]

@@ -1,7 +1,8 @@
 """Interval extension of CasADi expressions: bounds over a box, themselves expressions.
 
 The bounds are compiled like everything else, so that a control step can afford them. They are
-exact up to rounding for each operation, and conservative where a variable occurs twice.
+exact up to rounding for each operation, which goes to nearest or `outwards`, and conservative where
+a variable occurs twice.
 """
 
 import math
@@ -18,8 +19,10 @@ from phalanx.theory.expressions.interval import (
     add,
     angle,
     beside_the_cut,
+    both,
     cosine,
     equal,
+    exponential,
     finite,
     if_else_zero,
     increasing,
@@ -35,11 +38,11 @@ from phalanx.theory.expressions.interval import (
     reciprocal,
     sine,
     square,
+    stepping,
     steps,
     subtract,
     tangent,
     truth,
-    truth_of,
     without_zero,
 )
 
@@ -49,7 +52,8 @@ def extend(
 ) -> list[Interval]:
     """Bounds of scalar expressions while each scalar symbol moves within its interval.
 
-    Everything where a factor of a product has no bound: only there zero could meet infinity.
+    Everything where an argument of a product, or of what else min and max are part of, has no
+    bound: zero could meet infinity there, or infinity another, and min and max pass over that.
 
     Raises:
         UnboundedOperationError: an operation has no rule here.
@@ -146,7 +150,8 @@ class _Extension:
             self.conditions.append(_CONTINUOUS[op](*intervals))
         found = _RULES[op](*intervals)
         rest_on = frozenset[int]().union(*[a.rest_on for a in arguments])
-        if op == ca.OP_MUL and not any(map(is_number, intervals)):
+        by_a_number = op == ca.OP_MUL and any(map(is_number, intervals))
+        if op in _PASSING_OVER and not by_a_number:
             self._needed |= rest_on
         if op in _UNBOUNDED:
             rest_on = self._watch(found)
@@ -176,11 +181,11 @@ _RULES: Mapping[int, Callable[..., Interval]] = {
     ca.OP_SQ: square,
     ca.OP_TWICE: lambda a: add(a, a),
     ca.OP_SQRT: above_zero(ca.sqrt),
-    ca.OP_EXP: increasing(ca.exp),
+    ca.OP_EXP: exponential,
     ca.OP_LOG: above_zero(ca.log),
-    ca.OP_SIGN: increasing(ca.sign),
-    ca.OP_FLOOR: increasing(ca.floor),
-    ca.OP_CEIL: increasing(ca.ceil),
+    ca.OP_SIGN: stepping(ca.sign),
+    ca.OP_FLOOR: stepping(ca.floor),
+    ca.OP_CEIL: stepping(ca.ceil),
     ca.OP_SINH: increasing(ca.sinh),
     ca.OP_TANH: increasing(ca.tanh),
     ca.OP_ASINH: increasing(ca.asinh),
@@ -192,8 +197,8 @@ _RULES: Mapping[int, Callable[..., Interval]] = {
     ca.OP_EQ: equal,
     ca.OP_NE: lambda a, b: logical_not(equal(a, b)),
     ca.OP_NOT: logical_not,
-    ca.OP_AND: lambda a, b: multiply(truth_of(a), truth_of(b)),
-    ca.OP_OR: lambda a, b: logical_not(multiply(logical_not(a), logical_not(b))),
+    ca.OP_AND: both,
+    ca.OP_OR: lambda a, b: logical_not(both(logical_not(a), logical_not(b))),
     ca.OP_IF_ELSE_ZERO: if_else_zero,
     ca.OP_SIN: sine,
     ca.OP_COS: cosine,
@@ -224,6 +229,19 @@ _CONTINUOUS: Mapping[int, Callable[..., ca.SX]] = {
     ca.OP_POW: power_is_continuous,
     ca.OP_CONSTPOW: power_is_continuous,
 }
+
+_PASSING_OVER = {
+    ca.OP_MUL,
+    ca.OP_SQ,
+    ca.OP_FABS,
+    ca.OP_FMIN,
+    ca.OP_FMAX,
+    ca.OP_ATAN2,
+    ca.OP_IF_ELSE_ZERO,
+    ca.OP_CONSTPOW,
+    ca.OP_POW,
+}
+"""What min and max are part of: they pass over what is not a number."""
 
 _UNBOUNDED = {
     ca.OP_INV,

@@ -1,6 +1,8 @@
 """Intervals with symbolic ends, and a rule for every operation on them.
 
-Beside its rule each operation that can jump has the condition under which it does not.
+Beside its rule each operation that can jump has the condition under which it does not. Where ends
+are rounded outwards, every rule holds all true values for all numbers in its arguments: IEEE 754
+says how far + - * / and √ may be off, `exponential` and `circular` say it of library functions.
 """
 
 import math
@@ -10,10 +12,17 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from phalanx.theory.expressions.rounding import LEAST, doubt, rounds_outwards
+
 _LARGE = 1e30
+_LIBRARY = 16
+"""How far library functions may be off [float64]; theirs is a few."""
+_FAR = 1e5
+"""Angles up to which sine, cosine and tangent are exact to their last digits."""
 
 # What a rule writes most often: a + b itself looks for its overload, seven times as long.
 _plus, _times = partial(ca.SX.binary, ca.OP_ADD), partial(ca.SX.binary, ca.OP_MUL)
+_minus = partial(ca.SX.binary, ca.OP_SUB)
 _least, _most = partial(ca.SX.binary, ca.OP_FMIN), partial(ca.SX.binary, ca.OP_FMAX)
 
 
@@ -38,14 +47,14 @@ def _written_once(rule: Callable[..., Interval]) -> Callable[..., Interval]:
     """A rule as a CasADi function, which writes its operations out faster than Python can."""
 
     @cache
-    def function(points: tuple[bool, ...]) -> ca.Function:
+    def function(points: tuple[bool, ...], outwards: bool) -> ca.Function:
         a = [point(ca.SX.sym("a")) if p else Interval(*ca.SX.sym("a", 1, 1, 2)) for p in points]
         return ca.Function("rule", _ends(a, points), [*rule(*a)])
 
     @wraps(rule)
     def write(*intervals: Interval) -> Interval:
         points = tuple(map(_is_point, intervals))
-        return Interval(*function(points).call(_ends(intervals, points)))
+        return Interval(*function(points, rounds_outwards()).call(_ends(intervals, points)))
 
     return write
 
@@ -56,9 +65,25 @@ def _ends(intervals: Sequence[Interval], points: Sequence[bool]) -> list[ca.SX]:
     return [end for interval, is_point in each for end in interval[is_point:]]
 
 
+def _rounded(a: Interval, steps: int = 1, least: float = LEAST) -> Interval:
+    """a, computed to so many float64 and `least`, wider by that if ends are rounded outwards."""
+    if not rounds_outwards():
+        return a
+    below = doubt(a.lo, steps, least)
+    above = below if _is_point(a) else doubt(a.hi, steps, least)
+    return Interval(_minus(a.lo, below), _plus(a.hi, above))
+
+
+def _not_below_zero(a: Interval) -> Interval:
+    """What of a is not below zero, where rounding alone could have taken it there."""
+    return Interval(_most(a.lo, 0), a.hi) if rounds_outwards() else a
+
+
 def add(a: Interval, b: Interval) -> Interval:
     """a + b."""
-    return Interval(_plus(a.lo, b.lo), _plus(a.hi, b.hi))
+    found = Interval(_plus(a.lo, b.lo), _plus(a.hi, b.hi))
+    # Sums too small for a normal number are exact.
+    return found if _is_zero(a) or _is_zero(b) else _rounded(found, least=0.0)
 
 
 def negate(a: Interval) -> Interval:
@@ -71,7 +96,9 @@ def multiply(a: Interval, b: Interval) -> Interval:
     for factor, other in ((a, b), (b, a)):
         if is_number(factor):
             ends = _times(factor.lo, other.lo), _times(factor.lo, other.hi)
-            return Interval(*ends) if float(factor.lo) >= 0.0 else Interval(*reversed(ends))
+            number = float(factor.lo)
+            found = Interval(*ends) if number >= 0.0 else Interval(*reversed(ends))
+            return found if number in (-1.0, 0.0, 1.0) else _rounded(found)
     return _product(a, b)
 
 
@@ -81,7 +108,11 @@ def _product(a: Interval, b: Interval) -> Interval:
     first = [a.lo] if _is_point(a) else [a.lo, a.hi]
     second = [b.lo] if _is_point(b) else [b.lo, b.hi]
     ends = ca.vertcat(*[x * y for x in first for y in second])
-    return Interval(ca.mmin(ends), ca.mmax(ends))
+    return _rounded(Interval(ca.mmin(ends), ca.mmax(ends)))
+
+
+def _is_zero(a: Interval) -> bool:
+    return bool(a.lo.is_zero() and a.hi.is_zero())
 
 
 def is_number(a: Interval) -> bool:
@@ -127,14 +158,16 @@ def square(a: Interval) -> Interval:
     """a a, which is not below zero."""
     low, high = a.lo * a.lo, a.hi * a.hi
     crosses = ca.logic_and(a.lo <= 0, a.hi >= 0)
-    return Interval(ca.if_else(crosses, 0, ca.fmin(low, high)), ca.fmax(low, high))
+    found = Interval(ca.if_else(crosses, 0, ca.fmin(low, high)), ca.fmax(low, high))
+    return _not_below_zero(_rounded(found))
 
 
 @_written_once
 def reciprocal(a: Interval) -> Interval:
     """1/a; everything where a holds zero."""
     apart = without_zero(a)
-    return Interval(ca.if_else(apart, 1 / a.hi, -ca.inf), ca.if_else(apart, 1 / a.lo, ca.inf))
+    found = _rounded(Interval(1 / a.hi, 1 / a.lo))
+    return Interval(ca.if_else(apart, found.lo, -ca.inf), ca.if_else(apart, found.hi, ca.inf))
 
 
 @_written_once
@@ -150,20 +183,31 @@ def cosine(a: Interval) -> Interval:
     """cos a."""
 
     def reaches(phase: float) -> ca.SX:
-        """Whether phase + 2πk lies in a, for some whole k."""
-        first = ca.ceil((a.lo - phase) / (2 * math.pi))
-        return first <= (a.hi - phase) / (2 * math.pi)
+        """Whether phase + 2πk may lie in a, for some whole k; as near as that, cos is ±1."""
+        first, last = ((end - phase) / (2 * math.pi) for end in a)
+        return ca.ceil(first - _TURN) <= last + _TURN
 
     low, high = ca.cos(a.lo), ca.cos(a.hi)
+    ends = _rounded(Interval(ca.fmin(low, high), ca.fmax(low, high)), _LIBRARY)
+    far = ca.logic_not(_is_near(a))
     return Interval(
-        ca.if_else(reaches(math.pi), -1, ca.fmin(low, high)),
-        ca.if_else(reaches(0.0), 1, ca.fmax(low, high)),
+        ca.if_else(ca.logic_or(far, reaches(math.pi)), -1, ends.lo),
+        ca.if_else(ca.logic_or(far, reaches(0.0)), 1, ends.hi),
     )
+
+
+_TURN = 1e-10
+"""What a quotient by 2π is off by, and more; cos is ±1 in all its digits there."""
+
+
+def _is_near(a: Interval) -> ca.SX:
+    """1 if a lies where angles are exact enough."""
+    return ca.fabs(a.lo) + ca.fabs(a.hi) <= 2 * _FAR
 
 
 def sine(a: Interval) -> Interval:
     """sin a."""
-    return cosine(Interval(a.lo - math.pi / 2, a.hi - math.pi / 2))
+    return cosine(subtract(a, _rounded(point(math.pi / 2))))
 
 
 def power(a: Interval, b: Interval) -> Interval:
@@ -172,11 +216,9 @@ def power(a: Interval, b: Interval) -> Interval:
     if exponent < 0:
         return reciprocal(power(a, point(-exponent)))
     if not exponent.is_integer():
-        low, high = ca.fmax(a.lo, 0) ** exponent, ca.fmax(a.hi, 0) ** exponent
-        defined = a.lo >= 0
-        return Interval(ca.if_else(defined, low, -ca.inf), ca.if_else(defined, high, ca.inf))
+        return above_zero(lambda end: end**exponent)(a)
     base = absolute(a) if exponent % 2 == 0 else a
-    return Interval(base.lo**exponent, base.hi**exponent)
+    return _rounded(Interval(base.lo**exponent, base.hi**exponent), _LIBRARY)
 
 
 def power_is_continuous(a: Interval, b: Interval) -> ca.SX:
@@ -192,9 +234,19 @@ def _exponent(b: Interval) -> float:
     return float(b.lo)
 
 
-def increasing(function: Callable[[ca.SX], ca.SX]) -> Callable[[Interval], Interval]:
-    """The rule of a function that never falls."""
+def stepping(function: Callable[[ca.SX], ca.SX]) -> Callable[[Interval], Interval]:
+    """The rule of a function that never falls and is exact."""
     return lambda a: Interval(function(a.lo), function(a.hi))
+
+
+def increasing(function: Callable[[ca.SX], ca.SX]) -> Callable[[Interval], Interval]:
+    """The rule of a library function that never falls."""
+    return lambda a: _rounded(Interval(function(a.lo), function(a.hi)), _LIBRARY)
+
+
+def exponential(a: Interval) -> Interval:
+    """e^a, which is not below zero."""
+    return _not_below_zero(increasing(ca.exp)(a))
 
 
 def above_zero(function: Callable[[ca.SX], ca.SX]) -> Callable[[Interval], Interval]:
@@ -202,7 +254,7 @@ def above_zero(function: Callable[[ca.SX], ca.SX]) -> Callable[[Interval], Inter
 
     def rule(a: Interval) -> Interval:
         defined = a.lo >= 0
-        low, high = function(ca.fmax(a.lo, 0)), function(ca.fmax(a.hi, 0))
+        low, high = increasing(function)(Interval(ca.fmax(a.lo, 0), ca.fmax(a.hi, 0)))
         return Interval(ca.if_else(defined, low, -ca.inf), ca.if_else(defined, high, ca.inf))
 
     return rule
@@ -231,7 +283,14 @@ def truth_of(a: Interval) -> Interval:
 
 def logical_not(a: Interval) -> Interval:
     """1 if all of a is false, 0 if none is."""
-    return subtract(point(1.0), truth_of(a))
+    true = truth_of(a)
+    return Interval(1 - true.hi, 1 - true.lo)
+
+
+def both(a: Interval, b: Interval) -> Interval:
+    """1 if all of a and of b is true, 0 if none of one of them is."""
+    first, second = truth_of(a), truth_of(b)
+    return Interval(_least(first.lo, second.lo), _least(first.hi, second.hi))
 
 
 def equal(a: Interval, b: Interval) -> Interval:
@@ -256,9 +315,9 @@ def angle(y: Interval, x: Interval) -> Interval:
     """atan2; every angle where the box meets the cut, else extreme at corners, as angles are."""
     corners = ca.vertcat(*[ca.atan2(b, a) for b in y for a in x])
     apart = beside_the_cut(y, x)
-    return Interval(
-        ca.if_else(apart, ca.mmin(corners), -math.pi), ca.if_else(apart, ca.mmax(corners), math.pi)
-    )
+    low = ca.if_else(apart, ca.mmin(corners), -math.pi)
+    high = ca.if_else(apart, ca.mmax(corners), math.pi)
+    return _rounded(Interval(low, high), _LIBRARY)
 
 
 def beside_the_cut(y: Interval, x: Interval) -> ca.SX:
@@ -268,14 +327,14 @@ def beside_the_cut(y: Interval, x: Interval) -> ca.SX:
 
 def tangent(a: Interval) -> Interval:
     """tan a; everything where a holds a pole."""
-    one = one_branch(a)
-    return Interval(ca.if_else(one, ca.tan(a.lo), -ca.inf), ca.if_else(one, ca.tan(a.hi), ca.inf))
+    one, found = one_branch(a), increasing(ca.tan)(a)
+    return Interval(ca.if_else(one, found.lo, -ca.inf), ca.if_else(one, found.hi, ca.inf))
 
 
 def one_branch(a: Interval) -> ca.SX:
     """1 if a tangent has no pole in a; what is so near to one that rounding decides counts as 0."""
     first, last = ((end / math.pi + 0.5) for end in a)
-    return ca.floor(first - _POLE) == ca.floor(last + _POLE)
+    return ca.logic_and(_is_near(a), ca.floor(first - _POLE) == ca.floor(last + _POLE))
 
 
 _POLE = 1e-9

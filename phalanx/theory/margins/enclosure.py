@@ -10,12 +10,15 @@ from numpy.typing import NDArray
 from phalanx.theory.expressions.extension import extend
 from phalanx.theory.expressions.interval import (
     Interval,
+    add,
     finite,
     hull,
     inflate,
     inside,
+    multiply,
     point,
 )
+from phalanx.theory.expressions.rounding import rounds_outwards
 from phalanx.theory.models.polytope import constant_polytope, vertices
 from phalanx.theory.safety.composition import Member
 
@@ -110,16 +113,16 @@ def fastest(member: Member, inputs: Sequence[Interval], bound: float) -> list[In
     rate = member.dynamics.drift(x) + member.dynamics.actuation(x) @ u
     anywhere = [Interval(ca.SX(-ca.inf), ca.SX(ca.inf))] * x.numel()
     found = extend(ca.vertsplit(rate), scalars([x, u]), [*anywhere, *inputs])
-    ends = np.array([[float(rate.lo) - bound, float(rate.hi) + bound] for rate in found])
-    if not np.isfinite(ends).all():
-        return None
-    return [Interval(ca.SX(low), ca.SX(high)) for low, high in ends.tolist()]
+    pushed = Interval(ca.SX(-bound), ca.SX(bound))
+    rates = [add(each, pushed) for each in found]
+    return rates if np.isfinite([float(end) for each in rates for end in each]).all() else None
 
 
 def moved(x: ca.SX, rates: Sequence[Interval], horizon: float | ca.SX) -> list[Interval]:
     """x + [0, τ] rates, by component; a rate that is no number is passed over."""
+    time = point(horizon)
     return [
-        Interval(start + ca.fmin(0, horizon * rate.lo), start + ca.fmax(0, horizon * rate.hi))
+        add(point(start), hull(point(0.0), multiply(time, rate)))
         for start, rate in zip(ca.vertsplit(x), rates, strict=True)
     ]
 
@@ -148,7 +151,9 @@ def admissible_corners(member: Member) -> Array:
             f"safety.margin: expected input bounds of {member.name} that do not depend on its "
             "state, which the local margin needs"
         )
-    return vertices(known.A, known.b + known.allowance)
+    # Vertices are rounded to nearest; a hair more takes them all in.
+    share = 1.0 + 1e-6 if rounds_outwards() else 1.0
+    return vertices(known.A, known.b + share * known.allowance)
 
 
 def scalars(vectors: Sequence[ca.SX]) -> list[ca.SX]:

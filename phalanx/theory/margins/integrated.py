@@ -13,7 +13,8 @@ from typing import NamedTuple
 import casadi as ca
 
 from phalanx.theory.expressions.extension import continuous, extend
-from phalanx.theory.expressions.interval import Interval, point
+from phalanx.theory.expressions.interval import Interval, add, point
+from phalanx.theory.expressions.rounding import rounds_outwards
 from phalanx.theory.margins.enclosure import (
     Enclosure,
     admissible_corners,
@@ -92,8 +93,8 @@ def growth(
         change += slope @ (e.rate - e.phi)
 
     numbers = scalars([pair.parameters])
-    symbols = scalars([*[e.x for e in moving], *[e.u for e in moving], *[fixed[l] for l in others]])
-    symbols += numbers
+    states, inputs = scalars([e.x for e in moving]), scalars([e.u for e in moving])
+    symbols = [*states, *inputs, *scalars([fixed[l] for l in others]), *numbers]
     box = [interval for e in moving for interval in e.states]
     box += [interval for e in moving for interval in e.inputs]
     box += [interval for l in others for interval in moving[l].inputs]
@@ -105,10 +106,18 @@ def growth(
     known = continuous(scalars(parts), symbols, box)
     for e in moving:
         known = ca.logic_and(known, e.certain)
+    value, rate = _at_most([value, rate], [*states, *ca.vertsplit(moving[own].u), *numbers])
     # Comparisons are false for what is not a number, which max would pass over.
     for number in (value, disturbance.hi, bend.hi, steep.hi):
         known = ca.logic_and(known, number < ca.inf)
     return Growth(value, rate, disturbance.hi, ca.fmax(0, bend.hi), known)
+
+
+def _at_most(values: Sequence[ca.SX], symbols: Sequence[ca.SX]) -> list[ca.SX]:
+    """Expressions of the sample as they are computed, or at their highest for rounding."""
+    if not rounds_outwards():
+        return list(values)
+    return [bound.hi for bound in extend(values, symbols, list(map(point, symbols)))]
 
 
 def integrated_margin(
@@ -157,14 +166,17 @@ def integrated_margin(
 def time_until_zero(bound: Growth, horizon: float | ca.SX) -> ca.SX:
     """How long the bound stays at or below zero, at most the horizon [s]; 0 if it is unknown.
 
-    The bound is convex in t: from V_k <= 0 it crosses zero once.
+    The bound is convex in t: from V_k <= 0 it crosses zero once. To no more than ten float64 the
+    root is right, for nothing in it cancels, if the speed is so large that its square does not
+    vanish; where it is rounded outwards it is a share of 1e-13 earlier, and the speed higher.
     """
-    speed = bound.rate + bound.disturbance
+    exact = not rounds_outwards()
+    speed = add(point(bound.rate), point(bound.disturbance)).hi + (0.0 if exact else 1e-140)
     root = ca.sqrt(ca.fmax(0, speed * speed - 2 * bound.bend * bound.value))
     # Each form where it does not cancel.
     rising = -2 * bound.value / (speed + root)
     falling = ca.if_else(bound.bend > 0, (root - speed) / bound.bend, ca.inf)
-    crossing = ca.if_else(speed > 0, rising, falling)
+    crossing = (1.0 if exact else 1.0 - 1e-13) * ca.if_else(speed > 0, rising, falling)
     proven = ca.logic_and(bound.known, ca.logic_and(bound.value <= 0, bound.rate < ca.inf))
     return ca.if_else(proven, ca.fmin(horizon, crossing), 0)
 
@@ -185,14 +197,15 @@ def keeps_chain(chain: Chain, alphas: Sequence[ClassK], moving: Sequence[Enclosu
     """
     numbers = scalars([chain.set.parameters])
     symbols = scalars([e.x for e in moving]) + numbers
+    starts = _at_most(chain.psi[:-1], symbols)
     box = [*[interval for e in moving for interval in e.states], *map(point, numbers)]
     kept = continuous(list(chain.psi[:-1]), symbols, box)
-    for psi, alpha in zip(chain.psi[:-1], alphas, strict=False):
+    for psi, start, alpha in zip(chain.psi[:-1], starts, alphas, strict=False):
         steepness = _pushed([ca.jacobian(psi, e.x) for e in moving], [1.0] * len(moving))
         reach, steep = extend([psi, steepness], symbols, box)
         s = ca.SX.sym("s")
         (back,) = extend([alpha.value(s)], [s], [Interval(ca.SX(0), ca.fmax(0, reach.hi))])
-        for bounded in (reach.hi < ca.inf, steep.hi < ca.inf, psi <= 0, back.lo >= 0):
+        for bounded in (reach.hi < ca.inf, steep.hi < ca.inf, start <= 0, back.lo >= 0):
             kept = ca.logic_and(kept, bounded)
     return kept
 

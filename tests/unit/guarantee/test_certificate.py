@@ -1,5 +1,6 @@
 """A pair's certificate: never above zero while it lasts, and never where h can jump above."""
 
+from dataclasses import dataclass
 from functools import cache
 
 import casadi as ca
@@ -269,3 +270,27 @@ def test_obstacles_are_pairs_too():
     found = pair_certificate(pair, 0, [Linear(1.0)], [0.3], TAU)
     time = held(found, np.array([1.9, 0.0]), np.array([1.0, 0.0]))
     assert 0.9 * 0.1 / 1.3 < time <= 0.1 / 1.3
+
+
+class Port:
+    """h = 835 unless the other is on the port side, by the sign of the sine of its heading."""
+
+    def between(self, a: Body, b: Body) -> ca.SX:
+        return ca.if_else(ca.sin(b.p[1]) > 0, -1.0, 835.0) + 1e-3 * (a.p[0] + b.p[0])
+
+    def to_obstacle(self, a: Body, obstacle: Obstacle) -> ca.SX:
+        return ca.SX(-1.0)
+
+
+@dataclass(frozen=True)
+class Railed(SingleIntegrator):
+    """Only along x can it move."""
+
+    def actuation(self, x):
+        return ca.SX(ca.DM([[1.0, 0.0], [0.0, 0.0]]))
+
+
+def test_the_sign_of_a_sine_of_nought_proves_nothing():
+    railed = certificate(Railed(1.0), [1.0], Port(), bounds=(0.0, 0.0))
+    assert held(railed, np.zeros(4), np.zeros(2)) == 0.0
+    assert held(railed, np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(2)) == MULTIPLES[0] * TAU

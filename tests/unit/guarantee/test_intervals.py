@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from decimal import Decimal, localcontext
 from fractions import Fraction
+from functools import cache, partial
 from math import prod
 
 import casadi as ca
@@ -18,18 +19,33 @@ from phalanx.guarantee.checker.intervals import (
     norm,
     point,
 )
+from tests.unit.theory.true_values import OPERATIONS, boxes, is_held, true_value, within
 
 numbers = st.floats(-50.0, 50.0) | st.sampled_from([0.0, 1.0, -1.0, 1e-300, 3e154, -1e200])
 shares = st.fractions(0, 1)
 
 
-def bounds(
-    expression: ca.SX, x: ca.SX, box: list[tuple[float, float]]
-) -> tuple[float, float, bool]:
+Box = list[tuple[float, float]]
+Bounds = tuple[float, float, bool]
+
+
+def bounds(expression: ca.SX, x: ca.SX, box: Box) -> Bounds:
     """Of a scalar expression over one box."""
+    return over(IntervalFunction([x], [expression]), box)
+
+
+def over(function: IntervalFunction, box: Box) -> Bounds:
     low, high = (np.array(side)[:, None] for side in zip(*box, strict=True))
-    (found,), smooth = IntervalFunction([x], [expression])(Interval(low, high))
+    (found,), smooth = function(Interval(low, high))
     return float(found.lo[0, 0]), float(found.hi[0, 0]), bool(smooth[0])
+
+
+@cache
+def compiled(name: str) -> Callable[[Box], Bounds]:
+    """One of OPERATIONS."""
+    x = ca.SX.sym("x", OPERATIONS[name].arguments)
+    function = IntervalFunction([x], [OPERATIONS[name].build(*ca.vertsplit(x))])
+    return partial(over, function)
 
 
 def holds(low: float, exact: Fraction | Decimal, high: float) -> bool:
@@ -141,6 +157,19 @@ def test_inverse_functions_hold_the_true_value(function, inverse, least, most, s
         if least < ends[0] and ends[1] < most:
             assert inverse(Decimal(low)) <= Decimal(ends[0])
             assert Decimal(ends[1]) <= inverse(Decimal(high))
+
+
+@pytest.mark.parametrize("name", [name for name in OPERATIONS if name != "asinh"])
+@given(a=boxes, b=boxes, share=st.floats(0, 1))
+@settings(max_examples=150, deadline=None)
+def test_no_true_value_is_beyond_an_end(name, a, b, share):
+    operation = OPERATIONS[name]
+    sides = [a, b][: operation.arguments]
+    low, high, _ = compiled(name)(sides)
+    others = within(b, share) if operation.arguments == 2 else [None]
+    for x in within(a, share):
+        for y in others:
+            assert is_held(low, true_value(operation, x, y), high), (x, y)
 
 
 def test_a_wave_reaches_its_extremes_inside_a_box():
