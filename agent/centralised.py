@@ -9,6 +9,7 @@ from phalanx.agent.controller import StepResult
 from phalanx.agent.distributed import DistributedController
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.laws.law import View
+from phalanx.theory.laws.nominal import nominal_input
 from phalanx.theory.rows.centralised import JointInput
 from phalanx.theory.rows.information import ReceivedInput
 
@@ -44,10 +45,10 @@ class CentralisedController:
         return self._results
 
     def _decide(self, x: Array, t: float) -> dict[int, StepResult]:
-        terms, normal = self._terms(x), self._normal
+        terms, normal, members = self._terms(x), self._normal, self.rows.swarm.members
         states = {l: x[part] for l, part in enumerate(self._parts)}
         u_nom = [
-            law.input(View(l, states, normal, goal(t, states[l]), terms))
+            nominal_input(law, View(l, states, normal, goal(t, states[l]), terms), members[l])
             for l, law, goal in zip(normal, self._laws, self._goals, strict=True)
         ]
         decisions = self._qp.decide(terms, normal, u_nom, self._authority)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from phalanx.agent.controller import StepResult
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.laws.law import Law, View
+from phalanx.theory.laws.nominal import nominal_input
 from phalanx.theory.laws.worst_case import WorstCase
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.theory.rows.safety_filter import Situation
@@ -34,11 +35,11 @@ class DistributedController:
         self, x: Array, seen: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
     ) -> StepResult:
         """Decide on the stacked state x, shape (n̄,), sampled at t [s]: NaN but of those seen."""
-        terms = self._terms(x, seen)
+        i, terms = self._i, self._terms(x, seen)
         states = {l: x[self._parts[l]] for l in seen}
-        goal = self._goal(t, states[self._i])
+        goal = self._goal(t, states[i])
         normal = [l for l in seen if not self._members[l].adversary]
-        u_nom = self._law.input(View(self._i, states, normal, goal, terms))
+        u_nom = nominal_input(self._law, View(i, states, normal, goal, terms), self._members[i])
         now = Situation(t + self._latency, x, seen, terms, u_nom, received)
         decision, used = self._filter(now)
         return StepResult(decision, u_nom, used)

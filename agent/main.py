@@ -9,13 +9,16 @@ from pathlib import Path
 from queue import SimpleQueue
 
 from phalanx.agent.answering import SampleAnswering
-from phalanx.agent.step import Answer, ControlStep, control_steps
+from phalanx.agent.step import Answer, ControlStep, StepFailedError, control_steps
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.swarm.rows import SafetyRows
+from phalanx.swarm.watchdog import Watchdog
+from phalanx.theory.rows.origin import Origin
 from phalanx.wire import liveliness, pubsub
 from phalanx.wire.door import Door
 from phalanx.wire.keys import PLANT, Keys
 from phalanx.wire.membership import Membership
+from phalanx.wire.messages import LONGEST_FAILURE, Telemetry
 from phalanx.wire.presence import PlantPresence
 from phalanx.wire.seal import Sealer
 from phalanx.wire.session import Session, open_member
@@ -43,12 +46,27 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
     # No event: a handler that sets one while this thread begins to wait for it never returns.
     leaving: SimpleQueue[str] = SimpleQueue()
     signal.signal(signal.SIGTERM, lambda *_: leaving.put("told to"))
-    with open_member(
-        membership.endpoint, keys.alive(PLANT), membership.timeout, membership.credentials
-    ) as session:
+    with (
+        Watchdog(rows.swarm.scenario.time.timeout),
+        open_member(
+            membership.endpoint, keys.alive(PLANT), membership.timeout, membership.credentials
+        ) as session,
+    ):
         senders = [_Sender(session, keys, sealer, step) for step in steps]
+
+        def give_up() -> None:
+            """Tell the plant, which waits for the answer, why there is none: it ends the run."""
+            failed = [(s, a.error) for s, a in zip(senders, answerings, strict=True) if a.error]
+            waits = False
+            for sender, error in failed:
+                if isinstance(error, StepFailedError):
+                    sender.tell_failure(error)
+                    waits = error.sample.pace is None
+            if not waits:
+                leaving.put("a control step failed")
+
         answerings = [
-            SampleAnswering(step, sealer, sender, lambda: leaving.put("a control step failed"))
+            SampleAnswering(step, sealer, sender, give_up)
             for step, sender in zip(steps, senders, strict=True)
         ]
         for step, answering in zip(steps, answerings, strict=True):
@@ -84,6 +102,7 @@ class _Sender:
 
     def __init__(self, session: Session, keys: Keys, sealer: Sealer, step: ControlStep) -> None:
         self._sealer, self._broadcasts = sealer, pubsub.Addressed(session)
+        self._inputs = len(step.swarm.members[step.i].dynamics.inputs)
         # A publisher's key expression is made anew each time it is asked for.
         self._actuation_key, self._telemetry_key = (
             keys.actuation(step.name),
@@ -99,6 +118,20 @@ class _Sender:
             key = self._broadcast_key(hearer)
             self._broadcasts.put(key, self._sealer.seal(key, broadcast))
         self._telemetry.put(self._sealer.seal(self._telemetry_key, answer.telemetry))
+
+    def tell_failure(self, error: StepFailedError) -> None:
+        """Tell the plant why a sample is not answered."""
+        nothing = (0.0,) * self._inputs
+        report = Telemetry(
+            k=error.sample.k,
+            origin=Origin.BACKUP,
+            residual=None,
+            u_nom=nothing,
+            solve_time=0.0,
+            ages=(),
+            failed=str(error)[:LONGEST_FAILURE],
+        )
+        self._telemetry.put(self._sealer.seal(self._telemetry_key, report))
 
     def wait_for_listeners(self, timeout: float, over: Callable[[], bool]) -> None:
         """Return when the hub takes what is put: what comes earlier is lost. Raises HubError."""

@@ -16,11 +16,12 @@ from phalanx.agent.distributed import DistributedController
 from phalanx.faults.state import Orders
 from phalanx.network.claim import Claim
 from phalanx.network.inbox import BroadcastInbox, Existing, Fate
-from phalanx.network.link import Link
+from phalanx.network.link import Link, RuleError
 from phalanx.scenario.fields import CONTROLLER
 from phalanx.swarm.distances import Distances
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.seen import SeenStates
+from phalanx.theory.expressions.asked import MistakenMethodError, in_words
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.wire.door import Door
 from phalanx.wire.keys import Keys
@@ -53,6 +54,14 @@ class Accepted(NamedTuple):
     """Stacked state, shape (n̄,); NaN where it is not seen."""
     existing: dict[int, Existing]
     """Which broadcasts it counts, by sender."""
+
+
+class StepFailedError(RuntimeError):
+    """A sample that an agent cannot answer; the message says whose code failed, where and how."""
+
+    def __init__(self, message: str, sample: Sample) -> None:
+        super().__init__(message)
+        self.sample = sample
 
 
 class ControlStep:
@@ -136,7 +145,22 @@ class ControlStep:
             raise Malformed("out of order")
 
     def __call__(self, accepted: Accepted) -> Answer:
-        """Answer a sample. In lockstep the inbox must have every broadcast that it counts."""
+        """Answer a sample. In lockstep the inbox must have every broadcast that it counts.
+
+        Raises StepFailedError.
+        """
+        sample = accepted.sample
+        try:
+            return self._answer(accepted)
+        except MistakenMethodError as error:
+            words = error.told(f"agent {error.agent or self.name} at sample {sample.k}")
+            raise StepFailedError(words, sample) from error
+        except Exception as error:
+            reason = error if isinstance(error, RuleError) else in_words(error)
+            words = f"agent {self.name} failed at sample {sample.k}: {reason}"
+            raise StepFailedError(words, sample) from error
+
+    def _answer(self, accepted: Accepted) -> Answer:
         began, (sample, x, _) = time.perf_counter(), accepted
         self.obey(sample.orders)
         self._untold += self._decide_fates(accepted)

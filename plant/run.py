@@ -23,6 +23,8 @@ from phalanx.plant.world.world import DivergedError, World
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.write import RecordingError, RecordingWriter
 from phalanx.swarm.rows import SafetyRows
+from phalanx.swarm.watchdog import Watchdog
+from phalanx.theory.expressions.asked import MistakenMethodError
 from phalanx.wire.messages import Status, Telemetry
 
 log = logging.getLogger("phalanx.plant")
@@ -124,13 +126,16 @@ class PlantRun:
         try:
             prepare()
             began = time.monotonic()
-            self._clock.run(self._scenario.duration)
+            with Watchdog(self._scenario.time.timeout):
+                self._clock.run(self._scenario.duration)
             self._frames.show(last=True)
             outcome, reason = judge(
                 self._judge.extremes.violations(), self._judge.assumptions, self._judge.theorem
             )
         except (StoppedError, KeyboardInterrupt) as error:
             outcome, reason = Outcome.STOPPED, str(error) or "stopped by the user"
+        except MistakenMethodError as error:
+            outcome, reason = Outcome.BROKEN, error.told("the plant")
         except (SwarmBrokenError, AbandonedError, RecordingError, DivergedError) as error:
             outcome, reason = Outcome.BROKEN, str(error)
         log.info("%s at t = %.3f s: %s", outcome, self._world.t, reason)

@@ -6,7 +6,7 @@ processes engine, so a trajectory is the same to the last bit.
 
 from pathlib import Path
 
-from phalanx.agent.step import control_steps
+from phalanx.agent.step import StepFailedError, control_steps
 from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher.engine import Progress
@@ -19,6 +19,7 @@ from phalanx.recording.write import RecordingWriter, write_down
 from phalanx.swarm.compile import compile_rows
 from phalanx.swarm.rows import SafetyRows
 from phalanx.wire.messages import Actuation, Sample, Status, Telemetry
+from phalanx.wire.seal import Malformed
 
 
 def run_in_process(
@@ -68,11 +69,8 @@ class DirectAgents:
         step, name = self._steps[i], self._names[i]
         try:
             answer = step(step.accept_sample(sample))
-        except Exception as error:  # a user's law may raise anything
-            problem = f"{type(error).__name__}: {error}"
-            raise SwarmBrokenError(
-                f"agent {name} failed at sample {sample.k}: {problem}"
-            ) from error
+        except (StepFailedError, Malformed) as error:
+            raise SwarmBrokenError(str(error)) from error
         self._actuations[i] = answer.actuation
         self._telemetry[i, sample.k] = answer.telemetry
         for hearer, broadcast in answer.broadcasts.items():

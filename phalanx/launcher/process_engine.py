@@ -79,7 +79,7 @@ def run_processes(
         raise EngineError(
             failure or f"the plant ended without a verdict: see {folder / 'logs' / 'plant.log'}"
         )
-    if summary.outcome is Outcome.BROKEN and failure:
+    if summary.outcome is Outcome.BROKEN and failure and summary.reason not in failure:
         summary.reason = f"{summary.reason} [{failure}]"
     return summary
 

@@ -14,6 +14,7 @@ from phalanx.network.loss import RandomLoss
 from phalanx.network.rule import DELIVER, Copy, Message, Rule, Treatment
 from phalanx.network.window import During
 from phalanx.seeded.draws import Draws
+from phalanx.theory.expressions.asked import MistakenMethodError
 
 LOSS, DELAY = "loss", "delay"
 Kind = Literal["broadcast", "sample", "actuation"]
@@ -165,6 +166,8 @@ class Link:
                         copies += (Copy(after, copy.corrupt or new.corrupt),)
             except Exception as error:  # a user's rule may raise anything
                 problem = f"{type(error).__name__}: {error}"
+                if isinstance(error, MistakenMethodError):
+                    problem = error.told("the link from {} to {}".format(*self._ends))
                 raise RuleError(f"rule {stage.field} failed at message {k}: {problem}") from error
         return Passage(copies, faults)
 

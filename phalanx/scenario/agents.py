@@ -18,7 +18,7 @@ from phalanx.scenario.fields import (
     misplaced,
 )
 from phalanx.scenario.registry import is_users
-from phalanx.theory.expressions.asked import MistakenMethodError, in_words
+from phalanx.theory.expressions.asked import MistakenMethodError, ask
 from phalanx.theory.laws.law import Law
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.sound import require_sound
@@ -118,12 +118,11 @@ class AgentGroup(Strict):
         """The law that the table describes, built anew and prepared for dynamics of its own."""
         law: Law = built("law", Law, self.law)
         try:
-            law.prepare(built("dynamics", Dynamics, self.dynamics))
-        except ValueError as error:
-            raise misplaced(("law",), str(error), self.law) from error
-        except Exception as error:  # of a user's own
-            message = f"{type(law).__name__}.prepare: expected no error"
-            raise misplaced(("law",), message, InWords(in_words(error))) from error
+            ask(law, "prepare", "no error", built("dynamics", Dynamics, self.dynamics))
+        except MistakenMethodError as error:
+            if isinstance(error.__cause__, ValueError):  # it does not fit the dynamics
+                raise misplaced(("law",), str(error.__cause__), self.law) from error
+            raise misplaced(("law",), error.expected, InWords(error.got)) from error
         return law
 
     def law_object(self) -> Law:

@@ -4,8 +4,9 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 from phalanx.faults.lies import Lies
-from phalanx.network.link import Kind, LinkModel, Stage
+from phalanx.network.link import Kind, Link, LinkModel, Stage
 from phalanx.network.rule import Rule
+from phalanx.network.users_rule import UsersRule
 from phalanx.network.window import Cut, During, Hold
 from phalanx.scenario.faults import Fault, HoldFault, LinkFault, Partition
 from phalanx.scenario.lies import LieFault
@@ -21,7 +22,7 @@ class Links:
     """The models of a scenario's links. A rule's number is its place in `declared`."""
 
     def __init__(self, scenario: Scenario) -> None:
-        network = scenario.network
+        self._network = network = scenario.network
         self._names = [name for name, _, _ in scenario.roster()]
         tables: list[tuple[str, LinkTable]] = [
             ("network", network),
@@ -29,7 +30,6 @@ class Links:
             ("network.actuation", network.actuation),
         ]
         tables += [(f"network.links.{i}", link) for i, link in enumerate(network.links)]
-        self._exceptions = network.links
         fields: list[str] = []
         self._static: list[Callable[[], tuple[Stage, ...]]] = []
         """What each table asks for at all times, for one more link."""
@@ -56,12 +56,30 @@ class Links:
         robot's own links, of samples and actuations, are called like it.
         """
         static = self._static[_BASE.index(of)]
-        for place, exception in enumerate(self._exceptions):
+        for place, exception in enumerate(self._network.links):
             if exception.concerns(sender, receiver, of):
                 static = self._static[len(_BASE) + place]
         link = sender, receiver, of
         within = self._within(receiver, of)
         return LinkModel((*within, *self._timed(*link), *static(), *self._holds(*link)))
+
+    def users_rules(self) -> Iterator[tuple[str, str, Link]]:
+        """Each rule of a user's anew, alone on a link that may have it, with its two ends."""
+        network, first, last = self._network, self._names[0], self._names[-1]
+        bases = zip((network, network.sample, network.actuation), _BASE, strict=True)
+        tables: list[tuple[LinkTable, Kind, str, str]] = [(t, of, "*", "*") for t, of in bases]
+        tables += [(t, t.of, t.sender, t.receiver) for t in network.links]
+        faults = (fault for fault in self._faults if isinstance(fault, LinkFault))
+        tables += [(t, t.of, t.sender, t.receiver) for t in faults]
+        for table, of, sender, receiver in tables:
+            if sender == "*":
+                sender = first if of == "broadcast" or receiver == "*" else receiver
+            if receiver == "*":
+                receiver = last if of == "broadcast" else sender
+            for stage in _stages(table, 0):
+                if isinstance(stage.rule, UsersRule):
+                    model = LinkModel((stage,))
+                    yield sender, receiver, Link(self._seed, sender, receiver, model, of)
 
     def lies(self, name: str) -> Lies:
         """What an agent makes of the truth before it tells its peers."""

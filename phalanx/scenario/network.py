@@ -18,6 +18,7 @@ from phalanx.network.loss import DistanceLoss, GilbertElliott, RandomLoss, burst
 from phalanx.network.presets import PRESETS, Preset
 from phalanx.network.queue import Rate, Slot
 from phalanx.network.rule import Rule
+from phalanx.network.users_rule import UsersRule
 from phalanx.scenario.fields import (
     BOUNDS,
     BURST,
@@ -175,7 +176,7 @@ class LinkTable(Strict):
         if self.slot:
             yield "slot", Slot(self.slot)
         for place, table in enumerate(self.rules):
-            yield f"rules.{place}", built(f"rules.{place}", Rule, table)
+            yield f"rules.{place}", UsersRule(built(f"rules.{place}", Rule, table))
 
 
 def _loss(loss: "float | RandomTable | BurstTable | GilbertElliottTable") -> Rule:

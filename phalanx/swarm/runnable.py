@@ -1,17 +1,20 @@
 """Everything evaluated once at x(0), so that a mistake is said before any process starts."""
 
-from typing import Any
+import math
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.network.link import RuleError
 from phalanx.scenario.load import ScenarioError
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.expressions.asked import MistakenMethodError, ask
+from phalanx.swarm.watchdog import Watchdog
+from phalanx.theory.expressions.asked import MistakenMethodError, in_short
 from phalanx.theory.laws.law import View
-from phalanx.theory.models.dynamics import Bounded, Dynamics
+from phalanx.theory.laws.nominal import nominal_input
+from phalanx.theory.models.dynamics import Bounded, Dynamics, travelled
 from phalanx.theory.models.polytope import EmptyPolytopeError, polytope
 from phalanx.theory.safety.composition import static_label
 from phalanx.theory.safety.limits import Boundary
@@ -29,8 +32,13 @@ def require_runnable(swarm: Swarm) -> SafetyRows:
 
     Raises:
         ScenarioError: the scenario's margin or composition cannot take its expressions; or a class
-            returned what is not finite or of the wrong shape, or failed.
+            returned what is not finite or of the wrong shape, failed, or does not return.
     """
+    with Watchdog(swarm.scenario.time.timeout):
+        return _runnable(swarm)
+
+
+def _runnable(swarm: Swarm) -> SafetyRows:
     rows, i, x, name = build_rows(swarm), swarm.normal[0], swarm.start(), swarm.scenario.name
     first = sorted(l for l, _ in swarm.ends)
     try:
@@ -44,7 +52,8 @@ def require_runnable(swarm: Swarm) -> SafetyRows:
             rows.pair_terms(i)(x, seen)
         for l in first:
             _require_law(rows, l, x)
-    except MistakenMethodError as error:
+        _require_rules(swarm, x)
+    except (MistakenMethodError, RuleError) as error:
         raise ScenarioError(f"{name}: {error}") from error
     except ValueError as error:
         raise ScenarioError(f"{name}: safety: {error}") from error
@@ -69,9 +78,7 @@ def _require_dynamics(dynamics: Dynamics, starts: list[Array]) -> None:
     _require_polytope(dynamics, symbol, starts[0])
     if isinstance(dynamics, Bounded):
         for x in starts:
-            distance: Any = ask(dynamics, "travel", "a distance [m]", x, _SOON, 0.0)
-            if not isinstance(distance, int | float) or not distance >= 0.0:
-                raise MistakenMethodError(dynamics, "travel", "a distance [m]", repr(distance))
+            travelled(dynamics, x, _SOON, 0.0)
 
 
 def _require_polytope(dynamics: Dynamics, symbol: ca.SX, x: Array) -> None:
@@ -82,14 +89,14 @@ def _require_polytope(dynamics: Dynamics, symbol: ca.SX, x: Array) -> None:
     try:
         polytope(A, b[:, 0])
     except EmptyPolytopeError as error:
-        expected = f"a compact set that is not empty at the start x = {_short(x)}"
+        expected = f"a compact set that is not empty at the start x = {in_short(x)}"
         raise MistakenMethodError(dynamics, "input_polytope", expected, str(error)) from error
 
 
 def _require_finite(dynamics: Dynamics, method: str, x: Array, value: Array) -> None:
     if not np.isfinite(value).all():
-        expected = f"finite numbers at the start x = {_short(x)}"
-        raise MistakenMethodError(dynamics, method, expected, _short(value))
+        expected = f"finite numbers at the start x = {in_short(x)}"
+        raise MistakenMethodError(dynamics, method, expected, in_short(value))
 
 
 def _require_h(swarm: Swarm, x: Array) -> None:
@@ -116,6 +123,14 @@ def _infinite(swarm: Swarm, a: int, b: int, got: str) -> MistakenMethodError:
     return MistakenMethodError(function, method, expected, got)
 
 
+def _require_rules(swarm: Swarm, x: Array) -> None:
+    """Of a user's own: the treatment of a first message. Raises RuleError."""
+    points = swarm.positions(x)
+    for sender, receiver, link in swarm.links.users_rules():
+        ends = [points[swarm.names.index(name)] for name in (sender, receiver)]
+        link.fate(0, 0.0, math.dist(*ends))
+
+
 def _require_law(rows: SafetyRows, i: int, x: Array) -> None:
     """Agent i's first input; of a law of its own, since a law may remember what it was asked."""
     swarm = rows.swarm
@@ -124,18 +139,4 @@ def _require_law(rows: SafetyRows, i: int, x: Array) -> None:
     states = {l: x[swarm.safe_set.parts[l]] for l in seen}
     normal = [l for l in swarm.normal if l in states]
     view = View(i, states, normal, swarm.goal(i)(0.0, states[i]), terms)
-    m = len(swarm.members[i].dynamics.inputs)
-    expected = f"an array of {m} finite numbers for agent {swarm.names[i]}"
-    found = ask(law, "input", expected, view)
-    if not isinstance(found, np.ndarray):
-        raise MistakenMethodError(law, "input", expected, repr(found))
-    if found.shape != (m,) or found.dtype.kind not in "fi":
-        raise MistakenMethodError(law, "input", expected, f"shape {found.shape} of {found.dtype}")
-    if not np.isfinite(found).all():
-        raise MistakenMethodError(law, "input", expected, _short(found))
-
-
-def _short(value: Array) -> str:
-    """Its first numbers."""
-    shown = ", ".join(f"{number:.4g}" for number in value.ravel()[:6])
-    return f"({shown}{', ...' if value.size > 6 else ''})"
+    nominal_input(law, view, swarm.members[i])

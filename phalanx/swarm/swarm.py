@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import casadi as ca
 import numpy as np
@@ -16,6 +16,7 @@ from phalanx.scenario.model import Scenario
 from phalanx.scenario.strikes import Struck, all_struck
 from phalanx.seeded.clock import SamplingClock
 from phalanx.seeded.draws import Draws
+from phalanx.theory.expressions.asked import MistakenMethodError, ask
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.laws.formation import Goal, hold
@@ -203,9 +204,13 @@ class Swarm:
         if not isinstance(law, TeamLaw):
             return law
         try:
-            return law.join(i, self.members, self.scenario.obstacles)
-        except ValueError as error:
-            raise ScenarioError(f"{self.scenario.name}: law of {self.names[i]}: {error}") from error
+            joined = ask(law, "join", "a law", i, self.members, self.scenario.obstacles)
+        except MistakenMethodError as error:
+            reason = error.__cause__ if isinstance(error.__cause__, ValueError) else error
+            raise ScenarioError(
+                f"{self.scenario.name}: law of {self.names[i]}: {reason}"
+            ) from error
+        return cast(Law, joined)
 
     def goal(self, i: int) -> Callable[[float, Array], Goal]:
         """Where agent i wants to be, given t [s] and its state, shape (n_i,).

@@ -15,6 +15,8 @@ from phalanx.theory.rows.origin import Origin
 VERSION = 3
 MAX_BYTES = 65_536
 """Larger payloads are dropped unread."""
+LONGEST_FAILURE = 2_000
+"""As many characters say at most why an agent failed."""
 
 
 class Message(
@@ -111,6 +113,8 @@ class Telemetry(Message, frozen=True, kw_only=True):
     anything, and where none is known."""
     received: tuple[tuple[int, float, tuple[float, ...]], ...] = ()
     """In real time, (agent's index, t_apply [s], u) of every û_l that the agent had."""
+    failed: Annotated[str, msgspec.Meta(max_length=LONGEST_FAILURE)] = ""
+    """Why the sample was not answered and no other will be; the other fields say nothing then."""
 
 
 class Status(Message, frozen=True, kw_only=True):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from phalanx.plant.world.integration import Integration, Passage, Piece
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.models.dynamics import Bounded
+from phalanx.theory.models.dynamics import Bounded, travelled
 
 Array = NDArray[np.float64]
 
@@ -116,5 +116,5 @@ class Lookahead:
         dynamics, begun, now = self._bounded[i], self._open[i], self._integration
         if dynamics is None:
             return True
-        travelled = dynamics.travel(begun.x, now.t - begun.t, self._bounds[i])
-        return not math.dist(now.p[j], begun.p) > self._radii[j] + travelled + _SLACK
+        farthest = travelled(dynamics, begun.x, now.t - begun.t, self._bounds[i])
+        return not math.dist(now.p[j], begun.p) > self._radii[j] + farthest + _SLACK

@@ -291,8 +291,18 @@ class Hub:
         i, kind = self._from[key]
         if kind is Actuation:
             self._answers.on_actuation(i, self._sealer.open(key, payload, Actuation))
-        else:
-            self._answers.on_telemetry(i, self._sealer.open(key, payload, Telemetry))
+            return
+        report = self._sealer.open(key, payload, Telemetry)
+        self._answers.on_telemetry(i, report)
+        # In real time the run goes on without the agent.
+        if report.failed and not self._real_time:
+            raise SwarmBrokenError(_as_said_by(self._names[i], report.failed))
+
+
+def _as_said_by(name: str, failure: str) -> str:
+    """An agent's words, which are of itself, as text that a terminal can show."""
+    shown = "".join(c if c.isprintable() else " " for c in failure)
+    return shown if f"agent {name} " in shown else f"agent {name}: {shown}"
 
 
 def _open(swarm: Swarm, membership: Membership, at_router: bool) -> Session:

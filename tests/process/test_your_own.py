@@ -200,3 +200,141 @@ def test_what_a_users_classes_remember_is_each_agents_own_in_both_engines(
     assert run.verdict in (Outcome.GUARANTEED, Outcome.SAFE)
     assert run.verify(engine="processes")
     assert run.verify(engine="in-process")
+
+
+FAILING = """
+from dataclasses import dataclass
+
+import numpy as np
+
+from phalanx.network.rule import DELIVER
+
+
+def fail(how):
+    match how:
+        case "raises":
+            return 1 / 0
+        case "hangs":
+            while True:
+                pass
+    return {"nan": np.array([np.nan, 0.0]), "list": [0.0, 0.0], "long": np.zeros(3)}.get(how)
+
+
+@dataclass
+class Sail:
+    how: str
+    asked: int = 0
+
+    def prepare(self, dynamics):
+        self.agents = 0
+
+    def input(self, view):
+        self.asked += 1
+        if self.asked <= 10 or view.i != 0:
+            return np.zeros(2)
+        return fail(self.how)
+
+
+@dataclass
+class Rain:
+    how: str
+    first: int = 5
+
+    def treat(self, message):
+        return DELIVER if message.k < self.first else fail(self.how)
+"""
+CALM = """
+name = "calm"
+duration = 2.0
+time = { timeout = 5.0 }
+
+[safety]
+function = { type = "separation", radius = 1.0 }
+rho = 5.0
+alpha = [2.0]
+eta = 0.1
+
+[[agents]]
+names = ["red", "blue"]
+role = "normal"
+dynamics = { type = "single-integrator", speed = 2.0 }
+law = { type = "failing:Sail", how = "fine" }
+clock = { period = 0.05, jitter = 0.01 }
+start = [[-2.0, 0.0], [2.0, 0.1]]
+"""
+_AT_10 = "for agent red at sample 10"
+_WANTED = "expected an array of 2 finite numbers (failing.py, line 27)"
+_TREATED = "expected DELIVER, DROP, or a tuple of copies that arrive after sending"
+LAWS = {
+    "nan": f"Sail.input returned (nan, 0) {_AT_10}: {_WANTED}",
+    "list": f"Sail.input returned [0.0, 0.0] {_AT_10}: {_WANTED}",
+    "long": f"Sail.input returned shape (3,) of float64 {_AT_10}: {_WANTED}",
+    "nothing": f"Sail.input returned None {_AT_10}: {_WANTED}",
+    "raises": f"Sail.input raised ZeroDivisionError: division by zero {_AT_10} (failing.py, line ",
+    "hangs": f"Sail.input has not returned {_AT_10}: an endless loop",
+}
+_BY = "agent blue failed at sample 5: rule rules.0 failed at message 5: Rain.treat"
+RULES = {
+    "nothing": f"{_BY} returned None for the link from red to blue: {_TREATED} (failing.py, line ",
+    "raises": f"{_BY} raised ZeroDivisionError: division by zero for the link from red to blue (",
+    "hangs": f"{_BY} has not returned for the link from red to blue: an endless loop",
+}
+
+
+@pytest.fixture(scope="module")
+def failing(tmp_path_factory):
+    """One folder, since a module is imported once."""
+    folder = tmp_path_factory.mktemp("failing")
+    (folder / "failing.py").write_text(FAILING)
+    (folder / "calm.toml").write_text(CALM)
+    return folder
+
+
+@pytest.fixture
+def calm(failing, monkeypatch):
+    monkeypatch.chdir(failing)
+
+
+def broken_as(words: str, overrides: dict, engine: str) -> None:
+    run = phalanx.run(phalanx.load("calm.toml", overrides), engine=engine)
+    assert run.verdict is Outcome.BROKEN
+    assert run.summary.reason.startswith(words)
+    assert run.recording.damage is None
+    assert run.recording.summary.reason == run.summary.reason
+
+
+@pytest.mark.swarm
+@pytest.mark.parametrize("engine", ["in-process", "processes"])
+@pytest.mark.parametrize("how", LAWS)
+def test_a_law_that_fails_in_a_run_ends_it_at_once_by_name(calm, how, engine):
+    broken_as(LAWS[how], {"agents.0.law.how": how}, engine)
+
+
+@pytest.mark.swarm
+@pytest.mark.parametrize("engine", ["in-process", "processes"])
+@pytest.mark.parametrize("how", RULES)
+def test_a_rule_that_fails_in_a_run_ends_it_at_once_by_name(calm, how, engine):
+    rule = {"type": "failing:Rain", "how": how}
+    broken_as(RULES[how], {"network.rules": [rule]}, engine)
+
+
+@pytest.mark.swarm
+@pytest.mark.parametrize("engine", ["in-process", "processes"])
+def test_a_rule_within_a_robot_that_does_not_return_ends_the_run_too(calm, engine):
+    rules = [{"type": "failing:Rain", "how": "hangs"}]
+    words = "a robot's own link: rule rules.0 failed at message 5: Rain.treat has not returned for"
+    broken_as(words, {"network.sample.rules": rules}, engine)
+
+
+@pytest.mark.parametrize("link", ["network", "network.sample", "network.actuation"])
+def test_a_users_rule_is_asked_before_the_run(calm, link):
+    rules = [{"type": "failing:Rain", "how": "nothing", "first": 0}]
+    with pytest.raises(phalanx.ScenarioError, match=r"Rain\.treat returned None for the link"):
+        phalanx.run(phalanx.load("calm.toml", {f"{link}.rules": rules}), engine="in-process")
+
+
+def test_a_rule_of_a_fault_is_asked_before_the_run(calm):
+    rules = [{"type": "failing:Rain", "how": "raises", "first": 0}]
+    fault = {"kind": "link", "at": 1.9, "for": 0.1, "from": "blue", "rules": rules}
+    with pytest.raises(phalanx.ScenarioError, match="division by zero for the link from blue to"):
+        phalanx.run(phalanx.load("calm.toml", {"faults": [fault]}), engine="in-process")

@@ -1,11 +1,13 @@
 """Control-affine dynamics x' = f(x) + g(x) u + φ with inputs in a polytope, Eq. (generalsystem)."""
 
-from typing import Annotated, Protocol, runtime_checkable
+from typing import Annotated, Any, Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
 from annotated_types import Gt
 from numpy.typing import NDArray
+
+from phalanx.theory.expressions.asked import MistakenMethodError, ask
 
 Array = NDArray[np.float64]
 Positive = Annotated[float, Gt(0)]
@@ -54,6 +56,14 @@ class Bounded(Protocol):
             time: [s].
             disturbance: bound on the norm of φ.
         """
+
+
+def travelled(dynamics: Bounded, x: Array, time: float, disturbance: float) -> float:
+    """What a dynamics says of its travel. Raises MistakenMethodError if that is no distance."""
+    found: Any = ask(dynamics, "travel", "a distance [m]", x, time, disturbance)
+    if not isinstance(found, int | float) or not found >= 0.0:
+        raise MistakenMethodError(dynamics, "travel", "a distance [m]", repr(found))
+    return found
 
 
 def box_polytope(bounds: tuple[float, ...]) -> tuple[ca.SX, ca.SX]:

@@ -35,6 +35,35 @@ def test_ctrl_c_ends_the_run_cleanly(phalanx):
     assert recording.steps
 
 
+ENDLESS = """
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass
+class Endless:
+    def prepare(self, dynamics):
+        pass
+
+    def input(self, view):
+        Path("asked").touch()
+        while True:
+            pass
+"""
+
+
+@pytest.mark.parametrize("engine", ["in-process", "processes"])
+def test_ctrl_c_ends_a_law_that_does_not_return(phalanx, tmp_path, monkeypatch, engine):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "endless.py").write_text(ENDLESS)
+    law = ("--set", "agents.0.law={ type = 'endless:Endless' }")
+    run = phalanx("run", "unicycles", "--engine", engine, *law)
+    wait_for((tmp_path / "asked").exists)
+    os.killpg(run.process.pid, signal.SIGINT)
+    assert run.finish()[0] == 130
+    run.wait_until_gone(ORPHAN_LIMIT)
+
+
 def test_a_killed_agent_breaks_the_run_and_is_named(phalanx):
     run = phalanx("run", "unicycles")
     run.wait_until_running()
