@@ -1,0 +1,52 @@
+"""What is installed is what was tested: pinned, with hashes, in images and in `make`."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+LOCKS = {"image": (), "all": ("test", "docs")}
+
+
+def locked(name: str) -> dict[str, tuple[str, int]]:
+    """The version and the number of hashes of each project in a lock."""
+    text = (ROOT / "locks" / f"{name}.txt").read_text()
+    assert not re.search(r"://|index|\s-[^-]|--(?!hash=sha256:[0-9a-f]{64}\b)", text)
+    entries = text.replace("\\\n", " ").splitlines()
+    found = [re.fullmatch(r"(\S+)==(\S+)( ; .*?)?((\s+--hash=\S+)+)\s*", line) for line in entries]
+    assert all(found), [line for line, match in zip(entries, found, strict=True) if not match]
+    return {match[1]: (match[2], len(match[4].split())) for match in found if match}
+
+
+def pinned() -> dict[str, str]:
+    """The versions of constraints.txt."""
+    lines = (ROOT / "constraints.txt").read_text().splitlines()[1:]
+    return {
+        canonicalize_name(name): version for name, _, version in (x.partition("==") for x in lines)
+    }
+
+
+@pytest.mark.parametrize("name", LOCKS)
+def test_a_lock_has_the_tested_versions_of_all_that_is_needed(name: str) -> None:
+    versions = {project: version for project, (version, _) in locked(name).items()}
+    assert versions.items() <= pinned().items(), "else: make locks"
+    extras = PROJECT["project"]["optional-dependencies"]
+    wanted = [*PROJECT["project"]["dependencies"], *PROJECT["build-system"]["requires"]]
+    for text in (*wanted, *(each for extra in LOCKS[name] for each in extras[extra])):
+        needed = Requirement(text)
+        if needed.name != PROJECT["project"]["name"]:
+            assert needed.specifier.contains(versions[canonicalize_name(needed.name)]), text
+
+
+@pytest.mark.parametrize("file", ["Dockerfile", "Makefile"])
+def test_nothing_is_installed_without_its_hash(file: str) -> None:
+    """But Phalanx itself, which brings nothing along."""
+    installs = re.findall(r"pip install (.*)", (ROOT / file).read_text())
+    first, own = installs
+    assert "--require-hashes" in first
+    assert {"--no-deps", "--no-build-isolation"} <= set(own.split())
