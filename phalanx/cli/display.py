@@ -70,6 +70,13 @@ def progress(scenario: Scenario) -> Iterator[Callable[[Status], None]]:
             bar.stop()
 
 
+@contextlib.contextmanager
+def doing(what: str) -> Iterator[Callable[[str], None]]:
+    """Show what a command is doing, in a terminal; gives the function to call with each part."""
+    with Console(stderr=True).status(styled(what, "")) as status:
+        yield lambda part: status.update(styled(f"{what}: {part}", ""))
+
+
 def _text(words: str, **options: Any) -> TextColumn:
     return TextColumn(words, markup=False, table_column=Column(no_wrap=True, **options))
 

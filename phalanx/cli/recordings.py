@@ -44,12 +44,15 @@ def report(run: RunArgument, trust: Trust = False) -> int:
     """
     import phalanx
     from phalanx.cli.damage import warn_of_damage
+    from phalanx.cli.display import doing
     from phalanx.recording.size import size_in_words
 
     try:
         recorded = phalanx.open(run, trust=trust)
         warn_of_damage(recorded.recording)
-        say(recorded.report())
+        with doing("drawing the report") as show:
+            written = recorded.report(show)
+        say(written)
         say(f"recording: {size_in_words(recorded.recording)}")
     except (phalanx.UnreadableRecordingError, OSError) as error:
         complain(error)

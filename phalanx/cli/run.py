@@ -196,8 +196,11 @@ def _wait_for(page: "LivePage") -> None:
 
 def _write_report(finished: "Run") -> None:
     from phalanx import UnreadableRecordingError
+    from phalanx.cli.display import doing
 
     try:
-        say(f"report: {finished.report()}")
+        with doing("drawing the report") as show:
+            written = finished.report(show)
+        say(f"report: {written}")
     except (UnreadableRecordingError, OSError) as error:
         complain(f"no report: {error}")

@@ -161,6 +161,8 @@ def export(
       phalanx export runs/unicycles-1 --mcap shown.mcap
       phalanx export runs/unicycles-1 --parquet tables
     """
+    from phalanx.cli.display import doing
+    from phalanx.launcher.programs import configure_logging
     from phalanx.recording.read import UnreadableRecordingError, find
 
     wanted = {"html": html, "png": png, "mcap": mcap, "parquet": parquet, "csv": csv}
@@ -168,12 +170,14 @@ def export(
         raise typer.BadParameter(f"expected one of {', '.join(f'--{name}' for name in wanted)}")
     if at is not None and png is None:
         raise typer.BadParameter("--at: expected --png with it")
+    configure_logging()
     make = pkgutil.resolve_name("phalanx.viewer.export.write:run")
     try:
         for option in ("html", "mcap"):
             require_other(f"--{option}", wanted[option], [find(run)])
-        for path in make(run, at=at, trust=trust, **wanted):
-            say(path)
+        with doing("exporting") as show:
+            written = make(run, at=at, trust=trust, progress=show, **wanted)
+        say(*written)
     except (UnreadableRecordingError, OSError) as error:
         complain(error)
         return 3

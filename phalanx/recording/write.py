@@ -22,7 +22,7 @@ from phalanx.scenario.model import Scenario
 from phalanx.scenario.user_code import imported_sources
 
 _CHUNK_BYTES = 64 * 1024
-_VERSIONS = ("phalanx-swarm", "eclipse-zenoh", "osqp", "casadi", "numpy")
+_VERSIONS = ("eclipse-zenoh", "osqp", "casadi", "numpy")
 
 Record = State | Step | Shown | Log | Command
 
@@ -48,6 +48,7 @@ class RecordingWriter:
                 "scenario_digest": digest(scenario),
                 "date": datetime.now(UTC).isoformat(timespec="seconds"),
                 "python": platform.python_version(),
+                "phalanx": version("phalanx-swarm"),
                 **{name: version(name) for name in _VERSIONS},
             },
         )

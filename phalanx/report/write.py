@@ -15,13 +15,15 @@ from phalanx.report.measures import LinkStatistics, Motion, link_statistics, wor
 from phalanx.report.page import page
 from phalanx.report.paths import paths
 from phalanx.report.style import FEW, MOST_NAMED, ReportFigure, summarises
-from phalanx.swarm.rows import build_rows
+from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.origin import EMPTY
 
 REPORT = "report.html"
 _DPI = 110
+_MOST_COMPOSED = 5000
+"""Pairs in the rows of all agents, where each is one expression; a pair takes 20 ms."""
 _MARGIN = 0.1
 """Around what is drawn on a figure [inch]."""
 
@@ -74,19 +76,21 @@ def image_of(plate: ReportFigure) -> bytes:
 def plates(recording: Recording, links: list[LinkStatistics]) -> Iterator[ReportFigure]:
     """The figures that the recording has data for, in the report's order."""
     swarm, many = build_swarm(recording.scenario), summarises(recording.scenario)
+    rows = build_rows(swarm)
+    too_large = _is_too_large(rows)
     if recording.states:
         motion = Motion(recording, swarm)
         pairs = worst_pairs(recording, swarm) if many else None
         h = pairs.h if pairs else None
         yield ReportFigure("h_tot", _SAFETY, safety.safety(recording, h))
-        if higher := safety.psi(recording, build_rows(swarm)):
+        if not too_large and (higher := safety.psi(recording, rows)):
             yield ReportFigure("psi", _PSI, higher)
         yield ReportFigure("paths", _paths_caption(recording), paths(recording, motion, pairs))
         caption = _NEAREST if many else _DISTANCES
         yield ReportFigure("distances", caption, distances(recording, swarm, motion))
     if recording.states and recording.steps:
         yield from (_of_many if many else _of_each)(recording, swarm)
-        if compared := margins(recording, build_rows(swarm)):
+        if not too_large and (compared := margins(recording, rows)):
             yield ReportFigure("margins", compared[1], compared[0])
         if lanes := space_time(recording, swarm):
             yield ReportFigure("space-time", _SPACE_TIME, lanes)
@@ -99,12 +103,25 @@ def notes(recording: Recording) -> list[str]:
     """What is not drawn, and why."""
     if not recording.states:
         return ["The recording holds no state: there is nothing to draw."]
+    found = []
     if summarises(recording.scenario):
-        return [
+        found.append(
             f"More than {MOST_NAMED} agents: figures show the least, median, largest and the band "
             "of 10 to 90 % of all agents, and the worst few of them by name."
-        ]
-    return []
+        )
+    if _is_too_large(rows := build_rows(build_swarm(recording.scenario))):
+        found.append(
+            "Margins and ψ_k are not drawn: with this margin the row of each agent is one "
+            f"expression of all {rows.swarm.pairs.count} pairs, which would take hours. With "
+            'safety.composition = "pairs" there is a row for each pair.'
+        )
+    return found
+
+
+def _is_too_large(rows: SafetyRows) -> bool:
+    """Whether all agents' rows together are too much to build for a report."""
+    expressions = len(rows.swarm.normal) if rows.composed_whole else 0
+    return expressions * rows.swarm.pairs.count > _MOST_COMPOSED
 
 
 def _of_each(recording: Recording, swarm: Swarm) -> Iterator[ReportFigure]:

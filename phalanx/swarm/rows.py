@@ -105,6 +105,12 @@ class SafetyRows:
             self._whole[alike] = TermsFunction(self.chain, active, known)
         return self._whole[alike]
 
+    @cached_property
+    def composed_whole(self) -> bool:
+        """Whether some agent's margin is part of one expression of all pairs, as terms has it."""
+        kinds = {self.margin(i).composed(self.relative_degree) for i in self.swarm.normal}
+        return not self.pairwise and None in kinds
+
     def own_pair(self, i: int, other: int) -> OwnPair:
         """The pair of normal agent i and another member, or N + k for obstacle k.
 

@@ -1,5 +1,6 @@
 """One HTML document that holds a run's scene, its player and its plots, and needs no network."""
 
+from collections.abc import Callable
 from importlib.resources import files
 
 import msgspec
@@ -18,9 +19,9 @@ _FRAME_PERIOD = 1.0 / 30.0
 """Shortest time between frames [s]."""
 
 
-def document(replay: Replay) -> str:
-    """The whole document."""
-    scene, summary = _scene(replay), replay.summary
+def document(replay: Replay, progress: Callable[[str], None] = lambda _: None) -> str:
+    """The whole document; progress is told how far the scene is."""
+    scene, summary = _scene(replay, progress), replay.summary
     player = files(__package__).joinpath("player.html").read_text(encoding="utf-8")
     verdict = (summary.outcome, summary.reason) if summary else ("no verdict", replay.unfinished)
     data = {
@@ -34,7 +35,7 @@ def document(replay: Replay) -> str:
     return scene[:end] + parts + scene[end:]
 
 
-def _scene(replay: Replay) -> str:
+def _scene(replay: Replay, progress: Callable[[str], None]) -> str:
     """The scene with viser's player."""
     # viser records what a server sends, and has no scene without a server. Nobody visits this one:
     # it lets no page in.
@@ -49,6 +50,7 @@ def _scene(replay: Replay) -> str:
             scene.show(picture(replay.model, replay.frame(t)), None)
             scene.lines.show_recent_paths(replay.recent_paths(t))
             film.insert_sleep(following - t)
+            progress(f"scene, t = {t:.2f} of {replay.end:.2f} s")
         return film.as_html()
     finally:
         server.stop()

@@ -1,6 +1,7 @@
 """Write a recorded run to files that one can share."""
 
 import logging
+from collections.abc import Callable
 from pathlib import Path
 
 from phalanx.recording.read import read
@@ -22,6 +23,7 @@ def run(
     parquet: Path | None = None,
     csv: Path | None = None,
     trust: bool = False,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> list[Path]:
     """Write what is asked for.
 
@@ -34,6 +36,7 @@ def run(
         parquet: folder for the run's tables, one file each.
         csv: likewise.
         trust: whether code that the scenario names may be imported.
+        progress: told what is made next.
 
     Returns:
         The files written.
@@ -42,6 +45,7 @@ def run(
         UnreadableRecordingError, ValueError: nothing to export, or a time outside the run.
         OSError: it cannot be written.
     """
+    progress("reading the recording")
     recorded = read(recording, trust)
     if recorded.damage:
         log.warning("%s: %s; no verdict", recorded.path, recorded.damage)
@@ -49,10 +53,11 @@ def run(
     if at is not None and not replay.times[0] <= at <= replay.end:
         raise ValueError(f"--at: expected {replay.times[0]:g} to {replay.end:g} s, got {at:g}")
     if html is not None:
-        html.write_text(document(replay), encoding="utf-8")
+        html.write_text(document(replay, progress), encoding="utf-8")
     if png is not None:
         draw(replay, replay.worst_at if at is None else at, png)
     if mcap is not None:
+        progress("messages")
         # Its libraries are for those who ask for it.
         from phalanx.viewer.export.mcap import write_mcap
 

@@ -62,6 +62,14 @@ class AgentSeries(NamedTuple):
     """Nominal inputs, shape (s, m_i)."""
 
 
+_PAIR_VALUES = 2_000_000
+
+
+def pair_states(pairs: int, most: int) -> int:
+    """At how many states of a run h of all pairs is told: it costs more than all else here."""
+    return max(min(most, _PAIR_VALUES // max(pairs, 1)), 1)
+
+
 EMPTY_CODES: dict[str, float] = {Origin.BACKUP: 1.0, Origin.NO_AUTHORITY: 2.0}
 """How AgentSeries.empty tells what became of a step with empty K_i."""
 SCALARS = 7

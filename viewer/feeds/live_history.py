@@ -18,6 +18,7 @@ from phalanx.viewer.feeds.history import (
     PairSeries,
     TimeSeries,
     agent_series,
+    pair_states,
 )
 from phalanx.viewer.feeds.recent_paths import RecentPaths
 from phalanx.viewer.scene.model import SceneModel
@@ -25,9 +26,8 @@ from phalanx.wire.frames import AgentStatus, Frame, LogLine
 
 Array = NDArray[np.float64]
 
-_PAIR_STATES, _PAIR_VALUES = 200, 2_000_000
-"""At how many states of a run h of every pair is told, and how many values that may be at most: it
-costs more than all else here."""
+_PAIR_STATES = 200
+"""Most states of a run at which h of every pair is told."""
 
 
 class LiveHistory:
@@ -44,8 +44,7 @@ class LiveHistory:
         pairs = len(model.swarm.safe_set.pairs)
         self._pairs = TimeSeries(1 + pairs)
         self._pairs_due = -np.inf
-        states = min(_PAIR_STATES, _PAIR_VALUES // max(pairs, 1))
-        self._pairs_spacing = model.scenario.duration / max(states, 1)
+        self._pairs_spacing = model.scenario.duration / pair_states(pairs, _PAIR_STATES)
         self._late_or_lost = TimeSeries(1 + 2 * n)
         """t; how many links to every agent were late since the row before, how many lost."""
         self._links_to = np.array([len(model.swarm.heard_by(i)) for i in range(n)], dtype=float)

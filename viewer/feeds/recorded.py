@@ -16,6 +16,7 @@ from phalanx.viewer.feeds.history import (
     PairSeries,
     TimeSeries,
     fates_of,
+    pair_states,
 )
 from phalanx.viewer.scene.model import scene_model
 from phalanx.wire.frames import Frame, LinkEvent, LogLine, worse
@@ -25,7 +26,7 @@ Array = NDArray[np.float64]
 _EVENT_SHOWN = 0.05
 """How long a lost or late broadcast stays in sight [s]."""
 _PAIR_STATES = 400
-"""Of how many states h of every pair is told."""
+"""Most states of which h of every pair is told."""
 
 
 class RecordedRun:
@@ -103,7 +104,9 @@ class RecordedRun:
 
     def _pairs(self) -> PairSeries:
         """At the worst state of each block of time: all of them would be many, of many pairs."""
-        blocks = np.array_split(np.arange(len(self.times)), min(_PAIR_STATES, len(self.times)))
+        most = min(_PAIR_STATES, len(self.times))
+        count = pair_states(len(self.model.swarm.safe_set.pairs), most)
+        blocks = np.array_split(np.arange(len(self.times)), count)
         worst = [block[int(np.argmax(self._h_tot[block]))] for block in blocks]
         return PairSeries(self.times[worst], self.model.values.every_h(self._x[worst]))
 

@@ -12,6 +12,9 @@ from phalanx.theory.expressions.portable import portable_function
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
+_MOST_ROWS = 2**17
+"""Evaluated in one call, of several states: memory for them is kept."""
+
 
 class MappedFunction:
     """A function of one row of numbers; a call costs two microseconds beside the work itself.
@@ -37,6 +40,10 @@ class MappedFunction:
         Returns:
             shape (r, outputs), or (s, r, outputs).
         """
+        at_once = max(_MOST_ROWS // max(len(places), 1), 1)
+        if values.ndim > 1 and len(values) > at_once:
+            blocks = [values[k : k + at_once] for k in range(0, len(values), at_once)]
+            return np.concatenate([self(block, places) for block in blocks])
         shape = (*values.shape[:-1], len(places))
         count = len(places) if values.ndim == 1 else len(places) * len(values)
         bound = self._for(count)
