@@ -4,7 +4,7 @@ import gc
 import logging
 import signal
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -15,10 +15,11 @@ from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.watchdog import Watchdog
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire import liveliness, pubsub
+from phalanx.wire.copies import Copies
 from phalanx.wire.door import Door
 from phalanx.wire.keys import PLANT, Keys
 from phalanx.wire.membership import Membership
-from phalanx.wire.messages import LONGEST_FAILURE, Telemetry
+from phalanx.wire.messages import LONGEST_FAILURE, Message, Telemetry
 from phalanx.wire.presence import PlantPresence
 from phalanx.wire.seal import Sealer
 from phalanx.wire.session import Session, open_member
@@ -101,7 +102,11 @@ class _Sender:
     """Puts one agent's answers on the wire, what is waited for most first."""
 
     def __init__(self, session: Session, keys: Keys, sealer: Sealer, step: ControlStep) -> None:
-        self._sealer, self._broadcasts = sealer, pubsub.Addressed(session)
+        self._sealer = sealer
+        # In real time a peer that takes nothing must not hold up its peers.
+        self._broadcasts = {drop: pubsub.Addressed(session, drop) for drop in (False, True)}
+        # Declared before the others: the hub has told of its readers when those match.
+        self._copies = Copies(session, keys, keys.of(step.name))
         self._inputs = len(step.swarm.members[step.i].dynamics.inputs)
         # A publisher's key expression is made anew each time it is asked for.
         self._actuation_key, self._telemetry_key = (
@@ -113,11 +118,17 @@ class _Sender:
         self._broadcast_key = cache(lambda l: keys.broadcast(step.name, step.swarm.names[l]))
 
     def __call__(self, answer: Answer) -> None:
-        self._actuation.put(self._sealer.seal(self._actuation_key, answer.actuation))
+        self._put(self._actuation.put, self._actuation_key, answer.actuation)
+        broadcasts = self._broadcasts[answer.real_time]
         for hearer, broadcast in answer.broadcasts.items():
             key = self._broadcast_key(hearer)
-            self._broadcasts.put(key, self._sealer.seal(key, broadcast))
-        self._telemetry.put(self._sealer.seal(self._telemetry_key, answer.telemetry))
+            self._put(partial(broadcasts.put, key), key, broadcast)
+        self._put(self._telemetry.put, self._telemetry_key, answer.telemetry)
+
+    def _put(self, put: Callable[[bytes], None], key: str, message: Message) -> None:
+        payload = self._sealer.seal(key, message)
+        put(payload)
+        self._copies.put(key, payload)
 
     def tell_failure(self, error: StepFailedError) -> None:
         """Tell the plant why a sample is not answered."""
@@ -131,9 +142,10 @@ class _Sender:
             ages=(),
             failed=str(error)[:LONGEST_FAILURE],
         )
-        self._telemetry.put(self._sealer.seal(self._telemetry_key, report))
+        self._put(self._telemetry.put, self._telemetry_key, report)
 
     def wait_for_listeners(self, timeout: float, over: Callable[[], bool]) -> None:
         """Return when the hub takes what is put: what comes earlier is lost. Raises HubError."""
         for publisher in (self._actuation, self._telemetry):
             pubsub.wait_for_listener(publisher, timeout, over)
+        self._copies.look_for_readers()

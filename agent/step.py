@@ -44,6 +44,7 @@ class Answer(NamedTuple):
     broadcasts: Mapping[int, Broadcast]
     """What each peer that hears the agent is told, by index; a liar tells them different things."""
     telemetry: Telemetry
+    real_time: bool = False
 
 
 class Accepted(NamedTuple):
@@ -183,6 +184,7 @@ class ControlStep:
                 rejected=self.rejected,
                 received=() if sample.pace is None else _said(received),
             ),
+            real_time=sample.pace is not None,
         )
 
     def decide(

@@ -43,12 +43,12 @@ def main() -> None:
     arrived: queue.SimpleQueue[zenoh.Sample] = queue.SimpleQueue()
     handler = zenoh.handlers.Callback(arrived.put, indirect=False)
     with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session:
-        session.declare_subscriber(f"phalanx/{run}/broadcast/*/*", handler)
+        session.declare_subscriber(f"phalanx/{run}/copy/broadcast/*/*", handler)
         session.liveliness().declare_subscriber(
             f"phalanx/{run}/alive/plant/*", handler, history=True
         )
         while (sample := arrived.get()).kind == zenoh.SampleKind.PUT:
-            key = str(sample.key_expr)
+            key = str(sample.key_expr).replace("/copy/", "/", 1)
             _, _, kind, agent, peer = key.split("/")
             if kind == "alive":
                 print(f"following run {run}", flush=True)

@@ -67,6 +67,7 @@ _Rule = tuple[str, tuple[str, ...], tuple[str, ...]]
 def _agent(keys: Keys, names: tuple[str, ...], heard: Container[str]) -> list[_Rule]:
     own = [key(name) for name in names for key in (keys.actuation, keys.telemetry)]
     own += [keys.broadcast(name, "*") for name in names if name in heard]
+    own += [keys.copy(key) for key in own]
     seen = tuple(key for n in names for key in (keys.sample(n), keys.broadcast("*", n)))
     return [
         ("ingress", ("put",), tuple(own)),
@@ -86,12 +87,12 @@ def _plant(keys: Keys) -> list[_Rule]:
 
 
 def _viewer(keys: Keys, may_command: bool) -> list[_Rule]:
-    """A viewer may see everything; a command needs the command secret besides."""
+    """A viewer may see what nobody waits for it to take; a command needs its secret besides."""
     return [
         *([("ingress", ("put",), (keys.command,))] if may_command else []),
         ("ingress", ("query",), (keys.scenario,)),
         ("egress", ("reply", "declare_queryable"), (keys.scenario,)),
-        *_listening(keys, (keys.everything,), keys.alive("*")),
+        *_listening(keys, keys.to_viewers, keys.alive("*")),
     ]
 
 

@@ -1,6 +1,7 @@
 """Key expressions: phalanx/<run>/<kind>/<name>, every chunk at a fixed depth.
 
-A broadcast's has its receiver's name behind its sender's, a token's the digest of its scenario.
+A broadcast's has its receiver's name behind its sender's, a token's the digest of its scenario, and
+a copy's the kind and name of what it is a copy of.
 """
 
 from dataclasses import dataclass
@@ -24,6 +25,12 @@ NOT_URGENT = tuple(
     f"phalanx/*/{kind}/**" for kind in ("actuation", "broadcast", "telemetry", "command")
 )
 """What members of any run may put."""
+
+
+_SEEN_BY_ALL = ("status", "frame", "verdict")
+_COPY = "copy"
+COPIES = f"phalanx/*/{_COPY}/**"
+"""Of what members of any run put, for those who look on."""
 
 
 @dataclass(frozen=True)
@@ -88,12 +95,40 @@ class Keys:
     @property
     def from_plant(self) -> tuple[str, ...]:
         """Whatever the plant puts."""
-        return self.sample("*"), self.status, self.frames, self.verdict
+        sample = self.sample("*")
+        return sample, self.copy(sample), self.status, self.frames, self.verdict
+
+    @property
+    def to_viewers(self) -> tuple[str, ...]:
+        """Whatever is dropped where it is not taken."""
+        return self.copies, self.status, self.frames, self.verdict
 
     @property
     def to_plant(self) -> tuple[str, ...]:
         """Whatever is put for the plant."""
         return self.actuation("*"), self.telemetry("*"), self.command
+
+    def of(self, name: str) -> str:
+        """Whatever one program puts."""
+        return f"{self._key('*', name)}/**"
+
+    def seen(self, kind: str) -> str:
+        """Where those who look on find messages of a kind."""
+        every = f"phalanx/{self.run}/{kind}/**"
+        return every if kind in _SEEN_BY_ALL else self.copy(every)
+
+    def copy(self, key: str) -> str:
+        """Whoever puts on a key to those who look on: the same, put once more."""
+        return self._key(_COPY, key.removeprefix(f"phalanx/{self.run}/"))
+
+    def original(self, copy: str) -> str:
+        """What a key was before it was a copy's; any other stays as it is."""
+        return copy.replace(self.copy(""), f"phalanx/{self.run}/", 1)
+
+    @property
+    def copies(self) -> str:
+        """Every copy."""
+        return self.copy(self.everything)
 
     @property
     def everything(self) -> str:

@@ -33,14 +33,21 @@ def urgent_publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
     return publisher(session, key, zenoh.Priority.INTERACTIVE_HIGH)
 
 
-def view_publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
-    """A publisher that drops what a slow listener cannot take: it never holds up the plant."""
+def view_publisher(
+    session: zenoh.Session, key: str, priority: zenoh.Priority = zenoh.Priority.DATA_LOW
+) -> zenoh.Publisher:
+    """A publisher that drops what a slow listener cannot take: it never holds up who puts."""
     return session.declare_publisher(
         key,
         congestion_control=zenoh.CongestionControl.DROP,
         reliability=zenoh.Reliability.RELIABLE,
-        priority=zenoh.Priority.DATA_LOW,
+        priority=priority,
     )
+
+
+def notice_publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
+    """A view_publisher whose messages do not wait behind, nor go down with, those of others."""
+    return view_publisher(session, key, zenoh.Priority.DATA)
 
 
 class Addressed:
@@ -50,17 +57,27 @@ class Addressed:
     late. Without one a client always sends, and the hub routes to whoever is there.
     """
 
-    def __init__(self, session: zenoh.Session) -> None:
-        self._session = session
+    def __init__(
+        self,
+        session: zenoh.Session,
+        droppable: bool = False,
+        priority: zenoh.Priority = zenoh.Priority.DATA,
+    ) -> None:
+        """droppable: whether a full queue drops a message, or has its sender wait."""
+        congestion = zenoh.CongestionControl
+        self._session, self._priority = session, priority
+        self._congestion = congestion.DROP if droppable else congestion.BLOCK
         self._known: dict[str, zenoh.KeyExpr] = {}
         """What the hub knows by a number: it finds their routes without reading them again."""
 
     def put(self, key: str, payload: bytes) -> None:
-        """Put a message; it is never dropped by a full queue."""
+        """Put a message."""
         known = self._known.get(key)
         if known is None:
             known = self._known[key] = self._session.declare_keyexpr(key)
-        self._session.put(known, payload, congestion_control=zenoh.CongestionControl.BLOCK)
+        self._session.put(
+            known, payload, congestion_control=self._congestion, priority=self._priority
+        )
 
 
 def has_listener(publisher: zenoh.Publisher) -> bool:

@@ -12,7 +12,7 @@ import zenoh
 
 from phalanx.wire.certificates import tls
 from phalanx.wire.credentials import Admission, Credentials
-from phalanx.wire.keys import NOT_URGENT
+from phalanx.wire.keys import COPIES, NOT_URGENT
 from phalanx.wire.linger import close_at_once
 from phalanx.wire.liveliness import is_announced
 from phalanx.wire.messages import MAX_BYTES
@@ -85,7 +85,15 @@ def _hub_config(endpoint: str, beyond: Sequence[str]) -> dict[str, Any]:
     }
     # Samples go before all else: what an agent floods a peer with must not stand before them.
     behind = {"flows": ["ingress"], "messages": ["put"], "overwrite": {"priority": "data"}}
-    config["qos"] = {"network": [{**behind, "key_exprs": list(NOT_URGENT)}]}
+    # Nor may who looks on and takes nothing hold up who shows or answers it something.
+    onlookers = {"flows": ["ingress"], "overwrite": {"congestion_control": "drop"}}
+    config["qos"] = {
+        "network": [
+            {**behind, "key_exprs": list(NOT_URGENT)},
+            {**onlookers, "messages": ["put"], "key_exprs": [COPIES]},
+            {**onlookers, "messages": ["query"], "key_exprs": ["**"]},
+        ]
+    }
     return config
 
 

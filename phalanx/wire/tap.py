@@ -17,7 +17,8 @@ from phalanx.wire.session import open_client
 def tapped(membership: Membership, kind: str = "*") -> Iterator[Any]:
     """(key expression, fields) of each message put in a run from now on, until the plant leaves.
 
-    What is not msgpack under a seal comes as its bytes.
+    What is not msgpack under a seal comes as its bytes. Messages are lost on who takes them slower
+    than they come: nobody waits for a tap.
 
     Args:
         membership: of the run, as a viewer.
@@ -29,12 +30,12 @@ def tapped(membership: Membership, kind: str = "*") -> Iterator[Any]:
     keys = membership.keys
     arrived: queue.SimpleQueue[tuple[str, bytes] | None] = queue.SimpleQueue()
     with open_client(membership.endpoint, membership.timeout, membership.credentials) as session:
-        every = keys.everything if kind == "*" else f"phalanx/{membership.run}/{kind}/**"
-        subscribe(session, every, lambda key, payload: arrived.put((key, payload)))
+        for every in keys.to_viewers if kind == "*" else (keys.seen(kind),):
+            subscribe(session, every, lambda key, payload: arrived.put((key, payload)))
         watch(session, keys.alive(PLANT), lambda _, alive: None if alive else arrived.put(None))
         while (message := arrived.get()) is not None:
             key, payload = message
-            yield key, decoded(payload)
+            yield keys.original(key), decoded(payload)
 
 
 def decoded(payload: bytes) -> Any:

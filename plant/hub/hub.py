@@ -19,6 +19,7 @@ from phalanx.scenario.load import to_json
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire import liveliness, pubsub, queries
 from phalanx.wire.admission import admission
+from phalanx.wire.copies import Copies
 from phalanx.wire.frames import Setup
 from phalanx.wire.keys import PLANT, ROUTER
 from phalanx.wire.membership import Membership
@@ -75,8 +76,9 @@ class Hub:
         self._session = _open(swarm, membership, at_router)
         self._sample_keys = [keys.sample(name) for name in self._names]
         self._samples = [pubsub.urgent_publisher(self._session, key) for key in self._sample_keys]
-        self._status = pubsub.publisher(self._session, keys.status)
-        self._verdict = pubsub.publisher(self._session, keys.verdict)
+        self._copies = Copies(self._session, keys, keys.sample("*"))
+        self._status = pubsub.notice_publisher(self._session, keys.status)
+        self._verdict = pubsub.notice_publisher(self._session, keys.verdict)
         for every in (keys.actuation("*"), keys.telemetry("*")):
             pubsub.subscribe(self._session, every, self._arrivals.put_payload)
         liveliness.watch(self._session, keys.alive("*"), self._arrivals.put_token)
@@ -251,7 +253,10 @@ class Hub:
         self._put(self._verdict, message)
 
     def _put_sample(self, i: int, sample: Sample) -> None:
-        self._samples[i].put(self._sealer.seal(self._sample_keys[i], sample))
+        key = self._sample_keys[i]
+        payload = self._sealer.seal(key, sample)
+        self._samples[i].put(payload)
+        self._copies.put(key, payload)
 
     def _put(self, publisher: pubsub.Publisher, message: Message) -> None:
         publisher.put(self._sealer.seal(str(publisher.key_expr), message))

@@ -34,17 +34,23 @@ class LiveRun:
     """A launch under way."""
 
     def __init__(
-        self, scenario: Scenario, folder: Path, policy: CommandPolicy, endpoint: str = ""
+        self,
+        scenario: Scenario,
+        folder: Path,
+        policy: CommandPolicy,
+        endpoint: str = "",
+        real_time: float | None = None,
     ) -> None:
         """Start the real launcher in a thread, with processes as ever."""
         folder.mkdir()
         self.folder, self.endpoint = folder, endpoint or free_endpoint()
         self.status: Status | None = None
         self._summary: Summary | None = None
-        self._thread = threading.Thread(target=self._run, args=(scenario, policy), daemon=True)
+        arguments = scenario, policy, real_time
+        self._thread = threading.Thread(target=self._run, args=arguments, daemon=True)
         self._thread.start()
 
-    def _run(self, scenario: Scenario, policy: CommandPolicy) -> None:
+    def _run(self, scenario: Scenario, policy: CommandPolicy, real_time: float | None) -> None:
         self._summary = execute(
             scenario,
             self.folder,
@@ -52,6 +58,7 @@ class LiveRun:
             commands=policy,
             listen=self.endpoint,
             secret=SECRET,
+            real_time=real_time,
         )
 
     def _keep(self, status: Status) -> None:
@@ -91,10 +98,14 @@ class LiveRun:
 
 @contextlib.contextmanager
 def live_run(
-    scenario: Scenario, folder: Path, policy: CommandPolicy = NO_COMMANDS, endpoint: str = ""
+    scenario: Scenario,
+    folder: Path,
+    policy: CommandPolicy = NO_COMMANDS,
+    endpoint: str = "",
+    real_time: float | None = None,
 ) -> Iterator[LiveRun]:
     """A run in the background; whatever the test does, it is over at the end."""
-    run = LiveRun(scenario, folder, policy, endpoint)
+    run = LiveRun(scenario, folder, policy, endpoint, real_time)
     try:
         yield run
     except BaseException:

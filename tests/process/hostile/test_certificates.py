@@ -127,9 +127,9 @@ def test_certificates_keep_strangers_out_and_change_nothing(programs: Programs, 
 
 def test_who_has_a_certificate_speaks_for_himself_alone(programs: Programs):
     one = programs.membership("1")
-    with open_patiently(one) as agent, open_patiently(programs.membership(VIEWER)) as viewer:
+    with open_patiently(one) as agent, open_patiently(programs.membership(ROUTER)) as witness:
         passed: list[str] = []
-        viewer.declare_subscriber(
+        witness.declare_subscriber(
             "phalanx/r/**",
             zenoh.handlers.Callback(lambda s: passed.append(str(s.key_expr)), indirect=False),
         )

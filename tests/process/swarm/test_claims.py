@@ -12,7 +12,7 @@ from phalanx.launcher.execute import execute
 from phalanx.scenario.load import load
 from phalanx.wire.authority import make_certificates
 from phalanx.wire.endpoints import free_endpoint
-from phalanx.wire.keys import CLAIMANT, PLANT, VIEWER
+from phalanx.wire.keys import CLAIMANT, PLANT, ROUTER
 from phalanx.wire.liveliness import announce
 from phalanx.wire.membership import Membership
 from phalanx.wire.session import open_client
@@ -31,7 +31,7 @@ class Site:
     def __init__(self, phalanx, out: Path, *overrides: str, claims: bool = True) -> None:
         self.keys, self.out, self.overrides = out / "keys", out / "plant", overrides
         self.out.mkdir()
-        make_certificates(self.keys, [PLANT, CLAIMANT, VIEWER], HOSTS, MONTH, claims)
+        make_certificates(self.keys, [PLANT, ROUTER, CLAIMANT], HOSTS, MONTH, claims)
         self.endpoint = free_endpoint().replace("tcp/", "tls/")
         self._phalanx = phalanx
         self.plant = self.start("plant", PLANT, "--listen", self.endpoint, "--out", str(self.out))
@@ -89,10 +89,10 @@ def test_a_spare_takes_the_place_of_an_agent_that_died(phalanx, tmp_path: Path) 
 
 def test_who_claims_may_ask_and_nothing_else(phalanx, tmp_path: Path) -> None:
     site = Site(phalanx, tmp_path, SHORT)
-    claimant, viewer = site.membership(CLAIMANT), site.membership(VIEWER)
+    claimant, router = site.membership(CLAIMANT), site.membership(ROUTER)
     keys, heard, seen = claimant.keys, [], []
     with (
-        open_client(viewer.endpoint, 60.0, viewer.credentials) as watching,
+        open_client(router.endpoint, 60.0, router.credentials) as watching,
         open_client(claimant.endpoint, 60.0, claimant.credentials) as asking,
     ):
         # What a session puts itself it also hears, whatever the hub says.

@@ -23,7 +23,7 @@ from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.endpoints import free_endpoint
-from phalanx.wire.keys import Keys
+from phalanx.wire.keys import ROUTER, Keys
 from phalanx.wire.liveliness import announce
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import MAX_BYTES, Actuation, Sample, Telemetry
@@ -140,7 +140,7 @@ def test_nothing_a_hostile_client_sends_changes_the_trajectory_and_all_of_it_is_
         live_run(SCENARIO, tmp_path / RUN, PACED) as run,
         run.watch() as live,
         open_client(run.endpoint, 60.0, ITSELF) as session,
-        open_client(run.endpoint, 60.0, ROOT.credentials) as witness,
+        open_client(run.endpoint, 60.0, ROOT.of(ROUTER).credentials) as witness,
     ):
         wait_for(lambda: (frame := live.take()) and frame.t > 0.1)
         live.command(CommandKind.PAUSE)

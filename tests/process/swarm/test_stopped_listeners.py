@@ -1,4 +1,4 @@
-"""A listener that stops to take anything holds up nobody, not even at the hub's end."""
+"""A listener that stops to take anything holds up nobody, neither a run nor the hub's end."""
 
 import contextlib
 import subprocess
@@ -8,10 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from phalanx.scenario.load import load
 from phalanx.wire.endpoints import free_endpoint
-from phalanx.wire.pubsub import view_publisher
+from phalanx.wire.pubsub import Addressed, view_publisher
 from phalanx.wire.session import open_hub
-from tests.process.runs import wait_for
+from tests.process.runs import SECRET, live_run, wait_for
 
 pytestmark = pytest.mark.swarm
 
@@ -28,10 +29,34 @@ threading.Event().wait()
 """
 
 
+TAP = """
+import os, signal, sys
+from phalanx.wire.membership import Membership
+from phalanx.wire.tap import tapped
+run, endpoint, secret = sys.argv[1:]
+for _ in tapped(Membership(run, endpoint, secret.encode())):
+    os.kill(os.getpid(), signal.SIGSTOP)
+"""
+VIEWER = """
+import os, signal, sys
+from phalanx.viewer.feeds.live import Live
+from phalanx.wire.membership import Membership
+run, endpoint, secret = sys.argv[1:]
+live = Live(Membership(run, endpoint, secret.encode()))
+while not live.take():
+    pass
+os.kill(os.getpid(), signal.SIGSTOP)
+"""
+FULL = 200_000
+"""What the kernel holds for a listener that takes nothing, at least [bytes]."""
+STEPS = 1000
+"""So many say more than all that can wait for a listener, before somebody has to wait for it."""
+
+
 @contextlib.contextmanager
-def listener(endpoint: str):
-    """A process that stops at the first frame that it hears."""
-    started = subprocess.Popen([sys.executable, "-c", LISTENER, endpoint])
+def listener(program: str, *arguments: str):
+    """A process that stops as soon as it hears anything."""
+    started = subprocess.Popen([sys.executable, "-c", program, *arguments])
     try:
         yield
     finally:
@@ -39,20 +64,49 @@ def listener(endpoint: str):
         started.wait()
 
 
+def test_what_may_be_dropped_waits_for_nobody():
+    """As a broadcast in real time, where a peer may stand still."""
+    with open_hub(endpoint := free_endpoint()) as hub, listener(LISTENER, endpoint):
+        broadcasts = Addressed(hub, droppable=True)
+        wait_for(lambda: broadcasts.put("frame", FRAME) or unsent(endpoint) > FULL)
+        for _ in range(1000):
+            broadcasts.put("frame", FRAME)
+        assert unsent(endpoint) > FULL, "it is still connected: nobody waited until it was not"
+
+
 def test_a_hub_closes_at_once_beside_a_stopped_listener():
     """Else a thread that serves everybody stands still for ten seconds when it is given up."""
     endpoint = free_endpoint()
     hub = open_hub(endpoint)
     frames = view_publisher(hub, "frame")
-    with listener(endpoint):
-        wait_for(lambda: frames.put(FRAME) or unsent(endpoint) > 200_000)
+    with listener(LISTENER, endpoint):
+        wait_for(lambda: frames.put(FRAME) or unsent(endpoint) > FULL)
         began = time.monotonic()
         hub.close()
         assert time.monotonic() - began < FLUSH + 3.0
 
 
+@pytest.mark.parametrize("real_time", [None, 1.0], ids=["lockstep", "real time"])
+@pytest.mark.parametrize("readers", [(TAP,), (TAP, TAP, VIEWER)], ids=["one", "three"])
+def test_a_run_goes_on_beside_readers_that_are_stopped(readers, real_time, tmp_path: Path):
+    """While they are still connected: nobody has to wait until they are given up."""
+    scenario = load("unicycles", ["duration=20.0"])
+    with contextlib.ExitStack() as stack:
+        run = stack.enter_context(live_run(scenario, tmp_path / "run", real_time=real_time))
+        wait_for(lambda: run.status is not None and run.status.steps > 0)
+        for reader in readers:
+            member = run.folder.name, run.endpoint, SECRET.decode()
+            stack.enter_context(listener(reader, *member))
+        full = readers.count(TAP) * FULL
+        wait_for(lambda: unsent(run.endpoint) > full)
+        steps = run.status.steps
+        wait_for(lambda: run.status.steps > steps + STEPS)
+        assert unsent(run.endpoint) > full
+
+
 def unsent(endpoint: str) -> int:
-    """How much of what a hub put is not taken yet [bytes]."""
+    """How much of what a hub put is not taken yet by who is connected [bytes]."""
     port = f":{int(endpoint.rsplit(':', 1)[1]):04X}"
     connections = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()]
-    return sum(int(c[4].split(":")[0], 16) for c in connections if c[1].endswith(port))
+    established = [c for c in connections if c[1].endswith(port) and c[3] == "01"]
+    return sum(int(c[4].split(":")[0], 16) for c in established)

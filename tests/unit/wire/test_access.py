@@ -9,7 +9,7 @@ import zenoh
 from phalanx.wire.access import access_control
 from phalanx.wire.credentials import Admission, Credentials
 from phalanx.wire.endpoints import free_endpoint
-from phalanx.wire.keys import Keys
+from phalanx.wire.keys import VIEWER, Keys
 from phalanx.wire.session import open_client, open_hub
 from tests.process.runs import wait_for
 
@@ -73,3 +73,14 @@ def test_an_agent_that_subscribes_to_everybodys_broadcasts_hears_its_own_alone()
         for key in (KEYS.broadcast("5", "6"), KEYS.broadcast("5", "4")):
             speaking.put(key, b"?", congestion_control=zenoh.CongestionControl.BLOCK)
         assert heard.get() == KEYS.broadcast("5", "4")
+
+
+def test_a_viewer_gets_nothing_that_is_waited_for():
+    """Else one that stops to read would hold up those who put it."""
+    waited_for = (KEYS.sample("4"), KEYS.actuation("4"), KEYS.telemetry("4"))
+    (seen,) = (r for r in rules_of(VIEWER) if r["flows"] == ["egress"] and r["messages"] == ["put"])
+    expressions = [zenoh.KeyExpr(key) for key in seen["key_exprs"]]
+    for key in (*waited_for, KEYS.broadcast("4", "5"), KEYS.command):
+        assert not any(e.intersects(zenoh.KeyExpr(key)) for e in expressions)
+        assert any(e.includes(zenoh.KeyExpr(KEYS.copy(key))) for e in expressions)
+        assert KEYS.original(KEYS.copy(key)) == key
