@@ -137,6 +137,11 @@ def hull(a: Interval, b: Interval) -> Interval:
     return Interval(_least(a.lo, b.lo), _most(a.hi, b.hi))
 
 
+def common(a: Interval, b: Interval) -> Interval:
+    """What lies in both."""
+    return Interval(_most(a.lo, b.lo), _least(a.hi, b.hi))
+
+
 def inflate(a: Interval, share: float, least: float) -> Interval:
     """a, wider on both sides by a share of its width and at least `least`."""
     extra = share * (a.hi - a.lo) + least

@@ -7,16 +7,19 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.theory.expressions.extension import extend
+from phalanx.theory.expressions.extension import continuous, extend
 from phalanx.theory.expressions.interval import (
     Interval,
     add,
+    common,
+    exponential,
     finite,
     hull,
     inflate,
     inside,
     multiply,
     point,
+    reciprocal,
 )
 from phalanx.theory.expressions.rounding import rounds_outwards
 from phalanx.theory.models.polytope import constant_polytope, vertices
@@ -58,6 +61,7 @@ def enclose(
 
     If x^k + [0, τ] F(B) lies in B, where F bounds x' over B, and x^k inside B, then x(t) cannot
     leave B by τ: as it did, it would be on the way from a point inside to one in B, so inside.
+    Where drag slows a component, a bound that takes it into account is closer.
 
     Args:
         member: whose motion it is; nobody else's state is part of its dynamics.
@@ -80,21 +84,66 @@ def enclose(
     symbols = scalars([x, u, phi])
     starts = [point(component) for component in ca.vertsplit(x)]
 
+    # Rows keep the box that their trajectories were made with.
+    own = ca.diag(ca.jacobian(rate, x)) if rounds_outwards() else ca.SX.zeros(x.numel())
+    slowed = [k for k in range(x.numel()) if not own[k].is_zero()]
+
     def rates(box: Sequence[Interval]) -> list[Interval]:
         return extend(ca.vertsplit(rate), symbols, [*box, *allowed, *pushed])
 
+    def reached(box: Sequence[Interval], found: Sequence[Interval]) -> list[Interval]:
+        ends = moved(x, found, horizon)
+        for k in slowed:
+            within = [*box, *allowed, *pushed]
+            ends[k] = common(ends[k], _slowed(k, x, rate, symbols, within, horizon))
+        return ends
+
     box = starts
     for extra in inflations:
-        ends = moved(x, rates(box), horizon)
-        reached = [hull(a, b) for a, b in zip(starts, ends, strict=True)]
-        box = [inflate(reach, extra, _LEAST) for reach in reached]
+        ends = reached(box, rates(box))
+        hulls = [hull(a, b) for a, b in zip(starts, ends, strict=True)]
+        box = [inflate(each, extra, _LEAST) for each in hulls]
     last = rates(box)
-    final = moved(x, last, horizon)
+    final = reached(box, last)
     certain = finite(last)
     for start, a, b in zip(starts, final, box, strict=True):
         within = ca.logic_and(b.lo < start.lo, start.hi < b.hi)  # not so where 1e-9 is rounded off
         certain = ca.logic_and(certain, ca.logic_and(within, inside(a, b)))
     return Enclosure(x, u, phi, rate, final, allowed, pushed, certain)
+
+
+def _slowed(
+    k: int,
+    x: ca.SX,
+    rate: ca.SX,
+    symbols: Sequence[ca.SX],
+    box: Sequence[Interval],
+    horizon: float | ca.SX,
+) -> Interval:
+    """Where x_k can be while the state is in the box, as its own growth slows it; or everywhere.
+
+    If its rate is continuous with ∂rate/∂x_k <= j, it grows by d > 0 at a rate of at most a + j d,
+    a the largest over the box but at the start's x_k: d <= a (e^{jτ} - 1) / j, with a > 0, which is
+    at most a τ e^{jτ} for j >= 0 and a min(τ, 1/|j|) for j < 0. Downwards likewise. Its own part of
+    the box has no hand in a, so that no drag is too strong.
+
+    Args:
+        k: which component.
+        x: the state at the start, symbols, shape (n,).
+        rate: x', shape (n,).
+        symbols: what it is of, x first.
+        box: of each.
+        horizon: τ [s].
+    """
+    slope, start = ca.jacobian(rate[k], x[k]), point(x[k])
+    (steepness,) = extend([slope], symbols, box)
+    (begin,) = extend([rate[k]], symbols, [*box[:k], start, *box[k + 1 :]])
+    rising = exponential(multiply(point(horizon), point(ca.fmax(0, steepness.hi))))
+    falling = ca.if_else(steepness.hi < 0, reciprocal(point(-steepness.hi)).hi, ca.inf)
+    time = ca.fmin(multiply(point(horizon), rising).hi, falling)
+    found = add(start, hull(point(0.0), multiply(point(time), begin)))
+    known = ca.logic_and(steepness.hi < ca.inf, continuous([rate[k]], symbols, box))
+    return Interval(ca.if_else(known, found.lo, -ca.inf), ca.if_else(known, found.hi, ca.inf))
 
 
 def fastest(member: Member, inputs: Sequence[Interval], bound: float) -> list[Interval] | None:

@@ -29,10 +29,10 @@ seeds = st.integers(0, 2**32 - 1)
 TAU = 0.05
 
 
-def certificate(dynamics, alphas, function=None, bounds=(0.3, 0.3)):
+def certificate(dynamics, alphas, function=None, bounds=(0.3, 0.3), tau=TAU):
     members = [Member("a", dynamics, False), Member("b", dynamics, True)]
     pair = compose(members, [], function or Separation(1.0), 1.0).alone(0)
-    return pair_certificate(pair, 0, [Linear(a) for a in alphas], bounds, TAU)
+    return pair_certificate(pair, 0, [Linear(a) for a in alphas], bounds, tau)
 
 
 def held(certificate: PairCertificate, x: np.ndarray, u: np.ndarray) -> float:
@@ -294,3 +294,11 @@ def test_the_sign_of_a_sine_of_nought_proves_nothing():
     railed = certificate(Railed(1.0), [1.0], Port(), bounds=(0.0, 0.0))
     assert held(railed, np.zeros(4), np.zeros(2)) == 0.0
     assert held(railed, np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(2)) == MULTIPLES[0] * TAU
+
+
+@pytest.mark.parametrize("drag", [0.85, 0.95, 2.0, 40.0])
+def test_no_drag_is_too_strong_for_a_certificate_far_apart(drag):
+    """τ is 1 s; 300 m apart, nobody meets anybody."""
+    far = certificate(DoubleIntegrator(2.0, drag, 2), [1.0, 1.0], bounds=(0.1, 0.1), tau=1.0)
+    x = np.array([0.0, 0.0, 1.0, 0.0, 300.0, 0.0, -1.0, 0.0])
+    assert held(far, x, np.zeros(2)) == MULTIPLES[0]

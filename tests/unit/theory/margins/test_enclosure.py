@@ -1,5 +1,6 @@
 """Where a state can be within a horizon, and which inputs an actuator takes."""
 
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cache
 
@@ -10,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.expressions.rounding import outwards
 from phalanx.theory.margins.enclosure import (
     admissible_corners,
     admissible_inputs,
@@ -29,11 +31,12 @@ CASES = {"unicycle": Unicycle(4.0, 2.0), "bicycle": KinematicBicycle(2.0, 0.7)}
 
 
 @cache
-def compiled(dynamics, held):
+def compiled(dynamics, held, proven=False):
     member = Member("a", dynamics, False)
     x, T = ca.SX.sym("x", len(dynamics.states)), ca.SX.sym("T")
-    inputs = None if held else admissible_inputs(member)
-    e = enclose(member, x, inputs, PHI, T, INFLATIONS)
+    with outwards() if proven else nullcontext():
+        inputs = None if held else admissible_inputs(member)
+        e = enclose(member, x, inputs, PHI, T, INFLATIONS)
     ends = [ca.vertcat(*side) for side in zip(*e.states, strict=True)]
     box = CompiledFunction([x, e.u, T], [*ends, e.certain])
     return box, CompiledFunction([x, e.u, e.phi], [e.rate])
@@ -58,10 +61,57 @@ def test_no_state_leaves_the_box(name, held, seed):
         u = u if held else corners[rng.integers(len(corners))]
 
 
+@dataclass(frozen=True)
+class Sprung(DoubleIntegrator):
+    """On a spring of its own."""
+
+    def drift(self, x):
+        return ca.vertcat(x[2:], -2500.0 * x[:2])
+
+
 def test_a_box_that_cannot_be_shown_to_hold_the_state_is_not_certain():
-    """A drag that would stop it fifty times within the horizon."""
+    """A spring that would turn it eight times within the horizon."""
+    box, _ = compiled(Sprung(2.0, 0.0, 2), False)
+    assert box(np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(2), 1.0)[2] == 0.0
+
+
+def test_a_margin_of_a_row_keeps_its_box():
+    """Rows go by it: with another, trajectories would be others."""
     box, _ = compiled(DoubleIntegrator(2.0, 50.0, 2), False)
     assert box(np.array([0.0, 0.0, 20.0, 0.0]), np.zeros(2), 1.0)[2] == 0.0
+
+
+@dataclass(frozen=True)
+class Sticking(DoubleIntegrator):
+    """A drag that has a largest force, and a heave that the speed along x feeds."""
+
+    def drift(self, x):
+        v = x[2:]
+        return ca.vertcat(v, -self.drag * ca.tanh(v) + ca.vertcat(0.0, ca.sin(v[0])))
+
+
+DRAGGED = {
+    "weak": DoubleIntegrator(2.0, 0.3, 2),
+    "strong": DoubleIntegrator(2.0, 50.0, 2),
+    "sticking": Sticking(2.0, 1.0, 2),
+}
+
+
+@pytest.mark.parametrize("name", DRAGGED)
+@given(seed=st.integers(0, 2**32 - 1), T=st.sampled_from([0.2, 1.0]))
+@settings(max_examples=25, deadline=None)
+def test_no_drag_is_too_strong_for_a_box_that_is_proven(name, seed, T):
+    box, rate = compiled(DRAGGED[name], True, proven=True)
+    rng, steps = np.random.default_rng(seed), 4000
+    x, u = rng.uniform(-5, 5, 4), rng.uniform(-2, 2, 2)
+    low, high, certain = box(x, u, T)
+    assert certain
+    way = rng.choice([-1.0, 1.0], 4) * PHI / 2
+    for step in range(steps):
+        assert (low - 1e-3 <= x).all()
+        assert (x <= high + 1e-3).all()
+        x = x + T / steps * rate(x, u, way)[0]
+        way = rng.choice([-1.0, 1.0], 4) * PHI / 2 if step % 400 == 0 else way
 
 
 @dataclass(frozen=True)
