@@ -21,8 +21,9 @@ from phalanx.cli.allowed import require_values
 from phalanx.cli.real_time import with_factor
 from phalanx.cli.secret import refuse_secrets
 from phalanx.cli.terminal import complain, say
+from phalanx.launcher import interrupt
 
-USAGE_ERROR = 64
+USAGE_ERROR, STOPPED = 64, 130
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -34,7 +35,7 @@ app = typer.Typer(
     is a process of its own, and they meet over Zenoh.
 
     Exit status: 0 guaranteed or safe (1 for safe with --strict), 2 violated, 3 the run broke,
-    64 wrong usage or scenario, 130 stopped by Ctrl-C.
+    64 wrong usage or scenario, 130 stopped by Ctrl-C or SIGTERM.
     """,
 )
 run.register(app)
@@ -75,7 +76,10 @@ def status(arguments: list[str]) -> int:
     try:
         require_values(arguments)
         refuse_secrets(arguments)
-        return int(app(with_factor(arguments), standalone_mode=False) or 0)
+        found = int(app(with_factor(arguments), standalone_mode=False) or 0)
+        if found == STOPPED:
+            interrupt.raise_unanswered()  # typer made an exit status of it
+        return found
     except typer.TyperException as error:
         complain(error.format_message())
         complain("See phalanx --help, or phalanx COMMAND --help.")
@@ -98,4 +102,4 @@ def status(arguments: list[str]) -> int:
         return 3
     except (KeyboardInterrupt, typer.Abort):
         complain("stopped")
-        return 130
+        return STOPPED

@@ -122,10 +122,12 @@ def verify(
 ) -> int:
     """Run a recording's scenario again and say whether the trajectory is bit-identical.
 
-    Exit status 0 if it is, 1 if it is not, 3 if the recording cannot be read or run.
+    Exit status 0 if it is, 1 if it is not, 3 if the recording cannot be read or run, 130
+    if it was stopped.
     """
     import phalanx
     from phalanx.cli.display import progress
+    from phalanx.guarantee.verdict import Outcome, exit_status
     from phalanx.launcher.verify import cut_short
 
     try:
@@ -135,6 +137,9 @@ def verify(
     except (phalanx.UnreadableRecordingError, phalanx.EngineError, OSError) as error:
         complain(error)
         return 3
+    except KeyboardInterrupt:
+        complain("stopped")
+        return exit_status(Outcome.STOPPED)
     if cut_short(recorded.recording):
         summary = recorded.summary
         why = recorded.recording.damage or (summary and summary.reason) or "no summary"

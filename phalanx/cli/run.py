@@ -86,7 +86,7 @@ def run(
 ) -> int:
     """Run a scenario: plant and agents, each in its own process, to a verdict.
 
-    Ctrl-C stops it, with a verdict and all that was recorded; one more ends it at once.
+    Ctrl-C or SIGTERM stops it, with a verdict and all that was recorded; one more ends it at once.
 
     Examples:
 
@@ -188,6 +188,10 @@ def _told(finished: "Run", profile: bool, report: bool) -> "Outcome":
 
 def _wait_for(page: "LivePage") -> None:
     """Let the page, if there is one, go on until Ctrl-C."""
+    from phalanx.launcher import interrupt
+
+    if interrupt.terminated():
+        return
     with contextlib.suppress(KeyboardInterrupt):
         if page.served:
             say("the page replays the run; Ctrl-C ends it")

@@ -64,7 +64,9 @@ class _StopError(Exception):
 def serve(
     scenario: str, environment: Mapping[str, str], launcher: Connection, last_words: Connection
 ) -> None:
-    """Fork every program, and report on each until all have ended; on SIGTERM kill them.
+    """Fork every program, and report on each until all have ended; on SIGUSR1 kill them.
+
+    SIGTERM is blocked: a service manager sends it to all, and only the plant decides what it means.
 
     Args:
         scenario: resolved, as JSON.
@@ -91,7 +93,7 @@ def serve(
     configure_logging()
     forks = _Forks(rows, order, launcher)
     try:
-        signal.signal(signal.SIGTERM, _stop)
+        signal.signal(signal.SIGUSR1, _stop)
         forks.start_all(last_words)
         forks.watch()
     except (_StopError, ConnectionError, EOFError) as ended:
@@ -174,14 +176,14 @@ class _Forks:
         """kept: this process's own end of a pipe, so that the other end sees it die."""
         # Until the child is known here it must not be missed, and it must not take what is
         # meant for this process.
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
         if not (pid := os.fork()):
             if kept is not None:
                 kept.close()
             program = program._replace(options={**program.options, **options})
             _become(program, self._rows, self._order)
         started = self._running[os.pidfd_open(pid)] = Report(program.identity, pid)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGUSR1})
         self._launcher.send(started)
 
 
@@ -204,8 +206,8 @@ def _become(program: Program, rows: SafetyRows, order: Order) -> NoReturn:
     """Be one program in this process, a forked one, until it ends."""
     status = 1
     try:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
+        signal.signal(signal.SIGUSR1, signal.SIG_DFL)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGUSR1})
         status = start_program(program, rows, order.membership, order.logs)
     except BaseException:
         traceback.print_exc()

@@ -9,6 +9,7 @@ from pathlib import Path
 from phalanx.agent.step import StepFailedError, control_steps
 from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Summary
+from phalanx.launcher import interrupt
 from phalanx.launcher.engine import Progress
 from phalanx.plant.clock.commands import CommandQueue
 from phalanx.plant.events.stop import SwarmBrokenError
@@ -22,6 +23,8 @@ from phalanx.wire.messages import Actuation, Sample, Status, Telemetry
 from phalanx.wire.seal import Malformed
 
 
+# A Ctrl-C must not break into what is being written down: it ends the run at the next sample.
+@interrupt.held_back()
 def run_in_process(
     rows: SafetyRows,
     folder: Path,
@@ -45,7 +48,8 @@ def run_in_process(
         if profile:
             plant.time(stopwatch)
             stopwatch.time(agents, "send_sample", "compute")
-        summary = plant.run(prepare=lambda: compile_rows(rows))
+        summary = plant.run(prepare=interrupt.let_in()(lambda: compile_rows(rows)))
+        interrupt.answer()
         if profile:
             stopwatch.write(folder / PROFILE, "in-process")
         write_down(summary, folder / SUMMARY, recording)
@@ -68,7 +72,8 @@ class DirectAgents:
         """Have agent i answer its sample. Raises SwarmBrokenError if its control step fails."""
         step, name = self._steps[i], self._names[i]
         try:
-            answer = step(step.accept_sample(sample))
+            with interrupt.let_in():  # a law may never return
+                answer = step(step.accept_sample(sample))
         except (StepFailedError, Malformed) as error:
             raise SwarmBrokenError(str(error)) from error
         self._actuations[i] = answer.actuation

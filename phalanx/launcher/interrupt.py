@@ -1,4 +1,4 @@
-"""Ctrl-C, remembered until somebody answers it.
+"""Ctrl-C and SIGTERM, remembered until somebody answers them.
 
 Python raises KeyboardInterrupt in whatever runs just then. Where that is a callback, as at the end
 of an import's lock, the exception is printed and dropped, and the program goes on.
@@ -10,13 +10,20 @@ from collections.abc import Iterator
 
 _unanswered = False
 _held_back = False
+_terminated = False
 
 
 def remember() -> None:
-    """From now on remember every Ctrl-C; to be called in the main thread."""
-    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-        return  # a shell started it in the background: a Ctrl-C is meant for others
-    signal.signal(signal.SIGINT, _on_interrupt)
+    """From now on take a SIGTERM as a Ctrl-C, and remember both; call it in the main thread."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        # Of a program that a shell started in the background: a Ctrl-C is meant for others.
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _on_interrupt)
+
+
+def terminated() -> bool:
+    """Whether there was a SIGTERM: nobody is there to send a second one."""
+    return _terminated
 
 
 def raise_unanswered() -> None:
@@ -42,8 +49,20 @@ def held_back() -> Iterator[None]:
         _held_back = False
 
 
-def _on_interrupt(*_: object) -> None:
-    global _unanswered
-    _unanswered = True
+@contextlib.contextmanager
+def let_in() -> Iterator[None]:
+    """Within held_back: meanwhile a Ctrl-C does break in, also one that came before."""
+    global _held_back
+    before, _held_back = _held_back, False
+    try:
+        raise_unanswered()
+        yield
+    finally:
+        _held_back = before
+
+
+def _on_interrupt(number: int, _: object) -> None:
+    global _unanswered, _terminated
+    _unanswered, _terminated = True, _terminated or number == signal.SIGTERM
     if not _held_back:
         raise KeyboardInterrupt

@@ -32,8 +32,8 @@ def start_loading() -> ForkServerContext:
     # Where it has to be started, it unblocks SIGINT for whatever comes after it.
     multiprocessing.resource_tracker.ensure_running()
     with _interrupts_held_back(), _importing_as_here():
-        # Programs inherit the mask: a Ctrl-C that comes before they are ready for it would
-        # end each of them in a traceback.
+        # Programs inherit the mask: a Ctrl-C that comes before they are ready for it would end each
+        # of them in a traceback; a SIGTERM to all of a group or a service, without a verdict.
         multiprocessing.forkserver.ensure_running()
     return context
 
@@ -75,8 +75,8 @@ def _importing_as_here() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _interrupts_held_back() -> Iterator[None]:
-    """Block SIGINT for this thread and for whatever it starts meanwhile."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    """Block SIGINT and SIGTERM for this thread and for whatever it starts meanwhile."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
         yield
     finally:

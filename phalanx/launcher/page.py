@@ -4,6 +4,7 @@ import contextlib
 import multiprocessing
 import os
 import pkgutil
+import signal
 import subprocess
 import sys
 import threading
@@ -164,6 +165,7 @@ def _why(process: BaseProcess, folder: Path) -> str:
 
 def _serve(folder: Path, port: int | None, command_secret: bytes, token: str) -> None:
     os.setsid()  # a Ctrl-C in the terminal ends the run; what became of it is still to be seen
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # blocked as of all programs
     show_as("phx-viewer")
     redirect_output(folder / "logs" / _LOG)
     end_with_launcher(_GRACE)

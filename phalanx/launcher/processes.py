@@ -183,19 +183,25 @@ class Processes:
     def end(self) -> None:
         """Leave no process behind: give the agents time to notice, then kill."""
         if not self._programs or (self.plant_runs and not self._signal_plant(signal.SIGTERM)):
-            self._server.terminate()
+            self._end_server()
         deadline = time.monotonic() + _GRACE
         while self._served and (left := deadline - time.monotonic()) > 0:
             self._take_reports(left)
         self._killed = set(self._pids) - set(self._exits)
         if self._served:
-            self._server.terminate()
+            self._end_server()
         self._server.join()
         for name in self._killed:
             # The fork server does it, unless it was killed itself.
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self._pids[name], signal.SIGKILL)
         self._pids.clear()  # by and by they are others'
+
+    def _end_server(self) -> None:
+        """Have the fork server kill what it has forked, and end."""
+        if self._server.is_alive() and self._server.pid:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self._server.pid, signal.SIGUSR1)
 
     def _take_reports(self, timeout: float | None) -> None:
         """Take what has been reported, waiting for the first report if there is none."""

@@ -66,7 +66,8 @@ def start_program(program: Program, rows: SafetyRows, membership: Membership, lo
     redirect_output(logs / f"{program.identity}.log")
     faulthandler.enable()  # of a crash the log says where it was
     if program.kind != "plant":
-        # Ctrl-C reaches the whole terminal; only the plant decides what it means.
+        # Ctrl-C reaches the whole terminal, SIGTERM may reach a whole service, and is left blocked:
+        # only the plant decides what they mean.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     end_with_launcher(_GRACE_OF_PLANT if program.kind == "plant" else _GRACE)

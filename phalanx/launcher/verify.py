@@ -54,7 +54,9 @@ def verify(
     Of a run in real time every agent's decisions are made again, and nothing else.
 
     Raises:
-        EngineError: it cannot be run again, or there is nothing to compare.
+        EngineError: it cannot be run again, breaks though it did not when it was recorded, or
+            there is nothing to compare.
+        KeyboardInterrupt: it was stopped.
     """
     if not recorded.states and not recorded.shown:
         raise EngineError(f"{recorded.path}: the recording holds no state: nothing to compare")
@@ -69,7 +71,11 @@ def verify(
     # What the scenario declares happens again by itself.
     commands = CommandPolicy(schedule=tuple(c for c in recorded.commands if c.fault < 0))
     with tempfile.TemporaryDirectory(prefix="phalanx-") as folder:
-        execute(scenario, Path(folder), engine=engine, progress=progress, commands=commands)
+        made = execute(scenario, Path(folder), engine=engine, progress=progress, commands=commands)
+        if made.outcome is Outcome.STOPPED:
+            raise KeyboardInterrupt
+        if made.outcome is Outcome.BROKEN and not cut_short(recorded):
+            raise EngineError(f"run again, it broke: {made.reason}")
         again = read(Path(folder))
     difference = first_difference(recorded, again)
     return Verification(difference, len(recorded.steps), len(recorded.states))

@@ -31,8 +31,8 @@ class StopRequest:
             signal.signal(number, lambda *_: self._set(StoppedError("stopped by the user")))
         failed = AbandonedError("an agent failed")
         signal.signal(signal.SIGUSR1, lambda *_: self._set(failed))
-        # Held back by the launcher until now, when it can be answered.
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        # Held back by the launcher until now, when they can be answered.
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})
         if parent := multiprocessing.parent_process():
             threading.Thread(target=self._watch, args=(parent.sentinel,), daemon=True).start()
 

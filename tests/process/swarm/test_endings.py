@@ -10,6 +10,7 @@ import psutil
 import pytest
 
 from phalanx.guarantee.verdict import Outcome
+from phalanx.launcher.live import find_live
 from phalanx.recording.read import read
 from phalanx.wire.endpoints import free_endpoint
 from tests.process.runs import wait_for
@@ -26,7 +27,7 @@ def test_ctrl_c_ends_the_run_cleanly(phalanx):
     os.killpg(run.process.pid, signal.SIGINT)  # as a terminal does: to the whole group
     status, output = run.finish()
     run.wait_until_gone(ORPHAN_LIMIT)
-    assert status == 130
+    assert status == 130, output
     assert output.splitlines()[-1].startswith("stopped: stopped by the user")
     recording = read(run.folder)
     assert recording.damage is None
@@ -62,6 +63,38 @@ def test_ctrl_c_ends_a_law_that_does_not_return(phalanx, tmp_path, monkeypatch, 
     os.killpg(run.process.pid, signal.SIGINT)
     assert run.finish()[0] == 130
     run.wait_until_gone(ORPHAN_LIMIT)
+
+
+@pytest.mark.parametrize("engine", ["processes", "in-process"])
+@pytest.mark.parametrize("send", [os.kill, os.killpg], ids=["to the launcher", "to all"])
+def test_sigterm_ends_the_run_as_ctrl_c_does(phalanx, send, engine):
+    run = phalanx("run", "unicycles", "--engine", engine, "--set", "duration=500")
+    wait_for(lambda: recorded_bytes(run) > 100_000)
+    send(run.process.pid, signal.SIGTERM)
+    status, output = run.finish()
+    run.wait_until_gone(ORPHAN_LIMIT)
+    assert status == 130, output
+    assert output.splitlines()[-1].startswith("stopped: stopped by the user")
+    assert read(run.folder).summary.outcome is Outcome.STOPPED
+    assert {"summary.json", "recording.mcap"} <= {file.name for file in run.folder.iterdir()}
+    assert not (run.folder / "live.json").exists()
+
+
+def recorded_bytes(run) -> int:
+    recording = run.folder / "recording.mcap"
+    return recording.stat().st_size if recording.exists() else 0
+
+
+def test_a_run_whose_launcher_was_killed_goes_on_for_nobody(phalanx):
+    run = phalanx("run", "unicycles", "--set", "duration=500")
+    run.wait_until_running()
+    assert find_live(run.folder)
+    run.process.kill()
+    assert (run.folder / "live.json").exists()
+    wait_for(lambda: find_live(run.folder) is None, ORPHAN_LIMIT)
+    run.wait_until_gone(ORPHAN_LIMIT)
+    status, output = phalanx("tap", str(run.folder)).finish()
+    assert (status, "no run goes on there" in output) == (64, True)
 
 
 def test_a_killed_agent_breaks_the_run_and_is_named(phalanx):

@@ -32,6 +32,20 @@ def loads(run: Run, library: str) -> bool:
 
 
 @pytest.mark.parametrize("moment", MOMENTS)
+@pytest.mark.parametrize("send", [os.kill, os.killpg], ids=["to the launcher", "to all"])
+def test_sigterm_while_a_run_starts_ends_it_as_a_ctrl_c_does(phalanx, send, moment: str) -> None:
+    """A container's runtime sends it to the launcher alone, a service manager to all."""
+    run = phalanx("run", "unicycles", "--set", "duration=500")
+    wait_for(lambda: MOMENTS[moment](run) or run.process.poll() is not None)
+    send(run.process.pid, signal.SIGTERM)
+    status, printed = run.finish()
+    assert "Traceback" not in printed
+    assert status in (130, -signal.SIGTERM, -signal.SIGINT), printed
+    assert not list(run.parent.glob("*/live.json"))
+    run.wait_until_gone(10)
+
+
+@pytest.mark.parametrize("moment", MOMENTS)
 def test_ctrl_c_while_a_run_starts_ends_it_without_a_traceback(phalanx, moment: str) -> None:
     run = phalanx("run", "unicycles", "--set", "duration=500")
     wait_for(lambda: MOMENTS[moment](run) or run.process.poll() is not None)

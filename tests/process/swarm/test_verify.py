@@ -1,23 +1,26 @@
 """phalanx verify: bit-identical, or where it first differs."""
 
+import contextlib
 import os
 import signal
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
+import psutil
 import pytest
 
 from phalanx.recording.read import Recording, read
 from phalanx.recording.write import RecordingWriter
+from tests.process.runs import wait_for
+from tests.process.swarm.processes import Run
 
 pytestmark = pytest.mark.swarm
 
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory) -> Recording:
-    from tests.process.swarm.processes import Run
-
     run = Run(tmp_path_factory.mktemp("verify"), "run", "unicycles", "--set", "duration=0.5")
     assert run.finish()[0] == 0
     return read(run.folder)
@@ -56,6 +59,42 @@ def test_a_stopped_run_is_compared_as_far_as_it_went(phalanx):
     status, output = phalanx("verify", str(run.folder)).finish()
     assert status == 0, output
     assert "stopped by the user; comparing what there is" in output
+
+
+@pytest.fixture
+def long(recorded, tmp_path) -> Path:
+    """A recording of a run that takes long to run again."""
+    found = replace(recorded, scenario=recorded.scenario.model_copy(update={"duration": 500.0}))
+    return rewritten(found, found.steps, tmp_path / "long.mcap")
+
+
+@pytest.mark.parametrize("engine", ["processes", "in-process"])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_one_that_is_stopped_is_said_to_be(phalanx, long, engine: str, number: signal.Signals):
+    run = phalanx("verify", str(long), "--engine", engine)
+    wait_for(lambda: len(run.programs()) == 6 or (engine == "in-process" and writes(run)))
+    os.killpg(run.process.pid, number)
+    status, output = run.finish()
+    assert (status, output.splitlines()[-1]) == (130, "stopped")
+    run.wait_until_gone(10.0)
+
+
+def writes(run: Run) -> bool:
+    """Whether it has begun to record."""
+    with contextlib.suppress(psutil.Error):
+        files = psutil.Process(run.process.pid).open_files()
+        return any("recording.mcap" in file.path for file in files)
+    return False
+
+
+def test_one_that_breaks_alone_when_it_is_run_again_is_no_difference(phalanx, long):
+    run = phalanx("verify", str(long))
+    wait_for(lambda: "phx-agent-2" in run.programs())
+    run.programs()["phx-agent-2"].kill()
+    status, output = run.finish()
+    assert status == 3
+    assert "run again, it broke: " in output
+    assert "differs" not in output
 
 
 def with_last_bit_flipped(value: float) -> float:

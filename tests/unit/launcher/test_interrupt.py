@@ -10,12 +10,14 @@ from phalanx.launcher import interrupt
 
 
 @pytest.fixture(autouse=True)
-def remembered() -> Iterator[None]:
-    before = signal.getsignal(signal.SIGINT)
+def remembered(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setattr(interrupt, "_terminated", False)
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     interrupt.remember()
     yield
     interrupt.answer()
-    signal.signal(signal.SIGINT, before)
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 def press() -> None:
@@ -46,3 +48,20 @@ def test_who_was_started_in_the_background_goes_on() -> None:
     interrupt.remember()
     press()
     interrupt.raise_unanswered()
+
+
+def test_let_in_it_breaks_in_and_so_does_one_that_came_before() -> None:
+    with interrupt.held_back():
+        with pytest.raises(KeyboardInterrupt), interrupt.let_in():
+            press()
+        with pytest.raises(KeyboardInterrupt), interrupt.let_in():
+            pass
+        press()
+
+
+def test_a_sigterm_is_one_too() -> None:
+    with pytest.raises(KeyboardInterrupt):
+        os.kill(os.getpid(), signal.SIGTERM)
+    with pytest.raises(KeyboardInterrupt):
+        interrupt.raise_unanswered()
+    assert interrupt.terminated()
