@@ -3,10 +3,14 @@
 import ipaddress
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
 from phalanx.wire.certificates import AUTHORITY, CERTIFICATE, ENDPOINT, PRIVATE_KEY
+
+if TYPE_CHECKING:
+    from phalanx.launcher.live import LiveRun
 
 _AT_A_PORT = re.compile(r"(tcp|udp|tls|quic|ws)/(\[[\da-fA-F:.%]+\]|[\w.-]+):(?P<port>\d+)")
 _ON_THIS_HOST = "unixsock"
@@ -33,6 +37,16 @@ def require_here(endpoint: str, insecure: bool, expected: str) -> None:
     """Refuse an endpoint beyond this host, and say what is expected, unless that is asked for."""
     if not insecure and not on_loopback(endpoint):
         raise typer.BadParameter(f"{endpoint} is not for this host alone: expected {expected}")
+
+
+def live_run(folder: Path, insecure: bool) -> "LiveRun | None":
+    """The run that goes on in this folder; who made the folder says where it is to be met."""
+    from phalanx.launcher.live import find_live
+
+    found = find_live(folder)
+    if found is not None:
+        require_here(found.endpoint, insecure, "--insecure")
+    return found
 
 
 def certificates_for(folder: Path | None, endpoint: str, insecure: bool) -> Path | None:

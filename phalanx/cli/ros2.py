@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from phalanx.cli.allowed import require_timeout
-from phalanx.cli.endpoints import certificates_for, require_endpoint, require_here
+from phalanx.cli.endpoints import certificates_for, live_run, require_endpoint, require_here
 from phalanx.cli.options import Insecure, KeysFolder, Secret, Trust
 from phalanx.cli.terminal import complain
 from phalanx.cli.viewing import Connect, LiveRun, RunOrRecording, require_either
@@ -66,7 +66,6 @@ def ros2(
         router, insecure, "--insecure, since ROS 2's router reads and passes on everything"
     )
     _require_libraries()
-    from phalanx.launcher.live import find_live
     from phalanx.launcher.programs import configure_logging
     from phalanx.wire.keys import VIEWER
     from phalanx.wire.membership import Membership
@@ -77,7 +76,7 @@ def ros2(
     configure_logging()
     main = pkgutil.resolve_name("phalanx.viewer.ros2.main")
     graph = main.Graph(router, domain, namespace, timeout)
-    found = None if recording is None else find_live(recording)
+    found = None if recording is None else live_run(recording, insecure)
     try:
         if recording is not None and found is None:
             return int(main.run_replay(recording, graph, trust=trust))

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import typer
 
 from phalanx.cli.allowed import require_run
-from phalanx.cli.endpoints import certificates_for, require_endpoint
+from phalanx.cli.endpoints import certificates_for, live_run, require_endpoint
 from phalanx.cli.options import Insecure, KeysFolder, Secret
 from phalanx.cli.terminal import complain, say
 
@@ -49,7 +49,6 @@ def tap(
       phalanx tap runs/unicycles-1
       phalanx tap r1 --connect tcp/127.0.0.1:7447 --kind broadcast
     """
-    from phalanx.launcher.live import find_live
     from phalanx.wire.membership import Membership
     from phalanx.wire.session import HubError
     from phalanx.wire.tap import tapped
@@ -60,7 +59,7 @@ def tap(
             require_run(run), connect, secret.encode(), timeout=10.0, certificates=certificates
         )
     else:
-        found = find_live(Path(run))
+        found = live_run(Path(run), insecure)
         if found is None:
             raise typer.BadParameter(f"{run}: no run goes on there; or give its name and --connect")
         membership = found.membership

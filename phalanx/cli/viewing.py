@@ -14,7 +14,7 @@ from phalanx.cli.allowed import (
     require_port,
     require_run,
 )
-from phalanx.cli.endpoints import certificates_for, endpoint_for, require_endpoint
+from phalanx.cli.endpoints import certificates_for, endpoint_for, live_run, require_endpoint
 from phalanx.cli.options import (
     CommandSecret,
     Insecure,
@@ -99,7 +99,7 @@ def view(
     require_either(recording, connect, run)
     page = {"host": host, "port": port, "origins": tuple(origins or ()), "trust": trust}
     if recording is not None:
-        return _show_folder(recording, command_secret, page)
+        return _show_folder(recording, insecure, command_secret, page)
     certificates = certificates_for(keys, connect, insecure)
     return _show_live(run, connect, secret, certificates, command_secret, timeout, page)
 
@@ -186,11 +186,9 @@ def export(
     return 0
 
 
-def _show_folder(run: Path, command_secret: str, page: dict[str, Any]) -> int:
+def _show_folder(run: Path, insecure: bool, command_secret: str, page: dict[str, Any]) -> int:
     """A run that goes on and then its recording, or a recording."""
-    from phalanx.launcher.live import find_live
-
-    found = find_live(run)
+    found = live_run(run, insecure)
     if found is None:
         return _show("run_replay", run, **page)
     options = {"recording": run, "command_secret": command_secret.encode()}

@@ -9,6 +9,8 @@ from cryptography.hazmat.primitives import hashes, serialization
 
 from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.cli.endpoints import endpoint_for, on_loopback, require_endpoint
+from phalanx.launcher.live import announced
+from phalanx.wire.membership import Membership
 
 RUN = ("--scenario", "one-on-one", "--run", "r")
 
@@ -51,6 +53,17 @@ def test_a_program_that_would_be_reached_unprotected_does_not_start(command, cap
     said = " ".join(capsys.readouterr().err.split())
     assert "is not for this host alone: expected --" in said
     assert "--insecure" in said
+
+
+@pytest.mark.parametrize("command", ["view", "tap", "ros2"])
+def test_a_run_that_goes_on_elsewhere_by_its_folder_is_not_connected_to(
+    command: str, tmp_path: Path, capsys
+) -> None:
+    """The folder may be from somebody who wants that."""
+    with announced(tmp_path, Membership("r", "tcp/10.0.0.1:7447", b"secret")):
+        assert status([command, str(tmp_path)]) == USAGE_ERROR
+    said = " ".join(capsys.readouterr().err.split())
+    assert "tcp/10.0.0.1:7447 is not for this host alone: expected --insecure" in said
 
 
 @pytest.mark.parametrize("name", ["plant", "1"])
