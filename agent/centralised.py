@@ -9,7 +9,7 @@ from phalanx.agent.controller import StepResult
 from phalanx.agent.distributed import DistributedController
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.laws.law import View
-from phalanx.theory.laws.nominal import nominal_input
+from phalanx.theory.laws.nominal import NominalInput
 from phalanx.theory.rows.centralised import JointInput
 from phalanx.theory.rows.information import ReceivedInput
 
@@ -25,7 +25,7 @@ class CentralisedController:
         first = swarm.normal[0]
         self.rows, self._normal = rows, swarm.normal
         self._authority = swarm.scenario.safety.authority
-        self._laws = [swarm.law(l) for l in self._normal]
+        self._nominal = [NominalInput(swarm.law(l), swarm.members[l]) for l in self._normal]
         self._goals = [swarm.goal(l) for l in self._normal]
         self._parts = swarm.safe_set.parts
         self._terms = rows.terms(first)
@@ -45,11 +45,11 @@ class CentralisedController:
         return self._results
 
     def _decide(self, x: Array, t: float) -> dict[int, StepResult]:
-        terms, normal, members = self._terms(x), self._normal, self.rows.swarm.members
+        terms, normal = self._terms(x), self._normal
         states = {l: x[part] for l, part in enumerate(self._parts)}
         u_nom = [
-            nominal_input(law, View(l, states, normal, goal(t, states[l]), terms), members[l])
-            for l, law, goal in zip(normal, self._laws, self._goals, strict=True)
+            nominal(View(l, states, normal, goal(t, states[l]), terms))
+            for l, nominal, goal in zip(normal, self._nominal, self._goals, strict=True)
         ]
         decisions = self._qp.decide(terms, normal, u_nom, self._authority)
         return {

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from phalanx.agent.controller import StepResult
 from phalanx.swarm.rows import SafetyRows
-from phalanx.theory.laws.law import Law, View
-from phalanx.theory.laws.nominal import nominal_input
+from phalanx.theory.laws.law import View
+from phalanx.theory.laws.nominal import NominalInput
 from phalanx.theory.laws.worst_case import WorstCase
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.theory.rows.safety_filter import Situation
@@ -25,7 +25,7 @@ class DistributedController:
         swarm = rows.swarm
         self._rows, self._i = rows, i
         self._members, self._parts = swarm.members, swarm.safe_set.parts
-        self._law: Law = swarm.law(i)
+        self._nominal = NominalInput(swarm.law(i), swarm.members[i])
         self._goal = swarm.goal(i)
         self._terms = rows.terms(i)
         self._filter = rows.filter(i)
@@ -39,12 +39,13 @@ class DistributedController:
         states = {l: x[self._parts[l]] for l in seen}
         goal = self._goal(t, states[i])
         normal = [l for l in seen if not self._members[l].adversary]
-        u_nom = nominal_input(self._law, View(i, states, normal, goal, terms), self._members[i])
+        u_nom = self._nominal(View(i, states, normal, goal, terms))
         now = Situation(t + self._latency, x, seen, terms, u_nom, received)
         decision, used = self._filter(now)
         return StepResult(decision, u_nom, used)
 
     def turned(self) -> Self:
         """It attacks from now on, and keeps no row."""
-        self._law, self._filter = WorstCase(), self._rows.unfiltered(self._i)
+        self._nominal = NominalInput(WorstCase(), self._members[self._i])
+        self._filter = self._rows.unfiltered(self._i)
         return self
