@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 from phalanx.wire.messages import Status
 
@@ -15,6 +15,13 @@ Progress = Callable[[Status], None]
 
 Announce = Callable[[Path], object]
 """Called once with a run's folder, when the run can be met there."""
+
+
+def require_engine(engine: str) -> None:
+    """Raise ValueError unless there is an engine of this name."""
+    if engine not in get_args(Engine):
+        names = " or ".join(map(repr, get_args(Engine)))
+        raise ValueError(f"engine: expected {names}, got {engine!r}")
 
 
 class EngineError(RuntimeError):

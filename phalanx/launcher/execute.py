@@ -7,7 +7,7 @@ from pathlib import Path
 from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher import interrupt
-from phalanx.launcher.engine import Announce, Engine, Progress, silent
+from phalanx.launcher.engine import Announce, Engine, Progress, require_engine, silent
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import build_swarm
@@ -33,7 +33,9 @@ def execute(
     Raises:
         ScenarioError: the scenario cannot be run.
         EngineError: the run could not begin, or ended without a verdict.
+        ValueError: there is no such engine.
     """
+    require_engine(engine)
     # An engine brings its own libraries; who uses one need not load the other's.
     if engine == "in-process":
         from phalanx.launcher.in_process_engine import run_in_process

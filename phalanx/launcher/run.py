@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from phalanx.guarantee.verdict import Outcome, Summary, certified
 from phalanx.launcher.engine import Engine, Progress, silent
@@ -43,6 +43,27 @@ class Run:
         self._recording = recording
         self._opened = recording.path if recording else folder
         """What to read again: one may have opened a file that is not called recording.mcap."""
+        self._made = recording is None
+        """Whether it is a run of this program's or of its worker's, and its code was asked for."""
+        self._trust = False
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What another process needs: with a temporary folder all that lies there."""
+        lie = self.folder.rglob("*") if self._temporary else ()
+        files = {p.relative_to(self.folder): p.read_bytes() for p in lie if p.is_file()}
+        kept = ("folder", "summary", "_opened", "_made")
+        return {"files": files, **{name: getattr(self, name) for name in kept}}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        files = state.pop("files")
+        vars(self).update(state, _recording=None, _temporary=None, _trust=state["_made"])
+        if files:
+            self._temporary = tempfile.TemporaryDirectory(prefix="phalanx-")
+            self.folder = self._opened = Path(self._temporary.name) / self.folder.name
+        for path, content in files.items():
+            file = self.folder / path
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_bytes(content)
 
     @property
     def verdict(self) -> Outcome | None:
@@ -53,7 +74,7 @@ class Run:
     def recording(self) -> Recording:
         """Everything that was recorded. Raises UnreadableRecordingError."""
         if self._recording is None:
-            self._recording = read(self.folder)
+            self._recording = read(self._opened, self._trust)
         return self._recording
 
     @property
@@ -138,6 +159,7 @@ class Run:
 
         Raises:
             EngineError: it cannot be run again.
+            ValueError: there is no such engine.
         """
         from phalanx.launcher.verify import verify
 
@@ -198,6 +220,7 @@ def verify_run(
     Raises:
         UnreadableRecordingError: there is no recording, or none that can be read.
         EngineError: it cannot be run again.
+        ValueError: there is no such engine.
     """
     finished = run if isinstance(run, Run) else open_run(run, trust=trust)
     return finished.verify(engine=engine, progress=progress)

@@ -4,7 +4,7 @@ import tempfile
 from pathlib import Path
 
 from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
-from phalanx.launcher.engine import Announce, Engine, Progress, silent
+from phalanx.launcher.engine import Announce, Engine, Progress, require_engine, silent
 from phalanx.launcher.execute import execute
 from phalanx.launcher.run import Run
 from phalanx.scenario.load import load
@@ -31,7 +31,7 @@ def run(
         engine: "processes", every program a process of its own over Zenoh, or "in-process", the
             same control steps called directly; both give the same trajectory to the last bit.
         out: folder in which the run gets a folder of its own; by default one that goes away with
-            the returned object.
+            the returned object; to another process that takes its files along.
         progress: called a few times a second with how far the run is, perhaps in another thread.
         commands: who may command the run while it goes on, and what is scheduled.
         listen: Zenoh endpoint of the hub; by default a free port on 127.0.0.1.
@@ -47,9 +47,10 @@ def run(
     Raises:
         ScenarioError: the scenario cannot be run.
         EngineError: the run could not begin, or ended without a verdict.
-        ValueError: an option that the engine does not take.
+        ValueError: there is no such engine, or an option that it does not take.
         OSError: no folder can be made.
     """
+    require_engine(engine)
     if not isinstance(scenario, Scenario):
         scenario = load(scenario)
     if engine == "in-process" and (listen or secret or announce is not silent or commands.secret):

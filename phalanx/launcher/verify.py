@@ -9,12 +9,13 @@ import numpy as np
 from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher.decisions import decided_again
-from phalanx.launcher.engine import Engine, EngineError, Progress, silent
+from phalanx.launcher.engine import Engine, EngineError, Progress, require_engine, silent
 from phalanx.launcher.execute import execute
 from phalanx.recording.read import Recording, read
 from phalanx.recording.records import State, Step
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.expressions.asked import MistakenMethodError
 
 _INSTANT = 1e-9
 """What makes an event at the very end happen again [s]."""
@@ -57,7 +58,9 @@ def verify(
         EngineError: it cannot be run again, breaks though it did not when it was recorded, or
             there is nothing to compare.
         KeyboardInterrupt: it was stopped.
+        ValueError: there is no such engine.
     """
+    require_engine(engine)
     if not recorded.states and not recorded.shown:
         raise EngineError(f"{recorded.path}: the recording holds no state: nothing to compare")
     if recorded.shown:
@@ -65,7 +68,11 @@ def verify(
             raise EngineError(
                 "a run in real time cannot be run again, with another seed or without"
             )
-        difference = first_difference(recorded, decided_again(recorded))
+        try:
+            decided = decided_again(recorded)
+        except MistakenMethodError as error:
+            raise EngineError(f"decided again: {error.told(f'agent {error.agent}')}") from error
+        difference = first_difference(recorded, decided)
         return Verification(difference, len(recorded.shown), 0)
     scenario = as_far_as(recorded).model_copy(update={} if seed is None else {"seed": seed})
     # What the scenario declares happens again by itself.

@@ -13,7 +13,7 @@ from phalanx.swarm.swarm import Swarm
 from phalanx.swarm.watchdog import Watchdog
 from phalanx.theory.expressions.asked import MistakenMethodError, in_short
 from phalanx.theory.laws.law import View
-from phalanx.theory.laws.nominal import nominal_input
+from phalanx.theory.laws.nominal import NominalInput
 from phalanx.theory.models.dynamics import Bounded, Dynamics, travelled
 from phalanx.theory.models.polytope import EmptyPolytopeError, polytope
 from phalanx.theory.safety.composition import static_label
@@ -139,4 +139,4 @@ def _require_law(rows: SafetyRows, i: int, x: Array) -> None:
     states = {l: x[swarm.safe_set.parts[l]] for l in seen}
     normal = [l for l in swarm.normal if l in states]
     view = View(i, states, normal, swarm.goal(i)(0.0, states[i]), terms)
-    nominal_input(law, view, swarm.members[i])
+    NominalInput(law, swarm.members[i])(view)
