@@ -23,7 +23,7 @@ else:
     run = phalanx.run(short, engine="in-process")
 
 figure, axes = plt.subplots(layout="constrained")
-for pair in run.h.columns[1:]:
+for pair in run.h.columns[4:]:  # after run, scenario, seed and t
     axes.plot(run.h["t"], run.h[pair], linewidth=0.8, label=pair)
 axes.axhline(0.0, color="black")
 axes.set_xlabel("t [s]")

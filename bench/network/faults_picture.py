@@ -96,7 +96,9 @@ Panel = Callable[[Axes, phalanx.Run, phalanx.Run], None]
 def draw_closest(axes: Axes, struck: phalanx.Run, without: phalanx.Run) -> None:
     """How far the two agents are apart that are closest [m]."""
     for each, colour in ((without, MUTED), (struck, LIMIT)):
-        apart = np.sqrt(SAFE**2 - each.h.drop("t").to_numpy().max(axis=1))
+        apart = np.sqrt(
+            SAFE**2 - each.h.drop("run", "scenario", "seed", "t").to_numpy().max(axis=1)
+        )
         axes.plot(each.h["t"], apart, color=colour, linewidth=1.2)
     axes.set_ylim(bottom=min(0.7, 0.95 * apart.min()))
     axes.set_ylabel("closest [m]", fontsize=8)

@@ -88,7 +88,7 @@ def attacked(name: str, overrides: list[str], liar: str, at: float) -> str:
     )
     summary = run.summary
     assert summary is not None
-    largest = np.max(run.h.drop("t").to_numpy())
+    largest = np.max(run.h.drop("run", "scenario", "seed", "t").to_numpy())
     if not summary.violations:
         return f"{summary.outcome}, {largest:.2f}"
     ahead = min(v.first for v in summary.violations) - (summary.certificates.uncovered_at or 0.0)

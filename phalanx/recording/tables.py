@@ -1,4 +1,7 @@
-"""A recording as data frames with named columns, one for each question one asks of a run."""
+"""A recording as data frames with named columns, one for each question one asks of a run.
+
+Each begins with run, scenario and seed, so that tables of several runs can be put together.
+"""
 
 from collections.abc import Sequence
 
@@ -9,7 +12,6 @@ from phalanx.guarantee.verdict import Summary
 from phalanx.profile.stopwatch import TimeSpent
 from phalanx.recording.read import Recording
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import added
 
 
@@ -17,23 +19,27 @@ def states_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
     """One row for each event: t [s], h_tot, and every agent's states as "<agent>.<state>"."""
     names = [f"{m.name}.{state}" for m in swarm.members for state in m.dynamics.states]
     x = recording.x.reshape(len(recording.states), len(names))
-    return pl.DataFrame(
+    table = pl.DataFrame(
         {"t": recording.times, "h_tot": recording.h_tot}
         | {name: x[:, column] for column, name in enumerate(names)},
         schema=dict.fromkeys(("t", "h_tot", *names), pl.Float64),
     )
+    return _of_run(recording, table)
 
 
 def h_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
     """One row for each event: t [s], and every pair's h as "<agent>-<agent>"; safe is h <= 0."""
     composed = swarm.safe_set
     labels = [composed.label(pair) for pair in composed.pairs]
-    evaluate = CompiledFunction([composed.x], [composed.h])
-    h = np.array([evaluate(x)[0] for x in recording.x]).reshape(-1, len(labels))
-    return pl.DataFrame(
+    every = swarm.pairs.choose(swarm.pairs.among(range(len(swarm.members))))
+    h = np.empty((len(recording.states), len(labels)))
+    if len(h):
+        h[:, every.order] = every.h(recording.x)
+    table = pl.DataFrame(
         {"t": recording.times} | {label: h[:, column] for column, label in enumerate(labels)},
         schema=dict.fromkeys(("t", *labels), pl.Float64),
     )
+    return _of_run(recording, table)
 
 
 def inputs_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
@@ -62,7 +68,8 @@ def inputs_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
     for name in names:
         columns[f"nominal.{name}"] = [_component(s.u_nom, inputs[s.agent], name) for s in steps]
     kinds = {"agent": pl.String, "k": pl.Int64, "origin": pl.String}
-    return pl.DataFrame(columns, schema={c: kinds.get(c, pl.Float64) for c in columns})
+    table = pl.DataFrame(columns, schema={c: kinds.get(c, pl.Float64) for c in columns})
+    return _of_run(recording, table)
 
 
 def links_table(recording: Recording) -> pl.DataFrame:
@@ -70,17 +77,17 @@ def links_table(recording: Recording) -> pl.DataFrame:
 
     Columns: sender, receiver, k (the broadcast's number), t (when it was decided [s]), lost, and
     delay [s], null if it was lost; faults, the names of the declared faults that had a part in it;
-    false, whether it said what its sender did not apply.
+    lied, whether it said what its sender did not apply.
     """
     rows = []
     for step in recording.steps:
         hit = {(sender, k): names for sender, k, names in step.faults}
-        false = {(sender, k) for sender, k, *_ in step.false}
+        lied = {(sender, k) for sender, k, *_ in step.false}
         for sender, k, delay in step.fates:
             lost, of = delay < 0.0, (sender, k)
             known = None if lost else delay
             faults = hit.get(of, [])
-            rows.append((sender, step.agent, k, step.t, lost, known, faults, of in false))
+            rows.append((sender, step.agent, k, step.t, lost, known, faults, of in lied))
     schema: dict[str, pl.DataType | type[pl.DataType]] = {
         "sender": pl.String,
         "receiver": pl.String,
@@ -89,15 +96,25 @@ def links_table(recording: Recording) -> pl.DataFrame:
         "lost": pl.Boolean,
         "delay": pl.Float64,
         "faults": pl.List(pl.String),
-        "false": pl.Boolean,
+        "lied": pl.Boolean,
     }
-    return pl.DataFrame(rows, schema=schema, orient="row")
+    return _of_run(recording, pl.DataFrame(rows, schema=schema, orient="row"))
 
 
 def events_table(recording: Recording) -> pl.DataFrame:
     """One row for each line of the event log: t [s] and the text."""
     rows = [(line.t, line.text) for line in recording.log]
-    return pl.DataFrame(rows, schema={"t": pl.Float64, "text": pl.String}, orient="row")
+    table = pl.DataFrame(rows, schema={"t": pl.Float64, "text": pl.String}, orient="row")
+    return _of_run(recording, table)
+
+
+def _of_run(recording: Recording, table: pl.DataFrame) -> pl.DataFrame:
+    return table.select(
+        pl.lit(recording.metadata.get("run", "")).alias("run"),
+        pl.lit(recording.scenario.name).alias("scenario"),
+        pl.lit(recording.scenario.seed, pl.Int64).alias("seed"),
+        pl.all(),
+    )
 
 
 def _component(values: Sequence[float], names: Sequence[str], name: str) -> float | None:

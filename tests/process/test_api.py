@@ -30,8 +30,10 @@ def test_the_public_names_are_there_and_documented():
 
 
 def test_states_are_a_table_with_a_row_for_each_event(run: phalanx.Run):
-    assert run.states.columns[:4] == ["t", "h_tot", "1.x", "1.y"]
-    assert run.states.width == 2 + 5 * 3
+    assert run.states.columns[:7] == [
+        "run", "scenario", "seed", "t", "h_tot", "1.x", "1.y"
+    ]  # fmt: skip
+    assert run.states.width == 5 + 5 * 3
     assert run.states["t"].is_sorted()
     assert run.states["t"][-1] == 1.0
 
@@ -45,7 +47,8 @@ def test_h_of_every_pair_is_that_of_the_states(run: phalanx.Run):
     }
     by_hand = 1.0 - sum((a - b) ** 2 for a, b in zip(tip["1"], tip["4"], strict=True))
     assert (h["1-4"] - by_hand).abs().max() < 1e-12
-    assert (h.select(pl.max_horizontal(pl.exclude("t"))).to_series() <= x["h_tot"] + 1e-9).all()
+    pairs = h.drop("run", "scenario", "seed", "t")
+    assert (pairs.select(pl.max_horizontal(pl.all())).to_series() <= x["h_tot"] + 1e-9).all()
 
 
 def test_inputs_have_a_row_for_each_step_with_named_components(run: phalanx.Run):

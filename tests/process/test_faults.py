@@ -44,7 +44,7 @@ def run(overrides: dict, folder) -> phalanx.Run:
 def seen(run: phalanx.Run) -> tuple:
     """What of a run faults of links change: fates, sampling instants, when inputs take effect."""
     inputs = run.inputs.select("agent", "k", "t", "t_apply")
-    return run.links.drop("faults").rows(), inputs.rows(), run.summary.rejected
+    return run.links.drop("run", "faults").rows(), inputs.rows(), run.summary.rejected
 
 
 @pytest.fixture(scope="module")

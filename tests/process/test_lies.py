@@ -34,7 +34,7 @@ def honest(tmp_path_factory) -> phalanx.Run:
 
 def test_without_a_lie_every_broadcast_is_true(honest):
     assert truthful(honest).failed == 0 < truthful(honest).checked
-    assert not honest.links["false"].any()
+    assert not honest.links["lied"].any()
     assert honest.links["faults"].list.len().sum() == 0
 
 
@@ -50,7 +50,7 @@ def test_a_lie_has_its_effect_is_counted_and_named_on_every_broadcast_that_it_ma
     assert len(hit) == fault.count > 0
     assert hit["sender"].unique().to_list() == [LIAR]
     assert BEGIN <= hit["t"].min() <= hit["t"].max() < END + 0.02
-    false = found.links.filter(found.links["false"])
+    false = found.links.filter(found.links["lied"])
     assert false.equals(hit) == (name in FALSE)
     assert truthful(found).failed == len(false) == fault.count * (name in FALSE)
 

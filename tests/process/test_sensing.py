@@ -27,7 +27,9 @@ def test_no_agent_is_sent_a_state_or_a_broadcast_from_beyond_its_radius(tmp_path
     swarm = build_swarm(scenario)
     states, names = SeenStates(swarm), swarm.names
     table = phalanx.open(tmp_path / "live").states
-    truth = dict(zip(table["t"], table.drop("t", "h_tot").to_numpy(), strict=True))
+    truth = dict(
+        zip(table["t"], table.drop("run", "scenario", "seed", "t", "h_tot").to_numpy(), strict=True)
+    )
     sampled: dict[tuple[str, int], float] = {}
     samples = broadcasts = left_out = 0
     for key, fields in messages:

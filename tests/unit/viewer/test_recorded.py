@@ -30,7 +30,7 @@ def test_at_t_0_a_replay_counts_what_had_happened_at_t_0(replay, frozen):
     backups = [s for s in frozen.recording.steps if s.origin == "backup" and s.t_apply <= 0.0]
     assert sum(a.backups for a in first.agents) == len(backups)
     assert first.assumptions == ()
-    assert [line.t for line in first.log] == [t for t, _ in frozen.events.rows() if t <= 0.0]
+    assert [line.t for line in first.log] == [t for t in frozen.events["t"] if t <= 0.0]
 
 
 def test_how_often_an_assumption_failed_is_told_at_the_end_alone(replay, frozen):
