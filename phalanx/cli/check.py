@@ -72,9 +72,7 @@ def _show(scenario: "Scenario", report: "CheckReport") -> None:
     from phalanx.cli.check_table import asked
     from phalanx.cli.text_table import TextTable, styled
 
-    can = "can" if report.may_be_guaranteed else "cannot"
-    q = report.relative_degree
-    say(f"{scenario.name}: a run {can} end guaranteed (relative degree q = {q})")
+    say(f"{scenario.name}: {report.answer}")
     table = TextTable("what is asked", "found", "allowed", "paper")
     for row in asked(scenario, report):
         found = styled(row.found, "" if row.holds else "yellow")

@@ -60,6 +60,15 @@ class CheckReport:
     """What all this means, and what to change."""
 
     @property
+    def answer(self) -> str:
+        """Whether a run can end guaranteed, in words."""
+        can = "can" if self.may_be_guaranteed else "cannot"
+        return f"a run {can} end guaranteed (relative degree q = {self.relative_degree})"
+
+    def __repr__(self) -> str:
+        return "\n".join([self.answer, *(f"- {words}" for words in self.words)])
+
+    @property
     def worst_at_start(self) -> float:
         """The largest ψ of all at x(0)."""
         return max(self.psi_at_start)

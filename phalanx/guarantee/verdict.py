@@ -122,6 +122,10 @@ class Summary(msgspec.Struct):
     punctuality: Punctuality | None = None
     """Of a run in real time."""
 
+    def __repr__(self) -> str:
+        worst = f"worst h_tot {self.worst_h_tot:.4g} at t = {self.worst_at:.3f} s"
+        return f"Summary({self.outcome} after {self.t:g} s: {self.reason!r}, {worst})"
+
     @property
     def notes(self) -> list[str]:
         """What a reader of the verdict should know: faults that never had an effect."""

@@ -24,6 +24,13 @@ def require_engine(engine: str) -> None:
         raise ValueError(f"engine: expected {names}, got {engine!r}")
 
 
+def require_functions(**options: object) -> None:
+    """Raise ValueError unless each option, by its name, can be called."""
+    for name, option in options.items():
+        if not callable(option):
+            raise ValueError(f"{name}: expected a function to call, got {option!r}")
+
+
 class EngineError(RuntimeError):
     """A run could not begin, or ended without a verdict; the message says which program and why."""
 

@@ -4,11 +4,13 @@ import contextlib
 import multiprocessing
 import os
 import pkgutil
+import shlex
 import signal
 import subprocess
 import sys
 import threading
 from dataclasses import replace
+from html import escape
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import TracebackType
@@ -43,6 +45,7 @@ class ViewerPage:
 
         Raises RuntimeError if the page cannot be served.
         """
+        self._recording = recording
         # Who has a Run has read its scenario: what that names was trusted then.
         command = [sys.executable, "-m", "phalanx", "view", str(recording), "--trust"]
         if port is not None:
@@ -78,8 +81,11 @@ class ViewerPage:
         return f"ViewerPage({self.url!r})"
 
     def _repr_html_(self) -> str:
-        """The page itself, in a frame, as a notebook shows it."""
-        return f'<iframe src="{self.url}" width="100%" height="600" style="border:0"></iframe>'
+        """The page itself, in a frame, as a notebook shows it; in a saved one there are words."""
+        frame = f'<iframe src="{self.url}" width="100%" height="600" style="border:0"></iframe>'
+        told = f"served at {self.url} while this program runs"
+        again = f"phalanx view {shlex.quote(str(self._recording))}"
+        return f"{frame}<p>{escape(told)}; afterwards: <code>{escape(again)}</code></p>"
 
 
 class LivePage:

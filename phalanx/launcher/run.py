@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phalanx.guarantee.verdict import Outcome, Summary, certified
-from phalanx.launcher.engine import Engine, Progress, silent
+from phalanx.launcher.engine import Engine, Progress, require_functions, silent
 from phalanx.profile.stopwatch import read_profile
 from phalanx.recording.read import Recording, UnreadableRecordingError, read
 from phalanx.recording.records import PROFILE
@@ -135,6 +135,7 @@ class Run:
         """
         from phalanx.report.write import write_report
 
+        require_functions(progress=progress or silent)
         return write_report(self._opened, progress)
 
     def view(self, port: int | None = None) -> "ViewerPage":

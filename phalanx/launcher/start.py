@@ -4,7 +4,14 @@ import tempfile
 from pathlib import Path
 
 from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
-from phalanx.launcher.engine import Announce, Engine, Progress, require_engine, silent
+from phalanx.launcher.engine import (
+    Announce,
+    Engine,
+    Progress,
+    require_engine,
+    require_functions,
+    silent,
+)
 from phalanx.launcher.execute import execute
 from phalanx.launcher.run import Run
 from phalanx.scenario.load import load
@@ -47,10 +54,12 @@ def run(
     Raises:
         ScenarioError: the scenario cannot be run.
         EngineError: the run could not begin, or ended without a verdict.
-        ValueError: there is no such engine, or an option that it does not take.
+        ValueError: there is no such engine, an option that it does not take, or no function where
+            one is to be called.
         OSError: no folder can be made.
     """
     require_engine(engine)
+    require_functions(progress=progress, announce=announce)
     if not isinstance(scenario, Scenario):
         scenario = load(scenario)
     if engine == "in-process" and (listen or secret or announce is not silent or commands.secret):

@@ -9,7 +9,14 @@ import numpy as np
 from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher.decisions import decided_again
-from phalanx.launcher.engine import Engine, EngineError, Progress, require_engine, silent
+from phalanx.launcher.engine import (
+    Engine,
+    EngineError,
+    Progress,
+    require_engine,
+    require_functions,
+    silent,
+)
 from phalanx.launcher.execute import execute
 from phalanx.recording.read import Recording, read
 from phalanx.recording.records import State, Step
@@ -61,6 +68,7 @@ def verify(
         ValueError: there is no such engine.
     """
     require_engine(engine)
+    require_functions(progress=progress)
     if not recorded.states and not recorded.shown:
         raise EngineError(f"{recorded.path}: the recording holds no state: nothing to compare")
     if recorded.shown:

@@ -202,6 +202,14 @@ class Scenario(Strict):
             raise misplaced(("scatter",), str(error), self.scatter) from error
         return self.model_copy(update={"obstacles": self.obstacles + drawn, "scatter": None})
 
+    def __repr__(self) -> str:
+        normal = sum(group.size for group in self.agents if group.role == "normal")
+        adversaries = sum(group.size for group in self.agents) - normal
+        agents = f"{normal} normal and {adversaries} adversary agents"
+        return f"Scenario({self.name!r}, {agents}, {self.duration:g} s, seed {self.seed})"
+
+    __str__ = __repr__
+
     def roster(self) -> Iterator[tuple[str, AgentGroup, int]]:
         """Every agent in order: name, its group, its place in the group."""
         for group in self.agents:

@@ -154,6 +154,7 @@ def test_a_replay_is_served_until_it_is_closed(run: phalanx.Run):
     with run.view(free_port()) as page:
         assert urllib.request.urlopen(page.url, timeout=60).status == 200
         assert page.url in page._repr_html_()
+        assert f"phalanx view {run.folder}" in page._repr_html_()  # where a frame stays blank
     with pytest.raises(OSError, match="refused"):
         urllib.request.urlopen(page.url, timeout=5)
 

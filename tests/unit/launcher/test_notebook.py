@@ -1,0 +1,37 @@
+"""What a notebook shows of a scenario, a check and a summary; and mistakes refused before a run."""
+
+from pathlib import Path
+
+import pytest
+
+import phalanx
+from tests.unit.report.recordings import drift, record, summary_of, unicycles
+
+
+def test_a_scenario_a_check_and_a_summary_say_what_they_are() -> None:
+    scenario = phalanx.load("one-on-one", seed=4)
+    assert repr(scenario) == str(scenario)
+    assert repr(scenario) == "Scenario('one-on-one', 1 normal and 1 adversary agents, 20 s, seed 4)"
+    answer, *words = repr(phalanx.check(scenario)).split("\n")
+    assert answer == "a run can end guaranteed (relative degree q = 1)"
+    assert words
+    assert all(line.startswith("- ") for line in words)
+    shown = repr(summary_of(scenario, "too\x1b[2J close"))
+    assert shown == (
+        r"Summary(violated after 20 s: 'too\x1b[2J close', worst h_tot 0.25 at t = 0.300 s)"
+    )
+
+
+def test_what_is_no_function_is_refused_before_anything_is_made(tmp_path: Path) -> None:
+    refused = pytest.raises(ValueError, match="expected a function to call, got True")
+    with refused:
+        phalanx.run("one-on-one", progress=True, out=tmp_path / "runs")
+    with refused:
+        phalanx.run("one-on-one", announce=True, out=tmp_path / "runs")
+    assert list(tmp_path.iterdir()) == []
+    scenario = unicycles()
+    run = phalanx.open(record(tmp_path, scenario, drift(scenario), summary_of(scenario)))
+    with refused:
+        run.report(progress=True)
+    with refused:
+        run.verify(progress=True)
