@@ -9,7 +9,7 @@ from phalanx.viewer.page.channel import Action, Channel
 from phalanx.viewer.page.commands import Commands
 from phalanx.viewer.page.panels import Panels
 from phalanx.viewer.page.server import open_page
-from phalanx.viewer.plots.plots import content
+from phalanx.viewer.plots.plots import content, values_at
 from phalanx.viewer.scene.display import add_display
 from phalanx.viewer.scene.picture import picture
 from phalanx.viewer.scene.scene import Scene
@@ -60,6 +60,7 @@ class Page:
         self._channel = Channel(self.server, self._act)
         self._plotted: tuple[int, int, int] | None = None
         self._plots_due = 0.0
+        self._pair = 0
         self._commands = None
         if isinstance(feed, Live) and feed.commandable and token:
             self._commands = Commands(self.server, feed, token, lambda: model.names[self.selected])
@@ -116,9 +117,13 @@ class Page:
             self._stale, self._texts_due = False, now + _TEXT_PERIOD
         self._scene.show(picture(self._feed.model, self._frame), self.selected)
         if texts_due or isinstance(self._feed, Replay):
-            self._channel.call("at", _clock(self._frame))
+            self._channel.call("at", self._clock(self._frame))
         if texts_due:
             self._tell(self._frame)
+
+    def _clock(self, frame: Frame) -> dict[str, object]:
+        values = values_at(self._feed, frame, self.selected, self._pair)
+        return {"t": frame.t, "playing": not frame.paused, "speed": frame.speed, "values": values}
 
     def _tell(self, frame: Frame) -> None:
         """Texts, in one message to every page."""
@@ -137,6 +142,7 @@ class Page:
         began, chosen = time.thread_time(), [self.selected]
         drawn = content(self._feed, self._told(), isinstance(self._feed, Replay), chosen)
         self._channel.call("show", drawn)
+        self._pair, self._stale = drawn.pair, True
         taken = time.thread_time() - began
         self._plotted, self._plots_due = shown, now + max(_PLOT_PERIOD, taken / _PLOT_SHARE)
 
@@ -160,7 +166,3 @@ class Page:
             replay.play(action.play)
         if action.speed is not None:
             replay.set_speed(action.speed)
-
-
-def _clock(frame: Frame) -> dict[str, object]:
-    return {"t": frame.t, "playing": not frame.paused, "speed": frame.speed}

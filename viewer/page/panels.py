@@ -83,7 +83,7 @@ def _items(items: Sequence[Markup]) -> Markup:
 
 def _log(lines: Sequence[LogLine]) -> Markup:
     """The last line first."""
-    items = [element("li", element("code", f"{x.t:.3f} s"), " ", x.text) for x in reversed(lines)]
+    items = [element("li", f"{line.t:.3f} s  {line.text}") for line in reversed(lines)]
     return _items(items) if items else _words("Nothing yet.")
 
 

@@ -102,6 +102,8 @@ class Content(msgspec.Struct):
     agents: list[str]
     adversaries: list[bool]
     chosen: int
+    pair: int
+    """The pair whose h is bold."""
     plots: list[Plot]
     periods: list[Period]
     marks: list[Mark]

@@ -149,20 +149,25 @@ function drawCursor(plot) {
     p.fillRect(x, TOP, width - RIGHT - x, height - TOP - BOTTOM);
   }
   line(p, [[x, TOP], [x, height - BOTTOM]], colour("ink"), 1);
-  value.textContent = valueAt(shown[plot.index], clock.t);
+  value.textContent = toldValue(shown[plot.index], clock);
 }
 
-// The bold curve's value at a time, and the curve's name if the title does not say whose it is.
-function valueAt({ curves }, t) {
+// The bold curve's value, and the curve's name if the title does not say whose it is. A server tells
+// it; a file has the curve alone, which is thinned.
+function toldValue({ curves, title }, { t, values }) {
   const chosen = curves.find(isBold);
   if (!chosen) return "";
+  const value = values && title in values ? values[title] : valueAt(chosen, t);
+  return value == null ? "" : (chosen.name ? chosen.name + ": " : "") + label(value);
+}
+
+function valueAt(chosen, t) {
   let low = 0, high = chosen.t.length;
   while (low < high) {
     const middle = (low + high) >> 1;
     if (chosen.t[middle] <= t) low = middle + 1; else high = middle;
   }
-  if (!chosen.y.length) return "";
-  return (chosen.name ? chosen.name + ": " : "") + label(chosen.y[Math.max(low - 1, 0)]);
+  return chosen.y[Math.max(low - 1, 0)];
 }
 
 function ticks(low, high, most) {
@@ -183,3 +188,6 @@ function decades(low, high) {
 const label = v => String(Math.abs(v) < 1e-9 ? 0 : Number(v.toPrecision(4)));
 
 redraws.push(drawPlots);
+// What is drawn into layers keeps the colours of the page that it was drawn on.
+new MutationObserver(() => redraw(true)).observe(
+  document.documentElement, { attributeFilter: ["data-mantine-color-scheme"] });

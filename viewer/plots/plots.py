@@ -22,6 +22,7 @@ from phalanx.viewer.plots.curves import (
 )
 from phalanx.viewer.plots.lanes import lanes, zoom
 from phalanx.viewer.plots.periods import empty_periods, fault_periods
+from phalanx.wire.frames import Frame
 
 Array = NDArray[np.float64]
 Safe = tuple[float | None, float | None]
@@ -29,6 +30,9 @@ Safe = tuple[float | None, float | None]
 LEAST_HORIZON = 0.1
 """Where a certified time is drawn that is shorter than this many τ, for a logarithm."""
 _NEAR_PAIRS = 6
+_H_TOT, _WORST_PAIRS, _DISTANCE = "h_tot", "h of the worst pairs", "Smallest distance"
+_CERTIFIED, _RESIDUAL, _MARGIN = "Certified for", "Residual of the row", "Margin of the row"
+_AGE, _STEP = "Age of the oldest û", "Control step"
 _STEPS = 500
 """An arrow key moves the cursor by this share of the run."""
 _UNSAFE_ABOVE_0: Safe = (None, 0.0)
@@ -61,6 +65,7 @@ def content(
         agents=list(model.names),
         adversaries=model.adversary.tolist(),
         chosen=told[0],
+        pair=plots.worst_pair,
         plots=plots.of_swarm() + plots.of_agents(inputs),
         periods=[
             *fault_periods(past.conditions, now),
@@ -68,6 +73,26 @@ def content(
         ],
         marks=_marks(feed, steps),
     )
+
+
+def values_at(feed: Feed, frame: Frame, chosen: int, pair: int) -> dict[str, float | None]:
+    """What the bold curves are at a frame, by plot: the curves themselves are thinned."""
+    model, x, status = feed.model, np.frombuffer(frame.x, dtype="<f8"), frame.agents[chosen]
+    rows = feed.history.swarm.rows
+    found: dict[str, float | None] = {_WORST_PAIRS: model.values.h(pair, x)}
+    if len(rows):
+        row = rows[max(int(np.searchsorted(rows[:, 0], frame.t, side="right")) - 1, 0)]
+        titles = [_H_TOT, _DISTANCE, *map(_psi, model.psi_levels)]
+        found |= dict(zip(titles, row[1:].tolist(), strict=True))
+    if not status.u:
+        return found
+    certified, age, residual = status.certified, status.age, status.residual
+    horizon = model.swarm.horizon(chosen)
+    found[_CERTIFIED] = None if certified is None else max(certified / horizon, LEAST_HORIZON)
+    found[_RESIDUAL] = None if residual is None or residual <= NOBODY_NEAR else residual
+    found[_AGE] = None if age is None else 1e3 * age
+    found |= {_MARGIN: status.margin, _STEP: 1e3 * status.solve_time}
+    return found | dict(zip(map(_input, model.input_names(chosen)), status.u, strict=True))
 
 
 class _Plots:
@@ -83,16 +108,20 @@ class _Plots:
         """times: of the plots' begin and end, and how far the run has come [s]."""
         self._model, self._history = feed.model, feed.history
         self._steps, self._told, self._times = steps, told, times
+        self._pairs = self._history.pairs()
+        every = self._pairs.h.max(axis=0) if len(self._pairs.t) else np.zeros(1)
+        self._nearest = np.argsort(every)[-_NEAR_PAIRS:].tolist()
+        self.worst_pair = self._nearest[-1]
 
     def of_swarm(self) -> list[Plot]:
         rows, pairs = self._history.swarm.rows, self._near_pairs()
         of_h, levels = self._unit_of_psi(0), self._model.psi_levels
         psi = {k: [_bold(rows, 2 + k, highest)] for k in levels}
         return [
-            Plot("h_tot", of_h, [_bold(rows, 1, highest)], _UNSAFE_ABOVE_0),
-            Plot("h of the worst pairs", of_h, pairs, _UNSAFE_ABOVE_0),
-            Plot("Smallest distance", "m", [_bold(rows, 2, lowest)], self._least_distance()),
-            *(Plot(f"ψ_{k}", self._unit_of_psi(k), psi[k], _UNSAFE_ABOVE_0) for k in levels),
+            Plot(_H_TOT, of_h, [_bold(rows, 1, highest)], _UNSAFE_ABOVE_0),
+            Plot(_WORST_PAIRS, of_h, pairs, _UNSAFE_ABOVE_0),
+            Plot(_DISTANCE, "m", [_bold(rows, 2, lowest)], self._least_distance()),
+            *(Plot(_psi(k), self._unit_of_psi(k), psi[k], _UNSAFE_ABOVE_0) for k in levels),
         ]
 
     def _unit_of_psi(self, k: int) -> str:
@@ -109,12 +138,12 @@ class _Plots:
         of_row = self._unit_of_psi(len(self._model.psi_levels) + 1)
         margins = self._every(lambda _, s: s.margin, highest)
         return [
-            Plot("Certified for", "τ", horizons, (1.0, None), logarithmic=True, of_agents=True),
+            Plot(_CERTIFIED, "τ", horizons, (1.0, None), logarithmic=True, of_agents=True),
             *inputs,
-            Plot("Residual of the row", of_row, residuals, _UNSAFE_ABOVE_0, of_agents=True),
-            Plot("Margin of the row", of_row, margins, of_agents=True),
-            Plot("Age of the oldest û", "ms", ages, of_agents=True),
-            Plot("Control step", "ms", solve_times, of_agents=True),
+            Plot(_RESIDUAL, of_row, residuals, _UNSAFE_ABOVE_0, of_agents=True),
+            Plot(_MARGIN, of_row, margins, of_agents=True),
+            Plot(_AGE, "ms", ages, of_agents=True),
+            Plot(_STEP, "ms", solve_times, of_agents=True),
             *self._space_time(),
         ]
 
@@ -139,10 +168,9 @@ class _Plots:
         return (2.0 * self._model.radius if self._model.radius else None), None
 
     def _near_pairs(self) -> list[Curve]:
-        t, h = self._history.pairs()
+        (t, h), (*others, worst) = self._pairs, self._nearest
         if not len(t):
             return []
-        *others, worst = np.argsort(h.max(axis=0))[-_NEAR_PAIRS:].tolist()
         label = self._model.label
         return [
             *(curve(Series(t, h[:, k]), highest, label(k)) for k in others),
@@ -170,8 +198,15 @@ class _Plots:
         safe: Safe = (None, None) if bounds is None else (float(bounds[0][c]), float(bounds[1][c]))
         name = self._model.input_names(i)[c]
         unit = self._model.input_units[i][name]
-        title = f"Input {name} and nominal"
-        return Plot(title, unit, curves, safe, of_agents=True, agent=i)
+        return Plot(_input(name), unit, curves, safe, of_agents=True, agent=i)
+
+
+def _psi(k: int) -> str:
+    return f"ψ_{k}"
+
+
+def _input(name: str) -> str:
+    return f"Input {name} and nominal"
 
 
 def _of_rows(_: int, steps: AgentSeries) -> Array:

@@ -35,7 +35,7 @@ const isSeekable = () => content !== null && content.seekable;
 function seek(t) {
   if (!isSeekable()) return;
   t = clamp(t, content.begin, content.end);
-  phalanx.at({ ...clock, t, playing: false });  // what comes back says the same, a little later
+  phalanx.at({ ...clock, t, playing: false, values: null });  // what comes back says the same, a little later
   phalanx.act({ seek: t });
 }
 

@@ -15,16 +15,23 @@ const speed = element("select", { title: "Speed", className: "phx-seek",
   onchange() { phalanx.act({ speed: Number(this.value) }); this.blur(); } },
   ...SPEEDS.map(s => new Option(s + " ×", s)));
 const plotsButton = button("plots", "Show or fold the plots", foldPlots, "");
+const firstViolation = () => content.marks.filter(mark => mark.kind === "violation")
+  .reduce((first, mark) => !first || mark.t < first.t ? mark : first, null);
+// The first state of which the violation is known lies after it.
+const violationButton = button("violation", "To the first violation", () => {
+  seek(firstViolation().t);
+  phalanx.act({ step: 1 });
+});
 const bar = element("footer", { id: "phx-timeline" },
   button("|◀", "To the start (home)", () => seek(content.begin)), play, speed, time, track,
   button("worst", "To the worst moment", () => {
     const worst = content.marks.find(mark => mark.kind === "worst");
     if (worst) seek(worst.t);
   }),
-  plotsButton);
+  violationButton, plotsButton);
 document.body.append(bar);
 
-const narrow = matchMedia("(max-width: 1000px)");
+const narrow = matchMedia("(max-width: 1200px)");
 const fold = folded => {
   document.body.classList.toggle("phx-folded", folded);
   document.body.classList.toggle("phx-open", !folded);
@@ -61,6 +68,7 @@ redraws.push(() => {
     node.classList.toggle("phx-seekable", content.seekable);
   }
   bar.classList.toggle("phx-seekable", content.seekable);
+  violationButton.hidden = !firstViolation();
   play.textContent = clock.playing ? "⏸" : "▶";
   if (document.activeElement !== speed) speed.value = clock.speed;
   time.textContent = clock.t.toFixed(3) + " s";

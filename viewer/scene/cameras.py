@@ -95,7 +95,9 @@ class Cameras:
     def keep(self, framing: Framing) -> None:
         """Keep this in sight from now on, from a distance that fits."""
         self.framing = framing
-        self._visitors = {}
+        alone = framing is Framing.AGENT  # from as far away as everybody is now
+        known = self._visitors if alone else {}
+        self._visitors = {k: _Visitor(v.asked, v.asked.distance) for k, v in known.items()}
         self.on_keep(framing)
 
     def ask_for_shapes(self) -> None:
@@ -148,9 +150,10 @@ class Cameras:
     ) -> None:
         visitor = self._visitors.get(key)
         if visitor is None:
-            visitor = self._visitors[key] = _Visitor(seen, seen.distance)
-            if not alone:  # whoever just came may not look where he is to yet
-                seen = replace(self._first, aspect=seen.aspect, pixels=seen.pixels)
+            # Whoever just came may not look where he is to yet.
+            first = replace(self._first, aspect=seen.aspect, pixels=seen.pixels)
+            visitor = self._visitors[key] = _Visitor(seen, first.distance)
+            seen = first
         else:
             if not _close(seen.distance, self._first.distance):  # his browser put him there
                 visitor.saw(seen)

@@ -1,5 +1,7 @@
 """Names of agents and the worst pair's distance, written where they cover no other text."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import viser
 from numpy.typing import NDArray
@@ -22,7 +24,10 @@ LETTER, _LINE = 0.013, 0.032
 
 
 class LabelNodes:
-    """The most important texts first: unsafe agents, the chosen one, the worst pair, the others."""
+    """The most important texts first: unsafe agents, the chosen one, the worst pair, the others.
+
+    Names of the first two stand wherever there is room around their agents, the others above.
+    """
 
     def __init__(self, scene: viser.SceneApi, model: SceneModel) -> None:
         self._model = model
@@ -36,36 +41,51 @@ class LabelNodes:
 
     def show(self, picture: Picture, selected: int | None, sizes: Array, view: View) -> None:
         """Write what there is room for; sizes of the bodies [m], shape (N,)."""
-        whose, texts, at = self._wanted(picture, selected, sizes, view)
-        shown = apart(view.project(at) / view.smallness, [len(text) for text in texts])
+        whose, texts, places = self._wanted(picture, selected, sizes, view)
+        on_page = [view.project(each) / view.smallness for each in places]
+        shown = apart(on_page, [len(text) for text in texts])
         shown = shown[: len(self._free) + len(self._shown)]
-        for gone in self._shown.keys() - {whose[k] for k in shown}:
+        for gone in self._shown.keys() - {whose[k] for k, _ in shown}:
             self._free.append(self._shown.pop(gone))
-        steady = _STEADY * view.spans(at)
-        for k in shown:
+        for k, place in shown:
+            at = places[k][place]
             node = self._shown.get(whose[k]) or self._free.pop()
             self._shown[whose[k]] = node
             update(node, text=texts[k], visible=True)
-            if np.abs(at[k] - node.position).max() > steady[k]:
-                node.position = tuple(at[k])
+            if np.abs(at - node.position).max() > _STEADY * view.spans(at[None])[0]:
+                node.position = tuple(at)
         for node in self._free:
             node.visible = False
 
     def _wanted(
         self, picture: Picture, selected: int | None, sizes: Array, view: View
-    ) -> tuple[list[int], list[str], Array]:
-        """Whose texts, and these, the most important first; where they stand, shape (l, 3)."""
-        model, up = self._model, view.axes[1]
-        first = [*np.flatnonzero(picture.unsafe_agents), *([] if selected is None else [selected])]
+    ) -> tuple[list[int], list[str], list[Array]]:
+        """Whose texts, and these, the most important first; of each its places, shapes (c, 3)."""
+        model = self._model
+        chosen = [] if selected is None else [selected]
+        first = list(dict.fromkeys([*np.flatnonzero(picture.unsafe_agents).tolist(), *chosen]))
         others = [] if model.crowded else range(len(model.names))
-        agents = list(dict.fromkeys([*first, *sorted(model.agents_of([picture.pair])), *others]))
-        spans = view.spans(picture.positions[agents])
-        clear = 1.1 * sizes[agents] + 0.5 * _LINE * view.smallness * spans
-        above = picture.positions[agents] + clear[:, None] * up
-        texts = [picture.worst_pair_text, *(model.names[i] for i in agents)]
+        later = dict.fromkeys([*sorted(model.agents_of([picture.pair])), *others])
+        whose = [*first, _PAIR, *(i for i in later if i not in first)]
+        texts = [picture.worst_pair_text if i == _PAIR else model.names[i] for i in whose]
         clear_of = 1.5 * float(sizes[sorted(model.agents_of([picture.pair]))].max())
-        place = beside(*picture.worst_pair, len(texts[0]), clear_of, view)
-        return [_PAIR, *agents], texts, np.concatenate([place[None], above])
+        beside_pair = beside(*picture.worst_pair, len(picture.worst_pair_text), clear_of, view)
+        around = [
+            beside_pair[None] if i == _PAIR else self._around(picture, i, sizes[i], view)
+            for i in whose
+        ]
+        ways = [8 if i in first else 1 for i in whose]
+        return whose, texts, [at[:count] for at, count in zip(around, ways, strict=True)]
+
+    def _around(self, picture: Picture, i: int, size: float, view: View) -> Array:
+        """Above an agent and at seven other places around it, shape (8, 3)."""
+        at, (right, up, _) = picture.positions[i], view.axes
+        letter = view.smallness * float(view.spans(at[None])[0])
+        high = (1.1 * size + 0.5 * _LINE * letter) * up
+        wide = (1.1 * size + 0.5 * LETTER * (len(self._model.names[i]) + 1.0) * letter) * right
+        sides = [high, -high, wide, -wide]
+        found: Array = at + np.array([*sides, high + wide, high - wide, wide - high, -high - wide])
+        return found
 
 
 def beside(a: Array, b: Array, letters: int, clear: float, view: View) -> Array:
@@ -85,18 +105,20 @@ def beside(a: Array, b: Array, letters: int, clear: float, view: View) -> Array:
     return found
 
 
-def apart(at: Array, letters: list[int]) -> list[int]:
-    """Which texts, the first ones first, cover none of those before them.
+def apart(places: Sequence[Array], letters: Sequence[int]) -> list[tuple[int, int]]:
+    """Which texts, the first ones first, cover none of those before them, and at which place.
 
     Args:
-        at: where they stand in a usual picture, in its shorter sides, shape (l, 2).
+        places: where each may stand in a usual picture, in its shorter sides, shapes (c, 2).
         letters: how long each is.
     """
-    halves = np.column_stack([LETTER * (np.array(letters) + 1.0), np.full(len(at), _LINE)]) / 2.0
-    reach = halves[:, None] + halves
-    covers: list[list[bool]] = np.all(np.abs(at[:, None] - at) < reach, axis=2).tolist()
-    shown: list[int] = []
-    for k in range(len(at)):
-        if not any(covers[k][other] for other in shown):
-            shown.append(k)
+    shown: list[tuple[int, int]] = []
+    taken: list[tuple[float, float, float]] = []
+    for k, (ways, count) in enumerate(zip(places, letters, strict=True)):
+        half = LETTER * (count + 1.0) / 2.0
+        for place, (x, y) in enumerate(ways.tolist()):
+            if all(abs(x - a) >= half + wide or abs(y - b) >= _LINE for a, b, wide in taken):
+                shown.append((k, place))
+                taken.append((x, y, half))
+                break
     return shown

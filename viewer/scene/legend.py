@@ -23,6 +23,7 @@ def legend() -> Markup:
     marks += [
         _mark("◉", DANGER, "unsafe: h above 0"),
         _mark("◯", (100, 116, 139), "circles touch where h = 0"),
+        element("span", element("b", "◯"), " chosen agent"),
         _mark("—", WORST_PAIR, "worst pair"),
         _mark("—", LATE, "late link"),
         _mark("—", DANGER, "lost link"),

@@ -28,6 +28,7 @@ class LineNodes:
         self._links = _lines(scene, "/links", np.tile(LATE, (1, 2, 1)), 1.5)
         self._links.visible = False
         self._colours = np.tile(palette.faint, (len(model.names), 1))
+        self._past = np.zeros((0, len(model.names), 3))
 
     def show(self, picture: Picture, selected: int | None) -> None:
         """Redraw the pairs and the link events; in a crowd, those of the selected agent."""
@@ -50,6 +51,7 @@ class LineNodes:
 
     def show_recent_paths(self, positions: Array) -> None:
         """Draw paths through past positions, shape (s, N, 3), in the agents' colours, fading."""
+        self._past = positions
         if len(positions) > 1:
             past = single(positions)
             self._paths.points = np.stack([past[:-1], past[1:]], axis=2).reshape(-1, 2, 3)
@@ -64,6 +66,7 @@ class LineNodes:
             palette,
             np.array(self._of_drops(palette), dtype=np.uint8),
         )
+        self.show_recent_paths(self._past)
 
     def _of_drops(self, palette: Palette) -> Colour:
         return palette.sections if self._model.crowded else palette.faint

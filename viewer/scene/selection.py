@@ -10,8 +10,8 @@ from phalanx.viewer.scene.palette import Palette
 
 Array = NDArray[np.float64]
 
-_AROUND = 1.9
-"""Radius of the ring, in bodies."""
+_AROUND = 1.12
+"""Radius of the ring, in bodies: a little less than a disc's, so that it crosses no other's."""
 
 
 class SelectionNodes:
@@ -19,7 +19,7 @@ class SelectionNodes:
 
     def __init__(self, scene: viser.SceneApi, palette: Palette) -> None:
         self._ring = scene.add_mesh_simple(
-            "/selected", *ring(0.95), color=palette.ink, visible=False, cast_shadow=False
+            "/selected", *ring(0.93), color=palette.ink, visible=False, cast_shadow=False
         )
 
     def show(self, positions: Array, selected: int | None, sizes: Array) -> None:

@@ -9,8 +9,13 @@ import sys
 import threading
 import time
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
+
+import msgspec
+import viser
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
 
 from phalanx.viewer.feeds.replay import Replay
 from phalanx.viewer.page.page import Page
@@ -63,6 +68,22 @@ def viewer(*arguments: str, command_secret: bytes = b"") -> Iterator[Viewer]:
     finally:
         started.process.kill()
         print(started.process.communicate()[0])  # seen if the test fails
+
+
+@contextlib.contextmanager
+def visitor(
+    port: int, position: Sequence[float] = (0.0, 0.0, 0.0), look_at: Sequence[float] = (1.0,) * 3
+) -> Iterator[ClientConnection]:
+    """A visitor without a browser, who looks from one point of the scene at another."""
+    camera = {
+        "type": "ViewerCameraMessage", "wxyz": [1.0, 0.0, 0.0, 0.0], "fov": 1.0,
+        "position": position, "look_at": look_at, "up_direction": [0.0, 1.0, 0.0],
+        "near": 0.1, "far": 9.0, "image_height": 9, "image_width": 9,
+    }  # fmt: skip
+    protocol = Subprotocol(f"viser-v{viser.__version__}")
+    with connect(f"ws://127.0.0.1:{port}", subprotocols=[protocol]) as connection:
+        connection.send(msgspec.msgpack.encode(camera))
+        yield connection
 
 
 @contextlib.contextmanager

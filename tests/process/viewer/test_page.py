@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 import pytest
-import viser
 import zstandard
 from websockets.sync.client import connect
-from websockets.typing import Subprotocol
 
 from phalanx.guarantee.verdict import Assumption, Outcome, Violation
 from phalanx.recording.read import read
@@ -23,7 +21,7 @@ from phalanx.scenario.load import load
 from phalanx.viewer.feeds.replay import open_replay
 from phalanx.viewer.plots.plots import content
 from tests.process.runs import COMMAND_SECRET, HELD, live_run, wait_for
-from tests.process.viewer.pages import served, viewer
+from tests.process.viewer.pages import served, viewer, visitor
 
 if TYPE_CHECKING:
     from playwright.sync_api import Locator, WebSocket
@@ -72,6 +70,8 @@ def test_a_click_on_a_plot_or_on_the_timeline_moves_the_run_there(
         tab.get_by_text("5 agents (2 adversaries)").wait_for()
         wait_for(lambda: time_shown(tab) == 0.0)
         plot = tab.locator("#phx-plots canvas").first
+        beside = tab.locator("#phx-plots h2", has_text="h_tot").locator("output")
+        wait_for(lambda: f"h_tot {float(beside.inner_text()):.2f}" in tab.inner_text("body"))
         before = plot.screenshot()
         click_at(tab, plot, 0.5)
         wait_for(lambda: abs(time_shown(tab) - 2.0) < 0.05)
@@ -84,6 +84,26 @@ def test_a_click_on_a_plot_or_on_the_timeline_moves_the_run_there(
         wait_for(lambda: abs(time_shown(tab) - worst) < 0.002)
         tab.get_by_text("Certified for [τ], agent 1").wait_for()
         assert tab.get_by_text("Command", exact=True).count() == 0
+
+
+def test_a_page_that_turns_dark_keeps_nothing_of_the_light_one(tab: "Tab", finished: Path) -> None:
+    def painted() -> bytes:
+        tab.evaluate("new Promise(then => requestAnimationFrame(() => setTimeout(then)))")
+        return plot.screenshot()
+
+    with served(replay := open_replay(finished)) as page:
+        tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
+        plot = tab.locator("#phx-plots canvas").first
+        plot.wait_for()
+        replay.seek(replay.end)
+        wait_for(lambda: time_shown(tab) == round(replay.end, 3))
+        tab.get_by_role("checkbox", name="Dark").check(force=True)
+        tab.locator("html[data-mantine-color-scheme=dark]").wait_for(state="attached")
+        turned = painted()
+        tab.evaluate("dispatchEvent(new Event('resize'))")  # it draws all of it anew
+        assert painted() == turned
+        paths = page.server.scene.get_handle_by_name("/recent paths")
+        wait_for(lambda: paths.colors[0, 0].max() < 60)
 
 
 def test_the_keyboard_plays_pauses_and_moves_the_cursor(tab: "Tab", finished: Path) -> None:
@@ -279,17 +299,8 @@ def test_a_page_without_the_token_shows_and_cannot_command(tab: "Tab", tmp_path:
         }
         assert set(buttons.values()) == {"Kill", "Pause"}
         address, _, token = page.url.partition("/?token=")
-        camera = {
-            "type": "ViewerCameraMessage", "wxyz": [1.0, 0.0, 0.0, 0.0], "fov": 1.0,
-            "position": [0.0] * 3, "look_at": [1.0] * 3, "up_direction": [0.0, 0.0, 1.0],
-            "near": 0.1, "far": 9.0, "image_height": 9, "image_width": 9,
-        }  # fmt: skip
-        protocol = Subprotocol(f"viser-v{viser.__version__}")
-        with (
-            connect(address.replace("http", "ws"), subprotocols=[protocol]) as shown,
-            connect(f"{address.replace('http', 'ws')}/actions") as acting,
-        ):
-            shown.send(msgspec.msgpack.encode(camera))
+        port = int(address.rpartition(":")[2])
+        with visitor(port) as shown, connect(f"ws://127.0.0.1:{port}/actions") as acting:
             received = ""
             while "t = " not in received:  # it sees the run
                 received += str(told(bytes(shown.recv(60))))

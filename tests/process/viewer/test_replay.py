@@ -12,7 +12,7 @@ from phalanx.scenario.load import load
 from phalanx.viewer.feeds.history import EMPTY_CODES
 from phalanx.viewer.feeds.replay import Replay, open_replay
 from phalanx.viewer.plots.content import Content, Plot
-from phalanx.viewer.plots.plots import LEAST_HORIZON, content
+from phalanx.viewer.plots.plots import LEAST_HORIZON, content, values_at
 from phalanx.viewer.scene.picture import picture
 from phalanx.wire.frames import Frame
 from tests.process.runs import PACED, live_run, wait_for
@@ -50,6 +50,21 @@ def test_a_replay_shows_what_was_seen_live(tmp_path: Path) -> None:
     assert again.pair == live_frame.pair
     assert again.worst_h == live_frame.worst_h
     assert read(tmp_path / "live").summary == summary
+
+
+def test_beside_a_plot_stands_what_the_run_was_and_not_its_thinned_curve(replay: Replay) -> None:
+    shown = content(replay, range(5), seekable=True)
+    bold = {
+        plot.title
+        for plot in shown.plots
+        if plot.agent in (None, 0) and any(c.role == "chosen" or c.agent == 0 for c in plot.curves)
+    }
+    for t in np.linspace(0.0, replay.end, 7):
+        frame = replay.frame(float(t))
+        values = values_at(replay, frame, 0, shown.pair)
+        assert bold == set(values)
+        assert values["h_tot"] == frame.h_tot
+        assert values["Residual of the row"] == frame.agents[0].residual
 
 
 def test_a_live_run_marks_violations_as_they_happen(tmp_path: Path) -> None:

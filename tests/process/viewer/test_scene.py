@@ -21,7 +21,7 @@ from phalanx.viewer.scene.picture import Picture, picture
 from phalanx.viewer.scene.server import SceneServer, in_loop
 from phalanx.viewer.scene.view import View
 from tests.process.runs import free_port, wait_for
-from tests.process.viewer.pages import served
+from tests.process.viewer.pages import served, visitor
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page as Tab
@@ -103,19 +103,26 @@ def test_the_camera_holds_all_agents_throughout(
 
 
 @contextmanager
-def seen_from_above(
-    tab: "Tab", swarm: Array
-) -> Iterator[tuple[SceneServer, Cameras, Callable[[], View]]]:
-    """A page, cameras that expect a swarm of shape (N, 3) [m], and how a browser looks at it."""
+def cameras_from_above(swarm: Array) -> Iterator[tuple[SceneServer, Cameras]]:
+    """A page, and cameras that expect a swarm of shape (N, 3) [m]."""
     from_above = View(np.array([0.0, 0.0, 9.0]), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.8, 1.5)
     server = open_page("127.0.0.1", free_port(), "cameras")
     try:
         cameras = Cameras(server, from_above, reach=0.1)
         cameras.expect(swarm)
         server.admit()
-        yield server, cameras, open_tab(tab, server)
+        yield server, cameras
     finally:
         server.stop()
+
+
+@contextmanager
+def seen_from_above(
+    tab: "Tab", swarm: Array
+) -> Iterator[tuple[SceneServer, Cameras, Callable[[], View]]]:
+    """The same, and how a browser looks at it."""
+    with cameras_from_above(swarm) as (server, cameras):
+        yield server, cameras, open_tab(tab, server)
 
 
 TOGETHER = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -235,6 +242,47 @@ def test_who_follows_an_agent_has_it_in_the_middle_and_may_zoom(tab: "Tab", fini
         assert view().distance < 0.7 * far
 
 
+def test_who_comes_while_an_agent_is_kept_in_sight_sees_it_from_above_and_afar() -> None:
+    with cameras_from_above(TOGETHER) as (server, cameras):
+        cameras.keep(Framing.AGENT)
+        # As a browser does that has not put its camera yet where it is told to: from below.
+        with visitor(server.get_port(), position=[0.1, 0.0, -0.2], look_at=[0.1, 0.0, 0.0]):
+            wait_for(server.get_clients)
+            server.run(lambda: cameras.show(TOGETHER, 1))
+            (client,) = server.get_clients().values()
+            assert client.camera.look_at == pytest.approx(TOGETHER[1])
+            assert client.camera.position[2] > 1.0
+
+
+def test_a_recordings_first_violation_is_a_click_away_and_its_names_are_there(
+    tab: "Tab", violated: Path
+) -> None:
+    replay = open_replay(violated)
+    with served(replay) as page:
+        open_tab(tab, page.server)
+        tab.get_by_role("button", name="violation").click()
+        wait_for(lambda: replay.t >= replay.violations[0].first)
+        tab.locator(".phalanx-alarm").get_by_text("1-2 unsafe: ").wait_for()
+        replay.seek(replay.worst_at)
+
+        def named() -> set[str]:
+            nodes = page.server.scene.get_handle_by_name
+            labels = [nodes(f"/labels/{k}") for k in range(6)]
+            return {node.text for node in labels if node.visible}
+
+        wait_for(lambda: set(replay.model.names) <= named())
+
+
+def test_the_plots_fold_before_they_leave_the_scene_no_room(tab: "Tab", finished: Path) -> None:
+    with served(open_replay(finished)) as page:
+        tab.set_viewport_size({"width": 1024, "height": 768})
+        open_tab(tab, page.server)
+        tab.get_by_role("button", name="plots").wait_for()
+        assert not tab.locator("#phx-plots").is_visible()
+        tab.set_viewport_size({"width": 1440, "height": 900})
+        tab.locator("#phx-plots").wait_for()
+
+
 def test_a_banner_sounds_the_alarm_while_a_pair_is_unsafe(tab: "Tab", violated: Path) -> None:
     replay = open_replay(violated)
     with served(replay) as page:
@@ -246,6 +294,9 @@ def test_a_banner_sounds_the_alarm_while_a_pair_is_unsafe(tab: "Tab", violated: 
         banner.wait_for()
         assert "1-2 unsafe: " in banner.inner_text()
         assert "since t = 1.001 s" in banner.inner_text()
+        notice = tab.locator(".mantine-Notification-root").bounding_box()  # of drawing in software
+        alarm = banner.bounding_box()
+        assert notice is None or (alarm and notice["y"] > alarm["y"] + alarm["height"])
         for k in range(2, 6):
             tab.get_by_role("listitem").filter(has_text=f"1-{k} left the safe set").wait_for()
         replay.seek(0.5)

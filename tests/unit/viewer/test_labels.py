@@ -6,20 +6,29 @@ from phalanx.viewer.scene.labels import LETTER, apart, beside
 from phalanx.viewer.scene.view import View
 
 
+def placed(at: list[list[float]], letters: list[int]) -> list[int]:
+    """Which texts are shown that have a place each."""
+    return [text for text, _ in apart([np.array([place]) for place in at], letters)]
+
+
 def test_of_two_texts_in_one_place_the_first_stays() -> None:
-    assert apart(np.array([[0.0, 0.0], [0.01, 0.0], [0.4, 0.0]]), [2, 2, 2]) == [0, 2]
+    assert placed([[0.0, 0.0], [0.01, 0.0], [0.4, 0.0]], [2, 2, 2]) == [0, 2]
+
+
+def test_a_text_with_several_places_takes_the_first_that_is_free() -> None:
+    around = np.array([[0.0, 0.1], [0.0, -0.1], [0.1, 0.0]])
+    assert apart([around] * 4, [1] * 4) == [(0, 0), (1, 1), (2, 2)]
 
 
 def test_a_long_text_needs_more_room_to_its_sides_but_not_above() -> None:
-    beside, above = np.array([[0.0, 0.0], [0.1, 0.0]]), np.array([[0.0, 0.0], [0.0, 0.1]])
-    assert apart(beside, [1, 1]) == [0, 1]
-    assert apart(beside, [20, 1]) == [0]
-    assert apart(above, [20, 20]) == [0, 1]
+    beside, above = [[0.0, 0.0], [0.1, 0.0]], [[0.0, 0.0], [0.0, 0.1]]
+    assert placed(beside, [1, 1]) == [0, 1]
+    assert placed(beside, [20, 1]) == [0]
+    assert placed(above, [20, 20]) == [0, 1]
 
 
 def test_what_gave_way_takes_no_room_itself() -> None:
-    row = np.array([[0.0, 0.0], [0.02, 0.0], [0.04, 0.0]])
-    assert apart(row, [1, 1, 1]) == [0, 2]
+    assert placed([[0.0, 0.0], [0.02, 0.0], [0.04, 0.0]], [1, 1, 1]) == [0, 2]
 
 
 def test_the_text_beside_a_pair_at_the_pictures_edge_stays_inside() -> None:
