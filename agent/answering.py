@@ -35,7 +35,8 @@ class SampleAnswering:
         self._step, self._sealer = step, sealer
         self._send, self._give_up = send, give_up
         self._refusals = Refusals(log)
-        self._pending: Accepted | None = None
+        self.pending: Accepted | None = None
+        """The sample that waits for a broadcast."""
 
     def time(self, stopwatch: Stopwatch) -> None:
         """Have the stopwatch tell computing from handling messages; what is left is waiting."""
@@ -55,7 +56,7 @@ class SampleAnswering:
             # A crash as it would be: no clean-up, no goodbye.
             os.kill(os.getpid(), signal.SIGKILL)
         self.begun = True
-        self._pending = accepted
+        self.pending = accepted
         self._answer_if_complete()
 
     def on_broadcast(self, key: str, payload: bytes) -> None:
@@ -75,14 +76,22 @@ class SampleAnswering:
     def _answer_if_complete(self) -> None:
         # Broadcasts come from other sessions than samples do: nothing orders the two, so a sample
         # may be here before a broadcast that it counts.
-        accepted = self._pending
+        accepted = self.pending
         if accepted is None or self._step.lacks_broadcasts(accepted):
             return
-        self._pending = None
+        self.pending = None
         try:
             self._send(self.answer(accepted))
         except Exception as error:  # a user's law may raise anything, and Zenoh would swallow it
             self.error = error
+            self._give_up()
+
+    def give_up_waiting(self, accepted: Accepted) -> None:
+        """Have a sample fail that waits for a broadcast; any thread may, once it waits too long."""
+        if self.pending is accepted:
+            self.pending = None
+            self.error = self._step.withheld(accepted)
+            log.error("%s", self.error)
             self._give_up()
 
     def _drop(self, key: str, reason: Malformed) -> None:

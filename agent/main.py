@@ -1,5 +1,6 @@
 """The agent's shell: a Zenoh client that answers samples until the hub is gone."""
 
+import contextlib
 import gc
 import logging
 import signal
@@ -10,6 +11,7 @@ from queue import SimpleQueue
 
 from phalanx.agent.answering import SampleAnswering
 from phalanx.agent.step import Answer, ControlStep, StepFailedError, control_steps
+from phalanx.agent.withheld import WithheldWatch
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.watchdog import Watchdog
@@ -47,11 +49,13 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
     # No event: a handler that sets one while this thread begins to wait for it never returns.
     leaving: SimpleQueue[str] = SimpleQueue()
     signal.signal(signal.SIGTERM, lambda *_: leaving.put("told to"))
+    timeout = rows.swarm.scenario.time.timeout
     with (
-        Watchdog(rows.swarm.scenario.time.timeout),
+        Watchdog(timeout),
         open_member(
             membership.endpoint, keys.alive(PLANT), membership.timeout, membership.credentials
         ) as session,
+        contextlib.ExitStack() as while_open,
     ):
         senders = [_Sender(session, keys, sealer, step) for step in steps]
 
@@ -70,6 +74,7 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
             SampleAnswering(step, sealer, sender, give_up)
             for step, sender in zip(steps, senders, strict=True)
         ]
+        while_open.enter_context(WithheldWatch(timeout, answerings))
         for step, answering in zip(steps, answerings, strict=True):
             if stopwatch:
                 answering.time(stopwatch)

@@ -21,11 +21,19 @@ from phalanx.scenario.fields import CONTROLLER
 from phalanx.swarm.distances import Distances
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.seen import SeenStates
+from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.asked import MistakenMethodError, in_words
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.wire.door import Door
 from phalanx.wire.keys import Keys
-from phalanx.wire.messages import Actuation, Broadcast, Sample, Telemetry
+from phalanx.wire.messages import (
+    LONGEST_FAILURE,
+    MAX_BYTES,
+    Actuation,
+    Broadcast,
+    Sample,
+    Telemetry,
+)
 from phalanx.wire.seal import Malformed, Sealer
 
 _AT_HOME = Door(Keys("in-process"), Sealer())
@@ -33,8 +41,8 @@ _AT_HOME = Door(Keys("in-process"), Sealer())
 
 Array = NDArray[np.float64]
 
-_MOST_FATES = 900
-"""In one report: with more it might be refused as too large. After a pause there may be many."""
+_FLOAT, _INT, _HEAD = 9, 5, 3
+"""At most so long are a float, an integer and what begins an array, in a message [bytes]."""
 
 
 class Answer(NamedTuple):
@@ -92,6 +100,8 @@ class ControlStep:
         self._orders: Orders | None = None
         self._latency = swarm.scenario.time.latency
         self._lies = swarm.links.lies(self.name)
+        self.most_fates = _most_fates(swarm)
+        """In one report."""
         self._untold: tuple[Fate, ...] = ()
         """Fates that the plant has not been told of yet."""
         self._past: deque[tuple[float, ...]] = deque(maxlen=self._lies.reach)
@@ -132,6 +142,17 @@ class ControlStep:
         """Whether a broadcast that a sample counts has yet to arrive."""
         return accepted.sample.pace is None and self.inbox.missing(accepted.existing)
 
+    def withheld(self, accepted: Accepted) -> StepFailedError:
+        """What to say of a sample that counts broadcasts which do not come."""
+        lacking = self.inbox.lacking(accepted.existing).items()
+        names, k = self.swarm.names, accepted.sample.k
+        whose = ", ".join(f"{numbers[0]} of agent {names[j]}" for j, numbers in lacking)
+        words = (
+            f"agent {self.name} waits at sample {k} for what others put: broadcast {whose} did not "
+            "come. Its sender withholds it, or does not reach this agent: see the sender's log"
+        )
+        return StepFailedError(words, accepted.sample)
+
     def accept_broadcast(self, sender: str, message: Broadcast) -> None:
         """Put another agent's broadcast into the inbox. Raises Malformed."""
         speaker = self.swarm.speakers.get(sender)
@@ -165,7 +186,7 @@ class ControlStep:
         began, (sample, x, _) = time.perf_counter(), accepted
         self.obey(sample.orders)
         self._untold += self._decide_fates(accepted)
-        fates, self._untold = self._untold[:_MOST_FATES], self._untold[_MOST_FATES:]
+        fates, self._untold = self._untold[: self.most_fates], self._untold[self.most_fates :]
         received = self.inbox.received()
         decision, u_nom, used = self.decide(x, sample.seen, sample.t, received)
         u, t_apply = tuple(decision.u.tolist()), sample.t + self._latency
@@ -257,6 +278,17 @@ def _said(
 ) -> tuple[tuple[int, float, tuple[float, ...]], ...]:
     """Every û_l as a message has it."""
     return tuple((l, known.t_apply, known.u) for l, known in received.items())
+
+
+def _most_fates(swarm: Swarm) -> int:
+    """How many fates a report holds beside all else that may be in it: with more it may be too
+    large, and after a pause there may be many."""
+    u = _HEAD + _FLOAT * max(len(member.dynamics.inputs) for member in swarm.members)
+    age, received = _HEAD + _INT + _FLOAT, _HEAD + _INT + _FLOAT + u
+    else_in_it = 200 + LONGEST_FAILURE + u + len(swarm.members) * (age + received)
+    faults = _HEAD + _INT * len(swarm.links.declared)
+    fate = _HEAD + _INT + _INT + _FLOAT + faults + _HEAD + _FLOAT + u
+    return max((MAX_BYTES - else_in_it) // fate, 1)
 
 
 def _existing(sample: Sample) -> dict[int, Existing]:

@@ -89,6 +89,11 @@ class BroadcastInbox:
         """Whether a broadcast that exists by now, by sender, has yet to arrive."""
         return any(self._incoming[sender].lacks(*counted) for sender, counted in existing.items())
 
+    def lacking(self, existing: Mapping[int, Existing]) -> dict[int, list[int]]:
+        """The numbers of these, by sender."""
+        found = {sender: self._incoming[sender].lacking(*n) for sender, n in existing.items()}
+        return {sender: numbers for sender, numbers in found.items() if numbers}
+
     def here(self, existing: Mapping[int, Existing]) -> dict[int, Existing]:
         """Of the broadcasts that exist by now, by sender, those up to the newest that is here.
 

@@ -42,6 +42,11 @@ class Incoming:
         first = max(self.decided + 1, since)
         return not all(map(self.arrived.__contains__, range(first, latest + 1)))
 
+    def lacking(self, since: int, latest: int) -> list[int]:
+        """The numbers of these."""
+        first = max(self.decided + 1, since)
+        return [k for k in range(first, latest + 1) if k not in self.arrived]
+
     def newest_here(self) -> int:
         """The last one that is here or decided."""
         return max(self.arrived, default=self.decided)

@@ -26,6 +26,7 @@ _CLIENT_RUNTIME = (
     "app: (worker_threads: 1))"
 )
 
+_MOST_BATCHES = 16
 _SOCKET_BYTES = 128 * 1024
 _RETRY = {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 1.5}
 
@@ -133,6 +134,9 @@ def open_client(
             "retry": _RETRY,
         },
     }
+    # What a callback puts is sent when it is over, since one thread does both. Until then the queue
+    # has to hold all of it: the most that there may be, allocated when it is needed.
+    config["transport"]["link"]["tx"] = {"queue": {"size": {"data": _MOST_BATCHES}}}
     if credentials is not None:
         _show(config, credentials)
     try:

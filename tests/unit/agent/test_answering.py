@@ -2,6 +2,7 @@
 
 import math
 import os
+from queue import SimpleQueue
 from typing import Any
 
 import msgspec
@@ -9,6 +10,7 @@ import pytest
 
 from phalanx.agent.answering import SampleAnswering
 from phalanx.agent.step import Answer, ControlStep
+from phalanx.agent.withheld import WithheldWatch
 from phalanx.faults.state import Orders
 from phalanx.network.inbox import Existing
 from phalanx.wire.keys import Keys
@@ -61,6 +63,7 @@ SAMPLES = {
     "an endless delay": PLANT.seal(SAMPLE, a_sample(orders=Orders(delay=math.inf))),
 }
 EVERY, FROM_4 = KEYS.broadcast("*", "1"), KEYS.broadcast("4", "1")
+FROM_3 = KEYS.broadcast("3", "1")
 BY_3 = Membership("r", "", held={"2>1": INSIDER.key_of("3>2")}).sealer
 BROADCASTS = {
     "noise": (HEARD, os.urandom(60)),
@@ -81,12 +84,13 @@ class Agent:
 
     def __init__(self) -> None:
         self.answers: list[Answer] = []
+        self.failures: SimpleQueue[Exception] = SimpleQueue()
         self.step = ControlStep(rows_of_scenario("unicycles"), 0)
         sealer = Membership("r", "", b"secret").of("1", ("1",), NAMES).sealer
         self.answering = SampleAnswering(self.step, sealer, self.answers.append, self.fail)
 
     def fail(self) -> None:
-        raise AssertionError(self.answering.error)
+        self.failures.put(self.answering.error)
 
 
 @pytest.fixture
@@ -127,3 +131,20 @@ def test_one_who_fills_inboxes_is_bounded_by_what_the_run_can_hold(agent: Agent)
 
 def start(agent: Agent) -> Sample:
     return a_sample(x=agent.step.swarm.start().astype("<f8").tobytes())
+
+
+def test_one_who_waits_for_a_broadcast_that_is_withheld_says_whose(agent: Agent) -> None:
+    first = start(agent)
+    agent.answering.on_sample(SAMPLE, PLANT.seal(SAMPLE, first))
+    since, latest = (-1, 0, 0, -1, -1), (-1, 0, 0, -1, -1)
+    second = msgspec.structs.replace(first, k=1, t=0.01, since=since, latest=latest)
+    agent.answering.on_broadcast(HEARD, PLANT.seal(HEARD, a_broadcast()))
+    agent.answering.on_sample(SAMPLE, PLANT.seal(SAMPLE, second))
+    with WithheldWatch(0.01, [agent.answering]):
+        given_up = agent.failures.get(timeout=60.0)
+    assert "agent 1 waits at sample 1" in str(given_up)
+    assert "broadcast 0 of agent 3 did not come" in str(given_up)
+    assert given_up.sample == second
+    assert len(agent.answers) == 1
+    agent.answering.on_broadcast(FROM_3, PLANT.seal(FROM_3, a_broadcast()))
+    assert len(agent.answers) == 1, "it is too late now"

@@ -5,13 +5,15 @@ import numpy as np
 import pytest
 
 from phalanx.agent.step import ControlStep
+from phalanx.network.claim import Claim
+from phalanx.network.inbox import Fate
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.messages import MAX_BYTES, Broadcast, Sample
-from phalanx.wire.seal import Malformed
+from phalanx.wire.messages import LONGEST_FAILURE, MAX_BYTES, Broadcast, Sample, Telemetry
+from phalanx.wire.seal import Malformed, Sealer
 from tests.unit.swarms import rows_of_scenario
 
 PERIOD = 0.01
@@ -134,6 +136,20 @@ def test_after_a_long_pause_it_tells_of_what_it_heard_in_reports_that_are_taken(
     assert sorted(told) == [(j, k) for j in step.swarm.heard_by(0) for k in range(1000)]
     assert all(len(msgspec.msgpack.encode(report)) < MAX_BYTES for report in reports)
     assert len(reports[0].fates) > 800
+
+
+@pytest.mark.parametrize("name", ["unicycles", "formation3d", "faults/restart"])
+def test_a_report_with_all_that_it_may_say_is_taken(name: str):
+    step = ControlStep(rows_of_scenario(name), 0)
+    agents, faults = len(step.swarm.names), tuple(range(len(step.swarm.links.declared)))
+    most, u = 2**32 - 1, (1e300,) * max(len(m.dynamics.inputs) for m in step.swarm.members)
+    fates = (Fate(65535, most, 0.1, faults, Claim(0.1, u)),) * step.most_fates
+    report = Telemetry(
+        k=most, origin=Origin.SOLVER_FAILED, residual=0.1, u_nom=u, solve_time=0.1,
+        ages=((65535, 0.1),) * agents, fates=fates, rejected=most, margin=0.1,
+        received=((65535, 0.1, u),) * agents, failed="?" * LONGEST_FAILURE,
+    )  # fmt: skip
+    assert MAX_BYTES / 2 < len(Sealer().seal("k", report)) <= MAX_BYTES
 
 
 def test_it_decides_on_those_it_sees_alone():
