@@ -54,13 +54,20 @@ class Answers:
         """Agent i's report on its sample k, if it has come."""
         return self._telemetry[i].pop(k, None)
 
+    def require_awaited(self, i: int, message: Actuation | Telemetry) -> None:
+        """Raises Malformed unless agent i owes such an answer; any thread may ask."""
+        reports, newest = isinstance(message, Telemetry), self.expected(i)
+        last = (self._reported if reports else self._answered)[i]
+        # The actuation alone is waited for, so a report may come after the next sample was sent.
+        if not (last < message.k <= newest and (reports or message.k == newest)):
+            raise Malformed("out of order")
+
     def on_actuation(self, i: int, message: Actuation) -> None:
         """Agent i's input came. Raises Malformed unless it answers the newest sample within U."""
         if len(message.u) != self._sizes[i]:
             raise Malformed("wrong size")
-        sample = self._samples.get(i)
-        if sample is None or message.k != sample.k or message.k <= self._answered[i]:
-            raise Malformed("out of order")
+        self.require_awaited(i, message)
+        sample = self._samples[i]
         if message.t_apply != sample.t + self._latency:
             raise Malformed("wrong time")
         x = self._states.one(i, sample.x, sample.seen)
@@ -87,8 +94,6 @@ class Answers:
             raise Malformed("unknown fault")
         if not all(self._may_be(fate) for fate in message.fates):
             raise Malformed("unknown broadcast")
-        # The actuation alone is waited for, so a report may come after the next sample was sent.
-        if not self._reported[i] < message.k <= self.expected(i):
-            raise Malformed("out of order")
+        self.require_awaited(i, message)
         self._reported[i] = message.k
         self._telemetry[i][message.k] = message

@@ -2,24 +2,38 @@
 
 import queue
 import threading
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from phalanx.wire.messages import MAX_BYTES
 from phalanx.wire.refusals import Refusals
+from phalanx.wire.seal import Malformed
 
 _MOST = 256
 """Payloads that wait under one key expression; an agent has a few at most on their way."""
+
+RequireAwaited = Callable[[str, bytes], None]
 
 
 class Arrivals:
     """Payloads and tokens in the order in which they came.
 
-    Zenoh's threads only put here; everything is opened and believed in the plant's own.
+    Zenoh's threads only put here; everything is opened and believed in the plant's own. But where
+    more waits than an agent has to say, it is held against what is awaited before it may wait, from
+    then on: a flood in an agent's name does not drown its answer.
     """
 
-    def __init__(self, keys: Iterable[str], refusals: Refusals) -> None:
-        """keys: under which payloads may come; all others are refused."""
-        self._refusals = refusals
+    def __init__(
+        self, keys: Iterable[str], refusals: Refusals, require_awaited: RequireAwaited
+    ) -> None:
+        """Begin with nothing.
+
+        Args:
+            keys: under which payloads may come; all others are refused.
+            refusals: where to count what is.
+            require_awaited: raises Malformed for a payload that is no answer awaited under a key.
+        """
+        self._refusals, self._require_awaited = refusals, require_awaited
+        self._flooded: set[str] = set()
         # Not queue.SimpleQueue: up to Python 3.12 its get waits for ever if a signal, or a wake-up
         # for nothing, finds the timeout just over.
         self._arrived: queue.Queue[tuple[str, bytes | bool]] = queue.Queue()
@@ -58,4 +72,13 @@ class Arrivals:
             return "unknown sender"
         if len(payload) > MAX_BYTES:
             return "oversized"
-        return "too many" if self._waiting[key] >= _MOST else None
+        if self._waiting[key] >= _MOST:
+            self._flooded.add(key)
+        if key not in self._flooded:
+            return None
+        try:
+            self._require_awaited(key, payload)
+        except Malformed as reason:
+            return str(reason)
+        # Those that waited already when it began to be a flood leave as much room again.
+        return "too many" if self._waiting[key] >= 2 * _MOST else None

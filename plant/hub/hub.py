@@ -67,12 +67,12 @@ class Hub:
         self._told = Status()
         """The last status."""
         keys = self._keys
-        of_agents = ((Actuation, keys.actuation), (Telemetry, keys.telemetry))
-        self._from = {
-            key(name): (i, kind) for i, name in enumerate(self._names) for kind, key in of_agents
-        }
+        self._from: dict[str, tuple[int, type[Actuation | Telemetry]]] = {}
+        for i, name in enumerate(self._names):
+            self._from[keys.actuation(name)] = i, Actuation
+            self._from[keys.telemetry(name)] = i, Telemetry
         """By key expression, which agent sends what there."""
-        self._arrivals = Arrivals(self._from, self.refusals)
+        self._arrivals = Arrivals(self._from, self.refusals, self._require_awaited)
         self._session = _open(swarm, membership, at_router)
         self._sample_keys = [keys.sample(name) for name in self._names]
         self._samples = [pubsub.urgent_publisher(self._session, key) for key in self._sample_keys]
@@ -292,16 +292,22 @@ class Hub:
         except Malformed as reason:
             self.refusals.add(key, reason)
 
-    def _on_message(self, key: str, payload: bytes) -> None:
+    def _opened(self, key: str, payload: bytes) -> tuple[int, Actuation | Telemetry]:
         i, kind = self._from[key]
-        if kind is Actuation:
-            self._answers.on_actuation(i, self._sealer.open(key, payload, Actuation))
+        return i, self._sealer.open(key, payload, kind)
+
+    def _require_awaited(self, key: str, payload: bytes) -> None:
+        self._answers.require_awaited(*self._opened(key, payload))
+
+    def _on_message(self, key: str, payload: bytes) -> None:
+        i, answer = self._opened(key, payload)
+        if isinstance(answer, Actuation):
+            self._answers.on_actuation(i, answer)
             return
-        report = self._sealer.open(key, payload, Telemetry)
-        self._answers.on_telemetry(i, report)
+        self._answers.on_telemetry(i, answer)
         # In real time the run goes on without the agent.
-        if report.failed and not self._real_time:
-            raise SwarmBrokenError(_as_said_by(self._names[i], report.failed))
+        if answer.failed and not self._real_time:
+            raise SwarmBrokenError(_as_said_by(self._names[i], answer.failed))
 
 
 def _as_said_by(name: str, failure: str) -> str:

@@ -8,8 +8,10 @@ import pytest
 from phalanx.plant.hub.arrivals import _MOST, Arrivals
 from phalanx.wire.messages import MAX_BYTES
 from phalanx.wire.refusals import Refusals
+from phalanx.wire.seal import Malformed
 from tests.unit.plant.signals import outlasting_a_wait
 
+ANSWER = b"the answer"
 KEY, OTHER = "phalanx/r/actuation/1", "phalanx/r/actuation/2"
 LOG = logging.getLogger("phalanx.test")
 
@@ -21,7 +23,12 @@ def refusals() -> Refusals:
 
 @pytest.fixture
 def arrivals(refusals) -> Arrivals:
-    return Arrivals((KEY, OTHER), refusals)
+    return Arrivals((KEY, OTHER), refusals, require_awaited)
+
+
+def require_awaited(_: str, payload: bytes) -> None:
+    if payload != ANSWER:
+        raise Malformed("bad seal")
 
 
 def taken(arrivals: Arrivals) -> list[tuple[str, bytes | bool]]:
@@ -43,7 +50,19 @@ def test_a_flood_is_bounded_and_leaves_room_for_others(arrivals, refusals):
         (OTHER, b"!"),
         ("phalanx/r/alive/1/d", False),
     ]
-    assert refusals.counts == {"too many": 9 * _MOST}
+    assert refusals.counts == {"bad seal": 9 * _MOST}
+
+
+def test_a_flood_does_not_drown_an_answer_that_is_awaited(arrivals, refusals):
+    for _ in range(10):
+        for _ in range(_MOST):
+            arrivals.put_payload(KEY, b"?")
+        arrivals.put_payload(KEY, ANSWER)
+    assert taken(arrivals).count((KEY, ANSWER)) == 10
+    for _ in range(10 * _MOST):
+        arrivals.put_payload(KEY, ANSWER)
+    assert len(taken(arrivals)) == 2 * _MOST
+    assert refusals.counts == {"bad seal": 9 * _MOST, "too many": 8 * _MOST}
 
 
 def test_there_is_room_again_for_what_was_taken(arrivals, refusals):
