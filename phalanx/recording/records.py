@@ -1,5 +1,7 @@
 """What a recording holds: JSON messages that Foxglove and other MCAP tools read as they are."""
 
+from enum import StrEnum
+
 import msgspec
 
 from phalanx.faults.commands import Command
@@ -78,11 +80,23 @@ class Shown(msgspec.Struct):
     """Whether a command had turned it."""
 
 
+class Level(StrEnum):
+    """How grave an event is."""
+
+    INFO = "info"
+    WARNING = "warning"
+    """A fault, or a first failure of what a guarantee or the theorem needs."""
+    ERROR = "error"
+    """A pair left the safe set."""
+
+
 class Log(msgspec.Struct):
     """An event in words. Topic /log."""
 
     t: float
+    """[s]"""
     text: str
+    level: Level = Level.INFO
 
 
 TOPICS: dict[type, str] = {

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.faults.commands import STRIKES, CommandKind, described
+from phalanx.faults.commands import ON_LINKS, STRIKES, CommandKind, described
 from phalanx.network.inbox import Fate
 from phalanx.plant.events.events import (
     CommandObeyed,
@@ -26,7 +26,7 @@ from phalanx.plant.scribe.ahead import Ahead
 from phalanx.plant.scribe.frames import FramePublisher
 from phalanx.plant.scribe.trajectory import TrajectoryHash
 from phalanx.plant.world.truth import Seen, Truth, Way
-from phalanx.recording.records import Log, Shown, State, Step
+from phalanx.recording.records import Level, Log, Shown, State, Step
 from phalanx.recording.write import RecordingWriter
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Sample, Status, Telemetry
@@ -158,7 +158,8 @@ class RunScribe:
             self._state_due, self._peak = event.t + self._recording_step, -np.inf
         unsafe = self._judge.extremes.take_unsafe()
         for pair in sorted(unsafe - self._unsafe):
-            self._say(event.t, f"{self._judge.extremes.label(pair)} left the safe set")
+            left = f"{self._judge.extremes.label(pair)} left the safe set"
+            self._say(event.t, left, Level.ERROR)
         self._unsafe = unsafe
 
     def _on_command(self, event: CommandObeyed) -> None:
@@ -167,7 +168,8 @@ class RunScribe:
         self._frames.saw_command(command)
         of = ", ".join(self._names[j] for j in event.forgotten)
         lost = f"; lost with it: the inputs received of {of}" if of else ""
-        self._say(command.t, described(command) + lost)
+        fault = command.kind in STRIKES | ON_LINKS
+        self._say(command.t, described(command) + lost, Level.WARNING if fault else Level.INFO)
         if event.changed is None:
             return
         if command.fault >= 0 and command.kind in STRIKES:
@@ -188,7 +190,7 @@ class RunScribe:
         self._frames.saw_input(event, telemetry, certified)
         if telemetry.origin == Origin.BACKUP and i not in self._backed_up:
             self._backed_up.add(i)
-            self._say(event.t_apply, f"agent {name}: first backup")
+            self._say(event.t_apply, f"agent {name}: first backup", Level.WARNING)
         self._recording.write(self._step(event, telemetry, certified))
         if event.answers is not None:
             self._recording.write(_shown(self._names, event.i, event.answers, telemetry))
@@ -198,11 +200,13 @@ class RunScribe:
         self._judge.lost(event)
         if event.i not in self._without_input:
             self._without_input.add(event.i)
-            self._say(event.t, f"agent {self._names[event.i]}: first input lost")
+            lost = f"agent {self._names[event.i]}: first input lost"
+            self._say(event.t, lost, Level.WARNING)
 
     def _on_lost_member(self, event: MemberLost) -> None:
         what = "is back" if event.back else "is lost; its actuator holds its input"
-        self._say(event.t, f"agent {self._names[event.i]} {what}")
+        level = Level.INFO if event.back else Level.WARNING
+        self._say(event.t, f"agent {self._names[event.i]} {what}", level)
         if not event.back:
             self._judge.fell_silent(event.i, event.t)
 
@@ -217,11 +221,12 @@ class RunScribe:
             self._heard[i].append((fate, finding))
             if finding.false and fate.sender not in self._lied:
                 self._lied.add(fate.sender)
-                self._say(t, f"agent {self._names[fate.sender]}: first false broadcast")
+                lied = f"agent {self._names[fate.sender]}: first false broadcast"
+                self._say(t, lied, Level.WARNING)
         return telemetry
 
-    def _say(self, t: float, text: str) -> None:
-        self._recording.write(Log(t, text))
+    def _say(self, t: float, text: str, level: Level = Level.INFO) -> None:
+        self._recording.write(Log(t, text, level))
         self._frames.say(t, text)
 
     def _step(self, event: InputApplied, telemetry: Telemetry, certified: float | None) -> Step:

@@ -27,11 +27,11 @@ from google.protobuf.message import Message
 from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
 
-from phalanx.guarantee.verdict import Outcome
 from phalanx.recording.read import Recording
 from phalanx.scenario.load import to_json
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.units import units
+from phalanx.viewer.export.log import log_lines
 from phalanx.viewer.export.near import near_pairs
 from phalanx.viewer.export.numbers import Numbers
 from phalanx.viewer.export.scene_update import frames, opening, stamp, violations
@@ -156,16 +156,8 @@ def _step_kind(dynamics: Dynamics) -> _Kind:
 
 
 def _log(recording: Recording) -> Iterator[Topical]:
-    """Every line of the log, and the verdict at the end."""
-    lines = [(line.t, FoxgloveLog.INFO, line.text) for line in recording.log]
-    if recording.summary:
-        summary = recording.summary
-        bad = summary.outcome in (Outcome.VIOLATED, Outcome.BROKEN)
-        level = FoxgloveLog.ERROR if bad else FoxgloveLog.INFO
-        lines.append((max(summary.t, 0.0), level, f"{summary.outcome}: {summary.reason}"))
-    else:
-        end = recording.states[-1].t if recording.states else 0.0
-        lines.append((end, FoxgloveLog.ERROR, f"no verdict: {recording.unfinished}"))
-    for t, level, text in sorted(lines, key=lambda line: line[0]):
-        message = FoxgloveLog(timestamp=stamp(t), level=level, message=text, name="phalanx")
-        yield Topical(t, "/log", message)
+    """Every line of the log."""
+    for line in log_lines(recording):
+        level = FoxgloveLog.Level.Value(line.level.name)
+        told = FoxgloveLog(timestamp=stamp(line.t), level=level, message=line.text, name="phalanx")
+        yield Topical(line.t, "/log", told)

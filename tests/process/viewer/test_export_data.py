@@ -12,6 +12,7 @@ from mcap_protobuf.decoder import DecoderFactory
 
 import phalanx
 from phalanx.cli.app import USAGE_ERROR, status
+from phalanx.faults.commands import Command, CommandKind
 from phalanx.viewer.export.write import run
 
 
@@ -117,6 +118,22 @@ def test_the_verdict_is_the_last_line_of_the_log(exported, finished):
     last = of(exported, "/log")[-1]
     assert last.message.startswith("violated: ")
     assert last.level == last.ERROR
+
+
+def test_violations_are_errors_and_faults_and_failed_assumptions_warnings(tmp_path):
+    frozen = Command(0.1, CommandKind.FREEZE, "1")
+    found = phalanx.run(
+        phalanx.load("surrounded", ["duration=1.5"]),
+        engine="in-process",
+        out=tmp_path,
+        commands=phalanx.CommandPolicy(schedule=(frozen, Command(0.2, CommandKind.THAW, "1"))),
+    )
+    (path,) = run(found.folder, mcap=tmp_path / "shown.mcap")
+    levels = {line.message: line.Level.Name(line.level) for line in of(path, "/log")}
+    assert levels["agent 1 frozen"] == "WARNING"
+    assert levels["agent 1 thawed"] == "INFO"
+    assert levels["1-2 left the safe set"] == "ERROR"
+    assert {level for text, level in levels.items() if text.startswith("failed: ")} == {"WARNING"}
 
 
 @pytest.mark.parametrize(
