@@ -1,5 +1,6 @@
 """Read a recording, whole or cut short."""
 
+import re
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -23,6 +24,7 @@ from phalanx.recording.records import RECORDING, TOPICS, Log, Shown, State, Step
 from phalanx.scenario.load import ScenarioError, from_json
 from phalanx.scenario.model import Scenario
 from phalanx.scenario.user_code import code_trusted
+from phalanx.theory.expressions.magnitude import LARGEST_SUM
 
 Array = NDArray[np.float64]
 
@@ -148,6 +150,7 @@ class _Contents:
                     decoders[record.id] = msgspec.json.Decoder(kinds[record.topic])
                 elif isinstance(record, Message) and record.channel_id in decoders:
                     found = decoders[record.channel_id].decode(record.data)
+                    _require_bounded(record.data)
                     self.records[type(found)].append(found)
                 elif isinstance(record, Metadata) and record.name == "phalanx":
                     self.metadata = record.metadata
@@ -174,3 +177,24 @@ class _Contents:
     def _extent(self) -> str:
         states = self.records[State]
         return f"t = {states[-1].t:.3f} s" if states else "no state"
+
+
+_ENORMOUS = re.compile(rb"e\+?0*3\d\d|\d{300}", re.IGNORECASE)
+"""What a number of 1e300 or more has in JSON."""
+
+
+def _require_bounded(record: bytes) -> None:
+    """Raise ValueError if a number of a JSON record is too large for figures of it."""
+    if _ENORMOUS.search(record) and _beyond(msgspec.json.decode(record)):
+        raise ValueError(f"a number above {LARGEST_SUM:g}, which no run has")
+
+
+def _beyond(value: Any) -> bool:
+    match value:
+        case list():
+            return any(map(_beyond, value))
+        case dict():
+            return any(map(_beyond, value.values()))
+        case float() | int():
+            return abs(value) > LARGEST_SUM
+    return False

@@ -4,12 +4,14 @@ An agent's answer to a sample is three things for three receivers: what its actu
 peers hear, and what the plant records about how it was made.
 """
 
+import math
 from typing import Annotated, ClassVar
 
 import msgspec
 
 from phalanx.faults.state import Orders
 from phalanx.network.inbox import Fate
+from phalanx.theory.expressions.magnitude import LARGEST, LARGEST_SUM
 from phalanx.theory.rows.origin import Origin
 
 VERSION = 3
@@ -24,7 +26,8 @@ class Message(
 ):
     """Common head of every message."""
 
-    must_be_finite: ClassVar[bool] = False
+    largest: ClassVar[float] = math.inf
+    """Of its numbers, by their absolute value; infinite: none is checked."""
     """Whether a NaN or an infinity in it makes it malformed."""
 
     version: int = VERSION
@@ -65,7 +68,7 @@ def last_sample(i: int, k: int, t: float, x: bytes) -> Sample:
 class Actuation(Message, frozen=True, kw_only=True):
     """Agent i to its actuator, which is in the plant: the input it holds from t_apply on."""
 
-    must_be_finite: ClassVar[bool] = True
+    largest: ClassVar[float] = LARGEST
 
     k: int
     """Of the sample that it answers."""
@@ -78,7 +81,7 @@ class Actuation(Message, frozen=True, kw_only=True):
 class Broadcast(Message, frozen=True, kw_only=True):
     """Agent i to one of its peers: the input that it says it holds from t_apply on."""
 
-    must_be_finite: ClassVar[bool] = True
+    largest: ClassVar[float] = LARGEST
 
     k: int
     """Its sequence number."""
@@ -91,7 +94,7 @@ class Broadcast(Message, frozen=True, kw_only=True):
 class Telemetry(Message, frozen=True, kw_only=True):
     """Agent i to the plant, for the recording and the viewers: how an input was made."""
 
-    must_be_finite: ClassVar[bool] = True
+    largest: ClassVar[float] = LARGEST_SUM
 
     k: int
     """Of the sample that was answered."""

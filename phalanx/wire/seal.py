@@ -25,8 +25,8 @@ class Malformed(ValueError):  # noqa: N818 - a drop to be counted, not a failure
 
 
 M = TypeVar("M", bound=Message)
-_NOT_FINITE = re.compile(rb"\xcb[\x7f\xff][\xf0-\xff]|\xca[\x7f\xff][\x80-\xff]", re.DOTALL)
-"""How a float of msgpack begins, of 64 or 32 bits, if it is infinite or no number."""
+_ENORMOUS = re.compile(rb"\xcb[\x7e\x7f\xfe\xff]|\xca[\x7f\xff][\x80-\xff]", re.DOTALL)
+"""How a float of msgpack begins, of 64 or 32 bits, if it is infinite, no number or above 8e298."""
 _encoder = msgspec.msgpack.Encoder()
 
 
@@ -53,7 +53,7 @@ class Sealer:
 
         Raises:
             Malformed: too large, too short, not sealed for this key, not msgpack of this kind,
-                another version, or a number that is not finite.
+                another version, or a number that is not finite or too large.
         """
         if len(payload) > MAX_BYTES:
             raise Malformed("oversized")
@@ -71,9 +71,10 @@ class Sealer:
         if message.version != VERSION:
             raise Malformed("other version")
         # Whoever has no such bytes has no such number. Who has them may owe them to chance.
-        suspect = message.must_be_finite and _NOT_FINITE.search(body)
-        if suspect and not all(map(math.isfinite, _numbers(message))):
-            raise Malformed("not finite")
+        if message.largest < math.inf and _ENORMOUS.search(body):
+            beyond = [n for n in _numbers(message) if not abs(n) <= message.largest]
+            if beyond:
+                raise Malformed("too large" if all(map(math.isfinite, beyond)) else "not finite")
         return message
 
     def _mac(self, key: str, body: bytes) -> bytes:

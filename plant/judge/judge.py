@@ -19,6 +19,7 @@ from phalanx.plant.world.integration import DisturbanceKnot
 from phalanx.plant.world.truth import IntegrationSteps
 from phalanx.plant.world.world import DivergedError
 from phalanx.swarm.rows import SafetyRows
+from phalanx.theory.expressions.magnitude import LARGEST
 from phalanx.theory.rows.origin import EMPTY, Origin
 from phalanx.wire.messages import Telemetry
 
@@ -98,7 +99,7 @@ class Judge:
                     bool((norms <= self._bounds * (1.0 + _ROUNDING)).all()), piece.t
                 )
                 continue
-            if not np.isfinite(piece.h_tot).all():
+            if not (np.abs(piece.h_tot) <= LARGEST).all():
                 raise DivergedError("h_tot", float(piece.times[-1]))
             if self._checks.start.checked == 0:
                 self._checks.start.check(bool((piece.h[0] <= 0.0).all()), float(piece.times[0]))

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from phalanx.plant.world.integration import Integration, Passage, Piece
 from phalanx.swarm.rows import SafetyRows
+from phalanx.theory.expressions.magnitude import LARGEST
 
 Array = NDArray[np.float64]
 
@@ -49,7 +50,7 @@ class World:
         """Go this way on from here. Raises DivergedError."""
         for piece in way:
             if isinstance(piece, Passage):
-                if not np.isfinite(piece.x).all():
+                if not (np.abs(piece.x) <= LARGEST).all():
                     raise DivergedError("the state", piece.stretch.end)
                 self.t, self.x, self.p = piece.stretch.end, piece.x[-1], piece.p[-1]
             self._way.append(piece)

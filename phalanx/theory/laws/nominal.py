@@ -1,11 +1,10 @@
 """A law's nominal input, checked: a law may be a user's."""
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.theory.expressions.asked import MistakenMethodError, ask, in_short
+from phalanx.theory.expressions.magnitude import LARGEST
 from phalanx.theory.laws.law import Law, View
 from phalanx.theory.safety.composition import Member
 
@@ -35,13 +34,13 @@ class NominalInput:
         u = self._input(view)
         # What a law nearly always returns, for a fraction of a microsecond.
         usual = type(u) is np.ndarray and u.dtype is _FLOAT and u.shape == self._shape
-        if usual and math.isfinite(sum(u.tolist())):
+        if usual and sum(map(abs, u.tolist())) <= LARGEST:
             return u
         if not isinstance(u, np.ndarray):
             got = repr(u)
         elif u.shape != self._shape or u.dtype.kind not in "fi":
             got = f"shape {u.shape} of {u.dtype}"
-        elif not np.isfinite(u).all():
+        elif not (np.abs(u) <= LARGEST).all():
             got = in_short(u)
         else:
             return u

@@ -1,12 +1,12 @@
 """What a normal agent applies: the QP's input, else the backup LP's, Section "maxpreserve"."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.theory.expressions.exact import dot, inner
+from phalanx.theory.expressions.magnitude import LARGEST
 from phalanx.theory.models.polytope import Polytope, minimiser, vertices
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.qp import NearestInput
@@ -88,8 +88,8 @@ def _nearest_to_binding(rows: Rows, u: Array) -> tuple[float | None, float | Non
 
 
 def finite_or_none(value: float) -> float | None:
-    """None if it is infinite."""
-    return value if math.isfinite(value) else None
+    """None if it is infinite, or nearly."""
+    return value if abs(value) <= LARGEST else None
 
 
 def least_violation(polytope: Polytope, rows: Rows) -> Array:

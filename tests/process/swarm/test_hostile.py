@@ -123,6 +123,8 @@ TO_PLANT = {
         REPORT, INSIDER.seal(REPORT, a_report(ages=((77, 0.1),))), "unknown sender"),
     "a residual that is no number": (
         REPORT, INSIDER.seal(REPORT, a_report(residual=math.nan)), "not finite"),
+    "an enormous residual": (
+        REPORT, INSIDER.seal(REPORT, a_report(residual=1.7e308)), "too large"),
     "fates of nobody's messages": (
         REPORT, INSIDER.seal(REPORT, a_report(fates=(Fate(77, 0, 0.0),))), "unknown sender"),
     "fates of faults that nobody declared": (

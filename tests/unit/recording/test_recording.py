@@ -422,6 +422,28 @@ def test_records_that_are_not_of_their_scenario_are_refused(
         read(tmp_path)
 
 
+@pytest.mark.parametrize("number", [1.7e308, -1e304, 10**308])
+def test_a_number_of_which_figures_would_be_infinite_is_damage(tmp_path: Path, number: float):
+    with RecordingWriter(tmp_path / RECORDING, scenario(), "run-1") as writer:
+        writer.write(GOOD)
+        writer.write(msgspec.structs.replace(GOOD, k=1, residual=number))
+        writer.finish(FIGURES)
+    found = read(tmp_path)
+    assert found.steps == [GOOD]
+    assert "a number above 1e+303" in (found.damage or "")
+    assert found.summary is None
+
+
+def test_a_recording_may_hold_the_largest_number_that_messages_may(tmp_path: Path):
+    large = msgspec.structs.replace(GOOD, residual=1e303)
+    with RecordingWriter(tmp_path / RECORDING, scenario(), "run-1") as writer:
+        writer.write(large)
+        writer.write(Log(0.1, "agent e303 is lost"))
+        writer.finish(FIGURES)
+    found = read(tmp_path)
+    assert (found.steps, found.damage) == ([large], None)
+
+
 @given(share=shares)
 @settings(max_examples=12, deadline=None)
 def test_a_disk_that_is_full_at_the_end_leaves_no_summary(whole, tmp_path_factory, share):

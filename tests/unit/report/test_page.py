@@ -6,13 +6,16 @@ import shlex
 from itertools import pairwise
 from pathlib import Path
 
+import msgspec
+
 from phalanx.recording.read import read
-from phalanx.recording.records import RECORDING
+from phalanx.recording.records import RECORDING, Step
 from phalanx.report.measures import (
     worst,
 )
 from phalanx.report.write import write_report
 from phalanx.scenario.load import digest, load
+from phalanx.theory.expressions.magnitude import LARGEST_SUM
 from tests.unit.report.recordings import (
     drift,
     record,
@@ -69,6 +72,20 @@ def test_a_recording_cut_short_is_reported_with_its_damage(tmp_path: Path) -> No
     peak = worst(cut)
     assert peak is not None
     assert peak.h_tot == max(cut.h_tot)
+
+
+def test_the_largest_numbers_that_agents_may_tell_are_drawn(tmp_path: Path) -> None:
+    scenario = unicycles()
+    told = [
+        msgspec.structs.replace(
+            each, residual=LARGEST_SUM, margin=-LARGEST_SUM, solve_time=LARGEST_SUM,
+            u_nom=[LARGEST_SUM] * len(each.u), ages=[(name, LARGEST_SUM) for name, _ in each.ages],
+        )
+        if isinstance(each, Step) and each.k % 3 == 0 else each
+        for each in drift(scenario)
+    ]  # fmt: skip
+    folder = record(tmp_path, scenario, told, summary_of(scenario))
+    assert "<strong>violated</strong>" in write_report(folder).read_text()
 
 
 def test_a_recording_without_a_state_says_so(tmp_path: Path) -> None:

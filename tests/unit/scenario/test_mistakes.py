@@ -123,6 +123,9 @@ class Long(Rest):
 class Undefined(Rest):
     def input(self, view): return np.full(self.m, np.nan)
 
+class Enormous(Rest):
+    def input(self, view): return np.full(self.m, 1.7e308)
+
 class Missing(Rest):
     def input(self, view): return view.x[17]
 """
@@ -185,6 +188,7 @@ LAWS = {
     "Listed": "Listed.input: expected an array of 2 finite numbers for agent a, got [0.0, 0.0]",
     "Long": "Long.input: expected an array of 2 finite numbers for agent a, got shape (3,)",
     "Undefined": "input: expected an array of 2 finite numbers for agent a, got (nan, nan)",
+    "Enormous": "input: expected an array of 2 finite numbers for agent a, got (1.7e+308, 1.7",
     "Missing": "input: expected an array of 2 finite numbers for agent a, got KeyError: 17",
 }
 MISTAKES = [

@@ -71,7 +71,7 @@ def test_a_sealed_message_opens_as_it_was(message, secret):
     assert sealer.open(KEY, sealer.seal(KEY, message), type(message)) == message
 
 
-@given(k=st.integers(0, 2**62), u=st.lists(st.floats(allow_nan=False, allow_infinity=False)))
+@given(k=st.integers(0, 2**62), u=st.lists(st.floats(-1e300, 1e300)))
 def test_numbers_pass_the_wire_bit_for_bit(k, u):
     message = msgspec.structs.replace(ACTUATION, k=k, u=tuple(u))
     again = SEALER.open(KEY, SEALER.seal(KEY, message), Actuation)
@@ -159,6 +159,18 @@ def test_numbers_that_are_not_finite_are_refused(message, change, bad):
     """JSON has no NaN: one that got into the recording would make it unreadable."""
     payload = SEALER.seal(KEY, msgspec.structs.replace(message, **change(bad)))
     assert reason(payload, kind=type(message)) == "not finite"
+
+
+@pytest.mark.parametrize(
+    ("message", "most"), [(MESSAGES[1], 1e300), (MESSAGES[2], 1e300), (TELEMETRY, 1e303)]
+)
+def test_numbers_of_which_figures_would_be_infinite_are_refused(message, most):
+    field = "residual" if message is TELEMETRY else "t_apply"
+    for value in (1.001 * most, -1.7e308):
+        payload = SEALER.seal(KEY, msgspec.structs.replace(message, **{field: value}))
+        assert reason(payload, kind=type(message)) == "too large"
+    borne = msgspec.structs.replace(message, **{field: most})
+    assert SEALER.open(KEY, SEALER.seal(KEY, borne), type(message)) == borne
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
