@@ -13,9 +13,9 @@ EVENTS = np.cumsum([0.0013, 0.0002, 0.004, 0.0031, 0.0007, 0.19, 0.0009, 0.006])
 """Instants [s] of any distance, and a knot of the disturbances (every 0.2 s) among them."""
 
 
-def both(radius: float = 2.0) -> tuple[World, World, Lookahead]:
+def both(radius: float = 2.0, *overrides: str) -> tuple[World, World, Lookahead]:
     """A world that knows every input at once, and another, which a lookahead goes ahead of."""
-    rows = rows_of_scenario("unicycles")
+    rows = rows_of_scenario("unicycles", *overrides)
     behind = World(rows)
     return World(rows), behind, Lookahead(rows.swarm, behind.integration, np.full(5, radius))
 
@@ -97,3 +97,20 @@ def test_who_does_not_move_at_all_is_in_question_by_where_it_is(radius):
     *_, ahead = both(radius)
     ahead.begin_awaiting(2)
     assert bool(ahead.in_question([0])) == (radius > 0.0)
+
+
+def test_who_may_go_any_distance_is_in_question_for_all():
+    own = 'agents.0.dynamics={ type = "tests.unit.theory.users_own:OutputUnicycle" }'
+    *_, ahead = both(0.0, own)
+    ahead.begin_awaiting(2)
+    assert ahead.in_question([0]) == [2]
+
+
+def test_of_two_that_are_awaited_each_waits_for_itself_alone_at_first():
+    *_, ahead = both(radius=np.inf)
+    ahead.begin_awaiting(1)
+    ahead.begin_awaiting(2)
+    assert ahead.in_question([1]) == [1], "where it is depends on nobody else"
+    assert ahead.in_question([0]) == [1, 2]
+    ahead.end_awaiting(1, None)
+    assert ahead.in_question([1]) == [2]

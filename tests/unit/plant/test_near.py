@@ -96,12 +96,27 @@ def beside(ab: float, cd: float, of_sphere: float) -> np.ndarray:
         # others come from outside of the reach, about 7.9 m, but nobody goes farther than 1 m.
         ([(7.07, 9.69, 90.0)], [(7.2, 7.79, 90.0)]),
         ([(7.07, 90.0, 8.7)], [(7.2, 90.0, 7.79)]),
+        # What has moved does so by little more than the slack, about 0.98 m.
+        ([(7.07, 10.1, 90.0)], [(7.2, 7.79, 90.0)]),
+        ([(7.07, 90.0, 8.9)], [(7.2, 90.0, 7.79)]),
+        # Farther apart the slack is 2.5 m, and c and d use nearly all of it.
+        ([(20.0, 25.0, 90.0)], [(20.0, 20.15, 90.0)]),
         # It falls by more, so that others count which were too far away.
         ([(7.07, 10.5, 90.0)], [(8.9, 8.7, 90.0)]),
+        ([(7.07, 10.5, 90.0)], [(7.07, 10.5, 90.0), (8.9, 8.7, 90.0)]),
         # Somebody goes far, seen at the second of two states only.
         ([(7.07, 90.0, 90.0)], [(7.07, 90.0, 90.0), (7.07, 5.0, 90.0)]),
     ],
-    ids=["two approach", "one approaches a sphere", "all are farther apart", "a later state"],
+    ids=[
+        "two approach",
+        "one approaches a sphere",
+        "two move beyond the slack",
+        "one moves beyond the slack",
+        "a greater slack",
+        "all are farther apart",
+        "all are farther apart later",
+        "a later state",
+    ],
 )
 def test_who_has_come_near_since_one_looked_is_not_left_out(before, after, monkeypatch):
     rows = two_twos_and_one_beside_a_sphere()
