@@ -38,6 +38,10 @@ MULTIPLES = (8.0, 4.0, 2.0, 1.0 + 1e-9)
 sums of sampling periods round, and a certificate that is over before the next input is none."""
 
 
+DEFECT = 1e-4
+"""How far the plant's motion may be off the equation [1/s]: it counts as disturbance."""
+
+
 @dataclass(frozen=True)
 class PairCertificate:
     """Of pairs of one kind, for agent i in them."""

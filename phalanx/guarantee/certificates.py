@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.guarantee.certificate import (
+    DEFECT,
     MULTIPLES,
     PairCertificate,
     highest_within,
@@ -101,7 +102,7 @@ class SwarmCertificates:
     def _compiled(self, pair: int, own: int) -> _Kind:
         swarm, (a, b) = self.swarm, self.ends[pair].tolist()
         involved = [l for l in (a, b) if l < len(swarm.members)]
-        bounds = [swarm.disturbance_bounds[swarm.names[l]] for l in involved]
+        bounds = [swarm.disturbance_bounds[swarm.names[l]] + DEFECT for l in involved]
         tau, alphas = swarm.horizon(involved[own]), swarm.scenario.safety.class_k()
         alone = self.pairs.alone(a, b)
         highest = highest_within(alone, bounds, MULTIPLES[0] * tau)

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.guarantee.certificate import MULTIPLES, reach_within
+from phalanx.guarantee.certificate import DEFECT, MULTIPLES, reach_within
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.expressions.extension import extend
@@ -57,7 +57,7 @@ class ReachableBoxes:
             own = np.array([i for i, other in enumerate(swarm.groups) if other is group])
             horizon = MULTIPLES[0] * tau + self._lasting
             states = np.array([np.r_[swarm.safe_set.parts[i]] for i in own])
-            box = _box(swarm, int(own[0]), group.disturbance.bound, horizon)
+            box = _box(swarm, int(own[0]), group.disturbance.bound + DEFECT, horizon)
             self._alike.append(_Alike(own, states, box))
 
     def near(self, i: int, others: Index, t: float, x: Array) -> Array:

@@ -13,7 +13,7 @@ class Outcome(StrEnum):
     GUARANTEED = "guaranteed"
     """Safe throughout, and proven so at every instant, whatever the others had done."""
     SAFE = "safe"
-    """Never unsafe, but not proven throughout: safe by luck."""
+    """Not unsafe at any integration step, but not proven so, nor between them: safe by luck."""
     VIOLATED = "violated"
     """Some pair's h was above zero."""
     BROKEN = "broken"
@@ -192,7 +192,8 @@ def judge(
         )
     if failed:
         return Outcome.SAFE, (
-            "no pair left the safe set, but not guaranteed; assumptions that failed: "
+            "no pair was outside the safe set at any integration step, but not guaranteed, nor "
+            "known between them; assumptions that failed: "
             f"{_counts(failed)}"
         )
     missing = [a for a in theorem if a.failed]

@@ -29,7 +29,7 @@ _ASSUMPTIONS = ("assumption", "in words", "failed", "first failure")
 
 _MEANING = {
     Outcome.GUARANTEED: "Safe, and proven so at every instant, whatever the others had done.",
-    Outcome.SAFE: "Never unsafe, but not proven throughout: safe by luck.",
+    Outcome.SAFE: "Not unsafe at any integration step, but not proven throughout: safe by luck.",
     Outcome.VIOLATED: "Some pair left the safe set.",
     Outcome.BROKEN: "The run did not reach its end.",
     Outcome.STOPPED: "The run was stopped by its user.",

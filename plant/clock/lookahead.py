@@ -84,7 +84,9 @@ class Lookahead:
         for piece in islice(self._way, begun.since - self._gone, None):
             if isinstance(piece, Passage):
                 # The integration's own state is in the last of them.
+                # So is the next one's start.
                 (count, dt, _), phi, slope = piece.stretch, piece.phi[own], piece.slope[own]
+                piece.u[self._integration.inputs[i]] = held
                 piece.x[:, own], piece.p[:, i] = self._integration.motion.one_through(
                     i, count, x, held, phi, slope, dt
                 )

@@ -3,6 +3,7 @@
 The judge checks them; which of them count depends on the scenario, and some on what happened.
 """
 
+from phalanx.guarantee.certificate import DEFECT
 from phalanx.guarantee.gaps import gaps_in_the_proof
 from phalanx.guarantee.verdict import Assumption
 from phalanx.swarm.swarm import Swarm
@@ -33,6 +34,12 @@ class Assumptions:
         self.disturbance = Assumption(
             "disturbance bound", note="no disturbance was larger than disturbance.bound"
         )
+        self.resolved = Assumption(
+            "resolved motion",
+            note=f"no integration step was off the equation of motion by more than {DEFECT:g} in "
+            "a second, which certificates allow for; a shorter time.integration_step and dynamics "
+            "without kinks bring it down",
+        )
         self.inputs = Assumption("admissible inputs", note="no actuator held an input outside U")
         self.prompt = Assumption(
             "inputs in time", note="every input came to its actuator when it was due"
@@ -58,7 +65,7 @@ class Assumptions:
     def of_guarantee(self) -> list[Assumption]:
         """What `guaranteed` rests on, and how often each failed so far."""
         found = [self.start, self.gap, self.disturbance, self.inputs, self._certificates]
-        return [*found, self.prompt] if self.prompt.failed else found
+        return [*found, *[each for each in (self.resolved, self.prompt) if each.failed]]
 
     @property
     def of_theorem(self) -> list[Assumption]:

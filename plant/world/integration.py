@@ -25,6 +25,10 @@ class Passage(NamedTuple):
     """Stacked disturbance when the first begins, shape (n̄,)."""
     slope: Array
     """Of its line, shape (n̄,)."""
+    u: Array
+    """Stacked inputs that actuators hold."""
+    start: Array
+    """The stacked state when the first begins, shape (n̄,)."""
     x: Array
     """Stacked states, shape (s, n̄)."""
     p: Array
@@ -58,8 +62,9 @@ class Integration:
         self.motion = Motion(swarm.members, STEPS_AT_ONCE)
         self.p = self.motion.positions(self.x)
         """Output positions [m], shape (N, d)."""
-        self._inputs = stacked_slices([len(m.dynamics.inputs) for m in swarm.members])
-        self._u = np.zeros(self._inputs[-1].stop)
+        self.inputs = stacked_slices([len(m.dynamics.inputs) for m in swarm.members])
+        """Where each agent's lie in the stack."""
+        self._u = np.zeros(self.inputs[-1].stop)
         self._longest = swarm.scenario.time.integration_step
         self._disturbances = SwarmDisturbance(rows)
         self._line = self._disturbances.line(0.0, self.x)
@@ -67,16 +72,17 @@ class Integration:
     def start(self) -> list[Piece]:
         """What there is to be seen at x(0)."""
         phi, slope = self._line.value, self._line.slope
-        here = Passage(0.0, Stretch(1, 0.0, 0.0), phi, slope, self.x[None], self.p[None])
+        no_way, x = Stretch(1, 0.0, 0.0), self.x
+        here = Passage(0.0, no_way, phi, slope, self._u.copy(), x, x[None], self.p[None])
         return [DisturbanceKnot(0.0, phi), here]
 
     def hold(self, i: int, u: Array | float) -> None:
         """Agent i's actuator holds u, shape (m_i,), from now on."""
-        self._u[self._inputs[i]] = u
+        self._u[self.inputs[i]] = u
 
     def held(self, i: int) -> Array:
         """What it holds, shape (m_i,)."""
-        return self._u[self._inputs[i]].copy()
+        return self._u[self.inputs[i]].copy()
 
     def to(self, until: float) -> Iterator[Piece]:
         """Go to `until` [s], in steps no longer than the scenario's integration step."""
@@ -87,6 +93,7 @@ class Integration:
             begin, stretch = self.t, next_stretch(self.t, until, self._line.end, self._longest)
             count, dt, self.t = stretch
             phi, slope = self._line.at(begin), self._line.slope
-            x, p = self.motion.steps(count, self.x, self._u, phi, slope, dt)
+            start, u = self.x, self._u.copy()
+            x, p = self.motion.steps(count, start, u, phi, slope, dt)
             self.x, self.p = x[-1], p[-1]
-            yield Passage(begin, stretch, phi, slope, x, p)
+            yield Passage(begin, stretch, phi, slope, u, start, x, p)

@@ -39,7 +39,7 @@ class Motion:
         self._axes, self._alike = axes, list[_Alike]()
         self._of: dict[int, _Alike] = {}
         """By member."""
-        for each in _alike(members):
+        for each in alike(members):
             own, dynamics = np.array(each), members[each[0]].dynamics
             x = states[own][:, None] + np.arange(len(dynamics.states))
             u = inputs[own][:, None] + np.arange(len(dynamics.inputs))
@@ -48,9 +48,9 @@ class Motion:
             numbers = np.concatenate([x, total + u, phi, total + phi, dt], axis=1)
             steps = [_runge_kutta(dynamics, count) for count in range(1, most + 1)]
             p = total + axes * own[:, None] + np.arange(axes)
-            alike = _Alike(x, np.hstack([x, p]), numbers, steps, _position(dynamics))
-            self._alike.append(alike)
-            self._of |= dict.fromkeys(each, alike)
+            kind = _Alike(x, np.hstack([x, p]), numbers, steps, _position(dynamics))
+            self._alike.append(kind)
+            self._of |= dict.fromkeys(each, kind)
 
     def steps(
         self, count: int, x: Array, u: Array, phi: Array, slope: Array, dt: float
@@ -94,7 +94,7 @@ def _begins(sizes: Sequence[int]) -> Index:
     return np.cumsum([0, *sizes])
 
 
-def _alike(members: Sequence[Member]) -> list[list[int]]:
+def alike(members: Sequence[Member]) -> list[list[int]]:
     """Members that move alike, whatever bounds their inputs have."""
     different = {id(m.dynamics): m.dynamics for m in members}
     text = {number: _text(dynamics) for number, dynamics in different.items()}
@@ -123,14 +123,22 @@ def _runge_kutta(dynamics: Dynamics, steps: int) -> MappedFunction:
     after = []
     for step in range(steps):
         begin = phi + step * dt * slope
-        middle, end = begin + dt / 2 * slope, begin + dt * slope
-        k1 = field(x, u) + begin
-        k2 = field(x + dt / 2 * k1, u) + middle
-        k3 = field(x + dt / 2 * k2, u) + middle
-        k4 = field(x + dt * k3, u) + end
-        x = x + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        pushes = begin, begin + dt / 2 * slope, begin + dt * slope
+        x = x + dt / 6 * weighted_rates(field, x, u, pushes, dt)
         after.append(ca.horzcat(x.T, dynamics.position(x).T))
     return MappedFunction([start, u, phi, slope, dt], [ca.vertcat(*after)])
+
+
+def weighted_rates(
+    field: ca.Function, x: ca.SX, u: ca.SX, pushes: tuple[ca.SX, ca.SX, ca.SX], dt: ca.SX
+) -> ca.SX:
+    """Six times the mean rate of a step, shape (n,); φ at its begin, its middle and its end."""
+    begin, middle, end = pushes
+    k1 = field(x, u) + begin
+    k2 = field(x + dt / 2 * k1, u) + middle
+    k3 = field(x + dt / 2 * k2, u) + middle
+    k4 = field(x + dt * k3, u) + end
+    return k1 + 2 * k2 + 2 * k3 + k4
 
 
 def _position(dynamics: Dynamics) -> MappedFunction:

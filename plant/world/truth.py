@@ -11,6 +11,7 @@ from phalanx.plant.world.composition import LogSumExp
 from phalanx.plant.world.integration import DisturbanceKnot, Passage, Piece
 from phalanx.plant.world.near import NearPairs
 from phalanx.plant.world.psi import LargestPsi
+from phalanx.plant.world.resolution import Resolution
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.expressions.mapped import Index
 
@@ -32,11 +33,13 @@ class IntegrationSteps(NamedTuple):
     """Of all pairs, shape (s,)."""
     psi: Array
     """The largest of their ψ_1 ... ψ_{q-1}, shape (s,); empty if q = 1."""
+    defect: Array
+    """At most how far each was off the equation of motion [1/s], shape (s,)."""
 
     def part(self, some: slice) -> "IntegrationSteps":
         """Some of them."""
-        times, pairs, h, h_tot, psi = self
-        return IntegrationSteps(times[some], pairs, h[some], h_tot[some], psi[some])
+        times, pairs, h, h_tot, psi, defect = self
+        return IntegrationSteps(times[some], pairs, h[some], h_tot[some], psi[some], defect[some])
 
 
 Way = list[Piece]
@@ -53,6 +56,7 @@ class Truth:
         swarm = rows.swarm
         self._psi = LargestPsi(rows)
         self._near = NearPairs(swarm, self._psi.functions)
+        self._resolution = Resolution(swarm)
         self._sum = LogSumExp(swarm.scenario.safety.rho, len(swarm.safe_set.pairs))
 
     def of(self, ways: Sequence[Way]) -> list[Seen]:
@@ -64,17 +68,18 @@ class Truth:
         times = np.concatenate([p.times for _, p in passages])
         x = np.concatenate([p.x for _, p in passages])
         positions = np.concatenate([p.p for _, p in passages])
+        defect = np.concatenate([[self._resolution.defect(p)] * len(p.x) for _, p in passages])
         whose = np.array([k for k, p in passages for _ in p.x])
         for first in range(0, len(x), _STATES_AT_ONCE):
             some = slice(first, first + _STATES_AT_ONCE)
-            steps, begin = self._steps(times[some], x[some], positions[some]), 0
+            steps, begin = self._steps(times[some], x[some], positions[some], defect[some]), 0
             for k, count in Counter(whose[some].tolist()).items():
                 shown[k].append(steps.part(slice(begin, begin := begin + count)))
         return shown
 
-    def _steps(self, times: Array, x: Array, positions: Array) -> IntegrationSteps:
+    def _steps(self, times: Array, x: Array, positions: Array, defect: Array) -> IntegrationSteps:
         pairs, values, least = self._near(x, positions)
         h = values[..., 0]
         composed = self._sum(h)
         psi = self._psi(values, least, composed)
-        return IntegrationSteps(times, pairs, h, composed.h_tot, psi)
+        return IntegrationSteps(times, pairs, h, composed.h_tot, psi, defect)

@@ -437,3 +437,25 @@ def test_h_is_of_states_and_cannot_tell_agents_of_one_group_apart_by_name(tmp_pa
     summary, recording = judged(table, tmp_path, ahead(agent3=-1.0))
     checked = certify(load(table), recording.states, recording.steps)
     assert (summary.outcome is Outcome.GUARANTEED) == bool(checked)
+
+
+def test_a_turn_that_no_step_sees_is_not_guaranteed(tmp_path):
+    """2.00 turns in a step of 1 ms look like none: it passes the sphere straight ahead."""
+    turning = 4000.0 * np.pi
+    unicycle = {"type": "unicycle", "speed": 1.0, "turn_rate": 1.01 * turning, "offset": 0.01}
+    sphere = {"center": [0.1, 3.0], "clearance": 1.0}
+    table = swarm([[0.0, 0.0, 0.0]], None, unicycle, obstacles=[sphere])
+    straight, _ = judged(table, tmp_path, lambda n, s, a: (1.0, 0.0))
+    assert straight.outcome is Outcome.GUARANTEED
+    summary, _ = judged(table, tmp_path, lambda n, s, a: (1.0, turning))
+    assert summary.outcome is Outcome.SAFE
+    assert failed(summary) == {"resolved motion"}
+    assert "at any integration step" in summary.reason
+
+
+def test_what_is_beyond_the_digits_of_a_state_is_not_guaranteed(tmp_path):
+    """1e16 m away no step moves anybody, whatever it holds."""
+    table = swarm([[1e16, 0.0], [1e16, 90.0]])
+    summary, _ = judged(table, tmp_path, ahead(agent1=1.0))
+    assert summary.outcome is Outcome.SAFE
+    assert "resolved motion" in failed(summary)

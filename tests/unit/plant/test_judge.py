@@ -109,7 +109,12 @@ def steps(times: list[float], h: list[float], psi: list[float] | None = None) ->
     """What integration showed of the first two pairs, all else being left out."""
     both = np.array([h, h]).T
     return IntegrationSteps(
-        np.array(times), np.arange(2), both, both.max(axis=1), np.array(psi or [])
+        np.array(times),
+        np.arange(2),
+        both,
+        both.max(axis=1),
+        np.array(psi or []),
+        np.zeros(len(times)),
     )
 
 

@@ -1,0 +1,113 @@
+"""How far integration steps are off: never farther than is said, and as near as they are."""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from phalanx.guarantee.certificate import DEFECT
+from phalanx.plant.world.integration import Passage
+from phalanx.plant.world.resolution import Resolution
+from phalanx.plant.world.world import World
+from phalanx.theory.models.integrators import SingleIntegrator
+from tests.unit.swarms import rows_of_scenario, swarm_of_scenario
+
+mpmath.mp.prec = 160
+
+
+def unicycle(x, u, push):
+    """Rate of a unicycle of true sines and cosines."""
+    moving = [u[0] * mpmath.cos(x[2]), u[0] * mpmath.sin(x[2]), mpmath.mpf(u[1])]
+    return [a + b for a, b in zip(moving, push, strict=True)]
+
+
+def stepped(x, u, phi, slope, s):
+    """A step of the classical Runge-Kutta method, of length s."""
+
+    def push(t):
+        return [a + t * b for a, b in zip(phi, slope, strict=True)]
+
+    def moved(t, k):
+        return [a + t * b for a, b in zip(x, k, strict=True)]
+
+    k1 = unicycle(x, u, push(0))
+    k2 = unicycle(moved(s / 2, k1), u, push(s / 2))
+    k3 = unicycle(moved(s / 2, k2), u, push(s / 2))
+    k4 = unicycle(moved(s, k3), u, push(s))
+    each = zip(k1, k2, k3, k4, strict=True)
+    return moved(s / 6, [a + 2 * b + 2 * c + d for a, b, c, d in each])
+
+
+def true_defect(x, u, phi, slope, s) -> float:
+    """How much the step's own rate differs from that of the equation, at s."""
+    d = mpmath.mpf(2) ** -50
+    ends = [stepped(x, u, phi, slope, s + side * d) for side in (-1, 1)]
+    own = [(b - a) / (2 * d) for a, b in zip(*ends, strict=True)]
+    push = [a + s * b for a, b in zip(phi, slope, strict=True)]
+    rate = unicycle(stepped(x, u, phi, slope, s), u, push)
+    return float(mpmath.norm([a - b for a, b in zip(own, rate, strict=True)]))
+
+
+def passage(swarm, seed: int, turning: float) -> Passage:
+    """A millisecond of three steps of unicycles, from anywhere."""
+    rng, world = np.random.default_rng(seed), World(rows_of_scenario("unicycles"))
+    integration = world.integration
+    integration.x = rng.uniform(-5, 5, len(integration.x))
+    for i in range(len(swarm.members)):
+        integration.hold(i, rng.uniform(-1, 1, 2) * [4.0, turning])
+    return next(p for p in integration.to(0.003) if isinstance(p, Passage))
+
+
+@given(seed=st.integers(0, 2**32 - 1), turning=st.sampled_from([2.0, 60.0, 900.0, 12566.0]))
+@settings(max_examples=30, deadline=None)
+def test_no_step_is_farther_off_than_its_bound(seed, turning):
+    swarm = swarm_of_scenario("unicycles")
+    resolution, way = Resolution(swarm), passage(swarm, seed, turning)
+    bound, dt = resolution.defect(way), way.stretch.dt
+    starts = [way.start, *way.x[:-1]]
+    for k, x in enumerate(starts):
+        phi = way.phi + k * dt * way.slope
+        for share in (0.3, 1.0):
+            for i in range(len(swarm.members)):
+                part = slice(3 * i, 3 * i + 3)
+                own = [list(map(float, each[part])) for each in (x, phi, way.slope)]
+                u = way.u[2 * i : 2 * i + 2].tolist()
+                off = true_defect(own[0], u, own[1], own[2], mpmath.mpf(share * dt))
+                assert off <= bound
+    assert turning > 2.0 or bound < 1e-5
+    assert turning < 12566.0 or bound > DEFECT
+
+
+def test_a_state_too_far_away_for_a_step_to_show_is_off_by_all_of_it():
+    swarm = swarm_of_scenario("one-on-one")
+    resolution, integration = Resolution(swarm), World(rows_of_scenario("one-on-one")).integration
+    way = next(p for p in integration.to(0.003) if isinstance(p, Passage))
+    assert resolution.defect(way) < 1e-9
+    assert resolution.defect(way._replace(start=way.start + 1e15)) > 1.0
+
+
+@dataclass(frozen=True)
+class Bumpy(SingleIntegrator):
+    """A ripple in its way, too fine for a step, or a kink."""
+
+    kink: bool = False
+
+    def drift(self, x):
+        ripple = ca.fabs(x[1]) if self.kink else ca.sin(1e6 * x[0])
+        return ca.vertcat(0.05 * ripple, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("kink", "y", "known"), [(False, 1.0, False), (True, 0.0, False), (True, 1.0, True)]
+)
+def test_what_a_step_cannot_see_is_not_resolved(kink, y, known):
+    own = f"{{ type = '{__name__}:Bumpy', speed = 1.0, kink = {str(kink).lower()} }}"
+    rows = rows_of_scenario("one-on-one", f"agents.0.dynamics={own}")
+    integration = World(rows).integration
+    integration.x[:2] = 3e-7, y
+    way = next(p for p in integration.to(0.003) if isinstance(p, Passage))
+    assert (Resolution(rows.swarm).defect(way) <= DEFECT) is known
