@@ -1,5 +1,6 @@
 """phalanx view, viewer and export: a run on a page, live or recorded, and as one file."""
 
+import importlib.util
 import pkgutil
 from pathlib import Path
 from typing import Annotated, Any
@@ -141,7 +142,13 @@ def export(
         Path | None,
         typer.Option(
             callback=require_file,
-            help="Write a recording for Foxglove, rerun and others there.",
+            help="Write a recording for Foxglove and others there.",
+        ),
+    ] = None,
+    rerun: Annotated[
+        Path | None,
+        typer.Option(
+            callback=require_file, help="Write a recording for rerun there; needs rerun-sdk."
         ),
     ] = None,
     parquet: Annotated[
@@ -159,22 +166,26 @@ def export(
 
       phalanx export runs/unicycles-1 --html run.html
       phalanx export runs/unicycles-1 --mcap shown.mcap
+      phalanx export runs/unicycles-1 --rerun shown.rrd
       phalanx export runs/unicycles-1 --parquet tables
     """
     from phalanx.cli.display import doing
     from phalanx.launcher.programs import configure_logging
     from phalanx.recording.read import UnreadableRecordingError, find
 
-    wanted = {"html": html, "png": png, "mcap": mcap, "parquet": parquet, "csv": csv}
+    files = {"html": html, "png": png, "mcap": mcap, "rerun": rerun}
+    wanted = files | {"parquet": parquet, "csv": csv}
     if not any(wanted.values()):
         raise typer.BadParameter(f"expected one of {', '.join(f'--{name}' for name in wanted)}")
     if at is not None and png is None:
         raise typer.BadParameter("--at: expected --png with it")
+    if rerun is not None and importlib.util.find_spec("rerun") is None:
+        raise typer.BadParameter("--rerun: needs rerun-sdk: pip install 'phalanx-swarm[rerun]'")
     configure_logging()
     make = pkgutil.resolve_name("phalanx.viewer.export.write:run")
     try:
-        for option in ("html", "mcap"):
-            require_other(f"--{option}", wanted[option], [find(run)])
+        for option, path in files.items():
+            require_other(f"--{option}", path, [find(run)])
         with doing("exporting") as show:
             written = make(run, at=at, trust=trust, progress=show, **wanted)
         say(*written)

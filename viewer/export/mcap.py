@@ -1,4 +1,4 @@
-"""A recording in Foxglove's messages, so that Foxglove, rerun and others show and plot it.
+"""A recording in Foxglove's messages, so that Foxglove and others show and plot it.
 
 | topic | message |
 |---|---|

@@ -20,6 +20,7 @@ def run(
     png: Path | None = None,
     at: float | None = None,
     mcap: Path | None = None,
+    rerun: Path | None = None,
     parquet: Path | None = None,
     csv: Path | None = None,
     trust: bool = False,
@@ -32,7 +33,8 @@ def run(
         html: where a self-contained page goes.
         png: where a picture goes.
         at: time of the picture [s]; by default the worst moment.
-        mcap: where a recording that other tools show goes.
+        mcap: where a recording that Foxglove shows goes.
+        rerun: where one for rerun's viewer goes; needs rerun-sdk.
         parquet: folder for the run's tables, one file each.
         csv: likewise.
         trust: whether code that the scenario names may be imported.
@@ -62,10 +64,15 @@ def run(
         from phalanx.viewer.export.mcap import write_mcap
 
         write_mcap(recorded, mcap)
+    if rerun is not None:
+        progress("entities")
+        from phalanx.viewer.export.rerun import write_rerun
+
+        write_rerun(recorded, rerun)
     tables = [
         written
         for kind, folder in ((PARQUET, parquet), (CSV, csv))
         if folder is not None
         for written in write_tables(recorded, replay.model.swarm, folder, kind)
     ]
-    return [*(path for path in (html, png, mcap) if path is not None), *tables]
+    return [*(path for path in (html, png, mcap, rerun) if path is not None), *tables]
