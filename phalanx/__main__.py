@@ -4,10 +4,12 @@ import os
 import sys
 
 from phalanx.launcher import interrupt
+from phalanx.launcher.streams import open_closed_streams
 
 
 def main() -> None:
     """Run the command and exit with its status."""
+    open_closed_streams()
     interrupt.remember()
     # Matrices here are small. More threads only take memory; with too little of it OpenBLAS hangs
     # while it is loaded.

@@ -114,7 +114,9 @@ def run(
         with contextlib.suppress(OSError):  # said when the run begins
             start_loading()
     import phalanx
+    from phalanx.launcher.streams import outlive_readers
 
+    outlive_readers()
     resolved = phalanx.load(scenario, overrides or (), seed)
     from phalanx.cli.display import progress
     from phalanx.guarantee.verdict import exit_status

@@ -8,6 +8,7 @@ from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher import interrupt
 from phalanx.launcher.engine import Announce, Engine, Progress, require_engine, silent
+from phalanx.launcher.streams import open_closed_streams
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import build_swarm
@@ -36,6 +37,7 @@ def execute(
         ValueError: there is no such engine.
     """
     require_engine(engine)
+    open_closed_streams()
     # An engine brings its own libraries; who uses one need not load the other's.
     if engine == "in-process":
         from phalanx.launcher.in_process_engine import run_in_process

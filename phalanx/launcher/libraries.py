@@ -15,6 +15,8 @@ import types
 from collections.abc import Iterator
 from multiprocessing.context import ForkServerContext
 
+from phalanx.launcher.handles import raise_limit
+
 _PROGRAMS = ["phalanx.launcher.fork_server", "phalanx.plant.main", "phalanx.agent.main"]
 """Modules that have imported all that a run needs but the scenario's own code."""
 _changing_environment = threading.Lock()
@@ -26,6 +28,7 @@ def start_loading() -> ForkServerContext:
     It does so while the caller goes on, so the sooner it is asked for the better. Raises OSError
     where no folder for temporary files can be written to.
     """
+    raise_limit()
     context = multiprocessing.get_context("forkserver")
     # A Python that heeds no environment would take them from elsewhere: see _importing_as_here.
     context.set_forkserver_preload([] if sys.flags.ignore_environment else _PROGRAMS)

@@ -15,6 +15,7 @@ from phalanx.guarantee.verdict import Outcome, Summary, exit_status
 from phalanx.launcher import interrupt
 from phalanx.launcher.engine import EngineError
 from phalanx.launcher.fork_server import LOG, Order, Report, serve
+from phalanx.launcher.handles import require_handles
 from phalanx.launcher.libraries import start_loading, without_main
 from phalanx.launcher.programs import Program
 from phalanx.scenario.load import to_json
@@ -53,6 +54,7 @@ class Processes:
         """Begin to build the theory that all programs inherit. Raises EngineError."""
         try:
             context = start_loading()
+            require_handles(len(scenario.programs()))
             self._reports, theirs = context.Pipe()
             self._plant, last_words = context.Pipe(duplex=False)
             self._server = context.Process(

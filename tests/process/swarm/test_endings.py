@@ -4,7 +4,10 @@ import math
 import os
 import resource
 import signal
+import subprocess
+import sys
 import time
+from functools import partial
 
 import psutil
 import pytest
@@ -302,6 +305,7 @@ def limit_files_to_150_kb() -> None:
 
 STUCK_LINK = """
 import time
+from functools import partial
 from dataclasses import dataclass
 from phalanx.network.rule import DELIVER
 
@@ -354,3 +358,49 @@ def test_an_agent_that_fails_before_it_joins_ends_the_run_at_once_and_is_named(
     assert status == 3
     assert "broken: an agent failed [phx-agent-2 died (exit status 1)" in output
     assert "no camera" in output
+
+
+CLOSED = {
+    "output": ">&-",
+    "errors": "2>&-",
+    "all three": "<&- >&- 2>&-",
+    "a reader that goes": "| head -1",
+    "a reader of errors that goes": "2>&1 >/dev/null | true",
+}
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("closed", CLOSED)
+def test_whatever_stream_is_closed_the_run_goes_on_to_its_end(tmp_path, closed, unbuffered):
+    command = f"{sys.executable} -m phalanx run one-on-one --no-report --set duration=0.2"
+    shell = f"set -o pipefail; {command} --out {tmp_path} {CLOSED[closed]}"
+    environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
+    ended = subprocess.run(["bash", "-c", shell], env=environment, capture_output=True)
+    assert ended.returncode == 0, ended.stderr
+    found = read(tmp_path / "one-on-one-1")
+    assert found.damage is None
+    assert found.summary.outcome is Outcome.GUARANTEED
+
+
+def test_a_low_limit_of_file_handles_is_raised_where_that_is_allowed(phalanx):
+    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    limit = partial(resource.setrlimit, resource.RLIMIT_NOFILE, (24, hard))
+    status, output = phalanx("run", "unicycles", "--set", "duration=0.2", limit=limit).finish()
+    assert status == 0, output
+
+
+@pytest.mark.parametrize("handles", [24, 44])
+def test_too_few_file_handles_are_said_before_anything_is_started(phalanx, handles):
+    limit = partial(resource.setrlimit, resource.RLIMIT_NOFILE, (handles, handles))
+    run = phalanx("run", "unicycles", limit=limit)
+    status, output = run.finish()
+    assert status == 3, output
+    assert f"a process may have {handles} file handles" in output
+    assert "needs 45: raise the hard limit" in output
+    assert not list(run.parent.glob("*/*"))
+
+
+def test_as_many_file_handles_as_are_asked_for_are_enough(phalanx):
+    limit = partial(resource.setrlimit, resource.RLIMIT_NOFILE, (45, 45))
+    status, output = phalanx("run", "unicycles", "--set", "duration=0.2", limit=limit).finish()
+    assert status == 0, output
