@@ -28,6 +28,9 @@ from phalanx.wire.session import Session, open_member
 
 log = logging.getLogger("phalanx.agent")
 
+_LONGEST_SILENCE = 16.0
+"""Twice as long as a step may take [s]: Zenoh gives up a hub that it has not read from for 10 s."""
+
 
 def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None) -> int:
     """Run one agent, or the controller of several, until the plant leaves.
@@ -51,7 +54,7 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
     signal.signal(signal.SIGTERM, lambda *_: leaving.put("told to"))
     timeout = rows.swarm.scenario.time.timeout
     with (
-        Watchdog(timeout),
+        Watchdog(min(timeout, _LONGEST_SILENCE)),
         open_member(
             membership.endpoint, keys.alive(PLANT), membership.timeout, membership.credentials
         ) as session,

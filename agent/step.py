@@ -19,6 +19,7 @@ from phalanx.network.inbox import BroadcastInbox, Existing, Fate
 from phalanx.network.link import Link, RuleError
 from phalanx.scenario.fields import CONTROLLER
 from phalanx.swarm.distances import Distances
+from phalanx.swarm.finite import mistake_at
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import Swarm
@@ -85,7 +86,7 @@ class ControlStep:
     ) -> None:
         """controller: agent i's own unless said otherwise."""
         swarm = rows.swarm
-        self.swarm = swarm
+        self.swarm, self._rows = swarm, rows
         self.i = i
         self.name = swarm.names[i]
         self._heard = frozenset(swarm.heard_by(i))
@@ -178,9 +179,17 @@ class ControlStep:
             words = error.told(f"agent {error.agent or self.name} at sample {sample.k}")
             raise StepFailedError(words, sample) from error
         except Exception as error:
-            reason = error if isinstance(error, RuleError) else in_words(error)
-            words = f"agent {self.name} failed at sample {sample.k}: {reason}"
-            raise StepFailedError(words, sample) from error
+            raise StepFailedError(self._why_failed(accepted, error), sample) from error
+
+    def _why_failed(self, accepted: Accepted, error: Exception) -> str:
+        """Whose expression has no value at a sample, if that may be why; else the error."""
+        sample = accepted.sample
+        if isinstance(error, ArithmeticError | ValueError):
+            mistake = mistake_at(self._rows, self.i, accepted.x, sample.seen)
+            if mistake is not None:
+                return mistake.told(f"agent {self.name} at sample {sample.k}")
+        reason = error if isinstance(error, RuleError) else in_words(error)
+        return f"agent {self.name} failed at sample {sample.k}: {reason}"
 
     def _answer(self, accepted: Accepted) -> Answer:
         began, (sample, x, _) = time.perf_counter(), accepted

@@ -10,7 +10,7 @@ from phalanx.theory.expressions.asked import EndlessLoopError, questions
 
 log = logging.getLogger("phalanx.swarm")
 
-_SHARE = 0.8
+_SHARE = 0.5
 """Of the plant's patience with an agent: so it hears why before it gives the agent up."""
 _LOOKS = 20
 """A question that was there so often in a row is not answered."""

@@ -20,6 +20,7 @@ from phalanx.plant.world.integration import DisturbanceKnot
 from phalanx.plant.world.truth import IntegrationSteps
 from phalanx.plant.world.world import DivergedError
 from phalanx.swarm.rows import SafetyRows
+from phalanx.theory.expressions.asked import place_of
 from phalanx.theory.expressions.magnitude import LARGEST
 from phalanx.theory.rows.origin import EMPTY, Origin
 from phalanx.wire.messages import Telemetry
@@ -101,7 +102,7 @@ class Judge:
                 )
                 continue
             if not (np.abs(piece.h_tot) <= LARGEST).all():
-                raise DivergedError("h_tot", float(piece.times[-1]))
+                raise self._diverged(piece)
             if self._checks.start.checked == 0:
                 self._checks.start.check(bool((piece.h[0] <= 0.0).all()), float(piece.times[0]))
             self.extremes.add(piece.times, piece.pairs, piece.h, piece.h_tot)
@@ -109,6 +110,15 @@ class Judge:
                 self._checks.resolved.check(defect <= DEFECT, t)
             for t, psi in zip(piece.times.tolist(), piece.psi.tolist(), strict=False):
                 self._check_invariance(t, psi)
+
+    def _diverged(self, steps: IntegrationSteps) -> DivergedError:
+        """Which pair's h is not finite, and the method that says it; h_tot, if none is."""
+        composed, t = self._swarm.safe_set, float(steps.times[-1])
+        bad = ~(np.abs(steps.h) <= LARGEST).all(axis=0)
+        if not bad.any():
+            return DivergedError("h_tot", t)
+        pair = composed.pairs[int(steps.pairs[np.argmax(bad)])]
+        return DivergedError(f"h of {composed.label(pair)}", t, place_of(*composed.asked(pair)))
 
     def _check_invariance(self, t: float, psi: float) -> None:
         stayed = self._checks.stayed

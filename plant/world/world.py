@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from phalanx.plant.world.integration import Integration, Passage, Piece
 from phalanx.swarm.rows import SafetyRows
+from phalanx.theory.expressions.asked import place_of
 from phalanx.theory.expressions.magnitude import LARGEST
 
 Array = NDArray[np.float64]
@@ -15,11 +16,11 @@ Array = NDArray[np.float64]
 class DivergedError(ArithmeticError):
     """The true dynamics, or h along them, left the finite numbers."""
 
-    def __init__(self, what: str, t: float) -> None:
-        """what: which number it was. t: when, at the latest [s]."""
+    def __init__(self, what: str, t: float, check: str = "dynamics and laws") -> None:
+        """what: which number it was. t: when, at the latest [s]. check: whose it may be."""
         super().__init__(
-            f"{what} is no longer finite at t = {t:.3f} s: check dynamics and laws for divisions "
-            "by zero and unbounded growth"
+            f"{what} is no longer finite at t = {t:.3f} s: check {check} for divisions by zero "
+            "and unbounded growth"
         )
 
 
@@ -28,6 +29,7 @@ class World:
 
     def __init__(self, rows: SafetyRows) -> None:
         """Start at the scenario's x(0), with every actuator at zero."""
+        self._swarm = rows.swarm
         self.integration = Integration(rows)
         """Of this world; whoever goes ahead with it lets the world follow."""
         self.t, self.x, self.p = 0.0, self.integration.x, self.integration.p
@@ -50,7 +52,21 @@ class World:
         """Go this way on from here. Raises DivergedError."""
         for piece in way:
             if isinstance(piece, Passage):
-                if not (np.abs(piece.x) <= LARGEST).all():
-                    raise DivergedError("the state", piece.stretch.end)
+                if not ((np.abs(piece.x) <= LARGEST).all() and np.isfinite(piece.p).all()):
+                    raise self._diverged(piece)
                 self.t, self.x, self.p = piece.stretch.end, piece.x[-1], piece.p[-1]
             self._way.append(piece)
+
+    def _diverged(self, passage: Passage) -> DivergedError:
+        """Whose state or output point is no longer finite, and the methods that led there."""
+        members, end = self._swarm.members, passage.stretch.end
+        finite = np.abs(passage.x) <= LARGEST
+        for member, part in zip(members, self._swarm.safe_set.parts, strict=True):
+            if not finite[:, part].all():
+                methods = [place_of(member.dynamics, method) for method in ("drift", "actuation")]
+                return DivergedError(
+                    f"the state of agent {member.name}", end, " and ".join(methods)
+                )
+        member = members[int(np.argmin(np.isfinite(passage.p).all(axis=(0, 2))))]
+        position = place_of(member.dynamics, "position")
+        return DivergedError(f"the output point of agent {member.name}", end, position)

@@ -21,7 +21,7 @@ class EndlessLoopError(BaseException):
     """Raised in a user's method that does not return; what it catches itself must not hold this."""
 
     def __str__(self) -> str:
-        return "an endless loop, or too slow for time.timeout"
+        return "an endless loop, or too slow"
 
 
 class MistakenMethodError(ValueError):
@@ -88,6 +88,11 @@ def in_short(value: NDArray[Any]) -> str:
     """The first numbers of an array."""
     shown = ", ".join(f"{number:.4g}" for number in value.ravel()[:6])
     return f"({shown}{', ...' if value.size > 6 else ''})"
+
+
+def place_of(of: object, method: str) -> str:
+    """A method in words: class, name, file and line."""
+    return f"{type(of).__name__}.{method} ({_place(of, method, None)})"
 
 
 def _place(of: object, method: str, error: BaseException | None) -> str:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from phalanx.theory.expressions.exact import added, dot
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import Box, Polytope, minimiser
-from phalanx.theory.rows.decision import Decision, finite_or_none
+from phalanx.theory.rows.decision import Decision, finite_or_none, require_numbers
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Row
@@ -59,6 +59,7 @@ class JointInput:
             Origin.QP,
         )
         if u is None:
+            require_numbers(least, row.bound)
             backups = [minimiser(terms.c[l], terms.polytopes[l].corners) for l in normal]
             u, origin = np.concatenate(backups), Origin.SOLVER_FAILED
         left = float(dot(row.a, u) - row.bound)

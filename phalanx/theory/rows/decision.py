@@ -31,6 +31,16 @@ class Decision(NamedTuple):
     None for an adversary, where none of several binds anything, and where none is known."""
 
 
+class NotANumberError(ArithmeticError):
+    """A row is not a number: what it is made of has no value, or no derivative, at this state."""
+
+
+def require_numbers(*of_a_row: Array | float) -> None:
+    """Asked only where the QP has no input: a row that is no number keeps none."""
+    if any(np.isnan(value).any() for value in of_a_row):
+        raise NotANumberError("the row is not a number")
+
+
 def decide(
     terms: Terms, i: int, row: Row, u_nom: Array, qp: NearestInput, authority: float
 ) -> Decision:
@@ -44,6 +54,9 @@ def decide(
         u_nom: nominal input, shape (m_i,).
         authority: if max c_i u - min c_i u <= authority the backup could not help: an agent far
             from every conflict would otherwise brake or bolt at full throttle for nothing.
+
+    Raises:
+        NotANumberError: the row is none.
     """
     polytope, margin = terms.polytopes[i], finite_or_none(terms.margin)
     if terms.least[i] <= row.bound:
@@ -54,6 +67,7 @@ def decide(
         u = qp.solve(u_nom, polytope)
         if u is not None:
             return Decision(u, Origin.NO_AUTHORITY, _residual(row, u), margin)
+    require_numbers(terms.least[i], row.bound)
     u = minimiser(terms.c[i], polytope.corners)
     origin = Origin.SOLVER_FAILED if terms.least[i] <= row.bound else Origin.BACKUP
     return Decision(u, origin, _residual(row, u), margin)
@@ -63,9 +77,11 @@ def decide_pairs(polytope: Polytope, rows: Rows, u_nom: Array, qp: NearestInput)
     """Solve agent i's QP with one row for each pair; fall back to the least worst violation.
 
     The residual is that of the worst row; where no pair is near, so that no row binds, it is FAR.
+    Raises NotANumberError.
     """
     u, origin = qp.solve(u_nom, polytope, rows), Origin.QP
     if u is None:
+        require_numbers(rows.a, rows.bound)
         u = least_violation(polytope, rows)
         holds = (dot(rows.a, u) <= rows.bound).all()
         origin = Origin.SOLVER_FAILED if holds else Origin.BACKUP

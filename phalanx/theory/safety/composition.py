@@ -139,6 +139,15 @@ class ComposedSet:
         hit = [o.distance(self.positions[i]) <= radius for o in self.obstacles]
         return ca.vertcat(*[near[p.a] * _other(p, near, hit) for p in self.pairs])
 
+    def asked(self, pair: Pair) -> tuple[object, str]:
+        """Who says h of a pair, and by which method."""
+        if pair.obstacle is None:
+            return self.function, "between"
+        static = self.obstacles[pair.obstacle]
+        if isinstance(static, Boundary):
+            return static.limit, "alone"
+        return self.function, "to_obstacle"
+
     def label(self, pair: Pair) -> str:
         """A pair in words: "1-4", "1-obstacle 2", or "1-limit 0"."""
         if pair.b is not None:
