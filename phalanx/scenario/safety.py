@@ -7,6 +7,7 @@ from pydantic import Discriminator, Field, PrivateAttr, Tag, model_validator
 from phalanx.scenario.fields import (
     NUMBER,
     TABLE,
+    InWords,
     NonNegative,
     Positive,
     Strict,
@@ -15,6 +16,7 @@ from phalanx.scenario.fields import (
     misplaced,
     number_or_table,
 )
+from phalanx.theory.expressions.asked import place_of
 from phalanx.theory.margins.paper import MarginConstants
 from phalanx.theory.rows.information import Information
 from phalanx.theory.safety.class_k import ClassK, Linear, NotClassKError, require_class_k
@@ -120,9 +122,11 @@ def _class_k(place: int, given: float | Table) -> ClassK:
     try:
         require_class_k(alpha)
     except NotClassKError as error:
-        raise misplaced(("alpha", place), str(error), error.got) from error
+        got = InWords(f"{error.got!r}: {place_of(alpha, 'value')}")
+        raise misplaced(("alpha", place), str(error), got) from error
     except Exception as error:  # of a user's own expression
         reason = str(error).strip().splitlines()[-1]
         message = f"expected an expression that can be checked to be class K ({reason})"
-        raise misplaced(("alpha", place), message, given.get("type")) from error
+        got = InWords(f"{given.get('type')!r}: {place_of(alpha, 'value', error)}")
+        raise misplaced(("alpha", place), message, got) from error
     return alpha

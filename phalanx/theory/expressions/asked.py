@@ -90,9 +90,9 @@ def in_short(value: NDArray[Any]) -> str:
     return f"({shown}{', ...' if value.size > 6 else ''})"
 
 
-def place_of(of: object, method: str) -> str:
-    """A method in words: class, name, file and line."""
-    return f"{type(of).__name__}.{method} ({_place(of, method, None)})"
+def place_of(of: object, method: str, error: Exception | None = None) -> str:
+    """A method in words: class, name, file and line, or where in its file it raised."""
+    return f"{type(of).__name__}.{method} ({_place(of, method, error)})"
 
 
 def _place(of: object, method: str, error: BaseException | None) -> str:

@@ -229,7 +229,10 @@ def test_a_users_classes_in_the_working_directory_make_a_swarm(own):
         ),
         (
             "safety.alpha=[{ type = 'swimming_user:Offset' }]",
-            ["safety.alpha.0: expected α(0) = 0, as class K has it, got 0.5"],
+            [
+                "safety.alpha.0: expected α(0) = 0, as class K has it, got 0.5: ",
+                "Offset.value (swimming_user.py, line ",
+            ],
         ),
         (
             "safety.alpha=[{ type = 'swimming_user:Stepped' }]",
@@ -237,7 +240,11 @@ def test_a_users_classes_in_the_working_directory_make_a_swarm(own):
         ),
         (
             "safety.alpha=[1.0, { type = 'swimming_user:Odd' }]",
-            ["safety.alpha.1: expected", "the operation fmod", "got 'swimming_user:Odd'"],
+            [
+                "safety.alpha.1: expected",
+                "the operation fmod",
+                "got 'swimming_user:Odd': Odd.value (",
+            ],
         ),
         ("agents.0.dynamics.type=5", ["agents.0.dynamics: expected one of unicycle"]),
     ],
