@@ -31,6 +31,9 @@ _ANSWERS, _STEP, _SEAL = "plant/hub/answers.py", "agent/step.py", "phalanx/wire/
 _TEST_ANSWERS, _TEST_STEP = "tests/unit/plant/test_answers.py", "tests/unit/agent/test_step.py"
 _TEST_SEAL, _TEST_LINKS = "tests/unit/wire/test_seal.py", "tests/unit/network"
 _TEST_RECORDING = "tests/unit/recording"
+_JUDGE, _TEST_JUDGE = "plant/judge/judge.py", "tests/unit/plant/test_judge.py"
+_NEAR, _TEST_NEAR = "plant/world/near.py", "tests/unit/plant/test_near.py"
+_BOXES, _TEST_BOXES = "phalanx/guarantee/reachable.py", "tests/unit/guarantee/test_reachable.py"
 MUTANTS = (
     Mutant("any t_apply", _ANSWERS, "message.t_apply != sample.t + self._latency", "False",
            _TEST_ANSWERS),
@@ -103,6 +106,39 @@ MUTANTS = (
     Mutant("a hub of any name", "phalanx/wire/certificates.py", '"verify_name_on_connect": True',
            '"verify_name_on_connect": False',
            "tests/process/hostile/test_certificates.py -k another_name"),
+    Mutant("near pairs for three times the slack", _NEAR, "<= self._room * self._room",
+           "<= 9.0 * self._room * self._room", _TEST_NEAR),
+    Mutant("near pairs by the highest level of several states", _NEAR, "self._least(h).min():",
+           "self._least(h).max():", _TEST_NEAR),
+    Mutant("boxes as old as they like", _BOXES, "if t > self._until:", "if self._until < 0.0:",
+           _TEST_BOXES),
+    Mutant("boxes that forget how long they are kept", _BOXES,
+           "MULTIPLES[0] * tau + self._lasting", "MULTIPLES[0] * tau", _TEST_BOXES),
+    Mutant("boxes of the shortest period", _BOXES, "tau = max(", "tau = min(", _TEST_BOXES),
+    Mutant("boxes without disturbance", _BOXES, "int(own[0]), group.disturbance.bound",
+           "int(own[0]), 0.0", _TEST_BOXES),
+    Mutant("obstacles as large as agents", _BOXES, "static_reach(function, 0.0, obstacle)",
+           "function.reach(0.0)", _TEST_BOXES),
+    Mutant("who may meet within the shortest certificate only",
+           "phalanx/guarantee/certificates.py",
+           "highest_within(alone, bounds, MULTIPLES[0] * tau)",
+           "highest_within(alone, bounds, MULTIPLES[-1] * tau)", _TEST_BOXES),
+    Mutant("another group's certificates", "phalanx/guarantee/certificates.py",
+           "number_of[self.ends], ", "", _TEST_BOXES),
+    Mutant("a start that is left at once", _JUDGE, "piece.h[0] <= 0.0", "piece.h[-1] <= 0.0",
+           _TEST_JUDGE),
+    Mutant("a start with an unsafe pair", _JUDGE, "(piece.h[0] <= 0.0).all()",
+           "(piece.h[0] <= 0.0).any()", _TEST_JUDGE),
+    Mutant("an h_tot that is no number", _JUDGE, "not np.isfinite(piece.h_tot).all()",
+           "not np.isfinite(piece.h_tot).any()", _TEST_JUDGE),
+    Mutant("what actuators hold at first", _JUDGE, "self._check_input(i, self._x, zero, 0.0)",
+           "pass", _TEST_JUDGE),
+    Mutant("an input that is lost", _JUDGE, "self._checks.prompt.check(False, event.t)", "pass",
+           _TEST_JUDGE),
+    Mutant("a pair without a certificate", "plant/judge/coverage.py", "self.ends.argmin()",
+           "self.ends.argmax()", _TEST_JUDGE),
+    Mutant("who may go any distance", "plant/clock/lookahead.py", "            return True",
+           "            return False", "tests/unit/plant/test_lookahead.py"),
     Mutant("half a chunk", "phalanx/recording/write.py", "os.ftruncate(self._fd, self._end)",
            "pass", _TEST_RECORDING),
 )  # fmt: skip

@@ -8,6 +8,8 @@ from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.guarantee.reachable import ReachableBoxes
 from phalanx.plant.judge.coverage import Applied, Coverage
 from phalanx.plant.world.motion import Motion
+from phalanx.scenario.load import load
+from phalanx.swarm.swarm import Swarm, build_swarm
 from tests.unit.swarms import swarm_of_scenario
 
 LARGE = ("agents.0.count=42", "agents.1.count=6")
@@ -49,3 +51,63 @@ def test_what_a_users_function_says_of_its_reach_leaves_nobody_out(function):
     (times,) = coverage.proven([Applied(i, 0.0, x, np.zeros(2))])
     assert (times == SwarmCertificates(swarm).of(i)(x, np.zeros(2))).all()
     assert times.min() == 0.0 or function == "Reaches"
+
+
+def three_on_a_line_and_a_sphere() -> Swarm:
+    """a and b are not pushed, c is; a samples five times as often as the others.
+
+    All go 1 m/s and keep 1 m apart, and 3 m away from (0, 50).
+    """
+
+    def group(name: str, period: float, **pushed: dict) -> dict:
+        return {
+            "names": [name],
+            "role": "normal",
+            "dynamics": {"type": "single-integrator", "speed": 1.0},
+            "law": {"type": "track-velocity"},
+            "clock": {"period": period},
+            "start": [[100.0 * "abc".index(name), 0.0]],
+            **pushed,
+        }
+
+    pushed = {"disturbance": {"bound": PUSHED, "every": 0.2}}
+    agents = [group("a", 0.01), group("b", 0.05), group("c", 0.05, **pushed)]
+    function = {"type": "separation", "radius": 1.0}
+    safety = {"function": function, "rho": 5.0, "alpha": [1.0], "eta": 0.0}
+    sphere = {"center": [0.0, 50.0], "clearance": 3.0}
+    scenario = {"name": "line", "duration": 1.0, "safety": safety, "obstacles": [sphere]}
+    return build_swarm(load({**scenario, "agents": agents}))
+
+
+PUSHED = 0.5
+
+
+@pytest.mark.parametrize(("within", "met"), [(0.42, True), (0.43, False)])
+def test_boxes_reach_as_far_as_the_longest_certificate_asked_for_while_they_are_kept(within, met):
+    """It lasts 8 periods of 0.05 s, and boxes are kept for half of one."""
+    swarm = three_on_a_line_and_a_sphere()
+    function = swarm.scenario.safety.safe_set_function()
+    apart, beside = 1.0 + (2.0 + PUSHED) * within, 3.0 + (1.0 + PUSHED) * within
+    for where, other in (([apart, 0.0], 0), ([0.0, 50.0 - beside], 3)):
+        x = np.array([0.0, 0.0, -500.0, 0.0, *where])
+        near = ReachableBoxes(swarm, function).near(2, np.array([other]), 0.0, x)
+        assert near.tolist() == [met]
+
+
+def test_boxes_that_are_too_old_are_made_anew():
+    swarm, others = three_on_a_line_and_a_sphere(), np.array([0])
+    boxes = ReachableBoxes(swarm, swarm.scenario.safety.safe_set_function())
+    assert not boxes.near(2, others, 0.0, swarm.start())
+    assert boxes.near(2, others, 0.026, np.zeros(6))
+
+
+@pytest.mark.parametrize("meeting", [0.06, 0.2])
+def test_each_pair_is_certified_by_its_own_groups_periods_and_bounds(meeting):
+    """a and c approach each other as fast as they can; b, in its place, would not be as fast."""
+    certificates = SwarmCertificates(three_on_a_line_and_a_sphere())
+    x = np.array([0.0, 0.0, -500.0, 0.0, 1.0 + (2.0 + PUSHED) * meeting, 0.0])
+    for i, ahead in ((0, 1.0), (2, -1.0)):
+        agent = certificates.of(i)
+        (pair,) = (k for k, p in enumerate(agent.pairs) if set(certificates.ends[p]) == {0, 2})
+        certified = agent(x, np.array([ahead, 0.0]))[pair]
+        assert 0.7 * min(meeting, agent.longest) <= certified <= meeting

@@ -1,14 +1,17 @@
 """The judge: how often each assumption of the theorem failed."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from phalanx.guarantee.verdict import Assumption
-from phalanx.plant.events.events import InputApplied, Sampled, StateReached
+from phalanx.plant.events.events import InputApplied, InputLost, Sampled, StateReached
 from phalanx.plant.judge.coverage import Applied
 from phalanx.plant.judge.judge import Judge
 from phalanx.plant.world.integration import DisturbanceKnot
 from phalanx.plant.world.truth import IntegrationSteps
+from phalanx.plant.world.world import DivergedError
+from phalanx.theory.models.unicycle import Unicycle
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Telemetry
 from tests.unit.swarms import rows_of_scenario
@@ -133,6 +136,87 @@ def test_a_start_outside_the_safe_set_is_counted_once(h, failed):
     for t in (0.0, 0.001):
         judge.saw([steps([t], [h])])
     assert counted(judge, "start in S")[:2] == (failed, 1)
+
+
+@pytest.mark.parametrize("unsafe", [0, 1])
+def test_one_pair_makes_a_start_unsafe_though_it_gets_away_before_the_first_event(unsafe):
+    judge, h = judge_of(), np.full((2, 2), -1.0)
+    h[0, unsafe] = 0.1
+    judge.saw([IntegrationSteps(np.array([0.0, 0.001]), np.arange(2), h, h.max(axis=1), h[:0, 0])])
+    assert counted(judge, "start in S") == (1, 1, 0.0)
+
+
+def test_one_step_without_an_h_tot_is_the_end():
+    with pytest.raises(DivergedError):
+        judge_of().saw([steps([0.0, 0.001, 0.002], [-1.0, np.nan, -1.0])])
+
+
+def test_an_input_that_is_lost_did_not_come_in_time():
+    judge = judge_of()
+    assert "inputs in time" not in [a.name for a in judge.assumptions]
+    judge.lost(InputLost(0, 3, 0.03, 0.032, (0.0, 0.0)))
+    assert counted(judge, "inputs in time") == (1, 1, 0.032)
+    assert "inputs in time" in [a.name for a in judge.assumptions]
+
+
+def test_what_a_guarantee_rests_on():
+    named = [a.name for a in judge_of().assumptions]
+    expected = ["start in S", "sampling gap", "disturbance bound", "admissible inputs"]
+    assert named == [*expected, "certificates"]
+
+
+def test_who_falls_silent_or_is_deceived_counts_if_it_is_normal():
+    judge, adversary = judge_of(), 4
+    for i in (0, adversary):
+        judge.sampled(Sampled(i, 0.01 * i, truthful=False))
+        judge.fell_silent(i, 0.1)
+    assert counted(judge, "truthful sensors") == (1, 1, 0.0)
+    assert counted(judge, "faithful agents") == (1, 1, 0.1)
+
+
+def test_an_input_of_somebody_who_has_applied_none_is_not_in_force():
+    judge = judge_of()
+    apply(judge, 0, t=0.005, ages=((1, 0.005),))
+    assert counted(judge, "received inputs in force") == (1, 1, 0.005)
+
+
+def test_what_actuators_hold_before_their_first_input_has_to_be_in_u_too():
+    """Of the first group's three agents, which have to go on at 1 m/s at least."""
+    going = 'agents.0.dynamics={ type = "tests.unit.plant.test_judge:Going", speed = 4.0, '
+    judge = judge_of(going + "turn_rate = 2.0, offset = 0.25 }")
+    start = rows_of_scenario("unicycles").swarm.start()
+    judge.reached(StateReached(0.0, start, []), [])
+    assert counted(judge, "admissible inputs")[0] == 0, "nobody has held anything yet"
+    apply(judge, 0, u=(2.0, 0.0))
+    judge.reached(StateReached(0.01, start, []), [])
+    assert counted(judge, "admissible inputs")[0] == 2
+
+
+class Going(Unicycle):
+    """It cannot stop."""
+
+    def input_polytope(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
+        A, b = super().input_polytope(x)
+        return ca.vertcat(A, ca.SX([[-1.0, 0.0]])), ca.vertcat(b, -1.0)
+
+
+def test_time_may_go_on_until_the_first_certificate_ends_and_no_farther():
+    """One pair's ends a second before all others."""
+    coverage = judge_of().coverage
+    coverage.ends[:], coverage.ends[3] = 2.0, 1.0
+    for t in (1.0, 1.25, 1.5):
+        coverage.reached(t)
+    found, summary = coverage.assumption, coverage.summary
+    assert (found.failed, found.checked, found.first) == (2, 3, 1.25)
+    assert summary.uncovered_at == 1.0
+
+
+def test_a_pair_of_which_nothing_is_proven_is_not_certified_even_for_an_instant():
+    coverage = judge_of().coverage
+    coverage.applied(3, 1.0, np.zeros(0))
+    for i in range(3):
+        coverage.applied(i, 1.0, np.zeros(7))
+    assert (coverage.ends == -np.inf).all()
 
 
 def test_a_given_margin_is_never_called_proven():
