@@ -1,5 +1,6 @@
 """What became of every broadcast on its way: in time, late or lost."""
 
+from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
@@ -31,13 +32,14 @@ def broadcasts(recording: Recording) -> Iterator[Broadcast]:
     place = {name: i for i, name in enumerate(names)}
     sent = {(step.agent, step.k): step.t for step in recording.steps}
     of_agents = steps_by_agent(recording).items()
-    samples = {name: np.array([*(s.t for s in steps), np.inf]) for name, steps in of_agents}
+    # In lists: for one number at a time bisect takes a fifth of what NumPy does.
+    samples = {name: [*(s.t for s in steps), np.inf] for name, steps in of_agents}
     for step in recording.steps:
         for sender, k, delay in step.fates:
             if (t := sent.get((sender, k))) is None:
                 continue
             due = samples[step.agent]
-            next_step = due[np.searchsorted(due, t, side="right")]
+            next_step = due[bisect_right(due, t)]
             fate = LOST if delay < 0.0 else LATE if t + delay > next_step else IN_TIME
             arrival = t + max(delay, 0.0)
             yield Broadcast(place[sender], place[step.agent], t, arrival, fate)
