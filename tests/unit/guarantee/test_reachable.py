@@ -1,5 +1,6 @@
 """Who is left out of an agent's certificates: nobody that it could meet."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -10,6 +11,7 @@ from phalanx.plant.judge.coverage import Applied, Coverage
 from phalanx.plant.world.motion import Motion
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx.theory.models.integrators import SingleIntegrator
 from tests.unit.swarms import swarm_of_scenario
 
 LARGE = ("agents.0.count=42", "agents.1.count=6")
@@ -53,7 +55,7 @@ def test_what_a_users_function_says_of_its_reach_leaves_nobody_out(function):
     assert times.min() == 0.0 or function == "Reaches"
 
 
-def three_on_a_line_and_a_sphere() -> Swarm:
+def three_on_a_line_and_a_sphere(dynamics: str = "single-integrator") -> Swarm:
     """a and b are not pushed, c is; a samples five times as often as the others.
 
     All go 1 m/s and keep 1 m apart, and 3 m away from (0, 50).
@@ -63,7 +65,7 @@ def three_on_a_line_and_a_sphere() -> Swarm:
         return {
             "names": [name],
             "role": "normal",
-            "dynamics": {"type": "single-integrator", "speed": 1.0},
+            "dynamics": {"type": dynamics, "speed": 1.0},
             "law": {"type": "track-velocity"},
             "clock": {"period": period},
             "start": [[100.0 * "abc".index(name), 0.0]],
@@ -99,6 +101,21 @@ def test_boxes_that_are_too_old_are_made_anew():
     boxes = ReachableBoxes(swarm, swarm.scenario.safety.safe_set_function())
     assert not boxes.near(2, others, 0.0, swarm.start())
     assert boxes.near(2, others, 0.026, np.zeros(6))
+
+
+class Escaping(SingleIntegrator):
+    """x' = x² / 10 + u_1: from x = 100 on there is no state after 0.1 s."""
+
+    def drift(self, x: ca.SX) -> ca.SX:
+        return ca.vertcat(0.1 * x[0] * x[0], 0.0)
+
+
+@pytest.mark.parametrize(("begin", "met"), [(0.0, False), (100.0, True)])
+def test_who_is_in_no_certain_box_may_be_met_anywhere(begin, met):
+    swarm = three_on_a_line_and_a_sphere("tests.unit.guarantee.test_reachable:Escaping")
+    boxes = ReachableBoxes(swarm, swarm.scenario.safety.safe_set_function())
+    x = np.array([0.0, 0.0, 0.0, -500.0, begin, 500.0])
+    assert boxes.near(2, np.array([0]), 0.0, x).tolist() == [met]
 
 
 @pytest.mark.parametrize("meeting", [0.06, 0.2])

@@ -142,7 +142,7 @@ def test_a_start_outside_the_safe_set_is_counted_once(h, failed):
 def test_one_pair_makes_a_start_unsafe_though_it_gets_away_before_the_first_event(unsafe):
     judge, h = judge_of(), np.full((2, 2), -1.0)
     h[0, unsafe] = 0.1
-    judge.saw([IntegrationSteps(np.array([0.0, 0.001]), np.arange(2), h, h.max(axis=1), h[:0, 0])])
+    judge.saw([steps([0.0, 0.001], [-1.0, -1.0])._replace(h=h)])
     assert counted(judge, "start in S") == (1, 1, 0.0)
 
 
