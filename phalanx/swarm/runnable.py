@@ -54,6 +54,8 @@ def _runnable(swarm: Swarm) -> SafetyRows:
         _require_rules(swarm, x)
     except (MistakenMethodError, RuleError) as error:
         raise ScenarioError(f"{name}: {error}") from error
+    except ScenarioError:
+        raise  # a ValueError too
     except ValueError as error:
         raise ScenarioError(f"{name}: safety: {error}") from error
     return rows

@@ -124,7 +124,11 @@ class Blind(Base):
     ("law", "status", "said"),
     [
         ("Short", 64, "expected an array of 2 finite numbers for agent 1, got shape (1,)"),
-        ("Blind", 3, "broken: the theory cannot be built: RuntimeError: no camera"),
+        (
+            "Blind",
+            64,
+            "unicycles: law of 1: Blind.join: expected a law, got RuntimeError: no camera",
+        ),
     ],
 )
 def test_what_cannot_run_is_said_in_a_line_before_anything_is_made(
@@ -138,6 +142,7 @@ def test_what_cannot_run_is_said_in_a_line_before_anything_is_made(
     ended, output = run.finish()
     assert ended == status, output
     assert said in output
+    assert output.count("unicycles") == 1
     assert len(output.splitlines()) == 1
     assert not run.parent.exists()
     run.wait_until_gone(5.0)
