@@ -8,7 +8,7 @@ from pathlib import Path
 
 from phalanx.swarm.rows import SafetyRows
 from phalanx.viewer.feeds.live import Live
-from phalanx.viewer.feeds.replay import open_replay
+from phalanx.viewer.feeds.replay import Replay, open_replay
 from phalanx.viewer.feeds.stop import stop_request
 from phalanx.viewer.page.page import Page
 from phalanx.viewer.page.server import choose_port
@@ -63,7 +63,7 @@ def run_live(
         _tick(page, lambda: told_to_stop() or (recording is not None and live.over))
     if recording is not None and not told_to_stop():
         try:
-            page.replay(open_replay(recording, trust))
+            page.replay(_load(recording, trust))
         except ValueError as error:  # a plant that was killed leaves none
             log.warning("no replay: %s", error)
         _tick(page, told_to_stop)
@@ -87,11 +87,20 @@ def run_replay(
     """
     told_to_stop = stop_request()
     choose_port(host, port)  # a port that cannot be had is said before a long recording is read
-    page = Page(host, port, origins, open_replay(recording, trust))
+    page = Page(host, port, origins, _load(recording, trust))
     _announce(page)
     _tick(page, told_to_stop)
     page.server.stop()
     return 0
+
+
+def _load(recording: Path, trust: bool) -> Replay:
+    log.info("reading %s", recording)
+    replay = open_replay(recording, trust)
+    pairs = len(replay.model.swarm.safe_set.pairs)
+    log.info("evaluating h of %d pairs in a run of %d states", pairs, len(replay.times))
+    replay.history.pairs()  # it is kept; the first visitor would wait for it
+    return replay
 
 
 def _announce(page: Page, token: str = "") -> None:

@@ -160,6 +160,8 @@ class RunScribe:
         for pair in sorted(unsafe - self._unsafe):
             left = f"{self._judge.extremes.label(pair)} left the safe set"
             self._say(event.t, left, Level.ERROR)
+        for pair in sorted(self._unsafe - unsafe):
+            self._say(event.t, f"{self._judge.extremes.label(pair)} is safe again")
         self._unsafe = unsafe
 
     def _on_command(self, event: CommandObeyed) -> None:

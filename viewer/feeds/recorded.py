@@ -108,7 +108,9 @@ class RecordedRun:
         count = pair_states(len(self.model.swarm.safe_set.pairs), most)
         blocks = np.array_split(np.arange(len(self.times)), count)
         worst = [block[int(np.argmax(self._h_tot[block]))] for block in blocks]
-        return PairSeries(self.times[worst], self.model.values.every_h(self._x[worst]))
+        every_h = self.model.values.every_h
+        # One state at a time: for several at once it takes half as much memory again.
+        return PairSeries(self.times[worst], np.array([every_h(x) for x in self._x[worst]]))
 
     def _conditions(self) -> list[ConditionChange]:
         faults, found = FaultState(self.model.names), []

@@ -39,19 +39,21 @@ class Viewer:
             text=True,
             env={**os.environ, **environment},
         )
+        self.said = ""
+        """Before it printed its address."""
         self.url = self._printed_url(120.0)
 
     def _printed_url(self, seconds: float) -> str:
         assert self.process.stdout is not None
-        deadline, said = time.monotonic() + seconds, ""
+        deadline = time.monotonic() + seconds
         while time.monotonic() < deadline:
             ready, _, _ = select.select([self.process.stdout], [], [], 0.5)
             line = self.process.stdout.readline() if ready else ""
-            said += line
+            self.said += line
             if found := re.match(r"viewer: (http://\S+)", line):
                 return found.group(1)
-            assert line or self.process.poll() is None, said
-        raise AssertionError(f"the viewer printed no address: {said}")
+            assert line or self.process.poll() is None, self.said
+        raise AssertionError(f"the viewer printed no address: {self.said}")
 
     def answers(self) -> bool:
         """Whether the page is served."""

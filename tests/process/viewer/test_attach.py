@@ -60,6 +60,12 @@ def test_a_viewer_that_finds_no_run_says_why(
     assert complaint in asked.stderr
 
 
+def test_a_viewer_says_what_it_does_until_there_is_a_page(finished: Path) -> None:
+    with viewer(str(finished)) as page:
+        reading, evaluating = (page.said.index(what) for what in ("reading", "evaluating h of"))
+        assert reading < evaluating
+
+
 def test_a_taken_port_is_an_error_that_names_it(tmp_path: Path) -> None:
     with live_run(load("unicycles", ["duration=1.0"]), tmp_path / "done") as run:
         run.summary()
