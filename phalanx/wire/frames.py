@@ -31,6 +31,8 @@ class AgentStatus(msgspec.Struct, array_like=True, frozen=True):
     """How long all its pairs are proven safe from its last input on [s]; null for an adversary."""
     margin: float | None = None
     """Of its row, as Telemetry has it."""
+    lies: int = 0
+    """Broadcasts of its so far that told others what was not so."""
 
 
 class LinkEvent(msgspec.Struct, array_like=True, frozen=True):

@@ -59,6 +59,7 @@ class FramePublisher:
         self._last: list[_Answered | None] = [None for _ in names]
         self._backups = [0 for _ in names]
         self._without_authority = [0 for _ in names]
+        self._lies = [0 for _ in names]
         self._log: deque[LogLine] = deque(maxlen=_LINES)
         self._link_events: dict[tuple[int, int], float] = {}
         self._peak = -np.inf
@@ -86,6 +87,10 @@ class FramePublisher:
     def saw_command(self, command: Command) -> None:
         """A command was obeyed."""
         self._faults.obey(command)
+
+    def saw_lie(self, i: int) -> None:
+        """A broadcast of agent i's was false."""
+        self._lies[i] += 1
 
     def settled(self) -> None:
         """All that happens at the last state's time was seen; show it if a frame is due."""
@@ -149,6 +154,7 @@ class FramePublisher:
             age=max((age for _, age in telemetry.ages), default=None),
             certified=certified,
             margin=telemetry.margin,
+            lies=self._lies[i],
         )
 
     def _real_time_factor(self, now: float) -> float:

@@ -221,6 +221,8 @@ class RunScribe:
                 self.faults[fault] += 1
             finding = self._judge.claims.heard(i, fate, t)
             self._heard[i].append((fate, finding))
+            if finding.false:
+                self._frames.saw_lie(fate.sender)
             if finding.false and fate.sender not in self._lied:
                 self._lied.add(fate.sender)
                 lied = f"agent {self._names[fate.sender]}: first false broadcast"

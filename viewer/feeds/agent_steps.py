@@ -29,8 +29,8 @@ class AgentSteps:
         self._backups = np.cumsum(self._is_backup)
         self._without_authority = np.cumsum(without_authority)
 
-    def status(self, t: float, condition: Condition) -> AgentStatus:
-        """The agent at t [s]."""
+    def status(self, t: float, condition: Condition, lies: int = 0) -> AgentStatus:
+        """The agent at t [s], that has told others so many false things."""
         k = int(np.searchsorted(self._applied, t, side="right")) - 1
         if k < 0:
             return AgentStatus(condition)
@@ -47,6 +47,7 @@ class AgentSteps:
             age=step.oldest,
             certified=step.certified,
             margin=step.margin,
+            lies=lies,
         )
 
     def applied_within(self, after: float, until: float) -> list[Step]:

@@ -44,6 +44,9 @@ class RecordedRun:
         self._log, self._commands = recording.log, recording.commands
         self._broadcasts = list(broadcasts(recording))
         self._agents = [AgentSteps(steps) for steps in steps_by_agent(recording).values()]
+        told = [(sender, s.t_apply) for s in recording.steps for sender, *_ in s.false]
+        self._lies = [np.sort([t for who, t in told if who == name]) for name in self.model.names]
+        """When others were told what was not so, by each agent [s]."""
         self._applied = np.sort([s.t_apply for s in recording.steps])
         poses = [self.model.kinematics.poses(x) for x in self._x]
         self.positions = np.array([p.positions for p in poses])
@@ -74,7 +77,10 @@ class RecordedRun:
             h_tot=float(self._h_tot[index]),
             worst_h=float(self._worst[index]),
             pair=self.model.values.worst_pair(x),
-            agents=tuple(a.status(t, faults.condition[i]) for i, a in enumerate(self._agents)),
+            agents=tuple(
+                a.status(t, faults.condition[i], int(np.searchsorted(lies, t, side="right")))
+                for i, (a, lies) in enumerate(zip(self._agents, self._lies, strict=True))
+            ),
             link_events=self._link_events(t),
             steps=int(np.searchsorted(self._applied, t, side="right")),
             real_time_factor=0.0,

@@ -165,6 +165,8 @@ def agent_in_words(status: AgentStatus) -> Markup:
         parts.append(_residual(status.residual))
         parts.append(_empty_sets(status.backups, status.without_authority))
         parts.append(f"{1e3 * status.solve_time:.2f} ms")
+    if status.lies:
+        parts.append(f"{status.lies} false broadcast{'s' * (status.lies != 1)}")
     if status.age is not None:
         parts.append(f"oldest û {1e3 * status.age:.1f} ms")
     if status.certified is not None:

@@ -1,5 +1,5 @@
 // The space-time diagram: the whole run, or its worst moment broadcast by broadcast.
-const LATE = "#e8a200", LOST = "#d62728";
+const LATE = "#e8a200", LOST = "#d62728", FALSE = "#06b6d4";
 let zoomed = false;
 
 function toggleZoom() {
@@ -7,22 +7,23 @@ function toggleZoom() {
   redraw(true);
 }
 
-// In each lane three rows: late, lost, and how the agent did.
+// In each lane four rows: late, lost, how the agent did, and whether it told what was not so.
 const STATES = [null, "#f97316", "#c084fc", "#475569"];
 function drawLanes(p, lanes, X, down) {
-  const high = down / lanes.length, row = high * 0.9 / 3;
+  const high = down / lanes.length, row = high * 0.9 / 4;
   const intervals = lanes[0].state.length, wide = (content.end - content.begin) / intervals;
   const cell = (k, y, fill, alpha) => {
     p.globalAlpha = alpha;
     p.fillStyle = fill;
     p.fillRect(X(content.begin + k * wide), y, X(wide) - X(0) + 0.3, Math.max(row, 1));
   };
-  lanes.forEach(({ late, lost, state }, i) => {
+  lanes.forEach(({ late, lost, state, false: told }, i) => {
     const top = TOP + i * high;
     for (let k = 0; k < intervals; k++) {
       if (late[k] > 0) cell(k, top, LATE, 0.3 + 0.7 * late[k] / 9);
       if (lost[k] > 0) cell(k, top + row, LOST, 0.3 + 0.7 * lost[k] / 9);
       if (state[k] > 0) cell(k, top + 2 * row, STATES[state[k]], 1);
+      if (told[k] > 0) cell(k, top + 3 * row, FALSE, 1);
     }
   });
   p.globalAlpha = 1;
@@ -31,7 +32,7 @@ function drawLanes(p, lanes, X, down) {
 
 // A lane for each agent, a dot for each of its steps, a line for each broadcast from its sender to
 // its receiver, or half way there if it was lost.
-const FATES = { "in time": "#9fb2ca", late: LATE, lost: LOST };
+const FATES = { "in time": "#9fb2ca", late: LATE, lost: LOST, false: FALSE };
 function drawZoom(p, { steps, broadcasts }, X, down) {
   const high = down / steps.length, Y = i => TOP + (i + 0.5) * high;
   steps.forEach((_, i) => line(p, [[LEFT, Y(i)], [p.canvas.width, Y(i)]], colour("line"), 1));

@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from phalanx.recording.broadcasts import Broadcast, window
 from phalanx.viewer.feeds.history import EMPTY_CODES, AgentSeries, Fates
-from phalanx.viewer.plots.content import LANE_STATES, Lane, Zoom
+from phalanx.viewer.plots.content import FALSE, LANE_STATES, Lane, Zoom
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 _MOST_INTERVALS = 200
 _SILENT = LANE_STATES.index("silent")
@@ -17,7 +18,7 @@ _SILENT = LANE_STATES.index("silent")
 
 def lanes(
     fates: Fates, steps: Sequence[AgentSeries], taus: Sequence[float],
-    begin: float, end: float, now: float,
+    begin: float, end: float, now: float, broadcasts: Sequence[Broadcast] = (),
 ) -> list[Lane]:  # fmt: skip
     """Every agent's lane.
 
@@ -28,19 +29,28 @@ def lanes(
         begin: of the diagram [s].
         end: of the diagram [s].
         now: how far the run has come [s].
+        broadcasts: of the whole run, as far as they are known.
     """
     intervals = int(np.clip(max(len(s.t) for s in steps), 1, _MOST_INTERVALS))
     shape, edges = (len(steps), intervals), np.linspace(begin, end, intervals + 1)
-    at = np.clip(intervals * (fates.t - begin) / (end - begin), 0, intervals - 1).astype(int)
-    cells = intervals * fates.receiver.astype(int) + at
+
+    def cells_of(agents: Array, t: Array) -> Index:
+        at = np.clip(intervals * (t - begin) / (end - begin), 0, intervals - 1).astype(int)
+        found: Index = intervals * agents.astype(int) + at
+        return found
+
+    cells = cells_of(fates.receiver, fates.t)
+    false = np.array([(b.sender, b.sent) for b in broadcasts if b.false]).reshape(-1, 2)
+    lies = np.zeros(len(steps) * intervals)
+    lies[cells_of(*false.T)] = 1.0
     sent, late, lost = (
         np.bincount(cells, counts, len(steps) * intervals).reshape(shape)
         for counts in (fates.sent, fates.late, fates.lost)
     )
     late, lost = (np.ceil(9.0 * counts / np.maximum(sent, 1.0)) for counts in (late, lost))
     return [
-        Lane(_digits(late[i]), _digits(lost[i]), _digits(_states(s, tau, edges, now)))
-        for i, (s, tau) in enumerate(zip(steps, taus, strict=True))
+        Lane(*map(_digits, (late[i], lost[i], _states(s, tau, edges, now), told)))
+        for i, (s, tau, told) in enumerate(zip(steps, taus, lies.reshape(shape), strict=True))
     ]
 
 
@@ -59,7 +69,7 @@ def zoom(
     """
     begin, until = window(worst, end, [s.t.tolist() for s in steps])
     seen = [
-        (b.sender, b.sent, b.receiver, b.arrival, b.fate)
+        (b.sender, b.sent, b.receiver, b.arrival, FALSE if b.false else b.fate)
         for b in broadcasts
         if begin <= b.sent <= until and only in (None, b.sender, b.receiver)
     ]

@@ -157,11 +157,11 @@ class _Plots:
             known = lanes(fates, steps, [np.inf] * len(steps), begin, end, now)
             return [Plot("Links late and lost, backup", "", [], lanes=known)]
         taus = [self._model.swarm.horizon(i) for i in range(len(steps))]
-        drawn = lanes(fates, steps, taus, begin, end, now)
+        drawn = lanes(fates, steps, taus, begin, end, now, past.broadcasts)
         worst = float(past.swarm.rows[np.argmax(past.swarm.rows[:, 1]), 0])
         only = self._told[0] if self._model.crowded else None
         near = zoom(past.broadcasts, steps, worst, now, only)
-        title = "Broadcasts late and lost, backup, silence"
+        title = "Late, lost, false; backup, silence"
         return [Plot(title, "", [], lanes=drawn, zoom=near)]
 
     def _least_distance(self) -> Safe:

@@ -10,7 +10,7 @@ from phalanx.viewer.scene.geometry import facing
 from phalanx.viewer.scene.meshes import ball, body, disc, ring
 from phalanx.viewer.scene.model import SceneModel
 from phalanx.viewer.scene.nodes import HIDDEN, add_batch, single, update
-from phalanx.viewer.scene.palette import DANGER
+from phalanx.viewer.scene.palette import DANGER, LIE
 from phalanx.viewer.scene.picture import Picture
 from phalanx.viewer.scene.server import in_loop
 
@@ -19,6 +19,8 @@ Click = viser.SceneNodePointerEvent[viser.BatchedMeshHandle]
 
 _FILL, _ALARM = 0.16, 0.5
 """Opacities of the discs of agents that are safe, and of those that are not."""
+_BADGE = 0.4
+"""Radius of a liar's ring, in bodies."""
 _RED = np.array(DANGER, dtype=np.uint8)
 
 
@@ -38,6 +40,8 @@ class AgentNodes:
         halo = ring(0.82) if flat else ball(flat)
         self._halos = add_batch(scene, "/agents/halos", halo, n, opacity=0.45, lit=False)
         self._halos.batched_colors = np.tile(_RED, (n, 1))
+        self._liars = add_batch(scene, "/agents/liars", ring(0.45), n, lit=False)
+        self._liars.batched_colors = np.tile(np.array(LIE, dtype=np.uint8), (n, 1))
         self._shadows = (
             None if flat else add_batch(scene, "/ground/shadows", disc(), n, opacity=0.3)
         )
@@ -65,6 +69,9 @@ class AgentNodes:
         around = np.where(alarmed, np.maximum(1.5 * self._radii, 2.2 * sizes), HIDDEN)
         hidden = np.where(alarmed[:, None], positions, 0.0)
         update(self._halos, batched_positions=single(hidden), batched_scales=single(around))
+        badges = np.where(picture.liars, _BADGE * sizes, HIDDEN)
+        above = positions + single(np.outer(badges, [0.0, 0.0, 2.0]))  # of the body, which is flat
+        update(self._liars, batched_positions=above, batched_scales=single(badges))
         if self._shadows:
             ground = np.column_stack([positions[:, :2], np.full(len(positions), self._floor)])
             update(

@@ -2,7 +2,7 @@
 
 from phalanx.viewer.scene.banner import OVER_THE_SCENE
 from phalanx.viewer.scene.markup import Markup, element, markup
-from phalanx.viewer.scene.palette import DANGER, LATE, WORST_PAIR, Colour
+from phalanx.viewer.scene.palette import DANGER, LATE, LIE, WORST_PAIR, Colour
 from phalanx.viewer.scene.roles import COLOURS, Role
 
 _STYLE = Markup("""<style>
@@ -22,6 +22,7 @@ def legend() -> Markup:
     marks = [_mark("▲", COLOURS[role], role) for role in Role]
     marks += [
         _mark("◉", DANGER, "unsafe: h above 0"),
+        _mark("◎", LIE, "told something false"),
         _mark("◯", (100, 116, 139), "circles touch where h = 0"),
         element("span", element("b", "◯"), " chosen agent"),
         _mark("—", WORST_PAIR, "worst pair"),

@@ -7,6 +7,7 @@ Colour = tuple[int, int, int]
 DANGER: Colour = (225, 29, 46)
 WORST_PAIR: Colour = (22, 163, 74)
 LATE: Colour = (245, 158, 11)
+LIE: Colour = (6, 182, 212)
 OBSTACLE: Colour = (100, 116, 139)
 
 

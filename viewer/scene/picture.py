@@ -41,6 +41,8 @@ class Picture:
     """Where their sides are, shape (v, 2, 3)."""
     unsafe_agents: NDArray[np.bool_]
     """Which agents are in one of them, shape (N,)."""
+    liars: NDArray[np.bool_]
+    """Which agents told others what was not so, shape (N,)."""
     alarms: list[str]
     """A line for each of them: who, how deep and since when."""
     past_alarms: list[str]
@@ -89,6 +91,7 @@ def picture(model: SceneModel, frame: Frame) -> Picture:
         unsafe=unsafe,
         unsafe_ends=np.array([model.ends(pair, p) for pair in unsafe]).reshape(-1, 2, 3),
         unsafe_agents=np.isin(np.arange(len(p)), list(model.agents_of(unsafe))),
+        liars=np.array([status.lies > 0 for status in frame.agents]),
         alarms=alarms(model, unsafe, frame.violations, x, p),
         past_alarms=past_alarms(model, unsafe, frame.violations, frame.t),
         goals=model.surroundings.goals(frame.t),

@@ -15,7 +15,7 @@ from phalanx.viewer.plots.content import Content, Plot
 from phalanx.viewer.plots.plots import LEAST_HORIZON, content, values_at
 from phalanx.viewer.scene.picture import picture
 from phalanx.wire.frames import Frame
-from tests.process.runs import PACED, live_run, wait_for
+from tests.process.runs import HELD, PACED, live_run, wait_for
 
 pytestmark = pytest.mark.swarm
 
@@ -50,6 +50,23 @@ def test_a_replay_shows_what_was_seen_live(tmp_path: Path) -> None:
     assert again.pair == live_frame.pair
     assert again.worst_h == live_frame.worst_h
     assert read(tmp_path / "live").summary == summary
+
+
+def test_a_live_run_tells_who_lies_as_its_replay_does(tmp_path: Path) -> None:
+    scenario = load("faults/lie-input", ["duration=0.6"])
+    with live_run(scenario, tmp_path / "live", HELD) as run, run.watch() as live:
+        seen: list[Frame] = []
+        run.set_speed(0.1)
+
+        def lied() -> bool:
+            seen.extend(frame for frame in [live.take()] if frame)
+            return bool(seen) and seen[-1].agents[1].lies > 0
+
+        wait_for(lied)
+        live.command(CommandKind.SPEED)
+        run.summary()
+    again = open_replay(tmp_path / "live").frame(seen[-1].t)
+    assert [agent.lies for agent in again.agents] == [agent.lies for agent in seen[-1].agents]
 
 
 def test_beside_a_plot_stands_what_the_run_was_and_not_its_thinned_curve(replay: Replay) -> None:

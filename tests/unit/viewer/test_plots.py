@@ -6,7 +6,7 @@ import pytest
 from phalanx.faults.state import Condition
 from phalanx.recording.broadcasts import IN_TIME, LATE, LOST, Broadcast
 from phalanx.viewer.feeds.history import EMPTY_CODES, ConditionChange, agent_series, fates_of
-from phalanx.viewer.plots.content import Period
+from phalanx.viewer.plots.content import FALSE, Period
 from phalanx.viewer.plots.curves import Series, curve, envelope, farthest, highest, lowest, numbers
 from phalanx.viewer.plots.lanes import lanes, zoom
 from phalanx.viewer.plots.periods import empty_periods, fault_periods
@@ -87,6 +87,17 @@ def test_a_lane_tells_the_share_of_broadcasts_late_and_lost_and_the_gravest_stat
     assert first.state == "0010000000"
     assert set(second.late + second.lost) == {"0"}
     assert second.state == "0010003300"
+
+
+def test_a_lie_is_told_in_the_liars_lane_and_as_the_fate_of_its_broadcast():
+    rows = np.zeros((10, 9))
+    rows[:, 0] = np.arange(10.0)
+    agents = [agent_series(rows)] * 3
+    found = [Broadcast(1, 0, 4.5, 4.6, IN_TIME, lied) for lied in (False, True)]
+    drawn = lanes(fates_of(found), agents, [2.0] * 3, 0.0, 10.0, 10.0, found)
+    assert [lane.false for lane in drawn] == ["0" * 10, "0000100000", "0" * 10]
+    told = zoom(found, agents, 5.0, 10.0, None).broadcasts
+    assert [fate for *_, fate in told] == [IN_TIME, FALSE]
 
 
 def test_the_zoom_holds_the_steps_and_broadcasts_around_the_worst_moment_alone():

@@ -6,6 +6,8 @@ import phalanx
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.faults.state import Condition
 from phalanx.viewer.feeds.replay import Replay
+from phalanx.viewer.page.panels import agent_in_words
+from phalanx.viewer.scene.picture import picture
 
 
 @pytest.fixture(scope="module")
@@ -47,3 +49,14 @@ def test_a_freeze_and_a_thaw_change_the_agents_condition(replay):
         (0.5, 1, Condition.FROZEN),
         (1.0, 1, Condition.FINE),
     ]
+
+
+def test_a_liar_is_marked_from_its_first_lie_on():
+    recording = phalanx.run(phalanx.load("faults/lie-input"), engine="in-process").recording
+    replay = Replay(recording)
+    first = min(step.t_apply for step in recording.steps if step.false)
+    before, after, end = (replay.frame(t) for t in (first - 1e-3, first, replay.end))
+    assert not picture(replay.model, before).liars.any()
+    assert picture(replay.model, after).liars.tolist() == [False, True, False]
+    assert end.agents[1].lies == sum(len(step.false) for step in recording.steps)
+    assert f"{end.agents[1].lies} false broadcasts" in agent_in_words(end.agents[1])

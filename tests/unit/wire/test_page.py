@@ -33,7 +33,7 @@ OF_FIELD = {
     "ages": [[1, 0.01]],
     "received": [[1, 0.25, [1.5, -2.0]]],
     "fates": [[1, 6, 0.02, [2], [0.25, [1.5, -2.0]]], [1, 7, -1.0, [], None]],
-    "agents": [["fine", [1.0], [2.0], "backup", 3, 1, 0.5, 1e-4, None, 0.096, 8.05]],
+    "agents": [["fine", [1.0], [2.0], "backup", 3, 1, 0.5, 1e-4, None, 0.096, 8.05, 7]],
     "link_events": [[0, 1, 0.02]],
     "assumptions": [{"name": "a", "failed": 1, "checked": 2, "first": 0.5, "note": "n"}],
     "violations": [{"pair": "1-4", "first": 1.0, "worst": 0.1, "worst_at": 1.1, "duration": 0.2}],
