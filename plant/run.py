@@ -129,8 +129,12 @@ class PlantRun:
             with Watchdog(self._scenario.time.timeout):
                 self._clock.run(self._scenario.duration)
             self._frames.show(last=True)
+            extremes = self._judge.extremes
             outcome, reason = judge(
-                self._judge.extremes.violations(), self._judge.assumptions, self._judge.theorem
+                extremes.violations(),
+                self._judge.assumptions,
+                self._judge.theorem,
+                extremes.apart(),
             )
         except (StoppedError, KeyboardInterrupt) as error:
             outcome, reason = Outcome.STOPPED, str(error) or "stopped by the user"
@@ -169,6 +173,7 @@ class PlantRun:
             theorem=self._judge.theorem,
             certificates=self._judge.coverage.summary,
             violations=extremes.violations(),
+            apart=extremes.apart(),
             rejected=rejected,
             wall_time=wall,
             punctuality=self._clock.punctuality,

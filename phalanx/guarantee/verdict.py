@@ -1,5 +1,6 @@
 """The end of a run: was the safe set kept, and did the theorem's assumptions hold."""
 
+from collections.abc import Sequence
 from enum import StrEnum
 
 import msgspec
@@ -121,6 +122,8 @@ class Summary(msgspec.Struct):
     """Every fault that the scenario declares."""
     punctuality: Punctuality | None = None
     """Of a run in real time."""
+    apart: list[Violation] = []
+    """Pairs that left the safe set when no normal agent was in them any more: agents had turned."""
 
     def __repr__(self) -> str:
         worst = f"worst h_tot {self.worst_h_tot:.4g} at t = {self.worst_at:.3f} s"
@@ -168,7 +171,10 @@ def exit_status(outcome: Outcome, strict: bool = False) -> int:
 
 
 def judge(
-    violations: list[Violation], assumptions: list[Assumption], theorem: list[Assumption]
+    violations: list[Violation],
+    assumptions: list[Assumption],
+    theorem: list[Assumption],
+    apart: Sequence[Violation] = (),
 ) -> tuple[Outcome, str]:
     """The verdict on a run that reached its end. Safe by luck is never called guaranteed.
 
@@ -176,7 +182,18 @@ def judge(
         violations: pairs that left the safe set, the deepest first.
         assumptions: what `guaranteed` rests on.
         theorem: what the paper's theorem would have needed; it has no part in the outcome.
+        apart: pairs without a normal agent that left the safe set; they have none either.
     """
+    outcome, reason = _judged(violations, assumptions, theorem)
+    if not apart:
+        return outcome, reason
+    pairs = ", ".join(f"{v.pair} (from t = {v.first:.3f} s)" for v in apart)
+    return outcome, f"{reason}; not counted, for their agents had turned adversary: {pairs}"
+
+
+def _judged(
+    violations: list[Violation], assumptions: list[Assumption], theorem: list[Assumption]
+) -> tuple[Outcome, str]:
     failed = [a for a in assumptions if a.failed]
     if violations:
         worst = max(violations, key=lambda v: v.worst)

@@ -25,6 +25,8 @@ from phalanx.theory.rows.origin import EMPTY, words_of
 
 _NO_VERSION = ("run", "seed", "scenario_digest")
 """What a recording says of itself beside versions."""
+_VIOLATIONS = ("pair", "first", "worst h", "worst at", "time with h > 0")
+_APART = "Not counted: of agents that had turned adversary"
 _ASSUMPTIONS = ("assumption", "in words", "failed", "first failure")
 
 _MEANING = {
@@ -119,19 +121,20 @@ def _judgement(summary: Summary | None) -> list[str]:
         [(a.name, a.note, f"{a.failed} of {a.checked}", seconds(a.first)) for a in table]
         for table in (summary.assumptions, summary.theorem)
     )
-    violations = [
-        (v.pair, seconds(v.first), f"{v.worst:.6g}", seconds(v.worst_at), seconds(v.duration))
-        for v in sorted(summary.violations, key=lambda v: -v.worst)
-    ]
+    violations, apart = (
+        [
+            (v.pair, seconds(v.first), f"{v.worst:.6g}", seconds(v.worst_at), seconds(v.duration))
+            for v in sorted(found, key=lambda v: -v.worst)
+        ]
+        for found in (summary.violations, summary.apart)
+    )
     rejected = [(reason, str(count)) for reason, count in summary.rejected.items()]
     faults = [(f.name, str(f.count) if f.count else "never had an effect") for f in summary.faults]
     return [
         section("What a guarantee rests on", table(_ASSUMPTIONS, guarantee)),
         section("What the paper's theorem would have needed", table(_ASSUMPTIONS, theorem)),
-        section(
-            "Violations",
-            table(("pair", "first", "worst h", "worst at", "time with h > 0"), violations),
-        ),
+        section("Violations", table(_VIOLATIONS, violations)),
+        *([section(_APART, table(_VIOLATIONS, apart))] if apart else []),
         *_punctuality(summary.punctuality),
         section("Declared faults", table(("fault", "times it had an effect"), faults)),
         section("Rejected payloads", table(("by whom or why", "payloads"), rejected)),

@@ -15,6 +15,7 @@ from phalanx.guarantee.certificates import Held, SwarmCertificates
 from phalanx.guarantee.reachable import ReachableBoxes
 from phalanx.guarantee.verdict import Assumption, CertificateSummary
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.expressions.mapped import Index
 from phalanx.theory.safety.reach import proven_reach
 
 Array = NDArray[np.float64]
@@ -60,6 +61,8 @@ class Coverage:
         """When the certificate of each side of each pair ends [s], pair by pair, shape (2p,)."""
         self.ends = np.full(len(pairs), -np.inf)
         """Until when each pair is certified, with the certificates that there are [s], (p,)."""
+        self._is_apart = np.zeros(len(pairs), dtype=bool)
+        self._turned: set[int] = set()
         self._inputs = {i: len(swarm.members[i].dynamics.inputs) for i in swarm.normal}
         self.assumption = Assumption(
             "certificates", note="at every instant every pair was under a certificate"
@@ -102,8 +105,16 @@ class Coverage:
         if i not in self._agents:
             return None
         shortest = self._issue(i, t, proven)
+        if i in self._turned:
+            return None
         self.summary.count(shortest, self._agents[i].tau)
         return shortest
+
+    def turned(self, i: int, apart: Index) -> None:
+        """Agent i became an adversary, and with it these pairs need no certificate any more."""
+        self._turned.add(i)
+        self._is_apart[apart] = True
+        self.ends[apart] = np.inf
 
     def _near(self, i: int, t: float, x: Array) -> Array | None:
         return None if self._boxes is None else self._boxes.near(i, self._others[i], t, x)
@@ -112,5 +123,6 @@ class Coverage:
         own, other, pairs = self._own[i], self._other[i], self._pairs[i]
         # The certificate before it ends with the input that it was for.
         self._until[own] = until = np.where(proven > 0.0, t + proven, -np.inf)
-        self.ends[pairs] = np.maximum(until, self._until[other])
+        ends = np.maximum(until, self._until[other])
+        self.ends[pairs] = np.where(self._is_apart[pairs], np.inf, ends)
         return float(proven.min(initial=np.inf))

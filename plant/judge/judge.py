@@ -60,6 +60,7 @@ class Judge:
         """The true state that each agent last sampled."""
         self._instants: dict[int, float] = {}
         """When the first normal agent took its sample k [s], by k."""
+        self._turned: set[int] = set()
         self._checks = Assumptions(swarm, self.coverage.assumption, self.claims.truthful)
         self._highest = -np.inf
         """The largest ψ_1 ... ψ_{q-1} so far."""
@@ -142,6 +143,19 @@ class Judge:
         """Agent i neither samples nor answers from t [s] on."""
         if i in self._swarm.normal:
             self._checks.faithful.check(False, t)
+
+    def turned(self, i: int) -> None:
+        """Agent i became an adversary.
+
+        From now on its pairs without a normal agent are nobody's safety: those of adversaries
+        are not in the safe set either.
+        """
+        self._turned.add(i)
+        normal = set(self._swarm.normal) - self._turned
+        pairs = enumerate(self._swarm.safe_set.pairs)
+        apart = np.array([k for k, p in pairs if not {p.a, p.b} & normal], dtype=np.intp)
+        self.extremes.set_apart(apart)
+        self.coverage.turned(i, apart)
 
     def applied(self, event: InputApplied, telemetry: Telemetry, proven: Array) -> float | None:
         """An actuator took its input; proven: as Coverage has it.

@@ -158,8 +158,7 @@ class RunScribe:
             self._state_due, self._peak = event.t + self._recording_step, -np.inf
         unsafe = self._judge.extremes.take_unsafe()
         for pair in sorted(unsafe - self._unsafe):
-            left = f"{self._judge.extremes.label(pair)} left the safe set"
-            self._say(event.t, left, Level.ERROR)
+            self._say(event.t, self._judge.extremes.left(pair), Level.ERROR)
         for pair in sorted(self._unsafe - unsafe):
             self._say(event.t, f"{self._judge.extremes.label(pair)} is safe again")
         self._unsafe = unsafe
@@ -178,6 +177,8 @@ class RunScribe:
             self.faults[command.fault] += 1
         if command.kind in (CommandKind.KILL, CommandKind.FREEZE):
             self._judge.fell_silent(event.changed, command.t)
+        if command.kind == CommandKind.TURN:
+            self._judge.turned(event.changed)
         if command.kind == CommandKind.RESTART:
             self._rejected_before[event.changed] += self._rejected[event.changed]
             self._rejected[event.changed] = 0

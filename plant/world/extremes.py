@@ -1,5 +1,7 @@
 """The true h of every pair, at every integration step."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,40 @@ from phalanx.theory.safety.composition import ComposedSet
 Array = NDArray[np.float64]
 
 
+class _Departures:
+    """How far and how long pairs were out of their safe sets."""
+
+    def __init__(self, count: int) -> None:
+        self._worst = np.full(count, -np.inf)
+        self._worst_at = np.zeros(count)
+        self._first = np.full(count, np.inf)
+        self._duration = np.zeros(count)
+
+    def add(self, times: Array, lengths: Array, pairs: Index, h: Array) -> None:
+        """After s integration steps of such lengths [s], of some pairs, h (s, r)."""
+        unsafe, highest = ~(h <= 0.0), h.max(axis=0)
+        deeper = highest > self._worst[pairs]
+        self._worst_at[pairs[deeper]] = times[h.argmax(axis=0)][deeper]
+        self._worst[pairs[deeper]] = highest[deeper]
+        self._duration[pairs] += dot(unsafe.T.astype(np.float64), lengths)
+        first = np.where(unsafe.any(axis=0), times[unsafe.argmax(axis=0)], np.inf)
+        self._first[pairs] = np.minimum(self._first[pairs], first)
+
+    def violations(self, label: Callable[[int], str]) -> list[Violation]:
+        """The deepest first."""
+        found = [
+            Violation(
+                label(p),
+                float(self._first[p]),
+                float(self._worst[p]),
+                float(self._worst_at[p]),
+                float(self._duration[p]),
+            )
+            for p in np.flatnonzero(self._first < np.inf).tolist()
+        ]
+        return sorted(found, key=lambda v: -v.worst)
+
+
 class PairExtremes:
     """Running extremes of every pair's h and of h_tot."""
 
@@ -18,11 +54,8 @@ class PairExtremes:
         self._composed, count = composed, len(composed.pairs)
         self._t = 0.0
         self._largest_h, self._worst_pair = -np.inf, 0
-        # Of pairs that were unsafe at some time, the others are of no interest one by one.
-        self._worst = np.full(count, -np.inf)
-        self._worst_at = np.zeros(count)
-        self._first = np.full(count, np.inf)
-        self._duration = np.zeros(count)
+        self._counted, self._apart = _Departures(count), _Departures(count)
+        self._is_apart = np.zeros(count, dtype=bool)
         self.worst_h_tot = -np.inf
         """Largest h_tot so far."""
         self.worst_at = 0.0
@@ -42,6 +75,11 @@ class PairExtremes:
     def label(self, pair: int) -> str:
         """A pair in words, by its index."""
         return self._composed.label(self._composed.pairs[pair])
+
+    def left(self, pair: int) -> str:
+        """In words, that a pair left the safe set."""
+        apart = ", set apart: there is no normal agent in it any more"
+        return f"{self.label(pair)} left the safe set{apart if self._is_apart[pair] else ''}"
 
     def add(self, times: Array, pairs: Index, h: Array, h_tot: Array) -> None:
         """After s integration steps.
@@ -67,15 +105,15 @@ class PairExtremes:
         self._t = float(times[-1])
 
     def _add_unsafe(self, times: Array, pairs: Index, h: Array) -> None:
-        unsafe, highest = ~(h <= 0.0), h.max(axis=0)
-        deeper = highest > self._worst[pairs]
-        self._worst_at[pairs[deeper]] = times[h.argmax(axis=0)][deeper]
-        self._worst[pairs[deeper]] = highest[deeper]
-        self._unsafe.update(pairs[unsafe.any(axis=0)].tolist())
-        lengths = np.diff(times, prepend=self._t)
-        self._duration[pairs] += dot(unsafe.T.astype(np.float64), lengths)
-        first = np.where(unsafe.any(axis=0), times[unsafe.argmax(axis=0)], np.inf)
-        self._first[pairs] = np.minimum(self._first[pairs], first)
+        self._unsafe.update(pairs[(~(h <= 0.0)).any(axis=0)].tolist())
+        lengths, apart = np.diff(times, prepend=self._t), self._is_apart[pairs]
+        for departures, some in ((self._counted, ~apart), (self._apart, apart)):
+            if some.any():
+                departures.add(times, lengths, pairs[some], h[:, some])
+
+    def set_apart(self, pairs: Index) -> None:
+        """From now on these pairs are no longer the swarm's to keep safe."""
+        self._is_apart[pairs] = True
 
     def take_peak(self) -> float:
         """Largest h_tot since this was last called, the value at that time included."""
@@ -89,14 +127,8 @@ class PairExtremes:
 
     def violations(self) -> list[Violation]:
         """Pairs with h > 0 at some step, the deepest first."""
-        found = [
-            Violation(
-                self.label(p),
-                float(self._first[p]),
-                float(self._worst[p]),
-                float(self._worst_at[p]),
-                float(self._duration[p]),
-            )
-            for p in np.flatnonzero(self._first < np.inf).tolist()
-        ]
-        return sorted(found, key=lambda v: -v.worst)
+        return self._counted.violations(self.label)
+
+    def apart(self) -> list[Violation]:
+        """The same of pairs since they were set apart."""
+        return self._apart.violations(self.label)
