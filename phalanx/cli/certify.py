@@ -21,22 +21,24 @@ def certify(run: RunArgument, trust: Trust = False) -> int:
     """Prove from its recording that no pair of a run could leave its safe set.
 
     At every input of a normal agent, h of its pairs is bounded until the next one, whatever the
-    other agents and the disturbances do within their bounds, and between integration steps too. The
-    code is shared with controller and plant in nothing but dynamics and h, and rounds outwards.
+    other agents and the disturbances do within their bounds, and between integration steps too.
+    Bounds are rounded outwards. With controller and plant are shared: the scenario as read, the
+    dynamics, h, the pairs that count, and the corners of input polytopes; no arithmetic.
 
-    A recording that contradicts its dynamics and disturbance bounds is refused. The horizon is how
-    long an agent's certificates last if it hears nothing more, looked for up to four times the
-    longest planned time between two inputs.
+    A recording that contradicts its dynamics and disturbance bounds is not certified. The horizon
+    is how long an agent's certificates last if it hears nothing more, looked for up to eight times
+    the longest planned time between two inputs.
 
     Exit status 0 if the run is certified, 1 if it is not or its recording is cut short, 3 if the
-    recording cannot be read.
+    recording cannot be read, 4 if it is not decided: an operation in h or in the dynamics has no
+    interval rule, inputs depend on the state, states are missing, or a motion is too wild to bound.
     """
     from rich.console import Console
     from rich.progress import Progress
 
     from phalanx.cli.damage import warn_of_damage
     from phalanx.guarantee.checker.certify import certify as certify_run
-    from phalanx.guarantee.checker.intervals import UncertifiableError
+    from phalanx.guarantee.checker.intervals import UncertifiableError, UndecidedError
     from phalanx.recording.read import UnreadableRecordingError, read
 
     try:
@@ -56,15 +58,31 @@ def certify(run: RunArgument, trust: Trust = False) -> int:
                 recording.states,
                 recording.steps,
                 lambda share: bar.update(task, completed=share),
+                turned := _turned(recording),
             )
+        except UndecidedError as error:
+            say(f"not decided: {error}")
+            return 4
         except UncertifiableError as error:
             say(f"not certified: {error}")
             return 1
-    _show(found, recording)
+    _show(found, recording, turned)
     return 0 if found and not recording.damage else 1
 
 
-def _show(found: "Certification", recording: "Recording") -> None:
+def _turned(recording: "Recording") -> dict[str, float]:
+    """Which normal agents became adversaries, and when [s]."""
+    from phalanx.faults.commands import CommandKind
+    from phalanx.faults.state import FaultState
+
+    names = tuple(name for name, _, _ in recording.scenario.roster())
+    state = FaultState(names)
+    changes = [(command, state.obey(command)) for command in recording.commands]
+    turns = [(c.t, i) for c, i in changes if i is not None and c.kind == CommandKind.TURN]
+    return {names[i]: t for t, i in turns}
+
+
+def _show(found: "Certification", recording: "Recording", turned: dict[str, float]) -> None:
     from rich.console import Console
 
     from phalanx.cli.text_table import TextTable, styled
@@ -81,6 +99,9 @@ def _show(found: "Certification", recording: "Recording") -> None:
     share = f"{found.certified} of {found.samples} ({found.certified / max(found.samples, 1):.2%})"
     table.add_row("inputs certified until the next", share)
     table.add_row("shortest horizon", f"{1e3 * found.horizon:.4g} ms")
+    for name, t in turned.items():
+        pairs = f"pairs of agent {name} with no normal agent, from t = {t:.6f} s on"
+        table.add_row("turned, not counted", pairs)
     if found.gap:
         table.add_row("first not covered", f"{found.gap.pair}, from t = {found.gap.t:.6f} s on")
     Console().print(table)

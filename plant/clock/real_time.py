@@ -113,6 +113,8 @@ class RealTime:
         pace = self._commands.pace
         pace.restart(0.0)
         with self._happened:
+            # The recording begins at the start, although nobody is sampled at that instant.
+            self._happened.add(StateReached(0.0, self.world.x, self.world.take_way()))
             while (now := pace.now()) < duration:
                 self._be_at(now)
                 self._rest(min(self._next_event(), duration))

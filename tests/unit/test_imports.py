@@ -48,7 +48,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.scenario": SCENARIO,
     "phalanx.swarm": SWARM,
     "phalanx.guarantee": GUARANTEE,
-    # Shares nothing with controller and plant but dynamics and h; records are handed to it.
+    # Shares what docs/certificate.md lists; records are handed to it.
     "phalanx.guarantee.checker": rooms("theory.models theory.safety scenario"),
     "phalanx.profile": set(),
     "phalanx.wire": WIRE,
@@ -153,6 +153,17 @@ def test_the_page_on_architecture_says_what_every_room_is_for():
     told = {folder.rstrip("/") for folder in re.findall(r"`([\w/]+/)`", page)}
     rooms = {f.parent for _, f in modules() if f.name not in ("__init__.py", "__main__.py")}
     assert {str(room.relative_to(ROOT)) for room in rooms} - told == set()
+
+
+def test_the_page_on_certificates_lists_all_that_the_checker_shares():
+    page = (ROOT / "docs" / "certificate.md").read_text("utf-8")
+    shared = page.partition("### What it shares")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| `(phalanx[\w.]+)` \| (.*): ", shared, re.MULTILINE)
+    told = {f"{module}.{name}" for module, names in rows for name in re.findall(r"`(\w+)`", names)}
+    home = "phalanx.guarantee.checker"
+    own = {target for name, found in imports().items() if room_of(name) == home for target in found}
+    assert told == {t for t in own if t.startswith("phalanx.") and room_of(t) != home}
+    assert len(told) > 5
 
 
 def test_nothing_lies_loose_at_the_top():

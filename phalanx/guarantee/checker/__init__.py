@@ -1,1 +1,1 @@
-"""Certify a recorded run, sharing nothing with controller and plant but dynamics and h."""
+"""Certify a recorded run, by code that shares scenario, dynamics and h with it, and little else."""

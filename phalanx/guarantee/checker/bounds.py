@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from phalanx.guarantee.checker.interval_function import IntervalFunction
 from phalanx.guarantee.checker.intervals import (
     Interval,
-    Truth,
     add,
     dot,
     multiply,
@@ -18,26 +17,23 @@ from phalanx.guarantee.checker.intervals import (
     stack,
     total,
 )
-from phalanx.guarantee.checker.motions import AgentMotion, HeldInputs, Motion
+from phalanx.guarantee.checker.motions import GroupMotion, Motion
 from phalanx.theory.safety.composition import ComposedSet
 
 Array = NDArray[np.float64]
 
-_RUNGS = (8.0, 4.0, 2.0, 1.0 + 1e-9)  # a hair beyond: ends are rounded down
-"""Horizons to try, over the longest planned time between two inputs of an agent."""
-_AT_ONCE = 2048
-"""Samples evaluated together: few enough that their intervals stay in a cache."""
+_RUNGS = ((8.0, (1,)), (4.0, (1,)), (2.0, (1,)), (1.0 + 1e-9, (1, 4, 16)))
+"""Horizons to try, over the longest planned time between two inputs of an agent; and the pieces
+into which they are divided until boxes are found. The last is a hair beyond: ends are rounded down.
+"""
 
 
 class PairBound:
-    """h of one pair, and how fast it may rise."""
+    """h of the pairs of a kind, and how fast it may rise."""
 
-    def __init__(self, swarm: ComposedSet, index: int, agents: Sequence[AgentMotion]) -> None:
-        alone, chosen = swarm.alone(index), swarm.pairs[index]
-        self.label = swarm.label(chosen)
-        self.members = (chosen.a,) if chosen.b is None else (chosen.a, chosen.b)
-        self._parts = alone.parts
-        self._disturbances = [agents[l].disturbance for l in self.members]
+    def __init__(self, alone: ComposedSet, motions: Sequence[GroupMotion]) -> None:
+        """Of one of them, whose members move so. Raises UndecidedError."""
+        self._parts, self._motions = alone.parts, motions
         x, fields = alone.x, [m.dynamics for m in alone.members]
         u = ca.SX.sym("u", sum(len(d.inputs) for d in fields))
         own = [(d, x[part]) for d, part in zip(fields, alone.parts, strict=True)]
@@ -48,11 +44,35 @@ class PairBound:
         self._now = IntervalFunction([x], [alone.h, gradient @ drift, gradient @ actuation])
         self._within = IntervalFunction([x, u], [alone.h, gradient, ca.jacobian(rate, x)])
 
-    def horizons(self, x: Array, motions: Sequence[Motion], u: Interval, T: Array) -> Array:
-        """How long h <= 0 is certain [s], shape (s,), at most T; -inf where it is not even now.
+    def horizons(self, place: int, x: Array, u: Array) -> Array:
+        """How long h <= 0 is certain [s], shape (s,), once the agent at `place` applies u.
 
-        From states x, shape (n, s), of both members, with their motions over T and inputs u.
+        In states x, shape (n, s), of both members, with inputs u, shape (m, s); -inf where it is
+        not certain even now.
         """
+        found = np.full(x.shape[1], -np.inf)
+        for rung, pieces in _RUNGS:
+            T = rung * self._motions[place].longest
+            todo = np.flatnonzero(found < T)
+            if todo.size:
+                tried = self._tried(place, x[:, todo], u[:, todo], T, pieces)
+                found[todo] = np.maximum(found[todo], tried)
+        return found
+
+    def _tried(self, place: int, x: Array, u: Array, T: float, pieces: tuple[int, ...]) -> Array:
+        """The same, looking no further than T."""
+        spans = np.full(x.shape[1], T)
+        inputs = [
+            point(u) if l == place else motion.anywhere(len(spans))
+            for l, motion in enumerate(self._motions)
+        ]
+        motions = [
+            motion.moved(x[part], given, spans, pieces)
+            for motion, part, given in zip(self._motions, self._parts, inputs, strict=True)
+        ]
+        return self._certain(x, motions, stack(inputs), spans)
+
+    def _certain(self, x: Array, motions: Sequence[Motion], u: Interval, T: Array) -> Array:
         (h, drift, actuation), now = self._now(point(x))
         box, rates = stack([m.box for m in motions]), stack([m.rates for m in motions])
         (_, gradient, growth), within = self._within(box, u)
@@ -63,68 +83,10 @@ class PairBound:
 
     def _pushed(self, gradient: Interval) -> Interval:
         """What disturbances may add to the rate of something with this gradient, shape (s,)."""
-        parts = zip(self._parts, self._disturbances, strict=True)
-        return total(stack([multiply(norm(gradient[p]), point(d))[None] for p, d in parts]))
-
-
-class AgentCertificates:
-    """Those of one agent, for each of its pairs."""
-
-    def __init__(self, pairs: Sequence[PairBound], inputs: HeldInputs, horizons: Array) -> None:
-        """horizons: shape (p, s) [s]."""
-        self.pairs, self.horizons = list(pairs), horizons
-        self._begin = inputs.t
-        # Rounded down: no instant counts that a bound does not reach.
-        self._end = np.minimum(np.nextafter(inputs.t + horizons, -np.inf), inputs.until)
-        self.lasting: Truth = np.logical_and.reduce(self._end >= inputs.until, axis=0)
-        """Which last, for all pairs, until the next input, shape (s,)."""
-
-    def spans(self, pair: PairBound) -> tuple[Array, Array]:
-        """Where they begin and end for one pair [s], shapes (s,)."""
-        return self._begin, self._end[self.pairs.index(pair)]
-
-
-def horizons_of(
-    i: int,
-    x: Array,
-    u: Array,
-    agents: Sequence[AgentMotion],
-    pairs: Sequence[PairBound],
-) -> Array:
-    """How long each pair is certain [s], shape (p, s), once agent i applies u in states x."""
-    found = np.full((len(pairs), x.shape[1]), -np.inf)
-    for begin in range(0, x.shape[1], _AT_ONCE):
-        some = slice(begin, begin + _AT_ONCE)
-        for rung in _RUNGS:
-            T = rung * agents[i].longest
-            todo = begin + np.flatnonzero((found[:, some] < T).any(axis=0))
-            if todo.size:
-                tried = _tried(i, x[:, todo], u[:, todo], T, agents, pairs)
-                found[:, todo] = np.maximum(found[:, todo], tried)
-    return found
-
-
-def _tried(
-    i: int, x: Array, u: Array, T: float, agents: Sequence[AgentMotion], pairs: Sequence[PairBound]
-) -> Array:
-    """The same, looking no further than T."""
-    spans = np.full(x.shape[1], T)
-    inputs = [point(u) if l == i else agent.anywhere(len(spans)) for l, agent in enumerate(agents)]
-    motions = [
-        agent.moved(x[agent.part], given, spans)
-        for agent, given in zip(agents, inputs, strict=True)
-    ]
-    return np.array(
-        [
-            pair.horizons(
-                np.concatenate([x[agents[l].part] for l in pair.members]),
-                [motions[l] for l in pair.members],
-                stack([inputs[l] for l in pair.members]),
-                spans,
-            )
-            for pair in pairs
-        ]
-    )
+        parts = zip(self._parts, self._motions, strict=True)
+        return total(
+            stack([multiply(norm(gradient[p]), point(m.disturbance))[None] for p, m in parts])
+        )
 
 
 def _lasting(h: Array, rate: Array, bend: Array, T: Array) -> Array:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from phalanx.guarantee.checker.intervals import Interval, Truth, UncertifiableError, point
+from phalanx.guarantee.checker.intervals import Interval, Truth, UndecidedError, point
 from phalanx.guarantee.checker.rules import JUMPS, RULES
 
 
@@ -18,7 +18,7 @@ class IntervalFunction:
     def __init__(self, inputs: Sequence[ca.SX], outputs: Sequence[ca.SX]) -> None:
         """Column inputs, shape (n,) each, made of symbols; outputs of any shape.
 
-        Raises UncertifiableError, naming an operation for which there is no rule.
+        Raises UndecidedError, naming an operation for which there is no rule.
         """
         flat = [ca.densify(ca.vec(output)) for output in outputs]
         self._sizes = [output.numel() for output in flat]
@@ -30,7 +30,7 @@ class IntervalFunction:
         known = {*RULES, *JUMPS, ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}
         for op, _, _ in self._program:
             if op not in known:
-                raise UncertifiableError(f"no interval rule for the operation {_name(op)!r}")
+                raise UndecidedError(f"no interval rule for the operation {_name(op)!r}")
 
     def __call__(self, *inputs: Interval) -> tuple[list[Interval], Truth]:
         """Bounds of each output, shapes (size, s), over s boxes, inputs (n, s) each.

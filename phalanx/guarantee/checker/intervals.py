@@ -20,7 +20,11 @@ _LIBRARY = 8
 
 
 class UncertifiableError(ValueError):
-    """Nothing can be certified of such expressions; the message says why."""
+    """A recording contradicts its scenario; the message says how."""
+
+
+class UndecidedError(UncertifiableError):
+    """Nothing can be said of a recording, neither for nor against it; the message says why."""
 
 
 @dataclass(frozen=True, slots=True)

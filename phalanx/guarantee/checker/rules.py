@@ -136,8 +136,11 @@ def _logical(function: Callable[..., Array]) -> _Jumping:
     """Not, and, or of truths, which are 0 or 1 where nothing jumped before."""
 
     def rule(*arguments: Interval) -> tuple[Interval, Truth]:
-        settled = np.logical_and.reduce([a.lo == a.hi for a in arguments])
-        value = np.where(settled, function(*[a.lo for a in arguments]), 0.0)
+        # A condition that is a number has no shape.
+        lows = np.broadcast_arrays(*[a.lo for a in arguments])
+        highs = np.broadcast_arrays(*[a.hi for a in arguments])
+        settled: Truth = np.logical_and.reduce(np.equal(lows, highs))
+        value = np.where(settled, function(*lows), 0.0)
         return Interval(value, np.where(settled, value, 1.0)), settled
 
     return rule

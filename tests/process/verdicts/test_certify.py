@@ -1,6 +1,9 @@
 """phalanx certify: what it certifies is safe, and what is not safe it does not certify."""
 
+import os
+import subprocess
 import sys
+from itertools import combinations, pairwise
 
 import casadi as ca
 import numpy as np
@@ -9,7 +12,9 @@ import pytest
 from phalanx.cli.app import status
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.guarantee.checker.certify import Certification, certify
-from phalanx.guarantee.checker.intervals import UncertifiableError
+from phalanx.guarantee.checker.departures import Departures
+from phalanx.guarantee.checker.intervals import Interval, UncertifiableError, UndecidedError, point
+from phalanx.guarantee.checker.motions import GroupMotion
 from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher.run import Run
 from phalanx.launcher.start import run
@@ -41,8 +46,13 @@ class Zone:
             "floor": ca.fabs(ca.floor(1e3 * x) - 0.5) - 1.0,
             "bearing": ca.fabs(ca.atan2(x, a.p[1])) - 3.1,
             "kink": ca.fabs(x) - 1.0,
-            "erf": ca.erf(x) - 1.0,
+            "erf": ca.erf(x - b.p[0]) - 1.0,
             "smooth": -1.0 - x * x,
+            "and": ca.if_else(ca.logic_and(x > 0, ca.SX(1)), ca.if_else(x < 1e-3, 1.0, -1.0), -1.0),
+            "or": ca.if_else(ca.logic_or(x < 0, x > 1e-3), -1.0, 1.0),
+            "not": ca.if_else(ca.logic_not(ca.logic_or(x < 0, x > 1e-3)), 1.0, -1.0),
+            "all": 2 * ca.logic_all(ca.vertcat(x > 0, x < 1e-3)) - 1.0,
+            "least": ca.fmin(x, ca.fmax(-x, -3.0)) - 1.0,
         }[self.kind]
 
     def to_obstacle(self, a, obstacle):
@@ -56,6 +66,32 @@ class Tiring(SingleIntegrator):
     def input_polytope(self, x):
         A, b = super().input_polytope(x)
         return A, b / (1.0 + ca.sumsqr(x))
+
+
+@dataclass(frozen=True)
+class Runaway(SingleIntegrator):
+    """From 0 it is driven away, the farther out the faster."""
+
+    gain: float = 1.0
+
+    def drift(self, x):
+        return self.gain * x
+
+
+@dataclass(frozen=True)
+class Sticking(SingleIntegrator):
+    """Dry friction, which jumps where the motion turns."""
+
+    def drift(self, x):
+        return -0.1 * ca.sign(x)
+
+
+@dataclass(frozen=True)
+class Kinked(SingleIntegrator):
+    """Slower on one side, with a kink in between."""
+
+    def drift(self, x):
+        return -0.5 * ca.fmax(x, 0.0)
 '''
 
 
@@ -210,15 +246,19 @@ def test_a_recording_that_ends_early_is_certified_no_further(unicycles):
 SINGLE = {"type": "single-integrator", "speed": 1.0}
 
 
-@pytest.mark.parametrize("kind", ["if-else", "sign", "floor", "bearing", "kink"])
+JUMPING = ["if-else", "sign", "floor", "bearing", "kink", "and", "or", "not", "all", "least"]
+
+
+@pytest.mark.parametrize("kind", JUMPING)
 def test_nothing_is_certified_across_a_jump(kind):
     x = [[0.0, -1.0], [5.0, 0.0]]
     assert not resting(scenario(SINGLE, x, {"type": "certify_own:Zone", "kind": kind}), x)
 
 
-def test_some_way_off_a_jump_does_no_harm():
+@pytest.mark.parametrize("kind", ["if-else", "and", "or", "not", "least"])
+def test_some_way_off_a_jump_does_no_harm(kind):
     x = [[-0.5, -1.0], [5.0, 0.0]]
-    assert resting(scenario(SINGLE, x, {"type": "certify_own:Zone", "kind": "if-else"}), x)
+    assert resting(scenario(SINGLE, x, {"type": "certify_own:Zone", "kind": kind}), x)
 
 
 def test_a_smooth_function_of_ones_own_is_certified():
@@ -226,11 +266,11 @@ def test_a_smooth_function_of_ones_own_is_certified():
     assert resting(scenario(SINGLE, x, {"type": "certify_own:Zone", "kind": "smooth"}), x)
 
 
-def test_what_has_no_rule_or_varies_is_refused_by_name():
+def test_what_has_no_rule_or_varies_is_not_decided_and_named():
     x = [[0.0, -1.0], [5.0, 0.0]]
-    with pytest.raises(UncertifiableError, match="'erf'"):
+    with pytest.raises(UndecidedError, match="'erf'"):
         resting(scenario(SINGLE, x, {"type": "certify_own:Zone", "kind": "erf"}), x)
-    with pytest.raises(UncertifiableError, match="agent 1 may apply vary"):
+    with pytest.raises(UndecidedError, match="agent 1 may apply vary"):
         resting(scenario({"type": "certify_own:Tiring", "speed": 1.0}, x), x)
 
 
@@ -302,6 +342,247 @@ def test_no_motion_leaves_the_safe_set_while_its_certificate_lasts(model):
     assert np.median(lasted) > 0.3  # a bound that certified nothing would be no use
 
 
+def moved(
+    dynamics: Dynamics, x: np.ndarray, u: np.ndarray, phi: np.ndarray, dt: float, pieces: int = 100
+) -> np.ndarray:
+    """Where a motion is after dt, with u and φ held, to the last digits."""
+    state, given = ca.SX.sym("x", len(x)), ca.SX.sym("u", len(u))
+    rate = dynamics.drift(state) + dynamics.actuation(state) @ given
+    field = ca.Function("f", [state, given], [rate])
+
+    def rates(at):
+        return np.array(field(at, u)).ravel() + phi
+
+    h = dt / pieces
+    for _ in range(pieces):
+        k1 = rates(x)
+        k2 = rates(x + h / 2 * k1)
+        k3 = rates(x + h / 2 * k2)
+        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + rates(x + h * k3))
+    return x
+
+
+FAR = ({"center": [1e3, 1e3], "clearance": 0.5},)
+NEAR = ({"center": [2.0, 0.0], "clearance": 0.5},)
+
+
+def recorded(
+    model: str,
+    times: list[float],
+    rng: np.random.Generator,
+    declared: float = 1.0,
+    strength: float = 1.0,
+    lean: float = 0.0,
+) -> tuple[Scenario, list[State], list[Step]]:
+    """One agent under random inputs and a φ of this strength, leant sideways [m/s].
+
+    declared and strength: over the model's bound of φ, and over what is declared of it.
+    """
+    table, bound, n = MODELS[model]
+    x, bound = np.zeros(n), declared * bound
+    given = scenario(
+        table, [x.tolist()], bound=bound, period=0.5, obstacles=FAR, duration=times[-1]
+    )
+    dynamics = given.agents[0].dynamics_object()
+    most = GroupMotion(given.agents[0], 0.0).anywhere(1).lo.ravel() + 2e-5
+    states, steps = [State(0.0, x.tolist(), 0.0)], list[Step]()
+    for begin, end in pairwise(times):
+        u, phi = rng.uniform(-1.0, 1.0, len(most)) * most, rng.normal(size=n)
+        phi *= strength * bound / np.linalg.norm(phi)
+        steps.append(step("1", begin, u.tolist()))
+        x = moved(dynamics, x, u, phi, end - begin)
+        x[1] += lean * (end - begin)
+        states.append(State(end, x.tolist(), 0.0))
+    return given, states, steps
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("bounded", [False, True])
+def test_no_motion_is_refused_however_long_it_lasts(model, bounded):
+    rng = np.random.default_rng(len(model))
+    for _ in range(3):
+        times = np.cumsum([0.0, *np.exp(rng.uniform(np.log(1e-4), np.log(0.3), 5))])
+        given, states, steps = recorded(model, times.tolist(), rng, declared=float(bounded))
+        assert certify(given, states, steps).samples == len(steps)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_leant_track_is_refused_unless_a_disturbance_may_have_done_it(model):
+    times = np.linspace(0.0, 0.05, 6).tolist()
+    for lean in (0.03, -1e-4):
+        rng = np.random.default_rng(1)
+        leant = recorded(model, times, rng, declared=0.0, lean=lean)
+        with pytest.raises(UncertifiableError, match=r"agent 1 moves otherwise .* t = 0\.0"):
+            certify(*leant)
+        assert certify(*recorded(model, times, rng, strength=0.5, lean=lean)).samples == 5
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_disturbance_that_is_a_tenth_larger_than_declared_is_refused(model):
+    times = np.linspace(0.0, 0.02, 6).tolist()
+    found = recorded(model, times, np.random.default_rng(2), strength=1.1)
+    with pytest.raises(UncertifiableError, match="moves otherwise"):
+        certify(*found)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_what_a_motion_may_reach_is_enclosed_and_closely(model):
+    table, bound, n = MODELS[model]
+    rng = np.random.default_rng(3)
+    for pieces in (1, 1, 4, 4):
+        x, dt = rng.uniform(-1.0, 1.0, n), float(np.exp(rng.uniform(np.log(1e-3), np.log(0.2))))
+        given = scenario(table, [x.tolist()], bound=bound, obstacles=FAR).agents[0]
+        motion, dynamics = GroupMotion(given, 0.0), given.dynamics_object()
+        most = motion.anywhere(1).hi.ravel()
+        u = rng.uniform(-1.0, 1.0, len(most)) * most
+        span = Interval(*np.full((2, 1), dt))
+        found = Departures(motion).reached(point(x[:, None]), point(u[:, None]), span, pieces)
+        assert found.known.all()
+        y = moved(dynamics, x, u, np.zeros(n), dt)
+        assert (found.y.lo.ravel() - 1e-12 <= y).all()
+        assert (y <= found.y.hi.ravel() + 1e-12).all()
+        assert (found.y.hi - found.y.lo).max() <= 1e-12 + 100.0 * dt**3 * found.speed.max()
+        for _ in range(3):
+            phi = rng.normal(size=n)
+            phi *= bound / np.linalg.norm(phi)
+            off = np.linalg.norm(moved(dynamics, x, u, phi, dt) - y)
+            assert off <= found.distance[0] + 1e-12
+        assert found.distance[0] <= bound * dt * np.exp(5.0 * dt)
+
+
+@pytest.mark.parametrize("drag", [0.93, 1.5, 4.0])
+def test_long_intervals_are_certified_also_where_drag_is_strong(drag):
+    """One box of all states within an interval is not found, but that of its parts is."""
+    table = {"type": "double-integrator", "acceleration": 2.0, "drag": drag, "dimension": 2}
+    x, u = np.array([0.0, 0.0, 1.0, -1.0]), np.array([1.0, 0.5])
+    given = scenario(table, [x.tolist()], period=1.0, duration=2.0, obstacles=FAR)
+    states, steps = [State(0.0, x.tolist(), 0.0)], list[Step]()
+    for t in (0.0, 1.0):
+        steps.append(step("1", t, u.tolist()))
+        x = moved(given.agents[0].dynamics_object(), x, u, np.zeros(4), 1.0)
+        states.append(State(t + 1.0, x.tolist(), 0.0))
+    found = certify(given, states, steps)
+    assert found
+    assert found.horizon >= 1.0
+
+
+def own_dynamics(name: str, **fields: float) -> dict[str, object]:
+    return {"type": f"certify_own:{name}", "speed": 1.0, "dimension": 2, **fields}
+
+
+def test_a_motion_without_bounds_is_not_decided_and_certifies_nothing():
+    given = scenario(own_dynamics("Runaway", gain=20.0), [[1e-8, 0.0]], period=1.0, obstacles=NEAR)
+    rest = [State(0.0, [1e-8, 0.0], 0.0)]
+    assert certify(given, rest, []).horizon == 0.0  # it passes through, e^20 as far
+    given = scenario(own_dynamics("Runaway", gain=5e3), [[1e-8, 0.0]], period=1.0, obstacles=NEAR)
+    with pytest.raises(UndecidedError, match=r"whether agent 1 .* t = 0\.0+ s to 1\.0+ s"):
+        certify(given, [*rest, State(1.0, [1.0, 0.0], 0.0)], [])
+
+
+def test_a_field_that_jumps_is_not_decided():
+    ends = [State(t, [-t, 0.0], 0.0) for t in (0.0, 0.01)]
+    given = scenario(own_dynamics("Sticking"), [[0.0, 0.0]], obstacles=FAR)
+    with pytest.raises(UndecidedError, match="whether agent 1"):
+        certify(given, ends, [step("1", 0.0, [-1.0, 0.0])])
+
+
+@pytest.mark.parametrize("bound", [0.0, 0.2])
+def test_one_with_a_kink_is_followed_across_it(bound):
+    given = scenario(own_dynamics("Kinked"), [[0.0, 0.0]], bound=bound, obstacles=FAR)
+    x, u, steps = np.array([-4e-3, 1.0]), np.array([1.0, 0.0]), [step("1", 0.0, [1.0, 0.0])]
+    phi = np.array([0.6, 0.8]) * 0.9 * bound
+    x = moved(given.agents[0].dynamics_object(), begin := x, u, phi, 0.01, 10_000)
+    ends = [State(0.0, begin.tolist(), 0.0), State(0.01, x.tolist(), 0.0)]
+    assert certify(given, ends, steps).samples == 1
+    ends[1].x[1] += 1e-5 + 2e-3 * bound
+    with pytest.raises(UncertifiableError, match="moves otherwise"):
+        certify(given, ends, steps)
+
+
+@pytest.mark.parametrize("bound", [0.1, 1.0])
+def test_a_disturbance_counts_in_how_fast_the_rate_of_h_grows(bound):
+    """Against a wall at 10 m from rest: h + t φ + ½ t² φ, which is exact but for the ball."""
+    table = {"type": "double-integrator", "acceleration": 1.0, "dimension": 2}
+    wall = {"normal": [1.0, 0.0], "offset": 10.1, "clearance": 0.1}
+    given = scenario(table, [[0.0] * 4], bound=bound, period=5.0, obstacles=(wall,))
+    found = certify(given, [State(0.0, [0.0] * 4, -10.0)], [step("1", 0.0, [0.0, 0.0])])
+    exact = np.sqrt(1.0 + 20.0 / bound) - 1.0
+    assert exact * (1.0 - 1e-8) < found.horizon <= exact
+
+
+def mixed(rng: np.random.Generator) -> tuple[Scenario, list[State], list[Step]]:
+    """Three groups and two obstacles; who moves is held where it is by a disturbance."""
+    places = rng.uniform(-4.0, 4.0, (8, 2))
+    groups = [
+        {
+            "names": names,
+            "role": role,
+            "dynamics": {"type": kind, "speed": speed} | turning,
+            "law": {"type": "worst"},
+            "clock": {"period": period},
+            "disturbance": {"bound": speed + 0.1},
+            "start": [places[int(name) - 1].tolist() + [0.0] * len(turning) for name in names],
+        }
+        for names, role, kind, speed, turning, period in (
+            (["1", "2"], "normal", "single-integrator", 0.5, {}, 0.03),
+            (["3", "4"], "normal", "unicycle", 0.4, {"turn_rate": 0.4}, 0.05),
+            (["5", "6"], "adversary", "single-integrator", 0.3, {}, 0.04),
+        )
+    ]
+    given = Scenario.model_validate(
+        {
+            "name": "mixed",
+            "duration": 0.2,
+            "safety": {
+                "function": {"type": "separation", "radius": 1.0},
+                "rho": 1.0, "alpha": [1.0], "eta": 0.0,
+            },
+            "obstacles": [{"center": c, "clearance": 1.0} for c in places[6:].tolist()],
+            "agents": groups,
+        }
+    )  # fmt: skip
+    x = [number for group in given.agents for start in group.start for number in start]
+    times = np.sort(rng.uniform(0.0, 0.2, 30))
+    states = [State(float(t), x, 0.0) for t in (0.0, *times, 0.2)]
+    steps = [
+        step(str(rng.integers(1, 7)), float(t), rng.uniform(-0.2, 0.2, 2).tolist()) for t in times
+    ]
+    return given, states, steps
+
+
+def only(
+    whole: Scenario, states: list[State], steps: list[Step], names: tuple[str, ...], obstacle: int
+) -> Certification:
+    """The certification of these agents alone, and of one obstacle if it is one agent."""
+    table, x = whole.model_dump(), np.array([s.x for s in states])
+    table["obstacles"] = [table["obstacles"][obstacle]] if len(names) == 1 else []
+    table["agents"] = [
+        group | {"names": [name], "start": [group["start"][group["names"].index(name)]]}
+        for group in table["agents"]
+        for name in group["names"]
+        if name in names
+    ]
+    sizes = {n: len(g.dynamics_object().states) for n, g, _ in whole.roster()}
+    kept = np.repeat([name in names for name in sizes], list(sizes.values()))
+    return certify(
+        Scenario.model_validate(table),
+        [State(s.t, row[kept].tolist(), 0.0) for s, row in zip(states, x, strict=True)],
+        [s for s in steps if s.agent in names],
+    )
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_swarm_is_certified_as_each_of_its_pairs_would_be_alone(seed):
+    given, states, steps = mixed(np.random.default_rng(seed))
+    whole = certify(given, states, steps)
+    pairs = [(a, b) for a, b in combinations("123456", 2) if a not in "56"]
+    alone = [only(given, states, steps, pair, 0) for pair in pairs]
+    alone += [only(given, states, steps, (name,), k) for name in "1234" for k in (0, 1)]
+    assert whole.horizon == min(found.horizon for found in alone)
+    gaps = [found.gap.t for found in alone if found.gap]
+    assert (whole.gap.t if whole.gap else None) == min(gaps, default=None)
+
+
 def first_unsafe(
     dynamics: Dynamics,
     x: np.ndarray,
@@ -360,3 +641,43 @@ def test_the_command_says_what_is_certified(unicycles, tmp_path, capsys):
     printed = capsys.readouterr()
     assert "cut short" in printed.err
     assert "first not covered" in printed.out
+
+
+def test_what_is_not_decided_is_said_to_be_so_with_a_status_of_its_own(tmp_path, capsys):
+    x = [[0.0, -1.0], [5.0, 0.0]]
+    given = scenario(SINGLE, x, {"type": "certify_own:Zone", "kind": "erf"})
+    done = run(given, engine="in-process", out=tmp_path)
+    assert status(["certify", str(done.folder), "--trust"]) == 4
+    assert "not decided: no interval rule for the operation 'erf'" in capsys.readouterr().out
+
+
+def test_a_turned_agents_pairs_are_not_counted_and_the_command_says_so(tmp_path, capsys):
+    turn = CommandPolicy(schedule=(Command(0.1, CommandKind.TURN, "1"),))
+    given = scenario(SINGLE, [[0.0, 0.0]], obstacles=NEAR, duration=2.0)
+    done = run(given, engine="in-process", out=tmp_path, commands=turn)
+    assert [violation.pair for violation in done.summary.apart] == ["1-obstacle 0"]
+    assert status(["certify", str(done.folder)]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "pairs of agent 1 with no normal agent, from t = 0.1" in printed
+
+
+def test_progress_goes_from_nothing_to_all(unicycles):
+    recording, shares = unicycles.recording, list[float]()
+    certify(recording.scenario, recording.states, recording.steps, shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    assert len(shares) > 5
+
+
+def test_memory_does_not_grow_with_the_number_of_pairs(tmp_path):
+    """Of 128 agents, with 6216 pairs of normal agents: they are compiled once for each kind."""
+    overrides = {"duration": 0.003, "time.recording_step": 0.0}
+    overrides |= {"agents.0.count": 112, "agents.1.count": 16}
+    done = run(load("swarm2d", overrides=overrides), engine="in-process", out=tmp_path)
+    command = subprocess.Popen(
+        [sys.executable, "-m", "phalanx", "certify", str(done.folder)], stdout=subprocess.DEVNULL
+    )
+    _, ended, usage = os.wait4(command.pid, 0)
+    command.returncode = os.waitstatus_to_exitcode(ended)
+    assert command.returncode == 0
+    assert usage.ru_maxrss < 250_000  # kB

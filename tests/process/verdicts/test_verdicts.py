@@ -4,6 +4,7 @@ import pytest
 
 import phalanx
 from phalanx import Outcome
+from phalanx.guarantee.checker.certify import Certification, certify
 
 
 def run(name: str, *overrides: str) -> phalanx.Summary:
@@ -102,3 +103,76 @@ def test_a_frozen_agent_is_covered_no_longer_than_its_last_certificate():
     assert summary.outcome is not Outcome.GUARANTEED
     assert summary.certificates.uncovered_at > 0.5
     assert "1" in summary.certificates.uncovered.split("-")
+
+
+def turned(
+    at: float, obstacle: list[float], adversary: list[float], victim: float = 3.5
+) -> phalanx.Run:
+    """Agent 1 turns at a time and makes for agent 2, a slow one, through what is on its way."""
+    agents = (
+        ("1", "normal", 4.0, "worst", [0.0, 0.0]),
+        ("2", "normal", 1.0, "track-velocity", [0.0, victim]),
+        ("3", "adversary", 4.0, "track-velocity", adversary),
+    )
+    scenario = phalanx.Scenario.model_validate(
+        {
+            "name": "turned",
+            "duration": 1.0,
+            "safety": {
+                "function": {"type": "separation", "radius": 1.0},
+                "rho": 1.0,
+                "alpha": [1.0],
+                "eta": 0.0,
+            },
+            "obstacles": [{"center": obstacle, "clearance": 0.5}],
+            "agents": [
+                {
+                    "names": [name],
+                    "role": role,
+                    "dynamics": {"type": "single-integrator", "speed": speed},
+                    "clock": {"period": 0.01},
+                    "law": {"type": law},
+                    "start": [start],
+                }
+                for name, role, speed, law, start in agents
+            ],
+        }
+    )
+    turn = phalanx.CommandPolicy((phalanx.Command(at, phalanx.CommandKind.TURN, "1"),))
+    return phalanx.run(scenario, engine="in-process", commands=turn)
+
+
+def certified(run: phalanx.Run, turned: dict[str, float]) -> Certification:
+    recording = run.recording
+    return certify(recording.scenario, recording.states, recording.steps, turned=turned)
+
+
+def test_what_a_turned_agent_does_to_itself_is_named_and_not_counted():
+    run = turned(0.1, obstacle=[0.0, 2.0], adversary=[0.5, 2.5], victim=6.0)
+    apart = [violation.pair for violation in run.summary.apart]
+    assert sorted(apart) == ["1-3", "1-obstacle 0"]
+    assert run.summary.violations == []
+    assert run.verdict is Outcome.GUARANTEED
+    for pair in apart:
+        assert f"{pair} (from t = " in run.summary.reason
+        assert any(f"{pair} left the safe set, set apart" in log.text for log in run.recording.log)
+    assert certified(run, {"1": 0.1})
+    assert certified(run, {}).gap.pair in apart
+
+
+def test_before_its_turn_the_same_counts():
+    run = turned(0.5, obstacle=[0.0, 0.2], adversary=[0.0, -8.0])
+    (violation,) = run.summary.violations
+    assert (violation.pair, violation.first) == ("1-obstacle 0", 0.0)
+    assert violation.duration <= 0.5 + 1e-9
+    assert run.verdict is Outcome.VIOLATED
+    assert certified(run, {"1": 0.5}).gap.t == 0.0
+
+
+def test_what_a_turned_agent_does_to_a_normal_one_counts():
+    run = turned(0.1, obstacle=[0.0, -8.0], adversary=[0.0, -9.0])
+    assert [violation.pair for violation in run.summary.violations] == ["1-2"]
+    assert run.summary.apart == []
+    found = certified(run, {"1": 0.1})
+    assert found.gap.pair == "1-2"
+    assert found.gap.t < run.summary.violations[0].first

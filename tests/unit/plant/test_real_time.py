@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
+from phalanx.guarantee.checker.certify import certify
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.plant.clock.commands import CommandQueue
 from phalanx.plant.run import PlantRun
@@ -99,6 +100,17 @@ def test_inputs_that_are_there_in_time_take_effect_when_they_are_due(run) -> Non
     assert (found.missed, found.late, found.unanswered) == (0, 0, 0)
     assert found.samples >= 2 * 0.2 / PERIOD
     assert found.measured[-1].p50 == pytest.approx(0.002, abs=1e-5)
+
+
+def test_its_recording_begins_at_the_start_and_is_certified(run) -> None:
+    summary, recording = run(OnTheWall(lambda i, k: 0.002))
+    assert recording.states[0].t == 0.0
+    found = certify(recording.scenario, recording.states, recording.steps)
+    assert summary.certificates.uncovered is None
+    assert found.gap is None
+    assert found.samples > 15
+    of_before = certify(recording.scenario, recording.states[1:], recording.steps)
+    assert of_before.gap.t == 0.0
 
 
 def test_a_late_input_takes_effect_when_it_comes_and_is_counted(run) -> None:
