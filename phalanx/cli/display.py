@@ -107,7 +107,8 @@ def print_summary(summary: Summary) -> None:
     factor = f"real-time factor {summary.real_time_factor:.1f}"
     table.add_row("wall time", f"{summary.wall_time:.2f} s, {factor}")
     worst = f"{summary.worst_h_tot:.4g} at t = {summary.worst_at:.3f} s"
-    table.add_row("worst h_tot", f"{worst}, worst pair {summary.worst_pair}; safe is at most 0")
+    pair = f"worst pair {summary.worst_pair}{', counted or not' if summary.apart else ''}"
+    table.add_row("worst h_tot", f"{worst}, {pair}; safe is at most 0")
     table.add_row("control steps", _steps(summary))
     table.add_row("certified", certified(summary))
     for assumption in summary.assumptions:

@@ -112,7 +112,9 @@ EFFECTS: dict[str, Callable[[phalanx.Run], bool]] = {
     "robot": lambda run: failed(run, "sampling gap") > 5 and failed(run, "inputs in time") > 20,
     "sensor": lambda run: silent(run, "1", AT, 0.6) and failed(run, "truthful sensors") == 15,
     "slot": in_slots,
-    "turn": lambda run: run.summary.outcome == "violated" and told(run, "1 turned adversary"),
+    "turn": lambda run: (
+        [v.pair for v in run.summary.apart] == ["1-4"] and told(run, "1 turned adversary")
+    ),
 }
 
 
