@@ -46,8 +46,6 @@ _ORDER = 5
 _ROUNDING = 1e-12
 """How far a recorded state may be off its motion, relative to both: the plant rounds at each step.
 """
-_INTEGRATION = 1e-6
-"""And relative to the way since the state before: the plant takes Runge-Kutta steps."""
 _NOTHING = 1e-150
 """Of smaller numbers the squares underflow."""
 
@@ -127,7 +125,7 @@ class Departures:
             found = self.reached(begin[:, todo], point(u[:, todo]), span, pieces)
             off = norm(absolute(subtract(end[:, todo], found.y)))
             way, size = span.hi * found.speed, np.abs(begin.lo[:, todo]).max(axis=0)
-            allowed = _NOTHING + found.distance + _ROUNDING * (size + way) + _INTEGRATION * way
+            allowed = _NOTHING + found.distance + _ROUNDING * (size + way)
             may[todo] = found.known & (off.hi <= allowed)
             beyond[todo] = np.where(found.known, np.maximum(off.lo - allowed, 0.0), 0.0)
         return may, beyond

@@ -26,6 +26,9 @@ _ENCLOSURES = 5
 """Boxes to try before a motion counts as unbounded."""
 _ACTUATOR = 2e-5
 """How far an input may lie outside U: actuators let 1e-5 pass at every face."""
+_DEFECT = 1e-4
+"""How far a motion may be off its equation [1/s]: the plant takes Runge-Kutta steps. It counts as
+disturbance, for certificates too."""
 
 
 class Motion(NamedTuple):
@@ -45,8 +48,8 @@ class GroupMotion:
     def __init__(self, group: AgentGroup, latency: float) -> None:
         """Raises UndecidedError where the inputs that an agent may apply vary with its state."""
         dynamics: Dynamics = group.dynamics_object()
-        self.disturbance = group.disturbance.bound
-        """φ^max."""
+        self.disturbance = float(np.nextafter(group.disturbance.bound + _DEFECT, np.inf))
+        """φ^max, and what the plant's integration may be off."""
         self.longest = group.clock.period + group.clock.jitter + latency
         """Longest planned time between two inputs [s]."""
         self.x = ca.SX.sym("x", len(dynamics.states))

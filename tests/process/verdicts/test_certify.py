@@ -295,7 +295,7 @@ def test_against_a_wall_the_horizon_is_exact(bound, speed):
     given = scenario(SINGLE, [[0.0, 0.0]], bound=bound, period=2.0, obstacles=(wall,))
     ends = [State(0.0, [0.0, 0.0], -0.9)]
     found = certify(given, ends, [step("1", 0.0, [speed, 0.0])])
-    exact = 0.9 / (speed + bound)
+    exact = 0.9 / (speed + bound + DEFECT)
     assert exact * (1.0 - 1e-8) < found.horizon <= exact
 
 
@@ -362,6 +362,8 @@ def moved(
     return x
 
 
+DEFECT = 1e-4
+"""What counts as disturbance besides: the plant's integration steps [1/s]."""
 FAR = ({"center": [1e3, 1e3], "clearance": 0.5},)
 NEAR = ({"center": [2.0, 0.0], "clearance": 0.5},)
 
@@ -409,7 +411,7 @@ def test_no_motion_is_refused_however_long_it_lasts(model, bounded):
 @pytest.mark.parametrize("model", MODELS)
 def test_a_leant_track_is_refused_unless_a_disturbance_may_have_done_it(model):
     times = np.linspace(0.0, 0.05, 6).tolist()
-    for lean in (0.03, -1e-4):
+    for lean in (0.03, -2e-4):
         rng = np.random.default_rng(1)
         leant = recorded(model, times, rng, declared=0.0, lean=lean)
         with pytest.raises(UncertifiableError, match=r"agent 1 moves otherwise .* t = 0\.0"):
@@ -447,7 +449,7 @@ def test_what_a_motion_may_reach_is_enclosed_and_closely(model):
             phi *= bound / np.linalg.norm(phi)
             off = np.linalg.norm(moved(dynamics, x, u, phi, dt) - y)
             assert off <= found.distance[0] + 1e-12
-        assert found.distance[0] <= bound * dt * np.exp(5.0 * dt)
+        assert found.distance[0] <= (bound + DEFECT) * dt * np.exp(5.0 * dt)
 
 
 @pytest.mark.parametrize("drag", [0.93, 1.5, 4.0])
@@ -506,7 +508,7 @@ def test_a_disturbance_counts_in_how_fast_the_rate_of_h_grows(bound):
     wall = {"normal": [1.0, 0.0], "offset": 10.1, "clearance": 0.1}
     given = scenario(table, [[0.0] * 4], bound=bound, period=5.0, obstacles=(wall,))
     found = certify(given, [State(0.0, [0.0] * 4, -10.0)], [step("1", 0.0, [0.0, 0.0])])
-    exact = np.sqrt(1.0 + 20.0 / bound) - 1.0
+    exact = np.sqrt(1.0 + 20.0 / (bound + DEFECT)) - 1.0
     assert exact * (1.0 - 1e-8) < found.horizon <= exact
 
 
