@@ -26,7 +26,7 @@ from phalanx.scenario.load import digest, load
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.membership import Membership
-from phalanx.wire.messages import Actuation, Broadcast, Ended, Message, Sample, Telemetry
+from phalanx.wire.messages import MAX_BYTES, Actuation, Broadcast, Ended, Message, Sample, Telemetry
 
 SCENARIO, OVERRIDES = "unicycles", ("duration=0.5",)
 VICTIM, PEER, INSIDER = "1", "2", "3"
@@ -281,6 +281,24 @@ def floods_the_plant(by: Attacker) -> Iterator[None]:
     yield from _flooded(by, list(own), b"?" * 60)
 
 
+def sends_the_largest_reports(by: Attacker) -> Iterator[None]:
+    yield from _flooded(by, [by.keys.telemetry(INSIDER)], bytes(MAX_BYTES))
+
+
+def reports_enormous_numbers(by: Attacker) -> Iterator[None]:
+    """On every sample, before its own program can."""
+    key, most = by.keys.telemetry(INSIDER), 1.7e308
+    with by.open() as session:
+        while True:
+            for k in range(60):
+                made = Telemetry(
+                    k=k, origin=Origin.QP, residual=0.0, u_nom=(most, -most), solve_time=most,
+                    ages=((0, most),), margin=most,
+                )  # fmt: skip
+                by.forge(session, key, made)
+            yield
+
+
 def floods_a_peer(by: Attacker) -> Iterator[None]:
     yield from _flooded(by, [by.keys.broadcast(INSIDER, VICTIM)], b"?" * 60)
 
@@ -319,6 +337,8 @@ INSIDERS: dict[str, Attack] = {
         "floods others": floods,
         "floods the plant in his own name": floods_the_plant,
         "floods a peer in his own name": floods_a_peer,
+        "sends the largest reports in his own name": sends_the_largest_reports,
+        "reports enormous numbers": reports_enormous_numbers,
     }.items()
 }
 ATTACKS = {**STRANGERS, **INSIDERS}
@@ -349,7 +369,9 @@ def main() -> None:
     """Attack until killed; a first line says whether the hub let it in."""
     name, endpoint, run, *secret = sys.argv[1:]
     attacker = Attacker(endpoint, run, bytes.fromhex(secret[0]) if secret else None)
-    at_full_speed = any(word in name for word in ("flood", "large", "answers", "orders"))
+    at_full_speed = any(
+        word in name for word in ("flood", "large", "answers", "orders", "largest", "enormous")
+    )
     assail(attacker, ATTACKS[name], at_full_speed)
 
 

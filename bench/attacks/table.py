@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import certified
+import readers
 from attacker import ATTACKS, OVERRIDES, READ, SCENARIO, UNDER_WAY
 
 import phalanx
@@ -77,7 +78,10 @@ def _outcome(said: list[str], summary: Summary) -> Outcome:
 def row(attack: str, outcome: Outcome, calm: Summary, wall_time: float) -> str:
     """A row of the table."""
     summary = outcome.summary
-    same = "same" if summary.trajectory == calm.trajectory else "another"
+    same = "same trajectory" if summary.trajectory == calm.trajectory else "another trajectory"
+    if summary.punctuality is not None:
+        kept = summary.punctuality
+        same = f"{kept.missed} of {kept.samples + kept.missed} samples missed"
     refused = ", ".join(f"{n} {reason}" for reason, n in summary.rejected.items())
     if not outcome.let_in:
         refused = "at the door"
@@ -85,27 +89,38 @@ def row(attack: str, outcome: Outcome, calm: Summary, wall_time: float) -> str:
         refused = f"{refused}; it read {outcome.read} messages"
     cells = (
         attack,
-        f"{summary.outcome}, {same} trajectory",
+        f"{summary.outcome}, {same}",
         refused or "nothing came through",
         f"{wall_time:.1f}",
     )
     return f"| {' | '.join(cells)} |"
 
 
+def calm_run(scenario: phalanx.Scenario) -> Summary:
+    """What a run comes to that nobody attacks."""
+    summary = phalanx.run(scenario, engine="in-process").summary
+    assert summary is not None
+    return summary
+
+
 def main() -> None:
     """Print rows as they come, and put them into the page's table."""
-    every = (*ATTACKS, *certified.CERTIFIED, *certified.HUBS)
+    every = (*ATTACKS, *readers.READERS, *certified.CERTIFIED, *certified.HUBS)
     chosen = [name for name in every if all(word in name for word in sys.argv[1:])]
     scenario = phalanx.load(SCENARIO, OVERRIDES)
-    calm = phalanx.run(scenario, engine="in-process").summary
-    assert calm is not None
+    undisturbed = calm_run(scenario)
     before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
     old, _, after = rest.partition(END)
     rows = {line.split(" | ")[0].strip("| "): line for line in old.splitlines()}
     for attack in chosen:
         began = time.monotonic()
+        calm = undisturbed
         if attack in ATTACKS:
             outcome = attacked(attack, scenario)
+        elif attack in readers.READERS:
+            said, summary = readers.attacked(attack)
+            outcome = Outcome(set(said) <= {UNDER_WAY}, 0, summary)
+            calm = calm_run(readers.scenario_of(attack))
         else:
             outcome = attacked_with_certificates(attack)
         rows[attack] = row(attack, outcome, calm, time.monotonic() - began)

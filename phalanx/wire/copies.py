@@ -19,7 +19,7 @@ class Copies:
     def __init__(self, session: Session, keys: Keys, every: str) -> None:
         """every: a key expression that includes all of which there may be copies."""
         self._copy = cache(keys.copy)
-        self._addressed = Addressed(session, droppable=True, priority=zenoh.Priority.BACKGROUND)
+        self._addressed = Addressed(session, droppable=True, priority=zenoh.Priority.DATA_LOW)
         self._readers = view_publisher(session, keys.copy(every))
         self._wanted = False
         on_match = zenoh.handlers.Callback(self._on_match, indirect=False)

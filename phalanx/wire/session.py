@@ -86,8 +86,10 @@ def _hub_config(endpoint: str, beyond: Sequence[str]) -> dict[str, Any]:
     }
     # Samples go before all else: what an agent floods a peer with must not stand before them.
     behind = {"flows": ["ingress"], "messages": ["put"], "overwrite": {"priority": "data"}}
-    # Nor may who looks on and takes nothing hold up who shows or answers it something.
-    onlookers = {"flows": ["ingress"], "overwrite": {"congestion_control": "drop"}}
+    # Nor may who looks on and takes nothing hold up who shows or answers it something, or fill the
+    # queue of the lowest priority, through which the hub's goodbye goes: it would never end.
+    shown = {"congestion_control": "drop", "priority": "data_low"}
+    onlookers = {"flows": ["ingress"], "overwrite": shown}
     config["qos"] = {
         "network": [
             {**behind, "key_exprs": list(NOT_URGENT)},

@@ -9,13 +9,16 @@ from pathlib import Path
 import pytest
 
 from phalanx.scenario.load import load
+from phalanx.wire.copies import Copies
 from phalanx.wire.endpoints import free_endpoint
+from phalanx.wire.keys import Keys
 from phalanx.wire.pubsub import Addressed, view_publisher
 from phalanx.wire.session import open_hub
 from tests.process.runs import SECRET, live_run, wait_for
 
 pytestmark = pytest.mark.swarm
 
+KEYS = Keys("r")
 FRAME = bytes(10_000)
 FLUSH = 2.5
 """Zenoh tries for so long to get rid of what waits for a listener [s]."""
@@ -24,7 +27,7 @@ import json, os, signal, sys, threading, zenoh
 link = {"tcp": {"so_rcvbuf": 131072}}
 config = {"mode": "client", "connect": {"endpoints": [sys.argv[1]]}, "transport": {"link": link}}
 session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
-session.declare_subscriber("frame", lambda sample: os.kill(os.getpid(), signal.SIGSTOP))
+session.declare_subscriber(sys.argv[2], lambda sample: os.kill(os.getpid(), signal.SIGSTOP))
 threading.Event().wait()
 """
 
@@ -66,7 +69,7 @@ def listener(program: str, *arguments: str):
 
 def test_what_may_be_dropped_waits_for_nobody():
     """As a broadcast in real time, where a peer may stand still."""
-    with open_hub(endpoint := free_endpoint()) as hub, listener(LISTENER, endpoint):
+    with open_hub(endpoint := free_endpoint()) as hub, listener(LISTENER, endpoint, "frame"):
         broadcasts = Addressed(hub, droppable=True)
         wait_for(lambda: broadcasts.put("frame", FRAME) or unsent(endpoint) > FULL)
         for _ in range(1000):
@@ -74,13 +77,21 @@ def test_what_may_be_dropped_waits_for_nobody():
         assert unsent(endpoint) > FULL, "it is still connected: nobody waited until it was not"
 
 
-def test_a_hub_closes_at_once_beside_a_stopped_listener():
+@pytest.mark.parametrize("key", [KEYS.frames, KEYS.copy(KEYS.sample("1"))])
+def test_a_hub_closes_at_once_beside_a_stopped_listener(key: str):
     """Else a thread that serves everybody stands still for ten seconds when it is given up."""
     endpoint = free_endpoint()
     hub = open_hub(endpoint)
-    frames = view_publisher(hub, "frame")
-    with listener(LISTENER, endpoint):
-        wait_for(lambda: frames.put(FRAME) or unsent(endpoint) > FULL)
+    frames, copies = view_publisher(hub, KEYS.frames), Copies(hub, KEYS, KEYS.sample("*"))
+
+    def put() -> None:
+        frames.put(FRAME)
+        copies.put(KEYS.sample("1"), FRAME)
+
+    with listener(LISTENER, endpoint, key):
+        wait_for(lambda: put() or unsent(endpoint) > FULL)
+        for _ in range(100):
+            put()
         began = time.monotonic()
         hub.close()
         assert time.monotonic() - began < FLUSH + 3.0
