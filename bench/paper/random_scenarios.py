@@ -21,6 +21,7 @@ from typing import Any, get_args
 import numpy as np
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
+from phalanx.faults.state import turns
 from phalanx.guarantee.checker.certify import Certification, certify
 from phalanx.guarantee.checker.intervals import UncertifiableError
 from phalanx.guarantee.verdict import Outcome, Summary
@@ -310,7 +311,12 @@ def run(index: int, folder: Path) -> Seen:
     judge = WatchingJudge.latest
     recording = read(out)
     try:
-        checked: Certification | str = certify(scenario, recording.states, recording.steps)
+        checked: Certification | str = certify(
+            scenario,
+            recording.states,
+            recording.steps,
+            turned=turns([name for name, _, _ in scenario.roster()], recording.commands),
+        )
     except UncertifiableError as error:
         checked = " ".join(str(error).split(", at t")[0].split()[2:])
     kind = f"{len(scenario.safety.alpha)} | {scenario.safety.margin}"

@@ -37,12 +37,15 @@ def certify(run: RunArgument, trust: Trust = False) -> int:
     from rich.progress import Progress
 
     from phalanx.cli.damage import warn_of_damage
+    from phalanx.cli.display import doing
+    from phalanx.faults.state import turns
     from phalanx.guarantee.checker.certify import certify as certify_run
     from phalanx.guarantee.checker.intervals import UncertifiableError, UndecidedError
     from phalanx.recording.read import UnreadableRecordingError, read
 
     try:
-        recording = read(run, trust)
+        with doing("reading"):
+            recording = read(run, trust)
     except (UnreadableRecordingError, OSError) as error:
         complain(error)
         return 3
@@ -50,6 +53,7 @@ def certify(run: RunArgument, trust: Trust = False) -> int:
     if not recording.states:
         complain(f"{recording.path}: the recording holds no state")
         return 3
+    names = [name for name, _, _ in recording.scenario.roster()]
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("certifying", total=1.0)
         try:
@@ -58,7 +62,7 @@ def certify(run: RunArgument, trust: Trust = False) -> int:
                 recording.states,
                 recording.steps,
                 lambda share: bar.update(task, completed=share),
-                turned := _turned(recording),
+                turned := turns(names, recording.commands),
             )
         except UndecidedError as error:
             say(f"not decided: {error}")
@@ -68,18 +72,6 @@ def certify(run: RunArgument, trust: Trust = False) -> int:
             return 1
     _show(found, recording, turned)
     return 0 if found and not recording.damage else 1
-
-
-def _turned(recording: "Recording") -> dict[str, float]:
-    """Which normal agents became adversaries, and when [s]."""
-    from phalanx.faults.commands import CommandKind
-    from phalanx.faults.state import FaultState
-
-    names = tuple(name for name, _, _ in recording.scenario.roster())
-    state = FaultState(names)
-    changes = [(command, state.obey(command)) for command in recording.commands]
-    turns = [(c.t, i) for c, i in changes if i is not None and c.kind == CommandKind.TURN]
-    return {names[i]: t for t, i in turns}
 
 
 def _show(found: "Certification", recording: "Recording", turned: dict[str, float]) -> None:

@@ -1,5 +1,6 @@
 """The state that commands leave behind: who is frozen, dead or turned, and what links do."""
 
+from collections.abc import Iterable, Sequence
 from enum import StrEnum
 from typing import Annotated
 
@@ -83,3 +84,13 @@ class FaultState:
         if self.loss is None and self.delay is None and i not in self._turned:
             return None
         return Orders(loss=self.loss, delay=self.delay, adversary=i in self._turned)
+
+
+def turns(names: Sequence[str], commands: Iterable[Command]) -> dict[str, float]:
+    """Which agents became adversaries by these commands, in order, and when [s]."""
+    state, found = FaultState(tuple(names)), dict[str, float]()
+    for command in commands:
+        changed = state.obey(command)
+        if changed is not None and command.kind == CommandKind.TURN:
+            found[names[changed]] = command.t
+    return found

@@ -3,7 +3,7 @@
 import pytest
 
 from phalanx.faults.commands import Command, CommandKind
-from phalanx.faults.state import Condition, FaultState
+from phalanx.faults.state import Condition, FaultState, turns
 
 KILL, RESTART = CommandKind.KILL, CommandKind.RESTART
 FREEZE, THAW, TURN = CommandKind.FREEZE, CommandKind.THAW, CommandKind.TURN
@@ -75,3 +75,15 @@ def test_orders_tell_of_links_and_of_who_turned_alone():
         0.5,
         False,
     )
+
+
+def test_a_turn_counts_from_when_it_has_an_effect():
+    commands = [
+        Command(0.1, FREEZE, "a"),
+        Command(0.2, TURN, "a"),  # it stands still
+        Command(0.3, TURN, "b"),
+        Command(0.4, TURN, "b"),
+        Command(0.5, THAW, "a"),
+        Command(0.6, TURN, "a"),
+    ]
+    assert turns(("a", "b"), commands) == {"b": 0.3, "a": 0.6}
