@@ -87,11 +87,21 @@ class Sticking(SingleIntegrator):
 
 
 @dataclass(frozen=True)
-class Kinked(SingleIntegrator):
-    """Slower on one side, with a kink in between."""
+class Exploding(SingleIntegrator):
+    """From 1 it is at infinity after a second."""
 
     def drift(self, x):
-        return -0.5 * ca.fmax(x, 0.0)
+        return x * x
+
+
+@dataclass(frozen=True)
+class Kinked(SingleIntegrator):
+    """Slower the farther out, with a kink at 0."""
+
+    kind: str = "fabs"
+
+    def drift(self, x):
+        return -0.5 * {"fabs": ca.fabs(x), "fmax": ca.fmax(x, 0.0)}[self.kind]
 '''
 
 
@@ -253,6 +263,14 @@ JUMPING = ["if-else", "sign", "floor", "bearing", "kink", "and", "or", "not", "a
 def test_nothing_is_certified_across_a_jump(kind):
     x = [[0.0, -1.0], [5.0, 0.0]]
     assert not resting(scenario(SINGLE, x, {"type": "certify_own:Zone", "kind": kind}), x)
+
+
+@pytest.mark.parametrize("kind", JUMPING)
+def test_nothing_is_certified_that_gets_to_a_jump(kind):
+    x = [[-5e-3, -1e-6], [5.0, 0.0]]
+    given = scenario(SINGLE, x, {"type": "certify_own:Zone", "kind": kind})
+    begin = State(0.0, [*x[0], *x[1]], 0.0)
+    assert certify(given, [begin], [step("1", 0.0, [1.0, 0.0])]).horizon == 0.0
 
 
 @pytest.mark.parametrize("kind", ["if-else", "and", "or", "not", "least"])
@@ -468,7 +486,25 @@ def test_long_intervals_are_certified_also_where_drag_is_strong(drag):
     assert found.horizon >= 1.0
 
 
-def own_dynamics(name: str, **fields: float) -> dict[str, object]:
+def test_a_box_in_parts_holds_all_of_a_motion_and_all_of_its_rates():
+    table = {"type": "double-integrator", "acceleration": 2.0, "drag": 1.5, "dimension": 2}
+    group = scenario(table, [[0.0] * 4], bound=0.1, obstacles=FAR).agents[0]
+    motion, u, phi = GroupMotion(group, 0.0), np.array([2.0, -1.0]), np.array([0.0, 0.0, 0.1, 0.0])
+    x = np.array([0.0, 0.0, 1.0, 1.0])
+    span = point(u[:, None])
+    assert not motion.moved(x[:, None], span, np.ones(1)).known
+    found = motion.moved(x[:, None], span, np.ones(1), (1, 4, 16))
+    assert found.known
+    for t in np.linspace(0.0, 1.0, 41):
+        at = moved(group.dynamics_object(), x, u, phi, t)
+        rate = np.array([*at[2:], *(u - 1.5 * at[2:])])
+        assert (found.box.lo.ravel() <= at).all()
+        assert (at <= found.box.hi.ravel()).all()
+        assert (found.rates.lo.ravel() <= rate).all()
+        assert (rate <= found.rates.hi.ravel()).all()
+
+
+def own_dynamics(name: str, **fields: object) -> dict[str, object]:
     return {"type": f"certify_own:{name}", "speed": 1.0, "dimension": 2, **fields}
 
 
@@ -481,6 +517,13 @@ def test_a_motion_without_bounds_is_not_decided_and_certifies_nothing():
         certify(given, [*rest, State(1.0, [1.0, 0.0], 0.0)], [])
 
 
+def test_a_motion_that_is_bounded_at_first_alone_is_not_known():
+    group = scenario(own_dynamics("Exploding"), [[1.0, 0.0]], obstacles=FAR).agents[0]
+    motion, x, u = GroupMotion(group, 0.0), np.array([[1.0], [0.0]]), point(np.zeros((2, 1)))
+    assert motion.moved(x, u, np.full(1, 0.8 / 16)).known
+    assert not motion.moved(x, u, np.full(1, 0.8), (16,)).known
+
+
 def test_a_field_that_jumps_is_not_decided():
     ends = [State(t, [-t, 0.0], 0.0) for t in (0.0, 0.01)]
     given = scenario(own_dynamics("Sticking"), [[0.0, 0.0]], obstacles=FAR)
@@ -488,9 +531,11 @@ def test_a_field_that_jumps_is_not_decided():
         certify(given, ends, [step("1", 0.0, [-1.0, 0.0])])
 
 
+@pytest.mark.parametrize("kind", ["fabs", "fmax"])
 @pytest.mark.parametrize("bound", [0.0, 0.2])
-def test_one_with_a_kink_is_followed_across_it(bound):
-    given = scenario(own_dynamics("Kinked"), [[0.0, 0.0]], bound=bound, obstacles=FAR)
+def test_one_with_a_kink_is_followed_across_it(bound, kind):
+    table = own_dynamics("Kinked", kind=kind)
+    given = scenario(table, [[0.0, 0.0]], bound=bound, obstacles=FAR)
     x, u, steps = np.array([-4e-3, 1.0]), np.array([1.0, 0.0]), [step("1", 0.0, [1.0, 0.0])]
     phi = np.array([0.6, 0.8]) * 0.9 * bound
     x = moved(given.agents[0].dynamics_object(), begin := x, u, phi, 0.01, 10_000)
@@ -510,6 +555,29 @@ def test_a_disturbance_counts_in_how_fast_the_rate_of_h_grows(bound):
     found = certify(given, [State(0.0, [0.0] * 4, -10.0)], [step("1", 0.0, [0.0, 0.0])])
     exact = np.sqrt(1.0 + 20.0 / (bound + DEFECT)) - 1.0
     assert exact * (1.0 - 1e-8) < found.horizon <= exact
+
+
+@pytest.mark.parametrize("at", [1, 2047, 2048, 2049, 4096])
+def test_every_state_of_a_long_recording_is_held_against_the_one_before(at):
+    given = scenario(SINGLE, [[0.0, 0.0]], period=10.0, duration=5.0, obstacles=FAR)
+    states = [State(1e-3 * k, [1e-6 * (k >= at), 0.0], 0.0) for k in range(5000)]
+    with pytest.raises(UncertifiableError, match=f"t = {1e-3 * (at - 1):.6f} s"):
+        certify(given, states, [])
+
+
+@pytest.mark.parametrize("talking", ["1", "2", "nobody"])
+@pytest.mark.parametrize("role", ["normal", "adversary"])
+def test_a_pair_is_covered_by_either_normal_member_and_by_no_adversary(talking, role):
+    """Who is silent holds its first input, far longer than a certificate lasts."""
+    given = scenario(SINGLE, [[0.0, 0.0], [4.0, 0.0]], period=0.05, duration=2.0)
+    second = given.agents[1].model_copy(update={"role": role})
+    given = given.model_copy(update={"agents": (given.agents[0], second)})
+    times = np.linspace(0.0, 2.0, 41).tolist()
+    states = [State(t, [0.0, 0.0, 4.0, 0.0], 0.0) for t in times]
+    steps = [step(name, 0.0, [0.0, 0.0]) for name in "12"]
+    steps += [step(talking, t, [0.0, 0.0]) for t in times[1:] if talking in "12"]
+    found = certify(given, states, steps)
+    assert bool(found) == (talking == "1" or (talking == "2" and role == "normal"))
 
 
 def mixed(rng: np.random.Generator) -> tuple[Scenario, list[State], list[Step]]:

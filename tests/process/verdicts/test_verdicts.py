@@ -106,7 +106,11 @@ def test_a_frozen_agent_is_covered_no_longer_than_its_last_certificate():
 
 
 def turned(
-    at: float, obstacle: list[float], adversary: list[float], victim: float = 3.5
+    at: float,
+    obstacle: list[float],
+    adversary: list[float],
+    victim: float = 3.5,
+    killed: float = 2.0,
 ) -> phalanx.Run:
     """Agent 1 turns at a time and makes for agent 2, a slow one, through what is on its way."""
     agents = (
@@ -138,8 +142,10 @@ def turned(
             ],
         }
     )
-    turn = phalanx.CommandPolicy((phalanx.Command(at, phalanx.CommandKind.TURN, "1"),))
-    return phalanx.run(scenario, engine="in-process", commands=turn)
+    turn = phalanx.Command(at, phalanx.CommandKind.TURN, "1")
+    kill = phalanx.Command(killed, phalanx.CommandKind.KILL, "1")
+    commands = phalanx.CommandPolicy((turn, kill))
+    return phalanx.run(scenario, engine="in-process", commands=commands)
 
 
 def certified(run: phalanx.Run, turned: dict[str, float]) -> Certification:
@@ -158,6 +164,11 @@ def test_what_a_turned_agent_does_to_itself_is_named_and_not_counted():
         assert any(f"{pair} left the safe set, set apart" in log.text for log in run.recording.log)
     assert certified(run, {"1": 0.1})
     assert certified(run, {}).gap.pair in apart
+
+
+def test_its_own_pairs_need_no_certificate_even_if_it_falls_silent_at_once():
+    run = turned(0.105, obstacle=[0.0, -0.6], adversary=[0.0, -9.0], victim=9.0, killed=0.107)
+    assert run.verdict is Outcome.GUARANTEED
 
 
 def test_before_its_turn_the_same_counts():
