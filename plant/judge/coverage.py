@@ -90,8 +90,9 @@ class Coverage:
 
     def reached(self, t: float) -> None:
         """Time has gone on to t [s], with the certificates that there are."""
-        first = int(self.ends.argmin())
-        covered = bool(self.ends[first] >= t)
+        ends = np.where(self._is_apart, np.inf, self.ends) if self._turned else self.ends
+        first = int(ends.argmin())
+        covered = bool(ends[first] >= t)
         self.assumption.check(covered, t)
         if not covered and self.summary.uncovered is None:
             self.summary.uncovered = self._composed.label(self._composed.pairs[first])
@@ -114,7 +115,6 @@ class Coverage:
         """Agent i became an adversary, and with it these pairs need no certificate any more."""
         self._turned.add(i)
         self._is_apart[apart] = True
-        self.ends[apart] = np.inf
 
     def _near(self, i: int, t: float, x: Array) -> Array | None:
         return None if self._boxes is None else self._boxes.near(i, self._others[i], t, x)
@@ -123,6 +123,5 @@ class Coverage:
         own, other, pairs = self._own[i], self._other[i], self._pairs[i]
         # The certificate before it ends with the input that it was for.
         self._until[own] = until = np.where(proven > 0.0, t + proven, -np.inf)
-        ends = np.maximum(until, self._until[other])
-        self.ends[pairs] = np.where(self._is_apart[pairs], np.inf, ends)
+        self.ends[pairs] = np.maximum(until, self._until[other])
         return float(proven.min(initial=np.inf))
