@@ -2,18 +2,14 @@
 
 from collections.abc import Mapping
 
-import numpy as np
-from numpy.typing import NDArray
-
 from phalanx.agent.controller import StepResult
 from phalanx.agent.distributed import DistributedController
+from phalanx.arrays import Array
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.laws.law import View
 from phalanx.theory.laws.nominal import NominalInput
 from phalanx.theory.rows.centralised import JointInput
 from phalanx.theory.rows.information import ReceivedInput
-
-Array = NDArray[np.float64]
 
 
 class CentralisedController:

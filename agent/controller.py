@@ -3,13 +3,9 @@
 from collections.abc import Mapping
 from typing import NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from phalanx.arrays import Array
 from phalanx.theory.rows.decision import Decision
 from phalanx.theory.rows.information import ReceivedInput
-
-Array = NDArray[np.float64]
 
 
 class StepResult(NamedTuple):

@@ -3,18 +3,14 @@
 from collections.abc import Mapping
 from typing import Self
 
-import numpy as np
-from numpy.typing import NDArray
-
 from phalanx.agent.controller import StepResult
+from phalanx.arrays import Array
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.laws.law import View
 from phalanx.theory.laws.nominal import NominalInput
 from phalanx.theory.laws.worst_case import WorstCase
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.theory.rows.safety_filter import Situation
-
-Array = NDArray[np.float64]
 
 
 class DistributedController:

@@ -7,12 +7,12 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from phalanx.agent.centralised import CentralisedController, CentralisedPart
 from phalanx.agent.clock import VirtualClock
 from phalanx.agent.controller import Controller, StepResult
 from phalanx.agent.distributed import DistributedController
+from phalanx.arrays import Array
 from phalanx.faults.state import Orders
 from phalanx.network.claim import Claim
 from phalanx.network.inbox import BroadcastInbox, Existing, Fate
@@ -40,7 +40,6 @@ from phalanx.wire.seal import Malformed, Sealer
 _AT_HOME = Door(Keys("in-process"), Sealer())
 """Where nothing is sent, damage is done to what would have been."""
 
-Array = NDArray[np.float64]
 
 _FLOAT, _INT, _HEAD = 9, 5, 3
 """At most so long are a float, an integer and what begins an array, in a message [bytes]."""

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from phalanx.theory.laws.law import Array, View
+from phalanx.arrays import Array
+from phalanx.theory.laws.law import View
 from phalanx.theory.laws.velocity import TrackVelocity
 from phalanx.wire.pubsub import Addressed
 

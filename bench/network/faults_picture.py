@@ -11,13 +11,11 @@ import numpy as np
 import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from pictured_faults import AGENT, DURATION, GALLERIES, PEER, SWARM, Gallery, Overrides
 
 import phalanx
+from phalanx.arrays import Array
 from phalanx.report.style import LIMIT, MUTED, PEAK, style_axes
-
-Array = NDArray[np.float64]
 
 FOLDER = Path("docs/images")
 ACROSS = 2

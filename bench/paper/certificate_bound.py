@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 import phalanx
+from phalanx.arrays import Array
 from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.margins.enclosure import admissible_inputs, enclose
@@ -34,8 +34,6 @@ from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.composition import Member, compose
 from phalanx.theory.safety.function import Separation
 from phalanx.theory.safety.obstacles import Sphere
-
-Array = NDArray[np.float64]
 
 STEPS = 12
 BATCH = 5000

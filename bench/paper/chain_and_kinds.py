@@ -14,23 +14,20 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
+from phalanx.arrays import Array, Index
 from phalanx.scenario.load import load, shipped
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.compile import compile_rows
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.expressions.mapped import Index
 from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.rows.pairs import PairTerms
 from phalanx.theory.rows.terms import TermsAt, TermsFunction
 from phalanx.theory.safety.composition import FAR
-
-Array = NDArray[np.float64]
 
 _JERKS = [
     'agents.0.dynamics={ type = "triple-integrator", jerk = 2.0, dimension = 3 }',

@@ -11,20 +11,18 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 from variants import HEAD, measure, row, simulated
 
 import phalanx
+from phalanx.arrays import Array
 from phalanx.guarantee.formula import Formula
 from phalanx.recording.read import Recording
 from phalanx.scenario.safety import Composition
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.margins.local import UNKNOWN
-
-Array = NDArray[np.float64]
 
 SIMULATIONS = {"Simulation 1": "unicycles", "Simulation 2": "formation3d"}
 _SPLIT = ["safety.information=split"]

@@ -10,16 +10,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from cbfpy import CBF, CBFConfig
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.models.integrators import DoubleIntegrator
 from phalanx.theory.models.unicycle import Unicycle
 from phalanx.theory.rows.terms import Terms
 from phalanx.theory.safety.obstacles import Sphere
-
-Array = NDArray[np.float64]
 
 
 class Peer:

@@ -24,9 +24,9 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 from cbfpy_peer import Peer, push
-from numpy.typing import NDArray
 
 import phalanx
+from phalanx.arrays import Array
 from phalanx.network.claim import Claim
 from phalanx.recording.read import Recording
 from phalanx.swarm.rows import SafetyRows, build_rows
@@ -35,8 +35,6 @@ from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.safety_filter import Situation
-
-Array = NDArray[np.float64]
 
 SIMULATIONS = {"unicycles": "Simulation 1", "formation3d": "Simulation 2"}
 IN_TURN, WARM_UP = 50, 10

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.extension import extend
 from phalanx.theory.expressions.interval import Interval, UnboundedOperationError, point
 from phalanx.theory.expressions.mapped import MappedFunction
@@ -30,8 +30,6 @@ from phalanx.theory.margins.integrated import INFLATIONS, growth, keeps_chain, t
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.composition import ComposedSet, Member
-
-Array = NDArray[np.float64]
 
 MULTIPLES = (8.0, 4.0, 2.0, 1.0 + 1e-9)
 """The horizons that are tried, in τ: over a longer one the box is larger. The last is above τ, for

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array, Index
 from phalanx.guarantee.certificate import (
     DEFECT,
     MULTIPLES,
@@ -14,10 +14,8 @@ from phalanx.guarantee.certificate import (
     pair_certificate,
 )
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.expressions.mapped import Index, MappedFunction
+from phalanx.theory.expressions.mapped import MappedFunction
 from phalanx.theory.safety.pairs import spread
-
-Array = NDArray[np.float64]
 
 
 class Held(NamedTuple):

@@ -3,9 +3,8 @@
 import math
 
 import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.guarantee.advice import advice, leans_on_the_newest
 from phalanx.guarantee.check_report import BoundaryCondition, CheckReport
 from phalanx.guarantee.feasibility import ProvenRows, largest_gap, rigorous, rows_at_start
@@ -19,8 +18,6 @@ from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.rows.row import joint_sum
 from phalanx.theory.rows.terms import TermsFunction
-
-Array = NDArray[np.float64]
 
 _SAMPLES = 2000
 _BOUNDARY_STATES = 200

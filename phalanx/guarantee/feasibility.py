@@ -4,9 +4,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linprog
 
+from phalanx.arrays import Array
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.expressions.exact import dot
@@ -15,8 +15,6 @@ from phalanx.theory.rows.decision import least_violation
 from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.pairs import PairTerms, pair_rows
 from phalanx.theory.rows.row import Rows, joint_sum
-
-Array = NDArray[np.float64]
 
 _FEW_ROWS = 8
 """So many are solved exactly, by looking at every vertex, which grows with a power of them."""

@@ -3,13 +3,11 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.margins.constants import Constant, constants, margin_constants
 from phalanx.theory.safety.chain import Chain
-
-Array = NDArray[np.float64]
 
 
 class Region(NamedTuple):

@@ -4,13 +4,11 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.guarantee.certificates import AgentCertificates, SwarmCertificates
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.models.polytope import constant_polytope
-
-Array = NDArray[np.float64]
 
 
 class CertifiedStart(NamedTuple):

@@ -5,15 +5,13 @@ from collections.abc import Callable, Iterable, Iterator
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.scenario.model import Scenario
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.safety.obstacles import Sphere
-
-Array = NDArray[np.float64]
 
 _BISECTIONS = 40
 _AROUND = 10.0

@@ -8,11 +8,10 @@ from typing import Literal
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions import exponential
 
-Array = NDArray[np.float64]
 Distribution = Literal["uniform", "normal", "pareto", "paretonormal"]
 
 LONGEST = 4.0

@@ -9,9 +9,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.network.distributions import Distribution, quantile
-
-Array = NDArray[np.float64]
 
 Unit = Literal["s", "ms", "us"]
 _SECONDS: Mapping[Unit, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6}

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.network.chance import Chance, NonNegative, Probability
 from phalanx.network.delay import BASIC
 from phalanx.network.rule import DELIVER, DROP, Message, Treatment
-from phalanx.seeded.draws import Array
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.seeded.draws import Array, Draws
+from phalanx.arrays import Array
+from phalanx.seeded.draws import Draws
 
 
 class Copy(msgspec.Struct, frozen=True):

@@ -12,9 +12,9 @@ import numpy as np
 from mcap.exceptions import EndOfFile, McapError
 from mcap.records import Attachment, Channel, McapRecord, Message, Metadata
 from mcap.stream_reader import CRCValidationError
-from numpy.typing import NDArray
 from zstandard import ZstdError
 
+from phalanx.arrays import Array
 from phalanx.faults.commands import Command
 from phalanx.guarantee.verdict import Summary, read_summary
 from phalanx.recording.chunks import records_of
@@ -25,8 +25,6 @@ from phalanx.scenario.load import ScenarioError, from_json
 from phalanx.scenario.model import Scenario
 from phalanx.scenario.user_code import code_trusted
 from phalanx.theory.expressions.magnitude import LARGEST_SUM
-
-Array = NDArray[np.float64]
 
 
 class UnreadableRecordingError(ValueError):

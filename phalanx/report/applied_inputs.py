@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Step
 from phalanx.report.measures import extremes_kept
@@ -15,8 +15,6 @@ from phalanx.swarm.swarm import Swarm
 from phalanx.theory.models.polytope import Box, constant_polytope
 from phalanx.theory.models.units import units
 from phalanx.theory.rows.origin import Origin, words_of
-
-Array = NDArray[np.float64]
 
 
 class Curve(NamedTuple):

@@ -6,15 +6,13 @@ import numpy as np
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.report.style import ReportFigure, style_axes
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.rows.row import joint_sum
 from phalanx.theory.rows.terms import Terms, TermsFunction
-
-Array = NDArray[np.float64]
 
 _CELLS = 121
 _UNSAFE, _TOO_LATE, _SUFFICES = range(3)

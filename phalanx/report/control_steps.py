@@ -5,15 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Step
 from phalanx.report.measures import extremes_kept
 from phalanx.report.style import LIMIT, PEAK, colours, legend, logarithmic, panels
 from phalanx.swarm.swarm import Swarm
-
-Array = NDArray[np.float64]
 
 _TIME_POINTS = 600
 LEAST_RATIO = 0.1

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Step
 from phalanx.report.applied_inputs import input_box
@@ -17,7 +17,6 @@ from phalanx.report.style import FEW, LIMIT, MUTED, PEAK, WORST, legend, logarit
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.rows.origin import EMPTY, words_of
 
-Array = NDArray[np.float64]
 Curves = dict[str, tuple[Array, Array]]
 """Times [s] and values of each, by name."""
 

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from phalanx.recording.read import Recording
 from phalanx.report.envelope import draw_envelope, envelope
@@ -26,8 +25,6 @@ from phalanx.report.style import (
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.safety.composition import Pair
-
-Array = NDArray[np.float64]
 
 _MOST_PAIRS = 60
 

@@ -4,9 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from phalanx.arrays import Array
 
 QUANTILES = (0.0, 0.1, 0.5, 0.9, 1.0)
 _MOST_INTERVALS = 300

@@ -8,16 +8,14 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.recording.broadcasts import FATES, IN_TIME, LATE, LOST, Broadcast, broadcasts, window
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Step
 from phalanx.report.style import MOST_NAMED, legend
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.rows.origin import EMPTY, Origin
-
-Array = NDArray[np.float64]
 
 _SILENT = "silent"
 _COLOURS = {

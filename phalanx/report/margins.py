@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Step
 from phalanx.report.crowd import draw_crowd
@@ -15,8 +16,6 @@ from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.units import unit_of_psi
 from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.rows.pairs import PairTerms
-
-Array = NDArray[np.float64]
 
 _INSTANTS, _CROWD_INSTANTS = 300, 24
 """Most steps of each agent at which margins are computed again."""

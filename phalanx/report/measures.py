@@ -8,15 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.arrays import Array, Index
 from phalanx.network.link import LinkModel
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.scenario.links import Links
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.expressions.mapped import Index
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.safety.composition import Pair
-
-Array = NDArray[np.float64]
 
 _POINTS = 1600
 """Most points of a line: more than the pixels of a figure would show."""

@@ -5,8 +5,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.recording.read import Recording
 from phalanx.report.distances import required_distance
 from phalanx.report.measures import Motion, WorstPairs
@@ -15,8 +15,6 @@ from phalanx.scenario.model import Scenario
 from phalanx.theory.safety.composition import static_label
 from phalanx.theory.safety.limits import Line, Outlined
 from phalanx.theory.safety.obstacles import Wall
-
-Array = NDArray[np.float64]
 
 _PATH_POINTS = 3000
 _CROWD_POINTS = 400

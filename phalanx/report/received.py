@@ -2,13 +2,10 @@
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.report.measures import LinkStatistics, extremes_kept
 from phalanx.report.style import LIMIT, MUTED, colours, legend, panels
-
-Array = NDArray[np.float64]
 
 _MOST_LINKS = 40
 

@@ -2,15 +2,13 @@
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.recording.read import Recording
 from phalanx.report.measures import extremes_kept, worst
 from phalanx.report.style import LIMIT, PEAK, legend, panels, summarises
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.units import unit_of_psi
-
-Array = NDArray[np.float64]
 
 _PSI_POINTS, _CROWD_PSI_POINTS = 600, 100
 """Most states at which ψ_k is evaluated; of many agents it takes longer."""

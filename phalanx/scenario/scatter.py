@@ -6,14 +6,13 @@ from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.seeded.draws import Draws
 from phalanx.theory.expressions.exact import length
 from phalanx.theory.laws.formation import Formation
 from phalanx.theory.safety.obstacles import Sphere
 
-Array = NDArray[np.float64]
 NonNegative = Annotated[float, Ge(0)]
 
 _ATTEMPTS = 10_000

@@ -2,12 +2,8 @@
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
+from phalanx.arrays import Array
 from phalanx.swarm.swarm import Swarm
-
-Array = NDArray[np.float64]
 
 
 class Distances:

@@ -7,16 +7,14 @@ from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.asked import MistakenMethodError, in_short
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import EmptyPolytopeError, polytope
 from phalanx.theory.safety.composition import Pair, static_label
-
-Array = NDArray[np.float64]
 
 _TOGETHER = 1024
 """As many pairs are evaluated at once: memory for them is kept, and every program inherits it."""

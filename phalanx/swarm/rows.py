@@ -10,8 +10,8 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.scenario.load import ScenarioError
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
@@ -36,8 +36,6 @@ from phalanx.theory.rows.terms import TermsAt, TermsFunction
 from phalanx.theory.safety.chain import Chain, build_chain
 from phalanx.theory.safety.composition import ComposedSet
 from phalanx.theory.safety.pair_functions import PairFunctions
-
-Array = NDArray[np.float64]
 
 _FEW = 64
 """So many pairs are faster evaluated as one expression."""

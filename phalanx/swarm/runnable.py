@@ -2,9 +2,7 @@
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
+from phalanx.arrays import Array
 from phalanx.network.link import RuleError
 from phalanx.scenario.load import ScenarioError
 from phalanx.swarm.finite import require_dynamics, require_h
@@ -15,8 +13,6 @@ from phalanx.theory.expressions.asked import MistakenMethodError
 from phalanx.theory.laws.law import View
 from phalanx.theory.laws.nominal import NominalInput
 from phalanx.theory.models.dynamics import Bounded, travelled
-
-Array = NDArray[np.float64]
 
 _SOON = 0.1
 """How far ahead `travel` is asked for [s]."""

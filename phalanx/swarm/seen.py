@@ -1,11 +1,9 @@
 """The part of the stacked state that an agent sees, as it is handed to it and taken apart again."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.swarm.swarm import Swarm
-
-Array = NDArray[np.float64]
 
 
 class SeenStates:

@@ -7,8 +7,8 @@ from typing import NamedTuple, cast
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.links import Links
 from phalanx.scenario.load import ScenarioError, digest
@@ -25,8 +25,6 @@ from phalanx.theory.models.polytope import EmptyPolytopeError
 from phalanx.theory.rows.information import Information, InformationModel
 from phalanx.theory.safety.composition import ComposedSet, Member, compose
 from phalanx.theory.safety.pairs import SwarmPairs
-
-Array = NDArray[np.float64]
 
 
 class Speaker(NamedTuple):

@@ -12,13 +12,11 @@ from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.plant.world.integration import Integration, Passage, Piece
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.models.dynamics import Bounded, travelled
-
-Array = NDArray[np.float64]
 
 _SLACK = 1e-6
 """More than integration and rounding can be off [m]."""

@@ -2,14 +2,10 @@
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from phalanx.arrays import Array
 from phalanx.faults.commands import Command
 from phalanx.plant.world.integration import Piece
 from phalanx.wire.messages import Sample
-
-Array = NDArray[np.float64]
 
 
 class StateReached(NamedTuple):

@@ -9,16 +9,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array, Index
 from phalanx.guarantee.certificates import Held, SwarmCertificates
 from phalanx.guarantee.reachable import ReachableBoxes
 from phalanx.guarantee.verdict import Assumption, CertificateSummary
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.expressions.mapped import Index
 from phalanx.theory.safety.reach import proven_reach
-
-Array = NDArray[np.float64]
 
 _FEW = 6
 """In so small a swarm it takes longer to look who is near than to ask for all."""

@@ -5,8 +5,8 @@ about how they made their inputs only counts for the theorem's assumptions.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.guarantee.certificate import DEFECT
 from phalanx.guarantee.verdict import Assumption
 from phalanx.network.claim import Claim
@@ -24,8 +24,6 @@ from phalanx.theory.expressions.asked import place_of
 from phalanx.theory.expressions.magnitude import LARGEST
 from phalanx.theory.rows.origin import EMPTY, Origin
 from phalanx.wire.messages import Telemetry
-
-Array = NDArray[np.float64]
 
 _ROUNDING = 1e-9
 

@@ -5,9 +5,7 @@ Both clocks sample and obey commands alike; they differ in when.
 
 from typing import NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from phalanx.arrays import Array
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.faults.state import FaultState
 from phalanx.plant.events.events import CommandObeyed
@@ -18,8 +16,6 @@ from phalanx.plant.sampling.sensors import Sensors
 from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.messages import Sample, last_sample
-
-Array = NDArray[np.float64]
 
 
 class Processes(Protocol):

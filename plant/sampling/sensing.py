@@ -4,11 +4,9 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.swarm.swarm import Swarm
-
-Array = NDArray[np.float64]
 
 
 class Sight(NamedTuple):

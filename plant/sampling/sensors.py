@@ -4,15 +4,13 @@ from collections import Counter, defaultdict
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.faults.strikes import Strike
 from phalanx.network.distributions import quantile
 from phalanx.scenario.agent_faults import SensorFault
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.swarm import Swarm
-
-Array = NDArray[np.float64]
 
 
 class _Error(NamedTuple):

@@ -5,8 +5,8 @@ from collections import deque
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.faults.commands import Command
 from phalanx.faults.state import FaultState
 from phalanx.plant.clock.commands import CommandQueue
@@ -15,8 +15,6 @@ from phalanx.plant.judge.judge import Judge
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.frames import AgentStatus, Frame, LinkEvent, LogLine, worse
 from phalanx.wire.messages import Telemetry
-
-Array = NDArray[np.float64]
 
 _EVERY = 1.0 / 30.0
 """Wall time between frames [s]."""

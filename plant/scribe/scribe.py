@@ -5,8 +5,8 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.faults.commands import ON_LINKS, STRIKES, CommandKind, described
 from phalanx.network.inbox import Fate
 from phalanx.plant.events.events import (
@@ -30,8 +30,6 @@ from phalanx.recording.records import Level, Log, Shown, State, Step
 from phalanx.recording.write import RecordingWriter
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Sample, Status, Telemetry
-
-Array = NDArray[np.float64]
 
 _STATUS_EVERY = 0.1
 """Wall time between status messages [s]."""

@@ -1,15 +1,12 @@
 """What actuators can do: an input outside U_i(x_i) cannot be applied, whoever asks for it."""
 
 import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import Polytope, constant_polytope, polytope
-
-Array = NDArray[np.float64]
 
 
 class Actuators:

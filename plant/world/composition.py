@@ -5,11 +5,9 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.mapped import MappedFunction
-
-Array = NDArray[np.float64]
 
 _DIGITS = 60.0 * math.log(2.0)
 

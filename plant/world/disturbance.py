@@ -4,15 +4,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.scenario.agents import Disturbance
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.expressions.exact import length
 from phalanx.theory.rows.composed import pushed_slopes
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -3,14 +3,11 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array, Index
 from phalanx.guarantee.verdict import Violation
 from phalanx.theory.expressions.exact import dot
-from phalanx.theory.expressions.mapped import Index
 from phalanx.theory.safety.composition import ComposedSet
-
-Array = NDArray[np.float64]
 
 
 class _Departures:

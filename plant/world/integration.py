@@ -4,15 +4,13 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.plant.world.disturbance import SwarmDisturbance
 from phalanx.plant.world.motion import Motion
 from phalanx.plant.world.steps import STEPS_AT_ONCE, Stretch, next_stretch
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.safety.composition import stacked_slices
-
-Array = NDArray[np.float64]
 
 
 class Passage(NamedTuple):

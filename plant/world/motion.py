@@ -5,13 +5,11 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from phalanx.theory.expressions.mapped import Index, MappedFunction
+from phalanx.arrays import Array, Index
+from phalanx.theory.expressions.mapped import MappedFunction
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.safety.composition import Member
-
-Array = NDArray[np.float64]
 
 
 class _Alike(NamedTuple):

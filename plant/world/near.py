@@ -11,17 +11,14 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array, Index
 from phalanx.plant.world.composition import allowance
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.exact import dot
-from phalanx.theory.expressions.mapped import Index
 from phalanx.theory.safety.composition import ComposedSet
 from phalanx.theory.safety.pair_functions import PairFunctions
 from phalanx.theory.safety.reach import Reaching, proven_reach, static_reach
-
-Array = NDArray[np.float64]
 
 _SLACK = 0.25
 """How much farther than it must one looks, so that what is found stands for a while."""

@@ -1,15 +1,13 @@
 """Whether the truth stays in S_I: the largest of all ψ_1 ... ψ_{q-1}."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.plant.world.composition import Composed
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.expressions.mapped import MappedFunction
 from phalanx.theory.safety.composition import ComposedSet
 from phalanx.theory.safety.pair_functions import PairFunctions
-
-Array = NDArray[np.float64]
 
 
 class LargestPsi:

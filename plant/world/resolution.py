@@ -9,8 +9,8 @@ move by one equation, and for all of their states if it has a bound there.
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.guarantee.certificate import DEFECT
 from phalanx.plant.world.integration import Passage
 from phalanx.plant.world.motion import alike, weighted_rates
@@ -22,8 +22,6 @@ from phalanx.theory.expressions.rounding import outwards
 from phalanx.theory.margins.enclosure import admissible_inputs, scalars
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.safety.composition import stacked_slices
-
-Array = NDArray[np.float64]
 
 _ROUNDED = 2.0**-50
 """By which share of itself a state may be off after a step, for rounding."""

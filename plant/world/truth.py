@@ -5,17 +5,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array, Index
 from phalanx.plant.world.composition import LogSumExp
 from phalanx.plant.world.integration import DisturbanceKnot, Passage, Piece
 from phalanx.plant.world.near import NearPairs
 from phalanx.plant.world.psi import LargestPsi
 from phalanx.plant.world.resolution import Resolution
 from phalanx.swarm.rows import SafetyRows
-from phalanx.theory.expressions.mapped import Index
-
-Array = NDArray[np.float64]
 
 _STATES_AT_ONCE = 32
 

@@ -3,14 +3,12 @@
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.plant.world.integration import Integration, Passage, Piece
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.expressions.asked import place_of
 from phalanx.theory.expressions.magnitude import LARGEST
-
-Array = NDArray[np.float64]
 
 
 class DivergedError(ArithmeticError):

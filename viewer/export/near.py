@@ -1,11 +1,9 @@
 """The pairs a run was about: those that were the worst one of some agent at some state."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.swarm.swarm import Swarm
-
-Array = NDArray[np.float64]
 
 _AT_ONCE = 64
 """States whose pairs are evaluated together."""

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Level, Step
 from phalanx.viewer.export.log import log_lines
@@ -29,8 +29,6 @@ from phalanx.viewer.export.near import near_pairs
 from phalanx.viewer.scene.geometry import facing
 from phalanx.viewer.scene.model import SceneModel, scene_model
 from phalanx.viewer.scene.roles import COLOURS, Role
-
-Array = NDArray[np.float64]
 
 _SLATE, _RED = (100, 110, 125), (230, 20, 30)
 _TIMELINE = "t"

@@ -21,15 +21,13 @@ from foxglove_schemas_protobuf.SpherePrimitive_pb2 import SpherePrimitive
 from foxglove_schemas_protobuf.TextPrimitive_pb2 import TextPrimitive
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.timestamp_pb2 import Timestamp
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.safety.limits import Outlined
 from phalanx.viewer.scene.geometry import facing, lift
 from phalanx.viewer.scene.kinematics import Poses
 from phalanx.viewer.scene.model import SceneModel
 from phalanx.viewer.scene.roles import COLOURS, Role
-
-Array = NDArray[np.float64]
 
 WORLD = "world"
 """The frame that stands still; every agent has one of its own, by its name."""

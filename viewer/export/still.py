@@ -8,15 +8,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.viewer.feeds.replay import Replay
 from phalanx.viewer.scene.model import SceneModel
 from phalanx.viewer.scene.palette import DANGER
 from phalanx.viewer.scene.picture import Picture, picture
 from phalanx.viewer.scene.roles import COLOURS, Role
-
-Array = NDArray[np.float64]
 
 _GREEN, _RED = "#22a05e", "#e11d2e"
 

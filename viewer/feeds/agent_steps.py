@@ -1,7 +1,6 @@
 """One agent's recorded control steps, asked by time."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from phalanx.faults.state import Condition
 from phalanx.recording.records import Step
@@ -14,8 +13,6 @@ from phalanx.viewer.feeds.history import (
     nan_if_none,
 )
 from phalanx.wire.frames import AgentStatus
-
-Array = NDArray[np.float64]
 
 
 class AgentSteps:

@@ -3,15 +3,11 @@
 from collections.abc import Sequence
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from phalanx.arrays import Array
 from phalanx.guarantee.verdict import Summary, Violation
 from phalanx.viewer.feeds.history import History
 from phalanx.viewer.scene.model import SceneModel
 from phalanx.wire.frames import Frame, LogLine
-
-Array = NDArray[np.float64]
 
 
 class Feed(Protocol):

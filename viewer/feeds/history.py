@@ -5,14 +5,12 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.faults.state import Condition
 from phalanx.recording.broadcasts import LATE, LOST, Broadcast
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.safety.composition import FAR
-
-Array = NDArray[np.float64]
 
 _FIRST_CAPACITY = 256
 NOBODY_NEAR = 1e-3 * FAR

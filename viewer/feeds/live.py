@@ -5,9 +5,7 @@ import queue
 import time
 from typing import Self
 
-import numpy as np
-from numpy.typing import NDArray
-
+from phalanx.arrays import Array
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Summary, Violation, read_summary
 from phalanx.scenario.load import from_json
@@ -23,8 +21,6 @@ from phalanx.wire.messages import Ended
 from phalanx.wire.refusals import Refusals
 from phalanx.wire.seal import Malformed, Sealer
 from phalanx.wire.session import open_client
-
-Array = NDArray[np.float64]
 
 log = logging.getLogger("phalanx.viewer")
 

@@ -3,7 +3,6 @@
 from itertools import chain
 
 import numpy as np
-from numpy.typing import NDArray
 
 from phalanx.faults.state import Condition
 from phalanx.guarantee.verdict import Violation
@@ -23,8 +22,6 @@ from phalanx.viewer.feeds.history import (
 from phalanx.viewer.feeds.recent_paths import RecentPaths
 from phalanx.viewer.scene.model import SceneModel
 from phalanx.wire.frames import AgentStatus, Frame, LogLine
-
-Array = NDArray[np.float64]
 
 _PAIR_STATES = 200
 """Most states of a run at which h of every pair is told."""

@@ -3,9 +3,8 @@
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from phalanx.arrays import Array
 
 SPACING = 0.2
 """Between two points of a path [s]."""

@@ -3,7 +3,6 @@
 import functools
 
 import numpy as np
-from numpy.typing import NDArray
 
 from phalanx.faults.state import FaultState
 from phalanx.guarantee.verdict import Assumption
@@ -20,8 +19,6 @@ from phalanx.viewer.feeds.history import (
 )
 from phalanx.viewer.scene.model import scene_model
 from phalanx.wire.frames import Frame, LinkEvent, LogLine, worse
-
-Array = NDArray[np.float64]
 
 _EVENT_SHOWN = 0.05
 """How long a lost or late broadcast stays in sight [s]."""

@@ -6,16 +6,14 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.guarantee.verdict import Summary, Violation
 from phalanx.recording.read import Recording, read
 from phalanx.viewer.feeds.recent_paths import SPACING, path_points
 from phalanx.viewer.feeds.recorded import RecordedRun
 from phalanx.viewer.scene.model import SceneModel
 from phalanx.wire.frames import Frame, LogLine
-
-Array = NDArray[np.float64]
 
 
 class Replay:

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.viewer.plots.content import Curve
 
-Array = NDArray[np.float64]
 Keep = Callable[[Array], NDArray[np.intp]]
 """Of blocks of values, shape (c, s), which one of each a thinned curve goes through, shape (c,)."""
 

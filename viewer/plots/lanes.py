@@ -3,14 +3,11 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array, Index
 from phalanx.recording.broadcasts import Broadcast, window
 from phalanx.viewer.feeds.history import EMPTY_CODES, AgentSeries, Fates
 from phalanx.viewer.plots.content import FALSE, LANE_STATES, Lane, Zoom
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 _MOST_INTERVALS = 200
 _SILENT = LANE_STATES.index("silent")

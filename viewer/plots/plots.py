@@ -3,8 +3,8 @@
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.swarm.units import unit_of_psi
 from phalanx.theory.rows.origin import Origin
 from phalanx.viewer.feeds.feed import Feed
@@ -24,7 +24,6 @@ from phalanx.viewer.plots.lanes import lanes, zoom
 from phalanx.viewer.plots.periods import empty_periods, fault_periods
 from phalanx.wire.frames import Frame
 
-Array = NDArray[np.float64]
 Safe = tuple[float | None, float | None]
 
 LEAST_HORIZON = 0.1

@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rosbags.typesys.stores.ros2_jazzy import builtin_interfaces__msg__Duration as Duration
 from rosbags.typesys.stores.ros2_jazzy import builtin_interfaces__msg__Time as Time
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Pose as Pose
@@ -16,6 +15,7 @@ from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__Marker as
 from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__MarkerArray as MarkerArray
 from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__MeshFile as MeshFile
 
+from phalanx.arrays import Array
 from phalanx.viewer.ros2.poses import point, pose_at
 from phalanx.viewer.ros2.serialized import header
 from phalanx.viewer.scene.kinematics import Poses
@@ -23,8 +23,6 @@ from phalanx.viewer.scene.model import SceneModel
 from phalanx.viewer.scene.palette import DANGER, OBSTACLE, Colour
 from phalanx.viewer.scene.roles import COLOURS, role
 from phalanx.wire.frames import AgentStatus
-
-Array = NDArray[np.float64]
 
 _FAINT = 0.25
 _THIN = 0.02

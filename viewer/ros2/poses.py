@@ -2,18 +2,15 @@
 
 from collections.abc import Iterator
 
-import numpy as np
-from numpy.typing import NDArray
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Point as Point
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Pose as Pose
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__PoseStamped as PoseStamped
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Quaternion as Quaternion
 
+from phalanx.arrays import Array
 from phalanx.viewer.ros2.serialized import header
 from phalanx.viewer.scene.geometry import facing
 from phalanx.viewer.scene.kinematics import Poses
-
-Array = NDArray[np.float64]
 
 
 def pose_at(place: Array, heading: Array) -> Pose:

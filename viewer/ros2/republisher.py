@@ -3,11 +3,11 @@
 import time
 
 import numpy as np
-from numpy.typing import NDArray
 from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticArray as Diagnostics
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__PoseStamped as PoseStamped
 from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__MarkerArray as MarkerArray
 
+from phalanx.arrays import Array
 from phalanx.viewer.feeds.feed import Feed
 from phalanx.viewer.ros2 import markers
 from phalanx.viewer.ros2.diagnostics import Head, alike, diagnostics, so_far, verdict
@@ -17,8 +17,6 @@ from phalanx.viewer.ros2.topics import pose_topics
 from phalanx.viewer.scene.kinematics import Poses
 from phalanx.wire.frames import Frame
 from phalanx.wire.rmw import Node
-
-Array = NDArray[np.float64]
 
 _ANEW = 1.0
 """How often what did not change is told again, for those who came late [s of wall time]."""

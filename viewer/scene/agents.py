@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.viewer.scene.geometry import facing
 from phalanx.viewer.scene.meshes import ball, body, disc, ring
 from phalanx.viewer.scene.model import SceneModel
@@ -14,7 +14,6 @@ from phalanx.viewer.scene.palette import DANGER, LIE
 from phalanx.viewer.scene.picture import Picture
 from phalanx.viewer.scene.server import in_loop
 
-Array = NDArray[np.float64]
 Click = viser.SceneNodePointerEvent[viser.BatchedMeshHandle]
 
 _FILL, _ALARM = 0.16, 0.5

@@ -1,12 +1,8 @@
 """Who is unsafe, how deep and since when, in words."""
 
-import numpy as np
-from numpy.typing import NDArray
-
+from phalanx.arrays import Array
 from phalanx.guarantee.verdict import Violation
 from phalanx.viewer.scene.model import SceneModel
-
-Array = NDArray[np.float64]
 
 
 def alarms(

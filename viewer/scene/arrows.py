@@ -2,13 +2,10 @@
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
 from phalanx.viewer.scene.nodes import single, update
 from phalanx.viewer.scene.palette import Palette
 from phalanx.viewer.scene.picture import Picture
-
-Array = NDArray[np.float64]
 
 _LONGEST, _HEAD = 3.5, 0.4
 """Lengths of the longest arrow and of an arrow's head, in bodies."""

@@ -4,14 +4,11 @@ import math
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
 from phalanx.viewer.scene.meshes import ribbon
 from phalanx.viewer.scene.model import SceneModel
 from phalanx.viewer.scene.obstacles import draw_obstacles
 from phalanx.viewer.scene.palette import WORST_PAIR, Palette
-
-Array = NDArray[np.float64]
 
 
 class Backdrop:

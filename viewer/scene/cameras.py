@@ -8,11 +8,9 @@ from enum import StrEnum
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.viewer.scene.view import View, looks_at
-
-Array = NDArray[np.float64]
 
 _TIGHT, _ROOM, _LOOSE = 1.1, 1.25, 1.8
 """A camera that follows the swarm is put _ROOM times as far away as it must be; and anew when it is

@@ -1,11 +1,10 @@
 """Walls as what is seen of them: pieces that end where other walls, or the scene, begin."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.viewer.scene.geometry import unit
 
-Array = NDArray[np.float64]
 HalfSpace = tuple[Array, float]
 """Unit normal out of it, shape (3,), and offset [m]: n·p <= offset."""
 

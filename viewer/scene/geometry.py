@@ -1,9 +1,8 @@
 """Points, directions and rotations in space."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from phalanx.arrays import Array
 
 
 def lift(p: Array) -> Array:

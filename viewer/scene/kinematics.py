@@ -6,14 +6,12 @@ from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.safety.composition import ComposedSet, stacked_slices
 from phalanx.viewer.scene.geometry import unit
-
-Array = NDArray[np.float64]
 
 _HEADING_STATES = ("theta", "psi", "yaw", "heading")
 

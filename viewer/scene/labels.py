@@ -4,14 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.viewer.scene.model import SceneModel
 from phalanx.viewer.scene.nodes import update
 from phalanx.viewer.scene.picture import Picture
 from phalanx.viewer.scene.view import View
-
-Array = NDArray[np.float64]
 
 _NODES = 24
 """Most labels at a time: each is a node of its own."""

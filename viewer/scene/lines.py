@@ -4,12 +4,11 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.viewer.scene.model import SceneModel
 from phalanx.viewer.scene.nodes import single, update
 from phalanx.viewer.scene.palette import DANGER, LATE, WORST_PAIR, Colour, Palette
 from phalanx.viewer.scene.picture import Picture
-
-Array = NDArray[np.float64]
 
 _NOTHING = np.zeros((1, 2, 3))
 """A line without length, for a node that has none to show."""

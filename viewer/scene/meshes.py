@@ -2,9 +2,9 @@
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from phalanx.arrays import Array
+
 Mesh = tuple[Array, Array]
 """Vertices and faces."""
 

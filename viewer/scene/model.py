@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
+from phalanx.arrays import Array
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
@@ -16,8 +17,6 @@ from phalanx.theory.models.units import units
 from phalanx.viewer.scene.kinematics import Kinematics
 from phalanx.viewer.scene.surroundings import Surroundings
 from phalanx.viewer.scene.values import SafetyValues
-
-Array = NDArray[np.float64]
 
 _MOST_SHOWN_WHOLE = 24
 

@@ -6,9 +6,8 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.viewer.scene.meshes import Mesh
-
-Array = NDArray[np.float64]
 
 HIDDEN = 1e-6
 """Scale of what is not shown: a batch keeps its number of instances."""

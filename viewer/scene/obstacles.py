@@ -2,14 +2,12 @@
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.viewer.scene.fences import panel
 from phalanx.viewer.scene.meshes import ball, polygon
 from phalanx.viewer.scene.model import SceneModel
 from phalanx.viewer.scene.palette import OBSTACLE
-
-Array = NDArray[np.float64]
 
 _RAIL = 4.0
 """Thickness of a fence [pixels]."""

@@ -6,13 +6,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.viewer.scene.alarm import alarms, past_alarms
 from phalanx.viewer.scene.geometry import unit
 from phalanx.viewer.scene.model import SceneModel
 from phalanx.viewer.scene.roles import COLOURS, Role, role
 from phalanx.wire.frames import Frame
 
-Array = NDArray[np.float64]
 Colours = NDArray[np.uint8]
 
 

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.viewer.scene.agents import AgentNodes, Click
 from phalanx.viewer.scene.arrows import ArrowNodes
 from phalanx.viewer.scene.backdrop import Backdrop
@@ -21,8 +21,6 @@ from phalanx.viewer.scene.picture import Picture
 from phalanx.viewer.scene.selection import SelectionNodes, nearest_to_ray
 from phalanx.viewer.scene.server import in_loop
 from phalanx.viewer.scene.view import View
-
-Array = NDArray[np.float64]
 
 _READABLE, _READABLE_IN_A_CROWD = 0.027, 0.01
 """Smallest size of a body, in the shorter side of the picture."""

@@ -2,13 +2,11 @@
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.viewer.scene.meshes import ring
 from phalanx.viewer.scene.nodes import update
 from phalanx.viewer.scene.palette import Palette
-
-Array = NDArray[np.float64]
 
 _AROUND = 1.12
 """Radius of the ring, in bodies: a little less than a disc's, so that it crosses no other's."""

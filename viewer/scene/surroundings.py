@@ -4,14 +4,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.scenario.model import Scenario
 from phalanx.theory.safety.limits import Boundary, Outlined
 from phalanx.theory.safety.obstacles import Sphere, Wall
 from phalanx.viewer.scene.geometry import lift
-
-Array = NDArray[np.float64]
 
 _PATH_POINTS = 96
 

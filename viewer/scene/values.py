@@ -5,13 +5,10 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array, Index
 from phalanx.swarm.rows import SafetyRows
-from phalanx.theory.expressions.mapped import Index
 from phalanx.theory.safety.pairs import ChosenPairs
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

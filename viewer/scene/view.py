@@ -5,11 +5,9 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.viewer.scene.geometry import cross, unit
-
-Array = NDArray[np.float64]
 
 _FAR = 1e9
 """Beyond any scene [m]."""

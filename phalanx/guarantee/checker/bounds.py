@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.guarantee.checker.interval_function import IntervalFunction
 from phalanx.guarantee.checker.intervals import (
     Interval,
@@ -19,8 +19,6 @@ from phalanx.guarantee.checker.intervals import (
 )
 from phalanx.guarantee.checker.motions import GroupMotion, Motion
 from phalanx.theory.safety.composition import ComposedSet
-
-Array = NDArray[np.float64]
 
 _RUNGS = ((8.0, (1,)), (4.0, (1,)), (2.0, (1,)), (1.0 + 1e-9, (1, 4, 16)))
 """Horizons to try, over the longest planned time between two inputs of an agent; and the pieces

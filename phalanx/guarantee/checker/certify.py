@@ -29,8 +29,8 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array, Index
 from phalanx.guarantee.checker.bounds import PairBound
 from phalanx.guarantee.checker.coverage import Coverage, Inputs
 from phalanx.guarantee.checker.departures import Departures
@@ -44,9 +44,6 @@ from phalanx.guarantee.checker.records import (
 )
 from phalanx.scenario.model import Scenario
 from phalanx.theory.safety.composition import ComposedSet, Member, compose
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 _AT_ONCE = 2048
 """Bounds evaluated together: few enough that their intervals stay in a cache."""

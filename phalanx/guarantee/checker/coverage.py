@@ -4,13 +4,10 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array, Index
 from phalanx.guarantee.checker.intervals import Truth
 from phalanx.guarantee.checker.records import HeldInputs
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class Inputs:

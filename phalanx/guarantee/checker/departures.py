@@ -20,8 +20,8 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.guarantee.checker.interval_function import IntervalFunction
 from phalanx.guarantee.checker.intervals import (
     Interval,
@@ -36,8 +36,6 @@ from phalanx.guarantee.checker.intervals import (
     subtract,
 )
 from phalanx.guarantee.checker.motions import GroupMotion, Motion
-
-Array = NDArray[np.float64]
 
 _PIECES = (1, 4, 16, 64, 256)
 """Into so many pieces a time is divided."""

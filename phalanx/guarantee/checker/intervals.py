@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from phalanx.arrays import Array
+
 Truth = NDArray[np.bool_]
 
 _LIBRARY = 8

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.guarantee.checker.interval_function import IntervalFunction
 from phalanx.guarantee.checker.intervals import (
     Interval,
@@ -19,8 +19,6 @@ from phalanx.guarantee.checker.intervals import (
 from phalanx.scenario.agents import AgentGroup
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import constant_polytope
-
-Array = NDArray[np.float64]
 
 _ENCLOSURES = 5
 """Boxes to try before a motion counts as unbounded."""

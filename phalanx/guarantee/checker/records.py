@@ -4,12 +4,10 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.guarantee.checker.intervals import UncertifiableError, UndecidedError
 from phalanx.theory.safety.composition import Member
-
-Array = NDArray[np.float64]
 
 
 class StateRecord(Protocol):

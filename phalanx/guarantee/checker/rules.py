@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping
 import casadi as ca
 import numpy as np
 
+from phalanx.arrays import Array
 from phalanx.guarantee.checker.intervals import (
-    Array,
     Interval,
     Truth,
     absolute,

@@ -4,9 +4,6 @@ from functools import cache
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 
 class BoundFunction:

@@ -4,11 +4,9 @@ from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.portable import portable_function
-
-Array = NDArray[np.float64]
 
 
 class CompiledFunction:

@@ -9,9 +9,8 @@ from collections.abc import Iterable
 from operator import mul
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from phalanx.arrays import Array
 
 
 def dot(a: Array, b: Array) -> Array:

@@ -4,13 +4,10 @@ from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array, Index
 from phalanx.theory.expressions.bound import BoundFunction, rounded_up
 from phalanx.theory.expressions.portable import portable_function
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 _MOST_ROWS = 2**17
 """Evaluated in one call, of several states: memory for them is kept."""

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.laws.law import View
 from phalanx.theory.laws.tracking import Gains, output_derivatives
@@ -25,7 +25,6 @@ from phalanx.theory.safety.function import Separation
 from phalanx.theory.safety.obstacles import Obstacle, Sphere
 from phalanx.theory.safety.pairs import SwarmPairs
 
-Array = NDArray[np.float64]
 Positive = Annotated[float, Gt(0)]
 
 

@@ -7,13 +7,11 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt, MinLen
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.circular import cos, sin
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.expressions.portable import portable_value
-
-Array = NDArray[np.float64]
 
 
 class Goal(NamedTuple):

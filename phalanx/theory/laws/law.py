@@ -6,17 +6,15 @@ Both return an input before it is made safe or projected onto U_i.
 from collections.abc import Mapping, Sequence
 from typing import Annotated, NamedTuple, Protocol, runtime_checkable
 
-import numpy as np
 from annotated_types import Gt
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.laws.formation import Goal
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.rows.terms import Terms
 from phalanx.theory.safety.composition import Member
 from phalanx.theory.safety.obstacles import Obstacle
 
-Array = NDArray[np.float64]
 Gain = Annotated[float, Gt(0)]
 
 

@@ -1,14 +1,12 @@
 """A law's nominal input, checked: a law may be a user's."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.asked import MistakenMethodError, ask, in_short
 from phalanx.theory.expressions.magnitude import LARGEST
 from phalanx.theory.laws.law import Law, View
 from phalanx.theory.safety.composition import Member
-
-Array = NDArray[np.float64]
 
 _FLOAT = np.dtype(np.float64)
 

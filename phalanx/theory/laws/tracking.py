@@ -9,14 +9,13 @@ from typing import Annotated
 
 import numpy as np
 from annotated_types import Gt, MinLen
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.laws.law import View
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.outputs import OutputDerivatives
 
-Array = NDArray[np.float64]
 Positive = Annotated[float, Gt(0)]
 Gains = Annotated[tuple[Positive, ...], MinLen(1)]
 

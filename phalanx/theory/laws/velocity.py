@@ -6,14 +6,13 @@ from typing import Annotated
 import casadi as ca
 import numpy as np
 from annotated_types import Gt
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.laws.law import View
 from phalanx.theory.models.dynamics import Dynamics
 
-Array = NDArray[np.float64]
 Gain = Annotated[float, Gt(0)]
 
 

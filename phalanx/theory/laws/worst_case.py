@@ -2,14 +2,10 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from phalanx.arrays import Array
 from phalanx.theory.laws.law import View
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import maximiser
-
-Array = NDArray[np.float64]
 
 
 @dataclass

@@ -10,15 +10,13 @@ from typing import Literal, NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.extension import continuous, extend
 from phalanx.theory.expressions.interval import Interval, UnboundedOperationError
 from phalanx.theory.margins.paper import MarginConstants
 from phalanx.theory.models.polytope import Polytope, constant_polytope
 from phalanx.theory.safety.chain import Chain
-
-Array = NDArray[np.float64]
 
 _MOST_INSTRUCTIONS = 4000
 """Above this an interval extension takes too long, and samples have to do."""

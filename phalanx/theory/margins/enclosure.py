@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.extension import continuous, extend
 from phalanx.theory.expressions.interval import (
     Interval,
@@ -24,8 +24,6 @@ from phalanx.theory.expressions.interval import (
 from phalanx.theory.expressions.rounding import rounds_outwards
 from phalanx.theory.models.polytope import constant_polytope, vertices
 from phalanx.theory.safety.composition import Member
-
-Array = NDArray[np.float64]
 
 _LEAST = 1e-9
 

@@ -5,11 +5,10 @@ from typing import Annotated, Any, Protocol, runtime_checkable
 import casadi as ca
 import numpy as np
 from annotated_types import Gt
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.asked import MistakenMethodError, ask
 
-Array = NDArray[np.float64]
 Positive = Annotated[float, Gt(0)]
 
 

@@ -1,13 +1,10 @@
 """The output p(x) of a dynamics differentiated until inputs appear: p^(q) = L_f^q p + G u."""
 
 import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.dynamics import Dynamics
-
-Array = NDArray[np.float64]
 
 _MOST = 4
 _DAMPING = 1e-9

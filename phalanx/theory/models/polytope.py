@@ -11,11 +11,9 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.exact import dot, length, solve
-
-Array = NDArray[np.float64]
 
 _PARALLEL = 1e-12
 _SLACK = 1e-9

@@ -5,13 +5,10 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import casadi as ca
-import numpy as np
 from annotated_types import Gt
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.models.dynamics import box_polytope
-
-Array = NDArray[np.float64]
 
 Positive = Annotated[float, Gt(0)]
 

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.exact import added, dot
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import Box, Polytope, minimiser
@@ -15,8 +15,6 @@ from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Row
 from phalanx.theory.rows.terms import Terms
 from phalanx.theory.safety.composition import stacked_slices
-
-Array = NDArray[np.float64]
 
 
 class JointInput:

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.exact import added
 from phalanx.theory.margins.margin import ComposedMargin
 from phalanx.theory.models.polytope import Polytope
@@ -19,9 +19,6 @@ from phalanx.theory.safety.chain import rounded_norm
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.jets import LogSumExpJets
 from phalanx.theory.safety.pairs import ChosenPairs, SwarmPairs
-
-Array = NDArray[np.float64]
-
 
 _NONE = ComposedMargin(0.0)
 

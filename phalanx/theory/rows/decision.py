@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.exact import dot, inner
 from phalanx.theory.expressions.magnitude import LARGEST
 from phalanx.theory.models.polytope import Polytope, minimiser, vertices
@@ -13,8 +13,6 @@ from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Row, Rows
 from phalanx.theory.rows.terms import Terms
 from phalanx.theory.safety.composition import FAR
-
-Array = NDArray[np.float64]
 
 
 class Decision(NamedTuple):

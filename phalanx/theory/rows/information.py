@@ -9,9 +9,8 @@ from enum import StrEnum
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from phalanx.arrays import Array
 
 
 class Information(StrEnum):

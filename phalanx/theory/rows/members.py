@@ -6,14 +6,12 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from phalanx.theory.expressions.mapped import Index, MappedFunction, MappedRows
+from phalanx.arrays import Array, Index
+from phalanx.theory.expressions.mapped import MappedFunction, MappedRows
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import Polytope, constant_polytope, extremes, polytope
 from phalanx.theory.safety.composition import Member, stacked_slices
-
-Array = NDArray[np.float64]
 
 
 class InputExtremes(NamedTuple):

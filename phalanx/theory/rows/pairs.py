@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.expressions.mapped import MappedFunction, MappedRows
@@ -22,8 +23,6 @@ from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.rows.row import Rows
 from phalanx.theory.safety.chain import Chain
 from phalanx.theory.safety.pairs import SwarmPairs, spread
-
-Array = NDArray[np.float64]
 
 
 class OwnPair(NamedTuple):

@@ -1,15 +1,13 @@
 """The quadratic program of one agent: min ‖u - u_nom‖² in U_i and the safety rows."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.exact import dot, length
 from phalanx.theory.models.polytope import Box, Polytope
 from phalanx.theory.rows.box import nearest_in_box
 from phalanx.theory.rows.row import Row, Rows
 from phalanx.theory.rows.solver import INFINITY, Solver
-
-Array = NDArray[np.float64]
 
 TOLERANCE = 1e-6
 """How far a solution may stand outside its constraints, each scaled to a unit normal."""

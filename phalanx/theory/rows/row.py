@@ -8,12 +8,10 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.exact import added, inner
 from phalanx.theory.rows.terms import Terms
-
-Array = NDArray[np.float64]
 
 
 class Row(NamedTuple):

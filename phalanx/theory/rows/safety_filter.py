@@ -7,9 +7,7 @@ on is the information model's to say.
 from collections.abc import Mapping
 from typing import NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from phalanx.arrays import Array
 from phalanx.theory.rows.decision import Decision, decide, decide_pairs
 from phalanx.theory.rows.information import Information, InformationModel, ReceivedInput
 from phalanx.theory.rows.origin import Origin
@@ -18,8 +16,6 @@ from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import paper_row, split_row
 from phalanx.theory.rows.share_margin import ShareMargin
 from phalanx.theory.rows.terms import Terms
-
-Array = NDArray[np.float64]
 
 
 class Situation(NamedTuple):

@@ -17,16 +17,14 @@ from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.models.polytope import maximiser, minimiser
 from phalanx.theory.rows.row import joint_sum, total_span
 from phalanx.theory.rows.terms import Terms
 from phalanx.theory.safety.chain import Chain
-
-Array = NDArray[np.float64]
 
 
 class ShareMargin:

@@ -17,7 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from phalanx.arrays import Array
+
 Places = NDArray[np.integer[Any]]
 
 _NAME = "osqp.ext_builtin"

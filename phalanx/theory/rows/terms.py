@@ -4,15 +4,12 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 
 import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.polytope import Polytope, constant_polytope, extremes, polytope
 from phalanx.theory.rows.unseen import with_unseen_far
 from phalanx.theory.safety.chain import Chain
-
-Array = NDArray[np.float64]
 
 
 class Terms(Protocol):

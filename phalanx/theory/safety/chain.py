@@ -5,13 +5,11 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.safety.class_k import ClassK, Linear
 from phalanx.theory.safety.composition import ComposedSet, Member
-
-Array = NDArray[np.float64]
 
 _ROUNDED = 1e-4
 """Norms are taken as sqrt(‖·‖² + this²), which is above them and smooth."""

@@ -7,12 +7,10 @@ from typing import Annotated, Protocol, runtime_checkable
 import casadi as ca
 import numpy as np
 from annotated_types import Ge, Gt
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.extension import continuous
 from phalanx.theory.expressions.interval import Interval
-
-Array = NDArray[np.float64]
 
 _SCALES = np.geomspace(1e-9, 1e9, 73)
 """Where α is looked at, on both sides of 0."""

@@ -15,15 +15,13 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.bound import BoundFunction, rounded_up
 from phalanx.theory.expressions.mapped import MappedFunction
 from phalanx.theory.expressions.portable import portable_function
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.composition import FAR
-
-Array = NDArray[np.float64]
 
 
 class ComposedJets(NamedTuple):

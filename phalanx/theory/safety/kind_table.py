@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from phalanx.theory.expressions.mapped import Index
+from phalanx.arrays import Index
 from phalanx.theory.safety.chain import degree_above, inputs_appear
 from phalanx.theory.safety.composition import Member
 from phalanx.theory.safety.function import SafeSetFunction

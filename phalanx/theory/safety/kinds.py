@@ -10,8 +10,8 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.asked import ask_expression
 from phalanx.theory.expressions.mapped import MappedFunction
 from phalanx.theory.models.dynamics import Dynamics
@@ -19,8 +19,6 @@ from phalanx.theory.safety.composition import Member
 from phalanx.theory.safety.function import Body, SafeSetFunction
 from phalanx.theory.safety.obstacles import Sphere
 from phalanx.theory.safety.static import Static, static_h
-
-Array = NDArray[np.float64]
 
 _ASKED = (0.37, -1.91, 5.3)
 """Where a sphere of symbols is compared with one of numbers: factors of 1, 2, ... in each state."""

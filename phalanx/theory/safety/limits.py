@@ -8,11 +8,10 @@ from typing import Annotated, Protocol, runtime_checkable
 import casadi as ca
 import numpy as np
 from annotated_types import Gt
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.safety.function import Body
 
-Array = NDArray[np.float64]
 Positive = Annotated[float, Gt(0)]
 Line = list[tuple[float, ...]]
 

@@ -7,11 +7,9 @@ from typing import Annotated
 import casadi as ca
 import numpy as np
 from annotated_types import Ge, Gt
-from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.theory.expressions.exact import dot, length
-
-Array = NDArray[np.float64]
 
 WIDER = 1.0 + 1e-9
 """What makes a reach one that rounding cannot reach beyond."""

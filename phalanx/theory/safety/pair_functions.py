@@ -4,13 +4,11 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from phalanx.theory.expressions.mapped import Index, MappedFunction
+from phalanx.arrays import Array, Index
+from phalanx.theory.expressions.mapped import MappedFunction
 from phalanx.theory.safety.composition import ComposedSet
 from phalanx.theory.safety.pairs import SwarmPairs, spread
-
-Array = NDArray[np.float64]
 
 
 class PairFunctions:

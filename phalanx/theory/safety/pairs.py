@@ -8,17 +8,15 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from phalanx.theory.expressions.mapped import Index, MappedFunction
+from phalanx.arrays import Array, Index
+from phalanx.theory.expressions.mapped import MappedFunction
 from phalanx.theory.safety.composition import ComposedSet, Member, of_pair
 from phalanx.theory.safety.function import SafeSetFunction
 from phalanx.theory.safety.kind_table import kind_table, member_classes, require_degree
 from phalanx.theory.safety.kinds import CompiledKind, any_sphere, parameters_of
 from phalanx.theory.safety.obstacles import Sphere
 from phalanx.theory.safety.static import Static
-
-Array = NDArray[np.float64]
 
 
 class SwarmPairs:

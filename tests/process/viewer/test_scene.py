@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from PIL import Image
 
 import phalanx
+from phalanx.arrays import Array
 from phalanx.scenario.load import load
 from phalanx.viewer.feeds.replay import Replay, open_replay
 from phalanx.viewer.page.server import open_page
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from playwright.sync_api import Page as Tab
 
 pytestmark = [pytest.mark.browser, pytest.mark.swarm]
-
-Array = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from phalanx.arrays import Array
 from phalanx.network.link import Link, LinkModel, Stage
 from phalanx.scenario.network import LinkTable
-
-Array = NDArray[np.float64]
 
 MANY = 40_000
 """So many that four standard errors of a share are a hundredth, where messages are independent."""

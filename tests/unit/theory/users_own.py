@@ -8,17 +8,15 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from phalanx.arrays import Array
 from phalanx.theory.models.dynamics import box_polytope
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.unicycle import Unicycle
 from phalanx.theory.safety.composition import ComposedSet, Member, compose
 from phalanx.theory.safety.function import Body, Separation
 from phalanx.theory.safety.obstacles import Sphere
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

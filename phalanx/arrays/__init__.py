@@ -1,0 +1,9 @@
+"""Types of arrays that all rooms share."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Array", "Index"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
