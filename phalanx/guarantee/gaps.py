@@ -7,7 +7,7 @@ from phalanx.theory.rows.information import Information
 from phalanx.theory.safety.class_k import Linear
 
 _SERVES, _WEAK = 0.25, 0.15
-"""κ τ of an α_q that serves a proof, and below which it is weak; bench/paper/frontier.py."""
+"""κ τ of an α_q that serves a proof, and below which it is weak; evidence/paper/frontier.py."""
 
 
 def gaps_in_the_proof(swarm: Swarm) -> list[str]:

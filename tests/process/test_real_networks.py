@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from bench.network.broadcast_statistics import Statistics, longest_silence, statistics
-from bench.network.testbed import (
+from phalanx.guarantee.verdict import Outcome
+from tests.network.broadcast_statistics import Statistics, longest_silence, statistics
+from tests.network.testbed import (
     DELAY,
     JITTER,
     SETTLED,
@@ -14,7 +15,6 @@ from bench.network.testbed import (
     partitioned,
     unavailable,
 )
-from phalanx.guarantee.verdict import Outcome
 
 pytestmark = [
     pytest.mark.swarm,

@@ -1,6 +1,6 @@
 """Two hosts, a router on each, agents on both, certificates between all of them: one run.
 
-The hosts are network namespaces with a real wire between them; see bench/network/testbed.py.
+The hosts are network namespaces with a real wire between them; see tests/network/testbed.py.
 """
 
 import datetime
@@ -12,13 +12,13 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from bench.network import testbed
-from bench.network.testbed import HERE, THERE, Wire, opened, unavailable
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher.execute import execute
 from phalanx.scenario.load import load
 from phalanx.wire.authority import make_certificates
 from phalanx.wire.keys import PLANT, ROUTER
+from tests.network import testbed
+from tests.network.testbed import HERE, THERE, Wire, opened, unavailable
 from tests.process.runs import wait_for
 
 pytestmark = [

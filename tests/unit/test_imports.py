@@ -79,6 +79,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
 THEORY_MAY_USE = {"numpy", "casadi", "osqp", "scipy", "annotated_types"}
 ONLY_IN_WIRE = {"zenoh"}
 BY_ALL = "phalanx.arrays"
+APART = {"bench", "evidence"}
 
 
 def imported(source: str, module: str) -> Iterator[str]:
@@ -137,6 +138,14 @@ def modules() -> list[tuple[str, Path]]:
 def test_no_module_imports_what_the_table_forbids():
     wrong = [o for name, targets in imports().items() for o in offences(targets, name)]
     assert wrong == []
+
+
+def test_tests_and_programs_import_neither_benchmarks_nor_evidence():
+    tests = {str(f): f.read_text("utf-8") for f in sorted((ROOT / "tests").rglob("*.py"))}
+    named = {name: list(imported(text, "tests.any")) for name, text in tests.items()} | imports()
+    wrong = [f"{m}: {n}" for m, names in named.items() for n in names if n.split(".")[0] in APART]
+    assert wrong == []
+    assert len(tests) > 100
 
 
 def test_random_numbers_come_from_one_room():

@@ -14,7 +14,7 @@ PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 FENCE = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 CODE = re.compile(r"`([^`\n]+)`")
-FOLDERS = "agent|bench|docs|examples|phalanx|plant|scenarios|tests|viewer"
+FOLDERS = "agent|bench|docs|evidence|examples|phalanx|plant|scenarios|tests|viewer"
 PATH = re.compile(rf"(?<![\w./])(?:{FOLDERS})/[\w./-]*")
 
 

@@ -5,12 +5,12 @@ import sys
 import threading
 from pathlib import Path
 
-from bench.attacks.attacker import OVERRIDES, UNDER_WAY
-from bench.attacks.attacker import SCENARIO as NAME
 from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Summary
 from phalanx.scenario.load import load
 from phalanx.wire.endpoints import free_endpoint
+from tests.hostile.attacker import OVERRIDES, UNDER_WAY
+from tests.hostile.attacker import SCENARIO as NAME
 from tests.process.runs import HELD, SECRET, live_run, wait_for
 
 SCENARIO = load(NAME, OVERRIDES)
@@ -21,7 +21,7 @@ class AttackUnderWay:
     """An attacker, and what it has said so far."""
 
     def __init__(self, attack: str, endpoint: str, run: str) -> None:
-        command = [sys.executable, "-m", "bench.attacks.attacker", attack, endpoint, run]
+        command = [sys.executable, "-m", "tests.hostile.attacker", attack, endpoint, run]
         if attack.startswith("insider"):
             command.append(SECRET.hex())
         self.process = subprocess.Popen(

@@ -2,18 +2,18 @@
 
 import pytest
 
-from bench.attacks.attacker import INSIDERS
-from bench.attacks.attacker import SCENARIO as NAME
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.execute import execute
 from phalanx.scenario.load import load
+from tests.hostile.attacker import INSIDERS
+from tests.hostile.attacker import SCENARIO as NAME
 from tests.process.hostile.attacks import assailed
 from tests.process.runs import HELD, PACED
 
 pytestmark = pytest.mark.swarm
 
 IN_HIS_OWN_NAME = "in his own name"
-WITHHOLDING = 'agents.0.law={ type = "bench.attacks.withholding:Withholding" }'
+WITHHOLDING = 'agents.0.law={ type = "tests.hostile.withholding:Withholding" }'
 
 
 @pytest.mark.parametrize("attack", INSIDERS)

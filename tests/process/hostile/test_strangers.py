@@ -2,8 +2,8 @@
 
 import pytest
 
-from bench.attacks.attacker import READ, STRANGERS
 from phalanx.guarantee.verdict import Summary
+from tests.hostile.attacker import READ, STRANGERS
 from tests.process.hostile.attacks import assailed
 
 pytestmark = pytest.mark.swarm

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from fuzz_files import TRIALS
-from fuzz_messages import SUMMARY
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from phalanx.guarantee.verdict import CertificateSummary, certified
 from phalanx.scenario.load import ScenarioError, load
+from tests.hostile.files import TRIALS
+from tests.hostile.messages import SUMMARY
 
 SECONDS = 5.0
 

@@ -5,12 +5,12 @@ import struct
 
 import msgspec
 import pytest
-from fuzz_messages import KEYS, SCENARIO, receivers
 
 from phalanx.viewer.feeds.expected import check_frame
 from phalanx.viewer.scene.model import scene_model
 from phalanx.wire.frames import AgentStatus, LinkEvent
 from phalanx.wire.seal import Malformed
+from tests.hostile.messages import KEYS, SCENARIO, receivers
 
 GOOD = next(receiver for receiver in receivers() if receiver.key == KEYS.frames).good(0)
 

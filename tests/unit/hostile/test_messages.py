@@ -3,11 +3,11 @@
 import random
 
 import pytest
-from fuzz_messages import SEALER, Receiver, put, receivers, spoilt, spoilt_token
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phalanx.plant.hub.joining import Joining
+from tests.hostile.messages import SEALER, Receiver, put, receivers, spoilt, spoilt_token
 from tests.unit.swarms import swarm_of_scenario
 
 EVERYBODY = receivers()

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from bench.network.pictured_faults import GALLERIES
 from phalanx.network.link import Link
 from phalanx.network.presets import PRESETS
 from phalanx.scenario.faults import KINDS
 from phalanx.scenario.links import Links
 from phalanx.scenario.load import load
 from phalanx.scenario.network import LinkTable
+from tests.network.pictured_faults import GALLERIES
 from tests.unit.network.models import model
 
 DOCS = Path(__file__).parents[3] / "docs"

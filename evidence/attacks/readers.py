@@ -1,0 +1,76 @@
+"""Runs beside readers that stop, and with an agent that withholds a broadcast."""
+
+import os
+import secrets
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import phalanx
+from phalanx.faults.commands import CommandPolicy
+from phalanx.guarantee.verdict import Summary
+from phalanx.launcher.execute import execute
+from phalanx.scenario.model import Scenario
+from phalanx.wire.endpoints import free_endpoint
+from phalanx.wire.membership import Membership
+from phalanx.wire.tap import tapped
+from tests.hostile.attacker import UNDER_WAY
+
+_LONG = ("duration=8.0",)
+"""Long enough for more than can wait for a reader [s]."""
+_LAW = 'agents.0.law={ type = "tests.hostile.withholding:Withholding", gain = 1.0 }'
+_WITHHELD = ("duration=0.5", "time.timeout=10.0", _LAW)
+READERS: dict[str, tuple[int, float | None, tuple[str, ...]]] = {
+    "nobody, in real time": (0, 1.0, _LONG),
+    "viewer: one stops to read": (1, None, _LONG),
+    "viewers: three stop to read": (3, None, _LONG),
+    "viewer: one stops to read, in real time": (1, 1.0, _LONG),
+    "viewers: three stop to read, in real time": (3, 1.0, _LONG),
+    "insider: withholds a broadcast": (0, None, _WITHHELD),
+}
+"""How many readers, at how many virtual seconds per second of wall time, and what run it is."""
+
+
+def scenario_of(attack: str) -> Scenario:
+    """The run that it is tried on."""
+    return phalanx.load("unicycles", READERS[attack][2])
+
+
+def attacked(attack: str) -> tuple[list[str], Summary]:
+    """What each reader said before it stopped, and what the run comes to."""
+    count, real_time, _ = READERS[attack]
+    secret, endpoint = secrets.token_bytes(16), free_endpoint()
+    with tempfile.TemporaryDirectory() as parent:
+        folder = Path(parent) / "assailed"
+        folder.mkdir()
+        command = [sys.executable, __file__, folder.name, endpoint, secret.hex()]
+        readers = [
+            subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(count)
+        ]
+        try:
+            summary = execute(
+                scenario_of(attack),
+                folder,
+                commands=CommandPolicy(),
+                listen=endpoint,
+                secret=secret,
+                real_time=real_time,
+            )
+        finally:
+            for reader in readers:
+                reader.kill()
+        return [reader.communicate()[0].strip() for reader in readers], summary
+
+
+def main() -> None:
+    """Tap a run, and stop at the first message."""
+    run, endpoint, secret = sys.argv[1:]
+    for _ in tapped(Membership(run, endpoint, bytes.fromhex(secret))):
+        print(UNDER_WAY, flush=True)
+        os.kill(os.getpid(), signal.SIGSTOP)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,132 @@
+"""One row for each pair against one row for h_tot = LSE of all pairs, on both simulations.
+
+    python evidence/paper/compositions.py [--seeds 20] [--out docs/compositions.md]
+
+First the margin that can be proven, by the paper's formula over the workspace and locally at the
+states of a run; then what the runs come to.
+"""
+
+import argparse
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from variants import HEAD, measure, row, simulated
+
+import phalanx
+from phalanx.arrays import Array
+from phalanx.guarantee.formula import Formula
+from phalanx.recording.read import Recording
+from phalanx.scenario.safety import Composition
+from phalanx.swarm.rows import build_rows
+from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.margins.local import UNKNOWN
+
+SIMULATIONS = {"Simulation 1": "unicycles", "Simulation 2": "formation3d"}
+_SPLIT = ["safety.information=split"]
+_PAIRS = [*_SPLIT, "safety.composition=pairs"]
+VARIANTS = {
+    "lse, `paper`": [],
+    "lse, `split`": _SPLIT,
+    "pairs, `split`": _PAIRS,
+    "pairs, `split`, η local": [*_PAIRS, "safety.margin=local", "safety.eta=0"],
+}
+"""Overrides by name; η is the paper's number unless said."""
+
+NOTES = (
+    "*η by formula*: Eq. (mainetadef) or (etaprimedef), corrected, with constants over the "
+    "workspace; for pairs, of the pair that needs most. *η local*: what is proven at each sample "
+    "of the first normal agent in a run of seed 0; for pairs, of its closest pair. *Cost*: mean "
+    "‖u - u_nom‖².",
+)
+
+
+def main() -> None:
+    """Run everything and write the page."""
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    arguments.add_argument("--seeds", type=int, default=20)
+    arguments.add_argument("--only", choices=SIMULATIONS.values(), action="append")
+    arguments.add_argument("--out", type=Path, default=Path("docs/compositions.md"))
+    options = arguments.parse_args()
+    chosen = options.only or list(SIMULATIONS.values())
+    with options.out.open("w") as page:
+        for line in lines(chosen, options.seeds):
+            print(line, file=page, flush=True)
+
+
+def lines(chosen: Sequence[str], seeds: int) -> Iterator[str]:
+    """The page, as it comes."""
+    yield "# One row for each pair, against one row for h_tot"
+    yield ""
+    yield (
+        f"Seeds 0 to {seeds - 1}; `python evidence/paper/compositions.py` writes this page. Words "
+        "and symbols are in the [glossary](glossary.md)."
+    )
+    yield from ["", *NOTES]
+    for title, name in SIMULATIONS.items():
+        if name in chosen:
+            yield from ["", f"## {title}: `{name}`", "", *margins(name), "", *HEAD]
+            yield from (runs(name, variant, seeds) for variant in VARIANTS)
+
+
+def runs(name: str, variant: str, seeds: int) -> str:
+    """The row of one variant, over all seeds."""
+    each = [
+        measure(simulated(name, VARIANTS[variant], seed))
+        for seed in track(range(seeds), f"{name}: {variant}", console=Console(stderr=True))
+    ]
+    return row(variant, each)
+
+
+def margins(name: str) -> list[str]:
+    """A table of what can be proven for one scenario."""
+    report = phalanx.check(phalanx.load(name))
+    assert report.formula is not None
+    assert report.pair_formula is not None
+    recording = simulated(name).recording
+    of_all, of_pair = local_margins(recording, "lse"), local_margins(recording, "pairs")
+    return [
+        "| rows | η by formula over the workspace | η local: bounded at | median | p99 |",
+        "|---|---|---|---|---|",
+        f"| one for h_tot | {_formula(report.formula)} | {_local(of_all)} |",
+        f"| one for each pair | {_formula(report.pair_formula)} | {_local(of_pair)} |",
+    ]
+
+
+def local_margins(recording: Recording, composition: Composition) -> Array:
+    """The local margin at each sample of the first normal agent: of its one row, or of its closest
+    pair's.
+    """
+    scenario = recording.scenario
+    local = {"composition": composition, "margin": "local", "eta": 0.0}
+    safety = scenario.safety.model_copy(update=local)
+    rows = build_rows(build_swarm(scenario.model_copy(update={"safety": safety})))
+    swarm = rows.swarm
+    i = swarm.normal[0]
+    states = {state.t: np.array(state.x) for state in recording.states}
+    sampled = [states[step.t] for step in recording.steps if step.agent == swarm.names[i]]
+    if composition == "lse":
+        one = rows.terms(i)
+        return np.array([one(x, swarm.seen(i, x)).margin for x in sampled])
+    each = rows.pair_terms(i)
+    found = (each(x, swarm.seen(i, x)) for x in sampled)
+    return np.array([terms.margin[terms.psi[:, 0].argmax()] for terms in found])
+
+
+def _formula(found: Formula) -> str:
+    how = "proven" if found.proven else "at least: some constants are sampled"
+    return f"{found.corrected:.0f} ({how})"
+
+
+def _local(margins: Array) -> str:
+    bounded = margins[margins < UNKNOWN]
+    if not len(bounded):
+        return "no sample | - | -"
+    median, high = np.percentile(bounded, [50, 99])
+    return f"{len(bounded) / len(margins):.0%} of samples | {median:.3g} | {high:.3g}"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,105 @@
+"""Malformed scenarios and recordings: each is read, or refused in one line."""
+
+import random
+import tempfile
+import tomllib
+from collections.abc import Callable
+from functools import cache
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+import phalanx
+from phalanx.scenario.load import ScenarioError, load, shipped
+from phalanx.scenario.user_code import code_trusted
+from phalanx.swarm.swarm import build_swarm
+from tests.hostile.mutation import of_bytes, of_tree
+
+
+@cache
+def _texts() -> tuple[str, ...]:
+    return tuple(file.read_text(encoding="utf-8") for file in shipped().values())
+
+
+def try_scenario(draw: random.Random, folder: Path) -> str:
+    """What reading a spoilt scenario came to; raises what is neither a scenario nor a line."""
+    text = draw.choice(_texts())
+    source: Any
+    if draw.random() < 0.3:
+        source = str(folder / "spoilt.toml")
+        Path(source).write_bytes(of_bytes(text.encode(), draw))
+    else:
+        source = of_tree(tomllib.loads(text), draw, draw.choice((1, 1, 2, 3)))
+    with code_trusted(False):
+        try:
+            if not isinstance(source, dict | str):
+                return "no table"
+            build_swarm(load(source))
+        except ScenarioError as error:
+            return "refused" if str(error) else "refused without a word"
+        return "accepted"
+
+
+@cache
+def recorded() -> bytes:
+    """A short run as it was recorded."""
+    with tempfile.TemporaryDirectory() as folder:
+        scenario = phalanx.load("one-on-one", ["duration=0.2"])
+        run = phalanx.run(scenario, engine="in-process", out=folder)
+        return (run.folder / "recording.mcap").read_bytes()
+
+
+def spoilt_records(whole: bytes, draw: random.Random) -> bytes:
+    """A recording that is whole as a file, with records or attachments that are not."""
+    reader, out = make_reader(BytesIO(whole)), BytesIO()
+    writer = Writer(out)
+    writer.start()
+    spoil = draw.choice(["scenario.json", "summary.json", "/state", "/step", "/log"])
+    for attached in reader.iter_attachments():
+        data = attached.data
+        if attached.name == spoil:
+            data = _spoilt_json(data, draw)
+        writer.add_attachment(0, 0, attached.name, "application/json", data)
+    channels: dict[str, int] = {}
+    spoilt_once = False
+    for _, channel, message in reader.iter_messages():
+        if channel.topic not in channels:
+            channels[channel.topic] = writer.register_channel(channel.topic, "json", 0)
+        data = message.data
+        if channel.topic == spoil and (not spoilt_once or draw.random() < 0.1):
+            data, spoilt_once = _spoilt_json(data, draw), True
+        writer.add_message(channels[channel.topic], message.log_time, data, message.log_time)
+    writer.finish()  # type: ignore[no-untyped-call]
+    return out.getvalue()
+
+
+def _spoilt_json(data: bytes, draw: random.Random) -> bytes:
+    if draw.random() < 0.2:
+        return of_bytes(data, draw)
+    tree = of_tree(msgspec.json.decode(data), draw, draw.choice((1, 1, 2)))
+    return msgspec.json.encode(tree)
+
+
+def try_recording(draw: random.Random, folder: Path) -> str:
+    """What reading a spoilt recording came to; raises what is neither a run nor a line."""
+    path = folder / "spoilt.mcap"
+    spoil = of_bytes if draw.random() < 0.4 else spoilt_records
+    path.write_bytes(spoil(recorded(), draw))
+    try:
+        run = phalanx.open(path)
+        for table in (run.states, run.h, run.inputs, run.links, run.events):
+            assert table is not None
+    except phalanx.UnreadableRecordingError as error:
+        return "refused" if str(error) else "refused without a word"
+    assert run._repr_html_()
+    return "cut short" if run.recording.damage else "read"
+
+
+TRIALS: dict[str, Callable[[random.Random, Path], str]] = {
+    "scenarios": try_scenario,
+    "recordings": try_recording,
+}
