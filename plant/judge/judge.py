@@ -7,7 +7,6 @@ about how they made their inputs only counts for the theorem's assumptions.
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.guarantee.certificate import DEFECT
 from phalanx.guarantee.verdict import Assumption
 from phalanx.network.claim import Claim
 from phalanx.plant.events.events import InputApplied, InputLost, Sampled, StateReached
@@ -105,8 +104,8 @@ class Judge:
             if self._checks.start.checked == 0:
                 self._checks.start.check(bool((piece.h[0] <= 0.0).all()), float(piece.times[0]))
             self.extremes.add(piece.times, piece.pairs, piece.h, piece.h_tot)
-            for t, defect in zip(piece.times.tolist(), piece.defect.tolist(), strict=True):
-                self._checks.resolved.check(defect <= DEFECT, t)
+            for t, resolved in zip(piece.times.tolist(), piece.resolved.tolist(), strict=True):
+                self._checks.resolved.check(resolved, t)
             for t, psi in zip(piece.times.tolist(), piece.psi.tolist(), strict=False):
                 self._check_invariance(t, psi)
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from phalanx.arrays import Array, Index
 from phalanx.plant.world.composition import LogSumExp
@@ -30,13 +31,13 @@ class IntegrationSteps(NamedTuple):
     """Of all pairs, shape (s,)."""
     psi: Array
     """The largest of their ψ_1 ... ψ_{q-1}, shape (s,); empty if q = 1."""
-    defect: Array
-    """At most how far each was off the equation of motion [1/s], shape (s,)."""
+    resolved: NDArray[np.bool_]
+    """Whether each is known to keep to the equation of motion, shape (s,)."""
 
     def part(self, some: slice) -> "IntegrationSteps":
         """Some of them."""
-        times, pairs, h, h_tot, psi, defect = self
-        return IntegrationSteps(times[some], pairs, h[some], h_tot[some], psi[some], defect[some])
+        times, pairs, h, h_tot, psi, resolved = self
+        return IntegrationSteps(times[some], pairs, h[some], h_tot[some], psi[some], resolved[some])
 
 
 Way = list[Piece]
@@ -65,18 +66,21 @@ class Truth:
         times = np.concatenate([p.times for _, p in passages])
         x = np.concatenate([p.x for _, p in passages])
         positions = np.concatenate([p.p for _, p in passages])
-        defect = np.concatenate([[self._resolution.defect(p)] * len(p.x) for _, p in passages])
+        each = self._resolution.resolves([p for _, p in passages])
+        resolved = each.repeat([len(p.x) for _, p in passages])
         whose = np.array([k for k, p in passages for _ in p.x])
         for first in range(0, len(x), _STATES_AT_ONCE):
             some = slice(first, first + _STATES_AT_ONCE)
-            steps, begin = self._steps(times[some], x[some], positions[some], defect[some]), 0
+            steps, begin = self._steps(times[some], x[some], positions[some], resolved[some]), 0
             for k, count in Counter(whose[some].tolist()).items():
                 shown[k].append(steps.part(slice(begin, begin := begin + count)))
         return shown
 
-    def _steps(self, times: Array, x: Array, positions: Array, defect: Array) -> IntegrationSteps:
+    def _steps(
+        self, times: Array, x: Array, positions: Array, resolved: NDArray[np.bool_]
+    ) -> IntegrationSteps:
         pairs, values, least = self._near(x, positions)
         h = values[..., 0]
         composed = self._sum(h)
         psi = self._psi(values, least, composed)
-        return IntegrationSteps(times, pairs, h, composed.h_tot, psi, defect)
+        return IntegrationSteps(times, pairs, h, composed.h_tot, psi, resolved)

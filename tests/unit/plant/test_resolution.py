@@ -67,7 +67,7 @@ def passage(swarm, seed: int, turning: float) -> Passage:
 def test_no_step_is_farther_off_than_its_bound(seed, turning):
     swarm = swarm_of_scenario("unicycles")
     resolution, way = Resolution(swarm), passage(swarm, seed, turning)
-    bound, dt = resolution.defect(way), way.stretch.dt
+    bound, dt = resolution.defect([way]), way.stretch.dt
     starts = [way.start, *way.x[:-1]]
     for k, x in enumerate(starts):
         phi = way.phi + k * dt * way.slope
@@ -82,12 +82,23 @@ def test_no_step_is_farther_off_than_its_bound(seed, turning):
     assert turning < 12566.0 or bound > DEFECT
 
 
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=10, deadline=None)
+def test_steps_are_judged_together_as_each_is_alone(seed):
+    swarm = swarm_of_scenario("unicycles")
+    resolution, ways = Resolution(swarm), [passage(swarm, seed + k, 2.0) for k in range(4)]
+    assert max(resolution.defect([way]) for way in ways) <= resolution.defect(ways) <= DEFECT
+    assert resolution.resolves(ways).all()
+    ways[2] = passage(swarm, seed, 12566.0)
+    assert resolution.resolves(ways).tolist() == [True, True, False, True]
+
+
 def test_a_state_too_far_away_for_a_step_to_show_is_off_by_all_of_it():
     swarm = swarm_of_scenario("one-on-one")
     resolution, integration = Resolution(swarm), World(rows_of_scenario("one-on-one")).integration
     way = next(p for p in integration.to(0.003) if isinstance(p, Passage))
-    assert resolution.defect(way) < 1e-9
-    assert resolution.defect(way._replace(start=way.start + 1e15)) > 1.0
+    assert resolution.defect([way]) < 1e-9
+    assert resolution.defect([way._replace(start=way.start + 1e15)]) > 1.0
 
 
 @dataclass(frozen=True)
@@ -110,4 +121,4 @@ def test_what_a_step_cannot_see_is_not_resolved(kink, y, known):
     integration = World(rows).integration
     integration.x[:2] = 3e-7, y
     way = next(p for p in integration.to(0.003) if isinstance(p, Passage))
-    assert (Resolution(rows.swarm).defect(way) <= DEFECT) is known
+    assert Resolution(rows.swarm).resolves([way]).tolist() == [known]
