@@ -9,9 +9,8 @@ import tempfile
 from pathlib import Path
 
 import phalanx
-from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Summary
-from phalanx.launcher.execute import execute
+from phalanx.launcher.engine import RunOptions, execute
 from phalanx.scenario.model import Scenario
 from phalanx.wire.endpoints import free_endpoint
 from phalanx.wire.membership import Membership
@@ -53,10 +52,7 @@ def attacked(attack: str) -> tuple[list[str], Summary]:
             summary = execute(
                 scenario_of(attack),
                 folder,
-                commands=CommandPolicy(),
-                listen=endpoint,
-                secret=secret,
-                real_time=real_time,
+                RunOptions(listen=endpoint, secret=secret, real_time=real_time),
             )
         finally:
             for reader in readers:

@@ -19,7 +19,7 @@ import readers
 import phalanx
 from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Summary
-from phalanx.launcher.execute import execute
+from phalanx.launcher.engine import RunOptions, execute
 from phalanx.wire.endpoints import free_endpoint
 from tests.hostile.attacker import ATTACKS, OVERRIDES, READ, SCENARIO, UNDER_WAY
 
@@ -57,7 +57,8 @@ def attacked(attack: str, scenario: phalanx.Scenario) -> Outcome:
         listening.start()
         try:
             policy = CommandPolicy(speed=SPEED)
-            summary = execute(scenario, folder, commands=policy, listen=endpoint, secret=secret)
+            options = RunOptions(commands=policy, listen=endpoint, secret=secret)
+            summary = execute(scenario, folder, options)
         finally:
             attacker.kill()
             attacker.wait()

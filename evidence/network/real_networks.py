@@ -7,7 +7,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from phalanx.launcher.execute import execute
+from phalanx.launcher.engine import RunOptions, execute
 from phalanx.recording.read import Recording, read
 from phalanx.scenario.load import load
 from tests.network.broadcast_statistics import Statistics, longest_silence, statistics
@@ -27,7 +27,7 @@ def injected(loss: float, duration: float, folder: Path) -> Recording:
     """The same settings as the scenario's model of every link, in virtual time."""
     delay = f"network.delay={{time={DELAY}, jitter={JITTER}}}"
     overrides = [*SLOW, f"duration={duration}", f"network.loss={loss}", delay]
-    execute(load("unicycles", overrides), folder, engine="in-process")
+    execute(load("unicycles", overrides), folder, RunOptions("in-process"))
     return read(folder)
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 import phalanx
-from phalanx.launcher.engine import Engine
+from phalanx.launcher.engine import DEFAULT_ENGINE, ENGINES
 from phalanx.recording.records import Step
 
 AGENTS = ("1", "2", "3", "4", "5")
@@ -40,7 +40,7 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     arguments.add_argument("--instants", type=int, default=20)
     arguments.add_argument("--agents", nargs="*", default=AGENTS)
-    arguments.add_argument("--engine", choices=("processes", "in-process"), default="processes")
+    arguments.add_argument("--engine", choices=ENGINES, default=DEFAULT_ENGINE)
     options = arguments.parse_args()
     print("| agent | killed | joined again | on its input | at its worst | worst h_tot | verdict |")
     print("|---|---|---|---|---|---|---|")
@@ -50,7 +50,7 @@ def main() -> None:
         print(f"| {' | '.join(cells)} |", flush=True)
 
 
-def line(agent: str, instants: int, engine: Engine) -> Line:
+def line(agent: str, instants: int, engine: str) -> Line:
     """Kill one agent at so many instants of the whole run, each time for a while."""
     duration = phalanx.load("unicycles").duration
     # Not in step with any clock: everywhere between two samples.

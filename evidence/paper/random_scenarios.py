@@ -25,7 +25,7 @@ from phalanx.faults.state import turns
 from phalanx.guarantee.checker.certify import Certification, certify
 from phalanx.guarantee.checker.intervals import UncertifiableError
 from phalanx.guarantee.verdict import Outcome, Summary
-from phalanx.launcher.in_process_engine import run_in_process
+from phalanx.launcher.engine import RunOptions, execute
 from phalanx.plant import run as plant_run
 from phalanx.plant.judge.judge import Judge
 from phalanx.plant.world.integration import DisturbanceKnot
@@ -35,8 +35,6 @@ from phalanx.scenario.load import ScenarioError, load
 from phalanx.scenario.safety import Composition, Margin
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import SafetyRows
-from phalanx.swarm.runnable import require_runnable
-from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.information import Information
 
 MODELS: dict[int, list[str]] = {
@@ -303,11 +301,10 @@ def run(index: int, folder: Path) -> Seen:
     """Run one scenario and have it checked. Raises ScenarioError."""
     table, policy = drawn(index)
     scenario = load(table)
-    rows = require_runnable(build_swarm(scenario))
     out = folder / str(index)
     out.mkdir()
     setattr(plant_run, "Judge", WatchingJudge)  # noqa: B010 - the run's own judge, but watched
-    summary = run_in_process(rows, out, policy, lambda status: None)
+    summary = execute(scenario, out, RunOptions("in-process", commands=policy))
     judge = WatchingJudge.latest
     recording = read(out)
     try:

@@ -1,13 +1,23 @@
 """Options that several commands share."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
 from phalanx.cli.allowed import require_run, require_speed, require_timeout
 from phalanx.cli.secret import secret_from
+from phalanx.launcher.engine import ENGINES, require_engine
 from phalanx.wire.credentials import COMMAND_SECRET, SECRET
+
+
+def _known_engine(engine: str) -> str:
+    try:
+        require_engine(engine)
+    except ValueError as error:
+        raise typer.BadParameter(str(error).removeprefix("engine: ")) from error
+    return engine
+
 
 ScenarioArgument = Annotated[
     str,
@@ -98,10 +108,11 @@ Trust = Annotated[
     ),
 ]
 Engine = Annotated[
-    Literal["processes", "in-process"],
+    str,
     typer.Option(
-        help="processes: every program a process of its own, over Zenoh. in-process: the same "
-        "control steps called directly, faster; the trajectory is the same to the last bit.",
+        metavar=f"[{'|'.join(ENGINES)}]",
+        callback=_known_engine,
+        help=" ".join(f"{name}: {engine.description}." for name, engine in ENGINES.items()),
     ),
 ]
 Timeout = Annotated[

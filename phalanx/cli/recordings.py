@@ -8,6 +8,7 @@ import typer
 from phalanx.cli.allowed import LARGEST_SEED, require_file, require_other
 from phalanx.cli.options import Engine, RunArgument, Trust
 from phalanx.cli.terminal import complain, say
+from phalanx.launcher.engine import DEFAULT_ENGINE
 
 
 def register(app: typer.Typer) -> None:
@@ -117,7 +118,7 @@ def verify(
             min=0, max=LARGEST_SEED, help="Run again with another seed, to see where it departs."
         ),
     ] = None,
-    engine: Engine = "processes",
+    engine: Engine = DEFAULT_ENGINE,
     trust: Trust = False,
 ) -> int:
     """Run a recording's scenario again and say whether the trajectory is bit-identical.

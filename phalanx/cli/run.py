@@ -21,6 +21,7 @@ from phalanx.cli.options import (
 )
 from phalanx.cli.real_time import RealTimeFactor
 from phalanx.cli.terminal import complain, say
+from phalanx.launcher.engine import DEFAULT_ENGINE, ENGINES, prepare, silent
 
 if TYPE_CHECKING:
     from phalanx import Outcome, Run
@@ -70,7 +71,7 @@ def run(
     scenario: ScenarioArgument,
     seed: Seed = None,
     overrides: Overrides = None,
-    engine: Engine = "processes",
+    engine: Engine = DEFAULT_ENGINE,
     out: Out = Path("runs"),
     real_time: RealTimeFactor = None,
     listen: Listen = None,
@@ -99,20 +100,15 @@ def run(
       phalanx run formation3d --profile --no-report
       phalanx run unicycles --real-time --set time.latency=0.005
     """
-    if engine == "in-process" and (view or listen or secret or real_time or speed):
+    if not ENGINES[engine].hub and (view or listen or secret or real_time or speed):
         names = "--view, --listen, --secret-file, --real-time or --speed"
-        raise typer.BadParameter(f"--engine in-process: expected no {names}")
+        raise typer.BadParameter(f"--engine {engine}: expected no {names}")
     if listen is not None:
         require_here(listen, insecure, "--insecure; phalanx plant has --keys")
     # Libraries that find no memory die in words of their own: there this process loads them first.
-    if (
-        engine == "processes"
-        and resource.getrlimit(resource.RLIMIT_AS)[0] == resource.RLIM_INFINITY
-    ):
-        from phalanx.launcher.libraries import start_loading
-
+    if resource.getrlimit(resource.RLIMIT_AS)[0] == resource.RLIM_INFINITY:
         with contextlib.suppress(OSError):  # said when the run begins
-            start_loading()
+            prepare(engine)
     import phalanx
     from phalanx.launcher.streams import outlive_readers
 
@@ -120,7 +116,6 @@ def run(
     resolved = phalanx.load(scenario, overrides or (), seed)
     from phalanx.cli.display import progress
     from phalanx.guarantee.verdict import exit_status
-    from phalanx.launcher.engine import silent
     from phalanx.launcher.page import LivePage
 
     token = secrets.token_urlsafe(16) if commands else ""

@@ -1,27 +1,150 @@
-"""What every engine has in common: how it is chosen, how it tells of progress, how it fails."""
+"""Engines by name, the options of a run, and how a scenario is executed with them.
 
-from collections.abc import Callable
+To add an engine, write its function in a file of its own and enter it in ENGINES. Nothing here
+takes long to import: an engine brings its libraries when it is used.
+"""
+
+import pkgutil
+from collections.abc import Callable, Iterable
+from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from phalanx.wire.messages import Status
+from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
+from phalanx.launcher.streams import open_closed_streams
 
-Engine = Literal["processes", "in-process"]
-"""processes: every program a process of its own, over Zenoh. in-process: the same control steps
-called directly, for studies of many runs. Both give the same trajectory to the last bit."""
+if TYPE_CHECKING:
+    from phalanx.guarantee.verdict import Summary
+    from phalanx.scenario.model import Scenario
+    from phalanx.wire.messages import Status
 
-Progress = Callable[[Status], None]
+Progress = Callable[["Status"], None]
 """Called a few times a second while a run goes on, perhaps in another thread."""
 
 Announce = Callable[[Path], object]
 """Called once with a run's folder, when the run can be met there."""
 
+FASTEST = 1e3
+"""Seconds of virtual time per second, at most, in real time."""
 
-def require_engine(engine: str) -> None:
-    """Raise ValueError unless there is an engine of this name."""
-    if engine not in get_args(Engine):
-        names = " or ".join(map(repr, get_args(Engine)))
-        raise ValueError(f"engine: expected {names}, got {engine!r}")
+
+class Engine(Protocol):
+    """Runs a scenario to its summary."""
+
+    def __call__(
+        self, scenario: "Scenario", make_folder: Callable[[], Path], options: "RunOptions"
+    ) -> "Summary":
+        """Run, and leave the recording and the summary in the run's folder.
+
+        Args:
+            scenario: resolved.
+            make_folder: makes the folder, once the scenario is known to be one that can run.
+            options: what the engine's entry says that it does not take is at its default.
+
+        Raises:
+            ScenarioError: the scenario cannot be run.
+            EngineError: the run could not begin, or ended without a verdict.
+        """
+
+
+class EngineEntry(NamedTuple):
+    """An engine, as it is registered."""
+
+    function: str
+    """The Engine, as module:name."""
+    description: str
+    """For users, in the help of a command."""
+    hub: bool = False
+    """Whether its programs meet at a hub, where a run is watched and commanded, and may go on in
+    real time."""
+    prepare: str = ""
+    """A function that begins to load its libraries, as module:name, if it has one."""
+
+
+ENGINES = {
+    "processes": EngineEntry(
+        "phalanx.launcher.process_engine:run_processes",
+        "every program a process of its own, over Zenoh",
+        hub=True,
+        prepare="phalanx.launcher.libraries:start_loading",
+    ),
+    "in-process": EngineEntry(
+        "phalanx.launcher.in_process_engine:run_in_process",
+        "the same control steps called directly, faster; the trajectory is the same to the last "
+        "bit",
+    ),
+}
+"""The engines by name, the default first."""
+DEFAULT_ENGINE = next(iter(ENGINES))
+
+
+class EngineError(RuntimeError):
+    """A run could not begin, or ended without a verdict; the message says which program and why."""
+
+
+def silent(_: object) -> None:
+    """A callback that says nothing."""
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """The options of a run, as phalanx.run describes them; valid once they are made.
+
+    Raises ValueError: there is no such engine, it does not take one of the others, or there is no
+    function where one is to be called.
+    """
+
+    engine: str = DEFAULT_ENGINE
+    _: KW_ONLY
+    progress: Progress = silent
+    commands: CommandPolicy = NO_COMMANDS
+    listen: str | None = None
+    secret: bytes = field(default=b"", repr=False)
+    announce: Announce = silent
+    profile: bool = False
+    real_time: float | None = None
+
+    def __post_init__(self) -> None:
+        hub = require_engine(self.engine).hub
+        require_functions(progress=self.progress, announce=self.announce)
+        wanted = self.listen or self.secret or self.announce is not silent or self.commands.secret
+        if wanted and not hub:
+            raise ValueError(
+                f"engine {self.engine!r} has no hub to listen on, to watch or to command"
+            )
+        if self.real_time is not None and not (hub and 0.0 < self.real_time <= FASTEST):
+            able = _either(name for name, entry in ENGINES.items() if entry.hub)
+            raise ValueError(
+                f"real_time: expected a factor above 0 and at most {FASTEST:g}, and engine {able}"
+            )
+
+
+def execute(
+    scenario: "Scenario", folder: Path | Callable[[], Path], options: RunOptions
+) -> "Summary":
+    """Run a scenario to its summary. Raises as an Engine.
+
+    folder: of the run; or what makes it, once the scenario is known to be one that can run.
+    """
+    open_closed_streams()
+    run: Engine = pkgutil.resolve_name(ENGINES[options.engine].function)
+    return run(scenario, (lambda: folder) if isinstance(folder, Path) else folder, options)
+
+
+def prepare(engine: str) -> None:
+    """Have an engine begin to load its libraries while the caller goes on, if it can do so.
+
+    Raises OSError where it cannot begin.
+    """
+    if function := require_engine(engine).prepare:
+        pkgutil.resolve_name(function)()
+
+
+def require_engine(engine: str) -> EngineEntry:
+    """The entry of the engine of this name. Raises ValueError if there is none."""
+    if engine not in ENGINES:
+        raise ValueError(f"engine: expected {_either(ENGINES)}, got {engine!r}")
+    return ENGINES[engine]
 
 
 def require_functions(**options: object) -> None:
@@ -31,9 +154,5 @@ def require_functions(**options: object) -> None:
             raise ValueError(f"{name}: expected a function to call, got {option!r}")
 
 
-class EngineError(RuntimeError):
-    """A run could not begin, or ended without a verdict; the message says which program and why."""
-
-
-def silent(_: object) -> None:
-    """A callback that says nothing."""
+def _either(names: Iterable[str]) -> str:
+    return " or ".join(map(repr, names))

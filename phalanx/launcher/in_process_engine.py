@@ -4,53 +4,51 @@ For studies of thousands of runs. World, clock, judge, inbox and control steps a
 processes engine, so a trajectory is the same to the last bit.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 
 from phalanx.agent.step import StepFailedError, control_steps
-from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher import interrupt
-from phalanx.launcher.engine import Progress
+from phalanx.launcher.engine import Progress, RunOptions
 from phalanx.plant.clock.commands import CommandQueue
 from phalanx.plant.events.stop import SwarmBrokenError
 from phalanx.plant.run import PlantRun
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.records import PROFILE, RECORDING, SUMMARY
 from phalanx.recording.write import RecordingWriter, write_down
+from phalanx.scenario.model import Scenario
 from phalanx.swarm.compile import compile_rows
 from phalanx.swarm.rows import SafetyRows
+from phalanx.swarm.runnable import require_runnable
+from phalanx.swarm.swarm import build_swarm
 from phalanx.wire.messages import Actuation, Sample, Status, Telemetry
 from phalanx.wire.seal import Malformed
 
 
+def run_in_process(
+    scenario: Scenario, make_folder: Callable[[], Path], options: RunOptions
+) -> Summary:
+    """Run a scenario to its verdict in this process, as an Engine; its progress in this thread."""
+    rows = require_runnable(build_swarm(scenario))
+    interrupt.raise_unanswered()
+    return _run(rows, make_folder(), options)
+
+
 # A Ctrl-C must not break into what is being written down: it ends the run at the next sample.
 @interrupt.held_back()
-def run_in_process(
-    rows: SafetyRows,
-    folder: Path,
-    policy: CommandPolicy,
-    progress: Progress,
-    profile: bool = False,
-) -> Summary:
-    """Run a scenario to its verdict in this process.
-
-    Args:
-        rows: of the scenario.
-        folder: of the run; recording and summary go there.
-        policy: which commands are scheduled; nobody can command such a run live.
-        progress: called with the run's status, in this thread.
-        profile: whether to leave in the folder how the time was spent.
-    """
+def _run(rows: SafetyRows, folder: Path, options: RunOptions) -> Summary:
     with RecordingWriter(folder / RECORDING, rows.swarm.scenario, folder.name) as recording:
-        agents = DirectAgents(rows, progress)
-        plant = PlantRun(rows, agents, recording, CommandQueue(policy, rows.swarm.names))
+        agents = DirectAgents(rows, options.progress)
+        commands = CommandQueue(options.commands, rows.swarm.names)
+        plant = PlantRun(rows, agents, recording, commands)
         stopwatch = Stopwatch()
-        if profile:
+        if options.profile:
             plant.time(stopwatch)
             stopwatch.time(agents, "send_sample", "compute")
         summary = plant.run(prepare=interrupt.let_in()(lambda: compile_rows(rows)))
         interrupt.answer()
-        if profile:
+        if options.profile:
             stopwatch.write(folder / PROFILE, "in-process")
         write_down(summary, folder / SUMMARY, recording)
     return summary

@@ -5,19 +5,20 @@ by itself: agents when the hub is gone, the plant when it is done, told to, or l
 """
 
 import contextlib
-from collections.abc import Iterator
+import secrets
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Outcome, Summary, read_summary
-from phalanx.launcher.engine import Announce, EngineError, Progress, silent
+from phalanx.launcher.engine import EngineError, Progress, RunOptions
 from phalanx.launcher.live import announced
 from phalanx.launcher.processes import Processes
 from phalanx.launcher.programs import Program
 from phalanx.recording.records import PROFILE, SUMMARY
 from phalanx.scenario.fields import CONTROLLER
 from phalanx.scenario.model import Scenario
+from phalanx.wire.endpoints import reserved_endpoint
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Status
@@ -27,39 +28,28 @@ from phalanx.wire.session import HubError, open_client
 
 
 def run_processes(
+    scenario: Scenario, make_folder: Callable[[], Path], options: RunOptions
+) -> Summary:
+    """Run a scenario to its verdict, as an Engine; its progress in a thread of Zenoh's."""
+    with Processes(scenario) as processes, reserved_endpoint() as endpoint:
+        processes.require_runnable()
+        folder = make_folder()
+        membership = Membership(
+            run=folder.name,
+            endpoint=options.listen or endpoint,
+            secret=options.secret or secrets.token_bytes(16),
+        )
+        return _run(processes, scenario, folder, membership, options)
+
+
+def _run(
     processes: Processes,
     scenario: Scenario,
     folder: Path,
     membership: Membership,
-    policy: CommandPolicy,
-    progress: Progress,
-    announce: Announce = silent,
-    profile: bool = False,
-    real_time: float | None = None,
+    options: RunOptions,
 ) -> Summary:
-    """Run a scenario to its verdict.
-
-    Args:
-        processes: of the scenario, which is known to be one that can run.
-        scenario: resolved.
-        folder: of the run; logs, recording and summary go there.
-        membership: of the run; the plant will listen on its endpoint.
-        policy: who may command the run, and which commands are scheduled.
-        progress: called with the plant's status, in a thread of Zenoh's.
-        announce: called with the folder when the run can be met there.
-        profile: whether every program leaves in the folder how its time was spent.
-        real_time: seconds of virtual time per second, where the wall clock decides.
-
-    Raises:
-        EngineError: the plant died and there is no verdict.
-    """
-    timed = {"profile": folder / PROFILE} if profile else {}
-    if real_time is not None:
-        policy = replace(policy, speed=real_time)
-    of_plant = {"folder": folder, "policy": policy, "real_time": real_time is not None}
-    programs = [Program(PLANT, PLANT, {**of_plant, **timed})]
-    for name in scenario.programs():
-        programs.append(Program(CONTROLLER if name == CONTROLLER else "agent", name, timed))
+    programs = _programs(scenario, folder, options)
     try:
         processes.start(membership, programs, folder / "logs")
     except OSError as error:
@@ -67,9 +57,9 @@ def run_processes(
     try:
         with (
             announced(folder, membership),
-            _listening(scenario, membership, processes, progress),
+            _listening(scenario, membership, processes, options.progress),
         ):
-            announce(folder)
+            options.announce(folder)
             processes.wait_for_plant()
     finally:
         processes.end()
@@ -82,6 +72,18 @@ def run_processes(
     if summary.outcome is Outcome.BROKEN and failure and summary.reason not in failure:
         summary.reason = f"{summary.reason} [{failure}]"
     return summary
+
+
+def _programs(scenario: Scenario, folder: Path, options: RunOptions) -> list[Program]:
+    timed = {"profile": folder / PROFILE} if options.profile else {}
+    policy, real_time = options.commands, options.real_time
+    if real_time is not None:
+        policy = replace(policy, speed=real_time)
+    of_plant = {"folder": folder, "policy": policy, "real_time": real_time is not None}
+    programs = [Program(PLANT, PLANT, {**of_plant, **timed})]
+    for name in scenario.programs():
+        programs.append(Program(CONTROLLER if name == CONTROLLER else "agent", name, timed))
+    return programs
 
 
 def _verdict(folder: Path, processes: Processes) -> Summary | None:

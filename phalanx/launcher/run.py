@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from phalanx.guarantee.verdict import Outcome, Summary, certified
-from phalanx.launcher.engine import Engine, Progress, require_functions, silent
+from phalanx.launcher.engine import DEFAULT_ENGINE, Progress, require_functions, silent
 from phalanx.profile.stopwatch import read_profile
 from phalanx.recording.read import Recording, UnreadableRecordingError, read
 from phalanx.recording.records import PROFILE
@@ -149,7 +149,11 @@ class Run:
         return ViewerPage(self._opened, port)
 
     def verify(
-        self, *, engine: Engine = "processes", seed: int | None = None, progress: Progress = silent
+        self,
+        *,
+        engine: str = DEFAULT_ENGINE,
+        seed: int | None = None,
+        progress: Progress = silent,
     ) -> "Verification":
         """Run it again and compare the trajectories, bit by bit.
 
@@ -206,7 +210,7 @@ def open_run(folder: str | Path, *, trust: bool = False) -> Run:
 def verify_run(
     run: Run | str | Path,
     *,
-    engine: Engine = "processes",
+    engine: str = DEFAULT_ENGINE,
     progress: Progress = silent,
     trust: bool = False,
 ) -> "Verification":

@@ -5,14 +5,13 @@ from pathlib import Path
 
 from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
 from phalanx.launcher.engine import (
+    DEFAULT_ENGINE,
     Announce,
-    Engine,
     Progress,
-    require_engine,
-    require_functions,
+    RunOptions,
+    execute,
     silent,
 )
-from phalanx.launcher.execute import execute
 from phalanx.launcher.run import Run
 from phalanx.scenario.load import load
 from phalanx.scenario.model import Scenario
@@ -21,7 +20,7 @@ from phalanx.scenario.model import Scenario
 def run(
     scenario: Scenario | str | Path,
     *,
-    engine: Engine = "processes",
+    engine: str = DEFAULT_ENGINE,
     out: str | Path | None = None,
     progress: Progress = silent,
     commands: CommandPolicy = NO_COMMANDS,
@@ -58,26 +57,8 @@ def run(
             one is to be called.
         OSError: no folder can be made.
     """
-    require_engine(engine)
-    require_functions(progress=progress, announce=announce)
-    if not isinstance(scenario, Scenario):
-        scenario = load(scenario)
-    if engine == "in-process" and (listen or secret or announce is not silent or commands.secret):
-        raise ValueError("engine 'in-process' has no hub to listen on, to watch or to command")
-    if real_time is not None and (engine == "in-process" or not 0.0 < real_time <= 1e3):
-        raise ValueError("real_time: expected a factor above 0, and engine 'processes'")
-    temporary = tempfile.TemporaryDirectory(prefix="phalanx-") if out is None else None
-    parent, name = Path(temporary.name if temporary else out or ""), scenario.name
-    folders: list[Path] = []
-
-    def make_folder() -> Path:
-        folders.append(new_folder(parent, name))
-        return folders[0]
-
-    summary = execute(
-        scenario,
-        make_folder,
-        engine=engine,
+    options = RunOptions(
+        engine,
         progress=progress,
         commands=commands,
         listen=listen,
@@ -86,6 +67,17 @@ def run(
         profile=profile,
         real_time=real_time,
     )
+    if not isinstance(scenario, Scenario):
+        scenario = load(scenario)
+    temporary = tempfile.TemporaryDirectory(prefix="phalanx-") if out is None else None
+    parent, name = Path(temporary.name if temporary else out or ""), scenario.name
+    folders: list[Path] = []
+
+    def make_folder() -> Path:
+        folders.append(new_folder(parent, name))
+        return folders[0]
+
+    summary = execute(scenario, make_folder, options)
     return Run(folders[0], summary, temporary)
 
 

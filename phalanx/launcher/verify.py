@@ -10,14 +10,13 @@ from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher.decisions import decided_again
 from phalanx.launcher.engine import (
-    Engine,
+    DEFAULT_ENGINE,
     EngineError,
     Progress,
-    require_engine,
-    require_functions,
+    RunOptions,
+    execute,
     silent,
 )
-from phalanx.launcher.execute import execute
 from phalanx.recording.read import Recording, read
 from phalanx.recording.records import State, Step
 from phalanx.scenario.model import Scenario
@@ -53,7 +52,7 @@ class Verification:
 def verify(
     recorded: Recording,
     *,
-    engine: Engine = "processes",
+    engine: str = DEFAULT_ENGINE,
     seed: int | None = None,
     progress: Progress = silent,
 ) -> Verification:
@@ -67,8 +66,9 @@ def verify(
         KeyboardInterrupt: it was stopped.
         ValueError: there is no such engine.
     """
-    require_engine(engine)
-    require_functions(progress=progress)
+    # What the scenario declares happens again by itself.
+    commands = CommandPolicy(schedule=tuple(c for c in recorded.commands if c.fault < 0))
+    options = RunOptions(engine, progress=progress, commands=commands)
     if not recorded.states and not recorded.shown:
         raise EngineError(f"{recorded.path}: the recording holds no state: nothing to compare")
     if recorded.shown:
@@ -83,10 +83,8 @@ def verify(
         difference = first_difference(recorded, decided)
         return Verification(difference, len(recorded.shown), 0)
     scenario = as_far_as(recorded).model_copy(update={} if seed is None else {"seed": seed})
-    # What the scenario declares happens again by itself.
-    commands = CommandPolicy(schedule=tuple(c for c in recorded.commands if c.fault < 0))
     with tempfile.TemporaryDirectory(prefix="phalanx-") as folder:
-        made = execute(scenario, Path(folder), engine=engine, progress=progress, commands=commands)
+        made = execute(scenario, Path(folder), options)
         if made.outcome is Outcome.STOPPED:
             raise KeyboardInterrupt
         if made.outcome is Outcome.BROKEN and not cut_short(recorded):

@@ -13,7 +13,7 @@ import psutil
 
 from phalanx.faults.commands import NO_COMMANDS, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Summary
-from phalanx.launcher.execute import execute
+from phalanx.launcher.engine import RunOptions, execute
 from phalanx.scenario.model import Scenario
 from phalanx.viewer.feeds.live import Live
 from phalanx.wire.endpoints import free_endpoint
@@ -54,11 +54,13 @@ class LiveRun:
         self._summary = execute(
             scenario,
             self.folder,
-            progress=self._keep,
-            commands=policy,
-            listen=self.endpoint,
-            secret=SECRET,
-            real_time=real_time,
+            RunOptions(
+                progress=self._keep,
+                commands=policy,
+                listen=self.endpoint,
+                secret=SECRET,
+                real_time=real_time,
+            ),
         )
 
     def _keep(self, status: Status) -> None:

@@ -57,7 +57,7 @@ VARIANTS = {
 }
 
 
-def trajectory(scenario: phalanx.Scenario, engine: phalanx.Engine) -> tuple[str, int]:
+def trajectory(scenario: phalanx.Scenario, engine: str) -> tuple[str, int]:
     summary = phalanx.run(scenario, engine=engine).summary
     assert summary is not None
     return summary.trajectory, summary.steps

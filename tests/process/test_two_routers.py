@@ -13,7 +13,7 @@ import msgspec
 import pytest
 
 from phalanx.guarantee.verdict import Summary
-from phalanx.launcher.execute import execute
+from phalanx.launcher.engine import RunOptions, execute
 from phalanx.scenario.load import load
 from phalanx.wire.authority import make_certificates
 from phalanx.wire.keys import PLANT, ROUTER
@@ -91,7 +91,7 @@ def test_a_run_over_two_routers_is_the_run_on_one_host(
     assert [program.returncode for program in (plant, *agents)] == [0] * 6, said
     summary = msgspec.json.decode((hosts.out / "summary.json").read_bytes(), type=Summary)
     (folder := tmp_path / "alone").mkdir()
-    alone = execute(load(SCENARIO, [DURATION]), folder, engine="in-process")
+    alone = execute(load(SCENARIO, [DURATION]), folder, RunOptions("in-process"))
     assert summary.trajectory == alone.trajectory
     assert summary.outcome is alone.outcome
     assert not summary.rejected

@@ -3,7 +3,7 @@
 import pytest
 
 from phalanx.guarantee.verdict import Summary
-from phalanx.launcher.execute import execute
+from phalanx.launcher.engine import RunOptions, execute
 from tests.process.hostile.attacks import SCENARIO
 
 
@@ -12,4 +12,4 @@ def calm(tmp_path_factory: pytest.TempPathFactory) -> Summary:
     """The run that nobody attacks."""
     folder = tmp_path_factory.mktemp("calm") / "run"
     folder.mkdir()
-    return execute(SCENARIO, folder, engine="in-process")
+    return execute(SCENARIO, folder, RunOptions("in-process"))

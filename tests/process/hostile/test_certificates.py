@@ -18,7 +18,7 @@ import zenoh
 
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Outcome, Summary
-from phalanx.launcher.execute import execute
+from phalanx.launcher.engine import RunOptions, execute
 from phalanx.scenario.load import load
 from phalanx.wire.authority import make_certificates
 from phalanx.wire.endpoints import free_endpoint
@@ -120,7 +120,7 @@ def test_certificates_keep_strangers_out_and_change_nothing(programs: Programs, 
     with_certificates = programs.summary()
     calm = tmp_path / "calm"
     calm.mkdir()
-    alone = execute(load("one-on-one", ["duration=0.3"]), calm, engine="in-process")
+    alone = execute(load("one-on-one", ["duration=0.3"]), calm, RunOptions("in-process"))
     assert with_certificates.trajectory == alone.trajectory
     assert with_certificates.outcome is alone.outcome is Outcome.GUARANTEED
 

@@ -3,7 +3,7 @@
 import pytest
 
 from phalanx.guarantee.verdict import Outcome, Summary
-from phalanx.launcher.execute import execute
+from phalanx.launcher.engine import RunOptions, execute
 from phalanx.scenario.load import load
 from tests.hostile.attacker import INSIDERS
 from tests.hostile.attacker import SCENARIO as NAME
@@ -28,7 +28,7 @@ def test_an_insider_changes_nothing(attack: str, calm: Summary, tmp_path) -> Non
 
 def test_one_who_withholds_a_broadcast_is_named_with_who_waits_for_it(tmp_path) -> None:
     scenario = load(NAME, ["duration=0.5", "time.timeout=5.0", WITHHOLDING])
-    summary = execute(scenario, tmp_path)
+    summary = execute(scenario, tmp_path, RunOptions())
     said = "agent 1 waits at sample 11 for what others put: broadcast 10 of agent 3 did not come"
     assert summary.outcome is Outcome.BROKEN
     assert said in summary.reason

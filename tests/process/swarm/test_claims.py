@@ -8,7 +8,7 @@ import pytest
 import zenoh
 
 from phalanx.guarantee.verdict import Summary
-from phalanx.launcher.execute import execute
+from phalanx.launcher.engine import RunOptions, execute
 from phalanx.scenario.load import load
 from phalanx.wire.authority import make_certificates
 from phalanx.wire.endpoints import free_endpoint
@@ -63,7 +63,7 @@ def into(payloads: list[bytes]) -> zenoh.handlers.Callback:
 def alone(folder: Path, *overrides: str) -> Summary:
     """The run on one host, without anything of this."""
     (into := folder / "alone").mkdir()
-    return execute(load("one-on-one", overrides), into, engine="in-process")
+    return execute(load("one-on-one", overrides), into, RunOptions("in-process"))
 
 
 def test_claimants_that_nobody_numbered_make_the_run(phalanx, tmp_path: Path) -> None:

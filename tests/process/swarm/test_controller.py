@@ -7,7 +7,7 @@ import pytest
 from phalanx.agent.centralised import CentralisedController
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Outcome
-from phalanx.launcher.execute import execute
+from phalanx.launcher.engine import RunOptions, execute
 from phalanx.recording.read import Recording, read
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
@@ -24,7 +24,7 @@ def centralised(tmp_path: Path, *overrides: str, schedule: tuple[Command, ...] =
     scenario = load("unicycles", ["duration=0.5", "safety.control=centralised", *overrides])
     folder = tmp_path / f"central-{len(list(tmp_path.iterdir()))}"
     folder.mkdir()
-    execute(scenario, folder, commands=CommandPolicy(schedule=schedule))
+    execute(scenario, folder, RunOptions(commands=CommandPolicy(schedule=schedule)))
     return read(folder)
 
 

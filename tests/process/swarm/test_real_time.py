@@ -14,7 +14,7 @@ import pytest
 
 from phalanx import EngineError
 from phalanx.guarantee.verdict import Outcome
-from phalanx.launcher.execute import execute
+from phalanx.launcher.engine import RunOptions, execute
 from phalanx.launcher.verify import verify
 from phalanx.recording.read import Recording, read
 from phalanx.scenario.load import load
@@ -29,7 +29,8 @@ DELAY = 0.03
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     """Two seconds of Simulation 1 at a third of the wall clock's pace, on a slow network."""
     folder = tmp_path_factory.mktemp("real-time")
-    execute(load("unicycles", ["duration=2.0", f"network.delay={DELAY}"]), folder, real_time=0.3)
+    scenario = load("unicycles", ["duration=2.0", f"network.delay={DELAY}"])
+    execute(scenario, folder, RunOptions(real_time=0.3))
     return read(folder)
 
 
@@ -103,7 +104,7 @@ def test_an_agent_that_is_killed_is_lost_and_the_run_goes_on(phalanx) -> None:
 
 def test_another_process_takes_the_place_of_one_that_died(tmp_path_factory) -> None:
     folder = tmp_path_factory.mktemp("restart")
-    execute(load("faults/restart", ["duration=6.0"]), folder, real_time=0.5)
+    execute(load("faults/restart", ["duration=6.0"]), folder, RunOptions(real_time=0.5))
     recording = read(folder)
     (killed,) = [line.t for line in recording.log if line.text.startswith("agent 1 killed")]
     (back,) = [line.t for line in recording.log if line.text == "agent 1 is back"]

@@ -7,7 +7,7 @@ import pytest
 import zenoh
 
 from phalanx.guarantee.verdict import Outcome
-from phalanx.launcher.execute import execute
+from phalanx.launcher.engine import RunOptions, execute
 from phalanx.recording.read import Recording, UnreadableRecordingError, read
 from phalanx.scenario.load import load
 from phalanx.wire.keys import PLANT
@@ -37,7 +37,7 @@ def test_a_run_at_a_router_is_the_run_without_one(started, tmp_path: Path) -> No
     programs.start_members()
     scenario = load("one-on-one", ["duration=0.3"])
     (folder := tmp_path / "in-process").mkdir()
-    alone = execute(scenario, folder, engine="in-process")
+    alone = execute(scenario, folder, RunOptions("in-process"))
     assert programs.summary().trajectory == alone.trajectory
 
 

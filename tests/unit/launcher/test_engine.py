@@ -1,0 +1,80 @@
+"""Engines by name, and the options of a run."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import phalanx
+from phalanx.cli.app import USAGE_ERROR, status
+from phalanx.launcher.engine import ENGINES, EngineEntry, RunOptions
+
+TRIAL = """
+from dataclasses import replace
+
+from phalanx.launcher.engine import execute
+
+asked = []
+
+def run(scenario, make_folder, options):
+    asked.append(options)
+    return execute(scenario, make_folder, replace(options, engine="in-process"))
+"""
+
+
+def test_an_engine_that_nobody_knows_is_refused_with_those_that_there_are(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    expected = "expected 'processes' or 'in-process', got 'warp'"
+    run = phalanx.run("pinned", engine="in-process", out=tmp_path)
+    with pytest.raises(ValueError, match=expected):
+        phalanx.run("pinned", engine="warp")
+    with pytest.raises(ValueError, match=expected):
+        phalanx.verify(run, engine="warp")
+    for command in (["run", "pinned"], ["verify", str(run.folder)]):
+        assert status([*command, "--engine", "warp"]) == USAGE_ERROR
+        # In a terminal the message is broken into lines.
+        assert expected in " ".join(capsys.readouterr().err.replace("│", " ").split())
+
+
+def test_an_engine_is_one_function_and_one_entry(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "trial_engine.py").write_text(TRIAL)
+    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
+    monkeypatch.setitem(ENGINES, "trial", EngineEntry("trial_engine:run", "for a test"))
+    run = phalanx.run("pinned", engine="trial", out=tmp_path)
+    assert phalanx.verify(run, engine="trial")
+    command = ["run", "pinned", "--engine", "trial", "--no-report", "--out", str(tmp_path)]
+    assert status(command) == 2
+    assert [o.engine for o in sys.modules["trial_engine"].asked] == ["trial"] * 3
+    assert status([*command, "--view"]) == USAGE_ERROR
+
+
+@pytest.mark.parametrize(
+    "option",
+    [
+        {"listen": "tcp/127.0.0.1:7447"},
+        {"secret": b"s"},
+        {"announce": print},
+        {"commands": phalanx.CommandPolicy(secret=b"s")},
+    ],
+)
+def test_an_engine_without_a_hub_refuses_what_needs_one(option: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match="engine 'in-process' has no hub"):
+        RunOptions("in-process", **option)
+    RunOptions(**option)
+
+
+@pytest.mark.parametrize(("engine", "factor"), [("in-process", 1.0), ("processes", 0.0)])
+def test_real_time_needs_a_hub_and_a_factor_at_which_time_goes_on(
+    engine: str, factor: float
+) -> None:
+    with pytest.raises(ValueError, match="above 0 and at most 1000, and engine 'processes'"):
+        RunOptions(engine, real_time=factor)
+
+
+def test_options_that_hold_secrets_do_not_print_them() -> None:
+    options = RunOptions(secret=b"hush", commands=phalanx.CommandPolicy(secret=b"hush"))
+    assert "hush" not in repr(options)
