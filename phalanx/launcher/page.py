@@ -16,7 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from phalanx.launcher.libraries import without_main
+from phalanx.compat.forkserver import without_main
 from phalanx.launcher.live import find_live
 from phalanx.launcher.printable import printable
 from phalanx.launcher.programs import (

@@ -11,12 +11,13 @@ from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Self
 
+from phalanx.compat.forkserver import without_main
 from phalanx.guarantee.verdict import Outcome, Summary, exit_status
 from phalanx.launcher import interrupt
 from phalanx.launcher.engine import EngineError
 from phalanx.launcher.fork_server import LOG, Order, Report, serve
 from phalanx.launcher.handles import require_handles
-from phalanx.launcher.libraries import start_loading, without_main
+from phalanx.launcher.libraries import start_loading
 from phalanx.launcher.programs import Program
 from phalanx.scenario.load import to_json
 from phalanx.scenario.model import Scenario

@@ -1,12 +1,12 @@
 """Messages through a session: who puts them, how they may be dropped, and who is called."""
 
-import ctypes
 import threading
 import time
 from collections.abc import Callable
 
 import zenoh
 
+from phalanx.compat.zenoh_threads import keep_thread_state
 from phalanx.wire.session import HubError
 
 _GLANCE = 0.2
@@ -115,20 +115,7 @@ def subscribe(session: zenoh.Session, key: str, deliver: Deliver) -> None:
     """
 
     def on_sample(sample: zenoh.Sample) -> None:
-        _keep_thread_state()
+        keep_thread_state()
         deliver(str(sample.key_expr), sample.payload.to_bytes())
 
     session.declare_subscriber(key, zenoh.handlers.Callback(on_sample, indirect=False))
-
-
-_kept = threading.local()
-
-
-def _keep_thread_state() -> None:
-    """Keep what Python holds of this thread, a thread of Zenoh's, from one message to the next.
-
-    Otherwise it is made and thrown away for each, its stack with it: memory mapped and unmapped.
-    """
-    if not hasattr(_kept, "state"):
-        # As one more user of it, who never leaves.
-        _kept.state = ctypes.pythonapi.PyGILState_Ensure()

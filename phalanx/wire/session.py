@@ -10,10 +10,10 @@ from typing import Any
 import msgspec
 import zenoh
 
+from phalanx.compat.zenoh_linger import close_at_once
 from phalanx.wire.certificates import tls
 from phalanx.wire.credentials import Admission, Credentials
 from phalanx.wire.keys import COPIES, NOT_URGENT
-from phalanx.wire.linger import close_at_once
 from phalanx.wire.liveliness import is_announced
 from phalanx.wire.messages import MAX_BYTES
 

@@ -22,7 +22,8 @@ _FRAME_PERIOD = 1.0 / 30.0
 def document(replay: Replay, progress: Callable[[str], None] = lambda _: None) -> str:
     """The whole document; progress is told how far the scene is."""
     scene, summary = _scene(replay, progress), replay.summary
-    player = files(__package__).joinpath("player.html").read_text(encoding="utf-8")
+    page = files(__package__).joinpath("player.html").read_text(encoding="utf-8")
+    player = files("phalanx.compat").joinpath("viser_player.js").read_text(encoding="utf-8")
     verdict = (summary.outcome, summary.reason) if summary else ("no verdict", replay.unfinished)
     data = {
         "verdict": ": ".join(verdict),
@@ -31,7 +32,8 @@ def document(replay: Replay, progress: Callable[[str], None] = lambda _: None) -
     # What looks like a tag, or a comment, could end the element that holds the data.
     shown = msgspec.json.encode(data).decode().replace("<", "\\u003c")
     end = scene.rindex("</body>")
-    parts = player.replace("/*SCRIPT*/", script()).replace("/*DATA*/", shown)
+    parts = page.replace("/*PLAYER*/", player).replace("/*SCRIPT*/", script())
+    parts = parts.replace("/*DATA*/", shown)
     return scene[:end] + parts + scene[end:]
 
 

@@ -3,18 +3,16 @@
 import asyncio
 import contextlib
 import io
-from collections.abc import Awaitable, Callable, Coroutine, Iterator
+from collections.abc import Callable, Coroutine
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
 import viser
-import websockets.asyncio.server
-from viser._messages import RunJavascriptMessage
 from websockets.asyncio.server import ServerConnection
-from websockets.typing import Origin
+
+from phalanx.compat.viser_server import Handler, named_script, serving
 
 T = TypeVar("T")
-Handler = Callable[[ServerConnection], Awaitable[None]]
 
 ACTIONS = "/actions"
 """Where pages of the server's own origin send what a visitor does."""
@@ -42,7 +40,7 @@ class SceneServer(viser.ViserServer):
         self.on_action: Callable[[str | bytes], None] = lambda _: None
         """Called with each message to ACTIONS, in the server's thread."""
         self._complete: Future[None] = Future()
-        with _serving(self._let_in, origins), contextlib.redirect_stdout(io.StringIO()):
+        with serving(self._let_in, origins), contextlib.redirect_stdout(io.StringIO()):
             super().__init__(host=host, port=port, label=title, verbose=False)
 
     def admit(self) -> None:
@@ -62,11 +60,8 @@ class SceneServer(viser.ViserServer):
 
         Those get the last script of each name.
         """
-        message = RunJavascriptMessage(source)
-        # By itself viser would keep every script for pages to come.
-        message.redundancy_key = lambda: f"phalanx-{name}"  # type: ignore[method-assign]
         to = self._websock_server if client is None else client._websock_connection
-        to.queue_message(message)
+        to.queue_message(named_script(name, source))
 
     def stop(self) -> None:
         """Stop serving."""
@@ -93,31 +88,3 @@ def in_loop(act: Callable[[Any], None]) -> Callable[[Any], Coroutine[Any, Any, N
         act(event)
 
     return called
-
-
-@contextlib.contextmanager
-def _serving(
-    let_in: Callable[[Handler, ServerConnection], Awaitable[None]], origins: tuple[str, ...]
-) -> Iterator[None]:
-    """Have servers that are started in the block check origins, and let_in handle connections.
-
-    A browser lets any page that its user visits connect to a port of his machine, and only tells
-    where the page came from: without the check, a foreign page could watch a run and command it.
-    """
-    # viser has no option for either. It calls websockets' serve(), which checks origins, in a
-    # thread of its own, and its constructor returns when that thread listens: the block lasts long
-    # enough.
-    module = websockets.asyncio.server
-    serve, allowed = module.serve, [None, *map(Origin, origins)]
-
-    def checked(handler: Handler, *arguments: Any, **options: Any) -> Any:
-        async def handle(connection: ServerConnection) -> None:
-            await let_in(handler, connection)
-
-        return serve(handle, *arguments, origins=allowed, **options)
-
-    module.serve = checked  # type: ignore[assignment, misc]
-    try:
-        yield
-    finally:
-        module.serve = serve  # type: ignore[misc]

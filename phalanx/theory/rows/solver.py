@@ -1,27 +1,17 @@
-"""OSQP for a given number of rows, by its compiled part alone.
+"""OSQP for a given number of rows."""
 
-The Python package around that part imports SciPy and a template engine, which takes longer than all
-else that a program of a run loads, and a third of what each fork of one costs.
-"""
-
-import contextlib
-import importlib
-import importlib.machinery
-import importlib.util
-import sys
-import threading
-import types
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phalanx.arrays import Array
+from phalanx.compat.osqp_without_scipy import compiled_part, without_scipy
 
 Places = NDArray[np.integer[Any]]
 
-_NAME = "osqp.ext_builtin"
+_OSQP = compiled_part()
+"""Loaded before the programs are forked: what is loaded later, each of them loads."""
 INFINITY = 1e30
 """As OSQP reads it: a row of this bound binds nothing."""
 _RHO = 0.1
@@ -60,7 +50,7 @@ class Solver:
         self._solved = int(osqp.osqp_status_type.OSQP_SOLVED)
         squares = _columns(2.0 * self._weights[None], np.arange(inputs)[None], inputs)
         constraints = _columns(np.ones((rows, inputs)), np.indices((rows, inputs))[0], rows)
-        with _without_scipy():
+        with without_scipy():
             P, A = osqp.CSC(squares), osqp.CSC(constraints)
         self._solver = osqp.OSQPSolver(
             P,
@@ -105,41 +95,3 @@ def _columns(values: Array, rows: Places, height: int) -> _Columns:
     begins = np.arange(0, count * width + 1, count, dtype=np.int32)
     indices = rows.ravel(order="F").astype(np.int32)
     return _Columns((height, width), values.size, begins, indices, values.ravel(order="F"))
-
-
-def _compiled() -> Any:
-    """The compiled part. Raises ImportError."""
-    if _NAME not in sys.modules:
-        package = importlib.util.find_spec("osqp")
-        where = package.submodule_search_locations if package else None
-        spec = importlib.machinery.PathFinder.find_spec(_NAME, where)
-        if spec is None or spec.loader is None:
-            return importlib.import_module(_NAME)
-        # Whoever imports all of OSQP later takes this one: it cannot be loaded twice.
-        sys.modules[_NAME] = module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-    return sys.modules[_NAME]
-
-
-_OSQP = _compiled()
-"""Loaded before the programs are forked: what is loaded later, each of them loads."""
-_SCIPY = "scipy", "scipy.sparse"
-_one_at_a_time = threading.Lock()
-
-
-@contextlib.contextmanager
-def _without_scipy() -> Iterator[None]:
-    """Show the compiled part a stand-in for SciPy, which it would load, where none is loaded.
-
-    It asks it one thing, whether a matrix is sparse, and does not heed the answer.
-    """
-    asked: Any = types.SimpleNamespace(isspmatrix_csc=lambda _: True)
-    with _one_at_a_time:
-        for name in _SCIPY:
-            sys.modules.setdefault(name, asked)
-        try:
-            yield
-        finally:
-            for name in _SCIPY:
-                if sys.modules.get(name) is asked:
-                    del sys.modules[name]

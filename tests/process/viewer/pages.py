@@ -11,6 +11,7 @@ import time
 import urllib.request
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
+from typing import TYPE_CHECKING
 
 import msgspec
 import viser
@@ -20,6 +21,19 @@ from websockets.typing import Subprotocol
 from phalanx.viewer.feeds.replay import Replay
 from phalanx.viewer.page.page import Page
 from tests.process.runs import SECRET, free_port
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Locator
+
+
+def drawn(canvas: "Locator") -> str:
+    """Pixels of a canvas, as a data URL.
+
+    A screenshot waits until the page around it stands still, which a scene that is drawn in
+    software may not do for minutes on a busy machine.
+    """
+    pixels: str = canvas.evaluate("canvas => canvas.toDataURL()")
+    return pixels
 
 
 class Viewer:

@@ -10,6 +10,7 @@ import pytest
 
 from phalanx.viewer.export.write import run
 from tests.process.runs import wait_for
+from tests.process.viewer.pages import drawn
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -43,9 +44,9 @@ def test_the_exported_page_plays_its_scene_and_moves_its_plots_offline(
     slider = offline.locator("#root [role=slider]").first
     slider.wait_for(state="attached")
     plot = offline.locator("#phx-plots canvas").first
-    before, started = plot.screenshot(), slider.get_attribute("aria-valuenow")
+    before, started = drawn(plot), slider.get_attribute("aria-valuenow")
     wait_for(lambda: slider.get_attribute("aria-valuenow") != started)
-    wait_for(lambda: plot.screenshot() != before)
+    wait_for(lambda: drawn(plot) != before)
     offline.locator("#phx-agent").select_option("4")
     offline.get_by_text("Control step [ms], agent 5").wait_for()
     offline.keyboard.press("Home")

@@ -1,0 +1,48 @@
+"""Start multiprocessing's fork server with this process's import path, and without its script.
+
+`importing_as_here`: before Python 3.12.8 and 3.13.1 the server ignores sys.path while it preloads
+(python/cpython#117378), and looks in the working directory first, where another phalanx may lie.
+It may go when `requires-python` excludes those.
+
+`without_main`: multiprocessing imports the caller's `__main__` in each process that it starts, and
+has no option against it. Upstream has no issue yet. It would say: "A Process whose target is in an
+importable module should be able to refuse the import of `__main__`; scripts without a main guard
+run again in it."
+"""
+
+import contextlib
+import os
+import sys
+import threading
+import types
+from collections.abc import Iterator
+
+_changing_environment = threading.Lock()
+
+
+@contextlib.contextmanager
+def without_main() -> Iterator[None]:
+    """Keep multiprocessing from importing the caller's script in a process that it starts."""
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = types.ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
+
+
+@contextlib.contextmanager
+def importing_as_here() -> Iterator[None]:
+    """Have a Python that is started in the block import from where this one does."""
+    # An entry that is no text is ignored by import too.
+    path = os.pathsep.join(os.path.abspath(entry) for entry in sys.path if isinstance(entry, str))
+    with _changing_environment:
+        before = {name: os.environ.pop(name, None) for name in ("PYTHONPATH", "PYTHONSAFEPATH")}
+        os.environ.update(PYTHONPATH=path, PYTHONSAFEPATH="1")
+        try:
+            yield
+        finally:
+            for name, value in before.items():
+                del os.environ[name]
+                if value is not None:
+                    os.environ[name] = value

@@ -1,0 +1,53 @@
+"""Do with viser's server what it has no option for: check origins, and replace scripts by name.
+
+viser 1.1 calls websockets' serve() in a thread of its own, without `origins` and with one handler
+for all paths; every script that it is given is kept and run again by later visitors.
+
+Upstream has no issue yet. It would say: "ViserServer should take `origins` for websockets.serve():
+without it any page that a user visits can connect to the server on his machine and command it.
+RunJavascriptMessage should take a key by which a later script replaces an earlier one."
+"""
+
+import contextlib
+from collections.abc import Awaitable, Callable, Iterator
+from typing import Any
+
+import websockets.asyncio.server
+from viser._messages import RunJavascriptMessage
+from websockets.asyncio.server import ServerConnection
+from websockets.typing import Origin
+
+Handler = Callable[[ServerConnection], Awaitable[None]]
+
+
+@contextlib.contextmanager
+def serving(
+    let_in: Callable[[Handler, ServerConnection], Awaitable[None]], origins: tuple[str, ...]
+) -> Iterator[None]:
+    """Have servers that are started in the block check origins, and let_in handle connections.
+
+    A browser lets any page that its user visits connect to a port of his machine, and only tells
+    where the page came from: without the check, a foreign page could watch a run and command it.
+    """
+    # viser's constructor returns when its thread listens: the block lasts long enough.
+    module = websockets.asyncio.server
+    serve, allowed = module.serve, [None, *map(Origin, origins)]
+
+    def checked(handler: Handler, *arguments: Any, **options: Any) -> Any:
+        async def handle(connection: ServerConnection) -> None:
+            await let_in(handler, connection)
+
+        return serve(handle, *arguments, origins=allowed, **options)
+
+    module.serve = checked  # type: ignore[assignment, misc]
+    try:
+        yield
+    finally:
+        module.serve = serve  # type: ignore[misc]
+
+
+def named_script(name: str, source: str) -> RunJavascriptMessage:
+    """JavaScript that replaces the last of its name for visitors to come."""
+    message = RunJavascriptMessage(source)
+    message.redundancy_key = lambda: f"phalanx-{name}"  # type: ignore[method-assign]
+    return message

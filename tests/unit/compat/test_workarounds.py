@@ -1,0 +1,124 @@
+"""Each workaround is needed still: a test that fails here says that one may go."""
+
+import inspect
+import multiprocessing.spawn
+import os
+import re
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import tomllib
+from pathlib import Path
+
+import pytest
+import viser
+import viser.infra
+import zenoh
+from viser._messages import RunJavascriptMessage
+
+from phalanx.compat.forkserver import without_main
+from phalanx.compat.zenoh_linger import close_at_once
+from phalanx.compat.zenoh_threads import keep_thread_state
+from phalanx.wire.endpoints import free_endpoint
+from tests.process.runs import wait_for
+
+ROOT = Path(__file__).parents[3]
+
+
+def opened(**endpoints: str) -> zenoh.Session:
+    """A session that listens or connects there, and looks for nobody else."""
+    config = zenoh.Config()
+    config.insert_json5("mode", '"router"' if "listen" in endpoints else '"client"')
+    config.insert_json5("scouting/multicast/enabled", "false")
+    for verb, endpoint in endpoints.items():
+        config.insert_json5(f"{verb}/endpoints", f'["{endpoint}"]')
+    return zenoh.open(config)
+
+
+def lingering(port: int) -> list[int]:
+    """Seconds for which each of this process's connections at a port lingers; -1: it does not."""
+    found = []
+    for descriptor in map(int, os.listdir("/proc/self/fd")):
+        try:
+            connection = socket.socket(fileno=descriptor)
+        except OSError:
+            continue
+        try:
+            peer = connection.getpeername()
+            if connection.family == socket.AF_INET and connection.getsockname()[1] == port and peer:
+                option = connection.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8)
+                on, seconds = struct.unpack("ii", option)
+                found.append(seconds if on else -1)
+        except OSError:
+            pass
+        finally:
+            connection.detach()
+    return found
+
+
+def test_zenoh_has_the_kernel_linger_for_ten_seconds_unless_it_is_stopped():
+    endpoint = free_endpoint()
+    port = int(endpoint.rpartition(":")[2])
+    with opened(listen=endpoint) as hub, opened(connect=endpoint):
+        wait_for(lambda: lingering(port))
+        assert lingering(port) == [10], "phalanx/compat/zenoh_linger.py may go"
+        close_at_once(hub)
+        wait_for(lambda: lingering(port) == [-1])
+
+
+@pytest.mark.parametrize("kept", [False, True])
+def test_zenoh_throws_a_threads_state_away_after_each_message_unless_it_is_kept(kept: bool):
+    endpoint, own = free_endpoint(), threading.local()
+    counts: list[int] = []
+
+    def on_sample(_: zenoh.Sample) -> None:
+        if kept:
+            keep_thread_state()
+        own.count = getattr(own, "count", 0) + 1
+        counts.append(own.count)
+
+    with opened(listen=endpoint) as hub, opened(connect=endpoint) as peer:
+        hub.declare_subscriber("a", zenoh.handlers.Callback(on_sample, indirect=False))
+        publisher = peer.declare_publisher("a")
+        wait_for(lambda: publisher.matching_status.matching)
+        for n in range(1, 21):
+            publisher.put(b"")
+            wait_for(lambda n=n: len(counts) >= n)
+    assert (max(counts) > 1) == kept, "phalanx/compat/zenoh_threads.py may go"
+
+
+def test_importing_osqp_imports_scipy():
+    code = "import osqp, sys; print('scipy.sparse' in sys.modules)"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout.strip() == "True", "phalanx/compat/osqp_without_scipy.py may go"
+
+
+def test_pythons_are_supported_whose_fork_server_ignores_the_import_path():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    oldest = re.findall(r">=(\d+)\.(\d+)(?:\.(\d+))?", project["requires-python"])
+    assert tuple(int(part or 0) for part in oldest[0]) < (3, 12, 8), "importing_as_here may go"
+
+
+def test_multiprocessing_would_import_the_callers_script():
+    def names_main() -> bool:
+        data = multiprocessing.spawn.get_preparation_data("agent")
+        return any(key.startswith("init_main") for key in data)
+
+    assert names_main(), "without_main may go"
+    with without_main():
+        assert not names_main()
+
+
+def test_viser_takes_no_origins_and_keeps_every_script():
+    servers = viser.ViserServer, viser.infra.WebsockServer
+    parameters = {name for server in servers for name in inspect.signature(server).parameters}
+    assert not any("origin" in name for name in parameters), "serving may go"
+    one, other = RunJavascriptMessage("a"), RunJavascriptMessage("a")
+    assert one.redundancy_key() != other.redundancy_key(), "named_script may go"
+
+
+def test_a_page_that_viser_writes_takes_nothing_but_its_colours():
+    parameters = set(inspect.signature(viser.infra.StateSerializer.as_html).parameters)
+    assert parameters == {"self", "dark_mode"}, "phalanx/compat/viser_player.js may go"
