@@ -90,7 +90,7 @@ MUTANTS = (
            "tests/unit/wire"),
     Mutant("records of another scenario", "phalanx/recording/read.py", "if unfit :=",
            "if unfit := None and",  _TEST_RECORDING),
-    Mutant("frames of another size", "viewer/feeds/expected.py",
+    Mutant("frames of another size", "viewer/feeds/live.py",
            "len(frame.x) != 8 * states or len(frame.agents) != len(members)", "False",
            "tests/unit/hostile/test_frames.py"),
     Mutant("last words", "plant/main.py", "_say(last_words, summary)", "pass",

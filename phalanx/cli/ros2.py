@@ -70,7 +70,7 @@ def ros2(
     from phalanx.wire.keys import VIEWER
     from phalanx.wire.membership import Membership
 
-    topics = pkgutil.resolve_name("phalanx.viewer.ros2.topics")
+    topics = pkgutil.resolve_name("phalanx.viewer.ros2.republisher")
     if not topics.NAMESPACE.fullmatch(namespace):
         raise typer.BadParameter(f"--namespace: expected such as /phalanx, got {namespace!r}")
     configure_logging()

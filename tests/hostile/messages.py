@@ -28,7 +28,7 @@ from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
-from phalanx.viewer.feeds.expected import check_frame
+from phalanx.viewer.feeds.live import check_frame
 from phalanx.viewer.feeds.live_history import LiveHistory
 from phalanx.viewer.scene.model import scene_model
 from phalanx.wire.authority import public_der, read_public

@@ -5,14 +5,15 @@ import queue
 import time
 from typing import Self
 
+import numpy as np
+
 from phalanx.arrays import Array
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Summary, Violation, read_summary
 from phalanx.scenario.load import from_json
 from phalanx.scenario.user_code import code_trusted
-from phalanx.viewer.feeds.expected import check_frame
 from phalanx.viewer.feeds.live_history import LiveHistory
-from phalanx.viewer.scene.model import scene_model
+from phalanx.viewer.scene.model import SceneModel, scene_model
 from phalanx.wire import liveliness, pubsub, queries
 from phalanx.wire.frames import CommandMessage, Frame, LogLine, Setup
 from phalanx.wire.keys import PLANT
@@ -145,3 +146,20 @@ class Live:
 
     def _on_plant(self, _key: str, alive: bool) -> None:
         self.over = not alive
+
+
+def check_frame(frame: Frame, model: SceneModel) -> None:
+    """Raise Malformed unless a frame has the sizes of its run, and finite states."""
+    members, pairs = model.swarm.members, model.swarm.safe_set.pairs
+    states = sum(len(member.dynamics.states) for member in members)
+    if len(frame.x) != 8 * states or len(frame.agents) != len(members):
+        raise Malformed("wrong size")
+    if not np.isfinite(np.frombuffer(frame.x, dtype="<f8")).all():
+        raise Malformed("not finite")
+    for status, member in zip(frame.agents, members, strict=True):
+        # An agent has no input before its first.
+        if not {len(status.u), len(status.u_nom)} <= {0, len(member.dynamics.inputs)}:
+            raise Malformed("wrong size")
+    ends = [end for event in frame.link_events for end in (event.sender, event.receiver)]
+    if any(not 0 <= end < len(members) for end in ends) or not 0 <= frame.pair < len(pairs):
+        raise Malformed("wrong agents")

@@ -5,11 +5,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from phalanx.arrays import Array
+from phalanx.faults.state import Condition
 from phalanx.swarm.units import unit_of_psi
 from phalanx.theory.rows.origin import Origin
 from phalanx.viewer.feeds.feed import Feed
-from phalanx.viewer.feeds.history import EMPTY_CODES, NOBODY_NEAR, AgentSeries
-from phalanx.viewer.plots.content import Content, Curve, Mark, Plot
+from phalanx.viewer.feeds.history import EMPTY_CODES, NOBODY_NEAR, AgentSeries, ConditionChange
+from phalanx.viewer.plots.content import Content, Curve, Mark, Period, Plot
 from phalanx.viewer.plots.curves import (
     Keep,
     Series,
@@ -21,7 +22,6 @@ from phalanx.viewer.plots.curves import (
     points_each,
 )
 from phalanx.viewer.plots.lanes import lanes, zoom
-from phalanx.viewer.plots.periods import empty_periods, fault_periods
 from phalanx.wire.frames import Frame
 
 Safe = tuple[float | None, float | None]
@@ -231,3 +231,27 @@ def _marks(feed: Feed, steps: list[AgentSeries]) -> list[Mark]:
     for t, agent, condition in feed.history.conditions:
         found.append(Mark(t, f"agent {feed.model.names[agent]}: {condition}", "fault"))
     return found + [Mark(line.t, line.text) for line in feed.log]
+
+
+def empty_periods(agent: int, steps: AgentSeries) -> list[Period]:
+    """From the step at which K_i was empty until the next at which it was not."""
+    found = []
+    for kind, value in EMPTY_CODES.items():
+        held = np.concatenate([[False], steps.empty == value, [False]])
+        edges = np.flatnonzero(np.diff(held.astype(int)))
+        last = len(steps.t) - 1
+        for begin, end in edges.reshape(-1, 2).tolist():
+            t, until = steps.t[begin], steps.t[min(end, last)]
+            found.append(Period(agent, kind, float(t), float(until)))
+    return found
+
+
+def fault_periods(changes: list[ConditionChange], end: float) -> list[Period]:
+    """From each change of condition to the agent's next, or to the end [s]."""
+    found = []
+    for k, change in enumerate(changes):
+        later = (c.t for c in changes[k + 1 :] if c.agent == change.agent)
+        if change.condition != Condition.FINE:
+            until = next(later, end)
+            found.append(Period(change.agent, change.condition, change.t, until))
+    return found

@@ -1,6 +1,8 @@
 """A feed's frames, published to ROS 2."""
 
+import re
 import time
+from collections.abc import Sequence
 
 import numpy as np
 from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticArray as Diagnostics
@@ -13,13 +15,14 @@ from phalanx.viewer.ros2 import markers
 from phalanx.viewer.ros2.diagnostics import Head, alike, diagnostics, so_far, verdict
 from phalanx.viewer.ros2.poses import stamped
 from phalanx.viewer.ros2.serialized import message_type, serialized
-from phalanx.viewer.ros2.topics import pose_topics
 from phalanx.viewer.scene.kinematics import Poses
 from phalanx.wire.frames import Frame
 from phalanx.wire.rmw import Node
 
 _ANEW = 1.0
 """How often what did not change is told again, for those who came late [s of wall time]."""
+NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
+"""ROS 2's namespaces, but for the root."""
 
 
 class Republisher:
@@ -78,3 +81,17 @@ class Republisher:
         if again or not alike(self._told, told):
             self._told = told
             self._diagnostics.put(serialized(told))
+
+
+def pose_topics(namespace: str, names: Sequence[str]) -> list[str]:
+    """The topic of each agent's pose, such as "/phalanx/agent_1/pose".
+
+    ROS 2 has no "-" in names and no digit at their beginning, as agents' may have. Raises
+    ValueError if two agents would share a topic.
+    """
+    topics = [f"{namespace}/agent_{name.replace('-', '_')}/pose" for name in names]
+    for name, topic in zip(names, topics, strict=True):
+        other = names[topics.index(topic)]
+        if other != name:
+            raise ValueError(f"agents {other} and {name} would share the topic {topic}")
+    return topics

@@ -6,7 +6,7 @@ import struct
 import msgspec
 import pytest
 
-from phalanx.viewer.feeds.expected import check_frame
+from phalanx.viewer.feeds.live import check_frame
 from phalanx.viewer.scene.model import scene_model
 from phalanx.wire.frames import AgentStatus, LinkEvent
 from phalanx.wire.seal import Malformed

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from phalanx.viewer.scene.fences import panel
+from phalanx.viewer.scene.backdrop import panel
 
 SQUARE = [
     (np.array(normal), 5.0)

@@ -4,10 +4,9 @@ import numpy as np
 
 from phalanx.guarantee.verdict import Violation
 from phalanx.scenario.load import load
-from phalanx.viewer.scene.alarm import alarms, past_alarms
 from phalanx.viewer.scene.banner import banner
 from phalanx.viewer.scene.model import SceneModel, scene_model
-from phalanx.viewer.scene.picture import Picture, picture
+from phalanx.viewer.scene.picture import Picture, alarms, past_alarms, picture
 from phalanx.wire.frames import AgentStatus, Frame
 
 MODEL: SceneModel = scene_model(load("surrounded", []))

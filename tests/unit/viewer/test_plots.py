@@ -9,7 +9,7 @@ from phalanx.viewer.feeds.history import EMPTY_CODES, ConditionChange, agent_ser
 from phalanx.viewer.plots.content import FALSE, Period
 from phalanx.viewer.plots.curves import Series, curve, envelope, farthest, highest, lowest, numbers
 from phalanx.viewer.plots.lanes import lanes, zoom
-from phalanx.viewer.plots.periods import empty_periods, fault_periods
+from phalanx.viewer.plots.plots import empty_periods, fault_periods
 
 T = np.linspace(0.0, 10.0, 5001)
 

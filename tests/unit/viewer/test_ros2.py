@@ -15,8 +15,8 @@ from phalanx.viewer.feeds.replay import Replay
 from phalanx.viewer.ros2 import markers
 from phalanx.viewer.ros2.diagnostics import alike, diagnostics, so_far, verdict
 from phalanx.viewer.ros2.poses import stamped
+from phalanx.viewer.ros2.republisher import pose_topics
 from phalanx.viewer.ros2.serialized import message_type, serialized
-from phalanx.viewer.ros2.topics import pose_topics
 from phalanx.viewer.scene.geometry import facing
 from phalanx.viewer.scene.model import scene_model
 from tests import ros2_messages as ros
