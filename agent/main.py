@@ -10,6 +10,7 @@ from pathlib import Path
 from queue import SimpleQueue
 
 from phalanx.agent.answering import SampleAnswering
+from phalanx.agent.clock import clock_of
 from phalanx.agent.step import Answer, ControlStep, StepFailedError, control_steps
 from phalanx.agent.withheld import WithheldWatch
 from phalanx.profile.stopwatch import Stopwatch
@@ -69,7 +70,7 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
             for sender, error in failed:
                 if isinstance(error, StepFailedError):
                     sender.tell_failure(error)
-                    waits = error.sample.pace is None
+                    waits = clock_of(error.sample).waits
             if not waits:
                 leaving.put("a control step failed")
 
@@ -112,7 +113,7 @@ class _Sender:
     def __init__(self, session: Session, keys: Keys, sealer: Sealer, step: ControlStep) -> None:
         self._sealer = sealer
         # In real time a peer that takes nothing must not hold up its peers.
-        self._broadcasts = {drop: pubsub.Addressed(session, drop) for drop in (False, True)}
+        self._broadcasts = {w: pubsub.Addressed(session, droppable=not w) for w in (False, True)}
         # Declared before the others: the hub has told of its readers when those match.
         self._copies = Copies(session, keys, keys.of(step.name))
         self._inputs = len(step.swarm.members[step.i].dynamics.inputs)
@@ -127,7 +128,7 @@ class _Sender:
 
     def __call__(self, answer: Answer) -> None:
         self._put(self._actuation.put, self._actuation_key, answer.actuation)
-        broadcasts = self._broadcasts[answer.real_time]
+        broadcasts = self._broadcasts[answer.waits]
         for hearer, broadcast in answer.broadcasts.items():
             key = self._broadcast_key(hearer)
             self._put(partial(broadcasts.put, key), key, broadcast)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.agent.centralised import CentralisedController, CentralisedPart
-from phalanx.agent.clock import VirtualClock
+from phalanx.agent.clock import LOCKSTEP, Clock, clock_of
 from phalanx.agent.controller import Controller, StepResult
 from phalanx.agent.distributed import DistributedController
 from phalanx.arrays import Array
@@ -52,7 +52,8 @@ class Answer(NamedTuple):
     broadcasts: Mapping[int, Broadcast]
     """What each peer that hears the agent is told, by index; a liar tells them different things."""
     telemetry: Telemetry
-    real_time: bool = False
+    waits: bool = True
+    """Whether each of these peers is waited for."""
 
 
 class Accepted(NamedTuple):
@@ -96,7 +97,7 @@ class ControlStep:
         self._door = door
         self._next: int | None = None
         """The sample that has to come next; None before the first."""
-        self._clock = VirtualClock()
+        self._clock: Clock = LOCKSTEP
         self._orders: Orders | None = None
         self._latency = swarm.scenario.time.latency
         self._lies = swarm.links.lies(self.name)
@@ -127,20 +128,20 @@ class ControlStep:
             raise Malformed("wrong agents")
         if self.i in sample.hearers or not states.keys() >= set(sample.hearers):
             raise Malformed("wrong agents")
-        first, real_time = self._next is None, sample.pace is not None
+        first, clock = self._next is None, clock_of(sample)
         # In real time some are lost, with the hub that they were on.
         skipped = sample.k - (self._next or 0)
-        if skipped < 0 or (skipped and not first and not real_time):
+        if skipped < 0 or (skipped and not first and clock.waits):
             raise Malformed("out of order")
         if first and sample.k > 0:
             self.inbox.join_at(existing)
         self._next = sample.k + 1
-        self._clock.set(sample.t, sample.pace)
+        self._clock = clock
         return Accepted(sample, self._states.stacked(states), existing)
 
     def lacks_broadcasts(self, accepted: Accepted) -> bool:
         """Whether a broadcast that a sample counts has yet to arrive."""
-        return accepted.sample.pace is None and self.inbox.missing(accepted.existing)
+        return self._clock.lacks(self.inbox, accepted.existing)
 
     def withheld(self, accepted: Accepted) -> StepFailedError:
         """What to say of a sample that counts broadcasts which do not come."""
@@ -211,9 +212,9 @@ class ControlStep:
                 ages=tuple((l, sample.t - received[l].t_apply) for l in used),
                 fates=fates,
                 rejected=self.rejected,
-                received=() if sample.pace is None else _said(received),
+                received=self._clock.reported(received),
             ),
-            real_time=sample.pace is not None,
+            waits=self._clock.waits,
         )
 
     def decide(
@@ -241,10 +242,10 @@ class ControlStep:
 
     def _decide_fates(self, accepted: Accepted) -> tuple[Fate, ...]:
         sample, x, existing = accepted
-        if sample.pace is not None:
-            existing = self.inbox.here(existing)
         fates = self.inbox.advance(
-            existing, sample.t, lambda sender: self._distances.between(x, self.i, sender)
+            self._clock.counted(self.inbox, existing),
+            sample.t,
+            lambda sender: self._distances.between(x, self.i, sender),
         )
         for sender, message in self.inbox.take_corrupt():
             try:
@@ -279,13 +280,6 @@ def control_steps(rows: SafetyRows, name: str, door: Door = _AT_HOME) -> list[Co
         return [ControlStep(rows, rows.swarm.names.index(name), door=door)]
     whole = CentralisedController(rows)
     return [ControlStep(rows, i, CentralisedPart(whole, i), door) for i in rows.swarm.normal]
-
-
-def _said(
-    received: Mapping[int, ReceivedInput],
-) -> tuple[tuple[int, float, tuple[float, ...]], ...]:
-    """Every û_l as a message has it."""
-    return tuple((l, known.t_apply, known.u) for l, known in received.items())
 
 
 def _most_fates(swarm: Swarm) -> int:

@@ -3,15 +3,23 @@
 import contextlib
 import gc
 import logging
+from collections.abc import Mapping
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
 from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
 from phalanx.guarantee.verdict import Summary, exit_status
+from phalanx.plant.clock.clock import ClockFactory
 from phalanx.plant.clock.commands import CommandQueue
+from phalanx.plant.clock.lockstep import Lockstep
+from phalanx.plant.clock.lookahead import look_ahead
+from phalanx.plant.clock.real_time import RealTime
 from phalanx.plant.events.stop import StopRequest
+from phalanx.plant.hub.agents import LockstepHub, RealTimeHub
 from phalanx.plant.hub.hub import Hub
 from phalanx.plant.run import PlantRun
 from phalanx.profile.stopwatch import Stopwatch
@@ -27,6 +35,12 @@ log = logging.getLogger("phalanx.plant")
 
 _GLANCE = 0.2
 """How often a wait looks up to see whether the run was stopped [s]."""
+
+_CLOCKS: Mapping[bool, tuple[type[Hub], ClockFactory[Any]]] = {
+    False: (LockstepHub, partial(Lockstep, synchronization=look_ahead)),
+    True: (RealTimeHub, RealTime),
+}
+"""The hub and the clock of a run, by whether it is one in real time."""
 
 
 def run(
@@ -63,7 +77,7 @@ def run(
         HubError: the endpoint cannot be listened on, or no router is there.
         RecordingError: the recording cannot be begun.
     """
-    stop = StopRequest()
+    stop, (hub_class, clock) = StopRequest(), _CLOCKS[real_time]
     scenario = rows.swarm.scenario
     stopwatch = Stopwatch() if profile else None
     try:
@@ -72,7 +86,7 @@ def run(
         _say(last_words, str(error))
         raise
     try:
-        hub = Hub(rows.swarm, membership, stop.check, at_router, real_time)
+        hub = hub_class(rows.swarm, membership, stop.check, at_router)
     except HubError:
         recording.close()
         (folder / RECORDING).unlink()  # nobody ran: the next attempt is to find no recording
@@ -84,8 +98,7 @@ def run(
         viewers = hub.open_view(commandable=bool(policy.secret))
         if stopwatch:
             hub.time(stopwatch)  # the scribe keeps some of the hub's calls
-        timely = hub if real_time else None
-        plant = PlantRun(rows, hub, recording, commands, viewers, True, timely)
+        plant = PlantRun(rows, hub, recording, commands, clock, viewers)
         if stopwatch:
             plant.time(stopwatch)
 

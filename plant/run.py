@@ -4,13 +4,12 @@ import logging
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from phalanx.faults.state import FaultState
 from phalanx.guarantee.verdict import FaultCount, Outcome, Summary, judge
+from phalanx.plant.clock.clock import ClockFactory
 from phalanx.plant.clock.commands import CommandQueue, declared
-from phalanx.plant.clock.lockstep import Agents, Lockstep
-from phalanx.plant.clock.real_time import RealTime, TimelyAgents
 from phalanx.plant.events.stop import AbandonedError, StoppedError, SwarmBrokenError
 from phalanx.plant.judge.judge import Judge
 from phalanx.plant.sampling.clocks import AgentClock
@@ -30,8 +29,8 @@ from phalanx.wire.messages import Status, Telemetry
 log = logging.getLogger("phalanx.plant")
 
 
-class ReportingAgents(Agents, Protocol):
-    """Agents that also say how they made their inputs, and somebody to tell of progress."""
+class ReportingAgents(Protocol):
+    """Agents that say how they made their inputs, and somebody to tell of progress."""
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:
         """How agent i made its input for sample k."""
@@ -40,29 +39,30 @@ class ReportingAgents(Agents, Protocol):
         """Tell whoever watches how far the run is."""
 
 
+A = TypeVar("A", bound=ReportingAgents)
+
+
 class PlantRun:
     """A run from its first sample to its summary."""
 
     def __init__(
         self,
         rows: SafetyRows,
-        agents: ReportingAgents,
+        agents: A,
         recording: RecordingWriter,
         commands: CommandQueue,
+        clock: ClockFactory[A],
         audience: FrameAudience | None = None,
-        concurrent: bool = False,
-        timely: TimelyAgents | None = None,
     ) -> None:
-        """A run in virtual time, unless timely is given.
+        """Put a run together.
 
         Args:
             rows: of the scenario.
-            agents: whom the run is of.
+            agents: of the run, as its clock needs them.
             recording: of the run.
             commands: to obey.
+            clock: makes its clock.
             audience: is shown frames.
-            concurrent: whether agents compute while the plant goes on.
-            timely: the same agents, for a run in real time.
         """
         swarm = rows.swarm
         self._scenario, self._recording = swarm.scenario, recording
@@ -90,15 +90,7 @@ class PlantRun:
         self._clocks = [AgentClock(swarm, i) for i in range(len(swarm.members))]
         self._harness = Harness(swarm)
         schedule = Schedule(self._clocks, swarm.scenario.time.latency, self._harness)
-        self._clock: Lockstep | RealTime
-        if timely is None:
-            self._clock = Lockstep(
-                rows, self._world, schedule, agents, self._scribe, faults, commands, concurrent
-            )
-        else:
-            self._clock = RealTime(
-                rows, self._world, schedule, timely, self._scribe, faults, commands
-            )
+        self._clock = clock(rows, self._world, schedule, agents, self._scribe, faults, commands)
 
     def time(self, stopwatch: Stopwatch) -> None:
         """Have the stopwatch tell the plant's own phases apart."""

@@ -14,10 +14,13 @@ from multiprocessing.queues import SimpleQueue as Answers
 
 import phalanx
 from phalanx.agent import main as agent
+from phalanx.faults.commands import NO_COMMANDS
 from phalanx.faults.state import FaultState
+from phalanx.plant.clock.commands import CommandQueue
 from phalanx.plant.clock.lockstep import Lockstep
+from phalanx.plant.clock.lookahead import look_ahead
 from phalanx.plant.events.events import Event, InputApplied, StateReached
-from phalanx.plant.hub.hub import Hub
+from phalanx.plant.hub.agents import LockstepHub
 from phalanx.plant.sampling.harness import Harness
 from phalanx.plant.sampling.schedule import Schedule
 from phalanx.plant.scribe.trajectory import TrajectoryHash
@@ -115,9 +118,10 @@ def plant(rows: SafetyRows, membership: Membership, answers: "Answers[tuple[floa
     """World, schedule and hub; the time counts from when everybody has answered once."""
     swarm, keeper = rows.swarm, Keeper()
     clocks = [swarm.clock(i) for i in range(len(swarm.members))]
-    with Hub(swarm, membership, lambda: None) as hub:
+    with LockstepHub(swarm, membership, lambda: None) as hub:
         schedule, faults = Schedule(clocks, 0.0, Harness(swarm)), FaultState(swarm.names)
-        lockstep = Lockstep(rows, World(rows), schedule, hub, keeper, faults, concurrent=True)
+        world, commands = World(rows), CommandQueue(NO_COMMANDS, swarm.names)
+        lockstep = Lockstep(rows, world, schedule, hub, keeper, faults, commands, look_ahead)
         hub.wait_for_agents(lambda _: None)
         lockstep.run(swarm.scenario.duration)
         seconds = (time.perf_counter() - keeper.began) / (keeper.steps - len(clocks))

@@ -26,7 +26,7 @@ def main() -> None:
         try:
             outcomes[put(receiver, payload)] += 1
             if n % 50 == 0:
-                Joining(swarm, real_time=False).on_token(spoilt_token(draw), True)
+                Joining(swarm, may_leave=False).on_token(spoilt_token(draw), True)
         except Exception as error:
             faults += 1
             print(f"{receiver.key}: {type(error).__name__}: {error} ({payload[16:200]!r})")

@@ -63,7 +63,7 @@ MUTANTS = (
            "tests/unit/plant/test_places.py"),
     Mutant("the place of who is there", "plant/hub/joining.py", " and n not in self._here", "",
            "tests/unit/plant/test_joining.py"),
-    Mutant("a sample skipped", _STEP, "skipped and not first and not real_time", "False",
+    Mutant("a sample skipped", _STEP, "skipped and not first and clock.waits", "False",
            _TEST_STEP),
     Mutant("a sample twice", _STEP, "if skipped < 0 or", "if", _TEST_STEP),
     Mutant("states that are no number", _STEP,

@@ -12,6 +12,7 @@ from phalanx.guarantee.verdict import Summary
 from phalanx.launcher import interrupt
 from phalanx.launcher.engine import Progress, RunOptions
 from phalanx.plant.clock.commands import CommandQueue
+from phalanx.plant.clock.lockstep import Lockstep
 from phalanx.plant.events.stop import SwarmBrokenError
 from phalanx.plant.run import PlantRun
 from phalanx.profile.stopwatch import Stopwatch
@@ -41,7 +42,7 @@ def _run(rows: SafetyRows, folder: Path, options: RunOptions) -> Summary:
     with RecordingWriter(folder / RECORDING, rows.swarm.scenario, folder.name) as recording:
         agents = DirectAgents(rows, options.progress)
         commands = CommandQueue(options.commands, rows.swarm.names)
-        plant = PlantRun(rows, agents, recording, commands)
+        plant = PlantRun(rows, agents, recording, commands, Lockstep)
         stopwatch = Stopwatch()
         if options.profile:
             plant.time(stopwatch)

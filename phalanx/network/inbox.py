@@ -78,10 +78,10 @@ class BroadcastInbox:
             incoming.skip_to(latest)
         self._in_sight = existing.keys()
 
-    def put(self, sender: int, message: SentInput, at: float | None = None) -> bool:
+    def put(self, sender: int, message: SentInput, at: float = -math.inf) -> bool:
         """Keep a broadcast. False if it is from the past or already here: a replay.
 
-        at: when it came [s of virtual time], in real time.
+        at: when it came [s of virtual time]; in lockstep before all that counts.
         """
         return self._incoming[sender].put(message, at)
 
@@ -155,7 +155,7 @@ class BroadcastInbox:
             # It is sent when the input takes effect, and delays count from then; in real time
             # they come on top of what it took to be here.
             begins = message.t_apply
-            sent = begins if at is None else max(begins, min(at, t))
+            sent = max(begins, min(at, t))
             passage = link.fate(k, sent, apart)
             after = math.inf
             for copy in passage.copies:

@@ -23,13 +23,13 @@ class Incoming:
         """The first broadcast that counts; None while the sender is out of sight."""
         self.decided = -1
         """The last one whose fate is decided."""
-        self.arrived: dict[int, tuple[SentInput, float | None]] = {}
-        """By number those that are here and not decided, and in real time when each came [s]."""
+        self.arrived: dict[int, tuple[SentInput, float]] = {}
+        """By number those that are here and not decided, and when each came [s]."""
         self.in_flight: list[tuple[float, SentInput]] = []
         """Copies not landed, each with when it arrives [s]."""
         self._newest = -1
 
-    def put(self, message: SentInput, at: float | None) -> bool:
+    def put(self, message: SentInput, at: float) -> bool:
         """Keep a broadcast. False if it is from the past or already here."""
         k = message.k
         if k <= self.decided or k in self.arrived:

@@ -7,17 +7,16 @@ long as these cannot change them; what happened is told in order, once it is kno
 """
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from phalanx.faults.commands import NO_COMMANDS
 from phalanx.faults.state import FaultState
 from phalanx.plant.clock.backlog import Backlog, Witness
 from phalanx.plant.clock.commands import CommandQueue
-from phalanx.plant.clock.lookahead import Lookahead
+from phalanx.plant.clock.synchronization import Sequential, Synchronization
 from phalanx.plant.events.events import (
     CommandObeyed,
     InputApplied,
@@ -31,11 +30,8 @@ from phalanx.plant.sampling.sampling import Processes, Sampling, Taken
 from phalanx.plant.sampling.schedule import Schedule
 from phalanx.plant.world.world import World
 from phalanx.swarm.rows import SafetyRows
+from phalanx.swarm.swarm import Swarm
 from phalanx.wire.messages import Actuation, Sample
-
-_AT_ONCE = 8
-"""How many answers may be awaited at once before the plant waits for the oldest: enough for the
-cores of a host, and few to work out anew when they come."""
 
 
 class Agents(Processes, Protocol):
@@ -94,22 +90,17 @@ class Lockstep:
         agents: Agents,
         scribe: Witness,
         faults: FaultState,
-        commands: CommandQueue | None = None,
-        concurrent: bool = False,
+        commands: CommandQueue,
+        synchronization: Callable[[Swarm, World], Synchronization] = Sequential,
     ) -> None:
-        """concurrent: whether agents compute while the plant goes on."""
+        """synchronization: decides whose answers are waited for."""
         swarm = rows.swarm
         self.world = world
         self._schedule, self._agents = schedule, agents
         self._sampling = Sampling(swarm, schedule, faults)
         self.sensors = self._sampling.sensors
-        self._commands = commands or CommandQueue(NO_COMMANDS, ())
-        adverse = any(group.disturbance.kind == "adverse" for group in swarm.groups)
-        # A sample that sees everybody waits for everybody: to look ahead pays where most do not.
-        limited = 2 * np.isfinite(self._sampling.sensing.radii).sum() > len(swarm.members)
-        self._ahead: Lookahead | None = None
-        if concurrent and swarm.scenario.time.lookahead and limited and not adverse:
-            self._ahead = Lookahead(swarm, world.integration, self._sampling.sensing.radii)
+        self._commands = commands
+        self._synchronization = synchronization(swarm, world)
         self._now = 0.0
         """How far samples were handed out [s]; the world may be behind."""
         self._newest: dict[int, _Awaited] = {}
@@ -142,12 +133,12 @@ class Lockstep:
 
     def _event_at(self, t: float) -> None:
         commands = self._commands.take(self._now, t, self._catch_up)
-        if commands or self._ahead is None:
+        if commands or self._synchronization.sequential:
             self._settle()
         self._now = t
         obeyed = [self._sampling.obey(c, self.world.x, self._agents) for c in commands]
         handed_out = self._sample(t)
-        unknown = self._ahead.open if self._ahead else []
+        unknown = self._synchronization.open
         self._moments.append(_Moment(t, obeyed, handed_out, unknown, deque(self._due(t))))
         # The agents compute now: writing down costs no time while it takes less than they do.
         self._go_on()
@@ -165,14 +156,11 @@ class Lockstep:
 
     def _advance(self, t: float, due: list[int]) -> None:
         """Integrate to t [s], until at least is known what those due can see."""
-        ahead = self._ahead
-        if ahead is None:
-            self.world.advance(t)
-            return
-        ahead.advance(t)
-        while wanted := ahead.in_question(due) or ahead.open[:-_AT_ONCE]:
+        synchronization = self._synchronization
+        synchronization.advance(t)
+        while wanted := synchronization.in_question(due):
             self._go_on()
-            if wanted[0] in ahead.open:
+            if wanted[0] in synchronization.open:
                 awaited = self._newest[wanted[0]]
                 self._answers[awaited] = self._known(
                     awaited, self._agents.await_actuation(awaited.i)
@@ -182,8 +170,7 @@ class Lockstep:
         """The inputs that take effect at t [s]."""
         for i in self._schedule.applying_at(t):
             self._schedule.applied(i)
-            if self._ahead is not None:
-                self._ahead.begin_awaiting(i)
+            self._synchronization.begin_awaiting(i)
             yield self._newest[i]
 
     def _settle(self) -> None:
@@ -223,18 +210,13 @@ class Lockstep:
             if lost:
                 self._happened.add(InputLost(i, k, sampled, moment.t, message.u))
             else:
-                if self._ahead is None:
-                    self.world.apply(i, np.array(message.u))
                 self._happened.add(InputApplied(i, k, sampled, moment.t, message.u))
         self._happened.add(InstantOver(moment.t))
         self._moments.popleft()
         return True
 
     def _reach(self, t: float) -> None:
-        if self._ahead is None:
-            self.world.advance(t)
-        else:
-            self.world.follow(self._ahead.take_way(t))
+        self._synchronization.reach(t)
         self._happened.add(StateReached(t, self.world.x, self.world.take_way()))
 
     def _require_truth(self, moment: _Moment) -> None:
@@ -255,6 +237,5 @@ class Lockstep:
         return None if message is None else self._known(awaited, message)
 
     def _known(self, awaited: _Awaited, message: Actuation) -> Actuation:
-        if self._ahead is not None:
-            self._ahead.end_awaiting(awaited.i, None if awaited.lost else np.array(message.u))
+        self._synchronization.end_awaiting(awaited.i, None if awaited.lost else np.array(message.u))
         return message

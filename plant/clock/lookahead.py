@@ -14,12 +14,20 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.plant.world.integration import Integration, Passage, Piece
+from phalanx.plant.clock.synchronization import Sequential, Synchronization
+from phalanx.plant.sampling.sensing import sensing_radii
+from phalanx.plant.world.integration import Passage, Piece
+from phalanx.plant.world.world import World
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.models.dynamics import Bounded, travelled
 
 _SLACK = 1e-6
 """More than integration and rounding can be off [m]."""
+
+
+_AT_ONCE = 8
+"""How many answers may be awaited at once before the plant waits for the oldest: enough for the
+cores of a host, and few to work out anew when they come."""
 
 
 class _Open(NamedTuple):
@@ -40,15 +48,17 @@ class _Open(NamedTuple):
 class Lookahead:
     """The world's integration, ahead of the world: NaN where the state is not known."""
 
-    def __init__(self, swarm: Swarm, integration: Integration, radii: Array) -> None:
+    sequential = False
+
+    def __init__(self, swarm: Swarm, world: World, radii: Array) -> None:
         """Go ahead with the integration of a world that follows.
 
         Args:
             swarm: of the scenario. No disturbance may depend on the state.
-            integration: at x(0).
+            world: at x(0).
             radii: how far each agent sees [m].
         """
-        self._integration, self._radii = integration, radii
+        self._world, self._integration, self._radii = world, world.integration, radii
         self._parts = swarm.safe_set.parts
         dynamics = [m.dynamics for m in swarm.members]
         self._bounded = [each if isinstance(each, Bounded) else None for each in dynamics]
@@ -94,9 +104,12 @@ class Lookahead:
         """Go on to `until` [s]."""
         self._way.extend(self._integration.to(until))
 
-    def take_way(self, until: float) -> Iterator[Piece]:
-        """The way on to `until` [s]; no input that takes effect before may still be awaited."""
+    def reach(self, until: float) -> None:
+        """Let the world follow to `until` [s]: no input that takes effect before is awaited."""
         self.advance(until)
+        self._world.follow(self._take_way(until))
+
+    def _take_way(self, until: float) -> Iterator[Piece]:
         while self._way and self._way[0].t < until:
             self._gone += 1
             yield self._way.popleft()
@@ -104,11 +117,11 @@ class Lookahead:
     def in_question(self, who: Sequence[int]) -> list[int]:
         """Whose inputs have to be known before those in `who` can be told what they see.
 
-        Where that is one of them itself, others may be in question once it is known.
+        Where that is one of them itself, others may be in question once it is known. Of too many
+        that are awaited the oldest are in question for all.
         """
-        if not self._open:
-            return []
-        return [i for i in self._open if any(self._may_see(j, i) for j in who)]
+        seen = [i for i in self._open if any(self._may_see(j, i) for j in who)]
+        return seen or self.open[:-_AT_ONCE]
 
     def _may_see(self, j: int, i: int) -> bool:
         if j in self._open:
@@ -118,3 +131,16 @@ class Lookahead:
             return True
         farthest = travelled(dynamics, begun.x, now.t - begun.t, self._bounds[i])
         return not math.dist(now.p[j], begun.p) > self._radii[j] + farthest + _SLACK
+
+
+def look_ahead(swarm: Swarm, world: World) -> Synchronization:
+    """Lookahead for agents that compute while the plant goes on; sequential where it cannot pay.
+
+    A sample that sees everybody waits for everybody: it pays where most do not.
+    """
+    radii = sensing_radii(swarm)
+    limited = 2 * np.isfinite(radii).sum() > len(radii)
+    adverse = any(group.disturbance.kind == "adverse" for group in swarm.groups)
+    if swarm.scenario.time.lookahead and limited and not adverse:
+        return Lookahead(swarm, world, radii)
+    return Sequential(swarm, world)

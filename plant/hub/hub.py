@@ -4,8 +4,9 @@ import contextlib
 import logging
 import queue
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Self, TypeVar
+from typing import ClassVar, Self, TypeVar
 
 import msgspec
 
@@ -32,14 +33,17 @@ log = logging.getLogger("phalanx.plant")
 
 _AWAY = 4.0
 """How long an agent may lose the hub before the run begins [s]."""
-_POLL = 0.2
+POLL = 0.2
 """How often a wait looks up to see whether the run was stopped [s]."""
 
 T = TypeVar("T")
 
 
-class Hub:
+class Hub(ABC):
     """Samples to agents and answers from them, each checked against what may come next."""
+
+    may_leave: ClassVar[bool]
+    """Whether agents that joined may go, and come back."""
 
     def __init__(
         self,
@@ -47,7 +51,6 @@ class Hub:
         membership: Membership,
         check_stop: Callable[[], None],
         at_router: bool = False,
-        real_time: bool = False,
     ) -> None:
         """Listen on the membership's endpoint, or meet the others at the router that does.
 
@@ -56,10 +59,10 @@ class Hub:
         self.refusals = Refusals(log)
         """Payloads dropped."""
         self._timeout = swarm.scenario.time.timeout
-        self._check_stop, self._real_time = check_stop, real_time
+        self._check_stop = check_stop
         self._keys, self._sealer = membership.keys, membership.sealer
         self._names, self._scenario = swarm.names, swarm.scenario
-        self._joining, self._answers = Joining(swarm, real_time), Answers(swarm)
+        self._joining, self._answers = Joining(swarm, self.may_leave), Answers(swarm)
         programs = swarm.programs.values()
         self._alone = {swarm.names.index(who[0]) for who in programs if len(who) == 1}
         """The agents that have a process of their own."""
@@ -106,10 +109,9 @@ class Hub:
         self._session.close()  # type: ignore[no-untyped-call]
 
     def time(self, stopwatch: Stopwatch) -> None:
-        """Have the stopwatch tell sending, opening answers, and waiting for them apart."""
+        """Have the stopwatch tell sending, opening answers, and waiting for reports apart."""
         stopwatch.time(self, "send_sample", "send")
         stopwatch.time(self, "_on_message", "receive")
-        stopwatch.time(self, "await_actuation", "wait")
         stopwatch.time(self, "await_telemetry", "wait")
 
     def wait_for_agents(self, waiting_for: Callable[[tuple[str, ...]], None]) -> None:
@@ -143,12 +145,7 @@ class Hub:
         self._put_sample(i, sample)
 
     def pause(self, i: int, t: float) -> None:
-        """Ask for agent i's process to be stopped, once it has said all that it had to say.
-
-        In real time at once. One that decides for others too goes on. Raises SwarmBrokenError as
-        await_actuation.
-        """
-        self._await_report(i)
+        """Ask for agent i's process to be stopped; one that decides for others too goes on."""
         if i in self._alone:
             self._stopped.add(self._names[i])
             self.publish_status(msgspec.structs.replace(self._told, t=t))
@@ -159,12 +156,7 @@ class Hub:
         self.publish_status(msgspec.structs.replace(self._told, t=t))
 
     def kill(self, i: int, order: Sample) -> None:
-        """Have agent i's process die of this order, once it has said all that it had to say.
-
-        In real time at once. One that decides for others too lives on. Raises SwarmBrokenError as
-        await_actuation.
-        """
-        self._await_report(i)
+        """Have agent i's process die of this order; one that decides for others too lives on."""
         if self._names[i] in self._stopped:
             self.resume(i, order.t)
         if i in self._alone:
@@ -172,64 +164,17 @@ class Hub:
             self._put_sample(i, order)
 
     def restart(self, i: int, t: float) -> None:
-        """Ask for another process in the dead agent i's place at t [s], and wait until it is there.
-
-        In real time nobody waits. Raises SwarmBrokenError: it does not come, or runs another
-        scenario.
-        """
-        if i not in self._alone:
-            return
-        name, deadline = self._names[i], time.monotonic() + self._timeout
-        wanted = Status(t=t, waiting_for=(name,), restart=True)
-        self._joining.invite(name)
-        if self._real_time:
-            self.publish_status(wanted)
-            return
-        while self._joining.has(name):
-            self._take_event(deadline, f"agent {name} did not die")
-        while not self._joining.has(name):
-            self.publish_status(wanted)
-            self._take_event(deadline, f"agent {name} did not join again")
-        pubsub.wait_for_listener(self._samples[i], self._timeout)
-
-    def await_actuation(self, i: int) -> Actuation:
-        """What agent i's actuator gets for its last sample.
-
-        Raises:
-            SwarmBrokenError: the agent died, or does not answer in time.
-        """
-        return self._await(i, lambda: self._answers.take_actuation(i), "did not answer")
-
-    def take_actuation(self, i: int) -> Actuation | None:
-        """The same, if it has come. Raises SwarmBrokenError if an agent died."""
-        # Those that are there now: more may come faster than they are handled.
-        for _ in range(self._arrivals.waiting):
-            self._handle(*self._arrivals.get(timeout=0.0))
-        return self._answers.take_actuation(i)
-
-    def take_reported(self, i: int) -> Actuation | None:
-        """Agent i's input, if it has come, and its report too."""
-        return self._answers.take_reported(i)
-
-    def take_changes(self) -> list[tuple[int, bool]]:
-        """Who is not to be reached any more, and who is back, since last asked: (i, is back)."""
-        return self._joining.take_changes()
-
-    @property
-    def waiting(self) -> int:
-        """How much has come that was not handled yet."""
-        return self._arrivals.waiting
-
-    def listen(self, seconds: float) -> None:
-        """Handle what comes, for so long [s of wall time], or until something has come."""
-        self._check_stop()
-        with contextlib.suppress(queue.Empty):
-            self._handle(*self._arrivals.get(timeout=min(max(seconds, 0.0), _POLL)))
-            for _ in range(self._arrivals.waiting):
-                self._handle(*self._arrivals.get(timeout=0.0))
+        """Ask for another process in the dead agent i's place at t [s]."""
+        if i in self._alone:
+            self._joining.invite(self._names[i])
+            wanted = (self._names[i],)
+            self.publish_status(Status(t=t, waiting_for=wanted, restart=True))
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:
-        """How agent i made its input for sample k. Raises SwarmBrokenError as await_actuation."""
+        """How agent i made its input for sample k.
+
+        Raises SwarmBrokenError: the agent died, or does not report in time.
+        """
         return self._await(i, lambda: self._answers.take_telemetry(i, k), "did not report on")
 
     def open_view(self, commandable: bool) -> "Viewers":
@@ -261,10 +206,6 @@ class Hub:
     def _put(self, publisher: pubsub.Publisher, message: Message) -> None:
         publisher.put(self._sealer.seal(str(publisher.key_expr), message))
 
-    def _await_report(self, i: int) -> None:
-        if not self._real_time:
-            self._await(i, lambda: self._answers.complete(i) or None, "did not report on")
-
     def _await(self, i: int, take: Callable[[], T | None], failed_to: str) -> T:
         deadline = time.monotonic() + self._timeout
         while (found := take()) is None:
@@ -280,7 +221,12 @@ class Hub:
             hint = "see its log, or raise time.timeout"
             raise SwarmBrokenError(f"{complaint} within {self._timeout:g} s{because}: {hint}")
         with contextlib.suppress(queue.Empty):
-            self._handle(*self._arrivals.get(timeout=_POLL))
+            self._handle(*self._arrivals.get(timeout=POLL))
+
+    def _handle_arrived(self) -> None:
+        # Those that are there now: more may come faster than they are handled.
+        for _ in range(self._arrivals.waiting):
+            self._handle(*self._arrivals.get(timeout=0.0))
 
     def _handle(self, key: str, content: bytes | bool) -> None:
         if isinstance(content, bool):
@@ -305,9 +251,12 @@ class Hub:
             self._answers.on_actuation(i, answer)
             return
         self._answers.on_telemetry(i, answer)
-        # In real time the run goes on without the agent.
-        if answer.failed and not self._real_time:
-            raise SwarmBrokenError(_as_said_by(self._names[i], answer.failed))
+        if answer.failed:
+            self._on_failure(i, _as_said_by(self._names[i], answer.failed))
+
+    @abstractmethod
+    def _on_failure(self, i: int, words: str) -> None:
+        """Agent i says, in these words, that it answers no more."""
 
 
 def _as_said_by(name: str, failure: str) -> str:

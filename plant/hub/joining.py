@@ -9,11 +9,11 @@ from phalanx.wire.keys import kind_and_name
 class Joining:
     """The agents of one run, as their tokens come and go."""
 
-    def __init__(self, swarm: Swarm, real_time: bool) -> None:
-        """real_time: whether agents that joined may go, and come back."""
+    def __init__(self, swarm: Swarm, may_leave: bool) -> None:
+        """may_leave: whether agents that joined may go, and come back."""
         self.digest = swarm.digest
         """Of the scenario; an agent that runs another one cannot take part."""
-        self._names, self._real_time = swarm.names, real_time
+        self._names, self._may_leave = swarm.names, may_leave
         self._joined: set[str] = set()
         self._dismissed: set[str] = set()
         self._here: set[str] = set()
@@ -28,7 +28,7 @@ class Joining:
     def begin(self) -> None:
         """All are there: from now on nobody may go. Before, one may lose the hub and come back."""
         self._begun = True
-        if not self._real_time:
+        if not self._may_leave:
             self._awaited.clear()
 
     def gone_for(self, seconds: float) -> list[str]:
@@ -58,7 +58,7 @@ class Joining:
         return tuple(n for n in self._names if n in self._awaited and n not in self._here)
 
     def take_changes(self) -> list[tuple[int, bool]]:
-        """Who went, in real time, and who came back, since this was last called: (i, is back)."""
+        """Who went, and who came back, since this was last called: (i, is back)."""
         taken, self._changes = self._changes, []
         return taken
 
@@ -69,7 +69,7 @@ class Joining:
             return None
         if found == self.digest:
             (self._here.add if alive else self._here.discard)(name)
-        if name in self._joined and self._real_time:
+        if name in self._joined and self._may_leave:
             self._changes += [(self._names.index(name), alive)] if found == self.digest else []
             return None
         if name in self._joined:

@@ -31,10 +31,8 @@ class Sensing:
 
     def __init__(self, swarm: Swarm) -> None:
         members = range(len(swarm.members))
-        radii = [swarm.sensing(i) for i in members]
-        self.radii = np.array([np.inf if r is None else r for r in radii])
-        """Each agent's radius [m]; infinite where it sees everything."""
-        self._reach = self.radii * self.radii
+        radii = sensing_radii(swarm)
+        self._reach = radii * radii
         self._everybody = tuple(members)
         heard = [frozenset(swarm.heard_by(i)) for i in members]
         self._listeners = [tuple(i for i in members if j in heard[i]) for j in members]
@@ -57,6 +55,12 @@ class Sensing:
         mutual = seen[apart[seen] <= self._reach[seen]].tolist()
         listeners = self._listening[i]
         return Sight(tuple(seen.tolist()), tuple(l for l in mutual if l in listeners))
+
+
+def sensing_radii(swarm: Swarm) -> Array:
+    """Each agent's radius [m], shape (N,); infinite where it sees everything."""
+    radii = [swarm.sensing(i) for i in range(len(swarm.members))]
+    return np.array([np.inf if r is None else r for r in radii])
 
 
 def _squared(apart: Array) -> Array:

@@ -18,7 +18,7 @@ import zenoh
 from phalanx.faults.commands import CommandKind
 from phalanx.network.inbox import Fate
 from phalanx.plant.events.stop import SwarmBrokenError
-from phalanx.plant.hub.hub import Hub
+from phalanx.plant.hub.agents import LockstepHub
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
@@ -179,7 +179,7 @@ def test_a_flood_of_rubbish_does_not_hold_off_the_end_of_a_wait():
     swarm = build_swarm(load("unicycles", ["time.timeout=1.0"]))
     endpoint, over = free_endpoint(), threading.Event()
     with (
-        Hub(swarm, Membership(RUN, endpoint, SECRET), lambda: None) as hub,
+        LockstepHub(swarm, Membership(RUN, endpoint, SECRET), lambda: None) as hub,
         open_client(endpoint, 20, ITSELF) as session,
     ):
         flood = threading.Thread(target=put_until, args=(session, over), daemon=True)

@@ -20,6 +20,7 @@ from phalanx.guarantee.checker.certify import certify
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.in_process_engine import DirectAgents
 from phalanx.plant.clock.commands import CommandQueue
+from phalanx.plant.clock.lockstep import Lockstep
 from phalanx.plant.run import PlantRun
 from phalanx.plant.world.actuators import Actuators
 from phalanx.recording.read import read
@@ -180,6 +181,7 @@ def judged(table, tmp_path, inputs: Inputs = as_answered, kind=Hijacked):
             agents(rows, lambda status: None),
             recording,
             CommandQueue(NO_COMMANDS, rows.swarm.names),
+            Lockstep,
         )
         summary = plant.run()
         recording.finish(summary)

@@ -33,6 +33,6 @@ def test_what_is_not_is_dropped_and_nothing_else_happens(receiver: Receiver, see
 @given(seed=st.integers(0, 2**32))
 @settings(max_examples=100, deadline=None, derandomize=True)
 def test_a_token_under_any_key_is_read(seed: int):
-    joining = Joining(swarm_of_scenario("unicycles"), real_time=False)
+    joining = Joining(swarm_of_scenario("unicycles"), may_leave=False)
     said = joining.on_token(spoilt_token(random.Random(seed)), True)
     assert said is None or "agent 1 runs another scenario" in said

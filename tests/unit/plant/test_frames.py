@@ -9,6 +9,7 @@ from phalanx.launcher.engine import silent
 from phalanx.launcher.in_process_engine import DirectAgents
 from phalanx.plant.clock import backlog
 from phalanx.plant.clock.commands import CommandQueue
+from phalanx.plant.clock.lockstep import Lockstep
 from phalanx.plant.run import PlantRun
 from phalanx.plant.scribe import frames
 from phalanx.recording.write import RecordingWriter
@@ -57,7 +58,7 @@ def test_a_frame_shows_what_a_replay_does_at_its_time(
     audience = Audience()
     with RecordingWriter(tmp_path / "recording.mcap", rows.swarm.scenario, "run") as recording:
         agents = agents_of(rows, silent)
-        summary = PlantRun(rows, agents, recording, commands, audience).run()
+        summary = PlantRun(rows, agents, recording, commands, Lockstep, audience).run()
         recording.finish(summary)
     replay = open_replay(tmp_path)
     assert len(audience.frames) > 100

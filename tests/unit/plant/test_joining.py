@@ -11,7 +11,7 @@ KEYS = Keys("run")
 
 @pytest.fixture
 def joining() -> Joining:
-    return Joining(swarm_of_scenario("unicycles"), real_time=False)
+    return Joining(swarm_of_scenario("unicycles"), may_leave=False)
 
 
 def test_an_agent_of_another_scenario_does_not_join(joining: Joining):
@@ -57,8 +57,8 @@ def test_the_places_of_who_has_not_come_are_vacant_until_all_are_there(joining: 
 
 
 def test_a_dead_agents_place_is_vacant_once_another_is_asked_for():
-    for real_time in (False, True):
-        joining = Joining(swarm_of_scenario("unicycles"), real_time)
+    for may_leave in (False, True):
+        joining = Joining(swarm_of_scenario("unicycles"), may_leave)
         for name in "12345":
             joining.on_token(KEYS.alive(name, joining.digest), True)
         joining.begin()
@@ -71,9 +71,9 @@ def test_a_dead_agents_place_is_vacant_once_another_is_asked_for():
         assert joining.vacant() == ()
 
 
-@pytest.mark.parametrize(("real_time", "vacant"), [(True, ("4",)), (False, ())])
-def test_only_in_real_time_may_another_come_for_who_was_lost(real_time: bool, vacant):
-    joining = Joining(swarm_of_scenario("unicycles"), real_time)
+@pytest.mark.parametrize(("may_leave", "vacant"), [(True, ("4",)), (False, ())])
+def test_only_where_agents_may_leave_may_another_come_for_who_was_lost(may_leave: bool, vacant):
+    joining = Joining(swarm_of_scenario("unicycles"), may_leave)
     for name in "12345":
         joining.on_token(KEYS.alive(name, joining.digest), True)
     joining.begin()

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -12,6 +13,7 @@ from phalanx.faults.state import FaultState
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.plant.clock.commands import CommandQueue
 from phalanx.plant.clock.lockstep import Lockstep
+from phalanx.plant.clock.lookahead import look_ahead
 from phalanx.plant.events.events import Event
 from phalanx.plant.events.stop import SwarmBrokenError
 from phalanx.plant.run import PlantRun
@@ -97,7 +99,7 @@ def test_the_input_before_a_breakdown_is_judged_and_recorded(
     agents, file = Coasting(), tmp_path / "runaway.mcap"
     with RecordingWriter(file, scenario, "runaway") as recording:
         rows, commands = build_rows(build_swarm(scenario)), CommandQueue(NO_COMMANDS, ("1",))
-        summary = PlantRun(rows, agents, recording, commands).run()
+        summary = PlantRun(rows, agents, recording, commands, Lockstep).run()
         recording.finish(summary)
     assert summary.outcome is Outcome.BROKEN
     assert agents.asked > 1
@@ -114,7 +116,7 @@ def test_an_agent_thawed_while_its_input_is_on_its_way_samples_after_that_took_e
     schedule = (Command(0.101, CommandKind.FREEZE, name), Command(0.102, CommandKind.THAW, name))
     with RecordingWriter(tmp_path / "thaw.mcap", swarm.scenario, "thaw") as recording:
         commands = CommandQueue(CommandPolicy(schedule=schedule), swarm.names)
-        summary = PlantRun(rows, agents, recording, commands).run()
+        summary = PlantRun(rows, agents, recording, commands, Lockstep).run()
     assert summary.outcome is not Outcome.BROKEN
     assert summary.steps == agents.asked
 
@@ -137,7 +139,7 @@ def test_a_report_that_never_comes_is_why_the_run_broke_and_shifts_no_other_cert
         file = tmp_path / f"{type(agents).__name__}.mcap"
         with RecordingWriter(file, rows.swarm.scenario, "run") as recording:
             commands = CommandQueue(NO_COMMANDS, rows.swarm.names)
-            summary = PlantRun(rows, agents, recording, commands).run()
+            summary = PlantRun(rows, agents, recording, commands, Lockstep).run()
             recording.finish(summary)
         reasons.append(summary.reason)
         certified.append({(step.agent, step.k): step.certified for step in read(file).steps})
@@ -146,6 +148,9 @@ def test_a_report_that_never_comes_is_why_the_run_broke_and_shifts_no_other_cert
     assert ("1", 3) in whole.keys() - broken.keys()
     assert len(broken) > 12
     assert broken.items() <= whole.items()
+
+
+CONCURRENT = partial(Lockstep, synchronization=look_ahead)
 
 
 class Slow(Coasting):
@@ -167,13 +172,13 @@ class Slow(Coasting):
         return msgspec.structs.replace(super().await_actuation(i), u=self._wanted)
 
 
-def run_of(agents: Slow, folder: Path, *overrides: str, concurrent: bool = True) -> Summary:
+def run_of(agents: Slow, folder: Path, *overrides: str) -> Summary:
     rows = rows_of_scenario("unicycles", "duration=0.3", *overrides)
     commands = CommandQueue(NO_COMMANDS, rows.swarm.names)
     with RecordingWriter(
         folder / f"{len(overrides)}.mcap", rows.swarm.scenario, "run"
     ) as recording:
-        return PlantRun(rows, agents, recording, commands, concurrent=concurrent).run()
+        return PlantRun(rows, agents, recording, commands, CONCURRENT).run()
 
 
 def test_agents_out_of_each_others_sight_compute_at_once_and_the_trajectory_is_the_same(

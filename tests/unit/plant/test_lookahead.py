@@ -17,7 +17,7 @@ def both(radius: float = 2.0, *overrides: str) -> tuple[World, World, Lookahead]
     """A world that knows every input at once, and another, which a lookahead goes ahead of."""
     rows = rows_of_scenario("unicycles", *overrides)
     behind = World(rows)
-    return World(rows), behind, Lookahead(rows.swarm, behind.integration, np.full(5, radius))
+    return World(rows), behind, Lookahead(rows.swarm, behind, np.full(5, radius))
 
 
 @given(seed=st.integers(0, 2**32 - 1))
@@ -47,7 +47,7 @@ def test_whoever_has_answered_is_where_the_world_will_have_it_however_late_the_a
                 late.append((event + int(rng.integers(1, 4)), i, u))
     for _, i, u in late:
         ahead.end_awaiting(i, u)
-    behind.follow(ahead.take_way(EVENTS[-1]))
+    ahead.reach(EVENTS[-1])
     assert (behind.t, behind.x.tobytes()) == (world.t, world.x.tobytes())
     for piece, expected in zip(behind.take_way(), world.take_way(), strict=True):
         assert [np.array(part).tobytes() for part in piece] == [
@@ -61,12 +61,12 @@ def test_the_world_follows_up_to_the_oldest_input_that_is_awaited():
     ahead.begin_awaiting(4)
     ahead.advance(0.03)
     world.advance(0.01)
-    behind.follow(ahead.take_way(0.01))
+    ahead.reach(0.01)
     assert (behind.t, behind.x.tobytes()) == (0.01, world.x.tobytes())
     ahead.end_awaiting(4, np.array([1.0, 0.5]))
     world.apply(4, np.array([1.0, 0.5]))
     world.advance(0.03)
-    behind.follow(ahead.take_way(0.03))
+    ahead.reach(0.03)
     assert behind.x.tobytes() == world.x.tobytes()
 
 

@@ -10,6 +10,7 @@ from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.guarantee.checker.certify import certify
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.plant.clock.commands import CommandQueue
+from phalanx.plant.clock.real_time import RealTime
 from phalanx.plant.run import PlantRun
 from phalanx.recording.read import Recording, read
 from phalanx.recording.write import RecordingWriter
@@ -60,12 +61,6 @@ class OnTheWall:
         rest = (0.0, 0.0)
         return Telemetry(k=k, origin=Origin.QP, residual=0.0, u_nom=rest, solve_time=0.0, ages=())
 
-    def await_actuation(self, i: int) -> Actuation:
-        raise AssertionError("in real time nobody waits")
-
-    def take_actuation(self, i: int) -> Actuation | None:
-        raise AssertionError("in real time an input counts with its report")
-
     def publish_status(self, message: Status) -> None: ...
 
     def pause(self, i: int, t: float) -> None:
@@ -85,7 +80,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         rows = rows_of_scenario("one-on-one", *overrides)
         queue = CommandQueue(CommandPolicy(commands, speed=factor), rows.swarm.names)
         with RecordingWriter(tmp_path / "run.mcap", rows.swarm.scenario, "run") as recording:
-            plant = PlantRun(rows, agents, recording, queue, timely=agents)
+            plant = PlantRun(rows, agents, recording, queue, RealTime)
             summary = plant.run()
             recording.finish(summary)
         return summary, read(tmp_path / "run.mcap")
