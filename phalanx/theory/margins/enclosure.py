@@ -86,28 +86,37 @@ def enclose(
     own = ca.diag(ca.jacobian(rate, x)) if rounds_outwards() else ca.SX.zeros(x.numel())
     slowed = [k for k in range(x.numel()) if not own[k].is_zero()]
 
-    def rates(box: Sequence[Interval]) -> list[Interval]:
-        return extend(ca.vertsplit(rate), symbols, [*box, *allowed, *pushed])
+    # One round as a function: CasADi writes out the others faster than Python does.
+    ends = [Interval(*ca.vertsplit(ca.SX.sym("end", 2))) for _ in starts]
+    moving = [*ends, *allowed, *pushed]
+    rates = extend(ca.vertsplit(rate), symbols, moving)
+    reached = moved(x, rates, horizon)
+    for k in slowed:
+        reached[k] = common(reached[k], _slowed(k, x, rate, symbols, moving, horizon))
+    given = [x, u, ca.vertcat(*ca.symvar(ca.SX(horizon)))]
+    one_round = ca.Function("round", [*given, *_sides(ends)], [*_sides(reached), *_sides(rates)])
 
-    def reached(box: Sequence[Interval], found: Sequence[Interval]) -> list[Interval]:
-        ends = moved(x, found, horizon)
-        for k in slowed:
-            within = [*box, *allowed, *pushed]
-            ends[k] = common(ends[k], _slowed(k, x, rate, symbols, within, horizon))
-        return ends
+    def after(box: Sequence[Interval]) -> tuple[list[Interval], list[Interval]]:
+        """Where the state can be if it stays in the box, and its rates in there."""
+        low, high, least, most = map(ca.vertsplit, one_round.call([*given, *_sides(box)]))
+        return list(map(Interval, low, high)), list(map(Interval, least, most))
 
     box = starts
     for extra in inflations:
-        ends = reached(box, rates(box))
+        ends, _ = after(box)
         hulls = [hull(a, b) for a, b in zip(starts, ends, strict=True)]
         box = [inflate(each, extra, _LEAST) for each in hulls]
-    last = rates(box)
-    final = reached(box, last)
+    final, last = after(box)
     certain = finite(last)
     for start, a, b in zip(starts, final, box, strict=True):
         within = ca.logic_and(b.lo < start.lo, start.hi < b.hi)  # not so where 1e-9 is rounded off
         certain = ca.logic_and(certain, ca.logic_and(within, inside(a, b)))
     return Enclosure(x, u, phi, rate, final, allowed, pushed, certain)
+
+
+def _sides(box: Sequence[Interval]) -> list[ca.SX]:
+    """The lower ends as a column, and the upper ends."""
+    return [ca.vertcat(*side) for side in zip(*box, strict=True)]
 
 
 def _slowed(
