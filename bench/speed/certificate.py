@@ -1,10 +1,9 @@
-"""What the judge's certificates cost: time per agent step, beside the step itself.
+"""What the proof costs: certificates, and bounds of how far integration steps are off.
 
     python bench/speed/certificate.py [--duration 12] [--rounds 3]
 
-The certificates' time is taken inside a run of the in-process engine, around the judge's own calls;
-the step's is the wall time of a run of processes, in which the plant computes certificates while
-the agents compute inputs. The runs take turns.
+Both are timed inside runs of the in-process engine, around the judge's own calls: CPU time to
+compile them once, and of an agent step beside the whole step. The scenarios take turns; medians.
 """
 
 import argparse
@@ -14,9 +13,18 @@ from collections.abc import Callable
 from typing import Any
 
 import phalanx
+from phalanx.plant.clock.lockstep import Lockstep
 from phalanx.plant.judge.coverage import Coverage
+from phalanx.plant.world.resolution import Resolution
 
-SCENARIOS = ("unicycles", "formation3d", "guaranteed")
+SCENARIOS = ("unicycles", "formation3d", "guaranteed", "swarm")
+COMPILED, CERTIFICATES, INTEGRATION, RUN = "compiled", "certificates", "integration", "run"
+PARTS: dict[str, list[tuple[type, str]]] = {
+    COMPILED: [(Coverage, "__init__"), (Resolution, "__init__")],
+    CERTIFICATES: [(Coverage, "proven"), (Coverage, "applied"), (Coverage, "reached")],
+    INTEGRATION: [(Resolution, "resolves")],
+    RUN: [(Lockstep, "run")],
+}
 
 
 def main() -> None:
@@ -25,51 +33,43 @@ def main() -> None:
     arguments.add_argument("--duration", type=float, default=12.0, help="virtual time [s]")
     arguments.add_argument("--rounds", type=int, default=3)
     options = arguments.parse_args()
-    spent = Stopwatch()
-    Coverage.applied = spent.around(Coverage.applied)  # type: ignore[method-assign]
-    Coverage.reached = spent.around(Coverage.reached)  # type: ignore[method-assign]
-    print("| scenario | certificates [µs] | step, processes [µs] | share |")
-    print("|---|---|---|---|")
+    spent = dict.fromkeys(PARTS, 0.0)
+    for part, calls in PARTS.items():
+        for owner, name in calls:
+            setattr(owner, name, timed(getattr(owner, name), spent, part))
+    rounds = [
+        {name: measured(name, options.duration, spent) for name in SCENARIOS}
+        for _ in range(options.rounds)
+    ]
+    print("| scenario | compiled [s] | certificates [µs] | integration [µs] | step [µs] | share |")
+    print("|---|---|---|---|---|---|")
     for name in SCENARIOS:
-        scenario = phalanx.load(name, {"duration": options.duration})
-        certificates, steps = [], []
-        for _ in range(options.rounds):
-            spent.seconds = 0.0
-            certificates.append(spent.seconds_of(scenario))
-            steps.append(per_step(phalanx.run(scenario)))
-        ours, step = statistics.median(certificates), statistics.median(steps)
-        print(f"| {name} | {ours * 1e6:.0f} | {step * 1e6:.0f} | {ours / step:.1%} |", flush=True)
+        columns = zip(*[each[name] for each in rounds], strict=True)
+        compiled, *parts, step = map(statistics.median, columns)
+        figures = " | ".join(f"{part * 1e6:.0f}" for part in (*parts, step))
+        print(f"| {name} | {compiled:.2f} | {figures} | {sum(parts) / step:.0%} |", flush=True)
 
 
-class Stopwatch:
-    """Adds up the time spent in functions."""
+def timed(function: Callable[..., Any], spent: dict[str, float], part: str) -> Callable[..., Any]:
+    """The same function, its CPU time added to a part."""
 
-    def __init__(self) -> None:
-        self.seconds = 0.0
+    def timing(*arguments: Any, **named: Any) -> Any:
+        began = time.process_time()
+        try:
+            return function(*arguments, **named)
+        finally:
+            spent[part] += time.process_time() - began
 
-    def around(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """The same function, its time added."""
-
-        def timed(*arguments: Any) -> Any:
-            began = time.perf_counter()
-            try:
-                return function(*arguments)
-            finally:
-                self.seconds += time.perf_counter() - began
-
-        return timed
-
-    def seconds_of(self, scenario: phalanx.Scenario) -> float:
-        """Time spent per agent step of a run in this process [s]."""
-        run = phalanx.run(scenario, engine="in-process")
-        assert run.summary is not None
-        return self.seconds / run.summary.steps
+    return timing
 
 
-def per_step(run: phalanx.Run) -> float:
-    """Wall time of an agent step [s]."""
+def measured(name: str, duration: float, spent: dict[str, float]) -> tuple[float, ...]:
+    """CPU time to compile the proof [s]; then of a step its two parts and the whole [s]."""
+    spent.update(dict.fromkeys(spent, 0.0))
+    run = phalanx.run(phalanx.load(name, {"duration": duration}), engine="in-process")
     assert run.summary is not None
-    return run.summary.wall_time / run.summary.steps
+    each = (spent[part] / run.summary.steps for part in (CERTIFICATES, INTEGRATION, RUN))
+    return (spent[COMPILED], *each)
 
 
 if __name__ == "__main__":
