@@ -6,6 +6,7 @@ from typing import NamedTuple, Protocol
 from phalanx.arrays import Array
 from phalanx.theory.rows.decision import Decision
 from phalanx.theory.rows.information import ReceivedInput
+from phalanx.wire.step_report import StepReport
 
 
 class StepResult(NamedTuple):
@@ -16,6 +17,12 @@ class StepResult(NamedTuple):
     """The nominal input, or the attack before its projection, shape (m_i,)."""
     used: list[int]
     """The agents whose û_l counted."""
+
+    def report(self, solve_time: float) -> StepReport:
+        """All numbers of the decision, and how long it took [s]."""
+        made = self.decision._asdict()
+        del made["u"]
+        return StepReport(u_nom=tuple(self.u_nom.tolist()), solve_time=solve_time, **made)
 
 
 class Controller(Protocol):

@@ -26,6 +26,7 @@ from phalanx.wire.messages import LONGEST_FAILURE, Message, Telemetry
 from phalanx.wire.presence import PlantPresence
 from phalanx.wire.seal import Sealer
 from phalanx.wire.session import Session, open_member
+from phalanx.wire.step_report import StepReport
 
 log = logging.getLogger("phalanx.agent")
 
@@ -142,16 +143,10 @@ class _Sender:
     def tell_failure(self, error: StepFailedError) -> None:
         """Tell the plant why a sample is not answered."""
         nothing = (0.0,) * self._inputs
-        report = Telemetry(
-            k=error.sample.k,
-            origin=Origin.BACKUP,
-            residual=None,
-            u_nom=nothing,
-            solve_time=0.0,
-            ages=(),
-            failed=str(error)[:LONGEST_FAILURE],
-        )
-        self._put(self._telemetry.put, self._telemetry_key, report)
+        report = StepReport(origin=Origin.BACKUP, residual=None, u_nom=nothing, solve_time=0.0)
+        failed = str(error)[:LONGEST_FAILURE]
+        telemetry = Telemetry(k=error.sample.k, report=report, ages=(), failed=failed)
+        self._put(self._telemetry.put, self._telemetry_key, telemetry)
 
     def wait_for_listeners(self, timeout: float, over: Callable[[], bool]) -> None:
         """Return when the hub takes what is put: what comes earlier is lost. Raises HubError."""

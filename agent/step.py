@@ -197,19 +197,15 @@ class ControlStep:
         self._untold += self._decide_fates(accepted)
         fates, self._untold = self._untold[: self.most_fates], self._untold[self.most_fates :]
         received = self.inbox.received()
-        decision, u_nom, used = self.decide(x, sample.seen, sample.t, received)
-        u, t_apply = tuple(decision.u.tolist()), sample.t + self._latency
+        result = self.decide(x, sample.seen, sample.t, received)
+        u, t_apply = tuple(result.decision.u.tolist()), sample.t + self._latency
         return Answer(
             Actuation(k=sample.k, t_apply=t_apply, u=u),
             self._broadcasts(sample, Claim(t_apply, u)),
             Telemetry(
                 k=sample.k,
-                origin=decision.origin,
-                residual=decision.residual,
-                margin=decision.margin,
-                u_nom=tuple(u_nom.tolist()),
-                solve_time=time.perf_counter() - began,
-                ages=tuple((l, sample.t - received[l].t_apply) for l in used),
+                report=result.report(time.perf_counter() - began),
+                ages=tuple((l, sample.t - received[l].t_apply) for l in result.used),
                 fates=fates,
                 rejected=self.rejected,
                 received=self._clock.reported(received),

@@ -27,11 +27,13 @@ from phalanx.guarantee.verdict import Summary, Violation
 from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.load import validate
 from phalanx.scenario.model import Scenario
+from phalanx.theory.rows.origin import Origin
 from phalanx.viewer.feeds.live_history import LiveHistory
 from phalanx.viewer.page.page import Page
 from phalanx.viewer.page.server import choose_port
 from phalanx.viewer.scene.model import scene_model
 from phalanx.wire.frames import AgentStatus, Frame
+from phalanx.wire.step_report import AppliedStep
 
 SIZES = (10, 300)
 RATE = 30.0
@@ -62,6 +64,10 @@ def crowd(count: int) -> Scenario:
     return validate(small, "bench").model_copy(update={"agents": agents})
 
 
+def _step(u: tuple[float, ...]) -> AppliedStep:
+    return AppliedStep(origin=Origin.QP, residual=0.0, u_nom=u, solve_time=0.0, u=u)
+
+
 class Carousel:
     """A feed with a new frame at every call."""
 
@@ -85,9 +91,7 @@ class Carousel:
         self._frames += 1
         t = self._frames / RATE
         velocities = np.cos(t + self._phases)
-        shown = [
-            AgentStatus(u=tuple(v), u_nom=tuple(v)) for v in velocities.reshape(-1, 2).tolist()
-        ]
+        shown = [AgentStatus(step=_step(tuple(v))) for v in velocities.reshape(-1, 2).tolist()]
         frame = Frame(
             t=t, x=(self._start + np.sin(t + self._phases)).tobytes(),
             h_tot=-1.0, worst_h=-1.0, pair=self._frames % 9, agents=tuple(shown), link_events=(),

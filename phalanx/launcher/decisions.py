@@ -38,13 +38,10 @@ def _decided(step: ControlStep, shown: Shown, recorded: Step, states: SeenStates
     seen = tuple(map(names.index, shown.seen))
     x = states.stacked(states.of(np.array(shown.x, dtype="<f8").tobytes(), seen))
     received = {names.index(sender): Claim(since, tuple(u)) for sender, since, u in shown.received}
-    decision, u_nom, used = step.decide(x, seen, shown.t, received)
+    result = step.decide(x, seen, shown.t, received)
     return msgspec.structs.replace(
         recorded,
-        u=decision.u.tolist(),
-        origin=decision.origin,
-        residual=decision.residual,
-        margin=decision.margin,
-        ages=[(names[l], shown.t - received[l].t_apply) for l in used],
-        u_nom=u_nom.tolist(),
+        u=tuple(result.decision.u.tolist()),
+        ages=[(names[l], shown.t - received[l].t_apply) for l in result.used],
+        **msgspec.structs.asdict(result.report(recorded.solve_time)),
     )

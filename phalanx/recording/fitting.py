@@ -5,7 +5,6 @@ from collections.abc import Iterable
 from phalanx.faults.commands import ON_AGENTS, Command
 from phalanx.recording.records import Shown, State, Step
 from phalanx.scenario.model import Scenario
-from phalanx.theory.rows.origin import Origin
 
 
 def misfit(
@@ -35,16 +34,12 @@ def misfit(
     return None
 
 
-_ORIGINS = set(Origin)
-
-
 def _fits(step: Step, inputs: dict[str, int]) -> bool:
     size = inputs.get(step.agent)
     told = [sender for sender, *_ in (*step.ages, *step.fates, *step.faults, *step.false)]
     return (
         len(step.u) == size
         and len(step.u_nom) in (0, size)
-        and step.origin in _ORIGINS
         and inputs.keys() >= set(told)
         and all(len(u) == inputs[sender] for sender, _, _, u in step.false)
     )

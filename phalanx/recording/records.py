@@ -5,6 +5,7 @@ from enum import StrEnum
 import msgspec
 
 from phalanx.faults.commands import Command
+from phalanx.wire.step_report import AppliedStep
 
 RECORDING = "recording.mcap"
 SUMMARY = "summary.json"
@@ -26,8 +27,8 @@ class State(msgspec.Struct):
     """Largest h_tot since the state before."""
 
 
-class Step(msgspec.Struct):
-    """One control step of one agent. Topic /step."""
+class Step(AppliedStep, array_like=False, forbid_unknown_fields=False, kw_only=True):
+    """One control step of one agent, with all numbers of an AppliedStep. Topic /step."""
 
     agent: str
     k: int
@@ -35,32 +36,19 @@ class Step(msgspec.Struct):
     """t_i^k [s]."""
     t_apply: float
     """When the input took effect [s]."""
-    u: list[float]
-    """Native input, shape (m_i,)."""
-    origin: str
-    residual: float | None
-    solve_time: float
-    """Wall time [s]; not part of the trajectory."""
     ages: list[tuple[str, float]]
     """(sender, age [s]) of each û_l used."""
     fates: list[tuple[str, int, float]]
     """(sender, sequence number, delay [s]) of broadcasts decided now, or at a step before whose
     input was lost; delay < 0: lost."""
-    u_nom: list[float] = []
-    """The nominal input, or the attack before its projection onto U_i, shape (m_i,)."""
-    certified: float | None = None
-    """How long all of a normal agent's pairs are proven safe from t_apply on [s]."""
-    margin: float | None = None
-    """η with all that its row added to it; None as wire.messages.Telemetry has it."""
-    faults: list[tuple[str, int, list[str]]] = []
+    faults: list[tuple[str, int, list[str]]] = msgspec.field(default_factory=list)
     """(sender, sequence number, names) of those of `fates` in which declared faults had a part."""
-    false: list[tuple[str, int, float, list[float]]] = []
+    false: list[tuple[str, int, float, list[float]]] = msgspec.field(default_factory=list)
     """(sender, sequence number, t_apply [s], u) as told, where that is not the truth."""
 
-    @property
-    def oldest(self) -> float | None:
-        """Age of the oldest û_l used [s]; None if none was."""
-        return max((age for _, age in self.ages), default=None)
+    def __post_init__(self) -> None:
+        """Older recordings have the ages alone."""
+        self.oldest_input = max((age for _, age in self.ages), default=None)
 
 
 class Shown(msgspec.Struct):

@@ -13,6 +13,7 @@ from phalanx.profile.stopwatch import TimeSpent
 from phalanx.recording.read import Recording
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.exact import added
+from phalanx.wire.step_report import QUANTITIES
 
 
 def states_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
@@ -45,9 +46,9 @@ def h_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
 def inputs_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
     """One row for each control step of each agent.
 
-    Columns: agent, k, t and t_apply [s], origin, residual, margin, solve_time [s], oldest_input
-    (the age of the oldest û its row used [s], null if none); then "u.<input>" as applied and
-    "nominal.<input>" as its law would have it, null where the agent's dynamics have no such input.
+    Columns: agent, k, t and t_apply [s], origin and the numbers of an AppliedStep, null where there
+    is none; then "u.<input>" as applied and "nominal.<input>" as its law would have it, null where
+    the agent's dynamics have no such input.
     """
     names = list(dict.fromkeys(n for m in swarm.members for n in m.dynamics.inputs))
     inputs = {m.name: m.dynamics.inputs for m in swarm.members}
@@ -58,11 +59,9 @@ def inputs_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
         "t": [step.t for step in steps],
         "t_apply": [step.t_apply for step in steps],
         "origin": [step.origin for step in steps],
-        "residual": [step.residual for step in steps],
-        "margin": [step.margin for step in steps],
-        "solve_time": [step.solve_time for step in steps],
-        "oldest_input": [step.oldest for step in steps],
     }
+    for name in QUANTITIES:
+        columns[name] = [getattr(step, name) for step in steps]
     for name in names:
         columns[f"u.{name}"] = [_component(s.u, inputs[s.agent], name) for s in steps]
     for name in names:

@@ -103,7 +103,7 @@ def ages(recording: Recording) -> Figure | None:
     """Age of the oldest û that each receiver had at its steps; None if nobody received any."""
     curves: Curves = {}
     for receiver, steps in steps_by_agent(recording).items():
-        oldest = np.array([s.oldest for s in steps], dtype=float)
+        oldest = np.array([s.oldest_input for s in steps], dtype=float)
         if not np.isnan(oldest).all():
             curves[receiver] = np.array([s.t for s in steps]), 1e3 * oldest
     if not curves:

@@ -5,32 +5,20 @@ import msgspec
 from phalanx.faults.commands import Command
 from phalanx.faults.state import Condition
 from phalanx.guarantee.verdict import Assumption, Violation
-from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Message
+from phalanx.wire.step_report import AppliedStep
 
 
 class AgentStatus(msgspec.Struct, array_like=True, frozen=True):
     """One agent as the plant knows it."""
 
     condition: Condition = Condition.FINE
-    u: tuple[float, ...] = ()
-    """The input in force, shape (m_i,); empty before the first."""
-    u_nom: tuple[float, ...] = ()
-    """The nominal input it was made from, shape (m_i,)."""
-    origin: Origin = Origin.QP
+    step: AppliedStep | None = None
+    """Its last one, whose input is in force; null before the first."""
     backups: int = 0
     """Its steps so far at which u_i^min was applied."""
     without_authority: int = 0
     """Its steps so far with empty K_i that kept the nominal input."""
-    residual: float | None = 0.0
-    solve_time: float = 0.0
-    """Wall time [s]."""
-    age: float | None = None
-    """Age of the oldest û_l its last step knew [s]; null if it knew none."""
-    certified: float | None = None
-    """How long all its pairs are proven safe from its last input on [s]; null for an adversary."""
-    margin: float | None = None
-    """Of its row, as Telemetry has it."""
     lies: int = 0
     """Broadcasts of its so far that told others what was not so."""
 

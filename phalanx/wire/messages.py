@@ -12,7 +12,7 @@ import msgspec
 from phalanx.faults.state import Orders
 from phalanx.network.inbox import Fate
 from phalanx.theory.expressions.magnitude import LARGEST, LARGEST_SUM
-from phalanx.theory.rows.origin import Origin
+from phalanx.wire.step_report import StepReport
 
 VERSION = 3
 MAX_BYTES = 65_536
@@ -98,22 +98,13 @@ class Telemetry(Message, frozen=True, kw_only=True):
 
     k: int
     """Of the sample that was answered."""
-    origin: Origin
-    residual: float | None
-    """aᵀu - bound of its row; 0 for an adversary, null where no margin is known."""
-    u_nom: tuple[float, ...]
-    """The nominal input, or the attack before its projection onto U_i, shape (m_i,)."""
-    solve_time: float
-    """Wall time from sample to input [s]; not part of the trajectory."""
+    report: StepReport
     ages: tuple[tuple[int, float], ...]
     """(agent's index, age [s]) of each û_l that its row used."""
     fates: tuple[Fate, ...] = ()
     """Fates of the broadcasts that this step was the first to know of."""
     rejected: int = 0
     """Payloads dropped by this agent so far."""
-    margin: float | None = None
-    """η with all that its row adds to it; null for an adversary, where none of several rows binds
-    anything, and where none is known."""
     received: tuple[tuple[int, float, tuple[float, ...]], ...] = ()
     """In real time, (agent's index, t_apply [s], u) of every û_l that the agent had."""
     failed: Annotated[str, msgspec.Meta(max_length=LONGEST_FAILURE)] = ""

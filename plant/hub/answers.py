@@ -84,7 +84,7 @@ class Answers:
 
     def on_telemetry(self, i: int, message: Telemetry) -> None:
         """Agent i's report came. Raises Malformed unless it is the first on a sample of its."""
-        if len(message.u_nom) != self._sizes[i]:
+        if len(message.report.u_nom) != self._sizes[i]:
             raise Malformed("wrong size")
         senders = [fate.sender for fate in message.fates]
         senders += [l for l, _ in message.ages] + [l for l, _, _ in message.received]

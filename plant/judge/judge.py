@@ -165,7 +165,7 @@ class Judge:
             event.t_apply - event.t <= self._latency + _ROUNDING, event.t_apply
         )
         if event.i in self._swarm.normal:
-            if telemetry.origin == Origin.ATTACK:
+            if telemetry.report.origin == Origin.ATTACK:
                 self._checks.faithful.check(False, event.t)
             else:
                 self._check_step(event, telemetry)
@@ -184,8 +184,9 @@ class Judge:
         self._checks.inputs.check(self._actuators.takes(i, x[self._parts[i]], u), t)
 
     def _check_step(self, event: InputApplied, telemetry: Telemetry) -> None:
-        self.origins[telemetry.origin] += 1
-        self._checks.rows.check(telemetry.origin not in EMPTY, event.t)
+        origin = telemetry.report.origin
+        self.origins[origin] += 1
+        self._checks.rows.check(origin not in EMPTY, event.t)
         first = self._instants.setdefault(event.k, event.t)
         self._checks.synchronous.check(first == event.t, event.t)
         for other, age in telemetry.ages:

@@ -2,6 +2,7 @@
 
 import time
 from collections import deque
+from collections.abc import Iterable
 from typing import Protocol
 
 import numpy as np
@@ -9,22 +10,19 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.faults.commands import Command
 from phalanx.faults.state import FaultState
+from phalanx.network.inbox import Fate
 from phalanx.plant.clock.commands import CommandQueue
-from phalanx.plant.events.events import InputApplied, StateReached
+from phalanx.plant.events.events import StateReached
 from phalanx.plant.judge.judge import Judge
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.frames import AgentStatus, Frame, LinkEvent, LogLine, worse
-from phalanx.wire.messages import Telemetry
+from phalanx.wire.step_report import AppliedStep
 
 _EVERY = 1.0 / 30.0
 """Wall time between frames [s]."""
 _LINES = 30
 _LINK_EVENTS = 256
 """Most links that a frame tells of: it has to stay a small message."""
-
-
-_Answered = tuple[InputApplied, Telemetry, float | None]
-"""An agent's last input, how it was made, and how long it is certified [s]."""
 
 
 class FrameAudience(Protocol):
@@ -54,7 +52,7 @@ class FramePublisher:
         # Its own: those who obey are ahead of what has been told.
         self._faults = FaultState(names)
         self._t, self._x, self._settled = 0.0, start, True
-        self._last: list[_Answered | None] = [None for _ in names]
+        self._last: list[AppliedStep | None] = [None for _ in names]
         self._backups = [0 for _ in names]
         self._without_authority = [0 for _ in names]
         self._lies = [0 for _ in names]
@@ -70,13 +68,12 @@ class FramePublisher:
         self._t, self._x, self._settled = event.t, event.x, False
         self._peak = max(self._peak, peak)
 
-    def saw_input(self, event: InputApplied, telemetry: Telemetry, certified: float | None) -> None:
-        """An agent's input took effect, with which its pairs are certified for so long [s]."""
-        i = event.i
-        self._last[i] = event, telemetry, certified
-        self._backups[i] += telemetry.origin == Origin.BACKUP
-        self._without_authority[i] += telemetry.origin == Origin.NO_AUTHORITY
-        for fate in telemetry.fates:
+    def saw_step(self, i: int, step: AppliedStep, fates: Iterable[Fate]) -> None:
+        """Agent i's input took effect, and it told the fates of broadcasts."""
+        self._last[i] = step
+        self._backups[i] += step.origin == Origin.BACKUP
+        self._without_authority[i] += step.origin == Origin.NO_AUTHORITY
+        for fate in fates:
             link = fate.sender, i
             known = link in self._link_events
             if fate.delay != 0.0 and (known or len(self._link_events) < _LINK_EVENTS):
@@ -136,22 +133,11 @@ class FramePublisher:
         )
 
     def _status(self, i: int) -> AgentStatus:
-        last, condition = self._last[i], self._faults.condition[i]
-        if last is None:
-            return AgentStatus(condition)
-        applied, telemetry, certified = last
         return AgentStatus(
-            condition=condition,
-            u=applied.u,
-            u_nom=telemetry.u_nom,
-            origin=telemetry.origin,
+            condition=self._faults.condition[i],
+            step=self._last[i],
             backups=self._backups[i],
             without_authority=self._without_authority[i],
-            residual=telemetry.residual,
-            solve_time=telemetry.solve_time,
-            age=max((age for _, age in telemetry.ages), default=None),
-            certified=certified,
-            margin=telemetry.margin,
             lies=self._lies[i],
         )
 

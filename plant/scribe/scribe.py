@@ -2,9 +2,10 @@
 
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
+from msgspec.structs import asdict
 
 from phalanx.arrays import Array
 from phalanx.faults.commands import ON_LINKS, STRIKES, CommandKind, described
@@ -30,6 +31,7 @@ from phalanx.recording.records import Level, Log, Shown, State, Step
 from phalanx.recording.write import RecordingWriter
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Sample, Status, Telemetry
+from phalanx.wire.step_report import AppliedStep
 
 _STATUS_EVERY = 0.1
 """Wall time between status messages [s]."""
@@ -186,13 +188,18 @@ class RunScribe:
         # Taken first: a report that never comes must not leave it to the next input.
         proven = self._inputs.next()
         telemetry = self._take_telemetry(i, event.k, event.t)
-        certified = self._judge.applied(event, telemetry, proven)
+        step = AppliedStep(
+            u=event.u,
+            oldest_input=max((age for _, age in telemetry.ages), default=None),
+            certified=self._judge.applied(event, telemetry, proven),
+            **asdict(telemetry.report),
+        )
         self.trajectory.add(event)
-        self._frames.saw_input(event, telemetry, certified)
-        if telemetry.origin == Origin.BACKUP and i not in self._backed_up:
+        self._frames.saw_step(i, step, telemetry.fates)
+        if step.origin == Origin.BACKUP and i not in self._backed_up:
             self._backed_up.add(i)
             self._say(event.t_apply, f"agent {name}: first backup", Level.WARNING)
-        self._recording.write(self._step(event, telemetry, certified))
+        self._recording.write(self._recorded(event, step, telemetry.ages))
         if event.answers is not None:
             self._recording.write(_shown(self._names, event.i, event.answers, telemetry))
 
@@ -232,7 +239,9 @@ class RunScribe:
         self._recording.write(Log(t, text, level))
         self._frames.say(t, text)
 
-    def _step(self, event: InputApplied, telemetry: Telemetry, certified: float | None) -> Step:
+    def _recorded(
+        self, event: InputApplied, step: AppliedStep, ages: Iterable[tuple[int, float]]
+    ) -> Step:
         names = self._names
         heard, self._heard[event.i] = self._heard[event.i], []
         hit = [
@@ -244,21 +253,15 @@ class RunScribe:
             k=event.k,
             t=event.t,
             t_apply=event.t_apply,
-            u=list(event.u),
-            origin=telemetry.origin,
-            residual=telemetry.residual,
-            solve_time=telemetry.solve_time,
-            ages=[(names[l], age) for l, age in telemetry.ages],
+            ages=[(names[l], age) for l, age in ages],
             fates=[(names[fate.sender], fate.k, fate.delay) for fate, _ in heard],
-            u_nom=list(telemetry.u_nom),
-            certified=certified,
-            margin=telemetry.margin,
             faults=[entry for entry in hit if entry[2]],
             false=[
                 (names[fate.sender], fate.k, fate.claim.t_apply, list(fate.claim.u))
                 for fate, found in heard
                 if found.false and fate.claim is not None
             ],
+            **asdict(step),
         )
 
 

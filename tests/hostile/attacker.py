@@ -27,6 +27,7 @@ from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import MAX_BYTES, Actuation, Broadcast, Ended, Message, Sample, Telemetry
+from phalanx.wire.step_report import StepReport
 
 SCENARIO, OVERRIDES = "unicycles", ("duration=0.5",)
 VICTIM, PEER, INSIDER = "1", "2", "3"
@@ -230,10 +231,8 @@ def answers_for_another(by: Attacker) -> Iterator[None]:
             for k, t in enumerate(by.sampling_instants(60)):
                 by.forge(session, key, Actuation(k=k, t_apply=t, u=u))
                 by.forge(session, heard, Broadcast(k=k, t_apply=t, u=u))
-                made = Telemetry(
-                    k=k, origin=Origin.QP, residual=0.0, u_nom=u, solve_time=0.0, ages=()
-                )
-                by.forge(session, report, made)
+                made = StepReport(origin=Origin.QP, residual=0.0, u_nom=u, solve_time=0.0)
+                by.forge(session, report, Telemetry(k=k, report=made, ages=()))
             yield
 
 
@@ -291,11 +290,11 @@ def reports_enormous_numbers(by: Attacker) -> Iterator[None]:
     with by.open() as session:
         while True:
             for k in range(60):
-                made = Telemetry(
-                    k=k, origin=Origin.QP, residual=0.0, u_nom=(most, -most), solve_time=most,
-                    ages=((0, most),), margin=most,
+                made = StepReport(
+                    origin=Origin.QP, residual=0.0, u_nom=(most, -most), solve_time=most,
+                    margin=most,
                 )  # fmt: skip
-                by.forge(session, key, made)
+                by.forge(session, key, Telemetry(k=k, report=made, ages=((0, most),)))
             yield
 
 

@@ -45,6 +45,7 @@ from phalanx.wire.messages import (
     Telemetry,
 )
 from phalanx.wire.seal import Malformed, Sealer
+from phalanx.wire.step_report import AppliedStep, StepReport
 from tests.hostile.mutation import of_bytes, of_tree
 
 KEYS = Keys("run")
@@ -88,15 +89,19 @@ def _sample(k: int) -> Sample:
 
 
 def _telemetry(k: int) -> Telemetry:
+    report = StepReport(origin=Origin.QP, residual=-0.5, u_nom=(0.5, 0.1), solve_time=1e-4)
     return Telemetry(
-        k=k, origin=Origin.QP, residual=-0.5, u_nom=(0.5, 0.1), solve_time=1e-4,
-        ages=((1, 0.01), (2, 0.02)), rejected=3,
+        k=k, report=report, ages=((1, 0.01), (2, 0.02)), rejected=3,
         fates=(Fate(PEER, k, 0.01, claim=Claim(0.01 * k, (0.1, 0.1))),),
     )  # fmt: skip
 
 
 def _frame(k: int) -> Frame:
-    agents = tuple(AgentStatus(u=(0.1, 0.2), u_nom=(0.1, 0.2), age=0.1) for _ in _swarm().names)
+    step = AppliedStep(
+        origin=Origin.QP, residual=0.0, u_nom=(0.1, 0.2), solve_time=0.0, u=(0.1, 0.2),
+        oldest_input=0.1,
+    )  # fmt: skip
+    agents = tuple(AgentStatus(step=step) for _ in _swarm().names)
     return Frame(
         t=0.01 * k, x=_state(), h_tot=-1.0, worst_h=-0.5, pair=2, agents=agents,
         link_events=(LinkEvent(0, 1, 0.1),), steps=k, real_time_factor=1.0, assumptions=(),

@@ -15,6 +15,7 @@ Units are in the metadata of each channel. Times are virtual, from 0 on.
 
 import heapq
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
@@ -36,8 +37,7 @@ from phalanx.viewer.export.near import near_pairs
 from phalanx.viewer.export.numbers import Numbers
 from phalanx.viewer.export.scene_update import frames, opening, stamp, violations
 from phalanx.viewer.scene.model import SceneModel, scene_model
-
-_STEP = ("residual", "margin", "certified", "oldest_input", "solve_time")
+from phalanx.wire.step_report import QUANTITIES, numbers_of
 
 
 class Topical(NamedTuple):
@@ -55,7 +55,7 @@ def write_mcap(recording: Recording, path: Path) -> None:
     model = scene_model(recording.scenario)
     with path.open("wb") as file:
         channels = _Channels(Writer(file))
-        sources = (_moving(recording, model), _steps(recording), _log(recording))
+        sources = (_moving(recording, model), _steps(recording, model), _log(recording))
         for topical in heapq.merge(*sources, key=lambda topical: topical.t):
             channels.write(topical)
         channels.finish(recording)
@@ -118,15 +118,14 @@ def _moving(recording: Recording, model: SceneModel) -> Iterator[Topical]:
         shown = set(violated)
 
 
-def _steps(recording: Recording) -> Iterator[Topical]:
+def _steps(recording: Recording, model: SceneModel) -> Iterator[Topical]:
     """Every control step."""
-    kinds = _kinds(recording, _step_kind)
+    kinds = _kinds(recording, partial(_step_kind, model))
     of_agent = {n: kinds[type(g.dynamics_object())] for n, g, _ in recording.scenario.roster()}
     for step in sorted(recording.steps, key=lambda step: step.t):
         kind, of_field = of_agent[step.agent]
         nominal: Sequence[float | None] = step.u_nom or [None] * len(step.u)
-        rest = (step.residual, step.margin, step.certified, step.oldest, step.solve_time)
-        message = kind([*step.u, *nominal, *rest], origin=step.origin)
+        message = kind([*step.u, *nominal, *numbers_of(step)], origin=step.origin)
         yield Topical(step.t, f"/agents/{step.agent}/step", message, of_field)
 
 
@@ -146,13 +145,12 @@ def _state_kind(dynamics: Dynamics) -> _Kind:
     return kind, kind.by_field(of_state)
 
 
-def _step_kind(dynamics: Dynamics) -> _Kind:
+def _step_kind(model: SceneModel, dynamics: Dynamics) -> _Kind:
     inputs = units(dynamics).inputs
-    of_input = {f"{side}_{i}": unit for side in ("u", "nominal") for i, unit in inputs.items()}
-    kind = Numbers(f"{type(dynamics).__name__}Step", [*of_input, *_STEP], texts=["origin"])
-    return kind, kind.by_field(
-        of_input | dict.fromkeys(_STEP, "s") | {"residual": "", "margin": ""}
-    )
+    of_field = {f"{side}_{i}": unit for side in ("u", "nominal") for i, unit in inputs.items()}
+    of_field |= {name: model.unit_of(quantity) for name, quantity in QUANTITIES.items()}
+    kind = Numbers(f"{type(dynamics).__name__}Step", list(of_field), texts=["origin"])
+    return kind, kind.by_field(of_field)
 
 
 def _log(recording: Recording) -> Iterator[Topical]:

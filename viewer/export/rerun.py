@@ -29,19 +29,12 @@ from phalanx.viewer.export.near import near_pairs
 from phalanx.viewer.scene.geometry import facing
 from phalanx.viewer.scene.model import SceneModel, scene_model
 from phalanx.viewer.scene.roles import COLOURS, Role
+from phalanx.wire.step_report import QUANTITIES
 
 _SLATE, _RED = (100, 110, 125), (230, 20, 30)
 _TIMELINE = "t"
 _WALL = (0.05, 20.0, 20.0)
 """Half of how thick, long and high a wall is drawn [m]."""
-_STEP = {
-    "residual": "residual",
-    "margin": "margin",
-    "certified": "certified",
-    "oldest_input": "oldest",
-    "solve_time": "solve_time",
-}
-"""What is plotted of a step, and where it has that."""
 _LEVELS = {Level.INFO: "INFO", Level.WARNING: "WARN", Level.ERROR: "ERROR"}
 """As rerun calls and colours them."""
 
@@ -164,8 +157,8 @@ def _log_steps(
         _plot(stream, f"agents/{name}/step/u_{of_input}", t, [s.u[k] for s in steps])
         nominal = [s.u_nom[k] if s.u_nom else None for s in steps]
         _plot(stream, f"agents/{name}/step/nominal_{of_input}", t, nominal)
-    for field, of_step in _STEP.items():
-        _plot(stream, f"agents/{name}/step/{field}", t, [getattr(s, of_step) for s in steps])
+    for field in QUANTITIES:
+        _plot(stream, f"agents/{name}/step/{field}", t, [getattr(s, field) for s in steps])
 
 
 def _plot(

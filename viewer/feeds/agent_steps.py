@@ -1,18 +1,14 @@
 """One agent's recorded control steps, asked by time."""
 
+import msgspec
 import numpy as np
 
 from phalanx.faults.state import Condition
 from phalanx.recording.records import Step
 from phalanx.theory.rows.origin import Origin
-from phalanx.viewer.feeds.history import (
-    EMPTY_CODES,
-    SCALARS,
-    AgentSeries,
-    agent_series,
-    nan_if_none,
-)
+from phalanx.viewer.feeds.history import EMPTY_CODES, AgentSeries, agent_series, series_width
 from phalanx.wire.frames import AgentStatus
+from phalanx.wire.step_report import AppliedStep, numbers_of
 
 
 class AgentSteps:
@@ -31,19 +27,11 @@ class AgentSteps:
         k = int(np.searchsorted(self._applied, t, side="right")) - 1
         if k < 0:
             return AgentStatus(condition)
-        step = self._steps[k]
         return AgentStatus(
             condition=condition,
-            u=tuple(step.u),
-            u_nom=tuple(step.u_nom),
-            origin=Origin(step.origin),
+            step=msgspec.convert(self._steps[k], AppliedStep, from_attributes=True),
             backups=int(self._backups[k]),
             without_authority=int(self._without_authority[k]),
-            residual=step.residual,
-            solve_time=step.solve_time,
-            age=step.oldest,
-            certified=step.certified,
-            margin=step.margin,
             lies=lies,
         )
 
@@ -58,14 +46,11 @@ class AgentSteps:
             [
                 s.t_apply,
                 EMPTY_CODES.get(s.origin, 0.0),
-                nan_if_none(s.oldest),
-                s.solve_time,
-                nan_if_none(s.certified),
-                nan_if_none(s.residual),
-                nan_if_none(s.margin),
+                *numbers_of(s),
                 *s.u,
-                *(s.u_nom or [np.nan] * inputs),
+                *(s.u_nom or [None] * inputs),
             ]
             for s in self._steps
         ]
-        return agent_series(np.array(rows, dtype=float).reshape(len(rows), SCALARS + 2 * inputs))
+        # NumPy makes NaN of None.
+        return agent_series(np.array(rows, dtype=float).reshape(-1, series_width(inputs)))

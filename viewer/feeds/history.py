@@ -11,6 +11,7 @@ from phalanx.faults.state import Condition
 from phalanx.recording.broadcasts import LATE, LOST, Broadcast
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.safety.composition import FAR
+from phalanx.wire.step_report import QUANTITIES
 
 _FIRST_CAPACITY = 256
 NOBODY_NEAR = 1e-3 * FAR
@@ -44,16 +45,8 @@ class AgentSeries(NamedTuple):
     """When the inputs were applied [s], shape (s,)."""
     empty: Array
     """What became of a step with empty K_i, as EMPTY_CODES has it; else 0."""
-    age: Array
-    """Of the oldest received input that counted [s]."""
-    solve_time: Array
-    """Wall time [s]."""
-    certified: Array
-    """How long the agent's pairs are proven safe [s]."""
-    residual: Array
-    """aᵀu - bound of the agent's row."""
-    margin: Array
-    """η with all that the row adds to it."""
+    numbers: dict[str, Array]
+    """By their names in QUANTITIES."""
     u: Array
     """Applied inputs, shape (s, m_i)."""
     u_nom: Array
@@ -70,15 +63,18 @@ def pair_states(pairs: int, most: int) -> int:
 
 EMPTY_CODES: dict[str, float] = {Origin.BACKUP: 1.0, Origin.NO_AUTHORITY: 2.0}
 """How AgentSeries.empty tells what became of a step with empty K_i."""
-SCALARS = 7
-"""Of an agent's row, before its inputs."""
+
+
+def series_width(inputs: int) -> int:
+    """How many columns the rows of AgentSeries have, of an agent with so many inputs."""
+    return 2 + len(QUANTITIES) + 2 * inputs
 
 
 def agent_series(rows: Array) -> AgentSeries:
-    """From rows in the order of AgentSeries, shape (s, SCALARS + 2 m_i)."""
-    t, empty, age, solve_time, certified, residual, margin = rows[:, :SCALARS].T
-    u, u_nom = np.hsplit(rows[:, SCALARS:], 2)
-    return AgentSeries(t, empty, age, solve_time, certified, residual, margin, u, u_nom)
+    """From rows in the order of AgentSeries, shape (s, series_width(m_i))."""
+    t, empty, *values = rows[:, : series_width(0)].T
+    u, u_nom = np.hsplit(rows[:, series_width(0) :], 2)
+    return AgentSeries(t, empty, dict(zip(QUANTITIES, values, strict=True)), u, u_nom)
 
 
 class PairSeries(NamedTuple):
@@ -134,8 +130,3 @@ class History:
     """Every broadcast, of a recorded run: a live one tells of late and lost ones alone."""
     conditions: list[ConditionChange] = field(default_factory=list)
     """In order; every agent is fine at first."""
-
-
-def nan_if_none(value: float | None) -> float:
-    """Plots leave out what is not a number."""
-    return float("nan") if value is None else value

@@ -157,8 +157,8 @@ def check_frame(frame: Frame, model: SceneModel) -> None:
     if not np.isfinite(np.frombuffer(frame.x, dtype="<f8")).all():
         raise Malformed("not finite")
     for status, member in zip(frame.agents, members, strict=True):
-        # An agent has no input before its first.
-        if not {len(status.u), len(status.u_nom)} <= {0, len(member.dynamics.inputs)}:
+        step, inputs = status.step, len(member.dynamics.inputs)
+        if step is not None and not len(step.u) == len(step.u_nom) == inputs:
             raise Malformed("wrong size")
     ends = [end for event in frame.link_events for end in (event.sender, event.receiver)]
     if any(not 0 <= end < len(members) for end in ends) or not 0 <= frame.pair < len(pairs):

@@ -9,7 +9,6 @@ from phalanx.guarantee.verdict import Violation
 from phalanx.theory.rows.origin import Origin
 from phalanx.viewer.feeds.history import (
     EMPTY_CODES,
-    SCALARS,
     AgentSeries,
     ConditionChange,
     Fates,
@@ -18,10 +17,12 @@ from phalanx.viewer.feeds.history import (
     TimeSeries,
     agent_series,
     pair_states,
+    series_width,
 )
 from phalanx.viewer.feeds.recent_paths import RecentPaths
 from phalanx.viewer.scene.model import SceneModel
 from phalanx.wire.frames import AgentStatus, Frame, LogLine
+from phalanx.wire.step_report import numbers_of
 
 _PAIR_STATES = 200
 """Most states of a run at which h of every pair is told."""
@@ -36,8 +37,10 @@ class LiveHistory:
         swarm = TimeSeries(3 + len(model.psi_levels))
         self.history = History(swarm, self._agent, self._every_pair, self._fates)
         self.recent_paths = RecentPaths(n)
-        self._steps = TimeSeries(1 + (SCALARS - 1) * n + 2 * m)
-        """t; of every agent what AgentSeries has from `empty` to `margin`; all u, all u_nom."""
+        self._scalars = series_width(0) - 1
+        """How many numbers of AgentSeries each agent has after t, before its inputs."""
+        self._steps = TimeSeries(1 + self._scalars * n + 2 * m)
+        """t; each of these of every agent; all u, all u_nom."""
         pairs = len(model.swarm.safe_set.pairs)
         self._pairs = TimeSeries(1 + pairs)
         self._pairs_due = -np.inf
@@ -75,15 +78,15 @@ class LiveHistory:
         # the steps between two frames; it is plotted at the later frame.
         empty = np.array([(s.backups, s.without_authority) for s in agents], dtype=float).T
         more = empty > self._empty
-        if all(status.u for status in agents):
+        steps = [status.step for status in agents if status.step is not None]
+        if len(steps) == len(agents):
             codes = np.where(
                 more[1], EMPTY_CODES[Origin.NO_AUTHORITY], EMPTY_CODES[Origin.BACKUP] * more[0]
             )
             # NumPy makes NaN of None.
-            scalars = [(s.age, s.solve_time, s.certified, s.residual, s.margin) for s in agents]
-            u = [*chain.from_iterable(s.u for s in agents)]
-            u_nom = [*chain.from_iterable(s.u_nom or s.u for s in agents)]
-            of_each = np.array(scalars, dtype=float).T.ravel()
+            of_each = np.array([numbers_of(s) for s in steps], dtype=float).T.ravel()
+            u = [*chain.from_iterable(s.u for s in steps)]
+            u_nom = [*chain.from_iterable(s.u_nom for s in steps)]
             self._steps.append(np.concatenate([[t], codes, of_each, u, u_nom]))
         self._empty = empty
 
@@ -109,8 +112,8 @@ class LiveHistory:
     def _agent(self, i: int) -> AgentSeries:
         inputs = self._model.kinematics.inputs
         n, m, own = len(inputs), inputs[-1].stop, inputs[i]
-        u = 1 + (SCALARS - 1) * n + np.arange(own.start, own.stop)
-        columns = [0, *(1 + k * n + i for k in range(SCALARS - 1)), *u, *(u + m)]
+        u = 1 + self._scalars * n + np.arange(own.start, own.stop)
+        columns = [0, *(1 + k * n + i for k in range(self._scalars)), *u, *(u + m)]
         return agent_series(self._steps.rows[:, columns])
 
     def _every_pair(self) -> PairSeries:

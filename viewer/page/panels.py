@@ -160,17 +160,18 @@ def agent_in_words(status: AgentStatus) -> Markup:
     """What an agent did at its last step, and for how long that is proven safe."""
     fine = status.condition == Condition.FINE
     parts: list[str] = [] if fine else [element("b", status.condition)]
-    if status.u:
-        parts.append(f"u = ({', '.join(f'{u:.3f}' for u in status.u)}), {words_of(status.origin)}")
-        parts.append(_residual(status.residual))
+    step = status.step
+    if step:
+        parts.append(f"u = ({', '.join(f'{u:.3f}' for u in step.u)}), {words_of(step.origin)}")
+        parts.append(_residual(step.residual))
         parts.append(_empty_sets(status.backups, status.without_authority))
-        parts.append(f"{1e3 * status.solve_time:.2f} ms")
+        parts.append(f"{1e3 * step.solve_time:.2f} ms")
     if status.lies:
         parts.append(f"{status.lies} false broadcast{'s' * (status.lies != 1)}")
-    if status.age is not None:
-        parts.append(f"oldest û {1e3 * status.age:.1f} ms")
-    if status.certified is not None:
-        parts.append(f"proven safe for {1e3 * status.certified:.0f} ms")
+    if step and step.oldest_input is not None:
+        parts.append(f"oldest û {1e3 * step.oldest_input:.1f} ms")
+    if step and step.certified is not None:
+        parts.append(f"proven safe for {1e3 * step.certified:.0f} ms")
     return Markup(" · ".join(map(markup, parts))) or markup("no input yet")
 
 

@@ -22,7 +22,9 @@ from phalanx.viewer.plots.curves import (
     points_each,
 )
 from phalanx.viewer.plots.lanes import lanes, zoom
+from phalanx.viewer.scene.model import SceneModel
 from phalanx.wire.frames import Frame
+from phalanx.wire.step_report import OF_ROW, QUANTITIES, Quantity, numbers_of
 
 Safe = tuple[float | None, float | None]
 
@@ -30,8 +32,6 @@ LEAST_HORIZON = 0.1
 """Where a certified time is drawn that is shorter than this many τ, for a logarithm."""
 _NEAR_PAIRS = 6
 _H_TOT, _WORST_PAIRS, _DISTANCE = "h_tot", "h of the worst pairs", "Smallest distance"
-_CERTIFIED, _RESIDUAL, _MARGIN = "Certified for", "Residual of the row", "Margin of the row"
-_AGE, _STEP = "Age of the oldest û", "Control step"
 _STEPS = 500
 """An arrow key moves the cursor by this share of the run."""
 _UNSAFE_ABOVE_0: Safe = (None, 0.0)
@@ -83,15 +83,13 @@ def values_at(feed: Feed, frame: Frame, chosen: int, pair: int) -> dict[str, flo
         row = rows[max(int(np.searchsorted(rows[:, 0], frame.t, side="right")) - 1, 0)]
         titles = [_H_TOT, _DISTANCE, *map(_psi, model.psi_levels)]
         found |= dict(zip(titles, row[1:].tolist(), strict=True))
-    if not status.u:
+    if status.step is None:
         return found
-    certified, age, residual = status.certified, status.age, status.residual
     horizon = model.swarm.horizon(chosen)
-    found[_CERTIFIED] = None if certified is None else max(certified / horizon, LEAST_HORIZON)
-    found[_RESIDUAL] = None if residual is None or residual <= NOBODY_NEAR else residual
-    found[_AGE] = None if age is None else 1e3 * age
-    found |= {_MARGIN: status.margin, _STEP: 1e3 * status.solve_time}
-    return found | dict(zip(map(_input, model.input_names(chosen)), status.u, strict=True))
+    for quantity, number in zip(QUANTITIES.values(), numbers_of(status.step), strict=True):
+        shown = float(_plotted(quantity, np.array(number, dtype=float), horizon))
+        found[quantity.title] = None if np.isnan(shown) else shown
+    return found | dict(zip(map(_input, model.input_names(chosen)), status.step.u, strict=True))
 
 
 class _Plots:
@@ -130,21 +128,19 @@ class _Plots:
         return [self._input(i, c) for i in agents for c in range(self._steps[i].u.shape[1])]
 
     def of_agents(self, inputs: list[Plot]) -> list[Plot]:
-        horizons = self._every(self._horizon, lowest)
-        ages = self._every(lambda _, s: 1e3 * s.age, highest)
-        solve_times = self._every(lambda _, s: 1e3 * s.solve_time, highest)
-        residuals = self._every(_of_rows, highest)
-        of_row = self._unit_of_psi(len(self._model.psi_levels) + 1)
-        margins = self._every(lambda _, s: s.margin, highest)
-        return [
-            Plot(_CERTIFIED, "τ", horizons, (1.0, None), logarithmic=True, of_agents=True),
-            *inputs,
-            Plot(_RESIDUAL, of_row, residuals, _UNSAFE_ABOVE_0, of_agents=True),
-            Plot(_MARGIN, of_row, margins, of_agents=True),
-            Plot(_AGE, "ms", ages, of_agents=True),
-            Plot(_STEP, "ms", solve_times, of_agents=True),
-            *self._space_time(),
-        ]
+        told = {name: self._of_steps(name, quantity) for name, quantity in QUANTITIES.items()}
+        return [told.pop("certified"), *inputs, *told.values(), *self._space_time()]
+
+    def _of_steps(self, name: str, quantity: Quantity) -> Plot:
+        """A number of every agent's control steps."""
+        keep = highest if quantity.safe[0] is None else lowest
+        curves = self._every(
+            lambda i, s: _plotted(quantity, s.numbers[name], self._model.swarm.horizon(i)), keep
+        )
+        return Plot(
+            quantity.title, _plotted_unit(quantity, self._model), curves, quantity.safe,
+            logarithmic=quantity.in_horizons, of_agents=True,
+        )  # fmt: skip
 
     def _space_time(self) -> list[Plot]:
         """Of a run in which somebody broadcast something; live, when something was late or lost."""
@@ -176,9 +172,6 @@ class _Plots:
             curve(Series(t, h[:, worst]), highest, label(worst), role="chosen"),
         ]
 
-    def _horizon(self, i: int, steps: AgentSeries) -> Array:
-        return np.maximum(steps.certified / self._model.swarm.horizon(i), LEAST_HORIZON)
-
     def _every(self, of: Callable[[int, AgentSeries], Array], keep: Keep) -> list[Curve]:
         """One quantity of every agent that is told; in an envelope where there are many."""
         most = points_each(len(self._told))
@@ -208,9 +201,19 @@ def _input(name: str) -> str:
     return f"Input {name} and nominal"
 
 
-def _of_rows(_: int, steps: AgentSeries) -> Array:
-    """Residuals, where there was a row to keep."""
-    return np.where(steps.residual > NOBODY_NEAR, steps.residual, np.nan)
+def _plotted(quantity: Quantity, values: Array, horizon: float) -> Array:
+    """A number's values as its plot shows them, of an agent with this τ [s]."""
+    if quantity.in_horizons:
+        return np.maximum(values / horizon, LEAST_HORIZON)
+    if quantity.unit == OF_ROW:
+        return np.where(values > NOBODY_NEAR, values, np.nan)
+    return 1e3 * values if quantity.unit == "s" else values
+
+
+def _plotted_unit(quantity: Quantity, model: SceneModel) -> str:
+    if quantity.in_horizons:
+        return "τ"
+    return "ms" if quantity.unit == "s" else model.unit_of(quantity)
 
 
 def _bold(rows: Array, column: int, keep: Keep) -> Curve:

@@ -11,6 +11,7 @@ from phalanx.viewer.ros2.serialized import header
 from phalanx.viewer.scene.model import SceneModel
 from phalanx.viewer.scene.roles import Role, role
 from phalanx.wire.frames import AgentStatus, Frame
+from phalanx.wire.step_report import QUANTITIES, AppliedStep
 
 Head = tuple[int, str]
 """Level and message."""
@@ -34,7 +35,7 @@ _OF_ROLE = {
 def diagnostics(frame: Frame, model: SceneModel, outcome: Head) -> Diagnostics:
     """The run first, with so_far or verdict, then every agent, at the frame's time."""
     told = zip(model.names, model.adversary, frame.agents, strict=True)
-    agents = [_agent(name, bool(adversary), status) for name, adversary, status in told]
+    agents = [_agent(name, bool(adversary), status, model) for name, adversary, status in told]
     return Diagnostics(header=header(frame.t), status=[_run(frame, model, outcome), *agents])
 
 
@@ -74,18 +75,23 @@ def _run(frame: Frame, model: SceneModel, outcome: Head) -> Status:
     return _status("run", outcome, model.scenario.name, figures)
 
 
-def _agent(name: str, adversary: bool, told: AgentStatus) -> Status:
+def _agent(name: str, adversary: bool, told: AgentStatus, model: SceneModel) -> Status:
     found = role(told, adversary)
     figures: dict[str, object] = {
         "condition": told.condition,
-        "u": _listed(told.u),
-        "nominal u": _listed(told.u_nom),
         "backups": told.backups,
         "without authority": told.without_authority,
-        "certified for [s]": told.certified,
-        "age of the oldest received input [s]": told.age,
     }
+    figures |= _figures_of(told.step, model) if told.step else {}
     return _status(f"agent {name}", (_OF_ROLE[found], found), name, figures)
+
+
+def _figures_of(step: AppliedStep, model: SceneModel) -> dict[str, object]:
+    found: dict[str, object] = {"u": _listed(step.u), "nominal u": _listed(step.u_nom)}
+    for name, quantity in QUANTITIES.items():
+        unit = model.unit_of(quantity)
+        found[quantity.title.lower() + f" [{unit}]" * bool(unit)] = getattr(step, name)
+    return found
 
 
 def _status(name: str, head: Head, hardware: str, figures: dict[str, object]) -> Status:

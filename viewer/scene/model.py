@@ -12,11 +12,13 @@ from phalanx.arrays import Array
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx.swarm.units import unit_of_psi
 from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.models.units import units
 from phalanx.viewer.scene.kinematics import Kinematics
 from phalanx.viewer.scene.surroundings import Surroundings
 from phalanx.viewer.scene.values import SafetyValues
+from phalanx.wire.step_report import OF_ROW, Quantity
 
 _MOST_SHOWN_WHOLE = 24
 
@@ -103,6 +105,12 @@ class SceneModel:
     def psi_levels(self) -> range:
         """The k of ψ_1 ... ψ_{q-1}."""
         return range(1, self.rows.relative_degree)
+
+    def unit_of(self, quantity: Quantity) -> str:
+        """That of a number of a control step; "" if it has none, or none is known."""
+        if quantity.unit != OF_ROW:
+            return quantity.unit
+        return unit_of_psi(self.scenario, self.rows.relative_degree)
 
     @cached_property
     def input_units(self) -> tuple[Mapping[str, str], ...]:

@@ -72,7 +72,8 @@ def picture(model: SceneModel, frame: Frame) -> Picture:
     x = np.frombuffer(frame.x, dtype="<f8")
     poses = model.kinematics.poses(x)
     p = poses.positions
-    applied = _arrows(model, x, [status.u for status in frame.agents])
+    steps = [status.step for status in frame.agents]
+    applied = _arrows(model, x, [step.u if step else () for step in steps])
     has_heading = poses.headings.any(axis=1, keepdims=True)
     # h_tot is never below the largest h.
     unsafe = [] if frame.h_tot <= 0.0 else model.values.unsafe(x).tolist()
@@ -84,7 +85,7 @@ def picture(model: SceneModel, frame: Frame) -> Picture:
         headings=np.where(has_heading, poses.headings, unit(applied)),
         roles=[role(s, bool(bad)) for s, bad in zip(frame.agents, model.adversary, strict=True)],
         applied=applied,
-        u_nom=_arrows(model, x, [status.u_nom for status in frame.agents]),
+        u_nom=_arrows(model, x, [step.u_nom if step else () for step in steps]),
         pair=frame.pair,
         worst_pair=model.ends(frame.pair, p),
         worst_pair_text=f"{model.label(frame.pair)}: {model.told(frame.pair, x, p)}",

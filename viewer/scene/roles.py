@@ -32,6 +32,7 @@ def role(status: AgentStatus, adversary: bool) -> Role:
         return Role.SILENT
     if adversary or status.condition == Condition.TURNED:
         return Role.ADVERSARY
-    if status.origin == Origin.BACKUP:
+    origin = status.step.origin if status.step else None
+    if origin == Origin.BACKUP:
         return Role.BACKUP
-    return Role.NO_AUTHORITY if status.origin == Origin.NO_AUTHORITY else Role.NORMAL
+    return Role.NO_AUTHORITY if origin == Origin.NO_AUTHORITY else Role.NORMAL

@@ -22,7 +22,7 @@ class StepRecord(Protocol):
 
     agent: str
     t_apply: float
-    u: list[float]
+    u: tuple[float, ...]
 
 
 class HeldInputs(NamedTuple):
@@ -69,7 +69,7 @@ def _held(member: Member, times: Array, steps: Sequence[StepRecord]) -> HeldInpu
         raise UncertifiableError(f"expected inputs of {m} components of agent {member.name}")
     t, u = [step.t_apply for step in own], [step.u for step in own]
     if not t or t[0] > times[0]:
-        t, u = [float(times[0]), *t], [[0.0] * m, *u]
+        t, u = [float(times[0]), *t], [(0.0,) * m, *u]
     since = np.array(t)
     if not np.isin(since, times).all():
         raise UndecidedError(

@@ -30,6 +30,7 @@ from phalanx.wire.messages import MAX_BYTES, Actuation, Sample, Telemetry
 from phalanx.wire.pubsub import subscribe
 from phalanx.wire.seal import Sealer
 from phalanx.wire.session import open_client
+from phalanx.wire.step_report import StepReport
 from tests.process.runs import PACED, SECRET, live_run, wait_for
 
 pytestmark = pytest.mark.swarm
@@ -55,11 +56,12 @@ def an_input(**changes: Any) -> Actuation:
 
 
 def a_report(**changes: Any) -> Telemetry:
-    message = Telemetry(
-        k=10**9, origin=Origin.ATTACK, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0,
-        ages=(),
-    )  # fmt: skip
-    return msgspec.structs.replace(message, **changes)
+    return msgspec.structs.replace(Telemetry(k=10**9, report=made(), ages=()), **changes)
+
+
+def made(**changes: Any) -> StepReport:
+    report = StepReport(origin=Origin.ATTACK, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0)
+    return msgspec.structs.replace(report, **changes)
 
 
 def a_sample(k: int, x: bytes = bytes(8 * 15)) -> Sample:
@@ -118,13 +120,14 @@ TO_PLANT = {
     "before the beginning": (KEY, INSIDER.seal(KEY, an_input(k=-1)), "out of order"),
     "a report for an input": (KEY, INSIDER.seal(KEY, a_report()), "wrong fields"),
     "an input for a report": (REPORT, INSIDER.seal(REPORT, an_input()), "wrong fields"),
-    "an unknown origin": (REPORT, INSIDER.seal(REPORT, a_report(origin="divine")), "wrong fields"),
+    "an unknown origin": (
+        REPORT, INSIDER.seal(REPORT, a_report(report=made(origin="divine"))), "wrong fields"),
     "an age of nobody's input": (
         REPORT, INSIDER.seal(REPORT, a_report(ages=((77, 0.1),))), "unknown sender"),
     "a residual that is no number": (
-        REPORT, INSIDER.seal(REPORT, a_report(residual=math.nan)), "not finite"),
+        REPORT, INSIDER.seal(REPORT, a_report(report=made(residual=math.nan))), "not finite"),
     "an enormous residual": (
-        REPORT, INSIDER.seal(REPORT, a_report(residual=1.7e308)), "too large"),
+        REPORT, INSIDER.seal(REPORT, a_report(report=made(residual=1.7e308))), "too large"),
     "fates of nobody's messages": (
         REPORT, INSIDER.seal(REPORT, a_report(fates=(Fate(77, 0, 0.0),))), "unknown sender"),
     "fates of faults that nobody declared": (

@@ -43,7 +43,7 @@ def test_one_flipped_bit_of_a_recorded_input_is_found_at_its_step_and_agent(
 ):
     at = next(n for n, s in enumerate(recorded.steps) if s.agent == "3" and s.k == 17)
     steps = [msgspec.structs.replace(step) for step in recorded.steps]
-    steps[at].u = [with_last_bit_flipped(steps[at].u[0]), steps[at].u[1]]
+    steps[at].u = (with_last_bit_flipped(steps[at].u[0]), steps[at].u[1])
     copy = rewritten(recorded, steps, tmp_path / "flipped.mcap")
     status, output = phalanx("verify", str(copy)).finish()
     assert status == 1

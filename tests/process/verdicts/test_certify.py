@@ -6,6 +6,7 @@ import sys
 from itertools import combinations, pairwise
 
 import casadi as ca
+import msgspec
 import numpy as np
 import pytest
 
@@ -23,6 +24,7 @@ from phalanx.recording.records import State, Step
 from phalanx.scenario.load import load
 from phalanx.scenario.model import Scenario
 from phalanx.theory.models.dynamics import Dynamics
+from phalanx.theory.rows.origin import Origin
 
 OWN = '''
 from dataclasses import dataclass
@@ -158,7 +160,10 @@ def scenario(
 
 
 def step(agent: str, t: float, u: list[float]) -> Step:
-    return Step(agent, 0, t, t, u, "qp", 0.0, 0.0, [], [])
+    return Step(
+        agent=agent, k=0, t=t, t_apply=t, u=tuple(u), origin=Origin.QP, residual=0.0,
+        solve_time=0.0, ages=[], fates=[],
+    )  # fmt: skip
 
 
 def resting(given: Scenario, x: list[list[float]], inputs: int = 2) -> Certification:
@@ -188,9 +193,8 @@ def test_no_margin_is_not_certified_and_the_gap_comes_before_the_violation(tmp_p
 
 def tampered(recording: Recording, at: int, factor: float) -> list[Step]:
     steps = list(recording.steps)
-    old = steps[at]
-    steps[at] = Step(**{f: getattr(old, f) for f in old.__struct_fields__})
-    steps[at].u = [factor * component for component in old.u]
+    changed = tuple(factor * component for component in steps[at].u)
+    steps[at] = msgspec.structs.replace(steps[at], u=changed)
     return steps
 
 

@@ -156,7 +156,8 @@ class Liars(Hijacked):
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:
         said = super().await_telemetry(i, k)
-        return msgspec.structs.replace(said, origin=Origin.QP, residual=-9.0, ages=(), rejected=0)
+        made = msgspec.structs.replace(said.report, origin=Origin.QP, residual=-9.0)
+        return msgspec.structs.replace(said, report=made, ages=(), rejected=0)
 
 
 def as_answered(name: str, sample: Sample, answer: Actuation) -> tuple[float, ...]:

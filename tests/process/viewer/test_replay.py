@@ -81,7 +81,7 @@ def test_beside_a_plot_stands_what_the_run_was_and_not_its_thinned_curve(replay:
         values = values_at(replay, frame, 0, shown.pair)
         assert bold == set(values)
         assert values["h_tot"] == frame.h_tot
-        assert values["Residual of the row"] == frame.agents[0].residual
+        assert values["Residual of the row"] == frame.agents[0].step.residual
 
 
 def test_a_live_run_marks_violations_as_they_happen(tmp_path: Path) -> None:
@@ -116,7 +116,7 @@ def test_the_plot_of_certified_times_keeps_the_shortest_and_leaves_adversaries_o
 ) -> None:
     recorded = [s.certified for s in read(finished).steps if s.agent == "1"]
     steps, tau = replay.history.agent(0), replay.model.swarm.horizon(0)
-    assert list(steps.certified) == recorded
+    assert list(steps.numbers["certified"]) == recorded
     curves = titled(plotted(replay), "Certified for").curves
     assert [len(curve.t) > 0 for curve in curves] == [True, True, True, False, False]
     assert min(curves[0].y) == pytest.approx(max(min(recorded) / tau, LEAST_HORIZON), rel=1e-3)
@@ -184,7 +184,7 @@ def test_what_an_agent_applied_is_what_the_recording_says(replay: Replay, finish
     steps = [step for step in read(finished).steps if step.agent == "2"]
     for step, following in pairwise(steps[50:61]):
         between = (step.t_apply + following.t_apply) / 2.0
-        assert list(replay.frame(between).agents[1].u) == step.u
+        assert replay.frame(between).agents[1].step.u == step.u
 
 
 def test_lost_and_late_broadcasts_are_drawn_as_links(replay: Replay) -> None:

@@ -14,6 +14,7 @@ from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import LONGEST_FAILURE, MAX_BYTES, Broadcast, Sample, Telemetry
 from phalanx.wire.seal import Malformed, Sealer
+from phalanx.wire.step_report import QUANTITIES, StepReport
 from tests.unit.swarms import rows_of_scenario
 
 PERIOD = 0.01
@@ -144,9 +145,12 @@ def test_a_report_with_all_that_it_may_say_is_taken(name: str):
     agents, faults = len(step.swarm.names), tuple(range(len(step.swarm.links.declared)))
     most, u = 2**32 - 1, (1e300,) * max(len(m.dynamics.inputs) for m in step.swarm.members)
     fates = (Fate(65535, most, 0.1, faults, Claim(0.1, u)),) * step.most_fates
+    made = StepReport(
+        origin=Origin.SOLVER_FAILED, u_nom=u,
+        **{name: 0.1 for name in QUANTITIES if name in StepReport.__struct_fields__},
+    )  # fmt: skip
     report = Telemetry(
-        k=most, origin=Origin.SOLVER_FAILED, residual=0.1, u_nom=u, solve_time=0.1,
-        ages=((65535, 0.1),) * agents, fates=fates, rejected=most, margin=0.1,
+        k=most, report=made, ages=((65535, 0.1),) * agents, fates=fates, rejected=most,
         received=((65535, 0.1, u),) * agents, failed="?" * LONGEST_FAILURE,
     )  # fmt: skip
     assert MAX_BYTES / 2 < len(Sealer().seal("k", report)) <= MAX_BYTES
@@ -167,7 +171,7 @@ def test_it_decides_on_those_it_sees_alone():
         s(s.accept_sample(a)) for s, a in ((step, limited), (ControlStep(rows, 0), elsewhere))
     ]
     assert answers[0].actuation == answers[1].actuation
-    assert answers[0].telemetry.origin is Origin.QP
+    assert answers[0].telemetry.report.origin is Origin.QP
 
 
 def test_what_peers_hear_is_the_input_and_nothing_of_how_it_was_made(step: ControlStep):

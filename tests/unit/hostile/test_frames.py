@@ -3,8 +3,8 @@
 import math
 import struct
 
-import msgspec
 import pytest
+from msgspec.structs import replace
 
 from phalanx.viewer.feeds.live import check_frame
 from phalanx.viewer.scene.model import scene_model
@@ -13,6 +13,7 @@ from phalanx.wire.seal import Malformed
 from tests.hostile.messages import KEYS, SCENARIO, receivers
 
 GOOD = next(receiver for receiver in receivers() if receiver.key == KEYS.frames).good(0)
+STEP = GOOD.agents[0].step
 
 
 @pytest.mark.parametrize(
@@ -21,7 +22,8 @@ GOOD = next(receiver for receiver in receivers() if receiver.key == KEYS.frames)
         {"x": GOOD.x[:-8]},
         {"x": struct.pack("<d", math.nan) + GOOD.x[8:]},
         {"agents": GOOD.agents[:-1]},
-        {"agents": (AgentStatus(u=(0.0,)), *GOOD.agents[1:])},
+        {"agents": (AgentStatus(step=replace(STEP, u=(0.0,))), *GOOD.agents[1:])},
+        {"agents": (AgentStatus(step=replace(STEP, u_nom=())), *GOOD.agents[1:])},
         {"pair": -1},
         {"link_events": (LinkEvent(0, 5, 0.1),)},
     ],
@@ -30,4 +32,4 @@ def test_a_frame_of_another_run_is_refused(changes: dict[str, object]):
     model = scene_model(SCENARIO)
     check_frame(GOOD, model)
     with pytest.raises(Malformed):
-        check_frame(msgspec.structs.replace(GOOD, **changes), model)
+        check_frame(replace(GOOD, **changes), model)

@@ -9,6 +9,7 @@ from phalanx.plant.hub.answers import Answers
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Actuation, Sample, Telemetry
 from phalanx.wire.seal import Malformed
+from phalanx.wire.step_report import StepReport
 from tests.unit.swarms import swarm_of_scenario
 
 
@@ -33,6 +34,7 @@ def test_an_actuation_that_was_taken_is_not_taken_again_for_the_next_sample():
     assert answers.take_actuation(0) is None
 
 
+MADE = StepReport(origin=Origin.QP, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0)
 GOOD = Actuation(k=1, t_apply=0.01, u=(1.0, 0.0))
 
 
@@ -61,9 +63,7 @@ def test_a_report_may_come_after_the_next_sample_was_sent_but_not_twice():
     answers = Answers(swarm_of_scenario("unicycles"))
     answers.expect(0, sample(0))
     answers.expect(0, sample(1))
-    report = Telemetry(
-        k=0, origin=Origin.QP, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0, ages=()
-    )
+    report = Telemetry(k=0, report=MADE, ages=())
     answers.on_telemetry(0, report)
     assert answers.take_telemetry(0, 0) == report
     with pytest.raises(Malformed, match="out of order"):
@@ -88,14 +88,6 @@ def test_a_report_on_a_broadcast_that_cannot_have_been_heard_so_is_refused(fate:
     answers = Answers(swarm_of_scenario("unicycles"))
     for i in (0, 1):
         answers.expect(i, sample(0))
-    report = Telemetry(
-        k=0,
-        origin=Origin.QP,
-        residual=0.0,
-        u_nom=(0.0, 0.0),
-        solve_time=0.0,
-        ages=(),
-        fates=(fate,),
-    )
+    report = Telemetry(k=0, report=MADE, ages=(), fates=(fate,))
     with pytest.raises(Malformed, match="unknown broadcast"):
         answers.on_telemetry(0, report)

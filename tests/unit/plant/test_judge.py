@@ -14,6 +14,7 @@ from phalanx.plant.world.world import DivergedError
 from phalanx.theory.models.unicycle import Unicycle
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Telemetry
+from phalanx.wire.step_report import StepReport
 from tests.unit.swarms import rows_of_scenario
 
 
@@ -33,9 +34,8 @@ def apply(
     u: tuple[float, float] = (0.0, 0.0),
 ) -> None:
     """Agent i's input for a sample at t [s] takes effect, at once or at t_apply [s]."""
-    telemetry = Telemetry(
-        k=k, origin=origin, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0, ages=ages
-    )
+    report = StepReport(origin=origin, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0)
+    telemetry = Telemetry(k=k, report=report, ages=ages)
     x = rows_of_scenario("unicycles").swarm.start()
     t_apply = t if t_apply is None else t_apply
     (proven,) = judge.coverage.proven([Applied(i, t_apply, x, np.array(u))])

@@ -28,6 +28,7 @@ from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.models.unicycle import Unicycle
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Actuation, Sample, Status, Telemetry
+from phalanx.wire.step_report import StepReport
 from tests.unit.swarms import rows_of_scenario
 
 RUNAWAY = """
@@ -76,8 +77,8 @@ class Coasting:
         return self.await_actuation(i) if i in self._open else None
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:
-        rest = (0.0, 0.0)
-        return Telemetry(k=k, origin=Origin.QP, residual=0.0, u_nom=rest, solve_time=0.0, ages=())
+        made = StepReport(origin=Origin.QP, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0)
+        return Telemetry(k=k, report=made, ages=())
 
     def publish_status(self, message: Status) -> None:
         pass

@@ -16,6 +16,7 @@ from phalanx.recording.read import Recording, read
 from phalanx.recording.write import RecordingWriter
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Actuation, Sample, Status, Telemetry
+from phalanx.wire.step_report import StepReport
 from tests.unit.swarms import rows_of_scenario
 
 LATENCY = 0.004
@@ -58,8 +59,8 @@ class OnTheWall:
         return [(i, back) for _, i, back in due]
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:
-        rest = (0.0, 0.0)
-        return Telemetry(k=k, origin=Origin.QP, residual=0.0, u_nom=rest, solve_time=0.0, ages=())
+        made = StepReport(origin=Origin.QP, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0)
+        return Telemetry(k=k, report=made, ages=())
 
     def publish_status(self, message: Status) -> None: ...
 

@@ -30,6 +30,7 @@ from phalanx.recording.records import RECORDING, SUMMARY, Log, State, Step
 from phalanx.recording.write import RecordingError, RecordingWriter, write_down
 from phalanx.scenario.load import digest, load
 from phalanx.scenario.model import Scenario
+from phalanx.theory.rows.origin import Origin
 
 
 @cache
@@ -66,10 +67,14 @@ def records(count: int = COUNT) -> list[State | Step | Log]:
     for k in range(count):
         t = 0.002 * k + float(rng.uniform(0, 1e-3))
         found.append(State(t, rng.normal(size=15).tolist(), float(rng.normal())))
-        u = rng.normal(size=2).tolist()
+        u = tuple(rng.normal(size=2).tolist())
         fates = [("2", k, -1.0), ("3", k, float(rng.uniform()))]
         ages = [("2", float(rng.uniform()))]
-        found.append(Step("1", k, t, t, u, "qp", -1e-9, 1e-4, ages, fates))
+        step = Step(
+            agent="1", k=k, t=t, t_apply=t, u=u, origin=Origin.QP, residual=-1e-9, solve_time=1e-4,
+            ages=ages, fates=fates,
+        )  # fmt: skip
+        found.append(step)
     found.append(Log(0.002 * count, "agent 3 said ψ"))
     return found
 
@@ -395,15 +400,16 @@ def test_many_chunks_that_unpack_to_gigabytes_together_are_damage(whole, tmp_pat
     assert "more than a recording holds" in found.damage
 
 
-AT = {"t": 0.1, "t_apply": 0.1, "residual": None, "solve_time": 0.0, "fates": []}
-GOOD = Step("1", 0, u=[0.0, 0.0], origin="qp", ages=[("2", 0.0)], **AT)
+GOOD = Step(
+    agent="1", k=0, t=0.1, t_apply=0.1, u=(0.0, 0.0), origin=Origin.QP, residual=None,
+    solve_time=0.0, ages=[("2", 0.0)], fates=[],
+)  # fmt: skip
 MISFITS = {
     "a state too short": State(0.1, [0.0] * 14, 0.0),
     "a step of nobody": msgspec.structs.replace(GOOD, agent="9"),
-    "an input too many": msgspec.structs.replace(GOOD, u=[0.0] * 3),
-    "a nominal input too few": msgspec.structs.replace(GOOD, u_nom=[0.0]),
+    "an input too many": msgspec.structs.replace(GOOD, u=(0.0,) * 3),
+    "a nominal input too few": msgspec.structs.replace(GOOD, u_nom=(0.0,)),
     "an age of nobody": msgspec.structs.replace(GOOD, ages=[("9", 0.0)]),
-    "an unknown origin": msgspec.structs.replace(GOOD, origin="divine"),
     "a broadcast of nobody": msgspec.structs.replace(GOOD, fates=[("9", 0, 0.0)]),
     "a false claim of another size": msgspec.structs.replace(GOOD, false=[("2", 0, 0.0, [0.0])]),
     "a command to nobody": Command(0.1, CommandKind.KILL, "9"),
@@ -432,6 +438,24 @@ def test_a_number_of_which_figures_would_be_infinite_is_damage(tmp_path: Path, n
     assert found.steps == [GOOD]
     assert "a number above 1e+303" in (found.damage or "")
     assert found.summary is None
+
+
+def test_a_step_of_unknown_origin_is_damage(tmp_path: Path):
+    with RecordingWriter(tmp_path / RECORDING, scenario(), "run-1") as writer:
+        writer.write(GOOD)
+        writer.write(msgspec.structs.replace(GOOD, k=1, origin="divine"))
+        writer.finish(FIGURES)
+    found = read(tmp_path)
+    assert found.steps == [GOOD]
+    assert "divine" in (found.damage or "")
+    assert found.summary is None
+
+
+def test_the_oldest_input_of_a_step_is_that_of_its_ages_also_where_it_is_not_recorded():
+    known = msgspec.structs.replace(GOOD, ages=[("2", 0.1), ("3", 0.3)])
+    assert known.oldest_input == 0.3
+    older = {k: v for k, v in msgspec.to_builtins(known).items() if k != "oldest_input"}
+    assert msgspec.convert(older, Step) == known
 
 
 def test_a_recording_may_hold_the_largest_number_that_messages_may(tmp_path: Path):

@@ -49,16 +49,16 @@ def step(scenario: Scenario, names: tuple[str, ...], i: int, k: int) -> Step:
         delay = fate(scenario, sender, names[i], k)
         fates.append((sender, k, -1.0 if delay is None else delay))
     return Step(
-        names[i],
-        k,
-        t,
-        t,
-        [0.1] * len(group[names[i]].dynamics_object().inputs),
-        origin if normal else Origin.ATTACK,
-        0.0,
-        1e-4 * (1 + k % 7),
-        [(name, 0.002 * (k % 4)) for name in others if k],
-        fates,
+        agent=names[i],
+        k=k,
+        t=t,
+        t_apply=t,
+        u=(0.1,) * len(group[names[i]].dynamics_object().inputs),
+        origin=origin if normal else Origin.ATTACK,
+        residual=0.0,
+        solve_time=1e-4 * (1 + k % 7),
+        ages=[(name, 0.002 * (k % 4)) for name in others if k],
+        fates=fates,
         certified=0.012 * (k % 10) / 2 if normal else None,
     )
 

@@ -69,7 +69,7 @@ def test_where_the_inputs_lie_in_a_cube_their_infinity_norm_is_drawn_first() -> 
 def test_the_nominal_input_is_drawn_beside_the_applied_one_and_does_not_stretch_the_panel(
     recording: Recording,
 ) -> None:
-    wanted = [9.0, -9.0]
+    wanted = (9.0, -9.0)
     steps = [msgspec.structs.replace(step, u_nom=wanted) for step in recording.steps]
     far = dataclasses.replace(recording, steps=steps)
     for axes, nominal in zip(

@@ -79,7 +79,7 @@ def test_the_largest_numbers_that_agents_may_tell_are_drawn(tmp_path: Path) -> N
     told = [
         msgspec.structs.replace(
             each, residual=LARGEST_SUM, margin=-LARGEST_SUM, solve_time=LARGEST_SUM,
-            u_nom=[LARGEST_SUM] * len(each.u), ages=[(name, LARGEST_SUM) for name, _ in each.ages],
+            u_nom=(LARGEST_SUM,) * len(each.u), ages=[(name, LARGEST_SUM) for name, _ in each.ages],
         )
         if isinstance(each, Step) and each.k % 3 == 0 else each
         for each in drift(scenario)

@@ -6,11 +6,12 @@ import numpy as np
 from phalanx.guarantee.verdict import Violation
 from phalanx.recording.records import Step
 from phalanx.scenario.load import load
+from phalanx.theory.rows.origin import Origin
 from phalanx.viewer.feeds.agent_steps import AgentSteps
-from phalanx.viewer.feeds.history import AgentSeries
 from phalanx.viewer.feeds.live_history import LiveHistory
 from phalanx.viewer.scene.model import scene_model
 from phalanx.wire.frames import AgentStatus, Frame, LinkEvent
+from phalanx.wire.step_report import QUANTITIES, AppliedStep
 
 MODEL = scene_model(load("unicycles", []))
 
@@ -46,22 +47,21 @@ def test_a_pair_that_was_unsafe_stays_marked_when_frames_tell_of_others_as_it_wa
 
 
 def test_every_number_of_a_step_is_plotted_as_what_it_is_live_and_recorded() -> None:
+    def told(i: int) -> dict[str, float]:
+        return {name: i + 0.01 * place for place, name in enumerate(QUANTITIES)}
+
     def status(i: int) -> AgentStatus:
-        return AgentStatus(
-            u=(i + 0.1, i + 0.2), u_nom=(i + 0.3, i + 0.4), age=i + 0.5, solve_time=i + 0.6,
-            certified=i + 0.7, residual=i + 0.8, margin=i + 0.9,
-        )  # fmt: skip
+        u, u_nom = (i + 0.1, i + 0.2), (i + 0.3, i + 0.4)
+        return AgentStatus(step=AppliedStep(origin=Origin.QP, u=u, u_nom=u_nom, **told(i)))
 
     past = LiveHistory(MODEL)
     past.add(msgspec.structs.replace(frame(2.0), agents=tuple(map(status, range(5)))))
     step = Step(
-        agent="4", k=0, t=2.0, t_apply=2.0, u=[3.1, 3.2], origin="qp", residual=3.8,
-        solve_time=3.6, ages=[("1", 3.5)], fates=[], u_nom=[3.3, 3.4], certified=3.7, margin=3.9,
-    )  # fmt: skip
-    expected = AgentSeries(
-        t=[2.0], empty=[0.0], age=[3.5], solve_time=[3.6], certified=[3.7], residual=[3.8],
-        margin=[3.9], u=[[3.1, 3.2]], u_nom=[[3.3, 3.4]],
+        agent="4", k=0, t=2.0, t_apply=2.0, fates=[], ages=[("1", told(3)["oldest_input"])],
+        **msgspec.structs.asdict(status(3).step),
     )  # fmt: skip
     for series in (past.history.agent(3), AgentSteps([step]).series(inputs=2)):
-        for found, numbers in zip(series, expected, strict=True):
-            np.testing.assert_array_equal(found, numbers)
+        assert (series.t, series.empty) == ([2.0], [0.0])
+        assert series.numbers == told(3)
+        np.testing.assert_array_equal(series.u, [[3.1, 3.2]])
+        np.testing.assert_array_equal(series.u_nom, [[3.3, 3.4]])

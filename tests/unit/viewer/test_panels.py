@@ -7,11 +7,17 @@ import pytest
 
 from phalanx.guarantee.verdict import Assumption
 from phalanx.recording.read import read
+from phalanx.theory.rows.origin import Origin
 from phalanx.theory.safety.composition import FAR
 from phalanx.viewer.feeds.replay import Replay
 from phalanx.viewer.page.panels import agent_in_words, verdict_in_words
 from phalanx.wire.frames import AgentStatus
+from phalanx.wire.step_report import AppliedStep
 from tests.unit.report.recordings import drift, record, summary_of, unicycles
+
+
+def step(residual: float = 0.0) -> AppliedStep:
+    return AppliedStep(origin=Origin.QP, residual=residual, solve_time=0.0, u=(1.0,))
 
 
 @pytest.mark.parametrize(
@@ -19,17 +25,17 @@ from tests.unit.report.recordings import drift, record, summary_of, unicycles
     [(-4.26e-14, "residual 0"), (3e-12, "residual 0"), (2e-9, "residual 2e-09"), (-20.3, "-20.3")],
 )
 def test_a_residual_of_rounding_alone_is_none(residual: float, told: str) -> None:
-    assert f"{told} ·" in agent_in_words(AgentStatus(u=(1.0,), residual=residual))
+    assert f"{told} ·" in agent_in_words(AgentStatus(step=step(residual)))
 
 
 def test_steps_with_empty_sets_are_counted_in_words() -> None:
-    assert "· 1 backup ·" in agent_in_words(AgentStatus(u=(1.0,), backups=1))
-    told = agent_in_words(AgentStatus(u=(1.0,), backups=2, without_authority=1))
+    assert "· 1 backup ·" in agent_in_words(AgentStatus(step=step(), backups=1))
+    told = agent_in_words(AgentStatus(step=step(), backups=2, without_authority=1))
     assert "· 2 backups, 1 without authority ·" in told
 
 
 def test_without_anybody_near_there_is_no_residual() -> None:
-    told = agent_in_words(AgentStatus(u=(1.0,), residual=FAR))
+    told = agent_in_words(AgentStatus(step=step(FAR)))
     assert "nobody near" in told
     assert "e+09" not in told
 

@@ -5,7 +5,13 @@ import pytest
 
 from phalanx.faults.state import Condition
 from phalanx.recording.broadcasts import IN_TIME, LATE, LOST, Broadcast
-from phalanx.viewer.feeds.history import EMPTY_CODES, ConditionChange, agent_series, fates_of
+from phalanx.viewer.feeds.history import (
+    EMPTY_CODES,
+    ConditionChange,
+    agent_series,
+    fates_of,
+    series_width,
+)
 from phalanx.viewer.plots.content import FALSE, Period
 from phalanx.viewer.plots.curves import Series, curve, envelope, farthest, highest, lowest, numbers
 from phalanx.viewer.plots.lanes import lanes, zoom
@@ -53,7 +59,7 @@ def test_numbers_are_rounded_to_significant_digits():
 def test_a_backup_period_lasts_until_the_next_step_that_was_none():
     code = EMPTY_CODES["backup"]
     empty = [0.0, code, code, 0.0, EMPTY_CODES["no-authority"], code]
-    rows = np.zeros((6, 9))
+    rows = np.zeros((6, series_width(inputs=1)))
     rows[:, 0], rows[:, 1] = np.arange(6.0), empty
     assert empty_periods(2, agent_series(rows)) == [
         Period(2, "backup", 1.0, 3.0),
@@ -75,7 +81,7 @@ def test_a_fault_period_lasts_until_the_same_agent_is_fine_or_to_the_end():
 
 
 def test_a_lane_tells_the_share_of_broadcasts_late_and_lost_and_the_gravest_state():
-    rows = np.zeros((10, 9))
+    rows = np.zeros((10, series_width(inputs=1)))
     rows[:, 0] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]
     rows[2, 1] = EMPTY_CODES["backup"]
     speaking, silent = agent_series(rows), agent_series(np.delete(rows, [6, 7], axis=0))
@@ -90,7 +96,7 @@ def test_a_lane_tells_the_share_of_broadcasts_late_and_lost_and_the_gravest_stat
 
 
 def test_a_lie_is_told_in_the_liars_lane_and_as_the_fate_of_its_broadcast():
-    rows = np.zeros((10, 9))
+    rows = np.zeros((10, series_width(inputs=1)))
     rows[:, 0] = np.arange(10.0)
     agents = [agent_series(rows)] * 3
     found = [Broadcast(1, 0, 4.5, 4.6, IN_TIME, lied) for lied in (False, True)]
@@ -101,7 +107,7 @@ def test_a_lie_is_told_in_the_liars_lane_and_as_the_fate_of_its_broadcast():
 
 
 def test_the_zoom_holds_the_steps_and_broadcasts_around_the_worst_moment_alone():
-    rows = np.zeros((100, 9))
+    rows = np.zeros((100, series_width(inputs=1)))
     rows[:, 0] = 0.1 * np.arange(100)
     agents = [agent_series(rows)] * 3
     found = [Broadcast(1, 2, t, t + 0.02, IN_TIME) for t in rows[:, 0]]

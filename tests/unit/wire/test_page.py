@@ -11,12 +11,14 @@ from phalanx.wire import frames, messages
 from phalanx.wire.keys import Keys
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import VERSION, Message
+from phalanx.wire.step_report import OF_ROW, QUANTITIES, AppliedStep, StepReport
 
 PAGE = (Path(__file__).parents[3] / "docs" / "wire.md").read_text(encoding="utf-8")
 SECRET = b"secret"
 MEMBERSHIP = Membership("r", "", SECRET)
 OF_TYPE = {
     "int": 7,
+    "StepReport": ["qp", -0.5, 8.05, [1.5, -2.0], 1e-4],
     "float": 0.25,
     "float or null": None,
     "floats": [1.5, -2.0],
@@ -33,13 +35,19 @@ OF_FIELD = {
     "ages": [[1, 0.01]],
     "received": [[1, 0.25, [1.5, -2.0]]],
     "fates": [[1, 6, 0.02, [2], [0.25, [1.5, -2.0]]], [1, 7, -1.0, [], None]],
-    "agents": [["fine", [1.0], [2.0], "backup", 3, 1, 0.5, 1e-4, None, 0.096, 8.05, 7]],
+    "agents": [
+        ["fine", ["backup", 0.5, None, [2.0], 1e-4, [1.0], 0.02, 0.096], 3, 1, 7],
+        ["dead", None, 0, 0, 0],
+    ],
     "link_events": [[0, 1, 0.02]],
     "assumptions": [{"name": "a", "failed": 1, "checked": 2, "first": 0.5, "note": "n"}],
     "violations": [{"pair": "1-4", "first": 1.0, "worst": 0.1, "worst_at": 1.1, "duration": 0.2}],
     "log": [[0.5, "agent 4 killed"]],
     "command": {"t": 0.0, "kind": "pause", "agent": "", "value": 0.0, "fault": -1},
 }
+
+
+PARTS = {"StepReport": StepReport, "AppliedStep": AppliedStep}
 
 
 def tables() -> dict[str, list[tuple[str, str]]]:
@@ -68,12 +76,12 @@ def page() -> dict[str, Any]:
 
 
 def test_the_page_has_every_message_and_no_other():
-    assert set(tables()) == set(kinds())
+    assert set(tables()) == {*kinds(), *PARTS}
     assert f"now **{VERSION}**" in PAGE
 
 
 @pytest.mark.parametrize("of", ["telemetry/4", "broadcast/4/5", "status/plant", "place/plant"])
-@pytest.mark.parametrize("name", sorted(tables()))
+@pytest.mark.parametrize("name", sorted(kinds()))
 def test_a_message_written_from_the_page_is_read_and_read_back(name, of, page):
     table, kind, key = tables()[name], kinds()[name], f"phalanx/r/{of}"
     assert [field for field, _ in table] == list(kind.__struct_fields__)
@@ -82,6 +90,18 @@ def test_a_message_written_from_the_page_is_read_and_read_back(name, of, page):
     again = MEMBERSHIP.sealer.seal(key, message)
     assert again[:16] == page["sealed"](key, msgpack.unpackb(again[16:]), SECRET)[:16]
     assert msgpack.unpackb(again[16:]) == fields
+
+
+def test_the_page_has_every_number_of_a_step_in_its_unit():
+    row = re.compile(r"^\| (\w+) \| [\w ]+ \|([^|]*)\|", re.MULTILINE)
+    report, applied = (
+        dict(row.findall(PAGE.split(f"\n### {name}\n")[1].split("\n### ")[0])) for name in PARTS
+    )
+    assert ["field", *StepReport.__struct_fields__] == list(report)
+    assert ["field", *AppliedStep.__struct_fields__] == list(report | applied)
+    for name, quantity in QUANTITIES.items():
+        unit = "" if quantity.unit == OF_ROW else quantity.unit
+        assert (report | applied)[name].strip() == unit
 
 
 @pytest.mark.parametrize("name", ["", "4", "viewer", "claimant", "1>2"])

@@ -3,6 +3,7 @@
 import hashlib
 import math
 import struct
+from typing import Any
 
 import msgspec
 import pytest
@@ -24,20 +25,24 @@ from phalanx.wire.messages import (
     Telemetry,
 )
 from phalanx.wire.seal import Malformed, Sealer
+from phalanx.wire.step_report import StepReport
 
 KEYS = Keys("run-1")
 KEY = KEYS.telemetry("1")
 SEALER = Sealer(b"secret")
 TELEMETRY = Telemetry(
     k=7,
-    origin=Origin.QP,
-    residual=-1e-9,
-    u_nom=(1.5, -0.25),
-    solve_time=1e-4,
+    report=StepReport(origin=Origin.QP, residual=-1e-9, u_nom=(1.5, -0.25), solve_time=1e-4),
     ages=((1, 0.012),),
     fates=(Fate(1, 6, 0.003),),
     rejected=2,
 )
+
+
+def made(**changes: Any) -> StepReport:
+    return msgspec.structs.replace(TELEMETRY.report, **changes)
+
+
 ACTUATION = Actuation(k=7, t_apply=0.07, u=(1.5, -0.25))
 MESSAGES: list[Message] = [
     TELEMETRY,
@@ -148,9 +153,9 @@ def test_another_version_is_refused():
         (ACTUATION, lambda v: {"u": (1.0, v)}),
         (MESSAGES[2], lambda v: {"t_apply": v}),
         (MESSAGES[2], lambda v: {"u": (1.0, v)}),
-        (TELEMETRY, lambda v: {"residual": v}),
-        (TELEMETRY, lambda v: {"u_nom": (1.0, v)}),
-        (TELEMETRY, lambda v: {"solve_time": v}),
+        (TELEMETRY, lambda v: {"report": made(residual=v)}),
+        (TELEMETRY, lambda v: {"report": made(u_nom=(1.0, v))}),
+        (TELEMETRY, lambda v: {"report": made(solve_time=v)}),
         (TELEMETRY, lambda v: {"ages": ((1, v),)}),
         (TELEMETRY, lambda v: {"fates": (Fate(1, 6, v),)}),
     ],
@@ -162,20 +167,24 @@ def test_numbers_that_are_not_finite_are_refused(message, change, bad):
 
 
 @pytest.mark.parametrize(
-    ("message", "most"), [(MESSAGES[1], 1e300), (MESSAGES[2], 1e300), (TELEMETRY, 1e303)]
+    ("message", "change", "most"),
+    [
+        (MESSAGES[1], lambda v: {"t_apply": v}, 1e300),
+        (MESSAGES[2], lambda v: {"t_apply": v}, 1e300),
+        (TELEMETRY, lambda v: {"report": made(residual=v)}, 1e303),
+    ],
 )
-def test_numbers_of_which_figures_would_be_infinite_are_refused(message, most):
-    field = "residual" if message is TELEMETRY else "t_apply"
+def test_numbers_of_which_figures_would_be_infinite_are_refused(message, change, most):
     for value in (1.001 * most, -1.7e308):
-        payload = SEALER.seal(KEY, msgspec.structs.replace(message, **{field: value}))
+        payload = SEALER.seal(KEY, msgspec.structs.replace(message, **change(value)))
         assert reason(payload, kind=type(message)) == "too large"
-    borne = msgspec.structs.replace(message, **{field: most})
+    borne = msgspec.structs.replace(message, **change(most))
     assert SEALER.open(KEY, SEALER.seal(KEY, borne), type(message)) == borne
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_they_are_refused_in_half_the_bits_too(bad):
-    body = msgspec.msgpack.encode(msgspec.structs.replace(TELEMETRY, solve_time=0.625))
+    body = msgspec.msgpack.encode(msgspec.structs.replace(TELEMETRY, report=made(solve_time=0.625)))
     whole, half = (b"\xcb" + struct.pack(">d", 0.625), b"\xca" + struct.pack(">f", bad))
     assert body.count(whole) == 1
     assert reason(forged(body.replace(whole, half))) == "not finite"
@@ -183,7 +192,7 @@ def test_they_are_refused_in_half_the_bits_too(bad):
 
 def test_a_finite_number_with_bytes_as_of_an_infinite_one_is_accepted():
     (chance,) = struct.unpack(">d", b"\x40\xcb\x7f\xf0\0\0\0\0")
-    message = msgspec.structs.replace(TELEMETRY, residual=chance)
+    message = msgspec.structs.replace(TELEMETRY, report=made(residual=chance))
     assert SEALER.open(KEY, SEALER.seal(KEY, message), Telemetry) == message
 
 
