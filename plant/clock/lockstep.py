@@ -13,6 +13,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from phalanx.arrays import Array
 from phalanx.faults.state import FaultState
 from phalanx.plant.clock.backlog import Backlog, Witness
 from phalanx.plant.clock.commands import CommandQueue
@@ -107,7 +108,7 @@ class Lockstep:
         """What answers each agent's last sample."""
         self._moments: deque[_Moment] = deque()
         """In order; all but the first are ahead of the world."""
-        self._answers: dict[_Awaited, Actuation] = {}
+        self._answers: dict[_Awaited, Array] = {}
         """Inputs that were needed before their moment was the first."""
         self._happened = Backlog(scribe)
 
@@ -203,14 +204,14 @@ class Lockstep:
                 self._happened.add(Sampled(i, moment.t, taken.truthful))
             moment.reached = True
         while moment.awaited:
-            message = self._answer_to(moment.awaited[0], wait)
-            if message is None:
+            u = self._answer_to(moment.awaited[0], wait)
+            if u is None:
                 return False
             i, k, sampled, lost = moment.awaited.popleft()
             if lost:
-                self._happened.add(InputLost(i, k, sampled, moment.t, message.u))
+                self._happened.add(InputLost(i, k, sampled, moment.t, u))
             else:
-                self._happened.add(InputApplied(i, k, sampled, moment.t, message.u))
+                self._happened.add(InputApplied(i, k, sampled, moment.t, u))
         self._happened.add(InstantOver(moment.t))
         self._moments.popleft()
         return True
@@ -229,13 +230,14 @@ class Lockstep:
                 "time.lookahead = false"
             )
 
-    def _answer_to(self, awaited: _Awaited, wait: bool) -> Actuation | None:
+    def _answer_to(self, awaited: _Awaited, wait: bool) -> Array | None:
         if (kept := self._answers.pop(awaited, None)) is not None:
             return kept
         agents, i = self._agents, awaited.i
         message = agents.await_actuation(i) if wait else agents.take_actuation(i)
         return None if message is None else self._known(awaited, message)
 
-    def _known(self, awaited: _Awaited, message: Actuation) -> Actuation:
-        self._synchronization.end_awaiting(awaited.i, None if awaited.lost else np.array(message.u))
-        return message
+    def _known(self, awaited: _Awaited, message: Actuation) -> Array:
+        u = np.array(message.u)
+        self._synchronization.end_awaiting(awaited.i, None if awaited.lost else u)
+        return u

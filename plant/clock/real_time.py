@@ -11,6 +11,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from phalanx.arrays import Array
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.faults.state import FaultState
 from phalanx.guarantee.punctuality import Punctuality
@@ -77,7 +78,8 @@ class _Answer(NamedTuple):
 
     takes_effect: float
     """[s]"""
-    u: tuple[float, ...]
+    u: Array
+    """Native input, shape (m_i,)."""
 
 
 class RealTime:
@@ -175,7 +177,7 @@ class RealTime:
         if asked.lost:
             self._happened.add(InputLost(i, asked.sample.k, asked.sample.t, t, answer.u))
         else:
-            self.world.apply(i, np.array(answer.u))
+            self.world.apply(i, answer.u)
             k, sampled = asked.sample.k, asked.sample.t
             applied = InputApplied(i, k, sampled, t, answer.u, asked.sample)
             self._happened.add(applied)
@@ -213,7 +215,7 @@ class RealTime:
             message, asked = self._agents.take_reported(i), self._asked[i]
             if message is not None:
                 now = self._commands.pace.now()
-                self._answers[i] = _Answer(max(now, asked.due), message.u)
+                self._answers[i] = _Answer(max(now, asked.due), np.array(message.u))
                 self.timekeeping.answered(time.monotonic() - asked.wall)
 
     def _has_time(self, seconds: float) -> bool:

@@ -48,7 +48,7 @@ class InputApplied(NamedTuple):
     """t_i^k of the sample [s]."""
     t_apply: float
     """[s]"""
-    u: tuple[float, ...]
+    u: Array
     """Native input, shape (m_i,)."""
     answers: Sample | None = None
     """In real time, the sample as the agent was shown it."""
@@ -63,7 +63,7 @@ class InputLost(NamedTuple):
     """t_i^k of the sample [s]."""
     t: float
     """[s]"""
-    u: tuple[float, ...]
+    u: Array
     """Native input, shape (m_i,)."""
 
 

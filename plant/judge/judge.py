@@ -160,7 +160,7 @@ class Judge:
         Returns how long all pairs of a normal agent are certified from now on [s].
         """
         self.steps += 1
-        self.claims.given(event.i, event.k, Claim(event.t + self._latency, event.u))
+        self._given(event.i, event.k, event.t, event.u)
         self._checks.prompt.check(
             event.t_apply - event.t <= self._latency + _ROUNDING, event.t_apply
         )
@@ -169,16 +169,18 @@ class Judge:
                 self._checks.faithful.check(False, event.t)
             else:
                 self._check_step(event, telemetry)
-        u = np.array(event.u)
         self._in_force[event.i] = event.t_apply
         self._at_zero.pop(event.i, None)
-        self._check_input(event.i, self._sampled_in.get(event.i, self._x), u, event.t_apply)
+        self._check_input(event.i, self._sampled_in.get(event.i, self._x), event.u, event.t_apply)
         return self.coverage.applied(event.i, event.t_apply, proven)
 
     def lost(self, event: InputLost) -> None:
         """An input never came to its actuator."""
-        self.claims.given(event.i, event.k, Claim(event.sampled + self._latency, event.u))
+        self._given(event.i, event.k, event.sampled, event.u)
         self._checks.prompt.check(False, event.t)
+
+    def _given(self, i: int, k: int, sampled: float, u: Array) -> None:
+        self.claims.given(i, k, Claim(sampled + self._latency, tuple(u.tolist())))
 
     def _check_input(self, i: int, x: Array, u: Array, t: float) -> None:
         self._checks.inputs.check(self._actuators.takes(i, x[self._parts[i]], u), t)

@@ -108,7 +108,7 @@ class RunScribe:
                 self._x = event.x
                 self._ways.ask(event.way)
             case InputApplied():
-                self._inputs.ask(Applied(event.i, event.t_apply, self._x, np.array(event.u)))
+                self._inputs.ask(Applied(event.i, event.t_apply, self._x, event.u))
 
     def witness(self, event: Event) -> None:
         """Take the next event. Raises RecordingError, DivergedError."""
@@ -189,7 +189,7 @@ class RunScribe:
         proven = self._inputs.next()
         telemetry = self._take_telemetry(i, event.k, event.t)
         step = AppliedStep(
-            u=event.u,
+            u=tuple(event.u.tolist()),
             oldest_input=max((age for _, age in telemetry.ages), default=None),
             certified=self._judge.applied(event, telemetry, proven),
             **asdict(telemetry.report),

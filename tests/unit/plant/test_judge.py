@@ -39,7 +39,7 @@ def apply(
     x = rows_of_scenario("unicycles").swarm.start()
     t_apply = t if t_apply is None else t_apply
     (proven,) = judge.coverage.proven([Applied(i, t_apply, x, np.array(u))])
-    judge.applied(InputApplied(i, k, t, t_apply, u), telemetry, proven)
+    judge.applied(InputApplied(i, k, t, t_apply, np.array(u)), telemetry, proven)
 
 
 def assumption(judge: Judge, name: str) -> Assumption:
@@ -154,7 +154,7 @@ def test_one_step_without_an_h_tot_is_the_end():
 def test_an_input_that_is_lost_did_not_come_in_time():
     judge = judge_of()
     assert "inputs in time" not in [a.name for a in judge.assumptions]
-    judge.lost(InputLost(0, 3, 0.03, 0.032, (0.0, 0.0)))
+    judge.lost(InputLost(0, 3, 0.03, 0.032, np.zeros(2)))
     assert counted(judge, "inputs in time") == (1, 1, 0.032)
     assert "inputs in time" in [a.name for a in judge.assumptions]
 

@@ -9,7 +9,7 @@ from phalanx.plant.scribe.trajectory import TrajectoryHash
 def hashed(x: float = 1.0, u: float = 0.5, i: int = 0, k: int = 3, t: float = 0.1) -> str:
     found = TrajectoryHash()
     found.add(StateReached(t, np.full(15, x), []))
-    found.add(InputApplied(i, k, t, t, (u, 0.0)))
+    found.add(InputApplied(i, k, t, t, np.array([u, 0.0])))
     return found.hexadecimal
 
 
