@@ -3,7 +3,9 @@
 import logging
 import os
 import signal
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Sequence
+from typing import Self
 
 from phalanx.agent.step import Accepted, Answer, ControlStep
 from phalanx.profile.stopwatch import Stopwatch
@@ -13,6 +15,11 @@ from phalanx.wire.refusals import Refusals
 from phalanx.wire.seal import Malformed, Sealer
 
 log = logging.getLogger("phalanx.agent")
+
+_SHARE = 0.8
+"""Of the plant's patience with an agent: so it hears why before it gives the agent up."""
+_LOOKS = 20
+"""A sample that was there so often in a row waits for what was withheld."""
 
 
 class SampleAnswering:
@@ -97,3 +104,34 @@ class SampleAnswering:
     def _drop(self, key: str, reason: Malformed) -> None:
         self._step.rejected += 1
         self._refusals.add(key, reason)
+
+
+class WithheldWatch:
+    """Has samples fail that wait for broadcasts too long.
+
+    It looks from a thread of its own: a process that stood still is looked at no more often for it.
+    """
+
+    def __init__(self, timeout: float, answerings: Sequence[SampleAnswering]) -> None:
+        """timeout: of the plant's wait for an agent [s]."""
+        self._pause, self._answerings = _SHARE * timeout / _LOOKS, answerings
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def _watch(self) -> None:
+        waiting: list[tuple[Accepted | None, int]] = [(None, 0)] * len(self._answerings)
+        while not self._over.wait(self._pause):
+            for n, answering in enumerate(self._answerings):
+                sample, looks = waiting[n]
+                looks = looks + 1 if answering.pending is sample else 0
+                waiting[n] = answering.pending, looks
+                if sample is not None and looks == _LOOKS:
+                    answering.give_up_waiting(sample)

@@ -9,10 +9,9 @@ from functools import cache, partial
 from pathlib import Path
 from queue import SimpleQueue
 
-from phalanx.agent.answering import SampleAnswering
+from phalanx.agent.answering import SampleAnswering, WithheldWatch
 from phalanx.agent.clock import clock_of
 from phalanx.agent.step import Answer, ControlStep, StepFailedError, control_steps
-from phalanx.agent.withheld import WithheldWatch
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.watchdog import Watchdog

@@ -7,6 +7,7 @@ for a while is sampled again, for the answer may have been lost on its way.
 """
 
 import time
+from array import array
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -14,10 +15,9 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.faults.state import FaultState
-from phalanx.guarantee.punctuality import Punctuality
+from phalanx.guarantee.punctuality import Punctuality, percentiles
 from phalanx.plant.clock.backlog import Backlog, Witness
 from phalanx.plant.clock.commands import CommandQueue
-from phalanx.plant.clock.timekeeping import Timekeeping
 from phalanx.plant.events.events import (
     CommandObeyed,
     InputApplied,
@@ -80,6 +80,48 @@ class _Answer(NamedTuple):
     """[s]"""
     u: Array
     """Native input, shape (m_i,)."""
+
+
+class Timekeeping:
+    """Counts and times of one run, in seconds of virtual time unless said otherwise."""
+
+    def __init__(self, periods: list[float]) -> None:
+        """periods: Γ_i of each agent [s]."""
+        self.missed = self.unanswered = self.late = 0
+        self._periods = periods
+        self._sampled: dict[int, float] = {}
+        self._behind, self._jitter, self._latency = array("d"), array("d"), array("d")
+
+    def sampled(self, i: int, t: float, tick: float) -> None:
+        """Agent i took a sample at t, for a tick of its clock."""
+        self._behind.append(t - tick)
+        if i in self._sampled:
+            self._jitter.append(abs(t - self._sampled[i] - self._periods[i]))
+        self._sampled[i] = t
+
+    def missed_tick(self, i: int) -> None:
+        """Agent i took no sample at a tick of its clock; the next gap is no jitter."""
+        self.missed += 1
+        self._sampled.pop(i, None)
+
+    def answered(self, wall: float) -> None:
+        """An answer took so long, from the plant and back [s of wall time]."""
+        self._latency.append(wall)
+
+    @property
+    def summary(self) -> Punctuality:
+        """All of it."""
+        return Punctuality(
+            samples=len(self._behind),
+            missed=self.missed,
+            unanswered=self.unanswered,
+            late=self.late,
+            measured=[
+                percentiles("sample behind its clock", self._behind),
+                percentiles("sampling gap off its period", self._jitter),
+                percentiles("sample to input, wall time", self._latency),
+            ],
+        )
 
 
 class RealTime:

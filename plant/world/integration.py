@@ -1,5 +1,6 @@
 """The stacked state integrated from event to event, with the inputs that actuators hold."""
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -8,9 +9,20 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.plant.world.disturbance import SwarmDisturbance
 from phalanx.plant.world.motion import Motion
-from phalanx.plant.world.steps import STEPS_AT_ONCE, Stretch, next_stretch
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.safety.composition import stacked_slices
+
+_STEPS_AT_ONCE = 4
+
+
+class Stretch(NamedTuple):
+    """A few integration steps of one length, on one line of the disturbances."""
+
+    steps: int
+    dt: float
+    """Of each step [s]."""
+    end: float
+    """[s]"""
 
 
 class Passage(NamedTuple):
@@ -57,7 +69,7 @@ class Integration:
     def __init__(self, rows: SafetyRows) -> None:
         swarm = rows.swarm
         self.t, self.x = 0.0, swarm.start()
-        self.motion = Motion(swarm.members, STEPS_AT_ONCE)
+        self.motion = Motion(swarm.members, _STEPS_AT_ONCE)
         self.p = self.motion.positions(self.x)
         """Output positions [m], shape (N, d)."""
         self.inputs = stacked_slices([len(m.dynamics.inputs) for m in swarm.members])
@@ -88,10 +100,21 @@ class Integration:
             if self._line.end <= self.t:
                 self._line = self._disturbances.line(self.t, self.x)
                 yield DisturbanceKnot(self.t, self._line.value)
-            begin, stretch = self.t, next_stretch(self.t, until, self._line.end, self._longest)
+            begin, stretch = self.t, _next_stretch(self.t, until, self._line.end, self._longest)
             count, dt, self.t = stretch
             phi, slope = self._line.at(begin), self._line.slope
             start, u = self.x, self._u.copy()
             x, p = self.motion.steps(count, start, u, phi, slope, dt)
             self.x, self.p = x[-1], p[-1]
             yield Passage(begin, stretch, phi, slope, u, start, x, p)
+
+
+def _next_stretch(t: float, until: float, knot: float, longest: float) -> Stretch:
+    """From t [s] towards `until`, to the next knot of a disturbance at most.
+
+    No step is longer than `longest` [s].
+    """
+    stop = min(until, knot)
+    count = min(math.ceil((stop - t) / longest), _STEPS_AT_ONCE)
+    stop = min(stop, t + count * longest)
+    return Stretch(count, (stop - t) / count, stop)

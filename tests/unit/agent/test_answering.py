@@ -8,9 +8,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from phalanx.agent.answering import SampleAnswering
+from phalanx.agent.answering import SampleAnswering, WithheldWatch
 from phalanx.agent.step import Answer, ControlStep
-from phalanx.agent.withheld import WithheldWatch
 from phalanx.faults.state import Orders
 from phalanx.network.inbox import Existing
 from phalanx.wire.keys import Keys
