@@ -94,8 +94,8 @@ def run(
     with recording, hub:
         commands = CommandQueue(policy, rows.swarm.names, stop.check)
         if policy.secret:
-            hub.listen_for_commands(commands.on_command)
-        viewers = hub.open_view(commandable=bool(policy.secret))
+            hub.session.listen_for_commands(commands.on_command)
+        viewers = hub.session.open_view(commandable=bool(policy.secret))
         if stopwatch:
             hub.time(stopwatch)  # the scribe keeps some of the hub's calls
         plant = PlantRun(rows, hub, recording, commands, clock, viewers)
@@ -112,7 +112,7 @@ def run(
         if stopwatch and profile:
             stopwatch.write(profile, PLANT)
         write_down(summary, folder / SUMMARY, recording)
-        hub.publish_verdict(Ended(summary=msgspec.json.encode(summary)))
+        hub.session.put_verdict(Ended(summary=msgspec.json.encode(summary)))
         _say(last_words, summary)
     log.info("%s: %s", summary.outcome, summary.reason)
     return exit_status(summary.outcome)

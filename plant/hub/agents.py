@@ -7,7 +7,6 @@ import time
 from phalanx.plant.events.stop import SwarmBrokenError
 from phalanx.plant.hub.hub import POLL, Hub
 from phalanx.profile.stopwatch import Stopwatch
-from phalanx.wire import pubsub
 from phalanx.wire.messages import Actuation, Sample
 
 
@@ -27,12 +26,12 @@ class LockstepHub(Hub):
         Raises:
             SwarmBrokenError: the agent died, or does not answer in time.
         """
-        return self._await(i, lambda: self._answers.take_actuation(i), "did not answer")
+        return self._await(i, lambda: self._mailbox.answers.take_actuation(i), "did not answer")
 
     def take_actuation(self, i: int) -> Actuation | None:
         """The same, if it has come. Raises SwarmBrokenError if an agent died."""
         self._handle_arrived()
-        return self._answers.take_actuation(i)
+        return self._mailbox.answers.take_actuation(i)
 
     def pause(self, i: int, t: float) -> None:
         """Once agent i has said all that it had to say. Raises SwarmBrokenError."""
@@ -58,12 +57,12 @@ class LockstepHub(Hub):
         while not self._joining.has(name):
             super().restart(i, t)
             self._take_event(deadline, f"agent {name} did not join again")
-        pubsub.wait_for_listener(self._samples[i], self._timeout)
+        self.session.wait_until_heard(i, self._timeout)
 
     def _await_report(self, i: int) -> None:
-        self._await(i, lambda: self._answers.complete(i) or None, "did not report on")
+        self._await(i, lambda: self._mailbox.answers.complete(i) or None, "did not report on")
 
-    def _on_failure(self, i: int, words: str) -> None:
+    def _on_failure(self, words: str) -> None:
         raise SwarmBrokenError(words)
 
 
@@ -86,11 +85,11 @@ class RealTimeHub(Hub):
 
     def take_reported(self, i: int) -> Actuation | None:
         """Agent i's input, if it has come, and its report too."""
-        return self._answers.take_reported(i)
+        return self._mailbox.answers.take_reported(i)
 
     def take_changes(self) -> list[tuple[int, bool]]:
         """Who is not to be reached any more, and who is back, since last asked: (i, is back)."""
         return self._joining.take_changes()
 
-    def _on_failure(self, i: int, words: str) -> None:
+    def _on_failure(self, words: str) -> None:
         """The run goes on without the agent."""

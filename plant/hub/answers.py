@@ -1,6 +1,7 @@
 """What agents may answer, and what they did: every answer is checked against its sample."""
 
 from collections import defaultdict
+from collections.abc import Collection
 
 import numpy as np
 
@@ -8,8 +9,9 @@ from phalanx.network.inbox import Fate
 from phalanx.plant.world.actuators import Actuators
 from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import Swarm
+from phalanx.wire.keys import Keys
 from phalanx.wire.messages import Actuation, Sample, Telemetry
-from phalanx.wire.seal import Malformed
+from phalanx.wire.seal import Malformed, Sealer
 
 
 class Answers:
@@ -97,3 +99,47 @@ class Answers:
         self.require_awaited(i, message)
         self._reported[i] = message.k
         self._telemetry[i][message.k] = message
+
+
+class Mailbox:
+    """Sealed payloads in, answers out; it waits for nothing and sends nothing."""
+
+    def __init__(self, swarm: Swarm, keys: Keys, sealer: Sealer) -> None:
+        self.answers = Answers(swarm)
+        self._names, self._sealer = swarm.names, sealer
+        self._from: dict[str, tuple[int, type[Actuation | Telemetry]]] = {}
+        """By key expression, which agent sends what there."""
+        for i, name in enumerate(swarm.names):
+            self._from[keys.actuation(name)] = i, Actuation
+            self._from[keys.telemetry(name)] = i, Telemetry
+
+    @property
+    def keys(self) -> Collection[str]:
+        """Key expressions under which agents send."""
+        return self._from
+
+    def require_awaited(self, key: str, payload: bytes) -> None:
+        """Raise Malformed unless it is an answer that is owed; any thread may ask."""
+        self.answers.require_awaited(*self._open(key, payload))
+
+    def take(self, key: str, payload: bytes) -> str | None:
+        """Keep an answer. Raises Malformed unless it is one that is owed.
+
+        Returns why its agent will answer no more, in words, if it says so.
+        """
+        i, answer = self._open(key, payload)
+        if isinstance(answer, Actuation):
+            self.answers.on_actuation(i, answer)
+            return None
+        self.answers.on_telemetry(i, answer)
+        return _as_said_by(self._names[i], answer.failed) if answer.failed else None
+
+    def _open(self, key: str, payload: bytes) -> tuple[int, Actuation | Telemetry]:
+        i, kind = self._from[key]
+        return i, self._sealer.open(key, payload, kind)
+
+
+def _as_said_by(name: str, failure: str) -> str:
+    """An agent's words, which are of itself, as text that a terminal can show."""
+    shown = "".join(c if c.isprintable() else " " for c in failure)
+    return shown if f"agent {name} " in shown else f"agent {name}: {shown}"

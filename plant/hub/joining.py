@@ -1,6 +1,7 @@
 """Who has joined a run, and who has left it: what the programs' liveliness tokens mean."""
 
 import time
+from collections.abc import Callable
 
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.keys import kind_and_name
@@ -9,11 +10,20 @@ from phalanx.wire.keys import kind_and_name
 class Joining:
     """The agents of one run, as their tokens come and go."""
 
-    def __init__(self, swarm: Swarm, may_leave: bool) -> None:
-        """may_leave: whether agents that joined may go, and come back."""
+    def __init__(
+        self, swarm: Swarm, may_leave: bool, now: Callable[[], float] = time.monotonic
+    ) -> None:
+        """Begin with nobody.
+
+        Args:
+            swarm: of the scenario.
+            may_leave: whether agents that joined may go, and come back.
+            now: the wall clock [s].
+        """
         self.digest = swarm.digest
         """Of the scenario; an agent that runs another one cannot take part."""
         self._names, self._may_leave = swarm.names, may_leave
+        self._now = now
         self._joined: set[str] = set()
         self._dismissed: set[str] = set()
         self._here: set[str] = set()
@@ -33,7 +43,7 @@ class Joining:
 
     def gone_for(self, seconds: float) -> list[str]:
         """Who joined, and was lost so long ago."""
-        now = time.monotonic()
+        now = self._now()
         return [name for name, since in self._gone.items() if now > since + seconds]
 
     def missing(self) -> tuple[str, ...]:
@@ -80,7 +90,7 @@ class Joining:
                 return None
             if self._begun:
                 return f"agent {name} died: see its log"
-            self._gone[name] = time.monotonic()
+            self._gone[name] = self._now()
             return None
         if alive and found != self.digest:
             return (

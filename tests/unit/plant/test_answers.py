@@ -5,10 +5,11 @@ import pytest
 
 from phalanx.network.claim import Claim
 from phalanx.network.inbox import Fate
-from phalanx.plant.hub.answers import Answers
+from phalanx.plant.hub.answers import Answers, Mailbox
 from phalanx.theory.rows.origin import Origin
+from phalanx.wire.keys import Keys
 from phalanx.wire.messages import Actuation, Sample, Telemetry
-from phalanx.wire.seal import Malformed
+from phalanx.wire.seal import Malformed, Sealer
 from phalanx.wire.step_report import StepReport
 from tests.unit.swarms import swarm_of_scenario
 
@@ -91,3 +92,25 @@ def test_a_report_on_a_broadcast_that_cannot_have_been_heard_so_is_refused(fate:
     report = Telemetry(k=0, report=MADE, ages=(), fates=(fate,))
     with pytest.raises(Malformed, match="unknown broadcast"):
         answers.on_telemetry(0, report)
+
+
+KEYS, SEALER = Keys("run"), Sealer(b"secret")
+
+
+def test_a_mailbox_takes_from_each_agent_what_is_sealed_and_owed():
+    mailbox = Mailbox(swarm_of_scenario("unicycles"), KEYS, SEALER)
+    mailbox.answers.expect(0, sample(1))
+    own, others = KEYS.actuation("1"), KEYS.actuation("2")
+    with pytest.raises(Malformed, match="bad seal"):
+        mailbox.take(own, Sealer(b"another").seal(own, GOOD))
+    with pytest.raises(Malformed, match="out of order"):
+        mailbox.take(others, SEALER.seal(others, GOOD))
+    assert mailbox.take(own, SEALER.seal(own, GOOD)) is None
+    assert mailbox.answers.take_actuation(0) == GOOD
+
+
+def test_a_mailbox_says_in_printable_words_why_an_agent_answers_no_more():
+    mailbox, key = Mailbox(swarm_of_scenario("unicycles"), KEYS, SEALER), KEYS.telemetry("1")
+    mailbox.answers.expect(0, sample(0))
+    report = Telemetry(k=0, report=MADE, ages=(), failed="no\x1b[2Jvalue")
+    assert mailbox.take(key, SEALER.seal(key, report)) == "agent 1: no [2Jvalue"

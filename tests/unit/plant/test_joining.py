@@ -39,6 +39,18 @@ def test_before_the_run_begins_an_agent_may_go_and_come_back(joining: Joining):
     assert joining.gone_for(0.0) == []
 
 
+def test_who_went_before_the_run_began_is_given_up_after_a_while():
+    wall = [100.0]
+    joining = Joining(swarm_of_scenario("unicycles"), may_leave=False, now=lambda: wall[0])
+    own = KEYS.alive("1", joining.digest)
+    joining.on_token(own, True)
+    joining.on_token(own, False)
+    wall[0] += 3.9
+    assert joining.gone_for(4.0) == []
+    wall[0] += 0.2
+    assert joining.gone_for(4.0) == ["1"]
+
+
 @pytest.mark.parametrize("key", ["phalanx/run/alive/*/x", "phalanx/**", "1", KEYS.alive("9", "x")])
 def test_tokens_of_nobody_mean_nothing(joining: Joining, key: str):
     assert joining.on_token(key, True) is None
