@@ -14,6 +14,7 @@ import phalanx
 from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.viewer.export.write import run
+from phalanx.wire.step_report import QUANTITIES
 
 
 @pytest.fixture(scope="module")
@@ -76,6 +77,14 @@ def test_states_inputs_and_h_are_those_of_the_recording(exported, finished):
     assert [s.h_1_2 for s in of(exported, "/h")] == pytest.approx(finished.h["1-2"].to_list())
 
 
+@pytest.mark.parametrize("name", QUANTITIES)
+def test_every_number_of_a_step_is_in_the_table_and_exported(exported, finished, name):
+    own = finished.inputs.filter(pl.col("agent") == "1").sort("t")
+    steps = of(exported, "/agents/1/step")
+    told = [getattr(step, name) if step.HasField(name) else None for step in steps]
+    assert told == own[name].to_list()
+
+
 def test_an_adversary_has_no_certified_time_rather_than_one_of_zero(exported):
     assert not any(step.HasField("certified") for step in of(exported, "/agents/2/step"))
     assert all(step.HasField("certified") for step in of(exported, "/agents/1/step"))
@@ -88,6 +97,7 @@ def test_units_are_told_for_each_channel(exported):
     assert told["/agents/1/state"] == {"x": "m", "y": "m"}
     assert told["/agents/1/step"]["u_vx"] == "m/s"
     assert told["/agents/1/step"]["certified"] == "s"
+    assert told["/agents/1/step"]["residual"] == "m²/s"
 
 
 def test_every_agent_is_drawn_once_and_moves_with_its_frame(exported, finished):
@@ -166,6 +176,9 @@ def test_rerun_plots_states_inputs_and_h_of_the_recording(for_rerun, finished):
     assert plotted("/agents/1/step/u_vx") == own["u.vx"].to_list()
     assert plotted("/h/h_tot") == finished.states["h_tot"].to_list()
     assert plotted("/h/1-2") == pytest.approx(finished.h["1-2"].to_list())
+    known = {f"/agents/1/step/{name}": own[name].drop_nulls().to_list() for name in QUANTITIES}
+    for entity, values in known.items():
+        assert (plotted(entity) if entity in for_rerun else []) == values
     assert "/agents/2/step/certified" not in for_rerun  # an adversary has no certificates
     nanoseconds = [round(1e9 * t) for t in finished.states["t"]]
     assert for_rerun["/agents/1/state/x"]["t"] == nanoseconds

@@ -8,6 +8,7 @@ import msgpack
 import pytest
 
 from phalanx.wire import frames, messages
+from phalanx.wire.frames import AgentStatus
 from phalanx.wire.keys import Keys
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import VERSION, Message
@@ -18,7 +19,6 @@ SECRET = b"secret"
 MEMBERSHIP = Membership("r", "", SECRET)
 OF_TYPE = {
     "int": 7,
-    "StepReport": ["qp", -0.5, 8.05, [1.5, -2.0], 1e-4],
     "float": 0.25,
     "float or null": None,
     "floats": [1.5, -2.0],
@@ -35,19 +35,14 @@ OF_FIELD = {
     "ages": [[1, 0.01]],
     "received": [[1, 0.25, [1.5, -2.0]]],
     "fates": [[1, 6, 0.02, [2], [0.25, [1.5, -2.0]]], [1, 7, -1.0, [], None]],
-    "agents": [
-        ["fine", ["backup", 0.5, None, [2.0], 1e-4, [1.0], 0.02, 0.096], 3, 1, 7],
-        ["dead", None, 0, 0, 0],
-    ],
+    "condition": "fine",
     "link_events": [[0, 1, 0.02]],
     "assumptions": [{"name": "a", "failed": 1, "checked": 2, "first": 0.5, "note": "n"}],
     "violations": [{"pair": "1-4", "first": 1.0, "worst": 0.1, "worst_at": 1.1, "duration": 0.2}],
     "log": [[0.5, "agent 4 killed"]],
     "command": {"t": 0.0, "kind": "pause", "agent": "", "value": 0.0, "fault": -1},
 }
-
-
-PARTS = {"StepReport": StepReport, "AppliedStep": AppliedStep}
+PARTS = {"StepReport": StepReport, "AppliedStep": AppliedStep, "AgentStatus": AgentStatus}
 
 
 def tables() -> dict[str, list[tuple[str, str]]]:
@@ -55,6 +50,20 @@ def tables() -> dict[str, list[tuple[str, str]]]:
     sections = re.findall(r"^### (\w+)\n(.*?)(?=^##|\Z)", PAGE, re.DOTALL | re.MULTILINE)
     row = re.compile(r"^\| (\w+) \| ([\w ]+) \|", re.MULTILINE)
     return {name: row.findall(body)[1:] for name, body in sections}
+
+
+def fields(name: str) -> list[Any]:
+    """Those of a message or of a part of one, with examples of the types that the page says."""
+    inherited = fields("StepReport") if name == "AppliedStep" else []
+    return inherited + [OF_FIELD[f] if f in OF_FIELD else example(t) for f, t in tables()[name]]
+
+
+def example(of_type: str) -> Any:
+    """A value of a type; of an array of parts, or a part that may be null, the part."""
+    part = of_type.removeprefix("array of ").removesuffix(" or null")
+    if part not in PARTS:
+        return OF_TYPE[of_type]
+    return [fields(part)] if of_type.startswith("array of ") else fields(part)
 
 
 def kinds() -> dict[str, type[Message]]:
@@ -83,22 +92,27 @@ def test_the_page_has_every_message_and_no_other():
 @pytest.mark.parametrize("of", ["telemetry/4", "broadcast/4/5", "status/plant", "place/plant"])
 @pytest.mark.parametrize("name", sorted(kinds()))
 def test_a_message_written_from_the_page_is_read_and_read_back(name, of, page):
-    table, kind, key = tables()[name], kinds()[name], f"phalanx/r/{of}"
-    assert [field for field, _ in table] == list(kind.__struct_fields__)
-    fields = [OF_FIELD[f] if f in OF_FIELD else OF_TYPE[type_] for f, type_ in table]
-    message = MEMBERSHIP.sealer.open(key, page["sealed"](key, fields, SECRET), kind)
+    kind, key, told = kinds()[name], f"phalanx/r/{of}", fields(name)
+    assert [field for field, _ in tables()[name]] == list(kind.__struct_fields__)
+    message = MEMBERSHIP.sealer.open(key, page["sealed"](key, told, SECRET), kind)
     again = MEMBERSHIP.sealer.seal(key, message)
     assert again[:16] == page["sealed"](key, msgpack.unpackb(again[16:]), SECRET)[:16]
-    assert msgpack.unpackb(again[16:]) == fields
+    assert msgpack.unpackb(again[16:]) == told
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_a_part_of_a_message_has_the_fields_that_the_page_says(name):
+    told = [field for field, _ in tables()[name]]
+    inherited = list(StepReport.__struct_fields__) if name == "AppliedStep" else []
+    assert inherited + told == list(PARTS[name].__struct_fields__)
 
 
 def test_the_page_has_every_number_of_a_step_in_its_unit():
     row = re.compile(r"^\| (\w+) \| [\w ]+ \|([^|]*)\|", re.MULTILINE)
     report, applied = (
-        dict(row.findall(PAGE.split(f"\n### {name}\n")[1].split("\n### ")[0])) for name in PARTS
+        dict(row.findall(PAGE.split(f"\n### {name}\n")[1].split("\n### ")[0]))
+        for name in ("StepReport", "AppliedStep")
     )
-    assert ["field", *StepReport.__struct_fields__] == list(report)
-    assert ["field", *AppliedStep.__struct_fields__] == list(report | applied)
     for name, quantity in QUANTITIES.items():
         unit = "" if quantity.unit == OF_ROW else quantity.unit
         assert (report | applied)[name].strip() == unit
