@@ -1,11 +1,14 @@
 """Two recordings side by side: every number of the trajectory is compared, and nothing else."""
 
+import math
 from pathlib import Path
 
 import pytest
 
-from phalanx.launcher.verify import first_difference
+from phalanx.launcher.engine import EngineError, RunOptions, execute
+from phalanx.launcher.verify import first_difference, verify
 from phalanx.recording.read import Recording, read
+from phalanx.scenario.load import load
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space
 
 
@@ -36,7 +39,7 @@ def test_every_number_of_a_state_is_compared(twins, field):
     setattr(state, field, changed)
     found = first_difference(first, second)
     assert found.startswith(f"state 7 at t = {first.states[7].t:.6f} s: ")
-    assert f" s: {'agent' if field == 'x' else field} " in found
+    assert f" s: {'agent a0 z' if field == 'x' else field} recorded " in found
 
 
 @pytest.mark.parametrize(
@@ -70,3 +73,32 @@ def test_a_run_that_is_shorter_differs(twins):
     first.steps.pop()
     second.states.pop()
     assert "states recorded" in first_difference(first, second)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "apart"),
+    [
+        (1.0, math.nextafter(1.0, 2.0), 1),
+        (-1.0, math.nextafter(-1.0, -2.0), 1),
+        (-5e-324, 5e-324, 2),
+    ],
+)
+def test_two_numbers_are_told_apart_by_the_steps_of_float64_between_them(twins, old, new, apart):
+    first, second = twins
+    first.states[0].h_tot, second.states[0].h_tot = old, new
+    assert first_difference(first, second).endswith(f"({apart} steps of float64 apart)")
+
+
+def test_a_recording_without_a_state_is_not_the_same_as_anything(tmp_path):
+    scenario = swarm_in_space(2, 1, {})
+    empty = read(record(tmp_path, scenario, [], summary_of(scenario)))
+    with pytest.raises(EngineError, match="holds no state: nothing to compare"):
+        verify(empty, engine="in-process")
+
+
+def test_a_run_is_the_same_again_and_another_with_another_seed(tmp_path):
+    changed = ["duration=0.05", "agents.0.clock.jitter=0.002"]
+    execute(load("one-on-one", changed), tmp_path, RunOptions("in-process"))
+    recorded = read(tmp_path)
+    assert verify(recorded, engine="in-process")
+    assert not verify(recorded, engine="in-process", seed=1)

@@ -135,11 +135,13 @@ def test_a_broadcast_is_missing_until_it_is_here_and_not_again_after_it_was_deci
     assert inbox.missing(upto(1, -1))
     inbox.put(0, broadcast(2))
     assert inbox.missing(upto(2, -1))
+    assert inbox.lacking(upto(3, -1)) == {0: [1, 3]}
     inbox.put(0, broadcast(1))
     assert not inbox.missing(upto(2, -1))
     inbox.advance(upto(2, -1), 1.0)
     assert not inbox.missing(upto(2, -1))
     assert inbox.missing(upto(3, -1))
+    assert inbox.lacking(upto(4, 0)) == {0: [3, 4], 1: [0]}
 
 
 def test_duplicates_and_replays_are_refused_and_change_nothing():
@@ -282,6 +284,17 @@ def test_a_new_contact_between_two_samples_ends_the_old_one_though_nobody_was_ou
     inbox.put(0, broadcast(2))
     inbox.advance({0: Existing(2, 2)}, 0.04)
     assert newest(inbox) is None, "broadcast 1 was not for this agent: 0 is in force no more"
+    inbox.advance({0: Existing(2, 2)}, 0.05)
+    assert newest(inbox) == 2
+
+
+def test_what_is_on_its_way_when_a_new_contact_begins_arrives_no_more():
+    inbox = inbox_of(model(delay=0.03))
+    inbox.put(0, broadcast(0))
+    inbox.advance({0: Existing(0, 0)}, 0.01)
+    inbox.put(0, broadcast(2))
+    inbox.advance({0: Existing(2, 2)}, 0.04)
+    assert newest(inbox) is None
     inbox.advance({0: Existing(2, 2)}, 0.05)
     assert newest(inbox) == 2
 

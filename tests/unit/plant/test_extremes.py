@@ -14,11 +14,10 @@ def pairs() -> ComposedSet:
 
 def seen(truth: PairExtremes, times: list[float], **h: list[float]) -> None:
     """Show a truth: the pairs' h by label ("1-2" as p1_2), all others -50."""
-    labels = [pairs().label(pair) for pair in pairs().pairs]
-    table = np.full((len(times), len(labels)), -50.0)
+    table = np.full((len(times), len(labels())), -50.0)
     for name, values in h.items():
-        table[:, labels.index(name[1:].replace("_", "-"))] = values
-    truth.add(np.array(times), np.arange(len(labels)), table, table.max(axis=1) + 0.01)
+        table[:, labels().index(name[1:].replace("_", "-"))] = values
+    truth.add(np.array(times), np.arange(len(labels())), table, table.max(axis=1) + 0.01)
 
 
 def test_a_violation_has_its_pair_its_beginning_its_depth_and_its_length():
@@ -41,6 +40,7 @@ def test_h_at_exactly_zero_is_safe():
     truth = PairExtremes(pairs())
     seen(truth, [0.1, 0.2], p1_2=[0.0, -0.1])
     assert truth.violations() == []
+    assert truth.take_unsafe() == set()
 
 
 def test_lse_above_zero_is_no_departure_while_every_pair_is_at_most_zero():
@@ -69,3 +69,38 @@ def test_the_peak_is_that_since_it_was_last_taken_the_value_then_included():
     seen(truth, [0.5, 0.6], p1_2=[-3.0, -4.0])
     assert truth.take_peak() == pytest.approx(-2.49)
     assert truth.worst_h_tot == pytest.approx(-0.99)
+
+
+def test_the_worst_pair_is_that_of_all_steps_and_the_largest_that_of_the_last():
+    truth = PairExtremes(pairs())
+    for times, h, largest in (
+        ([0.1, 0.2], {"p3_5": [-1.0, -4.0], "p1_3": [-2.0, -2.0]}, "1-3"),
+        ([0.3], {"p1_2": [-3.0]}, "1-2"),
+    ):
+        seen(truth, times, **h)
+        assert (truth.worst_pair, truth.label(truth.largest)) == ("3-5", largest)
+
+
+def test_what_is_unsafe_at_the_start_is_so_from_zero_on():
+    truth = PairExtremes(pairs())
+    seen(truth, [0.0, 0.1], p1_2=[0.5, 0.4])
+    (violation,) = truth.violations()
+    assert (violation.first, violation.duration) == (0.0, 0.1)
+
+
+def test_what_a_pair_does_once_it_is_set_apart_is_counted_apart():
+    truth = PairExtremes(pairs())
+    seen(truth, [0.1], p1_2=[0.5])
+    truth.set_apart(np.array([0]))
+    seen(truth, [0.2], p1_2=[2.0], p3_5=[0.25])
+    (apart,) = truth.apart()
+    assert (apart.pair, apart.first, apart.worst, apart.worst_at) == ("1-2", 0.2, 2.0, 0.2)
+    found = [(each.pair, each.first, each.worst) for each in truth.violations()]
+    assert found == [("1-2", 0.1, 0.5), ("3-5", 0.2, 0.25)]
+    assert truth.take_unsafe() == {0, labels().index("3-5")}
+    assert truth.left(0).startswith("1-2 left the safe set, set apart")
+    assert truth.left(labels().index("3-5")) == "3-5 left the safe set"
+
+
+def labels() -> list[str]:
+    return [pairs().label(pair) for pair in pairs().pairs]

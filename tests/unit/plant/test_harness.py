@@ -46,6 +46,16 @@ def test_a_lost_sample_is_missed_and_the_clock_goes_on_as_it_would_have():
     assert missed / count == pytest.approx(0.3, abs=4.0 * np.sqrt(0.21 / count))
 
 
+def test_without_faults_everybody_samples_whenever_its_clock_ticks():
+    swarm = swarm_with()
+    _, samples, _ = course(swarm)
+    for i, times in samples.items():
+        clock, tick = swarm.clock(i), 0.0
+        for k, t in enumerate(times):
+            assert t == tick
+            tick = clock.after(k, tick)
+
+
 def test_samples_that_all_are_lost_end_with_the_run():
     harness, samples, inputs = course(swarm_with(sample={"loss": 1.0}))
     assert not any(samples.values())
@@ -73,6 +83,16 @@ def test_an_input_that_comes_after_the_next_sample_is_never_applied():
     gap = np.mean([np.mean(np.diff(times)) for times in samples.values()])
     assert gap < latest
     assert len(applied) / len(inputs) == pytest.approx(gap / latest, abs=0.05)
+
+
+def test_an_input_that_comes_at_the_very_instant_of_the_next_sample_is_never_applied():
+    period = 2.0**-7
+    clock = {f"agents.{group}.clock": {"period": period} for group in (0, 1)}
+    late = {"network.actuation": {"delay": period}}
+    _, samples, inputs = course(build_swarm(load("unicycles", {"duration": END, **clock, **late})))
+    assert samples[0][:3] == [0.0, period, 2.0 * period]
+    assert inputs
+    assert not any(takes for *_, takes in inputs)
 
 
 def test_a_lost_input_is_lost_and_the_others_are_not_late():
@@ -107,3 +127,14 @@ def test_one_robots_harness_is_no_other_robots():
 def test_samples_are_not_late(overrides, message):
     with pytest.raises(ScenarioError, match=message.replace(".", r"\.")):
         load("unicycles", overrides)
+
+
+def test_who_goes_on_samples_at_once_but_not_before_its_last_input_has_taken_effect():
+    swarm = swarm_with()
+    schedule = Schedule([swarm.clock(0)], 0.004, Harness(swarm))
+    schedule.sampled(0, 0.0)
+    for t, goes_on in ((0.002, np.nextafter(0.004, 1.0)), (0.5, 0.5)):
+        schedule.silence(0)
+        assert schedule.tick(0) == np.inf
+        schedule.resume(0, t)
+        assert schedule.tick(0) == goes_on

@@ -117,7 +117,7 @@ def steps(times: list[float], h: list[float], psi: list[float] | None = None) ->
         both,
         both.max(axis=1),
         np.array(psi or []),
-        np.zeros(len(times)),
+        np.ones(len(times), dtype=bool),
     )
 
 
@@ -128,6 +128,20 @@ def test_a_pair_is_covered_as_long_as_either_of_its_agents_holds_a_certificate()
     for i, t, seconds, ends in ((0, 1.0, 0.5, 1.5), (1, 1.1, 0.0, 1.5), (0, 1.2, 0.0, -np.inf)):
         coverage.applied(i, t, np.full(7, seconds))
         assert coverage.ends[both] == ends
+
+
+@pytest.mark.parametrize("turns", [True, False])
+def test_a_pair_without_a_normal_agent_needs_no_certificate_any_more(turns):
+    judge = judge_of()
+    for i in (0, 1, 2):
+        judge.coverage.applied(i, 0.0, np.full(7, 1.0))
+    if turns:
+        judge.turned(0)
+    for i in (1, 2):
+        judge.coverage.applied(i, 0.9, np.full(7, 2.0))
+    for t, uncovered in ((1.0, 0), (2.0, int(not turns))):
+        judge.coverage.reached(t)
+        assert counted(judge, "certificates")[0] == uncovered
 
 
 @pytest.mark.parametrize(("h", "failed"), [(-1.0, 0), (0.0, 0), (0.1, 1)])
@@ -156,13 +170,36 @@ def test_an_input_that_is_lost_did_not_come_in_time():
     assert "inputs in time" not in [a.name for a in judge.assumptions]
     judge.lost(InputLost(0, 3, 0.03, 0.032, np.zeros(2)))
     assert counted(judge, "inputs in time") == (1, 1, 0.032)
-    assert "inputs in time" in [a.name for a in judge.assumptions]
+    for rests_on in (judge.assumptions, judge.theorem):
+        assert "inputs in time" in [a.name for a in rests_on]
 
 
 def test_what_a_guarantee_rests_on():
     named = [a.name for a in judge_of().assumptions]
     expected = ["start in S", "sampling gap", "disturbance bound", "admissible inputs"]
     assert named == [*expected, "certificates"]
+
+
+def test_a_step_that_is_off_the_equation_of_motion_is_one_of_them():
+    judge = judge_of()
+    for resolved in (True, False):
+        judge.saw([steps([0.1], [-1.0])._replace(resolved=np.array([resolved]))])
+        assert ("resolved motion" in [a.name for a in judge.assumptions]) != resolved
+    assert counted(judge, "resolved motion") == (1, 2, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("choice", "more"),
+    [
+        ("information=paper", ["received inputs in force", "truthful broadcasts"]),
+        ("information=in-flight", ["received inputs in force", "truthful broadcasts"]),
+        ("information=split", []),
+        ("control=centralised", ["synchronous sampling"]),
+    ],
+)
+def test_what_the_theorem_rests_on(choice, more):
+    always = ["start in S_I", "sampling gap", "disturbance bound", "non-empty K_i", "proven margin"]
+    assert [a.name for a in judge_of(f"safety.{choice}").theorem] == [*always, *more]
 
 
 def test_who_falls_silent_or_is_deceived_counts_if_it_is_normal():

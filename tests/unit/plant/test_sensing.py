@@ -46,6 +46,31 @@ def test_without_a_radius_everybody_sees_everybody():
     assert sights == [Sight((0, 1, 2, 3, 4), (1, 2)), Sight((0, 1, 2, 3, 4), ())]
 
 
+def test_who_sees_everything_is_told_of_all_though_the_others_have_a_radius():
+    sensing = Sensing(swarm_of_scenario("unicycles", "agents.1.sensing=1.0"))
+    p = np.array([[10.0 * i, 0.0] for i in range(5)])
+    assert [sight.seen for sight in sensing.sights(p, [0, 3])] == [(0, 1, 2, 3, 4), (3,)]
+
+
+def test_one_of_several_within_its_radius_is_seen():
+    sensing = Sensing(swarm_of_scenario("unicycles", *LIMITED))
+    p = 20.0 + np.array([[0.0, 0.0], [4.0, 0.0], [6.0, 0.0], [0.0, 7.0], [0.0, 9.0]])
+    assert sensing.sees(p, 0, [1, 2])
+    assert not sensing.sees(p, 0, [2, 3])
+    assert sensing.sees(p, 3, [0])
+
+
+def test_who_is_exactly_a_radius_away_is_seen_and_hears():
+    sensing = Sensing(swarm_of_scenario("unicycles", *LIMITED))
+    p = np.array([[0.0, 0.0], [5.0, 0.0], [0.0, 5.1], [9.0, 0.0], [9.0, 9.0]])
+    assert sensing.sights(p, [0]) == [Sight((0, 1), (1,))]
+    assert sensing.sees(p, 0, [1])
+
+
+def test_who_is_dead_or_stands_still_is_seen_and_hears_nothing():
+    assert Sight((0, 1, 2), (1, 2)).without(lambda i: i == 2) == Sight((0, 1, 2), (1,))
+
+
 def test_one_controller_sees_everything_and_listens_to_nobody():
     swarm = swarm_of_scenario("unicycles", "safety.control=centralised", LIMITED[0])
     assert Sensing(swarm).sights(np.zeros((5, 2)), [1]) == [Sight((0, 1, 2, 3, 4), ())]

@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 import zenoh
 
-from phalanx.wire.access import access_control
+from phalanx.wire.access import Subject, access_control
 from phalanx.wire.credentials import Admission, Credentials
 from phalanx.wire.endpoints import free_endpoint
-from phalanx.wire.keys import VIEWER, Keys
+from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, ROUTER, VIEWER, Keys
 from phalanx.wire.session import open_client, open_hub
 from tests.process.runs import wait_for
 
@@ -21,9 +21,9 @@ OF_OTHERS = [KEYS.sample("5"), KEYS.actuation("5"), KEYS.telemetry("5"), KEYS.br
 """What is put neither by agent 4 nor for it, or by it for another."""
 
 
-def rules_of(name: str) -> list[dict[str, Any]]:
-    (policy,) = (policy for policy in RULES["policies"] if policy["subjects"] == [name])
-    by_id = {rule["id"]: rule for rule in RULES["rules"]}
+def rules_of(name: str, of: dict[str, Any] = RULES) -> list[dict[str, Any]]:
+    (policy,) = (policy for policy in of["policies"] if policy["subjects"] == [name])
+    by_id = {rule["id"]: rule for rule in of["rules"]}
     return [by_id[number] for number in policy["rules"]]
 
 
@@ -84,3 +84,39 @@ def test_a_viewer_gets_nothing_that_is_waited_for():
         assert not any(e.intersects(zenoh.KeyExpr(key)) for e in expressions)
         assert any(e.includes(zenoh.KeyExpr(KEYS.copy(key))) for e in expressions)
         assert KEYS.original(KEYS.copy(key)) == key
+
+
+@pytest.mark.parametrize(
+    ("subject", "commanding"),
+    [("usernames", {VIEWER, OPERATOR, ROUTER}), ("cert_common_names", {OPERATOR, ROUTER})],
+)
+def test_a_viewer_may_command_where_no_certificate_tells_it_from_an_operator(
+    subject: Subject, commanding: set[str]
+) -> None:
+    rules = access_control(KEYS, {name: (name,) for name in NAMES}, NAMES, subject)
+    assert {name for name in (*NAMES, *commanding, VIEWER, CLAIMANT) if
+            may(rules, name, "ingress", "put", KEYS.command)} == commanding  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["4", VIEWER, OPERATOR, CLAIMANT])
+def test_everybody_may_see_whether_the_plant_lives(name: str) -> None:
+    plant = KEYS.alive(PLANT)
+    assert may(RULES, name, "ingress", "declare_liveliness_subscriber", plant)
+    assert may(RULES, name, "ingress", "liveliness_query", plant)
+    assert may(RULES, name, "egress", "liveliness_token", plant)
+    assert not may(RULES, name, "ingress", "liveliness_token", plant), "nor pass for it"
+
+
+def test_nobody_comes_in_as_the_plant_where_that_is_the_hub_itself():
+    assert PLANT not in {subject["id"] for subject in RULES["subjects"]}
+    beside = access_control(KEYS, {"4": ("4",)}, NAMES, with_plant=True)
+    assert may(beside, PLANT, "ingress", "put", KEYS.sample("4"))
+
+
+def may(rules: dict[str, Any], name: str, flow: str, message: str, key: str) -> bool:
+    """Whether a program may have this message of Zenoh's pass the hub on a key."""
+    return any(
+        rule["flows"] == [flow] and message in rule["messages"]
+        and any(zenoh.KeyExpr(shown).includes(zenoh.KeyExpr(key)) for shown in rule["key_exprs"])
+        for rule in rules_of(name, rules)
+    )  # fmt: skip

@@ -75,6 +75,15 @@ def test_a_box_that_cannot_be_shown_to_hold_the_state_is_not_certain():
     assert box(np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(2), 1.0)[2] == 0.0
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_box_that_is_no_wider_than_its_start_for_rounding_is_not_certain(side):
+    """Beyond 2^52 the next float64 is 1 m farther away, before it .5 m nearer."""
+    box, _ = compiled(CASES["unicycle"], False)
+    low, high, certain = box(np.array([side * 2.0**52, 0.0, 0.0]), np.zeros(2), 0.1)
+    assert high[0] - low[0] == 0.5
+    assert certain == 0.0
+
+
 def test_a_margin_of_a_row_keeps_its_box():
     """Rows go by it: with another, trajectories would be others."""
     box, _ = compiled(DoubleIntegrator(2.0, 50.0, 2), False)
@@ -83,14 +92,23 @@ def test_a_margin_of_a_row_keeps_its_box():
 
 @dataclass(frozen=True)
 class Sticking(DoubleIntegrator):
-    """A drag that has a largest force, and a heave that the speed along x feeds."""
+    """A drag that has a largest force, and along each axis a push by the speed along the other."""
 
     def drift(self, x):
         v = x[2:]
-        return ca.vertcat(v, -self.drag * ca.tanh(v) + ca.vertcat(0.0, ca.sin(v[0])))
+        return ca.vertcat(v, -self.drag * ca.tanh(v) + ca.vertcat(ca.sin(v[1]), ca.sin(v[0])))
+
+
+@dataclass(frozen=True)
+class Growing(DoubleIntegrator):
+    """The faster it is the more it is pushed on."""
+
+    def drift(self, x):
+        return ca.vertcat(x[2:], 0.5 * x[2:])
 
 
 DRAGGED = {
+    "driven": Growing(2.0, 0.0, 2),
     "weak": DoubleIntegrator(2.0, 0.3, 2),
     "strong": DoubleIntegrator(2.0, 50.0, 2),
     "sticking": Sticking(2.0, 1.0, 2),
@@ -151,6 +169,14 @@ def test_a_sharp_corner_of_u_reaches_as_far_as_actuators_let_it():
     tip = admissible_corners(member)[:, 0].min()
     assert -ACTUATION <= tip <= -0.5 * ACTUATION
     assert float(admissible_inputs(member)[0].lo) == tip
+
+
+def test_corners_that_prove_something_lie_a_hair_beyond_those_of_rows():
+    member = Member("a", SingleIntegrator(1.0), False)
+    with outwards():
+        proven = admissible_corners(member).max()
+    beyond = (proven - 1.0) / (admissible_corners(member).max() - 1.0)
+    assert beyond == pytest.approx(1.0 + 1e-6, rel=1e-8)
 
 
 def test_inputs_whose_bounds_depend_on_the_state_are_refused():

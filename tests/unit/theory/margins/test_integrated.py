@@ -159,6 +159,23 @@ def test_the_time_until_zero_is_where_the_parabola_crosses(value, rate, disturba
         assert time == pytest.approx(0.3) or (curve[t > time * (1 + 1e-9) + 1e-4] > 0).all()
 
 
+@pytest.mark.parametrize(
+    ("value", "rate", "bend", "expected"),
+    [
+        (-0.6, 1.5, 10.0, 0.2),
+        (-0.2, -1.5, 20.0, 0.2),
+        (-1.0, 4.5, 0.0, 0.2),
+        (-0.05, -0.5, 10.0, 0.1),
+        (-1.0, -1.5, 0.0, 0.3),
+        (0.0, 1.0, 1.0, 0.0),
+    ],
+)
+def test_the_time_until_zero_by_hand(value, rate, bend, expected):
+    """With D = .5 m²/s, and nothing beyond .3 s."""
+    time = time_until_zero(Growth(*map(ca.SX, (value, rate, 0.5, bend, 1.0))), 0.3)
+    assert float(ca.DM(time)) == pytest.approx(expected, rel=1e-12)
+
+
 class Shifted:
     """α(0) is below zero: no class K."""
 

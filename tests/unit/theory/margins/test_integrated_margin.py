@@ -15,7 +15,7 @@ from phalanx.theory.margins.local import local_margin
 from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.models.bicycle import KinematicBicycle
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
-from phalanx.theory.models.polytope import constant_polytope
+from phalanx.theory.models.polytope import ACTUATION, constant_polytope
 from phalanx.theory.models.unicycle import Unicycle
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.composition import Member, compose
@@ -206,3 +206,26 @@ def test_where_a_kink_of_h_is_within_reach_no_number_is_large_enough(part):
     margin = CompiledFunction([pair.x], [integrated_margin(chain, 0, 0.1, [0.0, 0.0], part)])
     assert margin(np.array([0.15, 0.0, 0.0, 0.0]))[0] == np.inf
     assert margin(np.array([0.35, 0.0, 0.0, 0.0]))[0] < 1.0
+
+
+def test_a_margin_has_room_for_what_actuators_take_beyond_u():
+    """Of so short a gap that nothing else is left of it."""
+    integrator = SingleIntegrator(1.5)
+    members = [Member("a", integrator, False), Member("b", integrator, True)]
+    pair = compose(members, [], Separation(1.0), 1.0).alone(0)
+    chain = build_chain(pair, [1.0], None, [0.0, 0.0])
+    margin = integrated_margin(chain, 0, 1e-14, [0.0, 0.0], RowPart.WHOLE)
+    (found,) = CompiledFunction([pair.x], [margin])(np.array([0.0, 0.0, 2.0, 0.0]))
+    assert found == pytest.approx(ACTUATION * (4.0 + 4.0))
+
+
+def test_over_a_gap_the_bend_counts_half():
+    """Agent a is at rest: g = 4 m²/s² then, of what two inputs of b can differ in."""
+    integrator = SingleIntegrator(1.0)
+    members = [Member("a", integrator, False), Member("b", integrator, True)]
+    pair = compose(members, [], Separation(1.0), 1.0).alone(0)
+    chain, held = build_chain(pair, [1.0], None, [0.0, 0.0]), ca.SX.sym("u", 2)
+    margin = integrated_margin(chain, 0, TAU, [0.0, 0.0], RowPart.WHOLE, held)
+    at = np.array([3.0, 0.0, 0.0, 0.0]), np.zeros(2)
+    (found,) = CompiledFunction([pair.x, held], [margin])(*at)
+    assert found == pytest.approx(TAU / 2 * 4.0 + ACTUATION * (6.0 + 6.0), rel=1e-3)
