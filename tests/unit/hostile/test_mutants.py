@@ -3,7 +3,8 @@
 import ast
 
 import pytest
-from mutants import MUTANTS, ROOT, Mutant, broken
+
+from tests.hostile.mutants import MUTANTS, ROOT, Mutant, broken
 
 
 @pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.what)

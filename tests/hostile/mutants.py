@@ -1,0 +1,211 @@
+"""Safeguards to be broken on purpose, one at a time: some test must fail for each.
+
+Each is a text of a file and what stands in its place, with the tests that have to notice.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parents[2]
+
+
+class Mutant(NamedTuple):
+    """One safeguard, broken."""
+
+    what: str
+    file: str
+    old: str
+    new: str
+    tests: str
+
+
+_ANSWERS, _STEP, _SEAL = "plant/hub/answers.py", "agent/step.py", "phalanx/wire/seal.py"
+_TEST_ANSWERS, _TEST_STEP = "tests/unit/plant/test_answers.py", "tests/unit/agent/test_step.py"
+_TEST_SEAL, _TEST_LINKS = "tests/unit/wire/test_seal.py", "tests/unit/network"
+_TEST_RECORDING = "tests/unit/recording"
+_JUDGE, _TEST_JUDGE = "plant/judge/judge.py", "tests/unit/plant/test_judge.py"
+_NEAR, _TEST_NEAR = "plant/world/near.py", "tests/unit/plant/test_near.py"
+_BOXES, _TEST_BOXES = "phalanx/guarantee/reachable.py", "tests/unit/guarantee/test_reachable.py"
+_ACCESS, _TEST_ACCESS = "phalanx/wire/access.py", "tests/unit/wire/test_access.py"
+_ASSUMED, _COVERAGE = "plant/judge/assumptions.py", "plant/judge/coverage.py"
+_LOOKAHEAD, _TEST_LOOKAHEAD = "plant/clock/lookahead.py", "tests/unit/plant/test_lookahead.py"
+_EXTREMES, _TEST_EXTREMES = "plant/world/extremes.py", "tests/unit/plant/test_extremes.py"
+_SENSING, _TEST_SENSING = "plant/sampling/sensing.py", "tests/unit/plant/test_sensing.py"
+_SCHEDULE, _TEST_HARNESS = "plant/sampling/schedule.py", "tests/unit/plant/test_harness.py"
+_SAMPLING, _TEST_SAMPLING = "plant/sampling/sampling.py", "tests/unit/plant/test_sampling.py"
+_ENCLOSURE = "phalanx/theory/margins/enclosure.py"
+_TEST_ENCLOSURE = "tests/unit/theory/margins/test_enclosure.py"
+_INTEGRATED = "phalanx/theory/margins/integrated.py"
+_TEST_INTEGRATED = "tests/unit/theory/margins/test_integrated.py"
+_TEST_MARGIN = "tests/unit/theory/margins/test_integrated_margin.py"
+_VERIFY, _TEST_VERIFY = "phalanx/launcher/verify.py", "tests/unit/launcher/test_verify.py"
+MUTANTS = (
+    Mutant("any t_apply", _ANSWERS, "message.t_apply != sample.t + self._latency", "False",
+           _TEST_ANSWERS),
+    Mutant("an input outside U", _ANSWERS,
+           "not self._actuators.takes(i, x, np.array(message.u))", "False", _TEST_ANSWERS),
+    Mutant("an answer twice", _ANSWERS, "else self._answered)[i]",
+           "else defaultdict(lambda: -1))[i]", _TEST_ANSWERS),
+    Mutant("an answer to another sample", _ANSWERS, " and (reports or message.k == newest)", "",
+           _TEST_ANSWERS),
+    Mutant("an input of another size", _ANSWERS, "len(message.u) != self._sizes[i]", "False",
+           _TEST_ANSWERS),
+    Mutant("a report twice", _ANSWERS, "(self._reported if reports",
+           "(defaultdict(lambda: -1) if reports", _TEST_ANSWERS),
+    Mutant("a fate of nobody's broadcast", _ANSWERS,
+           "not all(self._may_be(fate) for fate in message.fates)", "False", _TEST_ANSWERS),
+    Mutant("a command twice", "plant/clock/commands.py", "message.number <= self._latest", "False",
+           "tests/unit/plant/test_commands.py"),
+    Mutant("a command for nobody", "plant/clock/commands.py",
+           "refusal(message.command, self._names)", "None", "tests/unit/plant/test_commands.py"),
+    Mutant("more payloads than may wait", "plant/hub/arrivals.py", ">= 2 * _MOST else None",
+           ">= 10**9 else None", "tests/unit/plant/test_arrivals.py"),
+    Mutant("another scenario's agent", "plant/hub/joining.py", "alive and found != self.digest",
+           "False", "tests/unit/plant/test_joining.py"),
+    Mutant("another scenario's claimant", "plant/hub/places.py", "request.digest != self._digest",
+           "False", "tests/unit/plant/test_places.py"),
+    Mutant("a place given twice", "plant/hub/places.py", "if name not in kept", "if True",
+           "tests/unit/plant/test_places.py"),
+    Mutant("the place of who is there", "plant/hub/joining.py", " and n not in self._here", "",
+           "tests/unit/plant/test_joining.py"),
+    Mutant("a sample skipped", _STEP, "skipped and not first and clock.waits", "False",
+           _TEST_STEP),
+    Mutant("a sample twice", _STEP, "if skipped < 0 or", "if", _TEST_STEP),
+    Mutant("states that are no number", _STEP,
+           'not np.isfinite(np.frombuffer(sample.x, dtype="<f8")).all()', "False", _TEST_STEP),
+    Mutant("broadcasts of the far future", _STEP, "message.k >= speaker.most", "False",
+           _TEST_STEP),
+    Mutant("a broadcast of another size", _STEP,
+           "len(message.u) != speaker.inputs", "False", _TEST_STEP),
+    Mutant("a broadcast twice", "phalanx/network/incoming.py",
+           "k <= self.decided or k in self.arrived", "False", _TEST_LINKS),
+    Mutant("a delay from t instead of t_apply", "phalanx/network/inbox.py",
+           "in_flight.append((sent + copy.after, message))",
+           "in_flight.append((t + copy.after, message))",
+           _TEST_LINKS),
+    Mutant("broadcasts heard too early", "phalanx/network/incoming.py", "if arrival > t:",
+           "if False:", _TEST_LINKS),
+    Mutant("any seal", _SEAL, "mac != self._mac(key, body)", "False", _TEST_SEAL),
+    Mutant("a seal of another key", _SEAL, "hashlib.blake2b(key.encode(), key=",
+           'hashlib.blake2b(b"", key=', _TEST_SEAL),
+    Mutant("numbers that are none", _SEAL, "not abs(n) <= message.largest",
+           "abs(n) > message.largest", _TEST_SEAL),
+    Mutant("another version", _SEAL, "message.version != VERSION", "False", _TEST_SEAL),
+    Mutant("wildcards in a key", "phalanx/wire/keys.py", ' or "*" in key', "",
+           "tests/unit/wire"),
+    Mutant("records of another scenario", "phalanx/recording/read.py", "if unfit :=",
+           "if unfit := None and",  _TEST_RECORDING),
+    Mutant("frames of another size", "viewer/feeds/live.py",
+           "len(frame.x) != 8 * states or len(frame.agents) != len(members)", "False",
+           "tests/unit/hostile/test_frames.py"),
+    Mutant("last words", "plant/main.py", "_say(last_words, summary)", "pass",
+           "tests/process/swarm/test_endings.py -k disk_that_fills"),
+    Mutant("everybody's broadcasts", _ACCESS, 'keys.broadcast("*", n)))',
+           'keys.broadcast("*", "*")))', _TEST_ACCESS),
+    Mutant("a viewer's certificate for an operator's", _ACCESS, 'subject == "usernames", OP',
+           "True, OP", _TEST_ACCESS),
+    Mutant("a plant that comes in", _ACCESS, "with_plant: bool = False",
+           "with_plant: bool = True", _TEST_ACCESS),
+    Mutant("live.json for all", "phalanx/launcher/live.py", "os.O_EXCL, 0o600",
+           "os.O_EXCL, 0o644", "tests/unit/launcher/test_live.py"),
+    Mutant("keys for all", "phalanx/wire/authority.py", "os.O_EXCL, 0o600", "os.O_EXCL, 0o644",
+           "tests/unit/wire/test_authority.py"),
+    Mutant("an agent's certificate for a hub", "phalanx/wire/authority.py",
+           "reached_as if name in HUBS else ()", "reached_as",
+           "tests/process/hostile/test_certificates.py -k play_the_hub"),
+    Mutant("a hub of any name", "phalanx/wire/certificates.py", '"verify_name_on_connect": True',
+           '"verify_name_on_connect": False',
+           "tests/process/hostile/test_certificates.py -k another_name"),
+    Mutant("near pairs for three times the slack", _NEAR, "<= self._room * self._room",
+           "<= 9.0 * self._room * self._room", _TEST_NEAR),
+    Mutant("near pairs by the highest level of several states", _NEAR, "self._least(h).min():",
+           "self._least(h).max():", _TEST_NEAR),
+    Mutant("boxes as old as they like", _BOXES, "if t > self._until:", "if self._until < 0.0:",
+           _TEST_BOXES),
+    Mutant("boxes that forget how long they are kept", _BOXES,
+           "MULTIPLES[0] * tau + self._lasting", "MULTIPLES[0] * tau", _TEST_BOXES),
+    Mutant("boxes of the shortest period", _BOXES, "tau = max(", "tau = min(", _TEST_BOXES),
+    Mutant("boxes that are not certain", _BOXES, "ca.if_else(reach.certain, each.lo, -ca.inf)",
+           "each.lo", _TEST_BOXES),
+    Mutant("boxes that are not certain, to the other side", _BOXES,
+           "ca.if_else(reach.certain, each.hi, ca.inf)", "each.hi", _TEST_BOXES),
+    Mutant("boxes without disturbance", _BOXES, "int(own[0]), group.disturbance.bound",
+           "int(own[0]), 0.0", _TEST_BOXES),
+    Mutant("obstacles as large as agents", _BOXES, "static_reach(function, 0.0, obstacle)",
+           "function.reach(0.0)", _TEST_BOXES),
+    Mutant("who may meet within the shortest certificate only",
+           "phalanx/guarantee/certificates.py",
+           "highest_within(alone, bounds, MULTIPLES[0] * tau)",
+           "highest_within(alone, bounds, MULTIPLES[-1] * tau)", _TEST_BOXES),
+    Mutant("another group's certificates", "phalanx/guarantee/certificates.py",
+           "number_of[self.ends], ", "", _TEST_BOXES),
+    Mutant("a start that is left at once", _JUDGE, "piece.h[0] <= 0.0", "piece.h[-1] <= 0.0",
+           _TEST_JUDGE),
+    Mutant("a start with an unsafe pair", _JUDGE, "(piece.h[0] <= 0.0).all()",
+           "(piece.h[0] <= 0.0).any()", _TEST_JUDGE),
+    Mutant("an h_tot that is no number", _JUDGE, "not (np.abs(piece.h_tot) <= LARGEST).all()",
+           "not (np.abs(piece.h_tot) <= LARGEST).any()", _TEST_JUDGE),
+    Mutant("what actuators hold at first", _JUDGE, "self._check_input(i, self._x, zero, 0.0)",
+           "pass", _TEST_JUDGE),
+    Mutant("an input that is lost", _JUDGE, "self._checks.prompt.check(False, event.t)", "pass",
+           _TEST_JUDGE),
+    Mutant("a pair without a certificate", _COVERAGE, "int(ends.argmin())",
+           "int(ends.argmax())", _TEST_JUDGE),
+    Mutant("a certificate of no time", _COVERAGE, "proven > 0.0", "proven >= 0.0", _TEST_JUDGE),
+    Mutant("certificates of pairs set apart", _COVERAGE,
+           "np.where(self._is_apart, np.inf, self.ends)", "self.ends", _TEST_JUDGE),
+    Mutant("an unresolved motion", _ASSUMED, "(self.resolved, self.prompt) if", "(self.prompt,) if",
+           _TEST_JUDGE),
+    Mutant("a theorem without a disturbance bound", _ASSUMED,
+           "[self.start_kept, self.gap, self.disturbance,", "[self.start_kept, self.gap,",
+           _TEST_JUDGE),
+    Mutant("a theorem that believes broadcasts", _ASSUMED, "self.fresh, self._broadcasts]",
+           "self.fresh]", _TEST_JUDGE),
+    Mutant("who may go any distance", _LOOKAHEAD, "            return True",
+           "            return False", _TEST_LOOKAHEAD),
+    Mutant("where an awaited agent is", _LOOKAHEAD, "if j in self._open:", "if False:",
+           _TEST_LOOKAHEAD),
+    Mutant("the worst pair", _EXTREMES, "> self._largest_h:", "> np.inf:", _TEST_EXTREMES),
+    Mutant("pairs set apart", _EXTREMES, "((self._counted, ~apart),",
+           "((self._counted, apart | True),", _TEST_EXTREMES),
+    Mutant("one of several in sight", _SENSING, "self._reach[i]).any()", "self._reach[i]).all()",
+           _TEST_SENSING),
+    Mutant("a radius beside unlimited sensing", _SENSING, "np.isfinite(self._reach).any()",
+           "np.isfinite(self._reach).all()", _TEST_SENSING),
+    Mutant("an input at the next sample's instant", _SCHEDULE, "due + late >= self",
+           "due + late > self", _TEST_HARNESS),
+    Mutant("who goes on before its last input took effect", _SCHEDULE,
+           "math.nextafter(self._due.get(i, -math.inf), math.inf)", "t", _TEST_HARNESS),
+    Mutant("what is on its way when a contact begins", "phalanx/network/incoming.py",
+           "        self.forget()\n        self.since = since", "        self.since = since",
+           _TEST_LINKS),
+    Mutant("the dead as hearers", _SAMPLING, "sight.without(self._faults.silent)", "sight",
+           _TEST_SAMPLING),
+    Mutant("what the dead had received", _SAMPLING, "forgotten = self._contacts.forget(i)", "pass",
+           _TEST_SAMPLING),
+    Mutant("a box no wider than its start", _ENCLOSURE, "start.hi < b.hi)", "start.hi <= b.hi)",
+           _TEST_ENCLOSURE),
+    Mutant("what is driven as if it were slowed", _ENCLOSURE, "steepness.hi < 0, reciprocal",
+           "steepness.hi < 1, reciprocal", _TEST_ENCLOSURE),
+    Mutant("corners rounded inwards", _ENCLOSURE, "1.0 + 1e-6 if rounds", "1.0 - 1e-6 if rounds",
+           _TEST_ENCLOSURE),
+    Mutant("a speed in place of its square", _INTEGRATED, "ca.fmax(0, speed * speed - 2",
+           "ca.fmax(0, speed - 2", _TEST_INTEGRATED),
+    Mutant("a third of the gap", _INTEGRATED, "lasting = 0.5 * horizon",
+           "lasting = horizon / 3.0", _TEST_MARGIN),
+    Mutant("what actuators take beyond U", _INTEGRATED, "* bound.bend + outside", "* bound.bend",
+           _TEST_MARGIN),
+    Mutant("a recording of nothing", _VERIFY, "if not recorded.states and not recorded.shown:",
+           "if False:", _TEST_VERIFY),
+    Mutant("another seed", _VERIFY, "{} if seed is None else", "{} if True else", _TEST_VERIFY),
+    Mutant("half a chunk", "phalanx/recording/write.py", "os.ftruncate(self._fd, self._end)",
+           "pass", _TEST_RECORDING),
+)  # fmt: skip
+
+
+def broken(mutant: Mutant) -> str:
+    """The file's text with the safeguard broken. Raises LookupError: what is replaced is gone."""
+    text = (ROOT / mutant.file).read_text(encoding="utf-8")
+    if text.count(mutant.old) != 1:
+        raise LookupError(f"{mutant.file}: expected once: {mutant.old}")
+    return text.replace(mutant.old, mutant.new)
