@@ -3,7 +3,7 @@
 import contextlib
 import gc
 import logging
-from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -36,12 +36,6 @@ log = logging.getLogger("phalanx.plant")
 _GLANCE = 0.2
 """How often a wait looks up to see whether the run was stopped [s]."""
 
-_CLOCKS: Mapping[bool, tuple[type[Hub], ClockFactory[Any]]] = {
-    False: (LockstepHub, partial(Lockstep, synchronization=look_ahead)),
-    True: (RealTimeHub, RealTime),
-}
-"""The hub and the clock of a run, by whether it is one in real time."""
-
 
 def run(
     rows: SafetyRows,
@@ -51,7 +45,7 @@ def run(
     policy: CommandPolicy = NO_COMMANDS,
     profile: Path | None = None,
     at_router: bool = False,
-    real_time: bool = False,
+    real_time: float | None = None,
     last_words: Connection | None = None,
     agents_start: Connection | None = None,
 ) -> int:
@@ -64,7 +58,7 @@ def run(
         policy: who may command the run, and which commands are scheduled.
         profile: folder in which to leave how the time was spent.
         at_router: whether a router listens there.
-        real_time: whether the wall clock decides, at the policy's speed.
+        real_time: seconds of virtual time per second, where the wall clock decides.
         last_words: takes the summary, or why there is none: whoever started the plant need not
             listen on the hub yet, and the disk may be full.
         agents_start: has something to read once the agents are being started, if they are
@@ -77,7 +71,8 @@ def run(
         HubError: the endpoint cannot be listened on, or no router is there.
         RecordingError: the recording cannot be begun.
     """
-    stop, (hub_class, clock) = StopRequest(), _CLOCKS[real_time]
+    stop = StopRequest()
+    hub_class, clock, policy = _clock_for(policy, real_time)
     scenario = rows.swarm.scenario
     stopwatch = Stopwatch() if profile else None
     try:
@@ -116,6 +111,15 @@ def run(
         _say(last_words, summary)
     log.info("%s: %s", summary.outcome, summary.reason)
     return exit_status(summary.outcome)
+
+
+def _clock_for(
+    policy: CommandPolicy, real_time: float | None
+) -> tuple[type[Hub], ClockFactory[Any], CommandPolicy]:
+    """The hub and the clock of a run, and the policy with its speed."""
+    if real_time is None:
+        return LockstepHub, partial(Lockstep, synchronization=look_ahead), policy
+    return RealTimeHub, RealTime, replace(policy, speed=real_time)
 
 
 def _say(last_words: Connection | None, said: Summary | str) -> None:

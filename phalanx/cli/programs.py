@@ -99,7 +99,7 @@ def plant(
     from phalanx.wire.keys import PLANT
     from phalanx.wire.membership import Membership
 
-    policy = CommandPolicy(secret=command_secret.encode(), speed=real_time or speed or 0.0)
+    policy = CommandPolicy(secret=command_secret.encode(), speed=speed or 0.0)
     endpoint = connect or listen
     certificates = certificates_for(keys, endpoint, insecure)
     membership = Membership(run, endpoint, secret.encode(), PLANT, certificates=certificates)
@@ -107,7 +107,7 @@ def plant(
         "folder": out,
         "policy": policy,
         "at_router": connect is not None,
-        "real_time": real_time is not None,
+        "real_time": real_time,
     }
     loaded = _load(scenario, overrides, seed)
     if (out / RECORDING).exists():

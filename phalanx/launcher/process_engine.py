@@ -7,7 +7,6 @@ by itself: agents when the hub is gone, the plant when it is done, told to, or l
 import contextlib
 import secrets
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 
 from phalanx.guarantee.verdict import Outcome, Summary, read_summary
@@ -76,10 +75,7 @@ def _run(
 
 def _programs(scenario: Scenario, folder: Path, options: RunOptions) -> list[Program]:
     timed = {"profile": folder / PROFILE} if options.profile else {}
-    policy, real_time = options.commands, options.real_time
-    if real_time is not None:
-        policy = replace(policy, speed=real_time)
-    of_plant = {"folder": folder, "policy": policy, "real_time": real_time is not None}
+    of_plant = {"folder": folder, "policy": options.commands, "real_time": options.real_time}
     programs = [Program(PLANT, PLANT, {**of_plant, **timed})]
     for name in scenario.programs():
         programs.append(Program(CONTROLLER if name == CONTROLLER else "agent", name, timed))

@@ -4,11 +4,13 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
+from phalanx.agent.step import ControlStep, control_steps
 from phalanx.faults.commands import CommandPolicy
+from phalanx.faults.state import Orders
 from phalanx.guarantee.verdict import Outcome
-from phalanx.launcher.decisions import decided_again
 from phalanx.launcher.engine import (
     DEFAULT_ENGINE,
     EngineError,
@@ -17,9 +19,12 @@ from phalanx.launcher.engine import (
     execute,
     silent,
 )
+from phalanx.network.claim import Claim
 from phalanx.recording.read import Recording, read
-from phalanx.recording.records import State, Step
+from phalanx.recording.records import Shown, State, Step
 from phalanx.scenario.model import Scenario
+from phalanx.swarm.rows import build_rows
+from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.expressions.asked import MistakenMethodError
 
@@ -77,7 +82,7 @@ def verify(
                 "a run in real time cannot be run again, with another seed or without"
             )
         try:
-            decided = decided_again(recorded)
+            decided = _decided_again(recorded)
         except MistakenMethodError as error:
             raise EngineError(f"decided again: {error.told(f'agent {error.agent}')}") from error
         difference = first_difference(recorded, decided)
@@ -108,6 +113,40 @@ def as_far_as(recorded: Recording) -> Scenario:
         return scenario
     reached = min(scenario.duration, recorded.states[-1].t + _INSTANT)
     return scenario.model_copy(update={"duration": reached})
+
+
+def _decided_again(recorded: Recording) -> Recording:
+    """The recording of a run in real time with every step as it is decided now.
+
+    The wall clock does not come back, so the run is not run again. What each agent made of a sample
+    and of the inputs that it had received is a function of both, whatever the clock.
+    """
+    swarm = build_swarm(recorded.scenario)
+    rows, states = build_rows(swarm), SeenStates(swarm)
+    steps = {s.name: s for name in recorded.scenario.programs() for s in control_steps(rows, name)}
+    found = {(step.agent, step.k): place for place, step in enumerate(recorded.steps)}
+    again = list(recorded.steps)
+    for shown in recorded.shown:
+        place = found.get((shown.agent, shown.k))
+        if place is not None:
+            again[place] = _decided(steps[shown.agent], shown, again[place], states)
+    return Recording(recorded.path, recorded.scenario, recorded.metadata, recorded.states, again)
+
+
+def _decided(step: ControlStep, shown: Shown, recorded: Step, states: SeenStates) -> Step:
+    if shown.adversary:
+        step.obey(Orders(adversary=True))
+    names = step.swarm.names
+    seen = tuple(map(names.index, shown.seen))
+    x = states.stacked(states.of(np.array(shown.x, dtype="<f8").tobytes(), seen))
+    received = {names.index(sender): Claim(since, tuple(u)) for sender, since, u in shown.received}
+    result = step.decide(x, seen, shown.t, received)
+    return msgspec.structs.replace(
+        recorded,
+        u=tuple(result.decision.u.tolist()),
+        ages=[(names[l], shown.t - received[l].t_apply) for l in result.used],
+        **msgspec.structs.asdict(result.report(recorded.solve_time)),
+    )
 
 
 def first_difference(recorded: Recording, again: Recording) -> str | None:
