@@ -48,6 +48,7 @@ def _rehearse(rows: SafetyRows, i: int) -> None:
     limited, most = swarm.sensing(i) is not None, min(len(others), _REHEARSED)
     for count in range(most + 1) if limited else (len(others),):
         seen = sorted((i, *others[:count]))
-        terms(x, seen).margin  # noqa: B018
         if own is not None:
             own(x, seen, swarm.normal if swarm.joint else ())
+        elif not rows.pairwise:
+            terms(x, seen).psi  # noqa: B018

@@ -37,9 +37,6 @@ from phalanx.theory.safety.chain import Chain, build_chain
 from phalanx.theory.safety.composition import ComposedSet
 from phalanx.theory.safety.pair_functions import PairFunctions
 
-_FEW = 64
-"""So many pairs are faster evaluated as one expression."""
-
 
 @dataclass(frozen=True)
 class SafetyRows:
@@ -92,16 +89,13 @@ class SafetyRows:
         swarm, radius = self.swarm, self.swarm.sensing(i)
         margin = None if swarm.members[i].adversary or self.pairwise else self.margin(i)
         numbers = margin.composed(self.relative_degree) if margin else ComposedMargin(0.0)
-        # One expression of few pairs, all of them seen, shares what they have in common.
-        small = radius is None and swarm.pairs.count <= _FEW and not self.pairwise
-        if numbers is not None and not small:
-            return self.composed.of(i, radius, numbers)
-        alike = i if numbers is None else numbers
-        if alike not in self._whole:
+        if margin is None or numbers is not None:
+            return self.composed.of(i, radius, numbers or ComposedMargin(0.0))
+        if i not in self._whole:
             active = None if radius is None else swarm.safe_set.within(i, radius)
-            known = 0.0 if margin is None else margin.of(self.chain, i, active=active)
-            self._whole[alike] = TermsFunction(self.chain, active, known)
-        return self._whole[alike]
+            known = margin.of(self.chain, i, active=active)
+            self._whole[i] = TermsFunction(self.chain, active, known)
+        return self._whole[i]
 
     @cached_property
     def composed_whole(self) -> bool:
@@ -230,8 +224,8 @@ class SafetyRows:
         return {}
 
     @cached_property
-    def _whole(self) -> dict[object, TermsFunction]:
-        """By margin, or by agent where that is told apart."""
+    def _whole(self) -> dict[int, TermsFunction]:
+        """By agent."""
         return {}
 
     @cached_property

@@ -42,7 +42,7 @@ def _runnable(swarm: Swarm) -> SafetyRows:
         require_h(swarm, x, "at the start")
         # Not all: of a large swarm no agent evaluates so many at once.
         seen = sorted({*swarm.seen(i, x), *[l for ends in swarm.ends for l in ends]})
-        rows.terms(i)(x, seen).margin  # noqa: B018
+        rows.terms(i)(x, seen).psi  # noqa: B018
         if rows.pairwise:
             rows.pair_terms(i)(x, seen)
         for l in first:

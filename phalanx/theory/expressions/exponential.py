@@ -5,8 +5,8 @@ fixes + - * / sqrt, floor, min and max. Algorithms and coefficients are those of
 left of libm is exact by its definition: powers of two with whole exponents, and pow and log where
 the answer is 0, 1, infinite or not a number.
 
-Every function takes CasADi scalars and vectors, SX or DM. SX must not simplify while they run:
-(a + b) - a is not b here, it is b rounded.
+Every function takes CasADi scalars and vectors, SX, MX or DM. Symbols must not simplify while they
+run: (a + b) - a is not b here, it is b rounded.
 """
 
 from typing import Any
@@ -14,7 +14,7 @@ from typing import Any
 import casadi as ca
 
 Expression = Any
-"""SX or DM; CasADi has no types."""
+"""SX, MX or DM; CasADi has no types."""
 
 _LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 _INVERSE_LN2 = 1.44269504088896338700e00

@@ -1,6 +1,7 @@
 """CasADi expressions of a few numbers, compiled once and evaluated for many rows in one call."""
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -24,7 +25,8 @@ class MappedFunction:
         """Columns of symbols, in a row's order; expressions of them, flattened row by row."""
         flat = ca.vertcat(*[ca.vec(ca.densify(o.T)) for o in outputs])
         self._function = portable_function([ca.vertcat(*inputs)], flat)
-        self._widths = self._function.numel_in(0), self._function.numel_out(0)
+        self.inputs, self.results = self._function.numel_in(0), self._function.numel_out(0)
+        """How many numbers a row has, and comes to."""
         self._bound: dict[int, BoundFunction] = {}
 
     def __call__(self, values: Array, places: Index) -> Array:
@@ -44,7 +46,7 @@ class MappedFunction:
         shape = (*values.shape[:-1], len(places))
         count = len(places) if values.ndim == 1 else len(places) * len(values)
         bound = self._for(count)
-        width, results = self._widths
+        width, results = self.inputs, self.results
         rows = bound.inputs[0][: count * width].reshape(*shape, width)
         # In any other mode it would be written to a copy first.
         values.take(places, axis=-1, out=rows, mode="clip")
@@ -53,17 +55,27 @@ class MappedFunction:
 
     def at(self, places: Index) -> "MappedRows":
         """The same rows of one state after another, shape (r, inputs)."""
-        width, results = self._widths
+        width, results = self.inputs, self.results
         bound, count = self._for(len(places)), len(places)
         rows = bound.inputs[0][: count * width].reshape(count, width)
         return MappedRows(
             places, bound, rows, bound.outputs[0][: count * results].reshape(count, results)
         )
 
+    @cached_property
+    def text(self) -> str:
+        """The same for equal functions only."""
+        found: str = self._function.serialize()
+        return found
+
+    def mapped(self, count: int) -> ca.Function:
+        """Of so many rows, one for each column."""
+        return self._function.map(count)
+
     def _for(self, count: int) -> BoundFunction:
         capacity = rounded_up(count)
         if capacity not in self._bound:
-            self._bound[capacity] = BoundFunction(self._function.map(capacity))
+            self._bound[capacity] = BoundFunction(self.mapped(capacity))
         return self._bound[capacity]
 
 

@@ -39,16 +39,17 @@ _PORTABLE_OF_TWO: Mapping[int, Callable[..., Any]] = {
 
 
 _CIRCULAR = (ca.OP_SIN, ca.OP_COS)
-_REPLACED = {*_CIRCULAR, *_PORTABLE, *_PORTABLE_OF_TWO}
+DEAR = {*_CIRCULAR, *_PORTABLE, *_PORTABLE_OF_TWO}
+"""Operations that are replaced, each by forty others or so."""
 
 
 def portable_function(inputs: Sequence[ca.SX], output: ca.SX) -> ca.Function:
     """The function of column vectors to a dense column, of exact operations only."""
     function = ca.Function("f", list(inputs), [output], {"cse": True})
     operations = [function.instruction_id(k) for k in range(function.n_instructions())]
-    if _REPLACED.isdisjoint(operations):
+    if DEAR.isdisjoint(operations):
         return function
-    with _as_written():
+    with as_written():
         return ca.Function("f", *_rewritten(function, operations, inputs))
 
 
@@ -58,7 +59,7 @@ def portable_value(function: Callable[[Any], Any], x: float) -> float:
 
 
 @contextmanager
-def _as_written() -> Iterator[None]:
+def as_written() -> Iterator[None]:
     """Keeps CasADi from simplifying: to it (a + b) - a is b, which rounding makes untrue."""
     before = ca.GlobalOptions.getSimplificationOnTheFly()
     ca.GlobalOptions.setSimplificationOnTheFly(False)

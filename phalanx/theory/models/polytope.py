@@ -4,9 +4,9 @@ A linear function on a compact polytope attains its extremes at vertices, and th
 small (m <= 3), so the programs are solved exactly by looking at every vertex.
 """
 
-from functools import cache
+from dataclasses import dataclass
+from functools import cache, cached_property
 from itertools import combinations
-from operator import le
 from typing import NamedTuple
 
 import casadi as ca
@@ -26,18 +26,24 @@ class EmptyPolytopeError(ValueError):
     """Assumption (Ui) fails: {u : A u <= b} has no vertex, so it is empty or unbounded."""
 
 
-class Box(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Box:
     """{u : low <= u <= high}, shapes (m,)."""
 
     low: Array
     high: Array
 
+    @cached_property
+    def ends(self) -> tuple[list[float], list[float]]:
+        """low and high as plain numbers, which so few are faster as."""
+        return self.low.tolist(), self.high.tolist()
+
     def holds(self, u: Array) -> bool:
-        """Whether low <= u <= high: as plain numbers it takes a fifth of the time."""
-        numbers = u.tolist()
-        return all(map(le, self.low.tolist(), numbers)) and all(
-            map(le, numbers, self.high.tolist())
-        )
+        """Whether low <= u <= high."""
+        for low, number, high in zip(self.ends[0], u.tolist(), self.ends[1], strict=True):
+            if not low <= number <= high:
+                return False
+        return True
 
 
 class Polytope(NamedTuple):
@@ -160,6 +166,7 @@ def constant_polytope(A: ca.SX, b: ca.SX) -> Polytope | None:
 def _polytope_of(shape: tuple[int, ...], A: bytes, b: bytes) -> Polytope:
     """One for all who ask, which nobody can write to; by its bits, for 0.0 equals -0.0."""
     found = polytope(np.frombuffer(A).reshape(shape), np.frombuffer(b))
-    for array in (found.A, found.b, found.corners, *(found.box or ())):
+    sides = (found.box.low, found.box.high) if found.box else ()
+    for array in (found.A, found.b, found.corners, *sides):
         array.flags.writeable = False
     return found

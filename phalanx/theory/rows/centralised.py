@@ -83,8 +83,8 @@ class JointInput:
         boxes = [own.box for own in each if own.box is not None]
         box, allowance = None, min(own.allowance for own in each)
         if len(boxes) == len(each):
-            low, high = (np.concatenate(side) for side in zip(*boxes, strict=True))
-            box = Box(low, high)
+            low, high = [box.low for box in boxes], [box.high for box in boxes]
+            box = Box(np.concatenate(low), np.concatenate(high))
         return Polytope(
             A, np.concatenate([own.b for own in each]), np.zeros((0, A.shape[1])), box, allowance
         )

@@ -4,8 +4,6 @@ Nothing in it grows with the swarm: pairs are evaluated kind by kind, and only a
 """
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +11,9 @@ from phalanx.arrays import Array
 from phalanx.theory.expressions.exact import added
 from phalanx.theory.margins.margin import ComposedMargin
 from phalanx.theory.models.polytope import Polytope
-from phalanx.theory.rows.members import ChosenMembers, InputExtremes, SwarmMembers
+from phalanx.theory.rows.by_kind import TermsByKind
+from phalanx.theory.rows.composed_function import ComposedFunction, ComposedNumbers
+from phalanx.theory.rows.members import SwarmMembers
 from phalanx.theory.rows.near import ObstaclesInSight
 from phalanx.theory.safety.chain import rounded_norm
 from phalanx.theory.safety.class_k import ClassK
@@ -39,12 +39,8 @@ class SwarmTerms:
         """
         self.pairs = pairs
         self.members = SwarmMembers(pairs.members, len(pairs.parameters))
-        states, inputs = self.members.states[-1].stop, self.members.inputs[-1].stop
-        self.numbers = np.concatenate(
-            [np.zeros(states), self.pairs.parameters, np.zeros(inputs), self.members.corners]
-        )
-        """What one evaluation takes: the state, obstacles, c of all members and corners of U."""
         self.jets = LogSumExpJets(rho, alphas, xi)
+        self.by_kind = TermsByKind(pairs, self.members, self.jets)
         self.everybody = tuple(range(len(pairs.members)))
         self.dynamics = [m.dynamics for m in pairs.members]
         self.in_sight = ObstaclesInSight(pairs.obstacles)
@@ -52,23 +48,6 @@ class SwarmTerms:
     def of(self, i: int, radius: float | None, margin: ComposedMargin = _NONE) -> "ComposedTerms":
         """Agent i's terms. radius: how far it sees obstacles [m]; None for all."""
         return ComposedTerms(self, i, radius, margin)
-
-
-class _Chosen(NamedTuple):
-    """Who and what is composed, as long as that stays the same."""
-
-    key: tuple[tuple[int, ...], bytes]
-    pairs: ChosenPairs
-
-
-class _Composed(NamedTuple):
-    """The terms that pairs are composed for, as Terms has them."""
-
-    psi: Array
-    unforced: float
-    c: Mapping[int, Array]
-    extremes: InputExtremes
-    margin: float
 
 
 class ComposedTerms:
@@ -80,9 +59,15 @@ class ComposedTerms:
         self._swarm, self._margin = swarm, margin
         self._own = swarm.members.states[i]
         self._near = swarm.in_sight.of(swarm.dynamics[i], radius)
-        self._chosen: _Chosen | None = None
+        self._key: tuple[tuple[int, ...], bytes] | None = None
+        self._function: ComposedFunction
         self._seen: tuple[int, ...] = ()
-        self._members = swarm.members.choose(())
+        self._positions = swarm.members.positions(())
+        constant = len(swarm.members.known) == len(swarm.members.states)
+        self.known = swarm.members.known if constant else None
+        """U_l of everybody, unless some vary with the state."""
+        self.given = None if margin.bounds else margin.scale * margin.eta
+        """The margin, if it is the same at every state."""
 
     def __call__(self, x: Array, seen: Sequence[int] | None = None) -> "SeenTerms":
         """At a stacked state, shape (n̄,), of which only the members seen are known.
@@ -93,107 +78,92 @@ class ComposedTerms:
         """
         return SeenTerms(self, x, self._swarm.everybody if seen is None else tuple(seen))
 
-    @property
-    def known(self) -> Mapping[int, Polytope] | None:
-        """U_l of everybody, unless some vary with the state."""
-        members = self._swarm.members
-        return members.known if len(members.known) == len(members.kinds) else None
-
     def positions(self, x: Array, seen: tuple[int, ...]) -> Mapping[int, Array]:
         """Output positions [m] of those seen at x."""
-        return self._choose_members(seen).positions(x)
+        if seen != self._seen:
+            self._seen, self._positions = seen, self._swarm.members.positions(seen)
+        return self._positions(x)
 
-    def composed(self, x: Array, seen: tuple[int, ...]) -> _Composed:
-        """What all pairs in sight come to at x."""
-        swarm, pairs = self._swarm, self._choose_pairs(x, seen)
-        inputs, numbers = swarm.members.inputs, self._numbers
-        numbers[: len(x)] = x
-        h, forces = pairs.jets_at(numbers)
-        psi, unforced, weights = swarm.jets(h)
-        pushes = weights[:, -1].take(pairs.force_pair)
-        pushes *= forces
-        # It adds up in the order of the pairs.
-        c = np.bincount(pairs.force_input, pushes, inputs[-1].stop).astype(np.float64, copy=False)
-        numbers[swarm.members.c] = c
-        extremes = self._choose_members(seen).extremes(numbers)
+    def composed(self, x: Array, seen: tuple[int, ...]) -> ComposedNumbers:
+        """What all pairs in sight are composed to at x."""
+        return self._choose(x, seen)(x)
+
+    def margin(self, x: Array, seen: tuple[int, ...], composed: ComposedNumbers) -> float:
+        """Of the row: scale (η + D), where D is how fast the disturbances can push ψ_{q-1} up."""
         margin = self._margin
-        push = self._push(x, weights, pairs, seen) if margin.bounds else 0.0
-        each = {l: c[inputs[l]] for l in seen}
-        return _Composed(psi, unforced, each, extremes, margin.scale * (margin.eta + push))
+        function, states = self._choose(x, seen), self._swarm.members.states
+        slopes = pushed_slopes(function.pairs, function.weights(composed), x)
+        push = added(rounded_norm(slopes[states[l]]) * margin.bounds[l] for l in seen)
+        return margin.scale * (margin.eta + push)
 
     def psi(self, x: Array, seen: Sequence[int] | None = None) -> Array:
         """ψ_0 ... ψ_{q-1} alone, shape (q,)."""
-        pairs = self._choose_pairs(x, self._swarm.everybody if seen is None else tuple(seen))
-        return self._swarm.jets(pairs.jets(x).h).psi
+        return self.composed(x, self._swarm.everybody if seen is None else tuple(seen)).psi
 
-    @cached_property
-    def _numbers(self) -> Array:
-        return self._swarm.numbers.copy()
-
-    def _choose_members(self, seen: tuple[int, ...]) -> ChosenMembers:
-        if seen != self._seen:
-            self._seen, self._members = seen, self._swarm.members.choose(seen)
-        return self._members
-
-    def _choose_pairs(self, x: Array, seen: tuple[int, ...]) -> ChosenPairs:
+    def _choose(self, x: Array, seen: tuple[int, ...]) -> ComposedFunction:
         near = self._near(x[self._own])[0] if self._near else None
         key = seen, b"" if near is None else near.tobytes()
-        if self._chosen is None or self._chosen.key != key:
+        if self._key != key:
             around = None if near is None else np.flatnonzero(near).tolist()
             pairs = self._swarm.pairs
-            self._chosen = _Chosen(key, pairs.choose(pairs.among(seen, around)))
-        return self._chosen.pairs
-
-    def _push(self, x: Array, weights: Array, pairs: ChosenPairs, seen: tuple[int, ...]) -> float:
-        """D: how fast the disturbances can push ψ_{q-1} up."""
-        slopes = pushed_slopes(pairs, weights, x)
-        states, bounds = self._swarm.members.states, self._margin.bounds
-        return added(rounded_norm(slopes[states[l]]) * bounds[l] for l in seen)
+            chosen = pairs.choose(pairs.among(seen, around))
+            self._key, self._function = key, ComposedFunction(self._swarm.by_kind, seen, chosen)
+        return self._function
 
 
 class SeenTerms:
     """One agent's terms at one state, composed when asked for: who keeps rows of pairs may not."""
 
+    __slots__ = ("_found", "_margin", "_positions", "_seen", "_terms", "_x")
+
     def __init__(self, terms: ComposedTerms, x: Array, seen: tuple[int, ...]) -> None:
         self._terms, self._x, self._seen = terms, x, seen
+        self._found: ComposedNumbers | None = None
+        self._margin = terms.given
+        self._positions: Mapping[int, Array] | None = None
 
-    @cached_property
+    @property
     def positions(self) -> Mapping[int, Array]:
         """As Terms has them, like all that follow."""
-        return self._terms.positions(self._x, self._seen)
+        if self._positions is None:
+            self._positions = self._terms.positions(self._x, self._seen)
+        return self._positions
 
     @property
     def polytopes(self) -> Mapping[int, Polytope]:
         known = self._terms.known
-        return self._composed.extremes.polytopes if known is None else known
+        return self._composed().polytopes if known is None else known
 
     @property
     def psi(self) -> Array:
-        return self._composed.psi
+        return self._composed().psi
 
     @property
     def unforced(self) -> float:
-        return self._composed.unforced
+        return self._composed().unforced
 
     @property
     def c(self) -> Mapping[int, Array]:
-        return self._composed.c
+        return self._composed().c
 
     @property
     def least(self) -> Mapping[int, float]:
-        return self._composed.extremes.least
+        return self._composed().least
 
     @property
     def most(self) -> Mapping[int, float]:
-        return self._composed.extremes.most
+        return self._composed().most
 
     @property
     def margin(self) -> float:
-        return self._composed.margin
+        if self._margin is None:
+            self._margin = self._terms.margin(self._x, self._seen, self._composed())
+        return self._margin
 
-    @cached_property
-    def _composed(self) -> _Composed:
-        return self._terms.composed(self._x, self._seen)
+    def _composed(self) -> ComposedNumbers:
+        if self._found is None:
+            self._found = self._terms.composed(self._x, self._seen)
+        return self._found
 
 
 def pushed_slopes(pairs: ChosenPairs, weights: Array, x: Array) -> Array:

@@ -56,18 +56,18 @@ def decide(
     Raises:
         NotANumberError: the row is none.
     """
-    polytope, margin = terms.polytopes[i], finite_or_none(terms.margin)
-    if terms.least[i] <= row.bound:
+    polytope, margin, least = terms.polytopes[i], finite_or_none(terms.margin), terms.least[i]
+    if least <= row.bound:
         u = qp.solve(u_nom, polytope, row)
         if u is not None:
             return Decision(u, Origin.QP, _residual(row, u), margin)
-    elif terms.most[i] - terms.least[i] <= authority:
+    elif terms.most[i] - least <= authority:
         u = qp.solve(u_nom, polytope)
         if u is not None:
             return Decision(u, Origin.NO_AUTHORITY, _residual(row, u), margin)
-    require_numbers(terms.least[i], row.bound)
+    require_numbers(least, row.bound)
     u = minimiser(terms.c[i], polytope.corners)
-    origin = Origin.SOLVER_FAILED if terms.least[i] <= row.bound else Origin.BACKUP
+    origin = Origin.SOLVER_FAILED if least <= row.bound else Origin.BACKUP
     return Decision(u, origin, _residual(row, u), margin)
 
 

@@ -63,9 +63,10 @@ class InformationModel:
 
     def usable(self, received: Mapping[int, ReceivedInput], t: float) -> dict[int, Array]:
         """û_l by agent, of those that count for an input that takes effect at t [s]."""
-        if self.kind not in (Information.PAPER, Information.IN_FLIGHT):
+        kind = self.kind
+        if kind is not Information.PAPER and kind is not Information.IN_FLIGHT:
             return {}
-        if self.kind is Information.IN_FLIGHT:
+        if kind is Information.IN_FLIGHT:
             return {
                 l: np.array(h.u)
                 for l, h in received.items()

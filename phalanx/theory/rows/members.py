@@ -2,30 +2,18 @@
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from phalanx.arrays import Array, Index
-from phalanx.theory.expressions.mapped import MappedFunction, MappedRows
+from phalanx.theory.expressions.mapped import MappedFunction
 from phalanx.theory.models.dynamics import Dynamics
-from phalanx.theory.models.polytope import Polytope, constant_polytope, extremes, polytope
+from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.safety.composition import Member, stacked_slices
 
 
-class InputExtremes(NamedTuple):
-    """Of the members that are seen at one state, by index."""
-
-    least: dict[int, float]
-    """min over U_l of c_l u, Eq. (LPvminmax)."""
-    most: dict[int, float]
-    """max over U_l of c_l u."""
-    polytopes: dict[int, Polytope]
-    """U_l."""
-
-
-class _Kind:
+class MemberKind:
     """Dynamics of which these are the same expressions."""
 
     def __init__(self, dynamics: Dynamics) -> None:
@@ -33,34 +21,36 @@ class _Kind:
         x, c = ca.SX.sym("x", len(dynamics.states)), ca.SX.sym("c", len(dynamics.inputs))
         A, b = dynamics.input_polytope(x)
         self.polytope = constant_polytope(A, b)
-        corners = ca.SX(0, c.numel())
-        self.position, self.extremes = dynamics.position(x), [A, b]
-        if self.polytope is not None:
+        self.x, self._p = x, dynamics.position(x)
+        self.inputs = c.numel()
+        """m"""
+        if self.polytope is None:
+            self.corners, self.row, self._outputs = np.zeros(0), [x], [A, b]
+        else:
             # Numbers, so that dynamics with other bounds are of this kind too.
+            self.corners = self.polytope.corners.ravel()
             corners = ca.SX.sym("corners", *self.polytope.corners.shape)
             values = corners @ c
-            self.extremes = [ca.mmin(values), ca.mmax(values)]
-        self.x, self.row = x, [x, c, ca.vec(corners.T)]
+            self.row, self._outputs = [c, ca.vec(corners.T)], [ca.mmin(values), ca.mmax(values)]
 
-    @property
-    def corners(self) -> Array:
-        """Of its own U, flat; none if it varies."""
-        return np.zeros(0) if self.polytope is None else self.polytope.corners.ravel()
+    @cached_property
+    def position(self) -> MappedFunction:
+        """Of the state."""
+        return MappedFunction([self.x], [self._p])
+
+    @cached_property
+    def extremes(self) -> MappedFunction:
+        """min and max of c u over U, of c and its corners; of a U that varies A and b, of x."""
+        return MappedFunction(self.row, self._outputs)
 
     @cached_property
     def text(self) -> str:
         """What tells kinds apart."""
-        outputs = [ca.densify(o) for o in (self.position, *self.extremes)]
-        found: str = ca.Function("member", [ca.vertcat(*self.row)], outputs).serialize()
+        outputs = [ca.densify(o) for o in (self._p, *self._outputs)]
+        varying = self.polytope is None
+        row = self.row if varying else [self.x, *self.row]
+        found: str = ca.Function("member", [ca.vertcat(*row)], outputs).serialize()
         return found
-
-
-class _Compiled(NamedTuple):
-    """One kind's functions of rows of numbers."""
-
-    position: MappedFunction
-    extremes: MappedFunction
-    """Of a constant U; of one that varies its A and b."""
 
 
 class SwarmMembers:
@@ -71,93 +61,63 @@ class SwarmMembers:
 
         Raises EmptyPolytopeError: a constant input polytope is empty or unbounded.
         """
-        each: dict[int, _Kind] = {}
+        each: dict[int, MemberKind] = {}
         for m in members:
             if id(m.dynamics) not in each:
-                each[id(m.dynamics)] = _Kind(m.dynamics)
-        compiled = {
-            kind.text: _Compiled(
-                MappedFunction([kind.x], [kind.position]), MappedFunction(kind.row, kind.extremes)
-            )
-            for kind in each.values()
-        }
-        self.kinds = [each[id(m.dynamics)] for m in members]
-        self.functions = [compiled[kind.text] for kind in self.kinds]
-        self.known = {l: k.polytope for l, k in enumerate(self.kinds) if k.polytope is not None}
+                each[id(m.dynamics)] = MemberKind(m.dynamics)
+        by_text: dict[str, int] = {}
+        number = {key: by_text.setdefault(k.text, len(by_text)) for key, k in each.items()}
+        self.of: Index = np.array([number[id(m.dynamics)] for m in members], dtype=np.intp)
+        """Which of `kinds` each member is of."""
+        first = {number[key]: kind for key, kind in reversed(each.items())}
+        self.kinds = [first[k] for k in range(len(by_text))]
+        own = [each[id(m.dynamics)].polytope for m in members]
+        self.known = {l: polytope for l, polytope in enumerate(own) if polytope is not None}
         """U_l of the members for whom it is constant."""
         self.states = stacked_slices([len(m.dynamics.states) for m in members])
         self.inputs = stacked_slices([len(m.dynamics.inputs) for m in members])
         begin = self.states[-1].stop + after
-        self.c = slice(begin, begin + self.inputs[-1].stop)
-        """Where all c_l lie, stacked; after them come the corners of each dynamics' U."""
-        corners = [kind.corners for kind in each.values()]
-        where = dict(zip(each, stacked_slices([len(c) for c in corners]), strict=True))
-        self.corners: Array = np.concatenate(corners)
-        self.places: list[Index] = [
-            np.concatenate(
-                [np.r_[x], begin + np.r_[u], self.c.stop + np.r_[where[id(m.dynamics)]]]
-            ).astype(np.intp)
-            for m, x, u in zip(members, self.states, self.inputs, strict=True)
-        ]
+        where = stacked_slices([len(kind.corners) for kind in each.values()])
+        places = {key: begin + np.r_[part] for key, part in zip(each, where, strict=True)}
+        self.corners: Array = np.concatenate([kind.corners for kind in each.values()])
+        """Of each dynamics' U, one after the other, after the states and what follows them."""
+        self._corners = [places[id(m.dynamics)] for m in members]
 
-    def choose(self, seen: Sequence[int]) -> "ChosenMembers":
-        """Members that are seen together."""
-        return ChosenMembers(self, seen)
+    def arguments(self, kind: int, members: Sequence[int]) -> Index:
+        """Where the corners of U of members of a kind are; or their states, if it varies."""
+        if self.kinds[kind].polytope is None:
+            return self.places(members)
+        return np.stack([self._corners[l] for l in members])
+
+    def places(self, members: Sequence[int]) -> Index:
+        """Where the states of members of one kind are, row by row."""
+        return np.stack([np.r_[self.states[l]] for l in members])
+
+    def by_kind(self, seen: Sequence[int]) -> dict[int, list[int]]:
+        """The members seen of each kind, those with a constant U first."""
+        found: dict[int, list[int]] = {}
+        for l in sorted(seen, key=lambda l: l not in self.known):
+            found.setdefault(int(self.of[l]), []).append(l)
+        return found
+
+    def positions(self, seen: Sequence[int]) -> "Positions":
+        """Those of the members seen."""
+        return Positions(self, seen)
 
 
-class _Group(NamedTuple):
-    """Members of one kind."""
-
-    members: list[int]
-    kind: _Kind
-    position: MappedRows
-    extremes: MappedRows
-
-
-class ChosenMembers:
-    """Members to evaluate at one state after another."""
+class Positions:
+    """Output positions of the same members at one state after another."""
 
     def __init__(self, swarm: SwarmMembers, seen: Sequence[int]) -> None:
-        self._swarm = swarm
-        groups: dict[int, list[int]] = {}
-        for l in seen:
-            groups.setdefault(id(swarm.functions[l]), []).append(l)
-        self._groups = [self._group(members) for members in groups.values()]
+        self._groups = [
+            (members, swarm.kinds[kind].position.at(swarm.places(members)))
+            for kind, members in swarm.by_kind(seen).items()
+        ]
 
-    def _group(self, members: list[int]) -> _Group:
-        swarm, first = self._swarm, members[0]
-        kind, compiled = swarm.kinds[first], swarm.functions[first]
-        places = np.stack([swarm.places[l] for l in members])
-        position = compiled.position.at(places[:, : kind.x.numel()])
-        return _Group(members, kind, position, compiled.extremes.at(places))
-
-    def positions(self, x: Array) -> dict[int, Array]:
-        """Output positions [m] at the stacked state x, shape (n̄,)."""
+    def __call__(self, x: Array) -> dict[int, Array]:
+        """By member [m], at the stacked state x, shape (n̄,)."""
         found: dict[int, Array] = {}
-        for members, _, position, _ in self._groups:
-            position(x)
-            found.update(zip(members, position.results.copy(), strict=True))
+        for members, rows in self._groups:
+            rows(x)
+            found.update(zip(members, rows.results.copy(), strict=True))
         return found
-
-    def extremes(self, numbers: Array) -> InputExtremes:
-        """At states, c and corners, which lie where SwarmMembers has them."""
-        swarm = self._swarm
-        varying = len(swarm.known) < len(swarm.kinds)
-        found = InputExtremes({}, {}, dict(swarm.known) if varying else swarm.known)
-        for members, kind, _, rows in self._groups:
-            rows(numbers)
-            if kind.polytope is None:
-                self._solve(members, rows.results, numbers[swarm.c], found)
-            else:
-                least, most = rows.results.T.tolist()
-                found.least.update(zip(members, least, strict=True))
-                found.most.update(zip(members, most, strict=True))
-        return found
-
-    def _solve(self, members: list[int], rows: Array, c: Array, found: InputExtremes) -> None:
-        """The linear programs of members whose U_l is what it is at this state only."""
-        for l, row in zip(members, rows, strict=True):
-            own = c[self._swarm.inputs[l]]
-            A, b = np.split(row, [len(row) * len(own) // (len(own) + 1)])
-            found.polytopes[l] = polytope(A.reshape(len(b), -1), b)
-            found.least[l], found.most[l] = extremes(own, found.polytopes[l].corners)

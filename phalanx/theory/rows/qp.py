@@ -50,8 +50,7 @@ class NearestInput:
         return self._solved(u_nom, polytope, row)
 
     def _in_box(self, u_nom: Array, box: Box, row: Row) -> Array | None:
-        low, high, a = box.low.tolist(), box.high.tolist(), row.a.tolist()
-        wanted = u_nom.tolist()
+        (low, high), a, wanted = box.ends, row.a.tolist(), u_nom.tolist()
         if max(map(abs, wanted)) > _FARTHEST:
             wanted = _within_reach(u_nom, box).tolist()
         u = nearest_in_box(wanted, self._metric, low, high, a, row.bound, TOLERANCE)
@@ -81,6 +80,6 @@ def _within_reach(u_nom: Array, box: Box) -> Array:
 
     The farther out on a ray, the less its nearest input moves.
     """
-    farthest = _FARTHEST * max(1.0, float(np.abs(box).max()))
+    farthest = _FARTHEST * max(1.0, float(np.abs([box.low, box.high]).max()))
     nearer: Array = u_nom * min(1.0, farthest / float(np.abs(u_nom).max()))
     return nearer

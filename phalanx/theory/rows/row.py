@@ -44,13 +44,13 @@ def paper_row(terms: Terms, i: int, received: Mapping[int, Array]) -> Row:
         i: the agent.
         received: û_l, shape (m_l,), of normal agents; whoever is absent counts at γ_l^max.
     """
-    others = terms.unforced + terms.margin
+    others, c = terms.unforced + terms.margin, terms.c
     for l, most in terms.most.items():
         if l in received:
-            others += inner(terms.c[l], received[l])
+            others += inner(c[l], received[l])
         elif l != i:
             others += most
-    return Row(terms.c[i], -others)
+    return Row(c[i], -others)
 
 
 _FLOOR = 0.01

@@ -81,8 +81,8 @@ class ComposedFilter:
         else:
             counted = _believed(self._information, now)
             row = paper_row(terms, i, counted)
-        decision = decide(terms, i, row, now.u_nom, self._qp, self._authority)
-        return Filtered(decision, [l for l in counted if l in terms.c and any(terms.c[l].tolist())])
+        decision, c = decide(terms, i, row, now.u_nom, self._qp, self._authority), terms.c
+        return Filtered(decision, [l for l in counted if l in c and any(c[l].tolist())])
 
 
 class PairwiseFilter:
@@ -107,8 +107,8 @@ class PairwiseFilter:
 
 def _believed(information: InformationModel, now: Situation) -> dict[int, Array]:
     """û_l by agent, of those that count: what no actuator of agent l could take is not true."""
-    usable = information.usable(now.received, now.t)
-    return {l: u for l, u in usable.items() if now.terms.polytopes[l].takes(u)}
+    usable, polytopes = information.usable(now.received, now.t), now.terms.polytopes
+    return {l: u for l, u in usable.items() if polytopes[l].takes(u)}
 
 
 class Unfiltered:

@@ -17,9 +17,10 @@ import casadi as ca
 import numpy as np
 
 from phalanx.arrays import Array
+from phalanx.theory.expressions import exponential
 from phalanx.theory.expressions.bound import BoundFunction, rounded_up
 from phalanx.theory.expressions.mapped import MappedFunction
-from phalanx.theory.expressions.portable import portable_function
+from phalanx.theory.expressions.portable import as_written, portable_function
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.composition import FAR
 
@@ -60,10 +61,9 @@ class LogSumExpJets:
         # The unforced part alone has the last derivative.
         of_sum = _psi_of_sum(ca.vertcat(s, 0), alphas, xi)[:-1]
         self._psi = MappedFunction([s], of_sum)
-        h, sigma = ca.SX.sym("h"), ca.SX.sym("sigma")
-        self._exponential = portable_function([ca.vertcat(h, sigma)], ca.exp(rho * (h - sigma)))
+        self._functions: dict[int, ca.Function] = {}
+        """By how many pairs they have room for; so is what is bound."""
         self._bound: dict[int, BoundFunction] = {}
-        """The composition, by how many pairs it has room for."""
         self._made: dict[int, _Composition] = {}
         """By the number of pairs."""
         self._nobody = np.array([FAR] + [0.0] * self._degree)
@@ -101,7 +101,7 @@ class LogSumExpJets:
     def _make(self, pairs: int) -> "_Composition":
         room, above = rounded_up(pairs), self._degree + 1
         if room not in self._bound:
-            self._bound[room] = BoundFunction(self._composition(room))
+            self._bound[room] = BoundFunction(self.composition(room))
         bound = self._bound[room]
         rows, (chain, weights) = bound.inputs[0].reshape(room, above), bound.outputs
         made = self._made[pairs] = _Composition(
@@ -113,8 +113,17 @@ class LogSumExpJets:
         )
         return made
 
+    def composition(self, room: int) -> ca.Function:
+        """(q+1, room) -> ψ_0 ... ψ_{q-1} and the unforced part; the weights, (q, room).
+
+        What there is room for beside the pairs is to be FAR, and its derivatives zero.
+        """
+        if room not in self._functions:
+            self._functions[room] = self._composition(room)
+        return self._functions[room]
+
     def _composition(self, pairs: int) -> ca.Function:
-        """(q+1, pairs) -> ψ_0 ... ψ_{q-1} and the unforced part; the weights, (q, pairs).
+        """The same for so many pairs.
 
         A graph of operations on vectors, as large for one pair as for a thousand.
         """
@@ -122,8 +131,8 @@ class LogSumExpJets:
         given = ca.MX.sym("h", q + 1, pairs)
         h = [given[k, :] for k in range(q + 1)]
         sigma = ca.mmax(h[0])
-        each = ca.vertcat(h[0], ca.repmat(sigma, 1, pairs))
-        exponentials = self._exponential.map(pairs)(each)
+        with as_written():
+            exponentials: ca.MX = exponential.exp(rho * (h[0] - sigma))
         total = ca.sum2(exponentials)
         w, s = [exponentials / total], [sigma, total]
         for k in range(q):

@@ -7,6 +7,7 @@ symbolic grows with the swarm, and all pairs of a kind are evaluated in one call
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.theory.expressions.asked import ask_expression
 from phalanx.theory.expressions.mapped import MappedFunction
+from phalanx.theory.expressions.once import take_out
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.safety.composition import Member
 from phalanx.theory.safety.function import Body, SafeSetFunction
@@ -79,6 +81,15 @@ class PairKind:
         ]
 
 
+class SharedJets(NamedTuple):
+    """Jets in two steps: what is of one member alone is the same in all its pairs."""
+
+    parts: tuple[MappedFunction | None, ...]
+    """Of each member's state; None where there is nothing to share."""
+    jets: MappedFunction
+    """Of a pair's numbers, followed by its members' parts."""
+
+
 class CompiledKind:
     """A kind's functions, each compiled when it is first asked for."""
 
@@ -101,6 +112,20 @@ class CompiledKind:
         """h, L_f h, ..., L_f^q h; then L_g L_f^{q-1} h of each member."""
         q, kind = self._degree, self.kind
         return MappedFunction(kind.row, [*kind.along_drift(q), *kind.actuation(q)])
+
+    @cached_property
+    def shared(self) -> SharedJets:
+        """The same with what is of one member alone taken out."""
+        q, kind = self._degree, self.kind
+        jets = [ca.vec(o.T) for o in map(ca.densify, (*kind.along_drift(q), *kind.actuation(q)))]
+        parts, symbols, rest = take_out(kind.x, kind.parameters, ca.vertcat(*jets))
+        return SharedJets(
+            tuple(
+                MappedFunction([x], [own]) if own.numel() else None
+                for x, own in zip(kind.x, parts, strict=True)
+            ),
+            MappedFunction([*kind.row, *symbols], [rest]),
+        )
 
     @cached_property
     def gradients(self) -> MappedFunction:

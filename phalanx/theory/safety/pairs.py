@@ -4,7 +4,6 @@ A pair is a row (a, b): a normal member a, and another member b or N + k for obs
 """
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -139,13 +138,13 @@ class Jets(NamedTuple):
 class _Group(NamedTuple):
     """Pairs of one kind."""
 
+    number: int
+    """Which of SwarmPairs.kinds."""
     kind: CompiledKind
+    pairs: Index
+    """shape (r, 2)"""
     places: Index
     """Of each pair's numbers, shape (r, k)."""
-    pairs: slice
-    """Where they are among the chosen."""
-    forces: slice
-    """Where their forces are."""
 
 
 class ChosenPairs:
@@ -157,17 +156,15 @@ class ChosenPairs:
         """In the order of all results, shape (r, 2)."""
         self.order = order
         """Their places among the pairs that were to be chosen, shape (r,)."""
-        self._swarm, self._groups = swarm, list[_Group]()
+        self._swarm, self.groups = swarm, list[_Group]()
         forces, slopes = [], []
-        begin = 0
         for number in np.unique(kinds).tolist():
             which = np.flatnonzero(kinds == number)
             compiled, own = swarm.kinds[number], pairs[which]
             kind = compiled.kind
             places = spread(swarm.begin, own, kind.sizes)
             pushed = spread(swarm.inputs, own, [len(d.inputs) for d in kind.dynamics])
-            of_group = slice(which[0], which[-1] + 1), slice(begin, begin := begin + pushed.size)
-            self._groups.append(_Group(compiled, places, *of_group))
+            self.groups.append(_Group(number, compiled, own, places))
             forces.append((which, pushed))
             slopes.append((which, places[:, : sum(kind.sizes[:-1])]))
         self.force_pair, self.force_input = _flat(forces)
@@ -188,11 +185,6 @@ class ChosenPairs:
         forces = [np.zeros((*lead, 0)), *[jet[..., above:].reshape(*lead, -1) for jet in found]]
         return Jets(np.concatenate(h, axis=-2), np.concatenate(forces, axis=-1))
 
-    @cached_property
-    def jets_at(self) -> "JetsAt":
-        """The jets at one state after another, without copies."""
-        return JetsAt(self._swarm.degree, len(self.pairs), len(self.force_pair), self._groups)
-
     def slopes(self, x: Array) -> Array:
         """∂(L_f^k h)/∂x_l of k = 0 ... q-1, shape (q, g): by pair and state of its members."""
         q = self._swarm.degree
@@ -206,28 +198,7 @@ class ChosenPairs:
         self, x: Array, function: Callable[[CompiledKind], MappedFunction]
     ) -> list[Array]:
         numbers = self._swarm.numbers(x)
-        return [function(group.kind)(numbers, group.places) for group in self._groups]
-
-
-class JetsAt:
-    """Jets of chosen pairs at one state after another."""
-
-    def __init__(self, degree: int, pairs: int, forces: int, groups: Sequence[_Group]) -> None:
-        self._jets = Jets(np.zeros((pairs, degree + 1)), np.zeros(forces))
-        self._groups = []
-        for group in groups:
-            rows = group.kind.jets.at(group.places)
-            h, pushed = rows.results[:, : degree + 1], rows.results[:, degree + 1 :]
-            into = self._jets.forces[group.forces].reshape(pushed.shape)
-            self._groups.append((rows, self._jets.h[group.pairs], h, into, pushed))
-
-    def __call__(self, numbers: Array) -> Jets:
-        """Evaluate at SwarmPairs.numbers of one state; the jets are there until the next call."""
-        for rows, into_h, h, into_forces, forces in self._groups:
-            rows(numbers)
-            into_h[:] = h
-            into_forces[:] = forces
-        return self._jets
+        return [function(group.kind)(numbers, group.places) for group in self.groups]
 
 
 def _begins(sizes: Sequence[int]) -> Index:
