@@ -133,6 +133,47 @@ def test_no_drag_is_too_strong_for_a_box_that_is_proven(name, seed, T):
 
 
 @dataclass(frozen=True)
+class Fed(DoubleIntegrator):
+    """The speed along one axis pushes along the other, where there is a drag."""
+
+    axis: int = 0
+
+    def drift(self, x):
+        push = 5.0 * x[3 - self.axis] - 0.1 * x[2 + self.axis]
+        return ca.vertcat(x[2:], *[push if axis == self.axis else 0.0 for axis in (0, 1)])
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_what_slows_a_component_is_bounded_while_all_others_move(axis):
+    box, rate = compiled(Fed(2.0, 0.0, 2, axis), True, proven=True)
+    u = np.eye(2)[1 - axis] * 2.0
+    _, high, certain = box(np.zeros(4), u, 1.0)
+    x = np.zeros(4)
+    for _ in range(1000):
+        x = x + 1e-3 * rate(x, u, np.zeros(4))[0]
+    assert certain
+    assert 4.0 < x[2 + axis] <= high[2 + axis]
+
+
+@dataclass(frozen=True)
+class Kicked(DoubleIntegrator):
+    """A drag, and a kick from 1 m/s along x on: its slope knows nothing of it."""
+
+    def drift(self, x):
+        return ca.vertcat(x[2:], ca.if_else(x[2] > 1.0, 100.0, 0.0) - 0.1 * x[2], 0.0)
+
+
+def test_the_slope_of_a_rate_that_jumps_bounds_nothing():
+    box, rate = compiled(Kicked(2.0, 0.0, 2), True, proven=True)
+    x, u = np.array([0.0, 0.0, 0.9, 0.0]), np.array([2.0, 0.0])
+    _, high, certain = box(x, u, 0.5)
+    for _ in range(1000):
+        x = x + 5e-4 * rate(x, u, np.zeros(4))[0]
+    assert certain
+    assert 40.0 < x[2] <= high[2]
+
+
+@dataclass(frozen=True)
 class Fleeing(SingleIntegrator):
     """A drift that is the difference of two numbers, each beyond float64 far from here."""
 
