@@ -122,10 +122,8 @@ def is_number(a: Interval) -> bool:
 
 def finite(intervals: Iterable[Interval]) -> ca.SX:
     """1 if all ends are numbers, so far from infinite that no product of ten of them is."""
-    total = ca.SX(0)
-    for a in intervals:
-        total += ca.fabs(a.lo) if _is_point(a) else ca.fabs(a.lo) + ca.fabs(a.hi)
-    return total < _LARGE
+    ends = [end for a in intervals for end in (a[:1] if _is_point(a) else a)]
+    return ca.norm_1(ca.SX(ca.vertcat(*ends))) < _LARGE
 
 
 def _is_point(a: Interval) -> bool:

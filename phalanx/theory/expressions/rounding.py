@@ -7,7 +7,7 @@ actuators, far more than rounding takes. Certificates take no end that could be 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import partial
+from functools import cache, partial
 
 import casadi as ca
 
@@ -42,5 +42,11 @@ def doubt(value: ca.SX, steps: int, least: float) -> ca.SX:
     value ± |value| 2^-52, rounded itself, is at least that next one. A lower end that overflowed,
     inf, is then not a number, which no comparison takes for proven; likewise an upper one, -inf.
     """
-    share = _times(steps * _STEP, ca.SX.unary(ca.OP_FABS, value))
-    return _plus(share, least) if least else share
+    share = _times(_number(steps * _STEP), ca.SX.unary(ca.OP_FABS, value))
+    return _plus(share, _number(least)) if least else share
+
+
+@cache
+def _number(value: float) -> ca.SX:
+    """Made once: that takes longer than what is done with it."""
+    return ca.SX(value)
