@@ -3,7 +3,6 @@
 import math
 import time
 from collections.abc import Mapping
-from typing import Protocol
 
 from phalanx.network.inbox import BroadcastInbox, Existing
 from phalanx.theory.rows.information import ReceivedInput
@@ -13,53 +12,33 @@ Received = tuple[tuple[int, float, tuple[float, ...]], ...]
 """(Agent's index, t_apply [s], u) of every û_l, as telemetry has it."""
 
 
-class Clock(Protocol):
-    """Decides what a sample waits for."""
-
-    waits: bool
-    """Whether virtual time stands still until all samples are answered."""
-
-    def now(self) -> float:
-        """Virtual time at which a broadcast that is here now came [s]."""
-
-    def lacks(self, inbox: BroadcastInbox, existing: Mapping[int, Existing]) -> bool:
-        """Whether one of the broadcasts that exist, by sender, has to be waited for."""
-
-    def counted(
-        self, inbox: BroadcastInbox, existing: Mapping[int, Existing]
-    ) -> Mapping[int, Existing]:
-        """Which of the broadcasts that exist, by sender, are decided now."""
-
-    def reported(self, received: Mapping[int, ReceivedInput]) -> Received:
-        """The received inputs, where nobody else can tell which they were."""
-
-
-class Lockstep:
-    """A clock that stands still until all have answered: no broadcast is ever late."""
+class VirtualClock:
+    """Lockstep: time stands still until all have answered, and no broadcast is ever late."""
 
     waits = True
+    """Whether everybody is waited for."""
 
     def now(self) -> float:
-        """Before all that counts: a broadcast leaves when its input takes effect."""
+        """Virtual time at which a broadcast that is here now came [s]: before all that counts."""
         return -math.inf
 
     def lacks(self, inbox: BroadcastInbox, existing: Mapping[int, Existing]) -> bool:
-        """Whether one has yet to arrive."""
+        """Whether one of the broadcasts that exist, by sender, has to be waited for."""
         return inbox.missing(existing)
 
     def counted(
         self, inbox: BroadcastInbox, existing: Mapping[int, Existing]
     ) -> Mapping[int, Existing]:
-        """All of them."""
+        """Which of the broadcasts that exist, by sender, are decided now."""
         return existing
 
     def reported(self, received: Mapping[int, ReceivedInput]) -> Received:
-        """Nothing: they follow from the seed."""
+        """The received inputs, unless they follow from the seed."""
         return ()
 
 
-class RealTime:
-    """The agent's own clock, which goes on from its last sample."""
+class RealTimeClock(VirtualClock):
+    """The agent's own clock, which goes on from its last sample: nobody waits."""
 
     waits = False
 
@@ -72,7 +51,7 @@ class RealTime:
         return self._t + self._pace * (time.monotonic() - self._wall)
 
     def lacks(self, inbox: BroadcastInbox, existing: Mapping[int, Existing]) -> bool:
-        """Nobody waits."""
+        """Never."""
         return False
 
     def counted(
@@ -82,13 +61,13 @@ class RealTime:
         return inbox.here(existing)
 
     def reported(self, received: Mapping[int, ReceivedInput]) -> Received:
-        """All: a recording can decide the step again from them alone."""
+        """All: from them alone a recording can decide the step again."""
         return tuple((l, known.t_apply, known.u) for l, known in received.items())
 
 
-LOCKSTEP = Lockstep()
+LOCKSTEP = VirtualClock()
 
 
-def clock_of(sample: Sample) -> Clock:
+def clock_of(sample: Sample) -> VirtualClock:
     """The clock by which a sample was taken."""
-    return LOCKSTEP if sample.pace is None else RealTime(sample.t, sample.pace)
+    return LOCKSTEP if sample.pace is None else RealTimeClock(sample.t, sample.pace)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.agent.centralised import CentralisedController, CentralisedPart
-from phalanx.agent.clock import LOCKSTEP, Clock, clock_of
+from phalanx.agent.clock import LOCKSTEP, VirtualClock, clock_of
 from phalanx.agent.controller import Controller, StepResult
 from phalanx.agent.distributed import DistributedController
 from phalanx.arrays import Array
@@ -97,7 +97,7 @@ class ControlStep:
         self._door = door
         self._next: int | None = None
         """The sample that has to come next; None before the first."""
-        self._clock: Clock = LOCKSTEP
+        self._clock: VirtualClock = LOCKSTEP
         self._orders: Orders | None = None
         self._latency = swarm.scenario.time.latency
         self._lies = swarm.links.lies(self.name)

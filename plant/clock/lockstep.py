@@ -17,7 +17,7 @@ from phalanx.arrays import Array
 from phalanx.faults.state import FaultState
 from phalanx.plant.clock.backlog import Backlog, Witness
 from phalanx.plant.clock.commands import CommandQueue
-from phalanx.plant.clock.synchronization import Sequential, Synchronization
+from phalanx.plant.clock.lookahead import Synchronization
 from phalanx.plant.events.events import (
     CommandObeyed,
     InputApplied,
@@ -92,7 +92,7 @@ class Lockstep:
         scribe: Witness,
         faults: FaultState,
         commands: CommandQueue,
-        synchronization: Callable[[Swarm, World], Synchronization] = Sequential,
+        synchronization: Callable[[Swarm, World], Synchronization] = Synchronization,
     ) -> None:
         """synchronization: decides whose answers are waited for."""
         swarm = rows.swarm

@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.plant.clock.synchronization import Sequential, Synchronization
 from phalanx.plant.sampling.sensing import sensing_radii
 from phalanx.plant.world.integration import Passage, Piece
 from phalanx.plant.world.world import World
@@ -23,8 +22,6 @@ from phalanx.theory.models.dynamics import Bounded, travelled
 
 _SLACK = 1e-6
 """More than integration and rounding can be off [m]."""
-
-
 _AT_ONCE = 8
 """How many answers may be awaited at once before the plant waits for the oldest: enough for the
 cores of a host, and few to work out anew when they come."""
@@ -45,7 +42,45 @@ class _Open(NamedTuple):
     """Number of the first piece of the way since."""
 
 
-class Lookahead:
+class Synchronization:
+    """Sequential: everybody is waited for, so an input is known as soon as it takes effect."""
+
+    sequential = True
+    """Whether all that was handed out is answered before virtual time goes on."""
+
+    def __init__(self, swarm: Swarm, world: World) -> None:
+        self._world = world
+
+    @property
+    def open(self) -> list[int]:
+        """Whose states are not known, since their inputs are awaited; the longest awaited first."""
+        return []
+
+    def begin_awaiting(self, i: int) -> None:
+        """From now on agent i holds an input that is not known yet: the world stands still."""
+
+    def end_awaiting(self, i: int, u: Array | None) -> None:
+        """Agent i's awaited input is u, shape (m_i,).
+
+        None: it was lost, and the actuator holds what it did.
+        """
+        if u is not None:
+            self._world.apply(i, u)
+
+    def in_question(self, who: Sequence[int]) -> list[int]:
+        """Whose inputs have to be known before those in `who` can be told what they see."""
+        return []
+
+    def advance(self, until: float) -> None:
+        """Integrate to `until` [s]. Raises DivergedError."""
+        self._world.advance(until)
+
+    def reach(self, until: float) -> None:
+        """Bring the world to `until` [s]. Raises DivergedError."""
+        self._world.advance(until)
+
+
+class Lookahead(Synchronization):
     """The world's integration, ahead of the world: NaN where the state is not known."""
 
     sequential = False
@@ -58,7 +93,8 @@ class Lookahead:
             world: at x(0).
             radii: how far each agent sees [m].
         """
-        self._world, self._integration, self._radii = world, world.integration, radii
+        super().__init__(swarm, world)
+        self._integration, self._radii = world.integration, radii
         self._parts = swarm.safe_set.parts
         dynamics = [m.dynamics for m in swarm.members]
         self._bounded = [each if isinstance(each, Bounded) else None for each in dynamics]
@@ -71,7 +107,7 @@ class Lookahead:
 
     @property
     def open(self) -> list[int]:
-        """Whose inputs are awaited, the longest awaited first."""
+        """Whose inputs are awaited."""
         return list(self._open)
 
     def begin_awaiting(self, i: int) -> None:
@@ -82,10 +118,7 @@ class Lookahead:
         now.hold(i, np.nan)
 
     def end_awaiting(self, i: int, u: Array | None) -> None:
-        """Agent i's awaited input is u, shape (m_i,): its state is known again.
-
-        None: it was lost, and the actuator holds what it did.
-        """
+        """Agent i's awaited input is u, shape (m_i,): its state is known again."""
         begun, own = self._open.pop(i), self._parts[i]
         held, x = begun.u if u is None else u, begun.x
         self._integration.hold(i, held)
@@ -143,4 +176,4 @@ def look_ahead(swarm: Swarm, world: World) -> Synchronization:
     adverse = any(group.disturbance.kind == "adverse" for group in swarm.groups)
     if swarm.scenario.time.lookahead and limited and not adverse:
         return Lookahead(swarm, world, radii)
-    return Sequential(swarm, world)
+    return Synchronization(swarm, world)
