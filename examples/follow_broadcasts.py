@@ -32,21 +32,18 @@ def opened(key: str, payload: bytes, secret: str) -> list | None:
 
 def main() -> None:
     """Connect, wait for the run, print until its plant is gone."""
-    endpoint, run = sys.argv[1:]
-    secret = os.environ["PHALANX_SECRET"]
+    (endpoint, run), secret = sys.argv[1:], os.environ["PHALANX_SECRET"]
     retry = {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 1.5}
     connect = {"endpoints": [endpoint], "timeout_ms": -1, "retry": retry}  # until it is up
-    viewer = key_of("viewer", secret)
-    password = hashlib.blake2b(b"password", key=viewer, digest_size=16).hexdigest()
-    login = {"auth": {"usrpwd": {"user": "viewer", "password": password}}}
+    viewer = hashlib.blake2b(b"password", key=key_of("viewer", secret), digest_size=16)
+    login = {"auth": {"usrpwd": {"user": "viewer", "password": viewer.hexdigest()}}}
     config = {"mode": "client", "connect": connect, "transport": login}
     arrived: queue.SimpleQueue[zenoh.Sample] = queue.SimpleQueue()
     handler = zenoh.handlers.Callback(arrived.put, indirect=False)
     with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session:
         session.declare_subscriber(f"phalanx/{run}/copy/broadcast/*/*", handler)
-        session.liveliness().declare_subscriber(
-            f"phalanx/{run}/alive/plant/*", handler, history=True
-        )
+        plant = f"phalanx/{run}/alive/plant/*"
+        session.liveliness().declare_subscriber(plant, handler, history=True)
         while (sample := arrived.get()).kind == zenoh.SampleKind.PUT:
             key = str(sample.key_expr).replace("/copy/", "/", 1)
             _, _, kind, agent, peer = key.split("/")

@@ -14,6 +14,11 @@ from tests.process.runs import wait_for
 
 MARK = "PHALANX_TEST_RUN"
 
+LONG = ("--set", "duration=500")
+"""A run that does not end by itself while a test waits."""
+PATIENCE = 60.0
+"""Within this time every process of a run that is over ends, on busy cores too [s]."""
+
 
 class Run:
     """One `phalanx` command with everything it started."""
@@ -73,9 +78,9 @@ class Run:
         recording = self.folder / "recording.mcap"
         wait_for(lambda: recording.exists() and recording.stat().st_size > bytes_recorded)
 
-    def wait_until_gone(self, seconds: float) -> None:
-        """Fail unless every process ends within this time."""
-        wait_for(lambda: not self.descendants(), seconds)
+    def wait_until_gone(self) -> None:
+        """Fail unless every process ends, long before a run of LONG could by itself."""
+        wait_for(lambda: not self.descendants(), PATIENCE)
 
     def kill_all(self) -> None:
         """Leave nothing behind, whatever the test did."""

@@ -13,6 +13,7 @@ from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
+from tests.process.swarm.processes import LONG
 
 pytestmark = pytest.mark.swarm
 
@@ -34,13 +35,13 @@ def failed(recording: Recording, assumption: str) -> int:
 
 
 def test_one_process_controls_all_normal_agents(phalanx):
-    run = phalanx("run", "unicycles", *CENTRALISED)
+    run = phalanx("run", "unicycles", *CENTRALISED, *LONG)
     run.wait_until_running(agents=3)
     programs = ["phx-agent-4", "phx-agent-5", "phx-controller", "phx-plant"]
     assert sorted(run.programs()) == programs
     run.programs()["phx-controller"].kill()
     status, output = run.finish()
-    run.wait_until_gone(5.0)
+    run.wait_until_gone()
     assert status == 3
     assert "[phx-controller died (killed by SIGKILL)" in output
 

@@ -17,19 +17,17 @@ from phalanx.launcher.live import find_live
 from phalanx.recording.read import read
 from phalanx.wire.endpoints import free_endpoint
 from tests.process.runs import wait_for
+from tests.process.swarm.processes import LONG, PATIENCE
 
 pytestmark = pytest.mark.swarm
 
-ORPHAN_LIMIT = 5.0
-"""Nothing of a run may live longer after its end [s]."""
-
 
 def test_ctrl_c_ends_the_run_cleanly(phalanx):
-    run = phalanx("run", "unicycles")
+    run = phalanx("run", "unicycles", *LONG)
     run.wait_until_running()
     os.killpg(run.process.pid, signal.SIGINT)  # as a terminal does: to the whole group
     status, output = run.finish()
-    run.wait_until_gone(ORPHAN_LIMIT)
+    run.wait_until_gone()
     assert status == 130, output
     assert output.splitlines()[-1].startswith("stopped: stopped by the user")
     recording = read(run.folder)
@@ -65,17 +63,17 @@ def test_ctrl_c_ends_a_law_that_does_not_return(phalanx, tmp_path, monkeypatch, 
     wait_for((tmp_path / "asked").exists)
     os.killpg(run.process.pid, signal.SIGINT)
     assert run.finish()[0] == 130
-    run.wait_until_gone(ORPHAN_LIMIT)
+    run.wait_until_gone()
 
 
 @pytest.mark.parametrize("engine", ["processes", "in-process"])
 @pytest.mark.parametrize("send", [os.kill, os.killpg], ids=["to the launcher", "to all"])
 def test_sigterm_ends_the_run_as_ctrl_c_does(phalanx, send, engine):
-    run = phalanx("run", "unicycles", "--engine", engine, "--set", "duration=500")
+    run = phalanx("run", "unicycles", "--engine", engine, *LONG)
     wait_for(lambda: recorded_bytes(run) > 100_000)
     send(run.process.pid, signal.SIGTERM)
     status, output = run.finish()
-    run.wait_until_gone(ORPHAN_LIMIT)
+    run.wait_until_gone()
     assert status == 130, output
     assert output.splitlines()[-1].startswith("stopped: stopped by the user")
     assert read(run.folder).summary.outcome is Outcome.STOPPED
@@ -89,23 +87,23 @@ def recorded_bytes(run) -> int:
 
 
 def test_a_run_whose_launcher_was_killed_goes_on_for_nobody(phalanx):
-    run = phalanx("run", "unicycles", "--set", "duration=500")
+    run = phalanx("run", "unicycles", *LONG)
     run.wait_until_running()
     assert find_live(run.folder)
     run.process.kill()
     assert (run.folder / "live.json").exists()
-    wait_for(lambda: find_live(run.folder) is None, ORPHAN_LIMIT)
-    run.wait_until_gone(ORPHAN_LIMIT)
+    wait_for(lambda: find_live(run.folder) is None, PATIENCE)
+    run.wait_until_gone()
     status, output = phalanx("tap", str(run.folder)).finish()
     assert (status, "no run goes on there" in output) == (64, True)
 
 
 def test_a_killed_agent_breaks_the_run_and_is_named(phalanx):
-    run = phalanx("run", "unicycles")
+    run = phalanx("run", "unicycles", *LONG)
     run.wait_until_running()
     run.programs()["phx-agent-2"].kill()
     status, output = run.finish()
-    run.wait_until_gone(ORPHAN_LIMIT)
+    run.wait_until_gone()
     assert status == 3
     assert "broken: agent 2 died" in output
     assert "[phx-agent-2 died (killed by SIGKILL)" in output
@@ -115,12 +113,12 @@ def test_a_killed_agent_breaks_the_run_and_is_named(phalanx):
 
 
 def test_a_killed_plant_stops_the_agents_and_leaves_what_it_recorded(phalanx):
-    run = phalanx("run", "unicycles")
+    run = phalanx("run", "unicycles", *LONG)
     run.wait_until_running()
     agents = [process for name, process in run.programs().items() if name != "phx-plant"]
     run.programs()["phx-plant"].kill()
     status, output = run.finish()
-    run.wait_until_gone(ORPHAN_LIMIT)
+    run.wait_until_gone()
     assert status == 3
     assert "phx-plant died (killed by SIGKILL)" in output
     assert not any(process.is_running() for process in agents)
@@ -132,22 +130,22 @@ def test_a_killed_plant_stops_the_agents_and_leaves_what_it_recorded(phalanx):
 def test_agents_leave_by_themselves_when_the_hub_is_closed(phalanx, tmp_path):
     """Nothing is shared but Zenoh: there is no launcher here that could stop them."""
     endpoint = free_endpoint()
-    common = ("--scenario", "unicycles", "--run", "r")
+    common = ("--scenario", "unicycles", "--run", "r", "--set", "time.timeout=600")
     plant = phalanx("plant", *common, "--listen", endpoint, "--out", str(tmp_path))
     agents = [phalanx("agent", name, *common, "--connect", endpoint) for name in "12345"]
     recording = tmp_path / "recording.mcap"
     wait_for(lambda: recording.exists() and recording.stat().st_size > 100_000)
     plant.process.kill()
     for agent in agents:
-        status, output = agent.finish(timeout=ORPHAN_LIMIT)
+        status, output = agent.finish(timeout=PATIENCE)
         assert status == 0, output
 
 
 def test_a_killed_launcher_leaves_no_orphan(phalanx):
-    run = phalanx("run", "unicycles")
+    run = phalanx("run", "unicycles", *LONG)
     run.wait_until_running()
     run.process.kill()
-    run.wait_until_gone(ORPHAN_LIMIT)
+    run.wait_until_gone()
     recording = read(run.folder)
     assert recording.damage is None
     assert recording.summary.outcome is Outcome.BROKEN
@@ -164,19 +162,19 @@ STARTING = {
 
 @pytest.mark.parametrize("instant", STARTING)
 def test_a_launcher_killed_while_it_starts_leaves_no_orphan(phalanx, instant):
-    run = phalanx("run", "unicycles")
+    run = phalanx("run", "unicycles", *LONG)
     wait_for(lambda: STARTING[instant](run))
     run.process.kill()
-    run.wait_until_gone(ORPHAN_LIMIT)
+    run.wait_until_gone()
 
 
 @pytest.mark.parametrize("program", ["phx-plant", "phx-agent-3"])
 def test_a_program_killed_at_its_first_instant_ends_the_run(phalanx, program):
-    run = phalanx("run", "unicycles")
+    run = phalanx("run", "unicycles", *LONG)
     wait_for(lambda: program in run.programs())
     run.programs()[program].kill()
     status, output = run.finish(timeout=60)
-    run.wait_until_gone(ORPHAN_LIMIT)
+    run.wait_until_gone()
     assert status == 3
     assert f"{program} died (killed by SIGKILL)" in output
 
@@ -190,7 +188,7 @@ def test_an_agent_leaves_a_hub_that_is_killed_as_soon_as_it_has_met_it(phalanx, 
     agent = phalanx("agent", "1", *common, "--connect", endpoint, "--timeout", "3")
     wait_for(lambda: "ESTABLISHED" in states(agent))
     plant.process.kill()
-    agent.finish(timeout=ORPHAN_LIMIT)
+    agent.finish(timeout=PATIENCE)
 
 
 def states(run) -> list[str]:
@@ -224,7 +222,7 @@ def test_a_full_disk_breaks_the_run_and_names_the_file(phalanx):
     """A limit on file size is the full disk that needs no root."""
     run = phalanx("run", "unicycles", limit=limit_files_to_150_kb)
     status, output = run.finish()
-    run.wait_until_gone(ORPHAN_LIMIT)
+    run.wait_until_gone()
     assert status == 3
     assert "recording.mcap" in output.splitlines()[-1]
     recording = read(run.folder)
@@ -238,7 +236,7 @@ def test_no_folder_for_temporary_files_ends_in_one_line(phalanx):
         "run", "one-on-one", limit=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
     )
     status, output = run.finish()
-    run.wait_until_gone(ORPHAN_LIMIT)
+    run.wait_until_gone()
     assert status == 3
     assert output.startswith("broken: no program can be started: No usable temporary directory")
     assert len(output.splitlines()) == 1
@@ -251,7 +249,7 @@ def test_too_little_memory_to_load_ends_in_one_line(phalanx, megabytes):
         "run", "one-on-one", limit=lambda: resource.setrlimit(resource.RLIMIT_AS, (size, size))
     )
     status, output = run.finish()
-    run.wait_until_gone(ORPHAN_LIMIT)
+    run.wait_until_gone()
     assert status == 3
     assert output.startswith("too little memory")
     assert len(output.splitlines()) == 1
@@ -264,7 +262,7 @@ def test_an_agent_whose_law_fails_is_named_with_its_error(phalanx, tmp_path, mon
     law = '{ type = "faulty_law:Faulty" }'
     run = phalanx("run", "unicycles", "--set", f"agents.1.law={law}")
     status, output = run.finish()
-    run.wait_until_gone(ORPHAN_LIMIT)
+    run.wait_until_gone()
     assert status == 3
     said = " ".join(output.split())
     assert "Faulty.input raised RuntimeError: no such sensor for agent" in said
@@ -293,7 +291,7 @@ def test_a_second_ctrl_c_ends_a_plant_that_stands_still_and_its_log_says_where(
 
     wait_for(no_plant_is_left)
     status, output = run.finish()
-    run.wait_until_gone(ORPHAN_LIMIT)
+    run.wait_until_gone()
     assert status == 3
     assert "phx-plant died (killed by SIGABRT): stuck; log: " in output
     assert "stuck_link.py" in log.read_text()
@@ -355,7 +353,7 @@ def test_an_agent_that_fails_before_it_joins_ends_the_run_at_once_and_is_named(
     law = "agents.0.law={ type = 'failing_user:TrackVelocity', gain = 1.0 }"
     run = phalanx("run", "unicycles", "--set", law, "--set", "time.timeout=600")
     status, output = run.finish()
-    run.wait_until_gone(ORPHAN_LIMIT)
+    run.wait_until_gone()
     assert status == 3
     assert "broken: an agent failed [phx-agent-2 died (exit status 1)" in output
     assert "no camera" in output

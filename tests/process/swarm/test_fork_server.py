@@ -40,7 +40,7 @@ def test_a_run_goes_on_to_its_verdict_without_the_fork_server(phalanx):
     status, output = run.finish()
     assert status == 0, output
     assert output.splitlines()[-1].startswith(("guaranteed", "safe"))
-    run.wait_until_gone(5.0)
+    run.wait_until_gone()
 
 
 def test_a_run_whose_fork_server_dies_before_it_has_forked_the_agents_says_so(phalanx):
@@ -54,7 +54,7 @@ def test_a_run_whose_fork_server_dies_before_it_has_forked_the_agents_says_so(ph
     status, output = run.finish()
     assert status == 3
     assert "the fork server died (killed by SIGKILL)" in output
-    run.wait_until_gone(5.0)
+    run.wait_until_gone()
 
 
 def test_the_plant_may_open_as_many_files_as_the_system_lets_it(phalanx):
@@ -145,4 +145,4 @@ def test_what_cannot_run_is_said_in_a_line_before_anything_is_made(
     assert output.count("unicycles") == 1
     assert len(output.splitlines()) == 1
     assert not run.parent.exists()
-    run.wait_until_gone(5.0)
+    run.wait_until_gone()

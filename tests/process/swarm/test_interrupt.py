@@ -42,7 +42,7 @@ def test_sigterm_while_a_run_starts_ends_it_as_a_ctrl_c_does(phalanx, send, mome
     assert "Traceback" not in printed
     assert status in (130, -signal.SIGTERM, -signal.SIGINT), printed
     assert not list(run.parent.glob("*/live.json"))
-    run.wait_until_gone(10)
+    run.wait_until_gone()
 
 
 @pytest.mark.parametrize("moment", MOMENTS)
@@ -55,7 +55,7 @@ def test_ctrl_c_while_a_run_starts_ends_it_without_a_traceback(phalanx, moment: 
     assert "Traceback" not in printed
     # Ended by the signal itself, a shell says 130 too.
     assert status in (130, -signal.SIGINT), printed
-    run.wait_until_gone(10)
+    run.wait_until_gone()
 
 
 @pytest.mark.parametrize("engine", ["processes", "in-process"])
@@ -69,7 +69,7 @@ def test_a_ctrl_c_that_python_drops_ends_the_run_all_the_same(
     status, printed = run.finish()
     assert "Exception ignored" in printed
     assert status == 130, printed
-    run.wait_until_gone(10)
+    run.wait_until_gone()
 
 
 DROPPED = """

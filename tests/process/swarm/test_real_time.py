@@ -97,7 +97,7 @@ def test_an_agent_that_is_killed_is_lost_and_the_run_goes_on(phalanx) -> None:
     wait_for(steps_without_it)
     os.killpg(run.process.pid, signal.SIGINT)
     status, _ = run.finish()
-    run.wait_until_gone(5.0)
+    run.wait_until_gone()
     assert status == 130
     assert read(run.folder).summary.outcome is Outcome.STOPPED
 

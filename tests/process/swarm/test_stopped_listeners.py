@@ -101,7 +101,7 @@ def test_a_hub_closes_at_once_beside_a_stopped_listener(key: str):
 @pytest.mark.parametrize("readers", [(TAP,), (TAP, TAP, VIEWER)], ids=["one", "three"])
 def test_a_run_goes_on_beside_readers_that_are_stopped(readers, real_time, tmp_path: Path):
     """While they are still connected: nobody has to wait until they are given up."""
-    scenario = load("unicycles", ["duration=20.0"])
+    scenario = load("unicycles", ["duration=500.0"])
     with contextlib.ExitStack() as stack:
         run = stack.enter_context(live_run(scenario, tmp_path / "run", real_time=real_time))
         wait_for(lambda: run.status is not None and run.status.steps > 0)
@@ -113,6 +113,7 @@ def test_a_run_goes_on_beside_readers_that_are_stopped(readers, real_time, tmp_p
         steps = run.status.steps
         wait_for(lambda: run.status.steps > steps + STEPS)
         assert unsent(run.endpoint) > full
+        run.stop()
 
 
 def unsent(endpoint: str) -> int:

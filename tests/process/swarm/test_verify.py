@@ -76,7 +76,7 @@ def test_one_that_is_stopped_is_said_to_be(phalanx, long, engine: str, number: s
     os.killpg(run.process.pid, number)
     status, output = run.finish()
     assert (status, output.splitlines()[-1]) == (130, "stopped")
-    run.wait_until_gone(10.0)
+    run.wait_until_gone()
 
 
 def writes(run: Run) -> bool:

@@ -29,7 +29,7 @@ def test_a_run_shows_itself_and_then_its_replay_until_ctrl_c(phalanx):
     run.process.send_signal(signal.SIGINT)
     status, rest = run.finish()
     assert status == 0, output + rest
-    run.wait_until_gone(60.0)
+    run.wait_until_gone()
 
 
 def test_a_page_that_dies_is_started_again_a_few_times_and_the_terminal_says_so(phalanx):
