@@ -24,7 +24,7 @@ class Quantity(NamedTuple):
     """Of its plot."""
     unit: str = ""
     safe: tuple[float | None, float | None] = (None, None)
-    """Between which values it is safe, as plotted."""
+    """Least and largest safe value, as plotted."""
     in_horizons: bool = False
     """Plotted in multiples of τ, on a logarithmic axis."""
 
@@ -61,8 +61,8 @@ class AppliedStep(StepReport, kw_only=True):
 def _quantities(kind: type[msgspec.Struct]) -> dict[str, Quantity]:
     """The numbers among a struct's fields, by name."""
     hints = get_type_hints(kind, include_extras=True)
-    told = {name: getattr(hints[name], "__metadata__", ()) for name in kind.__struct_fields__}
-    return {name: q for name, found in told.items() for q in found if isinstance(q, Quantity)}
+    metadata = {name: getattr(hints[name], "__metadata__", ()) for name in kind.__struct_fields__}
+    return {name: q for name, found in metadata.items() for q in found if isinstance(q, Quantity)}
 
 
 QUANTITIES = _quantities(AppliedStep)

@@ -128,8 +128,8 @@ class _Plots:
         return [self._input(i, c) for i in agents for c in range(self._steps[i].u.shape[1])]
 
     def of_agents(self, inputs: list[Plot]) -> list[Plot]:
-        told = {name: self._of_steps(name, quantity) for name, quantity in QUANTITIES.items()}
-        return [told.pop("certified"), *inputs, *told.values(), *self._space_time()]
+        plots = {name: self._of_steps(name, quantity) for name, quantity in QUANTITIES.items()}
+        return [plots.pop("certified"), *inputs, *plots.values(), *self._space_time()]
 
     def _of_steps(self, name: str, quantity: Quantity) -> Plot:
         """A number of every agent's control steps."""

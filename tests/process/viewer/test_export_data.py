@@ -81,8 +81,8 @@ def test_states_inputs_and_h_are_those_of_the_recording(exported, finished):
 def test_every_number_of_a_step_is_in_the_table_and_exported(exported, finished, name):
     own = finished.inputs.filter(pl.col("agent") == "1").sort("t")
     steps = of(exported, "/agents/1/step")
-    told = [getattr(step, name) if step.HasField(name) else None for step in steps]
-    assert told == own[name].to_list()
+    exported_numbers = [getattr(step, name) if step.HasField(name) else None for step in steps]
+    assert exported_numbers == own[name].to_list()
 
 
 def test_an_adversary_has_no_certified_time_rather_than_one_of_zero(exported):

@@ -47,21 +47,21 @@ def test_a_pair_that_was_unsafe_stays_marked_when_frames_tell_of_others_as_it_wa
 
 
 def test_every_number_of_a_step_is_plotted_as_what_it_is_live_and_recorded() -> None:
-    def told(i: int) -> dict[str, float]:
+    def values(i: int) -> dict[str, float]:
         return {name: i + 0.01 * place for place, name in enumerate(QUANTITIES)}
 
     def status(i: int) -> AgentStatus:
         u, u_nom = (i + 0.1, i + 0.2), (i + 0.3, i + 0.4)
-        return AgentStatus(step=AppliedStep(origin=Origin.QP, u=u, u_nom=u_nom, **told(i)))
+        return AgentStatus(step=AppliedStep(origin=Origin.QP, u=u, u_nom=u_nom, **values(i)))
 
     past = LiveHistory(MODEL)
     past.add(msgspec.structs.replace(frame(2.0), agents=tuple(map(status, range(5)))))
     step = Step(
-        agent="4", k=0, t=2.0, t_apply=2.0, fates=[], ages=[("1", told(3)["oldest_input"])],
+        agent="4", k=0, t=2.0, t_apply=2.0, fates=[], ages=[("1", values(3)["oldest_input"])],
         **msgspec.structs.asdict(status(3).step),
     )  # fmt: skip
     for series in (past.history.agent(3), AgentSteps([step]).series(inputs=2)):
         assert (series.t, series.empty) == ([2.0], [0.0])
-        assert series.numbers == told(3)
+        assert series.numbers == values(3)
         np.testing.assert_array_equal(series.u, [[3.1, 3.2]])
         np.testing.assert_array_equal(series.u_nom, [[3.3, 3.4]])

@@ -92,19 +92,19 @@ def test_the_page_has_every_message_and_no_other():
 @pytest.mark.parametrize("of", ["telemetry/4", "broadcast/4/5", "status/plant", "place/plant"])
 @pytest.mark.parametrize("name", sorted(kinds()))
 def test_a_message_written_from_the_page_is_read_and_read_back(name, of, page):
-    kind, key, told = kinds()[name], f"phalanx/r/{of}", fields(name)
+    kind, key, examples = kinds()[name], f"phalanx/r/{of}", fields(name)
     assert [field for field, _ in tables()[name]] == list(kind.__struct_fields__)
-    message = MEMBERSHIP.sealer.open(key, page["sealed"](key, told, SECRET), kind)
+    message = MEMBERSHIP.sealer.open(key, page["sealed"](key, examples, SECRET), kind)
     again = MEMBERSHIP.sealer.seal(key, message)
     assert again[:16] == page["sealed"](key, msgpack.unpackb(again[16:]), SECRET)[:16]
-    assert msgpack.unpackb(again[16:]) == told
+    assert msgpack.unpackb(again[16:]) == examples
 
 
 @pytest.mark.parametrize("name", PARTS)
 def test_a_part_of_a_message_has_the_fields_that_the_page_says(name):
-    told = [field for field, _ in tables()[name]]
+    own = [field for field, _ in tables()[name]]
     inherited = list(StepReport.__struct_fields__) if name == "AppliedStep" else []
-    assert inherited + told == list(PARTS[name].__struct_fields__)
+    assert inherited + own == list(PARTS[name].__struct_fields__)
 
 
 def test_the_page_has_every_number_of_a_step_in_its_unit():
