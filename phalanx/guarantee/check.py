@@ -116,10 +116,9 @@ def _largest_margin(rows: SafetyRows) -> ca.SX:
 
 
 def _given(rows: SafetyRows) -> dict[str, float | None]:
-    margins = {rows.swarm.names[i]: rows.margin(i) for i in rows.swarm.normal}
     computed = rows.swarm.scenario.safety.computes_margin
     return {
-        name: None if computed else margin.scale * margin.eta for name, margin in margins.items()
+        rows.swarm.names[i]: None if computed else rows.margin(i).given for i in rows.swarm.normal
     }
 
 

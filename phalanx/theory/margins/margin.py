@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, TypeVar
 
 import casadi as ca
 
@@ -14,6 +14,9 @@ from phalanx.theory.safety.chain import Chain
 MarginKind = Literal["paper", "corrected", "local", "integrated"]
 
 
+_Number = TypeVar("_Number", float, ca.SX)
+
+
 class ComposedMargin(NamedTuple):
     """The margin of a row for h_tot that is composed from pairs: scale (η + D)."""
 
@@ -22,10 +25,14 @@ class ComposedMargin(NamedTuple):
     bounds: tuple[float, ...] = ()
     """φ_l^max of every member, for D = Σ_l ‖∂ψ_{q-1}/∂x_l‖ φ_l^max; empty if D has no part."""
 
+    def total(self, at_state: _Number, share: float = 1.0) -> _Number:
+        """The only place that sums a margin: scale (share η + what it is at a state beside)."""
+        return self.scale * (share * self.eta + at_state)
+
 
 @dataclass(frozen=True)
 class Margin:
-    """How the margin of every row of one agent is made; `of` is the only place that sums it."""
+    """How the margin of every row of one agent is made."""
 
     kind: MarginKind
     """As in the paper; corrected, with L_φ ψ_k for every k >= 1; or a proven bound: local, of any
@@ -61,7 +68,7 @@ class Margin:
             ValueError: the margin is local or integrated, and some U_l depends on the
                 state or some operation has no interval rule.
         """
-        return self.scale * (part.value * self.eta + self._at_state(chain, own, part, active))
+        return self._number.total(self._at_state(chain, own, part, active), part.value)
 
     def composed(self, degree: int) -> ComposedMargin | None:
         """The same for a row of h_tot, from pairs; None if only the whole expression gives it.
@@ -72,10 +79,19 @@ class Margin:
             degree: q.
         """
         if self.kind == "paper" or (self.kind == "corrected" and degree == 1):
-            return ComposedMargin(self.eta, self.scale)
+            return self._number
         if self.kind == "corrected" and degree == 2:
-            return ComposedMargin(self.eta, self.scale, tuple(self.bounds.values()))
+            return self._number._replace(bounds=tuple(self.bounds.values()))
         return None
+
+    @property
+    def given(self) -> float:
+        """What of a row's margin is the same at every state."""
+        return self._number.total(0.0)
+
+    @property
+    def _number(self) -> ComposedMargin:
+        return ComposedMargin(self.eta, self.scale)
 
     def _at_state(self, chain: Chain, own: int, part: RowPart, active: ca.SX | None) -> ca.SX:
         bounds = [self.bounds[m.name] for m in chain.set.members]

@@ -66,7 +66,7 @@ class ComposedTerms:
         constant = len(swarm.members.known) == len(swarm.members.states)
         self.known = swarm.members.known if constant else None
         """U_l of everybody, unless some vary with the state."""
-        self.given = None if margin.bounds else margin.scale * margin.eta
+        self.given = None if margin.bounds else margin.total(0.0)
         """The margin, if it is the same at every state."""
 
     def __call__(self, x: Array, seen: Sequence[int] | None = None) -> "SeenTerms":
@@ -94,7 +94,7 @@ class ComposedTerms:
         function, states = self._choose(x, seen), self._swarm.members.states
         slopes = pushed_slopes(function.pairs, function.weights(composed), x)
         push = added(rounded_norm(slopes[states[l]]) * margin.bounds[l] for l in seen)
-        return margin.scale * (margin.eta + push)
+        return margin.total(push)
 
     def psi(self, x: Array, seen: Sequence[int] | None = None) -> Array:
         """ψ_0 ... ψ_{q-1} alone, shape (q,)."""
