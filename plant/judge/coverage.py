@@ -17,9 +17,6 @@ from phalanx.guarantee.verdict import Assumption, CertificateSummary
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.safety.reach import proven_reach
 
-_FEW = 6
-"""In so small a swarm it takes longer to look who is near than to ask for all."""
-
 
 class Applied(NamedTuple):
     """An input that takes effect."""
@@ -41,8 +38,7 @@ class Coverage:
         self._composed, pairs = swarm.safe_set, swarm.safe_set.pairs
         certificates = self._certificates = SwarmCertificates(swarm)
         function = proven_reach(swarm.scenario.safety.safe_set_function())
-        large = len(swarm.members) > _FEW
-        self._boxes = ReachableBoxes(swarm, function) if function and large else None
+        self._boxes = ReachableBoxes(swarm, function) if function else None
         self._agents = {i: certificates.of(i) for i in swarm.normal}
         self._others = {
             i: np.where(ends[:, 0] == i, ends[:, 1], ends[:, 0])

@@ -23,9 +23,11 @@ from phalanx.theory.safety.reach import Reaching, proven_reach, static_reach
 _SLACK = 0.25
 """How much farther than it must one looks, so that what is found stands for a while."""
 _FEW = 40
-"""So many pairs are faster evaluated than looked up."""
+"""So many pairs take as long to evaluate as to look up (18 of `unicycles`: 6 % more), and need no
+tree, whose import alone takes .3 s."""
 _FEW_ROWS = 500
-"""So many have all their ψ looked at where each has a row of its own, wherever its agents are."""
+"""So many have all their ψ looked at where each has a row of its own, wherever its agents are; in
+time it makes no difference (`guaranteed`, `swarm2d`: within 10 %)."""
 
 
 class Near(NamedTuple):

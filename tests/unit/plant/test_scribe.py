@@ -9,7 +9,6 @@ import phalanx
 from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.guarantee.checker.certify import certify
 from phalanx.guarantee.checker.intervals import UncertifiableError
-from phalanx.plant.judge import coverage
 from phalanx.swarm.swarm import build_swarm
 
 LINE = {
@@ -116,11 +115,8 @@ def test_each_input_is_certified_from_the_state_in_which_it_took_effect(latency:
     assert len(certified(run)) > 20
 
 
-def test_whoever_comes_from_afar_counts_in_certificates_when_it_is_there(
-    monkeypatch: pytest.MonkeyPatch,
-):
-    """In large swarms alone it is looked who may meet whom, and not at each input."""
-    monkeypatch.setattr(coverage, "_FEW", 0)
+def test_whoever_comes_from_afar_counts_in_certificates_when_it_is_there():
+    """It is not looked at each input who may meet whom."""
     hunted = agent("hunted", "normal", [0.0, 0.0], "track-velocity")
     hunter = agent("hunter", "adversary", [2.5, 0.0], "pursue")
     hunted["dynamics"]["speed"] = 1e-3
