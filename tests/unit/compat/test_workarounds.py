@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import tomllib
+import types
 from pathlib import Path
 
 import pytest
@@ -101,7 +102,11 @@ def test_pythons_are_supported_whose_fork_server_ignores_the_import_path():
     assert tuple(int(part or 0) for part in oldest[0]) < (3, 12, 8), "importing_as_here may go"
 
 
-def test_multiprocessing_would_import_the_callers_script():
+def test_multiprocessing_would_import_the_callers_script(monkeypatch, tmp_path):
+    script = types.ModuleType("__main__")
+    script.__file__ = str(tmp_path / "script.py")
+    monkeypatch.setitem(sys.modules, "__main__", script)
+
     def names_main() -> bool:
         data = multiprocessing.spawn.get_preparation_data("agent")
         return any(key.startswith("init_main") for key in data)
