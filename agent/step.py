@@ -24,6 +24,7 @@ from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.asked import MistakenMethodError, in_words
+from phalanx.theory.expressions.magnitude import LARGEST
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.wire.door import Door
 from phalanx.wire.keys import Keys
@@ -121,8 +122,9 @@ class ControlStep:
             states = self._states.of(sample.x, sample.seen)
         except ValueError as error:
             raise Malformed("wrong size") from error
-        if not np.isfinite(np.frombuffer(sample.x, dtype="<f8")).all():
-            raise Malformed("not finite")
+        largest = np.abs(np.frombuffer(sample.x, dtype="<f8")).max(initial=0.0)
+        if not largest <= LARGEST:
+            raise Malformed("too large" if np.isfinite(largest) else "not finite")
         existing = _existing(sample)
         if self.i not in states or not self._heard.issuperset(existing):
             raise Malformed("wrong agents")

@@ -182,12 +182,14 @@ def test_what_peers_hear_is_the_input_and_nothing_of_how_it_was_made(step: Contr
         assert broadcast.u == answer.actuation.u
 
 
-@pytest.mark.parametrize("number", [np.nan, np.inf])
-def test_a_state_that_is_no_number_is_refused(step: ControlStep, number: float):
+@pytest.mark.parametrize(
+    ("number", "reason"), [(np.nan, "not finite"), (np.inf, "not finite"), (-9e305, "too large")]
+)
+def test_a_state_that_no_world_has_is_refused(step: ControlStep, number: float, reason: str):
     x = step.swarm.start()
     x[4] = number
     spoilt = msgspec.structs.replace(sample(step, 0, latest=-1), x=x.astype("<f8").tobytes())
-    with pytest.raises(Malformed, match="not finite"):
+    with pytest.raises(Malformed, match=reason):
         step.accept_sample(spoilt)
 
 
