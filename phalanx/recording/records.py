@@ -1,6 +1,7 @@
 """What a recording holds: JSON messages that Foxglove and other MCAP tools read as they are."""
 
 from enum import StrEnum
+from typing import Annotated
 
 import msgspec
 
@@ -11,6 +12,8 @@ RECORDING = "recording.mcap"
 SUMMARY = "summary.json"
 PROFILE = "profile"
 """A folder, in a run whose programs were timed."""
+SequenceNumber = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
+"""Of a sample or a broadcast; a column of a table holds 64 bits."""
 
 
 class State(msgspec.Struct):
@@ -31,19 +34,21 @@ class Step(AppliedStep, array_like=False, forbid_unknown_fields=False, kw_only=T
     """One control step of one agent, with all numbers of an AppliedStep. Topic /step."""
 
     agent: str
-    k: int
+    k: SequenceNumber
     t: float
     """t_i^k [s]."""
     t_apply: float
     """When the input took effect [s]."""
     ages: list[tuple[str, float]]
     """(sender, age [s]) of each û_l used."""
-    fates: list[tuple[str, int, float]]
+    fates: list[tuple[str, SequenceNumber, float]]
     """(sender, sequence number, delay [s]) of broadcasts decided now, or at a step before whose
     input was lost; delay < 0: lost."""
-    faults: list[tuple[str, int, list[str]]] = msgspec.field(default_factory=list)
+    faults: list[tuple[str, SequenceNumber, list[str]]] = msgspec.field(default_factory=list)
     """(sender, sequence number, names) of those of `fates` in which declared faults had a part."""
-    false: list[tuple[str, int, float, list[float]]] = msgspec.field(default_factory=list)
+    false: list[tuple[str, SequenceNumber, float, list[float]]] = msgspec.field(
+        default_factory=list
+    )
     """(sender, sequence number, t_apply [s], u) as told, where that is not the truth."""
 
     def __post_init__(self) -> None:
@@ -55,7 +60,7 @@ class Shown(msgspec.Struct):
     """What an agent was shown, and what it knew, at a step in real time. Topic /shown."""
 
     agent: str
-    k: int
+    k: SequenceNumber
     t: float
     """t_i^k [s]."""
     seen: list[str]

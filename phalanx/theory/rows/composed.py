@@ -98,7 +98,7 @@ class ComposedTerms:
 
     def psi(self, x: Array, seen: Sequence[int] | None = None) -> Array:
         """ψ_0 ... ψ_{q-1} alone, shape (q,)."""
-        return self.composed(x, self._swarm.everybody if seen is None else tuple(seen)).psi
+        return self._choose(x, self._swarm.everybody if seen is None else tuple(seen)).psi(x)
 
     def _choose(self, x: Array, seen: tuple[int, ...]) -> ComposedFunction:
         near = self._near(x[self._own])[0] if self._near else None

@@ -84,6 +84,12 @@ class ComposedFunction:
         )
         return self._solved(composed) if self._varying else composed
 
+    def psi(self, x: Array) -> Array:
+        """ψ_0 ... ψ_{q-1} alone, shape (q,), without any linear program."""
+        self._x[:] = x
+        self._bound.call()
+        return self._found[: self._degree].copy()
+
     def weights(self, composed: ComposedNumbers) -> Array:
         """As LogSumExpJets has them, of what this was composed to, shape (r, q)."""
         found: Array = composed.found[self._weights :].reshape(-1, self._degree)

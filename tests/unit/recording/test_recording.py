@@ -10,6 +10,7 @@ import struct
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -438,6 +439,19 @@ def test_a_number_of_which_figures_would_be_infinite_is_damage(tmp_path: Path, n
     assert found.steps == [GOOD]
     assert "a number above 1e+303" in (found.damage or "")
     assert found.summary is None
+
+
+@pytest.mark.parametrize(
+    "changes", [{"k": 2**64 - 1}, {"k": -1}, {"k": 1, "fates": [("2", 2**63, 0.0)]}], ids=repr
+)
+def test_a_sequence_number_that_no_table_holds_is_damage(tmp_path: Path, changes: dict[str, Any]):
+    with RecordingWriter(tmp_path / RECORDING, scenario(), "run-1") as writer:
+        writer.write(GOOD)
+        writer.write(msgspec.structs.replace(GOOD, **changes))
+        writer.finish(FIGURES)
+    found = read(tmp_path)
+    assert found.steps == [GOOD]
+    assert "Expected `int`" in (found.damage or "")
 
 
 def test_a_step_of_unknown_origin_is_damage(tmp_path: Path):
