@@ -20,7 +20,7 @@ from phalanx.viewer.scene.model import scene_model
 from phalanx.wire.endpoints import reserved_endpoint
 from phalanx.wire.session import open_hub
 from tests import ros2_messages as ros
-from tests.process.runs import PACED, live_run, wait_for
+from tests.process.runs import HELD, PACED, live_run, wait_for
 
 pytestmark = pytest.mark.swarm
 
@@ -90,14 +90,15 @@ def finish(program: subprocess.Popen[str]) -> str:
 
 @pytest.fixture(scope="module")
 def heard(tmp_path_factory) -> Iterator[tuple[Path, Listener]]:
-    """A run whose every topic somebody subscribes to, live, from some moment to its end."""
+    """A run whose every topic somebody subscribes to, live, from near its beginning."""
     scenario = load("unicycles", ["duration=1.5"])
     folder = tmp_path_factory.mktemp("runs") / "live"
     with ros2_router(7) as (router, listener):
-        with live_run(scenario, folder, PACED) as run:
+        with live_run(scenario, folder, HELD) as run:
             wait_for(lambda: run.status is not None and run.status.t > 0)
             program = ros2(folder, "--router", router, "--domain", "7")
             wait_for(lambda: listener.tokens or program.poll() is not None)
+            run.set_speed(PACED.speed)
         finish(program)
         yield folder, listener
 
