@@ -16,7 +16,7 @@ run: $(READY)
 test: $(READY)
 	@echo "Testing: about 15 minutes on two cores; the first minute starts no processes."
 	$(VENV)/bin/python -m pytest -q -n 2 --dist loadscope --durations 15 tests/unit
-	$(VENV)/bin/python -m pytest -q -n 2 --durations 15 tests/process tests/containers
+	$(VENV)/bin/python -m pytest -q -n 3 --durations 15 tests/process tests/containers
 
 check: $(READY)
 	$(VENV)/bin/ruff check .

@@ -93,8 +93,9 @@ def status(arguments: list[str]) -> int:
             raise
         complain(error)
         return USAGE_ERROR
-    except (MemoryError, ImportError) as error:
-        # Under a tight limit it is often a library's file that cannot be mapped.
+    except (MemoryError, ImportError, SystemError) as error:
+        # Under a tight limit it is often a library's file that cannot be mapped; now and then
+        # CPython fails without saying that it was memory.
         complain(f"too little memory, or a broken installation: {error}")
         return 3
     except OSError as error:  # of whoever reads what is printed: a full disk, say
