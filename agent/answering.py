@@ -3,12 +3,11 @@
 import logging
 import os
 import signal
-import threading
 from collections.abc import Callable, Sequence
-from typing import Self
 
 from phalanx.agent.step import Accepted, Answer, ControlStep
 from phalanx.profile.stopwatch import Stopwatch
+from phalanx.swarm.watchdog import Watchdog
 from phalanx.wire.keys import kind_and_name
 from phalanx.wire.messages import Broadcast, Sample
 from phalanx.wire.refusals import Refusals
@@ -18,8 +17,6 @@ log = logging.getLogger("phalanx.agent")
 
 _SHARE = 0.8
 """Of the plant's patience with an agent: so it hears why before it gives the agent up."""
-_LOOKS = 20
-"""A sample that was there so often in a row waits for what was withheld."""
 
 
 class SampleAnswering:
@@ -106,32 +103,15 @@ class SampleAnswering:
         self._refusals.add(key, reason)
 
 
-class WithheldWatch:
+def withheld_broadcasts(
+    timeout: float, answerings: Sequence[SampleAnswering]
+) -> Watchdog[SampleAnswering, Accepted]:
     """Has samples fail that wait for broadcasts too long.
 
-    It looks from a thread of its own: a process that stood still is looked at no more often for it.
+    timeout: of the plant's wait for an agent [s].
     """
 
-    def __init__(self, timeout: float, answerings: Sequence[SampleAnswering]) -> None:
-        """timeout: of the plant's wait for an agent [s]."""
-        self._pause, self._answerings = _SHARE * timeout / _LOOKS, answerings
-        self._over = threading.Event()
-        self._thread = threading.Thread(target=self._watch, daemon=True)
+    def waiting() -> dict[SampleAnswering, Accepted]:
+        return {a: sample for a in answerings if (sample := a.pending) is not None}
 
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._over.set()
-        self._thread.join()
-
-    def _watch(self) -> None:
-        waiting: list[tuple[Accepted | None, int]] = [(None, 0)] * len(self._answerings)
-        while not self._over.wait(self._pause):
-            for n, answering in enumerate(self._answerings):
-                sample, looks = waiting[n]
-                looks = looks + 1 if answering.pending is sample else 0
-                waiting[n] = answering.pending, looks
-                if sample is not None and looks == _LOOKS:
-                    answering.give_up_waiting(sample)
+    return Watchdog(_SHARE * timeout, waiting, lambda a, sample, _: a.give_up_waiting(sample))

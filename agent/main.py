@@ -9,12 +9,12 @@ from functools import cache, partial
 from pathlib import Path
 from queue import SimpleQueue
 
-from phalanx.agent.answering import SampleAnswering, WithheldWatch
+from phalanx.agent.answering import SampleAnswering, withheld_broadcasts
 from phalanx.agent.clock import clock_of
 from phalanx.agent.step import Answer, ControlStep, StepFailedError, control_steps
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.swarm.rows import SafetyRows
-from phalanx.swarm.watchdog import Watchdog
+from phalanx.swarm.watchdog import endless_loops
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire import liveliness, pubsub
 from phalanx.wire.copies import Copies
@@ -55,7 +55,7 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
     signal.signal(signal.SIGTERM, lambda *_: leaving.put("told to"))
     timeout = rows.swarm.scenario.time.timeout
     with (
-        Watchdog(min(timeout, _LONGEST_SILENCE)),
+        endless_loops(min(timeout, _LONGEST_SILENCE)),
         open_member(
             membership.endpoint, keys.alive(PLANT), membership.timeout, membership.credentials
         ) as session,
@@ -78,7 +78,7 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
             SampleAnswering(step, sealer, sender, give_up)
             for step, sender in zip(steps, senders, strict=True)
         ]
-        while_open.enter_context(WithheldWatch(timeout, answerings))
+        while_open.enter_context(withheld_broadcasts(timeout, answerings))
         for step, answering in zip(steps, answerings, strict=True):
             if stopwatch:
                 answering.time(stopwatch)

@@ -22,7 +22,7 @@ from phalanx.plant.world.world import DivergedError, World
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.write import RecordingError, RecordingWriter
 from phalanx.swarm.rows import SafetyRows
-from phalanx.swarm.watchdog import Watchdog
+from phalanx.swarm.watchdog import endless_loops
 from phalanx.theory.expressions.asked import MistakenMethodError
 from phalanx.wire.messages import Status, Telemetry
 
@@ -118,7 +118,7 @@ class PlantRun:
         try:
             prepare()
             began = time.monotonic()
-            with Watchdog(self._scenario.time.timeout):
+            with endless_loops(self._scenario.time.timeout):
                 self._clock.run(self._scenario.duration)
             self._frames.show(last=True)
             extremes = self._judge.extremes

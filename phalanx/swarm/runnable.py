@@ -8,7 +8,7 @@ from phalanx.scenario.load import ScenarioError
 from phalanx.swarm.finite import require_dynamics, require_h
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm
-from phalanx.swarm.watchdog import Watchdog
+from phalanx.swarm.watchdog import endless_loops
 from phalanx.theory.expressions.asked import MistakenMethodError
 from phalanx.theory.laws.law import View
 from phalanx.theory.laws.nominal import NominalInput
@@ -25,7 +25,7 @@ def require_runnable(swarm: Swarm) -> SafetyRows:
         ScenarioError: the scenario's margin or composition cannot take its expressions; or a class
             returned what is not finite or of the wrong shape, failed, or does not return.
     """
-    with Watchdog(swarm.scenario.time.timeout):
+    with endless_loops(swarm.scenario.time.timeout):
         return _runnable(swarm)
 
 

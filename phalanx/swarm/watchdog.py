@@ -1,31 +1,45 @@
-"""An end to methods of a user's that do not return: an endless loop is said to be one."""
+"""A watchdog for what waits too long, such as for a user's method that does not return."""
 
 import ctypes
 import logging
 import sys
 import threading
-from typing import Self
+from collections.abc import Callable, Mapping
+from typing import Generic, Self, TypeVar
 
 from phalanx.theory.expressions.asked import EndlessLoopError, questions
 
 log = logging.getLogger("phalanx.swarm")
+K = TypeVar("K")
+T = TypeVar("T")
 
 _SHARE = 0.5
 """Of the plant's patience with an agent: so it hears why before it gives the agent up."""
 _LOOKS = 20
-"""A question that was there so often in a row is not answered."""
+"""Something that waits so many looks in a row is stalled."""
 
 
-class Watchdog:
-    """Raises EndlessLoopError in any thread that has waited too long for a user's method.
+class Watchdog(Generic[K, T]):
+    """Calls a function for whatever waits too long, from a thread of its own, while a block runs.
 
-    It looks from a thread of its own, so that nobody else reads a clock; a process that stood still
-    is looked at no more often for that.
+    It counts looks, not seconds: a process that stood still is looked at no more often for that.
     """
 
-    def __init__(self, timeout: float) -> None:
-        """timeout: of the plant's wait for an agent [s]."""
-        self._pause = _SHARE * timeout / _LOOKS
+    def __init__(
+        self,
+        patience: float,
+        waiting: Callable[[], Mapping[K, T]],
+        stalled: Callable[[K, T, bool], None],
+    ) -> None:
+        """Watch nothing yet.
+
+        Args:
+            patience: how long something may wait [s].
+            waiting: what waits now, and for what.
+            stalled: called each time that something has waited so long; its last argument says
+                whether it was called before.
+        """
+        self._pause, self._waiting, self._stalled = patience / _LOOKS, waiting, stalled
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._watch, daemon=True)
 
@@ -38,18 +52,26 @@ class Watchdog:
         self._thread.join()
 
     def _watch(self) -> None:
-        seen: dict[int, tuple[object, int]] = {}
+        seen: dict[K, tuple[T | None, int]] = {}
         while not self._over.wait(self._pause):
             before, seen = seen, {}
-            for thread, question in questions.copy().items():
-                last, looks = before.get(thread, (None, 0))
-                looks = looks + 1 if question is last else 0
-                seen[thread] = question, looks
+            for key, item in self._waiting().items():
+                last, looks = before.get(key, (None, 0))
+                looks = looks + 1 if item is last else 0
+                seen[key] = item, looks
                 if looks and looks % _LOOKS == 0:
-                    _end(thread, again=looks > _LOOKS)
+                    self._stalled(key, item, looks > _LOOKS)
 
 
-def _end(thread: int, again: bool) -> None:
+def endless_loops(timeout: float) -> Watchdog[int, object]:
+    """Raises EndlessLoopError in any thread that waits too long for a user's method.
+
+    timeout: of the plant's wait for an agent [s].
+    """
+    return Watchdog(_SHARE * timeout, questions.copy, _end)
+
+
+def _end(thread: int, _: object, again: bool) -> None:
     """Raise in a thread, unless somebody debugs it; say where it stands if it was raised before."""
     frame = standing = sys._current_frames().get(thread)
     while frame is not None:

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from phalanx.agent.answering import SampleAnswering, WithheldWatch
+from phalanx.agent.answering import SampleAnswering, withheld_broadcasts
 from phalanx.agent.step import Answer, ControlStep
 from phalanx.faults.state import Orders
 from phalanx.network.inbox import Existing
@@ -139,7 +139,7 @@ def test_one_who_waits_for_a_broadcast_that_is_withheld_says_whose(agent: Agent)
     second = msgspec.structs.replace(first, k=1, t=0.01, since=since, latest=latest)
     agent.answering.on_broadcast(HEARD, PLANT.seal(HEARD, a_broadcast()))
     agent.answering.on_sample(SAMPLE, PLANT.seal(SAMPLE, second))
-    with WithheldWatch(0.01, [agent.answering]):
+    with withheld_broadcasts(0.01, [agent.answering]):
         given_up = agent.failures.get(timeout=60.0)
     assert "agent 1 waits at sample 1" in str(given_up)
     assert "broadcast 0 of agent 3 did not come" in str(given_up)
