@@ -16,7 +16,7 @@ class VirtualClock:
     """Lockstep: time stands still until all have answered, and no broadcast is ever late."""
 
     waits = True
-    """Whether everybody is waited for."""
+    """Whether the plant waits for the answer."""
 
     def now(self) -> float:
         """Virtual time at which a broadcast that is here now came [s]: before all that counts."""
@@ -38,7 +38,7 @@ class VirtualClock:
 
 
 class RealTimeClock(VirtualClock):
-    """The agent's own clock, which goes on from its last sample: nobody waits."""
+    """The agent's own clock, which goes on from its last sample; the plant does not wait."""
 
     waits = False
 

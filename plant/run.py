@@ -30,7 +30,7 @@ log = logging.getLogger("phalanx.plant")
 
 
 class ReportingAgents(Protocol):
-    """Agents that say how they made their inputs, and somebody to tell of progress."""
+    """Reports of agents' control steps, and of the run's progress."""
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:
         """How agent i made its input for sample k."""

@@ -22,7 +22,7 @@ _LONG = ("duration=8.0",)
 _LAW = 'agents.0.law={ type = "tests.hostile.withholding:Withholding", gain = 1.0 }'
 _WITHHELD = ("duration=0.5", "time.timeout=10.0", _LAW)
 READERS: dict[str, tuple[int, float | None, tuple[str, ...]]] = {
-    "nobody, in real time": (0, 1.0, _LONG),
+    "no reader, in real time": (0, 1.0, _LONG),
     "viewer: one stops to read": (1, None, _LONG),
     "viewers: three stop to read": (3, None, _LONG),
     "viewer: one stops to read, in real time": (1, 1.0, _LONG),

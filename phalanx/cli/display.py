@@ -119,11 +119,11 @@ def print_summary(summary: Summary) -> None:
             table.add_row(f"of the theorem: {needed.name}", counts)
     for violation in summary.violations:
         depth = f"h up to {violation.worst:.4g} at t = {violation.worst_at:.3f} s"
-        told = f"{violation.pair}: {depth}, {violation.duration:.3f} s"
-        table.add_row(styled("violated", "red"), told)
+        text = f"{violation.pair}: {depth}, {violation.duration:.3f} s"
+        table.add_row(styled("violated", "red"), text)
     for violation in summary.apart:
-        told = f"{violation.pair}: h up to {violation.worst:.4g}, {violation.duration:.3f} s"
-        table.add_row("turned, not counted", told)
+        text = f"{violation.pair}: h up to {violation.worst:.4g}, {violation.duration:.3f} s"
+        table.add_row("turned, not counted", text)
     for reason, count in summary.rejected.items():
         table.add_row("payloads dropped", f"{count} {reason}")
     for fault in summary.faults:

@@ -25,7 +25,7 @@ class Broadcast(NamedTuple):
     fate: str
     """IN_TIME for the receiver's next step after it was sent, LATE or LOST."""
     false: bool = False
-    """Whether it told the receiver what was not so."""
+    """Whether its content was false."""
 
 
 def broadcasts(recording: Recording) -> Iterator[Broadcast]:

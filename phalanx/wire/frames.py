@@ -20,7 +20,7 @@ class AgentStatus(msgspec.Struct, array_like=True, frozen=True):
     without_authority: int = 0
     """Its steps so far with empty K_i that kept the nominal input."""
     lies: int = 0
-    """Broadcasts of its so far that told others what was not so."""
+    """False broadcasts that it sent so far."""
 
 
 class LinkEvent(msgspec.Struct, array_like=True, frozen=True):

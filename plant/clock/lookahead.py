@@ -43,7 +43,7 @@ class _Open(NamedTuple):
 
 
 class Synchronization:
-    """Sequential: everybody is waited for, so an input is known as soon as it takes effect."""
+    """Sequential: it waits for all answers, so an input is known as soon as it takes effect."""
 
     sequential = True
     """Whether all that was handed out is answered before virtual time goes on."""
@@ -68,7 +68,7 @@ class Synchronization:
             self._world.apply(i, u)
 
     def in_question(self, who: Sequence[int]) -> list[int]:
-        """Whose inputs have to be known before those in `who` can be told what they see."""
+        """Agents whose inputs have to be known before those in `who` are sampled."""
         return []
 
     def advance(self, until: float) -> None:
@@ -169,7 +169,7 @@ class Lookahead(Synchronization):
 def look_ahead(swarm: Swarm, world: World) -> Synchronization:
     """Lookahead for agents that compute while the plant goes on; sequential where it cannot pay.
 
-    A sample that sees everybody waits for everybody: it pays where most do not.
+    A sample that sees all agents waits for all: it pays where most do not.
     """
     radii = sensing_radii(swarm)
     limited = 2 * np.isfinite(radii).sum() > len(radii)

@@ -1,4 +1,4 @@
-"""The hub as each clock needs it: in lockstep agents are waited for, in real time nobody is."""
+"""The hub of each clock: in lockstep it waits for agents, in real time it never waits."""
 
 import contextlib
 import queue

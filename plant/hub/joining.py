@@ -13,7 +13,7 @@ class Joining:
     def __init__(
         self, swarm: Swarm, may_leave: bool, now: Callable[[], float] = time.monotonic
     ) -> None:
-        """Begin with nobody.
+        """Begin without members.
 
         Args:
             swarm: of the scenario.

@@ -79,11 +79,11 @@ class PlantSession:
         self._copies.put(key, payload)
 
     def put_status(self, message: Status) -> None:
-        """Tell everybody how far the run is."""
+        """Publish how far the run is."""
         self._put(self._status, message)
 
     def put_verdict(self, message: Ended) -> None:
-        """Tell everybody how the run ended."""
+        """Publish how the run ended."""
         self._put(self._verdict, message)
 
     def open_view(self, commandable: bool) -> "Viewers":
@@ -102,7 +102,7 @@ class PlantSession:
 
 
 class Viewers:
-    """Everybody who subscribed to the run's frames."""
+    """Subscribers to the run's frames."""
 
     def __init__(self, publisher: pubsub.Publisher, sealer: Sealer) -> None:
         self._publisher, self._sealer = publisher, sealer

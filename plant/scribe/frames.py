@@ -69,7 +69,7 @@ class FramePublisher:
         self._peak = max(self._peak, peak)
 
     def saw_step(self, i: int, step: AppliedStep, fates: Iterable[Fate]) -> None:
-        """Agent i's input took effect, and it told the fates of broadcasts."""
+        """Agent i's input took effect; fates are those of broadcasts that it reported."""
         self._last[i] = step
         self._backups[i] += step.origin == Origin.BACKUP
         self._without_authority[i] += step.origin == Origin.NO_AUTHORITY

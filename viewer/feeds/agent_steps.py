@@ -23,7 +23,7 @@ class AgentSteps:
         self._without_authority = np.cumsum(without_authority)
 
     def status(self, t: float, condition: Condition, lies: int = 0) -> AgentStatus:
-        """The agent at t [s], that has told others so many false things."""
+        """The agent at t [s]; lies: false broadcasts that it sent so far."""
         k = int(np.searchsorted(self._applied, t, side="right")) - 1
         if k < 0:
             return AgentStatus(condition)

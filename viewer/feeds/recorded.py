@@ -41,9 +41,9 @@ class RecordedRun:
         self._log, self._commands = recording.log, recording.commands
         self._broadcasts = list(broadcasts(recording))
         self._agents = [AgentSteps(steps) for steps in steps_by_agent(recording).values()]
-        told = [(sender, s.t_apply) for s in recording.steps for sender, *_ in s.false]
-        self._lies = [np.sort([t for who, t in told if who == name]) for name in self.model.names]
-        """When others were told what was not so, by each agent [s]."""
+        false = [(sender, s.t_apply) for s in recording.steps for sender, *_ in s.false]
+        self._lies = [np.sort([t for who, t in false if who == name]) for name in self.model.names]
+        """Times of each agent's false broadcasts [s]."""
         self._applied = np.sort([s.t_apply for s in recording.steps])
         poses = [self.model.kinematics.poses(x) for x in self._x]
         self.positions = np.array([p.positions for p in poses])

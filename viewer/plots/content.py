@@ -28,11 +28,11 @@ class Lane(msgspec.Struct):
     state: str
     """How it did: a place in LANE_STATES."""
     false: str
-    """Whether it told others what was not so: 0 or 1."""
+    """Whether it sent a false broadcast: 0 or 1."""
 
 
 FALSE = "false"
-"""The fate in a Zoom of a broadcast that told what was not so."""
+"""The fate in a Zoom of a false broadcast."""
 LANE_STATES = ("fine", "backup", "no-authority", "silent")
 """The gravest last. Silent: no step for longer than its τ."""
 

@@ -7,7 +7,7 @@ function toggleZoom() {
   redraw(true);
 }
 
-// In each lane four rows: late, lost, how the agent did, and whether it told what was not so.
+// In each lane four rows: late, lost, the agent's state, and whether it sent a false broadcast.
 const STATES = [null, "#f97316", "#c084fc", "#475569"];
 function drawLanes(p, lanes, X, down) {
   const high = down / lanes.length, row = high * 0.9 / 4;
@@ -17,13 +17,13 @@ function drawLanes(p, lanes, X, down) {
     p.fillStyle = fill;
     p.fillRect(X(content.begin + k * wide), y, X(wide) - X(0) + 0.3, Math.max(row, 1));
   };
-  lanes.forEach(({ late, lost, state, false: told }, i) => {
+  lanes.forEach(({ late, lost, state, false: lied }, i) => {
     const top = TOP + i * high;
     for (let k = 0; k < intervals; k++) {
       if (late[k] > 0) cell(k, top, LATE, 0.3 + 0.7 * late[k] / 9);
       if (lost[k] > 0) cell(k, top + row, LOST, 0.3 + 0.7 * lost[k] / 9);
       if (state[k] > 0) cell(k, top + 2 * row, STATES[state[k]], 1);
-      if (told[k] > 0) cell(k, top + 3 * row, FALSE, 1);
+      if (lied[k] > 0) cell(k, top + 3 * row, FALSE, 1);
     }
   });
   p.globalAlpha = 1;

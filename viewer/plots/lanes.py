@@ -46,8 +46,8 @@ def lanes(
     )
     late, lost = (np.ceil(9.0 * counts / np.maximum(sent, 1.0)) for counts in (late, lost))
     return [
-        Lane(*map(_digits, (late[i], lost[i], _states(s, tau, edges, now), told)))
-        for i, (s, tau, told) in enumerate(zip(steps, taus, lies.reshape(shape), strict=True))
+        Lane(*map(_digits, (late[i], lost[i], _states(s, tau, edges, now), lied)))
+        for i, (s, tau, lied) in enumerate(zip(steps, taus, lies.reshape(shape), strict=True))
     ]
 
 

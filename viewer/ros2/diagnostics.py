@@ -34,8 +34,8 @@ _OF_ROLE = {
 
 def diagnostics(frame: Frame, model: SceneModel, outcome: Head) -> Diagnostics:
     """The run first, with so_far or verdict, then every agent, at the frame's time."""
-    told = zip(model.names, model.adversary, frame.agents, strict=True)
-    agents = [_agent(name, bool(adversary), status, model) for name, adversary, status in told]
+    each = zip(model.names, model.adversary, frame.agents, strict=True)
+    agents = [_agent(name, bool(adversary), status, model) for name, adversary, status in each]
     return Diagnostics(header=header(frame.t), status=[_run(frame, model, outcome), *agents])
 
 
@@ -75,14 +75,14 @@ def _run(frame: Frame, model: SceneModel, outcome: Head) -> Status:
     return _status("run", outcome, model.scenario.name, figures)
 
 
-def _agent(name: str, adversary: bool, told: AgentStatus, model: SceneModel) -> Status:
-    found = role(told, adversary)
+def _agent(name: str, adversary: bool, status: AgentStatus, model: SceneModel) -> Status:
+    found = role(status, adversary)
     figures: dict[str, object] = {
-        "condition": told.condition,
-        "backups": told.backups,
-        "without authority": told.without_authority,
+        "condition": status.condition,
+        "backups": status.backups,
+        "without authority": status.without_authority,
     }
-    figures |= _figures_of(told.step, model) if told.step else {}
+    figures |= _figures_of(status.step, model) if status.step else {}
     return _status(f"agent {name}", (_OF_ROLE[found], found), name, figures)
 
 

@@ -42,7 +42,7 @@ class Picture:
     unsafe_agents: NDArray[np.bool_]
     """Which agents are in one of them, shape (N,)."""
     liars: NDArray[np.bool_]
-    """Which agents told others what was not so, shape (N,)."""
+    """Agents that sent false broadcasts, shape (N,)."""
     alarms: list[str]
     """A line for each of them: who, how deep and since when."""
     past_alarms: list[str]

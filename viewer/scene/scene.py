@@ -196,11 +196,11 @@ def nearest_to_ray(positions: Array, origin: Array, direction: Array) -> int:
 
 
 def legend() -> Markup:
-    """As it is on the page."""
+    """Marks of the scene and their meanings, in an element that folds."""
     marks = [_mark("▲", COLOURS[role], role) for role in Role]
     marks += [
         _mark("◉", DANGER, "unsafe: h above 0"),
-        _mark("◎", LIE, "told something false"),
+        _mark("◎", LIE, "sent a false broadcast"),
         _mark("◯", (100, 116, 139), "circles touch where h = 0"),
         element("span", element("b", "◯"), " chosen agent"),
         _mark("—", WORST_PAIR, "worst pair"),
@@ -211,8 +211,8 @@ def legend() -> Markup:
     ]
     summary = element("summary", "Legend")
     kind = "phalanx-over phalanx-legend"
-    told = element("details", summary, element("div", *marks), kind=kind, open="")
-    return markup(OVER_THE_SCENE, _LEGEND_STYLE, told)
+    folding = element("details", summary, element("div", *marks), kind=kind, open="")
+    return markup(OVER_THE_SCENE, _LEGEND_STYLE, folding)
 
 
 def _mark(sign: str, colour: Colour, text: str) -> Markup:

@@ -88,7 +88,7 @@ def certify(
         scenario: of the run.
         states: one at every event.
         steps: inputs that took effect.
-        progress: told the share that is done.
+        progress: called with the share that is done, 0 to 1.
         turned: normal agents that became adversaries, and when [s]. From then on their pairs with
             what is no normal agent need no certificate.
 
@@ -197,7 +197,7 @@ class _Run:
                     yield len(k)
 
     def certification(self) -> Certification:
-        """What the bounds found come to."""
+        """The certification of all bounds found so far."""
         counted = self._counted
         first = self._coverage.first_uncovered(self._shared, self._until)
         begin, end = float(self._times[0]), float(self._times[-1])

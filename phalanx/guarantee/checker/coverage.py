@@ -57,7 +57,7 @@ _NONE = _Holes(np.zeros(0, np.intp), np.zeros(0), np.zeros(0))
 
 
 class Coverage:
-    """What the certificates of all inputs come to; what they cover is not kept."""
+    """Accumulates the certificates of all inputs; covered intervals are not kept."""
 
     def __init__(self, inputs: Inputs, counted: Truth) -> None:
         """counted: the inputs of agents that were normal then."""

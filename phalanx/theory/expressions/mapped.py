@@ -26,7 +26,7 @@ class MappedFunction:
         flat = ca.vertcat(*[ca.vec(ca.densify(o.T)) for o in outputs])
         self._function = portable_function([ca.vertcat(*inputs)], flat)
         self.inputs, self.results = self._function.numel_in(0), self._function.numel_out(0)
-        """How many numbers a row has, and comes to."""
+        """Numbers of an input row, and of a result row."""
         self._bound: dict[int, BoundFunction] = {}
 
     def __call__(self, values: Array, places: Index) -> Array:

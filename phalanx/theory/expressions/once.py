@@ -14,7 +14,7 @@ class TakenOut(NamedTuple):
     parts: list[ca.SX]
     """Of each argument alone, shapes (k,), which may be empty."""
     symbols: list[ca.SX]
-    """What stands for them, likewise."""
+    """Symbols in their place, of the same shapes."""
     rest: ca.SX
     """Of arguments and symbols."""
 
@@ -31,7 +31,7 @@ class _Value(NamedTuple):
 def take_out(arguments: Sequence[ca.SX], others: ca.SX, expression: ca.SX) -> TakenOut:
     """Take sines, exponentials and the like out where they are of one argument, a column, alone.
 
-    others: symbols that the expression contains beside.
+    others: further symbols of the expression.
     """
     every = [*arguments, others]
     f = ca.Function("f", every, [ca.densify(expression)], {"cse": True})

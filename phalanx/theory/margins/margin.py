@@ -26,7 +26,10 @@ class ComposedMargin(NamedTuple):
     """φ_l^max of every member, for D = Σ_l ‖∂ψ_{q-1}/∂x_l‖ φ_l^max; empty if D has no part."""
 
     def total(self, at_state: _Number, share: float = 1.0) -> _Number:
-        """The only place that sums a margin: scale (share η + what it is at a state beside)."""
+        """scale (share η + at_state), where at_state is the part that depends on the state.
+
+        The only place that sums a margin.
+        """
         return self.scale * (share * self.eta + at_state)
 
 

@@ -22,7 +22,7 @@ class Shape(NamedTuple):
     """What a function is made for."""
 
     parts: tuple[tuple[int, int], ...]
-    """Functions of members, and how many there is room for; likewise kinds of pairs, of members."""
+    """(number of the function, room) of members' parts; below of kinds of pairs and of members."""
     pairs: tuple[tuple[int, int], ...]
     members: tuple[tuple[int, int], ...]
     room: int

@@ -65,7 +65,7 @@ class ComposedTerms:
         self._positions = swarm.members.positions(())
         constant = len(swarm.members.known) == len(swarm.members.states)
         self.known = swarm.members.known if constant else None
-        """U_l of everybody, unless some vary with the state."""
+        """U_l of all members; None if some vary with the state."""
         self.given = None if margin.bounds else margin.total(0.0)
         """The margin, if it is the same at every state."""
 

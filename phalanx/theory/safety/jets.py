@@ -116,7 +116,7 @@ class LogSumExpJets:
     def composition(self, room: int) -> ca.Function:
         """(q+1, room) -> ψ_0 ... ψ_{q-1} and the unforced part; the weights, (q, room).
 
-        What there is room for beside the pairs is to be FAR, and its derivatives zero.
+        Room without a pair has to hold FAR, with derivatives zero.
         """
         if room not in self._functions:
             self._functions[room] = self._composition(room)
