@@ -12,10 +12,11 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from phalanx_plant.clock.lockstep import Lockstep
+from phalanx_plant.judge.coverage import Coverage
+from phalanx_plant.world.resolution import Resolution
+
 import phalanx
-from phalanx.plant.clock.lockstep import Lockstep
-from phalanx.plant.judge.coverage import Coverage
-from phalanx.plant.world.resolution import Resolution
 
 SCENARIOS = ("unicycles", "formation3d", "guaranteed", "swarm")
 COMPILED, CERTIFICATES, INTEGRATION, RUN = "compiled", "certificates", "integration", "run"

@@ -19,12 +19,13 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from unittest.mock import patch
 
+from phalanx_plant.hub import hub
+
 import phalanx
 from phalanx.faults.commands import NO_COMMANDS
 from phalanx.guarantee.verdict import Summary, read_summary
 from phalanx.launcher.fork_server import Order, serve
 from phalanx.launcher.programs import Program
-from phalanx.plant.hub import hub
 from phalanx.recording.records import SUMMARY
 from phalanx.scenario.load import to_json
 from phalanx.scenario.model import Scenario

@@ -12,19 +12,20 @@ import statistics
 import time
 from multiprocessing.queues import SimpleQueue as Answers
 
+from phalanx_agent import main as agent
+from phalanx_plant.clock.commands import CommandQueue
+from phalanx_plant.clock.lockstep import Lockstep
+from phalanx_plant.clock.lookahead import look_ahead
+from phalanx_plant.events.events import Event, InputApplied, StateReached
+from phalanx_plant.hub.agents import LockstepHub
+from phalanx_plant.sampling.harness import Harness
+from phalanx_plant.sampling.schedule import Schedule
+from phalanx_plant.scribe.trajectory import TrajectoryHash
+from phalanx_plant.world.world import World
+
 import phalanx
-from phalanx.agent import main as agent
 from phalanx.faults.commands import NO_COMMANDS
 from phalanx.faults.state import FaultState
-from phalanx.plant.clock.commands import CommandQueue
-from phalanx.plant.clock.lockstep import Lockstep
-from phalanx.plant.clock.lookahead import look_ahead
-from phalanx.plant.events.events import Event, InputApplied, StateReached
-from phalanx.plant.hub.agents import LockstepHub
-from phalanx.plant.sampling.harness import Harness
-from phalanx.plant.sampling.schedule import Schedule
-from phalanx.plant.scribe.trajectory import TrajectoryHash
-from phalanx.plant.world.world import World
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire.endpoints import free_endpoint

@@ -29,11 +29,11 @@ import bare
 import numpy as np
 import psutil
 from bare import KEYS
+from phalanx_agent.step import control_steps
 from rich.console import Console
 from rich.progress import Progress
 
 import phalanx
-from phalanx.agent.step import control_steps
 from phalanx.guarantee.verdict import Outcome
 from phalanx.scenario.load import from_json, to_json
 from phalanx.swarm.compile import compile_rows

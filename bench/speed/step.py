@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 import bare
 from bare import KEYS
+from phalanx_agent.step import ControlStep
 
 import phalanx
-from phalanx.agent.step import ControlStep
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import build_swarm

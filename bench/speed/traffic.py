@@ -13,9 +13,9 @@ from collections import Counter
 from multiprocessing.queues import SimpleQueue as Answers
 
 from lookahead import SIMPLE, plant
+from phalanx_agent import main as agent
 
 import phalanx
-from phalanx.agent import main as agent
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire import endpoints, pubsub

@@ -22,16 +22,16 @@ from multiprocessing.synchronize import Event
 import numpy as np
 import psutil
 from numpy.typing import NDArray
+from phalanx_viewer.feeds.live_history import LiveHistory
+from phalanx_viewer.page.page import Page
+from phalanx_viewer.page.server import choose_port
+from phalanx_viewer.scene.model import scene_model
 
 from phalanx.guarantee.verdict import Summary, Violation
 from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.load import validate
 from phalanx.scenario.model import Scenario
 from phalanx.theory.rows.origin import Origin
-from phalanx.viewer.feeds.live_history import LiveHistory
-from phalanx.viewer.page.page import Page
-from phalanx.viewer.page.server import choose_port
-from phalanx.viewer.scene.model import scene_model
 from phalanx.wire.frames import AgentStatus, Frame
 from phalanx.wire.step_report import AppliedStep
 

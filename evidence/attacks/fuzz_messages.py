@@ -10,7 +10,8 @@ import sys
 import time
 from collections import Counter
 
-from phalanx.plant.hub.joining import Joining
+from phalanx_plant.hub.joining import Joining
+
 from phalanx.swarm.swarm import build_swarm
 from tests.hostile.messages import SCENARIO, put, receivers, spoilt, spoilt_token
 

@@ -5,6 +5,7 @@
 In a copy of the sources. One line for each; exit with 1 if one was not noticed.
 """
 
+import os
 import shutil
 import subprocess
 import sys
@@ -21,11 +22,13 @@ def noticed(mutant: Mutant) -> bool:
     with tempfile.TemporaryDirectory() as parent:
         copy = Path(parent)
         for name in COPIED:
-            shutil.copytree(ROOT / name, copy / name, symlinks=True)
+            shutil.copytree(ROOT / name, copy / name)
         shutil.copy(ROOT / "pyproject.toml", copy)
         (copy / mutant.file).write_text(broken(mutant), encoding="utf-8")
         command = [sys.executable, "-m", "pytest", "-q", "-x", *mutant.tests.split()]
-        ended = subprocess.run(command, cwd=copy, capture_output=True, text=True)
+        paths = [str(copy / name) for name in ("", "agent", "plant", "viewer")]
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+        ended = subprocess.run(command, cwd=copy, env=environment, capture_output=True, text=True)
         if ended.returncode not in (0, 1):
             raise RuntimeError(f"{mutant.what}: {ended.stdout[-500:]}")
         return ended.returncode == 1

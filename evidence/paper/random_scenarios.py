@@ -19,6 +19,10 @@ from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
+from phalanx_plant import run as plant_run
+from phalanx_plant.judge.judge import Judge
+from phalanx_plant.world.integration import DisturbanceKnot
+from phalanx_plant.world.truth import IntegrationSteps
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.faults.state import turns
@@ -26,10 +30,6 @@ from phalanx.guarantee.checker.certify import Certification, certify
 from phalanx.guarantee.checker.intervals import UncertifiableError
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.engine import RunOptions, execute
-from phalanx.plant import run as plant_run
-from phalanx.plant.judge.judge import Judge
-from phalanx.plant.world.integration import DisturbanceKnot
-from phalanx.plant.world.truth import IntegrationSteps
 from phalanx.recording.read import read
 from phalanx.scenario.load import ScenarioError, load
 from phalanx.scenario.safety import Composition, Margin

@@ -16,13 +16,13 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from phalanx_viewer.feeds.replay import open_replay
+from phalanx_viewer.page.server import choose_port
 from PIL import Image, ImageChops
 from playwright.sync_api import sync_playwright
 
 import phalanx
 from phalanx.scenario.load import load
-from phalanx.viewer.feeds.replay import open_replay
-from phalanx.viewer.page.server import choose_port
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

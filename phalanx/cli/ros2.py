@@ -70,11 +70,11 @@ def ros2(
     from phalanx.wire.keys import VIEWER
     from phalanx.wire.membership import Membership
 
-    topics = pkgutil.resolve_name("phalanx.viewer.ros2.republisher")
+    topics = pkgutil.resolve_name("phalanx_viewer.ros2.republisher")
     if not topics.NAMESPACE.fullmatch(namespace):
         raise typer.BadParameter(f"--namespace: expected such as /phalanx, got {namespace!r}")
     configure_logging()
-    main = pkgutil.resolve_name("phalanx.viewer.ros2.main")
+    main = pkgutil.resolve_name("phalanx_viewer.ros2.main")
     graph = main.Graph(router, domain, namespace, timeout)
     found = None if recording is None else live_run(recording, insecure)
     try:

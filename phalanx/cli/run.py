@@ -162,7 +162,7 @@ def _choose_port(view: bool, commands: bool, port: int | None) -> int | None:
     import pkgutil
 
     try:
-        chosen = pkgutil.resolve_name("phalanx.viewer.page.server:choose_port")("127.0.0.1", port)
+        chosen = pkgutil.resolve_name("phalanx_viewer.page.server:choose_port")("127.0.0.1", port)
     except OSError as error:
         raise typer.BadParameter(f"--port: {error}") from error
     return int(chosen)

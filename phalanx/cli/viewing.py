@@ -182,7 +182,7 @@ def export(
     if rerun is not None and importlib.util.find_spec("rerun") is None:
         raise typer.BadParameter("--rerun: needs rerun-sdk: pip install 'phalanx-swarm[rerun]'")
     configure_logging()
-    make = pkgutil.resolve_name("phalanx.viewer.export.write:run")
+    make = pkgutil.resolve_name("phalanx_viewer.export.write:run")
     try:
         for option, path in files.items():
             require_other(f"--{option}", path, [find(run)])
@@ -229,7 +229,7 @@ def _show(program: str, *arguments: object, **options: object) -> int:
 
     configure_logging()
     try:
-        return int(pkgutil.resolve_name(f"phalanx.viewer.main:{program}")(*arguments, **options))
+        return int(pkgutil.resolve_name(f"phalanx_viewer.main:{program}")(*arguments, **options))
     except (RuntimeError, ValueError, OSError) as error:
         complain(error)
         return 3

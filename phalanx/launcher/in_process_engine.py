@@ -7,14 +7,15 @@ processes engine, so a trajectory is the same to the last bit.
 from collections.abc import Callable
 from pathlib import Path
 
-from phalanx.agent.step import StepFailedError, control_steps
+from phalanx_agent.step import StepFailedError, control_steps
+from phalanx_plant.clock.commands import CommandQueue
+from phalanx_plant.clock.lockstep import Lockstep
+from phalanx_plant.events.stop import SwarmBrokenError
+from phalanx_plant.run import PlantRun
+
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher import interrupt
 from phalanx.launcher.engine import Progress, RunOptions
-from phalanx.plant.clock.commands import CommandQueue
-from phalanx.plant.clock.lockstep import Lockstep
-from phalanx.plant.events.stop import SwarmBrokenError
-from phalanx.plant.run import PlantRun
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.records import PROFILE, RECORDING, SUMMARY
 from phalanx.recording.write import RecordingWriter, write_down

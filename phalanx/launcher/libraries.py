@@ -15,7 +15,7 @@ from multiprocessing.context import ForkServerContext
 from phalanx.compat.forkserver import importing_as_here
 from phalanx.launcher.handles import raise_limit
 
-_PROGRAMS = ["phalanx.launcher.fork_server", "phalanx.plant.main", "phalanx.agent.main"]
+_PROGRAMS = ["phalanx.launcher.fork_server", "phalanx_plant.main", "phalanx_agent.main"]
 """Modules that have imported all that a run needs but the scenario's own code."""
 
 

@@ -177,7 +177,7 @@ def _serve(folder: Path, port: int | None, command_secret: bytes, token: str) ->
     end_with_launcher(_GRACE)
     configure_logging()
     show_live, replay = (
-        pkgutil.resolve_name(f"phalanx.viewer.main:{name}") for name in ("run_live", "run_replay")
+        pkgutil.resolve_name(f"phalanx_viewer.main:{name}") for name in ("run_live", "run_replay")
     )
     # Who runs a scenario trusts what it names.
     options = {"port": port, "trust": True}

@@ -23,9 +23,9 @@ from phalanx.wire.membership import Membership
 log = logging.getLogger("phalanx.launcher")
 
 PROGRAMS = {
-    "plant": "phalanx.plant.main:run",
-    "agent": "phalanx.agent.main:run",
-    CONTROLLER: "phalanx.agent.main:run",
+    "plant": "phalanx_plant.main:run",
+    "agent": "phalanx_agent.main:run",
+    CONTROLLER: "phalanx_agent.main:run",
 }
 """The programs by name; resolved where they run, so that nothing here imports them."""
 

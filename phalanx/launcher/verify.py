@@ -6,8 +6,8 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+from phalanx_agent.step import ControlStep, control_steps
 
-from phalanx.agent.step import ControlStep, control_steps
 from phalanx.faults.commands import CommandPolicy
 from phalanx.faults.state import Orders
 from phalanx.guarantee.verdict import Outcome

@@ -18,14 +18,20 @@ from phalanx.scenario.fields import ALTERNATIVES
 from phalanx.scenario.model import Reading, Scenario
 from phalanx.scenario.user_code import UntrustedCodeError
 
+_CHECKOUT = Path(__file__).parents[2]
+
 
 class ScenarioError(ValueError):
     """The scenario cannot be run; the message names file, field, expected and got."""
 
 
 def shipped() -> dict[str, Traversable]:
-    """The scenarios that come with Phalanx, by name; those in a folder have it before theirs."""
-    return dict(_in_folder(files(__package__) / "shipped", ""))
+    """The scenarios that come with Phalanx, by name; those in a folder have it before theirs.
+
+    A wheel has them inside the package, a checkout at its top.
+    """
+    inside = files(__package__) / "shipped"
+    return dict(_in_folder(inside if inside.is_dir() else _CHECKOUT / "scenarios", ""))
 
 
 def _in_folder(folder: Traversable, above: str) -> Iterator[tuple[str, Traversable]]:

@@ -9,7 +9,12 @@ from pathlib import Path
 
 _LIBRARIES = ("site-packages", "dist-packages")
 """Folders where packages lie beside others that have nothing to do with them."""
-NOT_A_USERS = sys.stdlib_module_names | {"phalanx"}
+NOT_A_USERS = sys.stdlib_module_names | {
+    "phalanx",
+    "phalanx_agent",
+    "phalanx_plant",
+    "phalanx_viewer",
+}
 """Top-level modules that are wherever Phalanx is."""
 
 

@@ -13,24 +13,24 @@ from typing import Any, NamedTuple
 
 import msgspec
 from cryptography.hazmat.primitives.asymmetric import ec
+from phalanx_agent.answering import SampleAnswering
+from phalanx_agent.step import Answer, ControlStep
+from phalanx_plant.clock.commands import CommandQueue
+from phalanx_plant.hub.answers import Answers
+from phalanx_plant.hub.places import Places
+from phalanx_viewer.feeds.live import check_frame
+from phalanx_viewer.feeds.live_history import LiveHistory
+from phalanx_viewer.scene.model import scene_model
 
-from phalanx.agent.answering import SampleAnswering
-from phalanx.agent.step import Answer, ControlStep
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.faults.state import Orders
 from phalanx.guarantee.verdict import CertificateSummary, Outcome, Summary, read_summary
 from phalanx.network.claim import Claim
 from phalanx.network.inbox import Fate
-from phalanx.plant.clock.commands import CommandQueue
-from phalanx.plant.hub.answers import Answers
-from phalanx.plant.hub.places import Places
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
-from phalanx.viewer.feeds.live import check_frame
-from phalanx.viewer.feeds.live_history import LiveHistory
-from phalanx.viewer.scene.model import scene_model
 from phalanx.wire.authority import public_der, read_public
 from phalanx.wire.frames import AgentStatus, CommandMessage, Frame, LinkEvent, LogLine
 from phalanx.wire.keys import Keys

@@ -19,26 +19,28 @@ class Mutant(NamedTuple):
     tests: str
 
 
-_ANSWERS, _STEP, _SEAL = "plant/hub/answers.py", "agent/step.py", "phalanx/wire/seal.py"
+_PLANT, _STEP = "plant/phalanx_plant", "agent/phalanx_agent/step.py"
+_ANSWERS, _SEAL = f"{_PLANT}/hub/answers.py", "phalanx/wire/seal.py"
 _TEST_ANSWERS, _TEST_STEP = "tests/unit/plant/test_answers.py", "tests/unit/agent/test_step.py"
 _TEST_SEAL, _TEST_LINKS = "tests/unit/wire/test_seal.py", "tests/unit/network"
 _TEST_RECORDING = "tests/unit/recording"
-_JUDGE, _TEST_JUDGE = "plant/judge/judge.py", "tests/unit/plant/test_judge.py"
-_NEAR, _TEST_NEAR = "plant/world/near.py", "tests/unit/plant/test_near.py"
+_JUDGE, _TEST_JUDGE = f"{_PLANT}/judge/judge.py", "tests/unit/plant/test_judge.py"
+_NEAR, _TEST_NEAR = f"{_PLANT}/world/near.py", "tests/unit/plant/test_near.py"
 _BOXES, _TEST_BOXES = "phalanx/guarantee/reachable.py", "tests/unit/guarantee/test_reachable.py"
 _ACCESS, _TEST_ACCESS = "phalanx/wire/access.py", "tests/unit/wire/test_access.py"
-_ASSUMED, _COVERAGE = "plant/judge/assumptions.py", "plant/judge/coverage.py"
-_LOOKAHEAD, _TEST_LOOKAHEAD = "plant/clock/lookahead.py", "tests/unit/plant/test_lookahead.py"
-_EXTREMES, _TEST_EXTREMES = "plant/world/extremes.py", "tests/unit/plant/test_extremes.py"
-_SENSING, _TEST_SENSING = "plant/sampling/sensing.py", "tests/unit/plant/test_sensing.py"
-_SCHEDULE, _TEST_HARNESS = "plant/sampling/schedule.py", "tests/unit/plant/test_harness.py"
-_SAMPLING, _TEST_SAMPLING = "plant/sampling/sampling.py", "tests/unit/plant/test_sampling.py"
+_ASSUMED, _COVERAGE = f"{_PLANT}/judge/assumptions.py", f"{_PLANT}/judge/coverage.py"
+_LOOKAHEAD, _TEST_LOOKAHEAD = f"{_PLANT}/clock/lookahead.py", "tests/unit/plant/test_lookahead.py"
+_EXTREMES, _TEST_EXTREMES = f"{_PLANT}/world/extremes.py", "tests/unit/plant/test_extremes.py"
+_SENSING, _TEST_SENSING = f"{_PLANT}/sampling/sensing.py", "tests/unit/plant/test_sensing.py"
+_SCHEDULE, _TEST_HARNESS = f"{_PLANT}/sampling/schedule.py", "tests/unit/plant/test_harness.py"
+_SAMPLING, _TEST_SAMPLING = f"{_PLANT}/sampling/sampling.py", "tests/unit/plant/test_sampling.py"
 _ENCLOSURE = "phalanx/theory/margins/enclosure.py"
 _TEST_ENCLOSURE = "tests/unit/theory/margins/test_enclosure.py"
 _INTEGRATED = "phalanx/theory/margins/integrated.py"
 _TEST_INTEGRATED = "tests/unit/theory/margins/test_integrated.py"
 _TEST_MARGIN = "tests/unit/theory/margins/test_integrated_margin.py"
 _VERIFY, _TEST_VERIFY = "phalanx/launcher/verify.py", "tests/unit/launcher/test_verify.py"
+
 MUTANTS = (
     Mutant("any t_apply", _ANSWERS, "message.t_apply != sample.t + self._latency", "False",
            _TEST_ANSWERS),
@@ -54,19 +56,19 @@ MUTANTS = (
            "(defaultdict(lambda: -1) if reports", _TEST_ANSWERS),
     Mutant("a fate of nobody's broadcast", _ANSWERS,
            "not all(self._may_be(fate) for fate in message.fates)", "False", _TEST_ANSWERS),
-    Mutant("a command twice", "plant/clock/commands.py", "message.number <= self._latest", "False",
-           "tests/unit/plant/test_commands.py"),
-    Mutant("a command for nobody", "plant/clock/commands.py",
+    Mutant("a command twice", f"{_PLANT}/clock/commands.py",
+           "message.number <= self._latest", "False", "tests/unit/plant/test_commands.py"),
+    Mutant("a command for nobody", f"{_PLANT}/clock/commands.py",
            "refusal(message.command, self._names)", "None", "tests/unit/plant/test_commands.py"),
-    Mutant("more payloads than may wait", "plant/hub/arrivals.py", ">= 2 * _MOST else None",
+    Mutant("more payloads than may wait", f"{_PLANT}/hub/arrivals.py", ">= 2 * _MOST else None",
            ">= 10**9 else None", "tests/unit/plant/test_arrivals.py"),
-    Mutant("another scenario's agent", "plant/hub/joining.py", "alive and found != self.digest",
+    Mutant("another scenario's agent", f"{_PLANT}/hub/joining.py", "alive and found != self.digest",
            "False", "tests/unit/plant/test_joining.py"),
-    Mutant("another scenario's claimant", "plant/hub/places.py", "request.digest != self._digest",
-           "False", "tests/unit/plant/test_places.py"),
-    Mutant("a place given twice", "plant/hub/places.py", "if name not in kept", "if True",
+    Mutant("another scenario's claimant", f"{_PLANT}/hub/places.py",
+           "request.digest != self._digest", "False", "tests/unit/plant/test_places.py"),
+    Mutant("a place given twice", f"{_PLANT}/hub/places.py", "if name not in kept", "if True",
            "tests/unit/plant/test_places.py"),
-    Mutant("the place of who is there", "plant/hub/joining.py", " and n not in self._here", "",
+    Mutant("the place of who is there", f"{_PLANT}/hub/joining.py", " and n not in self._here", "",
            "tests/unit/plant/test_joining.py"),
     Mutant("a sample skipped", _STEP, "skipped and not first and clock.waits", "False",
            _TEST_STEP),
@@ -94,10 +96,10 @@ MUTANTS = (
            "tests/unit/wire"),
     Mutant("records of another scenario", "phalanx/recording/read.py", "if unfit :=",
            "if unfit := None and",  _TEST_RECORDING),
-    Mutant("frames of another size", "viewer/feeds/live.py",
+    Mutant("frames of another size", "viewer/phalanx_viewer/feeds/live.py",
            "len(frame.x) != 8 * states or len(frame.agents) != len(members)", "False",
            "tests/unit/hostile/test_frames.py"),
-    Mutant("last words", "plant/main.py", "_say(last_words, summary)", "pass",
+    Mutant("last words", f"{_PLANT}/main.py", "_say(last_words, summary)", "pass",
            "tests/process/swarm/test_endings.py -k disk_that_fills"),
     Mutant("everybody's broadcasts", _ACCESS, 'keys.broadcast("*", n)))',
            'keys.broadcast("*", "*")))', _TEST_ACCESS),

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import TypeVar
 
 import psutil
+from phalanx_viewer.feeds.live import Live
 
 from phalanx.faults.commands import NO_COMMANDS, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher.engine import RunOptions, execute
 from phalanx.scenario.model import Scenario
-from phalanx.viewer.feeds.live import Live
 from phalanx.wire.endpoints import free_endpoint
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Status

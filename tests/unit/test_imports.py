@@ -11,11 +11,13 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PROGRAMS = ("agent", "plant", "viewer")
+PACKAGES = ("phalanx", *(f"phalanx_{program}" for program in PROGRAMS))
 
 
 def rooms(text: str, *above: set[str]) -> set[str]:
-    """Names of rooms below `phalanx`, written short, and those of rooms above."""
-    return {f"phalanx.{name}" for name in text.split()}.union(*above)
+    """Names of rooms, written short as "wire" or "plant.hub", and those of rooms above."""
+    marks = {name: "_" if name.split(".")[0] in PROGRAMS else "." for name in text.split()}
+    return {f"phalanx{mark}{name}" for name, mark in marks.items()}.union(*above)
 
 
 THEORY = rooms(
@@ -60,22 +62,22 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.launcher": LAUNCHER | PLANT | rooms("agent plant"),
     "phalanx.cli": rooms("cli guarantee.checker", LAUNCHER) | {"phalanx"},
     "phalanx": LAUNCHER | rooms("cli"),
-    "phalanx.agent": WIRE,
-    "phalanx.plant": RECORDING | PLANT,
-    "phalanx.plant.world": RECORDING,
-    "phalanx.plant.events": RECORDING | rooms("plant.world"),
-    "phalanx.plant.sampling": RECORDING | rooms("plant.world plant.events"),
-    "phalanx.plant.judge": RECORDING | rooms("plant.world plant.events"),
-    "phalanx.plant.hub": RECORDING | rooms("plant.world plant.events"),
-    "phalanx.plant.clock": RECORDING | rooms("plant.world plant.events plant.sampling"),
-    "phalanx.plant.scribe": RECORDING | rooms("plant.world plant.events plant.judge plant.clock"),
-    "phalanx.viewer": REPORT | VIEWER,
-    "phalanx.viewer.scene": RECORDING,
-    "phalanx.viewer.feeds": RECORDING | rooms("viewer.scene"),
-    "phalanx.viewer.plots": RECORDING | rooms("viewer.scene viewer.feeds"),
-    "phalanx.viewer.page": RECORDING | rooms("viewer.scene viewer.feeds viewer.plots"),
-    "phalanx.viewer.export": REPORT | rooms("viewer.scene viewer.feeds viewer.plots"),
-    "phalanx.viewer.ros2": RECORDING | rooms("viewer.scene viewer.feeds"),
+    "phalanx_agent": WIRE,
+    "phalanx_plant": RECORDING | PLANT,
+    "phalanx_plant.world": RECORDING,
+    "phalanx_plant.events": RECORDING | rooms("plant.world"),
+    "phalanx_plant.sampling": RECORDING | rooms("plant.world plant.events"),
+    "phalanx_plant.judge": RECORDING | rooms("plant.world plant.events"),
+    "phalanx_plant.hub": RECORDING | rooms("plant.world plant.events"),
+    "phalanx_plant.clock": RECORDING | rooms("plant.world plant.events plant.sampling"),
+    "phalanx_plant.scribe": RECORDING | rooms("plant.world plant.events plant.judge plant.clock"),
+    "phalanx_viewer": REPORT | VIEWER,
+    "phalanx_viewer.scene": RECORDING,
+    "phalanx_viewer.feeds": RECORDING | rooms("viewer.scene"),
+    "phalanx_viewer.plots": RECORDING | rooms("viewer.scene viewer.feeds"),
+    "phalanx_viewer.page": RECORDING | rooms("viewer.scene viewer.feeds viewer.plots"),
+    "phalanx_viewer.export": REPORT | rooms("viewer.scene viewer.feeds viewer.plots"),
+    "phalanx_viewer.ros2": RECORDING | rooms("viewer.scene viewer.feeds"),
 }
 THEORY_MAY_USE = {"numpy", "casadi", "osqp", "scipy", "annotated_types"}
 ONLY_IN_WIRE = {"zenoh"}  # and its workarounds
@@ -107,11 +109,11 @@ def offences(names: Iterable[str], module: str) -> list[str]:
     home, found = room_of(module), []
     for name in names:
         top = name.split(".")[0]
-        if top == "phalanx":
+        if top in PACKAGES:
             if room_of(name) not in MAY_IMPORT[home] | {home} | BY_ALL:
                 found.append(f"{module} may not import {name}")
         elif top in PROGRAMS:
-            found.append(f"{module} may not import {name}: its name is phalanx.{name}")
+            found.append(f"{module} may not import {name}: its name is phalanx_{name}")
         elif top in ONLY_IN_WIRE and home not in ("phalanx.wire", "phalanx.compat"):
             found.append(f"{module} may not import {name}: only phalanx.wire does")
         elif home in THEORY and top not in THEORY_MAY_USE | sys.stdlib_module_names:
@@ -128,11 +130,11 @@ def imports() -> dict[str, list[str]]:
 def modules() -> list[tuple[str, Path]]:
     """Every module of the project, by dotted name."""
     found = []
-    for top in ("phalanx", *PROGRAMS):
-        for file in sorted((ROOT / top).rglob("*.py")):
-            parts = file.relative_to(ROOT).with_suffix("").parts
-            name = ".".join(parts if top == "phalanx" else ("phalanx", *parts))
-            found.append((name.removesuffix(".__init__"), file))
+    for top in (ROOT, *(ROOT / program for program in PROGRAMS)):
+        for package in PACKAGES:
+            for file in sorted((top / package).rglob("*.py")):
+                name = ".".join(file.relative_to(top).with_suffix("").parts)
+                found.append((name.removesuffix(".__init__"), file))
     return found
 
 
@@ -218,13 +220,13 @@ def cycle(graph: Mapping[str, set[str]]) -> list[str] | None:
 @pytest.mark.parametrize(
     ("module", "source"),
     [
-        ("phalanx.agent.step", "import phalanx.plant"),
-        ("phalanx.agent.step", "import agent.main"),
-        ("phalanx.agent.step", "from phalanx.plant.world.world import World"),
-        ("phalanx.plant.main", "from phalanx.agent import step"),
-        ("phalanx.plant.world.near", "from phalanx.plant.judge.judge import Judge"),
-        ("phalanx.viewer.main", "import phalanx.agent.main as program"),
-        ("phalanx.cli.run", "from phalanx.plant.main import run"),
+        ("phalanx_agent.step", "import phalanx_plant"),
+        ("phalanx_agent.step", "import agent.main"),
+        ("phalanx_agent.step", "from phalanx_plant.world.world import World"),
+        ("phalanx_plant.main", "from phalanx_agent import step"),
+        ("phalanx_plant.world.near", "from phalanx_plant.judge.judge import Judge"),
+        ("phalanx_viewer.main", "import phalanx_agent.main as program"),
+        ("phalanx.cli.run", "from phalanx_plant.main import run"),
         ("phalanx.theory.rows.row", "from phalanx.theory.laws.law import View"),
         ("phalanx.theory.safety.chain", "from phalanx.scenario.model import Scenario"),
         ("phalanx.theory.safety.chain", "from phalanx.seeded.draws import Draws"),
@@ -239,8 +241,8 @@ def cycle(graph: Mapping[str, set[str]]) -> list[str] | None:
         ("phalanx.guarantee.checker.certify", "from phalanx.swarm.swarm import build_swarm"),
         ("phalanx.guarantee.checker.certify", "from phalanx.recording.read import read"),
         ("phalanx.guarantee.checker.intervals", "import phalanx.theory.expressions.interval"),
-        ("phalanx.agent.main", "if True:\n    from zenoh import Session"),
-        ("phalanx.cli.run", "import phalanx.viewer"),
+        ("phalanx_agent.main", "if True:\n    from zenoh import Session"),
+        ("phalanx.cli.run", "import phalanx_viewer"),
     ],
 )
 def test_a_forbidden_import_is_found_wherever_it_stands(module, source):
@@ -250,7 +252,7 @@ def test_a_forbidden_import_is_found_wherever_it_stands(module, source):
 @pytest.mark.parametrize(
     ("module", "source"),
     [
-        ("phalanx.agent.step", "from phalanx.theory.rows.qp import NearestInput\nimport numpy"),
+        ("phalanx_agent.step", "from phalanx.theory.rows.qp import NearestInput\nimport numpy"),
         ("phalanx.theory.rows.qp", "import osqp\nfrom scipy import sparse\nfrom .row import Row"),
         ("phalanx.wire.session", "import zenoh"),
         ("phalanx.swarm.swarm", "from phalanx.seeded.clock import SamplingClock"),

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import pytest
+from phalanx_agent.centralised import CentralisedController
 
-from phalanx.agent.centralised import CentralisedController
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher.engine import RunOptions, execute

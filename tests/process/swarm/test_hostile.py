@@ -14,11 +14,11 @@ from typing import Any
 import msgspec
 import pytest
 import zenoh
+from phalanx_plant.events.stop import SwarmBrokenError
+from phalanx_plant.hub.agents import LockstepHub
 
 from phalanx.faults.commands import CommandKind
 from phalanx.network.inbox import Fate
-from phalanx.plant.events.stop import SwarmBrokenError
-from phalanx.plant.hub.agents import LockstepHub
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin

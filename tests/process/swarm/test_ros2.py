@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zenoh
+from phalanx_viewer.scene.geometry import facing
+from phalanx_viewer.scene.model import scene_model
 
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
-from phalanx.viewer.scene.geometry import facing
-from phalanx.viewer.scene.model import scene_model
 from phalanx.wire.endpoints import reserved_endpoint
 from phalanx.wire.session import open_hub
 from tests import ros2_messages as ros

@@ -42,7 +42,7 @@ for _ in tapped(Membership(run, endpoint, secret.encode())):
 """
 VIEWER = """
 import os, signal, sys
-from phalanx.viewer.feeds.live import Live
+from phalanx_viewer.feeds.live import Live
 from phalanx.wire.membership import Membership
 run, endpoint, secret = sys.argv[1:]
 live = Live(Membership(run, endpoint, secret.encode()))

@@ -11,6 +11,10 @@ import casadi as ca
 import msgspec
 import numpy as np
 import pytest
+from phalanx_plant.clock.commands import CommandQueue
+from phalanx_plant.clock.lockstep import Lockstep
+from phalanx_plant.run import PlantRun
+from phalanx_plant.world.actuators import Actuators
 
 from phalanx.faults.commands import NO_COMMANDS
 from phalanx.guarantee.certificate import pair_certificate
@@ -19,10 +23,6 @@ from phalanx.guarantee.check import check
 from phalanx.guarantee.checker.certify import certify
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.in_process_engine import DirectAgents
-from phalanx.plant.clock.commands import CommandQueue
-from phalanx.plant.clock.lockstep import Lockstep
-from phalanx.plant.run import PlantRun
-from phalanx.plant.world.actuators import Actuators
 from phalanx.recording.read import read
 from phalanx.recording.records import RECORDING
 from phalanx.recording.write import RecordingWriter

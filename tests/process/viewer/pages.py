@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING
 
 import msgspec
 import viser
+from phalanx_viewer.feeds.replay import Replay
+from phalanx_viewer.page.page import Page
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-from phalanx.viewer.feeds.replay import Replay
-from phalanx.viewer.page.page import Page
 from tests.process.runs import SECRET, free_port
 
 if TYPE_CHECKING:

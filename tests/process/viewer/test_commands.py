@@ -4,13 +4,13 @@ from pathlib import Path
 
 import psutil
 import pytest
+from phalanx_viewer.feeds.live import Live
 
 from phalanx.faults.commands import CommandKind, CommandPolicy
 from phalanx.faults.state import Condition
 from phalanx.guarantee.verdict import Outcome
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
-from phalanx.viewer.feeds.live import Live
 from phalanx.wire.frames import Frame
 from tests.process.runs import COMMAND_SECRET, PACED, live_run, wait_for
 

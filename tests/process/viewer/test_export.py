@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import matplotlib.image
 import numpy as np
 import pytest
+from phalanx_viewer.export.write import run
 
-from phalanx.viewer.export.write import run
 from tests.process.runs import wait_for
 from tests.process.viewer.pages import drawn
 

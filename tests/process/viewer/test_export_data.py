@@ -9,11 +9,11 @@ import polars as pl
 import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
+from phalanx_viewer.export.write import run
 
 import phalanx
 from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.faults.commands import Command, CommandKind
-from phalanx.viewer.export.write import run
 from phalanx.wire.step_report import QUANTITIES
 
 

@@ -11,6 +11,8 @@ import msgspec
 import numpy as np
 import pytest
 import zstandard
+from phalanx_viewer.feeds.replay import open_replay
+from phalanx_viewer.plots.plots import content
 from websockets.sync.client import connect
 
 from phalanx.guarantee.verdict import Assumption, Outcome, Violation
@@ -18,8 +20,6 @@ from phalanx.recording.read import read
 from phalanx.recording.records import RECORDING, Log
 from phalanx.recording.write import RecordingWriter
 from phalanx.scenario.load import load
-from phalanx.viewer.feeds.replay import open_replay
-from phalanx.viewer.plots.plots import content
 from tests.process.runs import COMMAND_SECRET, HELD, live_run, wait_for
 from tests.process.viewer.pages import drawn, served, viewer, visitor
 

@@ -5,15 +5,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from phalanx_viewer.feeds.history import EMPTY_CODES
+from phalanx_viewer.feeds.replay import Replay, open_replay
+from phalanx_viewer.plots.content import Content, Plot
+from phalanx_viewer.plots.plots import LEAST_HORIZON, content, values_at
+from phalanx_viewer.scene.picture import picture
 
 from phalanx.faults.commands import CommandKind
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
-from phalanx.viewer.feeds.history import EMPTY_CODES
-from phalanx.viewer.feeds.replay import Replay, open_replay
-from phalanx.viewer.plots.content import Content, Plot
-from phalanx.viewer.plots.plots import LEAST_HORIZON, content, values_at
-from phalanx.viewer.scene.picture import picture
 from phalanx.wire.frames import Frame
 from tests.process.runs import HELD, PACED, live_run, wait_for
 

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from phalanx_viewer.feeds.replay import Replay, open_replay
+from phalanx_viewer.page.server import open_page
+from phalanx_viewer.scene.cameras import Cameras, Framing
+from phalanx_viewer.scene.picture import Picture, picture
+from phalanx_viewer.scene.server import SceneServer, in_loop
+from phalanx_viewer.scene.view import View
 from PIL import Image
 
 import phalanx
 from phalanx.arrays import Array
 from phalanx.scenario.load import load
-from phalanx.viewer.feeds.replay import Replay, open_replay
-from phalanx.viewer.page.server import open_page
-from phalanx.viewer.scene.cameras import Cameras, Framing
-from phalanx.viewer.scene.picture import Picture, picture
-from phalanx.viewer.scene.server import SceneServer, in_loop
-from phalanx.viewer.scene.view import View
 from tests.process.runs import free_port, wait_for
 from tests.process.viewer.pages import served, visitor
 

@@ -4,12 +4,11 @@ from collections.abc import Iterator
 
 import pytest
 import viser
+from phalanx_viewer.page.server import PortTakenError, choose_port, open_page
+from phalanx_viewer.scene.server import SceneServer
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
-
-from phalanx.viewer.page.server import PortTakenError, choose_port, open_page
-from phalanx.viewer.scene.server import SceneServer
 
 
 @pytest.fixture

@@ -7,9 +7,9 @@ from typing import Any
 
 import msgspec
 import pytest
+from phalanx_agent.answering import SampleAnswering, withheld_broadcasts
+from phalanx_agent.step import Answer, ControlStep
 
-from phalanx.agent.answering import SampleAnswering, withheld_broadcasts
-from phalanx.agent.step import Answer, ControlStep
 from phalanx.faults.state import Orders
 from phalanx.network.inbox import Existing
 from phalanx.wire.keys import Keys

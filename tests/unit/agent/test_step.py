@@ -3,8 +3,8 @@
 import msgspec
 import numpy as np
 import pytest
+from phalanx_agent.step import ControlStep
 
-from phalanx.agent.step import ControlStep
 from phalanx.network.claim import Claim
 from phalanx.network.inbox import Fate
 from phalanx.scenario.load import load

@@ -4,13 +4,13 @@ import re
 from pathlib import Path
 
 import pytest
+from phalanx_viewer.feeds.replay import Replay
+from phalanx_viewer.page.panels import verdict_in_words
 
 import phalanx
 from phalanx.cli.app import status
 from phalanx.recording.read import read
 from phalanx.recording.records import RECORDING
-from phalanx.viewer.feeds.replay import Replay
-from phalanx.viewer.page.panels import verdict_in_words
 
 CUT_SHORT = re.compile(r"cut\s+short\s+after\s+t\s+=\s+0\.\d{3}\s+s")
 

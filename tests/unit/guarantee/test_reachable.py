@@ -3,12 +3,12 @@
 import casadi as ca
 import numpy as np
 import pytest
+from phalanx_plant.judge.coverage import Applied, Coverage
+from phalanx_plant.world.motion import Motion
 
 from phalanx.guarantee.certificate import MULTIPLES
 from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.guarantee.reachable import ReachableBoxes
-from phalanx.plant.judge.coverage import Applied, Coverage
-from phalanx.plant.world.motion import Motion
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.models.integrators import SingleIntegrator

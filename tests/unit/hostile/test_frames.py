@@ -5,9 +5,9 @@ import struct
 
 import pytest
 from msgspec.structs import replace
+from phalanx_viewer.feeds.live import check_frame
+from phalanx_viewer.scene.model import scene_model
 
-from phalanx.viewer.feeds.live import check_frame
-from phalanx.viewer.scene.model import scene_model
 from phalanx.wire.frames import AgentStatus, LinkEvent
 from phalanx.wire.seal import Malformed
 from tests.hostile.messages import KEYS, SCENARIO, receivers

@@ -5,8 +5,8 @@ import random
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from phalanx_plant.hub.joining import Joining
 
-from phalanx.plant.hub.joining import Joining
 from tests.hostile.messages import SEALER, Receiver, put, receivers, spoilt, spoilt_token
 from tests.unit.swarms import swarm_of_scenario
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from phalanx_plant.world.actuators import Actuators
 
-from phalanx.plant.world.actuators import Actuators
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 from tests.unit.swarms import swarm_of_scenario

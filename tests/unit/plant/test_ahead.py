@@ -1,6 +1,6 @@
 """What is worked out for many events at once."""
 
-from phalanx.plant.scribe.ahead import Ahead
+from phalanx_plant.scribe.ahead import Ahead
 
 
 def test_answers_come_in_the_order_of_their_questions_and_few_at_once_however_many_wait():

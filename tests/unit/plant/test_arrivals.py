@@ -4,8 +4,8 @@ import logging
 import queue
 
 import pytest
+from phalanx_plant.hub.arrivals import _MOST, Arrivals
 
-from phalanx.plant.hub.arrivals import _MOST, Arrivals
 from phalanx.wire.messages import MAX_BYTES
 from phalanx.wire.refusals import Refusals
 from phalanx.wire.seal import Malformed

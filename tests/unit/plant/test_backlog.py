@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
+from phalanx_plant.clock import backlog
+from phalanx_plant.clock.backlog import Backlog
+from phalanx_plant.events.events import Event, Sampled
+from phalanx_plant.world.world import DivergedError
 
 import phalanx
 from phalanx.guarantee.verdict import Summary
-from phalanx.plant.clock import backlog
-from phalanx.plant.clock.backlog import Backlog
-from phalanx.plant.events.events import Event, Sampled
-from phalanx.plant.world.world import DivergedError
 from phalanx.recording.read import read
 from phalanx.recording.records import Step
 from phalanx.recording.write import RecordingError

@@ -1,8 +1,9 @@
 """What agents tell one another, held against what their actuators were given."""
 
+from phalanx_plant.judge.claims import Claims, Finding
+
 from phalanx.network.claim import Claim
 from phalanx.network.inbox import Fate
-from phalanx.plant.judge.claims import Claims, Finding
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from phalanx_plant.sampling.clocks import AgentClock
 
-from phalanx.plant.sampling.clocks import AgentClock
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 

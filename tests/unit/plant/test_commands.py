@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from phalanx_plant.clock.commands import CommandQueue
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
-from phalanx.plant.clock.commands import CommandQueue
 from phalanx.wire.frames import CommandMessage
 from phalanx.wire.keys import Keys
 from phalanx.wire.seal import Sealer

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from phalanx_plant.world.disturbance import KnottedDisturbance, SwarmDisturbance
 
-from phalanx.plant.world.disturbance import KnottedDisturbance, SwarmDisturbance
 from phalanx.scenario.agents import Disturbance
 from tests.unit.swarms import rows_of_scenario
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from phalanx_plant.world.extremes import PairExtremes
 
-from phalanx.plant.world.extremes import PairExtremes
 from phalanx.theory.safety.composition import ComposedSet
 from tests.unit.swarms import swarm_of_scenario
 

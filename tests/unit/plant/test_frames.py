@@ -3,17 +3,17 @@
 from pathlib import Path
 
 import pytest
+from phalanx_plant.clock import backlog
+from phalanx_plant.clock.commands import CommandQueue
+from phalanx_plant.clock.lockstep import Lockstep
+from phalanx_plant.run import PlantRun
+from phalanx_plant.scribe import frames
+from phalanx_viewer.feeds.replay import open_replay
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.launcher.engine import silent
 from phalanx.launcher.in_process_engine import DirectAgents
-from phalanx.plant.clock import backlog
-from phalanx.plant.clock.commands import CommandQueue
-from phalanx.plant.clock.lockstep import Lockstep
-from phalanx.plant.run import PlantRun
-from phalanx.plant.scribe import frames
 from phalanx.recording.write import RecordingWriter
-from phalanx.viewer.feeds.replay import open_replay
 from phalanx.wire.frames import Frame
 from phalanx.wire.messages import Actuation
 from tests.unit.swarms import rows_of_scenario

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from phalanx_plant.sampling.harness import Harness
+from phalanx_plant.sampling.schedule import Schedule
 
-from phalanx.plant.sampling.harness import Harness
-from phalanx.plant.sampling.schedule import Schedule
 from phalanx.scenario.load import ScenarioError, load
 from phalanx.swarm.swarm import Swarm, build_swarm
 

@@ -1,8 +1,8 @@
 """Who has joined and who has left, by tokens."""
 
 import pytest
+from phalanx_plant.hub.joining import Joining
 
-from phalanx.plant.hub.joining import Joining
 from phalanx.wire.keys import Keys
 from tests.unit.swarms import swarm_of_scenario
 

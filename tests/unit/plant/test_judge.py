@@ -3,14 +3,14 @@
 import casadi as ca
 import numpy as np
 import pytest
+from phalanx_plant.events.events import InputApplied, InputLost, Sampled, StateReached
+from phalanx_plant.judge.coverage import Applied
+from phalanx_plant.judge.judge import Judge
+from phalanx_plant.world.integration import DisturbanceKnot
+from phalanx_plant.world.truth import IntegrationSteps
+from phalanx_plant.world.world import DivergedError
 
 from phalanx.guarantee.verdict import Assumption
-from phalanx.plant.events.events import InputApplied, InputLost, Sampled, StateReached
-from phalanx.plant.judge.coverage import Applied
-from phalanx.plant.judge.judge import Judge
-from phalanx.plant.world.integration import DisturbanceKnot
-from phalanx.plant.world.truth import IntegrationSteps
-from phalanx.plant.world.world import DivergedError
 from phalanx.theory.models.unicycle import Unicycle
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Telemetry

@@ -7,19 +7,19 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from phalanx_plant.clock.commands import CommandQueue
+from phalanx_plant.clock.lockstep import Lockstep
+from phalanx_plant.clock.lookahead import look_ahead
+from phalanx_plant.events.events import Event
+from phalanx_plant.events.stop import SwarmBrokenError
+from phalanx_plant.run import PlantRun
+from phalanx_plant.sampling.harness import Harness
+from phalanx_plant.sampling.schedule import Schedule
+from phalanx_plant.world.world import World
 
 from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind, CommandPolicy
 from phalanx.faults.state import FaultState
 from phalanx.guarantee.verdict import Outcome, Summary
-from phalanx.plant.clock.commands import CommandQueue
-from phalanx.plant.clock.lockstep import Lockstep
-from phalanx.plant.clock.lookahead import look_ahead
-from phalanx.plant.events.events import Event
-from phalanx.plant.events.stop import SwarmBrokenError
-from phalanx.plant.run import PlantRun
-from phalanx.plant.sampling.harness import Harness
-from phalanx.plant.sampling.schedule import Schedule
-from phalanx.plant.world.world import World
 from phalanx.recording.read import read
 from phalanx.recording.write import RecordingWriter
 from phalanx.scenario.load import load

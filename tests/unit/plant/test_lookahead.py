@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from phalanx_plant.clock.lookahead import Lookahead
+from phalanx_plant.world.world import World
 
-from phalanx.plant.clock.lookahead import Lookahead
-from phalanx.plant.world.world import World
 from tests.unit.swarms import rows_of_scenario
 
 EVENTS = np.cumsum([0.0013, 0.0002, 0.004, 0.0031, 0.0007, 0.19, 0.0009, 0.006])

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from phalanx_plant.world import near
+from phalanx_plant.world.composition import LogSumExp
+from phalanx_plant.world.near import Near, NearPairs
+from phalanx_plant.world.psi import LargestPsi
 
-from phalanx.plant.world import near
-from phalanx.plant.world.composition import LogSumExp
-from phalanx.plant.world.near import Near, NearPairs
-from phalanx.plant.world.psi import LargestPsi
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm

@@ -5,13 +5,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from phalanx_plant.clock.commands import CommandQueue
+from phalanx_plant.clock.real_time import RealTime
+from phalanx_plant.run import PlantRun
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.guarantee.checker.certify import certify
 from phalanx.guarantee.verdict import Outcome, Summary
-from phalanx.plant.clock.commands import CommandQueue
-from phalanx.plant.clock.real_time import RealTime
-from phalanx.plant.run import PlantRun
 from phalanx.recording.read import Recording, read
 from phalanx.recording.write import RecordingWriter
 from phalanx.theory.rows.origin import Origin

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from phalanx_plant.world.integration import Passage
+from phalanx_plant.world.resolution import Resolution
+from phalanx_plant.world.world import World
 
 from phalanx.guarantee.certificate import DEFECT
-from phalanx.plant.world.integration import Passage
-from phalanx.plant.world.resolution import Resolution
-from phalanx.plant.world.world import World
 from phalanx.theory.models.integrators import SingleIntegrator
 from tests.unit.swarms import rows_of_scenario, swarm_of_scenario
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from phalanx_plant.sampling.harness import Harness
+from phalanx_plant.sampling.sampling import Sampling, Taken
+from phalanx_plant.sampling.schedule import Schedule
 
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.faults.state import FaultState
-from phalanx.plant.sampling.harness import Harness
-from phalanx.plant.sampling.sampling import Sampling, Taken
-from phalanx.plant.sampling.schedule import Schedule
 from phalanx.wire.messages import Sample
 from tests.unit.swarms import swarm_of_scenario
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from phalanx_plant.sampling.sensing import Sensing, Sight
 
-from phalanx.plant.sampling.sensing import Sensing, Sight
 from phalanx.scenario.load import load
 from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import build_swarm

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from phalanx_plant.sampling.sensors import Sensors
 
-from phalanx.plant.sampling.sensors import Sensors
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 

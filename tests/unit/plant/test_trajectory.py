@@ -1,9 +1,8 @@
 """The trajectory's hash knows every state and every input to the last bit, and nothing else."""
 
 import numpy as np
-
-from phalanx.plant.events.events import InputApplied, StateReached
-from phalanx.plant.scribe.trajectory import TrajectoryHash
+from phalanx_plant.events.events import InputApplied, StateReached
+from phalanx_plant.scribe.trajectory import TrajectoryHash
 
 
 def hashed(x: float = 1.0, u: float = 0.5, i: int = 0, k: int = 3, t: float = 0.1) -> str:

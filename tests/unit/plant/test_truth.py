@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from phalanx_plant.world.integration import DisturbanceKnot
+from phalanx_plant.world.truth import IntegrationSteps, Seen, Truth
+from phalanx_plant.world.world import World
 
-from phalanx.plant.world.integration import DisturbanceKnot
-from phalanx.plant.world.truth import IntegrationSteps, Seen, Truth
-from phalanx.plant.world.world import World
 from tests.unit.swarms import rows_of_scenario
 
 LARGE = ("agents.0.count=28", "agents.1.count=4")

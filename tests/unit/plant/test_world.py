@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from phalanx_plant.world.disturbance import KnottedDisturbance
+from phalanx_plant.world.integration import DisturbanceKnot
+from phalanx_plant.world.truth import IntegrationSteps, Truth
+from phalanx_plant.world.world import World
 from scipy.integrate import solve_ivp
 
-from phalanx.plant.world.disturbance import KnottedDisturbance
-from phalanx.plant.world.integration import DisturbanceKnot
-from phalanx.plant.world.truth import IntegrationSteps, Truth
-from phalanx.plant.world.world import World
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
 from tests.unit.swarms import rows_of_scenario

@@ -3,9 +3,9 @@
 import casadi as ca
 import numpy as np
 import pytest
+from phalanx_plant.world.composition import LogSumExp
+from phalanx_plant.world.psi import LargestPsi
 
-from phalanx.plant.world.composition import LogSumExp
-from phalanx.plant.world.psi import LargestPsi
 from phalanx.scenario.load import shipped
 from phalanx.swarm.compile import compile_rows
 from phalanx.swarm.rows import SafetyRows

@@ -1,9 +1,8 @@
 """No text covers another, and the more important one stays."""
 
 import numpy as np
-
-from phalanx.viewer.scene.labels import LETTER, apart, beside
-from phalanx.viewer.scene.view import View
+from phalanx_viewer.scene.labels import LETTER, apart, beside
+from phalanx_viewer.scene.view import View
 
 
 def placed(at: list[list[float]], letters: list[int]) -> list[int]:

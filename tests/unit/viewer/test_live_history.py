@@ -2,14 +2,14 @@
 
 import msgspec
 import numpy as np
+from phalanx_viewer.feeds.agent_steps import AgentSteps
+from phalanx_viewer.feeds.live_history import LiveHistory
+from phalanx_viewer.scene.model import scene_model
 
 from phalanx.guarantee.verdict import Violation
 from phalanx.recording.records import Step
 from phalanx.scenario.load import load
 from phalanx.theory.rows.origin import Origin
-from phalanx.viewer.feeds.agent_steps import AgentSteps
-from phalanx.viewer.feeds.live_history import LiveHistory
-from phalanx.viewer.scene.model import scene_model
 from phalanx.wire.frames import AgentStatus, Frame, LinkEvent
 from phalanx.wire.step_report import QUANTITIES, AppliedStep
 

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from phalanx_viewer.feeds.replay import Replay
+from phalanx_viewer.page.panels import agent_in_words, verdict_in_words
 
 from phalanx.guarantee.verdict import Assumption
 from phalanx.recording.read import read
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.safety.composition import FAR
-from phalanx.viewer.feeds.replay import Replay
-from phalanx.viewer.page.panels import agent_in_words, verdict_in_words
 from phalanx.wire.frames import AgentStatus
 from phalanx.wire.step_report import AppliedStep
 from tests.unit.report.recordings import drift, record, summary_of, unicycles

@@ -1,12 +1,12 @@
 """Pairs that left the safe set stand out in the picture, and no others."""
 
 import numpy as np
+from phalanx_viewer.scene.banner import banner
+from phalanx_viewer.scene.model import SceneModel, scene_model
+from phalanx_viewer.scene.picture import Picture, alarms, past_alarms, picture
 
 from phalanx.guarantee.verdict import Violation
 from phalanx.scenario.load import load
-from phalanx.viewer.scene.banner import banner
-from phalanx.viewer.scene.model import SceneModel, scene_model
-from phalanx.viewer.scene.picture import Picture, alarms, past_alarms, picture
 from phalanx.wire.frames import AgentStatus, Frame
 
 MODEL: SceneModel = scene_model(load("surrounded", []))

@@ -2,20 +2,20 @@
 
 import numpy as np
 import pytest
-
-from phalanx.faults.state import Condition
-from phalanx.recording.broadcasts import IN_TIME, LATE, LOST, Broadcast
-from phalanx.viewer.feeds.history import (
+from phalanx_viewer.feeds.history import (
     EMPTY_CODES,
     ConditionChange,
     agent_series,
     fates_of,
     series_width,
 )
-from phalanx.viewer.plots.content import FALSE, Period
-from phalanx.viewer.plots.curves import Series, curve, envelope, farthest, highest, lowest, numbers
-from phalanx.viewer.plots.lanes import lanes, zoom
-from phalanx.viewer.plots.plots import empty_periods, fault_periods
+from phalanx_viewer.plots.content import FALSE, Period
+from phalanx_viewer.plots.curves import Series, curve, envelope, farthest, highest, lowest, numbers
+from phalanx_viewer.plots.lanes import lanes, zoom
+from phalanx_viewer.plots.plots import empty_periods, fault_periods
+
+from phalanx.faults.state import Condition
+from phalanx.recording.broadcasts import IN_TIME, LATE, LOST, Broadcast
 
 T = np.linspace(0.0, 10.0, 5001)
 

@@ -1,13 +1,13 @@
 """What a replay says at a time is what had happened by then."""
 
 import pytest
+from phalanx_viewer.feeds.replay import Replay
+from phalanx_viewer.page.panels import agent_in_words
+from phalanx_viewer.scene.picture import picture
 
 import phalanx
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.faults.state import Condition
-from phalanx.viewer.feeds.replay import Replay
-from phalanx.viewer.page.panels import agent_in_words
-from phalanx.viewer.scene.picture import picture
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,14 @@ import importlib.util
 
 import numpy as np
 import pytest
+from phalanx_viewer.feeds.replay import Replay
+from phalanx_viewer.ros2 import markers
+from phalanx_viewer.ros2.diagnostics import alike, diagnostics, so_far, verdict
+from phalanx_viewer.ros2.poses import stamped
+from phalanx_viewer.ros2.republisher import pose_topics
+from phalanx_viewer.ros2.serialized import message_type, serialized
+from phalanx_viewer.scene.geometry import facing
+from phalanx_viewer.scene.model import scene_model
 from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticArray as Diagnostics
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__PoseStamped as PoseStamped
 from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__String as String
@@ -11,14 +19,6 @@ from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__MarkerArr
 
 import phalanx
 from phalanx.cli.app import USAGE_ERROR, status
-from phalanx.viewer.feeds.replay import Replay
-from phalanx.viewer.ros2 import markers
-from phalanx.viewer.ros2.diagnostics import alike, diagnostics, so_far, verdict
-from phalanx.viewer.ros2.poses import stamped
-from phalanx.viewer.ros2.republisher import pose_topics
-from phalanx.viewer.ros2.serialized import message_type, serialized
-from phalanx.viewer.scene.geometry import facing
-from phalanx.viewer.scene.model import scene_model
 from tests import ros2_messages as ros
 
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from phalanx_viewer.scene.view import View, looks_at
 from scipy.spatial.transform import Rotation
-
-from phalanx.viewer.scene.view import View, looks_at
 
 DIRECTIONS = {
     "from above": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), 0.35),

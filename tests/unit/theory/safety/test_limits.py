@@ -3,11 +3,11 @@
 import casadi as ca
 import numpy as np
 import pytest
+from phalanx_plant.world.near import NearPairs
+from phalanx_plant.world.psi import LargestPsi
 
 import phalanx
 from phalanx.guarantee.verdict import Outcome
-from phalanx.plant.world.near import NearPairs
-from phalanx.plant.world.psi import LargestPsi
 from phalanx.scenario.load import ScenarioError
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm

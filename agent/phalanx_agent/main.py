@@ -1,0 +1,154 @@
+"""The agent's shell: a Zenoh client that answers samples until the hub is gone."""
+
+import contextlib
+import gc
+import logging
+import signal
+from collections.abc import Callable
+from functools import cache, partial
+from pathlib import Path
+from queue import SimpleQueue
+
+from phalanx.profile.stopwatch import Stopwatch
+from phalanx.swarm.rows import SafetyRows
+from phalanx.swarm.watchdog import endless_loops
+from phalanx.theory.rows.origin import Origin
+from phalanx.wire import liveliness, pubsub
+from phalanx.wire.copies import Copies
+from phalanx.wire.door import Door
+from phalanx.wire.keys import PLANT, Keys
+from phalanx.wire.membership import Membership
+from phalanx.wire.messages import LONGEST_FAILURE, Message, Telemetry
+from phalanx.wire.presence import PlantPresence
+from phalanx.wire.seal import Sealer
+from phalanx.wire.session import Session, open_member
+from phalanx.wire.step_report import StepReport
+from phalanx_agent.answering import SampleAnswering, withheld_broadcasts
+from phalanx_agent.clock import clock_of
+from phalanx_agent.step import Answer, ControlStep, StepFailedError, control_steps
+
+log = logging.getLogger("phalanx.agent")
+
+_LONGEST_SILENCE = 16.0
+"""Twice as long as a step may take [s]: Zenoh gives up a hub that it has not read from for 10 s."""
+
+
+def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None) -> int:
+    """Run one agent, or the controller of several, until the plant leaves.
+
+    Args:
+        rows: of the scenario, whose digest must be the plant's.
+        membership: of the run; its identity says which of the scenario's programs to be.
+        profile: folder in which to leave how the time was spent.
+
+    Returns:
+        Exit status 0.
+
+    Raises:
+        HubError: the hub cannot be reached. Exception: whatever a control step raised.
+    """
+    keys, sealer = membership.keys, membership.sealer
+    steps = control_steps(rows, membership.identity, Door(keys, sealer))
+    stopwatch = Stopwatch() if profile else None
+    # No event: a handler that sets one while this thread begins to wait for it never returns.
+    leaving: SimpleQueue[str] = SimpleQueue()
+    signal.signal(signal.SIGTERM, lambda *_: leaving.put("told to"))
+    timeout = rows.swarm.scenario.time.timeout
+    with (
+        endless_loops(min(timeout, _LONGEST_SILENCE)),
+        open_member(
+            membership.endpoint, keys.alive(PLANT), membership.timeout, membership.credentials
+        ) as session,
+        contextlib.ExitStack() as while_open,
+    ):
+        senders = [_Sender(session, keys, sealer, step) for step in steps]
+
+        def give_up() -> None:
+            """Tell the plant, which waits for the answer, why there is none: it ends the run."""
+            failed = [(s, a.error) for s, a in zip(senders, answerings, strict=True) if a.error]
+            waits = False
+            for sender, error in failed:
+                if isinstance(error, StepFailedError):
+                    sender.tell_failure(error)
+                    waits = clock_of(error.sample).waits
+            if not waits:
+                leaving.put("a control step failed")
+
+        answerings = [
+            SampleAnswering(step, sealer, sender, give_up)
+            for step, sender in zip(steps, senders, strict=True)
+        ]
+        while_open.enter_context(withheld_broadcasts(timeout, answerings))
+        for step, answering in zip(steps, answerings, strict=True):
+            if stopwatch:
+                answering.time(stopwatch)
+            pubsub.subscribe(session, keys.broadcast("*", step.name), answering.on_broadcast)
+            pubsub.subscribe(session, keys.sample(step.name), answering.on_sample)
+
+        def begun() -> bool:
+            return any(answering.begun for answering in answerings)
+
+        PlantPresence(membership.timeout, leaving.put, begun).watch(session, keys)
+        for sender in senders:
+            sender.wait_for_listeners(membership.timeout, lambda: not leaving.empty())
+        # What was built so far lives as long as the process: the collector need not look at it
+        # again in the middle of a step.
+        gc.freeze()
+        digest = rows.swarm.digest
+        _tokens = [liveliness.announce(session, keys.alive(step.name, digest)) for step in steps]
+        log.info("joined run %s at %s", membership.run, membership.endpoint)
+        log.info("leaving: %s", leaving.get())
+    log.info("left; %d payloads were rejected", sum(step.rejected for step in steps))
+    if stopwatch and profile:
+        stopwatch.write(profile, membership.identity)
+    for answering in answerings:
+        if answering.error is not None:
+            raise answering.error
+    return 0
+
+
+class _Sender:
+    """Puts one agent's answers on the wire, what is waited for most first."""
+
+    def __init__(self, session: Session, keys: Keys, sealer: Sealer, step: ControlStep) -> None:
+        self._sealer = sealer
+        # In real time a peer that takes nothing must not hold up its peers.
+        self._broadcasts = {w: pubsub.Addressed(session, droppable=not w) for w in (False, True)}
+        # Declared before the others: the hub has told of its readers when those match.
+        self._copies = Copies(session, keys, keys.of(step.name))
+        self._inputs = len(step.swarm.members[step.i].dynamics.inputs)
+        # A publisher's key expression is made anew each time it is asked for.
+        self._actuation_key, self._telemetry_key = (
+            keys.actuation(step.name),
+            keys.telemetry(step.name),
+        )
+        self._actuation = pubsub.publisher(session, self._actuation_key)
+        self._telemetry = pubsub.publisher(session, self._telemetry_key)
+        self._broadcast_key = cache(lambda l: keys.broadcast(step.name, step.swarm.names[l]))
+
+    def __call__(self, answer: Answer) -> None:
+        self._put(self._actuation.put, self._actuation_key, answer.actuation)
+        broadcasts = self._broadcasts[answer.waits]
+        for hearer, broadcast in answer.broadcasts.items():
+            key = self._broadcast_key(hearer)
+            self._put(partial(broadcasts.put, key), key, broadcast)
+        self._put(self._telemetry.put, self._telemetry_key, answer.telemetry)
+
+    def _put(self, put: Callable[[bytes], None], key: str, message: Message) -> None:
+        payload = self._sealer.seal(key, message)
+        put(payload)
+        self._copies.put(key, payload)
+
+    def tell_failure(self, error: StepFailedError) -> None:
+        """Tell the plant why a sample is not answered."""
+        nothing = (0.0,) * self._inputs
+        report = StepReport(origin=Origin.BACKUP, residual=None, u_nom=nothing, solve_time=0.0)
+        failed = str(error)[:LONGEST_FAILURE]
+        telemetry = Telemetry(k=error.sample.k, report=report, ages=(), failed=failed)
+        self._put(self._telemetry.put, self._telemetry_key, telemetry)
+
+    def wait_for_listeners(self, timeout: float, over: Callable[[], bool]) -> None:
+        """Return when the hub takes what is put: what comes earlier is lost. Raises HubError."""
+        for publisher in (self._actuation, self._telemetry):
+            pubsub.wait_for_listener(publisher, timeout, over)
+        self._copies.look_for_readers()

@@ -1,0 +1,196 @@
+"""The hub: hands out samples, takes answers in, and notices who comes and goes."""
+
+import contextlib
+import logging
+import queue
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import ClassVar, Self, TypeVar
+
+import msgspec
+
+from phalanx.profile.stopwatch import Stopwatch
+from phalanx.swarm.swarm import Swarm
+from phalanx.wire.membership import Membership
+from phalanx.wire.messages import Sample, Status, Telemetry
+from phalanx.wire.refusals import Refusals
+from phalanx.wire.seal import Malformed
+from phalanx_plant.events.stop import SwarmBrokenError
+from phalanx_plant.hub.answers import Mailbox
+from phalanx_plant.hub.arrivals import Arrivals
+from phalanx_plant.hub.joining import Joining
+from phalanx_plant.hub.places import Places, signer
+from phalanx_plant.hub.session import PlantSession
+
+log = logging.getLogger("phalanx.plant")
+
+_AWAY = 4.0
+"""How long an agent may lose the hub before the run begins [s]."""
+POLL = 0.2
+"""How often a wait looks up to see whether the run was stopped [s]."""
+
+T = TypeVar("T")
+
+
+class Hub(ABC):
+    """Samples to agents and answers from them, each checked against what may come next.
+
+    Who is there (Joining) and what was asked and answered (Mailbox) know of no wire and wait for
+    nobody; the session waits for nobody either.
+    """
+
+    may_leave: ClassVar[bool]
+    """Whether agents that joined may go, and come back."""
+
+    def __init__(
+        self,
+        swarm: Swarm,
+        membership: Membership,
+        check_stop: Callable[[], None],
+        at_router: bool = False,
+    ) -> None:
+        """Listen on the membership's endpoint, or meet the others at the router that does.
+
+        check_stop is called at every wait and may raise to end the run. Raises HubError.
+        """
+        self.refusals = Refusals(log)
+        """Payloads dropped."""
+        self._timeout, self._names = swarm.scenario.time.timeout, swarm.names
+        self._check_stop = check_stop
+        programs = swarm.programs
+        self._alone = {swarm.names.index(who[0]) for who in programs.values() if len(who) == 1}
+        """The agents that have a process of their own."""
+        self._stopped: set[str] = set()
+        self._told = Status()
+        """The last status."""
+        joining = self._joining = Joining(swarm, self.may_leave)
+        self._mailbox = Mailbox(swarm, membership.keys, membership.sealer)
+        self._arrivals = Arrivals(self._mailbox.keys, self.refusals, self._mailbox.require_awaited)
+        self.session = PlantSession(swarm, membership, at_router)
+        self.session.receive(self._arrivals)
+        sign = signer(membership.certificates)
+        places = Places(programs, joining.vacant, joining.digest, sign)
+        self.session.give_places(places.answer, self.refusals)
+        self.session.announce(joining.digest)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.session.close()
+
+    def time(self, stopwatch: Stopwatch) -> None:
+        """Have the stopwatch tell sending, opening answers, and waiting for reports apart."""
+        stopwatch.time(self, "send_sample", "send")
+        stopwatch.time(self._mailbox, "take", "receive")
+        stopwatch.time(self, "await_telemetry", "wait")
+
+    def wait_for_agents(self, waiting_for: Callable[[tuple[str, ...]], None]) -> None:
+        """Return when every agent has joined with this very scenario.
+
+        Args:
+            waiting_for: told who is missing, whenever that changes.
+
+        Raises:
+            SwarmBrokenError: an agent does not come, leaves, or runs another scenario.
+        """
+        deadline = time.monotonic() + self._timeout
+        while missing := self._not_there():
+            waiting_for(missing)
+            self._take_event(deadline, f"agent {', '.join(missing)} did not join")
+            for name in self._joining.gone_for(_AWAY):
+                raise SwarmBrokenError(f"agent {name} died: see its log")
+        self._joining.begin()
+        waiting_for(())
+
+    def _not_there(self) -> tuple[str, ...]:
+        """Who has not joined, or does not hear yet."""
+        if missing := self._joining.missing():
+            return missing
+        heard = self.session.is_heard
+        return tuple(name for i, name in enumerate(self._names) if not heard(i))
+
+    def send_sample(self, i: int, sample: Sample) -> None:
+        """Hand agent i its sample."""
+        self._mailbox.answers.expect(i, sample)
+        self.session.put_sample(i, sample)
+
+    def pause(self, i: int, t: float) -> None:
+        """Ask for agent i's process to be stopped; one that decides for others too goes on."""
+        if i in self._alone:
+            self._stopped.add(self._names[i])
+            self.publish_status(msgspec.structs.replace(self._told, t=t))
+
+    def resume(self, i: int, t: float) -> None:
+        """Ask for agent i's process to go on."""
+        self._stopped.discard(self._names[i])
+        self.publish_status(msgspec.structs.replace(self._told, t=t))
+
+    def kill(self, i: int, order: Sample) -> None:
+        """Have agent i's process die of this order; one that decides for others too lives on."""
+        if self._names[i] in self._stopped:
+            self.resume(i, order.t)
+        if i in self._alone:
+            self._joining.dismiss(self._names[i])
+            self.session.put_sample(i, order)
+
+    def restart(self, i: int, t: float) -> None:
+        """Ask for another process in the dead agent i's place at t [s]."""
+        if i in self._alone:
+            self._joining.invite(self._names[i])
+            wanted = (self._names[i],)
+            self.publish_status(Status(t=t, waiting_for=wanted, restart=True))
+
+    def await_telemetry(self, i: int, k: int) -> Telemetry:
+        """How agent i made its input for sample k.
+
+        Raises SwarmBrokenError: the agent died, or does not report in time.
+        """
+        return self._await(
+            i, lambda: self._mailbox.answers.take_telemetry(i, k), "did not report on"
+        )
+
+    def publish_status(self, message: Status) -> None:
+        """Tell whoever watches how far the run is."""
+        self._told = msgspec.structs.replace(message, stopped=tuple(sorted(self._stopped)))
+        self.session.put_status(self._told)
+
+    def _await(self, i: int, take: Callable[[], T | None], failed_to: str) -> T:
+        deadline = time.monotonic() + self._timeout
+        while (found := take()) is None:
+            k = self._mailbox.answers.expected(i)
+            self._take_event(deadline, f"agent {self._names[i]} {failed_to} sample {k}")
+        return found
+
+    def _take_event(self, deadline: float, complaint: str) -> None:
+        self._check_stop()
+        if time.monotonic() > deadline:
+            dropped = ", ".join(f"{n} {reason}" for reason, n in self.refusals.counts.items())
+            because = f" (dropped payloads: {dropped})" if dropped else ""
+            hint = "see its log, or raise time.timeout"
+            raise SwarmBrokenError(f"{complaint} within {self._timeout:g} s{because}: {hint}")
+        with contextlib.suppress(queue.Empty):
+            self._handle(*self._arrivals.get(timeout=POLL))
+
+    def _handle_arrived(self) -> None:
+        # Those that are there now: more may come faster than they are handled.
+        for _ in range(self._arrivals.waiting):
+            self._handle(*self._arrivals.get(timeout=0.0))
+
+    def _handle(self, key: str, content: bytes | bool) -> None:
+        if isinstance(content, bool):
+            if broken := self._joining.on_token(key, content):
+                raise SwarmBrokenError(broken)
+            return
+        try:
+            failure = self._mailbox.take(key, content)
+        except Malformed as reason:
+            self.refusals.add(key, reason)
+        else:
+            if failure is not None:
+                self._on_failure(failure)
+
+    @abstractmethod
+    def _on_failure(self, words: str) -> None:
+        """An agent says, in these words, that it answers no more."""

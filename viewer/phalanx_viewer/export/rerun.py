@@ -1,0 +1,181 @@
+"""A recording for rerun's viewer: the scene, the plots and the log, arranged.
+
+| entity | what is logged |
+|---|---|
+| /world/agents/<name> | Transform3D at every state; an arrow with its name, a disc or ball |
+| /world/obstacles, /world/limits, /world/path | what stands still |
+| /world/violated | pairs with h > 0 as lines, while they last |
+| /h | Scalars: h_tot, and h of the pairs that were the worst one of some agent |
+| /agents/<name>/state/<state> | Scalars |
+| /agents/<name>/step/<field> | Scalars: u_<input>, nominal_<input>, residual, margin and so on |
+| /log | TextLog |
+
+The timeline t is virtual, from 0 on.
+"""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from phalanx.arrays import Array
+from phalanx.recording.read import Recording, steps_by_agent
+from phalanx.recording.records import Level, Step
+from phalanx.wire.step_report import QUANTITIES
+from phalanx_viewer.export.log import log_lines
+from phalanx_viewer.export.near import near_pairs
+from phalanx_viewer.scene.geometry import facing
+from phalanx_viewer.scene.model import SceneModel, scene_model
+from phalanx_viewer.scene.roles import COLOURS, Role
+
+_SLATE, _RED = (100, 110, 125), (230, 20, 30)
+_TIMELINE = "t"
+_WALL = (0.05, 20.0, 20.0)
+"""Half of how thick, long and high a wall is drawn [m]."""
+_LEVELS = {Level.INFO: "INFO", Level.WARNING: "WARN", Level.ERROR: "ERROR"}
+"""As rerun calls and colours them."""
+
+
+def write_rerun(recording: Recording, path: Path) -> None:
+    """Write the whole recording. Raises OSError, and ScenarioError as building its swarm does."""
+    model = scene_model(recording.scenario)
+    stream = rr.RecordingStream(f"phalanx {recording.scenario.name}")
+    stream.save(path, default_blueprint=_arranged(model))
+    _log_surroundings(stream, model)
+    _log_states(stream, recording, model)
+    for name, steps in steps_by_agent(recording).items():
+        _log_steps(stream, name, steps, model)
+    for line in log_lines(recording):
+        stream.set_time(_TIMELINE, duration=_nanoseconds(line.t))
+        stream.log("log", rr.TextLog(line.text, level=_LEVELS[line.level]))
+    stream.flush()
+    stream.disconnect()
+
+
+def _arranged(model: SceneModel) -> rrb.Blueprint:
+    """The scene beside h, the certified times and the inputs, over the log."""
+    plots = rrb.Vertical(
+        rrb.TimeSeriesView(origin="h", name="h: safe is at most 0"),
+        rrb.TimeSeriesView(name="certified [s]", contents=_of_agents(model, "certified")),
+        rrb.TimeSeriesView(name="residual", contents=_of_agents(model, "residual")),
+    )
+    scene = rrb.Spatial3DView(origin="world", name=model.scenario.name)
+    top = rrb.Horizontal(scene, plots, column_shares=[3, 2])
+    return rrb.Blueprint(
+        rrb.Vertical(top, rrb.TextLogView(origin="log", name="log"), row_shares=[4, 1]),
+        rrb.TimePanel(timeline=_TIMELINE, state="collapsed"),
+        collapse_panels=True,
+    )
+
+
+def _of_agents(model: SceneModel, field: str) -> list[str]:
+    normal = [model.names[i] for i in model.swarm.normal]
+    return [f"/agents/{name}/step/{field}" for name in normal]
+
+
+def _log_surroundings(stream: rr.RecordingStream, model: SceneModel) -> None:
+    """Everything that stands still, and what moves with each agent's frame."""
+    around, body, radius = model.surroundings, model.body, model.radius
+    stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    for k, (center, size) in enumerate(around.spheres):
+        ball = rr.Ellipsoids3D(centers=[center], radii=[size], colors=[_SLATE], fill_mode="solid")
+        stream.log(f"world/obstacles/{k}", ball, static=True)
+    for k, (point, normal) in enumerate(around.walls):
+        x, y, z, w = np.roll(facing(normal[None])[0], -1)
+        slab = rr.Boxes3D(
+            centers=[point + _WALL[0] * normal],
+            half_sizes=[_WALL],
+            quaternions=[rr.Quaternion(xyzw=[x, y, z, w])],
+            colors=[_SLATE],
+            fill_mode="solid",
+        )
+        stream.log(f"world/walls/{k}", slab, static=True)
+    if around.outlines:
+        stream.log("world/limits", rr.LineStrips3D(around.outlines, colors=[_SLATE]), static=True)
+    if len(around.path):
+        stream.log("world/path", rr.LineStrips3D([around.path], colors=[_SLATE]), static=True)
+    for name, adversary in zip(model.names, model.adversary, strict=True):
+        colour = COLOURS[Role.ADVERSARY if adversary else Role.NORMAL]
+        arrow = rr.Arrows3D(
+            origins=[[-body, 0.0, 0.0]],
+            vectors=[[2.0 * body, 0.0, 0.0]],
+            radii=[0.25 * body],
+            colors=[colour],
+            labels=[name],
+        )
+        stream.log(f"world/agents/{name}/body", arrow, static=True)
+        if radius:
+            sizes = [radius, radius, 0.01 if model.flat else radius]
+            disc = rr.Ellipsoids3D(half_sizes=[sizes], colors=[(*colour, 60)])
+            stream.log(f"world/agents/{name}/radius", disc, static=True)
+
+
+def _log_states(stream: rr.RecordingStream, recording: Recording, model: SceneModel) -> None:
+    """Where everybody was, h, and the states by name."""
+    if not recording.states:
+        return
+    swarm, x, times = model.swarm, recording.x, [_at(recording.times)]
+    poses = [model.kinematics.poses(state) for state in x]
+    positions = np.array([p.positions for p in poses])
+    turns = np.array([np.roll(facing(p.headings), -1, axis=1) for p in poses])
+    for i, (member, part) in enumerate(zip(swarm.members, swarm.safe_set.parts, strict=True)):
+        moved = rr.Transform3D.columns(translation=positions[:, i], quaternion=turns[:, i])
+        stream.send_columns(f"world/agents/{member.name}", times, moved)
+        for name, values in zip(member.dynamics.states, x[:, part].T, strict=True):
+            _plot(stream, f"agents/{member.name}/state/{name}", recording.times, values)
+    near, h = near_pairs(swarm, x)
+    _plot(stream, "h/h_tot", recording.times, recording.h_tot)
+    for pair, values in zip(near, h.T, strict=True):
+        _plot(stream, f"h/{model.label(pair).replace(' ', '_')}", recording.times, values)
+    for t, lines in _violated(recording, model, near, h, positions):
+        stream.set_time(_TIMELINE, duration=_nanoseconds(t))
+        stream.log("world/violated", rr.LineStrips3D(lines, colors=[_RED]))
+
+
+def _violated(
+    recording: Recording, model: SceneModel, near: Sequence[int], h: Array, positions: Array
+) -> Iterator[tuple[float, list[Array]]]:
+    """Violated pairs as lines, at each state at which there are any or there were."""
+    drawn = False
+    for t, values, at in zip(recording.times, h, positions, strict=True):
+        unsafe = np.flatnonzero(~(values <= 0.0))
+        if len(unsafe) or drawn:
+            yield float(t), [np.stack(model.ends(near[k], at)) for k in unsafe.tolist()]
+        drawn = bool(len(unsafe))
+
+
+def _log_steps(
+    stream: rr.RecordingStream, name: str, steps: Sequence[Step], model: SceneModel
+) -> None:
+    """One agent's control steps."""
+    t = np.array([step.t for step in steps])
+    inputs = model.input_names(model.names.index(name))
+    for k, of_input in enumerate(inputs):
+        _plot(stream, f"agents/{name}/step/u_{of_input}", t, [s.u[k] for s in steps])
+        nominal = [s.u_nom[k] if s.u_nom else None for s in steps]
+        _plot(stream, f"agents/{name}/step/nominal_{of_input}", t, nominal)
+    for field in QUANTITIES:
+        _plot(stream, f"agents/{name}/step/{field}", t, [getattr(s, field) for s in steps])
+
+
+def _plot(
+    stream: rr.RecordingStream, entity: str, t: Array, values: Sequence[float | None] | Array
+) -> None:
+    """Log the values that are known at times [s]."""
+    y = np.array(values, dtype=float)
+    known = np.isfinite(y)
+    if known.any():
+        columns = rr.Scalars.columns(scalars=y[known])
+        stream.send_columns(entity, [_at(t[known])], columns)
+
+
+def _at(t: Array) -> rr.TimeColumn:
+    return rr.TimeColumn(_TIMELINE, duration=_nanoseconds(t))
+
+
+def _nanoseconds(t: Array | float) -> Any:
+    """Times [s] as rerun has them, rounded: of floats it would cut off what is left."""
+    return np.round(1e9 * np.asarray(t)).astype("timedelta64[ns]")

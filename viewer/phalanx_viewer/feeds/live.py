@@ -1,0 +1,165 @@
+"""A live run over Zenoh: the plant's frames as they come, and commands back to it."""
+
+import logging
+import queue
+import time
+from typing import Self
+
+import numpy as np
+
+from phalanx.arrays import Array
+from phalanx.faults.commands import Command, CommandKind
+from phalanx.guarantee.verdict import Summary, Violation, read_summary
+from phalanx.scenario.load import from_json
+from phalanx.scenario.user_code import code_trusted
+from phalanx.wire import liveliness, pubsub, queries
+from phalanx.wire.frames import CommandMessage, Frame, LogLine, Setup
+from phalanx.wire.keys import PLANT
+from phalanx.wire.membership import Membership
+from phalanx.wire.messages import Ended
+from phalanx.wire.refusals import Refusals
+from phalanx.wire.seal import Malformed, Sealer
+from phalanx.wire.session import open_client
+from phalanx_viewer.feeds.live_history import LiveHistory
+from phalanx_viewer.scene.model import SceneModel, scene_model
+
+log = logging.getLogger("phalanx.viewer")
+
+
+class NoRunError(RuntimeError):
+    """No plant answers for this run; the message names endpoint and run."""
+
+
+class Live:
+    """A run that goes on now."""
+
+    def __init__(
+        self, membership: Membership, command_secret: bytes = b"", trust: bool = True
+    ) -> None:
+        """Join as a listener.
+
+        Args:
+            membership: of the run.
+            command_secret: that of those who may command the run; empty: only look.
+            trust: whether code that the run's scenario names may be imported.
+
+        Raises:
+            HubError: nobody listens at the endpoint. NoRunError: it knows no such run.
+                ScenarioError: its scenario names code that is not trusted.
+        """
+        self.summary: Summary | None = None
+        self.over = False
+        self._refusals = Refusals(log)
+        self._keys, self._sealer = membership.keys, membership.sealer
+        self._command_sealer = Sealer(command_secret)
+        # Frames come in a thread of Zenoh's, which must be free again at once, and are added to the
+        # history in the page's thread, where the plots read it.
+        self._frames: queue.SimpleQueue[Frame] = queue.SimpleQueue()
+        self._session = open_client(membership.endpoint, membership.timeout, membership.credentials)
+        try:
+            setup = self._ask_for_setup(membership)
+            with code_trusted(trust):
+                self.model = scene_model(from_json(setup.scenario.decode()))
+            self._past = LiveHistory(self.model)
+            self.history = self._past.history
+            self.commandable = setup.commandable and bool(command_secret)
+            """Whether the plant will obey this viewer."""
+            self._listen()
+        except BaseException:
+            self._session.close()  # type: ignore[no-untyped-call]
+            raise
+
+    def take(self) -> Frame | None:
+        """The newest frame, unless it was taken before; all that came go into the history."""
+        newest = None
+        while not self._frames.empty():
+            newest = self._frames.get()
+            self._past.add(newest)
+        return newest
+
+    @property
+    def unfinished(self) -> str:
+        """That the plant left without a verdict; empty otherwise."""
+        left = self.over and self.summary is None
+        return "the plant left without a verdict" if left else ""
+
+    @property
+    def log(self) -> list[LogLine]:
+        """Every line of the event log that a frame told."""
+        return self._past.log
+
+    @property
+    def violations(self) -> list[Violation]:
+        """Every pair that a frame told was unsafe."""
+        return list(self._past.violations.values())
+
+    def recent_paths(self, t: float) -> Array:
+        """Positions on the way here, shape (s, N, 3)."""
+        return self._past.recent_paths.positions
+
+    def command(self, kind: CommandKind, agent: str = "", value: float = 0.0) -> None:
+        """Send the plant a command. Without the command secret it refuses."""
+        key, command = self._keys.command, Command(t=0.0, kind=kind, agent=agent, value=value)
+        # The plant refuses a number that is not above the last one. The wall clock numbers the
+        # commands of several viewers, and of one that was started anew.
+        message = CommandMessage(number=time.time_ns(), command=command)
+        self._commands.put(self._command_sealer.seal(key, message))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._session.close()  # type: ignore[no-untyped-call]
+
+    def _ask_for_setup(self, to: Membership) -> Setup:
+        key = self._keys.scenario
+        answer = queries.ask(self._session, key, to.timeout)
+        if answer is None:
+            raise NoRunError(f"{to.endpoint} knows no run {to.run!r} (after {to.timeout:g} s)")
+        try:
+            return self._sealer.open(key, answer, Setup)
+        except Malformed as reason:
+            what = f"run {to.run!r} at {to.endpoint}"
+            raise NoRunError(f"{what}: {reason}; is the secret right?") from reason
+
+    def _listen(self) -> None:
+        """Everything is ready for what comes: Zenoh's threads call from here on."""
+        self._commands = pubsub.publisher(self._session, self._keys.command)
+        pubsub.subscribe(self._session, self._keys.frames, self._on_frame)
+        pubsub.subscribe(self._session, self._keys.verdict, self._on_verdict)
+        liveliness.watch(self._session, self._keys.alive(PLANT), self._on_plant)
+
+    def _on_frame(self, key: str, payload: bytes) -> None:
+        try:
+            frame = self._sealer.open(key, payload, Frame)
+            check_frame(frame, self.model)
+        except Malformed as reason:
+            self._refusals.add(key, reason)
+        else:
+            self._frames.put(frame)
+
+    def _on_verdict(self, key: str, payload: bytes) -> None:
+        try:
+            self.summary = read_summary(self._sealer.open(key, payload, Ended).summary)
+        except ValueError as reason:
+            self._refusals.add(key, reason)
+
+    def _on_plant(self, _key: str, alive: bool) -> None:
+        self.over = not alive
+
+
+def check_frame(frame: Frame, model: SceneModel) -> None:
+    """Raise Malformed unless a frame has the sizes of its run, and finite states."""
+    members, pairs = model.swarm.members, model.swarm.safe_set.pairs
+    states = sum(len(member.dynamics.states) for member in members)
+    if len(frame.x) != 8 * states or len(frame.agents) != len(members):
+        raise Malformed("wrong size")
+    if not np.isfinite(np.frombuffer(frame.x, dtype="<f8")).all():
+        raise Malformed("not finite")
+    for status, member in zip(frame.agents, members, strict=True):
+        step, inputs = status.step, len(member.dynamics.inputs)
+        if step is not None and not len(step.u) == len(step.u_nom) == inputs:
+            raise Malformed("wrong size")
+    ends = [end for event in frame.link_events for end in (event.sender, event.receiver)]
+    if any(not 0 <= end < len(members) for end in ends) or not 0 <= frame.pair < len(pairs):
+        raise Malformed("wrong agents")

@@ -1,0 +1,116 @@
+"""The viewer's shell: a feed, live or recorded, shown on a page until it is told to stop."""
+
+import logging
+import secrets
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from phalanx.swarm.rows import SafetyRows
+from phalanx.wire.membership import Membership
+from phalanx_viewer.feeds.live import Live
+from phalanx_viewer.feeds.replay import Replay, open_replay
+from phalanx_viewer.feeds.stop import stop_request
+from phalanx_viewer.page.page import Page
+from phalanx_viewer.page.server import choose_port
+
+log = logging.getLogger("phalanx.viewer")
+
+_TICK = 1.0 / 30.0
+"""Wall time between two looks at the feed [s]."""
+
+
+def run_live(
+    _rows: SafetyRows | None,
+    membership: Membership,
+    *,
+    recording: Path | None = None,
+    command_secret: bytes = b"",
+    token: str = "",
+    host: str = "127.0.0.1",
+    port: int | None = None,
+    origins: tuple[str, ...] = (),
+    trust: bool = True,
+) -> int:
+    """Show a run that goes on, then its recording, until SIGINT or SIGTERM.
+
+    Args:
+        _rows: as every program of a run gets it; a viewer asks the plant, from wherever it is.
+        membership: of the run.
+        recording: its folder, to replay it when it is over; None: the last frame stays.
+        command_secret: that of viewers that may command the run; empty: read-only.
+        token: what the page's visitors must show to command it; by default a new one.
+        host: address to serve the page on.
+        port: to serve the page on; None takes 8080 or the next free one, and says which.
+        origins: further origins whose pages may connect; needed behind a proxy only.
+        trust: whether code that the run's scenario names may be imported.
+
+    Returns:
+        Exit status 0.
+
+    Raises:
+        HubError, NoRunError: there is no such run.
+        ValueError, PortTakenError: the page cannot be served there.
+    """
+    told_to_stop = stop_request()
+    choose_port(host, port)  # a port that cannot be had is said before a run is waited for
+    with Live(membership, command_secret, trust) as live:
+        if command_secret and not live.commandable:
+            log.warning("the plant obeys no commands: it was started without a command secret")
+        token = token or secrets.token_urlsafe(16)
+        page = Page(host, port, origins, live, token)
+        _announce(page, f"/?token={token}" if live.commandable else "")
+        _tick(page, lambda: told_to_stop() or (recording is not None and live.over))
+    if recording is not None and not told_to_stop():
+        try:
+            page.replay(_load(recording, trust))
+        except ValueError as error:  # a plant that was killed leaves none
+            log.warning("no replay: %s", error)
+        _tick(page, told_to_stop)
+    page.server.stop()
+    return 0
+
+
+def run_replay(
+    recording: Path,
+    *,
+    host: str = "127.0.0.1",
+    port: int | None = None,
+    origins: tuple[str, ...] = (),
+    trust: bool = False,
+) -> int:
+    """Show a run folder or recording file, until SIGINT or SIGTERM; options as of run_live.
+
+    Raises:
+        UnreadableRecordingError, ValueError: nothing to replay, or no port has this number.
+        PortTakenError: the page cannot be served there.
+    """
+    told_to_stop = stop_request()
+    choose_port(host, port)  # a port that cannot be had is said before a long recording is read
+    page = Page(host, port, origins, _load(recording, trust))
+    _announce(page)
+    _tick(page, told_to_stop)
+    page.server.stop()
+    return 0
+
+
+def _load(recording: Path, trust: bool) -> Replay:
+    log.info("reading %s", recording)
+    replay = open_replay(recording, trust)
+    pairs = len(replay.model.swarm.safe_set.pairs)
+    log.info("evaluating h of %d pairs in a run of %d states", pairs, len(replay.times))
+    replay.history.pairs()  # it is kept; the first visitor would wait for it
+    return replay
+
+
+def _announce(page: Page, token: str = "") -> None:
+    where = f"http://{page.server.get_host()}:{page.server.get_port()}"
+    print(f"viewer: {where}{token}", flush=True)
+    log.info("showing the run at %s", where)  # a log is read by others too
+
+
+def _tick(page: Page, over: Callable[[], bool]) -> None:
+    """Keep the page up to date until it is over."""
+    while not over():
+        page.tick()
+        time.sleep(_TICK)

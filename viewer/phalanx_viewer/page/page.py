@@ -1,0 +1,168 @@
+"""The page of one run: what is new in its feed goes to the scene, the texts and the plots."""
+
+import time
+
+from phalanx.wire.frames import Frame
+from phalanx_viewer.feeds.feed import Feed
+from phalanx_viewer.feeds.live import Live
+from phalanx_viewer.feeds.replay import Replay
+from phalanx_viewer.page.channel import Action, Channel
+from phalanx_viewer.page.commands import Commands
+from phalanx_viewer.page.panels import Panels
+from phalanx_viewer.page.server import open_page
+from phalanx_viewer.plots.plots import content, values_at
+from phalanx_viewer.scene.display import add_display
+from phalanx_viewer.scene.picture import picture
+from phalanx_viewer.scene.scene import Scene
+
+_TEXT_PERIOD = 0.2
+"""Wall time between two updates of texts [s]: they cost more than the scene."""
+_PLOT_PERIOD = 1.0
+"""Least wall time between two updates of a live run's plots [s]: all of them are sent anew."""
+_PLOT_SHARE = 0.01
+"""Of the time, what making them may take at most: of many agents they come less often."""
+
+
+class Page:
+    """Everything on the page, for one feed.
+
+    tick() and replay() are called in one thread, everything else in the server's.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int | None,
+        origins: tuple[str, ...],
+        feed: Feed,
+        token: str = "",
+    ) -> None:
+        """Serve it.
+
+        Args:
+            host: address to listen on.
+            port: to listen on; None takes 8080 or the next free one.
+            origins: further origins whose pages may connect.
+            feed: what to show: a live run or a replay.
+            token: what visitors must show who may command a plant that obeys; empty: nobody may.
+
+        Raises:
+            ValueError, PortTakenError: the page cannot be served there.
+        """
+        model = feed.model
+        self._feed = feed
+        self.selected = 0
+        self.server = open_page(host, port, f"Phalanx: {model.scenario.name}", origins)
+        self._scene = Scene(self.server, model, self.select)
+        if isinstance(feed, Replay):
+            self._scene.expect(feed.trajectory)
+        self._panels = Panels(self.server, model, self.select)
+        self._channel = Channel(self.server, self._act)
+        self._plotted: tuple[int, int, int] | None = None
+        self._plots_due = 0.0
+        self._pair = 0
+        self._commands = None
+        if isinstance(feed, Live) and feed.commandable and token:
+            self._commands = Commands(self.server, feed, token, lambda: model.names[self.selected])
+        add_display(self.server.gui, self._scene)
+        self.server.gui.main_panel.dock_left()
+        self.server.gui.main_panel.set_width(360)
+        self._frame: Frame | None = None
+        self._standing = feed.summary, feed.over
+        self._stale, self._texts_due = True, 0.0
+        self.server.admit()
+
+    def select(self, i: int) -> None:
+        """Make agent i the selected one."""
+        self.selected = i
+        self._panels.show_selected(i)
+        self._stale, self._plots_due = True, 0.0
+
+    def replay(self, replay: Replay) -> None:
+        """Go on with the recording of the run that was shown live, from where that ended."""
+        replay.seek(replay.end)
+        self.server.run(lambda: self._show_instead(replay))
+
+    def tick(self) -> None:
+        """Show what is new."""
+        self.server.run(self._tick)
+
+    def _show_instead(self, replay: Replay) -> None:
+        self._scene.expect(replay.trajectory)
+        self._feed, self._frame, self._plotted, self._plots_due = replay, None, None, 0.0
+        if self._commands:
+            self._commands.remove()
+            self._commands = None
+        self._stale = True
+
+    def _tick(self) -> None:
+        frame = self._feed.take()
+        self._plot()
+        self._scene.cameras.ask_for_shapes()
+        if frame == self._frame:  # a paused plant repeats its frame
+            frame = None
+        standing = self._feed.summary, self._feed.over
+        # The verdict and the plant's end come after the last frame: the texts have to be told once
+        # more though no frame will ever come again.
+        if frame is not None or standing != self._standing:
+            self._standing, self._stale = standing, True
+        self._frame = frame or self._frame
+        if self._frame is None or not (self._stale or self._scene.stale):
+            return
+        if not self.server.get_clients():  # drawn when somebody comes
+            return
+        now = time.monotonic()
+        if texts_due := now >= self._texts_due:
+            # Before anything is shown: what is selected meanwhile shows at the next tick.
+            self._stale, self._texts_due = False, now + _TEXT_PERIOD
+        self._scene.show(picture(self._feed.model, self._frame), self.selected)
+        if texts_due or isinstance(self._feed, Replay):
+            self._channel.call("at", self._clock(self._frame))
+        if texts_due:
+            self._tell(self._frame)
+
+    def _clock(self, frame: Frame) -> dict[str, object]:
+        values = values_at(self._feed, frame, self.selected, self._pair)
+        return {"t": frame.t, "playing": not frame.paused, "speed": frame.speed, "values": values}
+
+    def _tell(self, frame: Frame) -> None:
+        """Texts, in one message to every page."""
+        with self.server.atomic():
+            self._panels.show(frame, self.selected, self._feed)
+            self._scene.lines.show_recent_paths(self._feed.recent_paths(frame.t))
+            if self._commands:
+                self._commands.show(frame)
+
+    def _plot(self) -> None:
+        """Send the plots anew if there is more to plot, and somebody to see it."""
+        now, rows = time.monotonic(), self._feed.history.swarm.rows
+        shown = self.selected, len(rows), len(self._feed.log)
+        if shown == self._plotted or now < self._plots_due or not self.server.get_clients():
+            return
+        began, chosen = time.thread_time(), [self.selected]
+        drawn = content(self._feed, self._told(), isinstance(self._feed, Replay), chosen)
+        self._channel.call("show", drawn)
+        self._pair, self._stale = drawn.pair, True
+        taken = time.thread_time() - began
+        self._plotted, self._plots_due = shown, now + max(_PLOT_PERIOD, taken / _PLOT_SHARE)
+
+    def _told(self) -> list[int]:
+        """The agents whose curves are sent, the selected one first."""
+        others = [] if self._feed.model.crowded else range(len(self._feed.model.names))
+        return [self.selected, *(i for i in others if i != self.selected)]
+
+    def _act(self, action: Action) -> None:
+        """Do what a visitor asks."""
+        if self._commands and action.visitor:
+            self._commands.answer(action.visitor, action.token)
+        replay = self._feed
+        if not isinstance(replay, Replay):
+            return
+        if action.seek is not None:
+            replay.seek(action.seek)
+        if action.step is not None:
+            replay.step(action.step)
+        if action.play is not None:
+            replay.play(action.play)
+        if action.speed is not None:
+            replay.set_speed(action.speed)

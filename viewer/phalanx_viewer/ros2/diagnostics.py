@@ -1,0 +1,106 @@
+"""How the run and every agent stand, as the DiagnosticArray that ROS 2's monitors show."""
+
+from collections.abc import Iterator, Sequence
+
+from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticArray as Diagnostics
+from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticStatus as Status
+from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__KeyValue as KeyValue
+
+from phalanx.guarantee.verdict import Outcome, Summary
+from phalanx.wire.frames import AgentStatus, Frame
+from phalanx.wire.step_report import QUANTITIES, AppliedStep
+from phalanx_viewer.ros2.serialized import header
+from phalanx_viewer.scene.model import SceneModel
+from phalanx_viewer.scene.roles import Role, role
+
+Head = tuple[int, str]
+"""Level and message."""
+
+_OF_OUTCOME = {
+    Outcome.GUARANTEED: Status.OK,
+    Outcome.SAFE: Status.WARN,
+    Outcome.VIOLATED: Status.ERROR,
+    Outcome.BROKEN: Status.ERROR,
+    Outcome.STOPPED: Status.WARN,
+}
+_OF_ROLE = {
+    Role.NORMAL: Status.OK,
+    Role.ADVERSARY: Status.WARN,
+    Role.BACKUP: Status.WARN,
+    Role.NO_AUTHORITY: Status.ERROR,
+    Role.SILENT: Status.STALE,
+}
+
+
+def diagnostics(frame: Frame, model: SceneModel, outcome: Head) -> Diagnostics:
+    """The run first, with so_far or verdict, then every agent, at the frame's time."""
+    each = zip(model.names, model.adversary, frame.agents, strict=True)
+    agents = [_agent(name, bool(adversary), status, model) for name, adversary, status in each]
+    return Diagnostics(header=header(frame.t), status=[_run(frame, model, outcome), *agents])
+
+
+def so_far(frame: Frame) -> Head:
+    """What a run that goes on has come to."""
+    if frame.violations:
+        pairs = ", ".join(violation.pair for violation in frame.violations)
+        return Status.ERROR, f"violated: {pairs}"
+    return Status.OK, "no pair left the safe set so far"
+
+
+def verdict(summary: Summary | None) -> Head:
+    """What a run that is over came to; None: its plant was killed."""
+    if summary is None:
+        return Status.ERROR, "the plant left without a verdict"
+    return _OF_OUTCOME[summary.outcome], f"{summary.outcome}: {summary.reason}"
+
+
+def alike(one: Diagnostics | None, other: Diagnostics) -> bool:
+    """Whether nobody's level and message changed; figures change all the time."""
+    return one is not None and list(_heads(one)) == list(_heads(other))
+
+
+def _heads(told: Diagnostics) -> Iterator[Head]:
+    return ((status.level, status.message) for status in told.status)
+
+
+def _run(frame: Frame, model: SceneModel, outcome: Head) -> Status:
+    figures = {
+        "t [s]": frame.t,
+        "h_tot": frame.h_tot,
+        "worst h_tot": frame.worst_h,
+        "worst pair": model.label(frame.pair),
+        "steps": frame.steps,
+    }
+    figures |= {a.name: f"failed since t = {a.first:.3f} s" for a in frame.assumptions if a.failed}
+    return _status("run", outcome, model.scenario.name, figures)
+
+
+def _agent(name: str, adversary: bool, status: AgentStatus, model: SceneModel) -> Status:
+    found = role(status, adversary)
+    figures: dict[str, object] = {
+        "condition": status.condition,
+        "backups": status.backups,
+        "without authority": status.without_authority,
+    }
+    figures |= _figures_of(status.step, model) if status.step else {}
+    return _status(f"agent {name}", (_OF_ROLE[found], found), name, figures)
+
+
+def _figures_of(step: AppliedStep, model: SceneModel) -> dict[str, object]:
+    found: dict[str, object] = {"u": _listed(step.u), "nominal u": _listed(step.u_nom)}
+    for name, quantity in QUANTITIES.items():
+        unit = model.unit_of(quantity)
+        found[quantity.title.lower() + f" [{unit}]" * bool(unit)] = getattr(step, name)
+    return found
+
+
+def _status(name: str, head: Head, hardware: str, figures: dict[str, object]) -> Status:
+    level, message = head
+    values = [KeyValue(key=k, value=str(v)) for k, v in figures.items() if v is not None]
+    return Status(
+        level=level, name=f"phalanx: {name}", message=message, hardware_id=hardware, values=values
+    )
+
+
+def _listed(values: Sequence[float]) -> str:
+    return ", ".join(f"{value:g}" for value in values)

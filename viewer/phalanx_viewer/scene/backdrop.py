@@ -1,0 +1,152 @@
+"""What never moves: the ground, obstacles and the corridor of the formation."""
+
+import math
+
+import numpy as np
+import viser
+
+from phalanx.arrays import Array
+from phalanx_viewer.scene.geometry import unit
+from phalanx_viewer.scene.meshes import ball, polygon, ribbon
+from phalanx_viewer.scene.model import SceneModel
+from phalanx_viewer.scene.palette import OBSTACLE, WORST_PAIR, Palette
+
+_RAIL = 4.0
+"""Thickness of a fence [pixels]."""
+_HATCHES = 40
+"""Strokes along a fence of the scene's length: they point to where nobody may be."""
+HalfSpace = tuple[Array, float]
+"""Unit normal out of it, shape (3,), and offset [m]: n·p <= offset."""
+
+
+class Backdrop:
+    """Drawn once; only its colours change."""
+
+    def __init__(self, scene: viser.SceneApi, model: SceneModel, palette: Palette) -> None:
+        low, high = model.extent
+        middle, span = (low + high) / 2.0, float((high - low).max())
+        # viser's own lights wash out the colours by which agents are told apart.
+        scene.configure_default_lights(enabled=False)
+        scene.configure_environment_map(None)
+        ambient, sun = (1.8, 0.2) if model.flat else (1.2, 1.4)
+        scene.add_light_ambient("/lights/ambient", intensity=ambient)
+        scene.add_light_directional("/lights/sun", intensity=sun, position=(1.0, -2.0, 4.0))
+        scene.configure_fog(1.0, 2.0, enabled=False)
+        scene.set_up_direction("+y" if model.flat else "+z")
+        cell = 10.0 ** round(math.log10(span / 20.0))
+        # A little lower than what lies on the plane: two surfaces at one depth flicker.
+        position = (middle[0], middle[1], model.floor - 0.02 * model.body)
+        self._grid = scene.add_grid(
+            "/ground/grid", plane="xy", infinite_grid=True, position=position, cell_size=cell,
+            section_size=5.0 * cell, fade_distance=8.0 * span, fade_strength=2.0,
+        )  # fmt: skip
+        self.set_palette(palette)
+        draw_obstacles(scene, model, middle, span)
+        _draw_corridor(scene, model)
+
+    def set_palette(self, palette: Palette) -> None:
+        """Wear the colours of a page."""
+        self._grid.cell_color, self._grid.section_color = palette.cells, palette.sections
+
+
+def _draw_corridor(scene: viser.SceneApi, model: SceneModel) -> None:
+    """Where the formation is to go: its centre's path, as wide as the formation."""
+    path, width = model.surroundings.path, model.surroundings.corridor
+    if not len(path):
+        return
+    if width > 0.0 and model.flat:
+        scene.add_mesh_simple(
+            "/formation/corridor", *ribbon(path, width), color=WORST_PAIR, opacity=0.04,
+            side="double", cast_shadow=False, receive_shadow=False,
+        )  # fmt: skip
+    segments = np.stack([path[:-1:2], path[1::2]], axis=1)  # every other one: a dashed line
+    scene.add_line_segments(
+        "/formation/path", segments, WORST_PAIR, thickness=1.5, thickness_units="screen"
+    )
+
+
+def draw_obstacles(scene: viser.SceneApi, model: SceneModel, middle: Array, reach: float) -> None:
+    """Draw them once; walls reach so far [m] from the scene's middle, shape (3,)."""
+    _draw_spheres(scene, model)
+    for number, line in enumerate(model.surroundings.outlines):
+        rail = np.stack([line[:-1], line[1:]], axis=1)
+        _draw_lines(scene, f"/limits/{number}", rail, _RAIL)
+    walls = [(normal, float(normal @ point)) for point, normal in model.surroundings.walls]
+    for number, wall in enumerate(walls):
+        others = [other for other in walls if other is not wall]
+        corners = panel(wall, others, middle, reach)
+        if len(corners) < 3:  # the others leave no room for it
+            continue
+        if model.flat:
+            _draw_fence(scene, number, corners, wall[0], 2.0 * reach / _HATCHES)
+        else:
+            scene.add_mesh_simple(
+                f"/obstacles/wall {number}", *polygon(corners), color=OBSTACLE, opacity=0.25,
+                side="double", cast_shadow=False,
+            )  # fmt: skip
+
+
+def _draw_spheres(scene: viser.SceneApi, model: SceneModel) -> None:
+    spheres = model.surroundings.spheres
+    if not spheres:
+        return
+    scene.add_batched_meshes_simple(
+        "/obstacles/spheres", *ball(model.flat),
+        batched_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (len(spheres), 1)),
+        batched_positions=np.array([center for center, _ in spheres]),
+        batched_scales=np.array([radius for _, radius in spheres]),
+        batched_colors=OBSTACLE, lod="off", cast_shadow=False,
+    )  # fmt: skip
+
+
+def _draw_fence(
+    scene: viser.SceneApi, number: int, corners: Array, normal: Array, step: float
+) -> None:
+    """The line where the panel meets the plane, hatched on its far side."""
+    along = np.cross([0.0, 0.0, 1.0], normal)
+    places = corners @ along
+    begin, end = (corners[k] * [1.0, 1.0, 0.0] for k in (places.argmin(), places.argmax()))
+    steps = max(int(np.linalg.norm(end - begin) / step), 1)
+    feet = begin + np.linspace(0.0, 1.0, steps + 1)[:, None] * (end - begin)
+    hatches = np.stack([feet, feet + 0.7 * step * (normal - along)], axis=1)
+    _draw_lines(scene, f"/obstacles/wall {number}/rail", np.array([[begin, end]]), _RAIL)
+    _draw_lines(scene, f"/obstacles/wall {number}/hatches", hatches, 1.5)
+
+
+def _draw_lines(scene: viser.SceneApi, name: str, segments: Array, pixels: float) -> None:
+    scene.add_line_segments(name, segments, OBSTACLE, thickness=pixels, thickness_units="screen")
+
+
+def panel(wall: HalfSpace, others: list[HalfSpace], middle: Array, reach: float) -> Array:
+    """The corners of a wall's surface, shape (c, 3), where the other walls leave room for it.
+
+    Args:
+        wall: whose surface.
+        others: walls that cut it off.
+        middle: what the scene is around [m], shape (3,).
+        reach: half the side of the square that a wall without others is [m].
+    """
+    normal, offset = wall
+    foot = middle + (offset - normal @ middle) * normal
+    level = np.array([0.0, 0.0, 1.0]) if abs(normal[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    across = unit(np.cross(level, normal))
+    high = np.cross(normal, across)
+    square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    corners = foot + reach * square @ np.stack([across, high])
+    for other in others:
+        corners = _clipped(corners, other)
+    return corners
+
+
+def _clipped(corners: Array, keep: HalfSpace) -> Array:
+    """A convex polygon's part in a half-space (Sutherland and Hodgman's way)."""
+    normal, offset = keep
+    beyond = corners @ normal - offset
+    found: list[Array] = []
+    for k, corner in enumerate(corners):
+        before, was = corners[k - 1], beyond[k - 1]
+        if (was > 0.0) != (beyond[k] > 0.0):
+            found.append(before + was / (was - beyond[k]) * (corner - before))
+        if beyond[k] <= 0.0:
+            found.append(corner)
+    return np.array(found).reshape(-1, 3)

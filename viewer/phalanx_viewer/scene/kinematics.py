@@ -1,0 +1,100 @@
+"""How a stacked state becomes poses, and how inputs become arrows."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import casadi as ca
+import numpy as np
+
+from phalanx.arrays import Array
+from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.models.dynamics import Dynamics
+from phalanx.theory.safety.composition import ComposedSet, stacked_slices
+from phalanx_viewer.scene.geometry import unit
+
+_HEADING_STATES = ("theta", "psi", "yaw", "heading")
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Where all agents are and which way they face, in 3-D."""
+
+    positions: Array
+    """Output points [m], shape (N, 3)."""
+    headings: Array
+    """Unit vectors, or zero where an agent has none, shape (N, 3)."""
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """The maps from a swarm's state and inputs to what is drawn of them, compiled when needed."""
+
+    composed: ComposedSet
+
+    @cached_property
+    def inputs(self) -> tuple[slice, ...]:
+        """Where each agent's input lies in the stack of all."""
+        return stacked_slices([len(m.dynamics.inputs) for m in self.composed.members])
+
+    def poses(self, x: Array) -> Poses:
+        """The poses at a state, shape (n̄,)."""
+        return self._kept_poses(x.tobytes())
+
+    def effects(self, x: Array, u: Array) -> Array:
+        """What inputs, shape (Σ m_i,), do: the lowest derivative of p they act on, (N, 3)."""
+        found: Array = self._effects(x, u)[0].reshape(-1, 3)
+        return found
+
+    @cached_property
+    def _kept_poses(self) -> Callable[[bytes], Poses]:
+        """At the last state: a frame's are asked for by the history and by the picture."""
+
+        def poses(x: bytes) -> Poses:
+            positions, headings = self._poses(np.frombuffer(x))
+            return Poses(positions.reshape(-1, 3), unit(headings.reshape(-1, 3)))
+
+        return lru_cache(maxsize=1)(poses)
+
+    @cached_property
+    def _poses(self) -> CompiledFunction:
+        composed = self.composed
+        headings = [
+            _heading(m.dynamics, composed.x[part])
+            for m, part in zip(composed.members, composed.parts, strict=True)
+        ]
+        positions = ca.vertcat(*[_lift(p) for p in composed.positions])
+        return CompiledFunction([composed.x], [positions, ca.vertcat(*headings)])
+
+    @cached_property
+    def _effects(self) -> CompiledFunction:
+        composed = self.composed
+        u = ca.SX.sym("u", self.inputs[-1].stop)
+        effects = [
+            _effect(m.dynamics, composed.x[part], u[own])
+            for m, part, own in zip(composed.members, composed.parts, self.inputs, strict=True)
+        ]
+        return CompiledFunction([composed.x, u], [ca.vertcat(*effects)])
+
+
+def _lift(p: ca.SX) -> ca.SX:
+    return ca.vertcat(p, ca.SX.zeros(3 - p.numel()))
+
+
+def _heading(dynamics: Dynamics, x: ca.SX) -> ca.SX:
+    """Where an agent faces: along its heading angle, else along its velocity where x has it."""
+    for k, name in enumerate(dynamics.states):
+        if name in _HEADING_STATES:
+            return ca.vertcat(ca.cos(x[k]), ca.sin(x[k]), 0)
+    return _lift(ca.jacobian(dynamics.position(x), x) @ dynamics.drift(x))
+
+
+def _effect(dynamics: Dynamics, x: ca.SX, u: ca.SX) -> ca.SX:
+    """The lowest time derivative of the output point that depends on u, as a 3-vector."""
+    rate = dynamics.drift(x) + dynamics.actuation(x) @ u
+    y = dynamics.position(x)
+    for _ in range(x.numel()):
+        y = ca.jacobian(y, x) @ rate
+        if ca.depends_on(y, u):
+            return _lift(y)
+    return ca.SX.zeros(3)

@@ -1,0 +1,122 @@
+"""Names of agents and the worst pair's distance, written where they cover no other text."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import viser
+
+from phalanx.arrays import Array
+from phalanx_viewer.scene.model import SceneModel
+from phalanx_viewer.scene.nodes import update
+from phalanx_viewer.scene.picture import Picture
+from phalanx_viewer.scene.view import View
+
+_NODES = 24
+"""Most labels at a time: each is a node of its own."""
+_PAIR = -1
+"""Whose text the worst pair's is."""
+_STEADY = 0.003
+"""What moves by less, in shorter sides of the picture, seems to stand still: two pixels."""
+LETTER, _LINE = 0.013, 0.032
+"""Width of a letter and height of a line, in the shorter side of a usual picture."""
+
+
+class LabelNodes:
+    """The most important texts first: unsafe agents, the chosen one, the worst pair, the others.
+
+    Names of the first two stand wherever there is room around their agents, the others above.
+    """
+
+    def __init__(self, scene: viser.SceneApi, model: SceneModel) -> None:
+        self._model = model
+        count = min(_NODES, len(model.names)) + 1
+        self._free = [
+            scene.add_label(f"/labels/{k}", "", anchor="center-center", visible=False)
+            for k in range(count)
+        ]
+        self._shown: dict[int, viser.LabelHandle] = {}
+        """By agent, or _PAIR: each keeps its node, and so its text, for as long as it is shown."""
+
+    def show(self, picture: Picture, selected: int | None, sizes: Array, view: View) -> None:
+        """Write what there is room for; sizes of the bodies [m], shape (N,)."""
+        whose, texts, places = self._wanted(picture, selected, sizes, view)
+        on_page = [view.project(each) / view.smallness for each in places]
+        shown = apart(on_page, [len(text) for text in texts])
+        shown = shown[: len(self._free) + len(self._shown)]
+        for gone in self._shown.keys() - {whose[k] for k, _ in shown}:
+            self._free.append(self._shown.pop(gone))
+        for k, place in shown:
+            at = places[k][place]
+            node = self._shown.get(whose[k]) or self._free.pop()
+            self._shown[whose[k]] = node
+            update(node, text=texts[k], visible=True)
+            if np.abs(at - node.position).max() > _STEADY * view.spans(at[None])[0]:
+                node.position = tuple(at)
+        for node in self._free:
+            node.visible = False
+
+    def _wanted(
+        self, picture: Picture, selected: int | None, sizes: Array, view: View
+    ) -> tuple[list[int], list[str], list[Array]]:
+        """Whose texts, and these, the most important first; of each its places, shapes (c, 3)."""
+        model = self._model
+        chosen = [] if selected is None else [selected]
+        first = list(dict.fromkeys([*np.flatnonzero(picture.unsafe_agents).tolist(), *chosen]))
+        others = [] if model.crowded else range(len(model.names))
+        later = dict.fromkeys([*sorted(model.agents_of([picture.pair])), *others])
+        whose = [*first, _PAIR, *(i for i in later if i not in first)]
+        texts = [picture.worst_pair_text if i == _PAIR else model.names[i] for i in whose]
+        clear_of = 1.5 * float(sizes[sorted(model.agents_of([picture.pair]))].max())
+        beside_pair = beside(*picture.worst_pair, len(picture.worst_pair_text), clear_of, view)
+        around = [
+            beside_pair[None] if i == _PAIR else self._around(picture, i, sizes[i], view)
+            for i in whose
+        ]
+        ways = [8 if i in first else 1 for i in whose]
+        return whose, texts, [at[:count] for at, count in zip(around, ways, strict=True)]
+
+    def _around(self, picture: Picture, i: int, size: float, view: View) -> Array:
+        """Above an agent and at seven other places around it, shape (8, 3)."""
+        at, (right, up, _) = picture.positions[i], view.axes
+        letter = view.smallness * float(view.spans(at[None])[0])
+        high = (1.1 * size + 0.5 * _LINE * letter) * up
+        wide = (1.1 * size + 0.5 * LETTER * (len(self._model.names[i]) + 1.0) * letter) * right
+        sides = [high, -high, wide, -wide]
+        found: Array = at + np.array([*sides, high + wide, high - wide, wide - high, -high - wide])
+        return found
+
+
+def beside(a: Array, b: Array, letters: int, clear: float, view: View) -> Array:
+    """Where the middle of a text stands beside the line from a to b [m], and off it, (3,)."""
+    right, up = view.axes[:2] @ (b - a)
+    # Square to the line in the picture, and downwards rather than up.
+    off = np.array([up, -right]) / max(float(np.hypot(right, up)), 1e-9)
+    off = -off if off[1] > 0.0 else off
+    middle = (a + b) / 2.0
+    span = float(view.spans(middle[None])[0])
+    halves = view.smallness * span * np.array([LETTER * letters, _LINE]) / 2.0
+    found: Array = middle + (clear + np.abs(off) @ halves) * off @ view.axes[:2]
+    # Beside a pair at the picture's edge it would be cut off.
+    at, edge = float(view.project(found[None])[0, 0]), max(1.0, view.aspect) / 2.0
+    inside = max(edge - halves[0] / span, 0.0)
+    found += span * (min(max(at, -inside), inside) - at) * view.axes[0]
+    return found
+
+
+def apart(places: Sequence[Array], letters: Sequence[int]) -> list[tuple[int, int]]:
+    """Which texts, the first ones first, cover none of those before them, and at which place.
+
+    Args:
+        places: where each may stand in a usual picture, in its shorter sides, shapes (c, 2).
+        letters: how long each is.
+    """
+    shown: list[tuple[int, int]] = []
+    taken: list[tuple[float, float, float]] = []
+    for k, (ways, count) in enumerate(zip(places, letters, strict=True)):
+        half = LETTER * (count + 1.0) / 2.0
+        for place, (x, y) in enumerate(ways.tolist()):
+            if all(abs(x - a) >= half + wide or abs(y - b) >= _LINE for a, b, wide in taken):
+                shown.append((k, place))
+                taken.append((x, y, half))
+                break
+    return shown
