@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from phalanx.arrays import Array, Index
+from phalanx.arrays import Array, Index, Mask
 from phalanx.guarantee.certificate import DEFECT, MULTIPLES, reach_within
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.exact import dot
@@ -78,12 +77,12 @@ class ReachableBoxes:
         near: Array = self._near[i, others]
         return near
 
-    def _pairwise(self) -> NDArray[np.bool_]:
+    def _pairwise(self) -> Mask:
         """Whether a member, by row, may meet another or an obstacle, shape (N, N + K)."""
         low, high = self._low[: self._members, None], self._high[: self._members, None]
         gap = np.maximum(0.0, np.maximum(self._low - high, low - self._high))
         # What is not a number is near.
-        near: NDArray[np.bool_] = ~(dot(gap, gap) > self._reach * self._reach)
+        near: Mask = ~(dot(gap, gap) > self._reach * self._reach)
         return near
 
 

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from phalanx.arrays import Array
+from phalanx.arrays import Array, Mask
 from phalanx.network.distributions import Distribution, quantile
 
 Unit = Literal["s", "ms", "us"]
@@ -109,7 +108,7 @@ def _correlation(delays: Array) -> float:
     return _rounded(min(found, 0.99)) if found > chance else 0.0
 
 
-def _loss(lost: NDArray[np.bool_]) -> float | dict[str, float]:
+def _loss(lost: Mask) -> float | dict[str, float]:
     """The share lost; with the mean burst, if bursts are longer than chance would have them."""
     mean = float(lost.mean())
     bursts = np.count_nonzero(lost[1:] & ~lost[:-1]) + int(lost[0])

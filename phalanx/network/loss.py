@@ -3,10 +3,7 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from phalanx.arrays import Array
+from phalanx.arrays import Array, Mask
 from phalanx.network.chance import Chance, NonNegative, Probability
 from phalanx.network.delay import BASIC
 from phalanx.network.rule import DELIVER, DROP, Message, Treatment
@@ -84,7 +81,7 @@ class Outside(NamedTuple):
     low: float
     high: float
 
-    def __call__(self, rows: Array, /) -> NDArray[np.bool_]:
+    def __call__(self, rows: Array, /) -> Mask:
         return (rows[:, 0] < self.low) | (rows[:, 0] >= self.high)
 
 

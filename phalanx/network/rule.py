@@ -16,10 +16,8 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
-from phalanx.arrays import Array
+from phalanx.arrays import Array, Mask
 from phalanx.seeded.draws import Draws
 
 
@@ -94,7 +92,7 @@ class AtLeast(NamedTuple):
     column: int
     least: float
 
-    def __call__(self, rows: Array, /) -> NDArray[np.bool_]:
+    def __call__(self, rows: Array, /) -> Mask:
         return rows[:, self.column] >= self.least
 
 

@@ -5,9 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from phalanx.arrays import Array
+from phalanx.arrays import Array, Mask
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Step
 from phalanx.report.crowd import draw_crowd
@@ -32,7 +31,7 @@ class MarginUse(NamedTuple):
     """The least that is proven of the input that was applied; inf where nothing is."""
 
     @property
-    def short(self) -> NDArray[np.bool_]:
+    def short(self) -> Mask:
         """Where less was used than is proven to be enough."""
         return self.used < self.needed
 

@@ -11,9 +11,8 @@ from typing import Protocol
 
 import numpy as np
 from numpy.random import Generator, Philox
-from numpy.typing import NDArray
 
-from phalanx.arrays import Array
+from phalanx.arrays import Array, Mask
 
 _BLOCK = 256
 
@@ -21,7 +20,7 @@ _BLOCK = 256
 class Condition(Hashable, Protocol):
     """Something that holds of some rows; what is found serves all of its class that are equal."""
 
-    def __call__(self, rows: Array, /) -> NDArray[np.bool_]:
+    def __call__(self, rows: Array, /) -> Mask:
         """Of which of these rows, shape (r, width), it holds, shape (r,)."""
 
 

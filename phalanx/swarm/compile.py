@@ -14,8 +14,6 @@ def compile_rows(rows: SafetyRows) -> None:
     """Compile the rows of all agents, for processes that are forked to inherit them."""
     swarm = rows.swarm
     swarm.speakers  # noqa: B018
-    for kind in swarm.pairs.kinds:
-        kind.jets  # noqa: B018
     ends = sorted({l for both in swarm.ends for l in both})
     for i in ends:
         rows.terms(i)
@@ -51,4 +49,5 @@ def _rehearse(rows: SafetyRows, i: int) -> None:
         if own is not None:
             own(x, seen, swarm.normal if swarm.joint else ())
         elif not rows.pairwise:
-            terms(x, seen).psi  # noqa: B018
+            found = terms(x, seen)
+            found.psi, found.margin  # noqa: B018

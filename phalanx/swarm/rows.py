@@ -17,7 +17,7 @@ from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import added
 from phalanx.theory.expressions.mapped import MappedFunction
-from phalanx.theory.margins.margin import ComposedMargin, Margin
+from phalanx.theory.margins.margin import Margin
 from phalanx.theory.margins.paper import MarginConstants
 from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.models.polytope import EmptyPolytopeError
@@ -87,10 +87,11 @@ class SafetyRows:
         expression, which does not scale.
         """
         swarm, radius = self.swarm, self.swarm.sensing(i)
-        margin = None if swarm.members[i].adversary or self.pairwise else self.margin(i)
-        numbers = margin.composed(self.relative_degree) if margin else ComposedMargin(0.0)
-        if margin is None or numbers is not None:
-            return self.composed.of(i, radius, numbers or ComposedMargin(0.0))
+        if swarm.members[i].adversary or self.pairwise:
+            return self.composed.of(i, radius)
+        margin = self.margin(i)
+        if (numbers := margin.composed(self.relative_degree)) is not None:
+            return self.composed.of(i, radius, numbers)
         if i not in self._whole:
             active = None if radius is None else swarm.safe_set.within(i, radius)
             known = margin.of(self.chain, i, active=active)

@@ -42,9 +42,11 @@ def _runnable(swarm: Swarm) -> SafetyRows:
         require_h(swarm, x, "at the start")
         # Not all: of a large swarm no agent evaluates so many at once.
         seen = sorted({*swarm.seen(i, x), *[l for ends in swarm.ends for l in ends]})
-        rows.terms(i)(x, seen).psi  # noqa: B018
         if rows.pairwise:
             rows.pair_terms(i)(x, seen)
+        else:
+            terms = rows.terms(i)(x, seen)
+            terms.psi, terms.margin  # noqa: B018
         for l in first:
             _require_law(rows, l, x)
         _require_rules(swarm, x)

@@ -30,11 +30,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phalanx.arrays import Array, Index
+from phalanx.arrays import Array, Index, Mask
 from phalanx.guarantee.checker.bounds import PairBound
 from phalanx.guarantee.checker.coverage import Coverage, Inputs
 from phalanx.guarantee.checker.departures import Departures
-from phalanx.guarantee.checker.intervals import Truth, UncertifiableError
+from phalanx.guarantee.checker.intervals import UncertifiableError
 from phalanx.guarantee.checker.motions import GroupMotion
 from phalanx.guarantee.checker.records import (
     StateRecord,
@@ -147,7 +147,7 @@ class _Run:
         pairs = swarm.pairs
         self._ends: Index = np.array([(p.a, p.a if p.b is None else p.b) for p in pairs])
         """Members of each pair, shape (p, 2); of one with an obstacle the first one twice."""
-        self._shared: Truth = np.array(
+        self._shared: Mask = np.array(
             [p.b is not None and not members[p.b].adversary for p in pairs]
         )
         """Pairs of two normal agents, shape (p,)."""
@@ -184,7 +184,7 @@ class _Run:
     def bound(self) -> Iterator[int]:
         """Bound h of all pairs after every input; yields how much was done."""
         for kind, pairs in self._kinds().items():
-            alone = self._alone(pairs[0])
+            alone = self._swarm.alone(pairs[0])
             motions = [self._motions[g] for g in (kind.a, kind.b) if g is not None]
             bound = PairBound(alone, motions)
             for place in range(2 if self._shared[pairs[0]] else 1):
@@ -222,10 +222,6 @@ class _Run:
             b = None if p.b is None else self._group[p.b]
             found[_Kind(self._group[p.a], b, p.obstacle)].append(number)
         return {kind: np.array(pairs) for kind, pairs in found.items()}
-
-    def _alone(self, pair: int) -> ComposedSet:
-        """One pair as a safe set of its own."""
-        return self._swarm.alone(pair)
 
     def _states(self, pairs: Index, k: Index, alone: ComposedSet) -> Array:
         """Those of the members of pairs, when inputs k took effect, shape (n, s)."""

@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phalanx.arrays import Array, Index
-from phalanx.guarantee.checker.intervals import Truth
+from phalanx.arrays import Array, Index, Mask
 from phalanx.guarantee.checker.records import HeldInputs
 
 
@@ -59,10 +58,10 @@ _NONE = _Holes(np.zeros(0, np.intp), np.zeros(0), np.zeros(0))
 class Coverage:
     """Accumulates the certificates of all inputs; covered intervals are not kept."""
 
-    def __init__(self, inputs: Inputs, counted: Truth) -> None:
+    def __init__(self, inputs: Inputs, counted: Mask) -> None:
         """counted: the inputs of agents that were normal then."""
         self._inputs, self._counted = inputs, counted
-        self.lasting: Truth = np.ones(len(inputs.t), dtype=bool)
+        self.lasting: Mask = np.ones(len(inputs.t), dtype=bool)
         """Which last, for all pairs so far, until the next input."""
         self.horizon = np.inf
         """The shortest so far [s]."""
@@ -81,7 +80,7 @@ class Coverage:
         found = _Holes(pairs[short], np.maximum(t, end)[short], until[short])
         self._holes[place].append(found)
 
-    def first_uncovered(self, shared: Truth, until: Array) -> tuple[float, int] | None:
+    def first_uncovered(self, shared: Mask, until: Array) -> tuple[float, int] | None:
         """When [s] and which pair has no certificate first.
 
         Args:

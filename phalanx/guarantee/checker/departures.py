@@ -11,8 +11,7 @@ order is the highest at which nothing jumps in B; where J has no bound it is the
 
     x(h) is within ‖x(0) - y(0)‖ + h φ^max of y(0) + h F(B).
 
-The time is divided until a state is certain to be
-within the distance, or to be beyond it.
+The time is divided until a state is certain to be within the distance, or to be beyond it.
 """
 
 from collections.abc import Sequence
@@ -21,11 +20,10 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array
+from phalanx.arrays import Array, Mask
 from phalanx.guarantee.checker.interval_function import IntervalFunction
 from phalanx.guarantee.checker.intervals import (
     Interval,
-    Truth,
     UncertifiableError,
     UndecidedError,
     absolute,
@@ -57,7 +55,7 @@ class Reached(NamedTuple):
     """How far at most from there with it, shape (s,)."""
     speed: Array
     """How fast at most on the way, shape (s,)."""
-    known: Truth
+    known: Mask
     """shape (s,)"""
 
 
@@ -111,7 +109,7 @@ class Departures:
                 f"{t[k + 1]:.6f} s: its motion was not bounded closely enough"
             )
 
-    def _followed(self, t: Array, x: Array, u: Array) -> tuple[Truth, Array]:
+    def _followed(self, t: Array, x: Array, u: Array) -> tuple[Mask, Array]:
         """Which states may follow, shape (e - 1,), and how far others are beyond what may."""
         begin, end, dt = point(x[:, :-1]), point(x[:, 1:]), subtract(point(t[1:]), point(t[:-1]))
         may, beyond = np.zeros(len(t) - 1, dtype=bool), np.zeros(len(t) - 1)
@@ -151,7 +149,7 @@ class Departures:
         return Reached(y, distance, speed, known)
 
     def _undisturbed(
-        self, y: Interval, u: Interval, h: Interval, within: Motion, smooth: Truth
+        self, y: Interval, u: Interval, h: Interval, within: Motion, smooth: Mask
     ) -> Interval:
         """Where motions from y are after h without disturbance; of first order unless smooth."""
         found, left = add(y, multiply(h, within.rates)), smooth.copy()

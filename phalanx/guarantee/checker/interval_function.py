@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from phalanx.guarantee.checker.intervals import Interval, Truth, UndecidedError, point
+from phalanx.arrays import Mask
+from phalanx.guarantee.checker.intervals import Interval, UndecidedError, point
 from phalanx.guarantee.checker.rules import JUMPS, RULES
 
 
@@ -32,7 +33,7 @@ class IntervalFunction:
             if op not in known:
                 raise UndecidedError(f"no interval rule for the operation {_name(op)!r}")
 
-    def __call__(self, *inputs: Interval) -> tuple[list[Interval], Truth]:
+    def __call__(self, *inputs: Interval) -> tuple[list[Interval], Mask]:
         """Bounds of each output, shapes (size, s), over s boxes, inputs (n, s) each.
 
         And whether nothing in them can jump there, shape (s,): a sign, a comparison or a rounding

@@ -10,11 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from phalanx.arrays import Array
-
-Truth = NDArray[np.bool_]
+from phalanx.arrays import Array, Mask
 
 _LIBRARY = 8
 """How far library functions are moved [ulp]; numpy's vectorised ones may be wrong by 4."""
@@ -107,9 +104,9 @@ def norm(a: Interval) -> Interval:
     return root(nonnegative(total(square(a))))
 
 
-def inside(a: Interval, b: Interval) -> Truth:
+def inside(a: Interval, b: Interval) -> Mask:
     """Whether a lies within b in every component, along the first axis."""
-    found: Truth = np.logical_and.reduce((a.lo >= b.lo) & (a.hi <= b.hi), axis=0)
+    found: Mask = np.logical_and.reduce((a.lo >= b.lo) & (a.hi <= b.hi), axis=0)
     return found
 
 
@@ -128,7 +125,7 @@ def _known(low: Array, high: Array) -> Interval:
     return where(~(np.isnan(low) | np.isnan(high)), Interval(low, high))
 
 
-def where(defined: Truth, a: Interval) -> Interval:
+def where(defined: Mask, a: Interval) -> Interval:
     """a where it is defined, else everything."""
     return Interval(np.where(defined, a.lo, -np.inf), np.where(defined, a.hi, np.inf))
 

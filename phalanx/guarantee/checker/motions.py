@@ -5,11 +5,10 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array
+from phalanx.arrays import Array, Mask
 from phalanx.guarantee.checker.interval_function import IntervalFunction
 from phalanx.guarantee.checker.intervals import (
     Interval,
-    Truth,
     UndecidedError,
     add,
     inside,
@@ -36,7 +35,7 @@ class Motion(NamedTuple):
     """shape (n, s)"""
     rates: Interval
     """f + g u without φ, in the box, shape (n, s)."""
-    known: Truth
+    known: Mask
     """Whether it cannot leave the box, shape (s,)."""
 
 
@@ -61,7 +60,7 @@ class GroupMotion:
         low, high = polytope.corners.min(axis=0), polytope.corners.max(axis=0)
         self._inputs = Interval(low[:, None] - _ACTUATOR, high[:, None] + _ACTUATOR)
 
-    def admits(self, u: Array) -> Truth:
+    def admits(self, u: Array) -> Mask:
         """Which inputs u, shape (m, s), an actuator takes."""
         return inside(point(u), self._inputs)
 

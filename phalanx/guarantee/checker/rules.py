@@ -5,10 +5,9 @@ from collections.abc import Callable, Mapping
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array
+from phalanx.arrays import Array, Mask
 from phalanx.guarantee.checker.intervals import (
     Interval,
-    Truth,
     absolute,
     add,
     moved,
@@ -27,11 +26,11 @@ def _reciprocal(a: Interval) -> Interval:
     return where(apart, outward(1.0 / a.hi, 1.0 / a.lo))
 
 
-def _reaches(a: Interval, phase: float) -> Truth:
+def _reaches(a: Interval, phase: float) -> Mask:
     """Whether phase + 2πk may lie in a, for some whole k; in doubt it does."""
     first, last = (a.lo - phase) / (2 * np.pi), (a.hi - phase) / (2 * np.pi)
     doubt = 1e-9 + 1e-12 * np.maximum(np.abs(first), np.abs(last))
-    found: Truth = ~(np.ceil(first - doubt) > last + doubt)
+    found: Mask = ~(np.ceil(first - doubt) > last + doubt)
     return found
 
 
@@ -79,10 +78,10 @@ def _power(a: Interval, b: Interval) -> Interval:
     return moved(base.lo**n, base.hi**n)
 
 
-_Jumping = Callable[..., tuple[Interval, Truth]]
+_Jumping = Callable[..., tuple[Interval, Mask]]
 
 
-def _sign(a: Interval) -> tuple[Interval, Truth]:
+def _sign(a: Interval) -> tuple[Interval, Mask]:
     # sign(0) is 0, but beside it there is a jump.
     return Interval(np.sign(a.lo), np.sign(a.hi)), (a.lo > 0.0) | (a.hi < 0.0)
 
@@ -90,7 +89,7 @@ def _sign(a: Interval) -> tuple[Interval, Truth]:
 def _rounding(function: Callable[[Array], Array]) -> _Jumping:
     """Floor or ceil, which jump at whole numbers."""
 
-    def rule(a: Interval) -> tuple[Interval, Truth]:
+    def rule(a: Interval) -> tuple[Interval, Mask]:
         below, above = np.floor(a.lo), np.ceil(a.hi)
         between = (a.lo > below) & (a.hi < above) & (above == below + 1.0)
         return Interval(function(a.lo), function(a.hi)), between
@@ -99,32 +98,32 @@ def _rounding(function: Callable[[Array], Array]) -> _Jumping:
 
 
 def _compared(
-    holds: Callable[[Interval, Interval], Truth], fails: Callable[[Interval, Interval], Truth]
+    holds: Callable[[Interval, Interval], Mask], fails: Callable[[Interval, Interval], Mask]
 ) -> _Jumping:
     """A comparison: 1 where it holds all over the box, 0 where it fails, else a jump."""
 
-    def rule(a: Interval, b: Interval) -> tuple[Interval, Truth]:
+    def rule(a: Interval, b: Interval) -> tuple[Interval, Mask]:
         yes, no = holds(a, b), fails(a, b)
         return Interval(np.where(yes, 1.0, 0.0), np.where(no, 0.0, 1.0)), yes | no
 
     return rule
 
 
-def _apart(a: Interval, b: Interval) -> Truth:
-    found: Truth = (a.hi < b.lo) | (a.lo > b.hi)
+def _apart(a: Interval, b: Interval) -> Mask:
+    found: Mask = (a.hi < b.lo) | (a.lo > b.hi)
     return found
 
 
-def _never(a: Interval, b: Interval) -> Truth:
+def _never(a: Interval, b: Interval) -> Mask:
     return np.zeros(np.broadcast_shapes(a.lo.shape, b.lo.shape), dtype=bool)
 
 
-def _below(a: Interval, b: Interval) -> Truth:
-    found: Truth = a.hi < b.lo
+def _below(a: Interval, b: Interval) -> Mask:
+    found: Mask = a.hi < b.lo
     return found
 
 
-def _arc_tangent_2(y: Interval, x: Interval) -> tuple[Interval, Truth]:
+def _arc_tangent_2(y: Interval, x: Interval) -> tuple[Interval, Mask]:
     """The angle of (x, y), which jumps at the cut y = 0, x <= 0."""
     corners = [np.arctan2(v, u) for v in (y.lo, y.hi) for u in (x.lo, x.hi)]
     low, high = np.minimum.reduce(corners), np.maximum.reduce(corners)
@@ -135,18 +134,18 @@ def _arc_tangent_2(y: Interval, x: Interval) -> tuple[Interval, Truth]:
 def _logical(function: Callable[..., Array]) -> _Jumping:
     """Not, and, or of truths, which are 0 or 1 where nothing jumped before."""
 
-    def rule(*arguments: Interval) -> tuple[Interval, Truth]:
+    def rule(*arguments: Interval) -> tuple[Interval, Mask]:
         # A condition that is a number has no shape.
         lows = np.broadcast_arrays(*[a.lo for a in arguments])
         highs = np.broadcast_arrays(*[a.hi for a in arguments])
-        settled: Truth = np.logical_and.reduce(np.equal(lows, highs))
+        settled: Mask = np.logical_and.reduce(np.equal(lows, highs))
         value = np.where(settled, function(*lows), 0.0)
         return Interval(value, np.where(settled, value, 1.0)), settled
 
     return rule
 
 
-def _if_else_zero(condition: Interval, a: Interval) -> tuple[Interval, Truth]:
+def _if_else_zero(condition: Interval, a: Interval) -> tuple[Interval, Mask]:
     yes, no = condition.lo > 0.0, (condition.lo == 0.0) & (condition.hi == 0.0)
     low = np.where(yes, a.lo, np.where(no, 0.0, np.minimum(a.lo, 0.0)))
     high = np.where(yes, a.hi, np.where(no, 0.0, np.maximum(a.hi, 0.0)))

@@ -46,21 +46,18 @@ class MappedFunction:
         shape = (*values.shape[:-1], len(places))
         count = len(places) if values.ndim == 1 else len(places) * len(values)
         bound = self._for(count)
-        width, results = self.inputs, self.results
-        rows = bound.inputs[0][: count * width].reshape(*shape, width)
+        rows = bound.inputs[0][: count * self.inputs].reshape(*shape, self.inputs)
         # In any other mode it would be written to a copy first.
         values.take(places, axis=-1, out=rows, mode="clip")
         bound.call()
-        return bound.outputs[0][: count * results].reshape(*shape, results).copy()
+        return bound.outputs[0][: count * self.results].reshape(*shape, self.results).copy()
 
     def at(self, places: Index) -> "MappedRows":
         """The same rows of one state after another, shape (r, inputs)."""
-        width, results = self.inputs, self.results
         bound, count = self._for(len(places)), len(places)
-        rows = bound.inputs[0][: count * width].reshape(count, width)
-        return MappedRows(
-            places, bound, rows, bound.outputs[0][: count * results].reshape(count, results)
-        )
+        rows = bound.inputs[0][: count * self.inputs].reshape(count, self.inputs)
+        results = bound.outputs[0][: count * self.results].reshape(count, self.results)
+        return MappedRows(places, bound, rows, results)
 
     @cached_property
     def text(self) -> str:

@@ -29,9 +29,12 @@ class _Value(NamedTuple):
 
 
 def take_out(arguments: Sequence[ca.SX], others: ca.SX, expression: ca.SX) -> TakenOut:
-    """Take sines, exponentials and the like out where they are of one argument, a column, alone.
+    """Take sines, exponentials and the like out where they are of one argument alone.
 
-    others: further symbols of the expression.
+    Args:
+        arguments: columns of symbols, shapes (n_l,).
+        others: further symbols of the expression, shape (k,).
+        expression: of any shape, which the rest has too.
     """
     every = [*arguments, others]
     f = ca.Function("f", every, [ca.densify(expression)], {"cse": True})

@@ -35,7 +35,7 @@ class Box:
 
     @cached_property
     def ends(self) -> tuple[list[float], list[float]]:
-        """low and high as plain numbers, which so few are faster as."""
+        """low and high as plain numbers: so few of them are faster so than as arrays."""
         return self.low.tolist(), self.high.tolist()
 
     def holds(self, u: Array) -> bool:

@@ -13,7 +13,7 @@ from phalanx.theory.margins.margin import ComposedMargin
 from phalanx.theory.models.polytope import Polytope
 from phalanx.theory.rows.by_kind import TermsByKind
 from phalanx.theory.rows.composed_function import ComposedFunction, ComposedNumbers
-from phalanx.theory.rows.members import SwarmMembers
+from phalanx.theory.rows.members import Positions, SwarmMembers
 from phalanx.theory.rows.near import ObstaclesInSight
 from phalanx.theory.safety.chain import rounded_norm
 from phalanx.theory.safety.class_k import ClassK
@@ -47,6 +47,8 @@ class SwarmTerms:
 
     def of(self, i: int, radius: float | None, margin: ComposedMargin = _NONE) -> "ComposedTerms":
         """Agent i's terms. radius: how far it sees obstacles [m]; None for all."""
+        for kind in self.pairs.kinds if margin.bounds else ():
+            kind.gradients  # noqa: B018  compiled now, and not when an obstacle comes into sight
         return ComposedTerms(self, i, radius, margin)
 
 
@@ -62,7 +64,7 @@ class ComposedTerms:
         self._key: tuple[tuple[int, ...], bytes] | None = None
         self._function: ComposedFunction
         self._seen: tuple[int, ...] = ()
-        self._positions = swarm.members.positions(())
+        self._positions = Positions(swarm.members, ())
         constant = len(swarm.members.known) == len(swarm.members.states)
         self.known = swarm.members.known if constant else None
         """U_l of all members; None if some vary with the state."""
@@ -81,7 +83,7 @@ class ComposedTerms:
     def positions(self, x: Array, seen: tuple[int, ...]) -> Mapping[int, Array]:
         """Output positions [m] of those seen at x."""
         if seen != self._seen:
-            self._seen, self._positions = seen, self._swarm.members.positions(seen)
+            self._seen, self._positions = seen, Positions(self._swarm.members, seen)
         return self._positions(x)
 
     def composed(self, x: Array, seen: tuple[int, ...]) -> ComposedNumbers:
@@ -90,9 +92,8 @@ class ComposedTerms:
 
     def margin(self, x: Array, seen: tuple[int, ...], composed: ComposedNumbers) -> float:
         """Of the row: scale (η + D), where D is how fast the disturbances can push ψ_{q-1} up."""
-        margin = self._margin
-        function, states = self._choose(x, seen), self._swarm.members.states
-        slopes = pushed_slopes(function.pairs, function.weights(composed), x)
+        margin, states = self._margin, self._swarm.members.states
+        slopes = pushed_slopes(composed.pairs, composed.weights, x)
         push = added(rounded_norm(slopes[states[l]]) * margin.bounds[l] for l in seen)
         return margin.total(push)
 

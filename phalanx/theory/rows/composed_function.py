@@ -10,7 +10,7 @@ from phalanx.theory.expressions.bound import BoundFunction, rounded_up
 from phalanx.theory.expressions.mapped import MappedFunction
 from phalanx.theory.models.polytope import Polytope, extremes, polytope
 from phalanx.theory.rows.by_kind import Shape, TermsByKind
-from phalanx.theory.safety.pairs import ChosenPairs, spread
+from phalanx.theory.safety.pairs import ChosenPairs
 
 
 class ComposedNumbers(NamedTuple):
@@ -22,8 +22,9 @@ class ComposedNumbers(NamedTuple):
     least: dict[int, float]
     most: dict[int, float]
     polytopes: dict[int, Polytope]
-    found: Array
-    """All that was evaluated."""
+    pairs: ChosenPairs
+    weights: Array
+    """Of these pairs, as LogSumExpJets has them, shape (r, q)."""
 
 
 class ComposedFunction:
@@ -32,7 +33,7 @@ class ComposedFunction:
     def __init__(self, by_kind: TermsByKind, seen: Sequence[int], pairs: ChosenPairs) -> None:
         """seen: members. pairs: of them, and of them with what stands still."""
         q, members = by_kind.pairs.degree, by_kind.members
-        self.pairs, self._members, self._degree = pairs, members, q
+        self._pairs, self._members, self._degree = pairs, members, q
         kinds = list(members.by_kind(seen).items())
         sizes = [(members.kinds[k].inputs, own) for k, own in kinds]
         self._c, end = _layout(sizes, q + 1)
@@ -80,9 +81,10 @@ class ComposedFunction:
             {l: numbers[k] for l, k in self._least},
             {l: numbers[k + 1] for l, k in self._least},
             self._members.known,
-            found,
+            self._pairs,
+            found[self._weights :].reshape(-1, q)[: len(self._pairs.pairs)],
         )
-        return self._solved(composed) if self._varying else composed
+        return self._solved(composed, found) if self._varying else composed
 
     def psi(self, x: Array) -> Array:
         """ψ_0 ... ψ_{q-1} alone, shape (q,), without any linear program."""
@@ -90,16 +92,11 @@ class ComposedFunction:
         self._bound.call()
         return self._found[: self._degree].copy()
 
-    def weights(self, composed: ComposedNumbers) -> Array:
-        """As LogSumExpJets has them, of what this was composed to, shape (r, q)."""
-        found: Array = composed.found[self._weights :].reshape(-1, self._degree)
-        return found[: len(self.pairs.pairs)]
-
-    def _solved(self, composed: ComposedNumbers) -> ComposedNumbers:
+    def _solved(self, composed: ComposedNumbers, found: Array) -> ComposedNumbers:
         """With the linear programs of members whose U_l is what it is at this state only."""
         polytopes = dict(composed.polytopes)
         for l in self._varying:
-            row, c = composed.found[self._ends[l]], composed.c[l]
+            row, c = found[self._ends[l]], composed.c[l]
             A, b = np.split(row, [len(row) * len(c) // (len(c) + 1)])
             polytopes[l] = polytope(A.reshape(len(b), -1), b)
             composed.least[l], composed.most[l] = extremes(c, polytopes[l].corners)
@@ -140,8 +137,7 @@ class _Parts:
             if not len(members):
                 continue
             room = rounded_up(len(members))
-            places = spread(by_kind.pairs.begin, members[:, None], [part.inputs])
-            self.tables.append(_filled(places, room))
+            self.tables.append(_filled(by_kind.members.places(members.tolist()), room))
             shape.append((number, room))
             first = self._first[id(part)] = np.zeros(members[-1] + 1, dtype=np.intp)
             first[members] = begin + part.results * np.arange(len(members))

@@ -67,7 +67,7 @@ class SwarmMembers:
                 each[id(m.dynamics)] = MemberKind(m.dynamics)
         by_text: dict[str, int] = {}
         number = {key: by_text.setdefault(k.text, len(by_text)) for key, k in each.items()}
-        self.of: Index = np.array([number[id(m.dynamics)] for m in members], dtype=np.intp)
+        self._kind: Index = np.array([number[id(m.dynamics)] for m in members], dtype=np.intp)
         """Which of `kinds` each member is of."""
         first = {number[key]: kind for key, kind in reversed(each.items())}
         self.kinds = [first[k] for k in range(len(by_text))]
@@ -97,12 +97,8 @@ class SwarmMembers:
         """The members seen of each kind, those with a constant U first."""
         found: dict[int, list[int]] = {}
         for l in sorted(seen, key=lambda l: l not in self.known):
-            found.setdefault(int(self.of[l]), []).append(l)
+            found.setdefault(int(self._kind[l]), []).append(l)
         return found
-
-    def positions(self, seen: Sequence[int]) -> "Positions":
-        """Those of the members seen."""
-        return Positions(self, seen)
 
 
 class Positions:

@@ -12,9 +12,8 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from phalanx.arrays import Array
+from phalanx.arrays import Array, Mask
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.expressions.mapped import MappedFunction, MappedRows
@@ -60,7 +59,7 @@ class PairTerms(NamedTuple):
     """The other member's index; None for an obstacle."""
     parts: tuple[RowPart, ...]
     """What agent i keeps of each pair: all of it, or its half."""
-    half: NDArray[np.bool_]
+    half: Mask
     """Whether it is a half."""
 
 
@@ -117,7 +116,7 @@ class _Chosen(NamedTuple):
     """As PairTerms has them, like those that follow."""
     others: tuple[int | None, ...]
     parts: tuple[RowPart, ...]
-    half: NDArray[np.bool_]
+    half: Mask
 
 
 class OwnPairTerms:

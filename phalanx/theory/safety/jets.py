@@ -9,7 +9,8 @@ known. So are then those of h_tot = LSE(h_1, ..., h_r), s_0 ... s_q, with w = so
 ψ_0 ... ψ_q are functions of s_0 ... s_q alone, since s_k' = s_{k+1}.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import cache
 from math import comb
 from typing import Any, NamedTuple
 
@@ -36,20 +37,6 @@ class ComposedJets(NamedTuple):
     """∂ψ_{q-1} / ∂(L_f^j h_p) for pair p and j = 0 ... q-1, shape (r, q); the last is w_p."""
 
 
-class _Composition(NamedTuple):
-    """What one call reads and writes."""
-
-    call: Callable[[], object]
-    h: Array
-    """Of r pairs, shape (r, q+1)."""
-    beside: Array
-    """Room for more pairs."""
-    chain: Array
-    """ψ_0 ... ψ_{q-1} and the unforced part, shape (q+1,)."""
-    weights: Array
-    """shape (r, q)"""
-
-
 class LogSumExpJets:
     """Composes any number of pairs."""
 
@@ -61,24 +48,22 @@ class LogSumExpJets:
         # The unforced part alone has the last derivative.
         of_sum = _psi_of_sum(ca.vertcat(s, 0), alphas, xi)[:-1]
         self._psi = MappedFunction([s], of_sum)
-        self._functions: dict[int, ca.Function] = {}
-        """By how many pairs they have room for; so is what is bound."""
-        self._bound: dict[int, BoundFunction] = {}
-        self._made: dict[int, _Composition] = {}
-        """By the number of pairs."""
-        self._nobody = np.array([FAR] + [0.0] * self._degree)
+        self.composition = cache(self._composition)
+        """By how many pairs there is room for."""
+        self._bound = cache(lambda room: BoundFunction(self.composition(room)))
 
     def __call__(self, h: Array) -> ComposedJets:
         """Compose r pairs, of which h, L_f h, ..., L_f^q h are given; shape (r, q+1).
 
         The weights are there until the next call.
         """
-        at, q = self._made.get(len(h)) or self._make(len(h)), self._degree
-        at.h[:] = h
-        # What there is room for beside the r pairs are FAR ones.
-        at.beside[:] = self._nobody
-        at.call()
-        return ComposedJets(at.chain[:q].copy(), at.chain.item(q), at.weights)
+        bound, count, q = self._bound(rounded_up(len(h))), len(h), self._degree
+        rows, (chain, weights) = bound.inputs[0].reshape(-1, q + 1), bound.outputs
+        rows[:count] = h
+        rows[count:] = 0.0
+        rows[count:, 0] = FAR
+        bound.call()
+        return ComposedJets(chain[:q].copy(), chain.item(q), weights.reshape(-1, q)[:count])
 
     def psi(self, h_tot: Array, w: Array, h: Array) -> Array:
         """ψ_0 ... ψ_{q-1} alone at s states, shape (s, q).
@@ -98,34 +83,11 @@ class LogSumExpJets:
         rows = np.column_stack(s)
         return self._psi(rows.ravel(), np.arange(rows.size).reshape(rows.shape))
 
-    def _make(self, pairs: int) -> "_Composition":
-        room, above = rounded_up(pairs), self._degree + 1
-        if room not in self._bound:
-            self._bound[room] = BoundFunction(self.composition(room))
-        bound = self._bound[room]
-        rows, (chain, weights) = bound.inputs[0].reshape(room, above), bound.outputs
-        made = self._made[pairs] = _Composition(
-            bound.call,
-            rows[:pairs],
-            rows[pairs:],
-            chain,
-            weights.reshape(room, self._degree)[:pairs],
-        )
-        return made
-
-    def composition(self, room: int) -> ca.Function:
+    def _composition(self, pairs: int) -> ca.Function:
         """(q+1, room) -> ψ_0 ... ψ_{q-1} and the unforced part; the weights, (q, room).
 
-        Room without a pair has to hold FAR, with derivatives zero.
-        """
-        if room not in self._functions:
-            self._functions[room] = self._composition(room)
-        return self._functions[room]
-
-    def _composition(self, pairs: int) -> ca.Function:
-        """The same for so many pairs.
-
-        A graph of operations on vectors, as large for one pair as for a thousand.
+        Room without a pair has to hold FAR, with derivatives zero. A graph of operations on
+        vectors, as large for one pair as for a thousand.
         """
         q, rho = self._degree, self._rho
         given = ca.MX.sym("h", q + 1, pairs)

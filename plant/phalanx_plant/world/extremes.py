@@ -4,13 +4,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from phalanx.arrays import Array, Index
+from phalanx.arrays import Array, Index, Mask
 from phalanx.guarantee.verdict import Violation
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.safety.composition import ComposedSet
 
 
-class _Departures:
+class _Violations:
     """How far and how long pairs were out of their safe sets."""
 
     def __init__(self, count: int) -> None:
@@ -19,9 +19,9 @@ class _Departures:
         self._first = np.full(count, np.inf)
         self._duration = np.zeros(count)
 
-    def add(self, times: Array, lengths: Array, pairs: Index, h: Array) -> None:
-        """After s integration steps of such lengths [s], of some pairs, h (s, r)."""
-        unsafe, highest = ~(h <= 0.0), h.max(axis=0)
+    def add(self, times: Array, lengths: Array, pairs: Index, h: Array, unsafe: Mask) -> None:
+        """After s integration steps of such lengths [s], of some pairs, h and h > 0, (s, r)."""
+        highest = h.max(axis=0)
         deeper = highest > self._worst[pairs]
         self._worst_at[pairs[deeper]] = times[h.argmax(axis=0)][deeper]
         self._worst[pairs[deeper]] = highest[deeper]
@@ -51,7 +51,7 @@ class PairExtremes:
         self._composed, count = composed, len(composed.pairs)
         self._t = 0.0
         self._largest_h, self._worst_pair = -np.inf, 0
-        self._counted, self._apart = _Departures(count), _Departures(count)
+        self._counted, self._apart = _Violations(count), _Violations(count)
         self._is_apart = np.zeros(count, dtype=bool)
         self.worst_h_tot = -np.inf
         """Largest h_tot so far."""
@@ -102,11 +102,12 @@ class PairExtremes:
         self._t = float(times[-1])
 
     def _add_unsafe(self, times: Array, pairs: Index, h: Array) -> None:
-        self._unsafe.update(pairs[(~(h <= 0.0)).any(axis=0)].tolist())
+        unsafe = ~(h <= 0.0)
+        self._unsafe.update(pairs[unsafe.any(axis=0)].tolist())
         lengths, apart = np.diff(times, prepend=self._t), self._is_apart[pairs]
-        for departures, some in ((self._counted, ~apart), (self._apart, apart)):
+        for violations, some in ((self._counted, ~apart), (self._apart, apart)):
             if some.any():
-                departures.add(times, lengths, pairs[some], h[:, some])
+                violations.add(times, lengths, pairs[some], h[:, some], unsafe[:, some])
 
     def set_apart(self, pairs: Index) -> None:
         """From now on these pairs are no longer the swarm's to keep safe."""

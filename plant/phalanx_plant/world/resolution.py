@@ -11,9 +11,8 @@ from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from phalanx.arrays import Array, Index
+from phalanx.arrays import Array, Index, Mask
 from phalanx.guarantee.certificate import DEFECT
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.extension import continuous, extend
@@ -46,7 +45,7 @@ class Resolution:
         ]
         """Of each equation, and where states and inputs of its agents lie: (r, n) and (r, m)."""
 
-    def resolves(self, passages: Sequence[Passage]) -> NDArray[np.bool_]:
+    def resolves(self, passages: Sequence[Passage]) -> Mask:
         """Whether each passage is known to be off by at most DEFECT, shape (p,)."""
         # A bound of all is one of each, and hardly ever too large.
         if self.defect(passages) <= DEFECT:

@@ -5,9 +5,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from phalanx.arrays import Array, Index
+from phalanx.arrays import Array, Index, Mask
 from phalanx.swarm.rows import SafetyRows
 from phalanx_plant.world.composition import LogSumExp
 from phalanx_plant.world.integration import DisturbanceKnot, Passage, Piece
@@ -31,7 +30,7 @@ class IntegrationSteps(NamedTuple):
     """Of all pairs, shape (s,)."""
     psi: Array
     """The largest of their ψ_1 ... ψ_{q-1}, shape (s,); empty if q = 1."""
-    resolved: NDArray[np.bool_]
+    resolved: Mask
     """Whether each is known to keep to the equation of motion, shape (s,)."""
 
     def part(self, some: slice) -> "IntegrationSteps":
@@ -76,9 +75,7 @@ class Truth:
                 shown[k].append(steps.part(slice(begin, begin := begin + count)))
         return shown
 
-    def _steps(
-        self, times: Array, x: Array, positions: Array, resolved: NDArray[np.bool_]
-    ) -> IntegrationSteps:
+    def _steps(self, times: Array, x: Array, positions: Array, resolved: Mask) -> IntegrationSteps:
         pairs, values, least = self._near(x, positions)
         h = values[..., 0]
         composed = self._sum(h)

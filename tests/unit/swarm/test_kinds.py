@@ -105,12 +105,18 @@ def test_forked_programs_have_nothing_left_to_compile(name, monkeypatch):
     compile_rows(rows)
     monkeypatch.setattr(rows.__class__, "own_pair", None)
     if not rows.pairwise:
-        assert all("jets" in vars(kind) for kind in rows.swarm.pairs.kinds)
+        assert all("shared" in vars(kind) for kind in rows.swarm.pairs.kinds)
         return
     x = rows.swarm.start()
     for i in rows.swarm.normal:
         for sharing in ((), rows.swarm.normal):
             assert len(rows.pair_terms(i)(x, sharing=sharing).parts)
+
+
+def test_forked_programs_have_no_gradients_left_to_compile_where_a_margin_needs_them():
+    rows = rows_of_scenario("formation3d", "safety.margin=corrected")
+    compile_rows(rows)
+    assert all("gradients" in vars(kind) for kind in rows.swarm.pairs.kinds)
 
 
 def test_agents_of_one_group_share_what_is_compiled():
