@@ -35,6 +35,7 @@ def test_tap_prints_every_kind_of_message_of_a_run_that_goes_on(tmp_path: Path):
             "--count",
             "5",
         )
+        run.set_speed(0.0)
     assert done.returncode == 0, done.stderr
     lines = [json.loads(line) for line in done.stdout.splitlines()]
     assert len(lines) == 60
