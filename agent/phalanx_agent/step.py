@@ -9,11 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.faults.state import Orders
-from phalanx.network.claim import Claim
-from phalanx.network.inbox import BroadcastInbox, Existing, Fate
+from phalanx.faults.commands import Orders
+from phalanx.network.inbox import BroadcastInbox, Claim, Existing, Fate
 from phalanx.network.link import Link, RuleError
-from phalanx.scenario.fields import CONTROLLER
+from phalanx.schema.fields import CONTROLLER
 from phalanx.swarm.distances import Distances
 from phalanx.swarm.finite import mistake_at
 from phalanx.swarm.rows import SafetyRows

@@ -27,7 +27,7 @@ from cbfpy_peer import Peer, push
 
 import phalanx
 from phalanx.arrays import Array
-from phalanx.network.claim import Claim
+from phalanx.network.inbox import Claim
 from phalanx.recording.read import Recording
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm

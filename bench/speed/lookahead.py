@@ -24,8 +24,7 @@ from phalanx_plant.scribe.trajectory import TrajectoryHash
 from phalanx_plant.world.world import World
 
 import phalanx
-from phalanx.faults.commands import NO_COMMANDS
-from phalanx.faults.state import FaultState
+from phalanx.faults.commands import NO_COMMANDS, FaultState
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire.endpoints import free_endpoint

@@ -53,12 +53,12 @@ def picture(gallery: Gallery, left: "Panel") -> Figure:
     for (name, fault), pair in zip(gallery.faults.items(), panels, strict=False):
         beside = gallery.calm(name)
         without = calm.setdefault(repr(beside), run(gallery, beside))
-        struck = run(gallery, fault)
+        faulty = run(gallery, fault)
         for axes, draw in zip(pair, (left, draw_closest), strict=True):
             style_axes(axes)
             axes.tick_params(labelsize=8)
             shade(axes, fault, gallery.without)
-            draw(axes, struck, without)
+            draw(axes, faulty, without)
         pair[0].set_title(name, loc="left", fontsize=9)
     drawn = panels[: len(gallery.faults)]
     for axes in panels[len(gallery.faults) :].ravel():
@@ -99,9 +99,9 @@ Panel = Callable[[Axes, phalanx.Run, phalanx.Run], None]
 """Draws a run with a fault, and the same run without it behind."""
 
 
-def draw_closest(axes: Axes, struck: phalanx.Run, without: phalanx.Run) -> None:
+def draw_closest(axes: Axes, faulty: phalanx.Run, without: phalanx.Run) -> None:
     """How far the two agents are apart that are closest [m]."""
-    for each, colour in ((without, MUTED), (struck, LIMIT)):
+    for each, colour in ((without, MUTED), (faulty, LIMIT)):
         apart = np.sqrt(
             SAFE**2 - each.h.drop("run", "scenario", "seed", "t").to_numpy().max(axis=1)
         )
@@ -110,21 +110,21 @@ def draw_closest(axes: Axes, struck: phalanx.Run, without: phalanx.Run) -> None:
     axes.set_ylabel("closest [m]", fontsize=8)
 
 
-def draw_delays(axes: Axes, struck: phalanx.Run, without: phalanx.Run) -> None:
+def draw_delays(axes: Axes, faulty: phalanx.Run, without: phalanx.Run) -> None:
     """How long each broadcast to the peer took [ms]; red, above: those that were lost."""
-    for each, colour in ((without, MUTED), (struck, LIMIT)):
+    for each, colour in ((without, MUTED), (faulty, LIMIT)):
         links = heard(each)
         came = links.filter(~links["lost"])
         axes.plot(came["t"], 1e3 * came["delay"], ".", color=colour, markersize=2.5)
     top = max(25.0, axes.get_ylim()[1])
     axes.set_ylim(-0.08 * top, 1.25 * top)
-    draw_lost(axes, struck)
+    draw_lost(axes, faulty)
     axes.set_ylabel("delay [ms]", fontsize=8)
 
 
-def draw_lost(axes: Axes, struck: phalanx.Run) -> None:
+def draw_lost(axes: Axes, faulty: phalanx.Run) -> None:
     """The broadcasts to the peer that were lost, at the upper edge."""
-    links = heard(struck)
+    links = heard(faulty)
     lost = links.filter(links["lost"])["t"]
     edge = axes.get_xaxis_transform()
     axes.plot(lost, [0.94] * len(lost), "|", color=PEAK, markersize=5.0, transform=edge)
@@ -135,9 +135,9 @@ def heard(run: phalanx.Run) -> pl.DataFrame:
     return run.links.filter(sender=AGENT, receiver=PEER)
 
 
-def draw_path(axes: Axes, struck: phalanx.Run, without: phalanx.Run) -> None:
+def draw_path(axes: Axes, faulty: phalanx.Run, without: phalanx.Run) -> None:
     """The agent's second coordinate [m]; a dot at each of its samples."""
-    for each, colour in ((without, MUTED), (struck, LIMIT)):
+    for each, colour in ((without, MUTED), (faulty, LIMIT)):
         t, y = position(each)
         axes.plot(t, y, color=colour, linewidth=0.9)
         samples = each.inputs.filter(agent=AGENT)["t"].to_numpy()
@@ -152,16 +152,16 @@ def position(run: phalanx.Run) -> tuple[Array, Array]:
     return np.array([state.t for state in states]), np.array([state.x[place] for state in states])
 
 
-def draw_told(axes: Axes, struck: phalanx.Run, _: phalanx.Run) -> None:
+def draw_told(axes: Axes, faulty: phalanx.Run, _: phalanx.Run) -> None:
     """What the agent applies [m/s]; red: what it tells its peer instead, or does not tell."""
-    steps = [step for step in struck.recording.steps if step.agent == AGENT]
+    steps = [step for step in faulty.recording.steps if step.agent == AGENT]
     applied = [step.t_apply for step in steps], [step.u[1] for step in steps]
     axes.step(*applied, where="post", color=LIMIT, linewidth=0.7)
     axes.plot(*applied, ".", color=LIMIT, markersize=3.0)
-    of_peer = [step for step in struck.recording.steps if step.agent == PEER]
+    of_peer = [step for step in faulty.recording.steps if step.agent == PEER]
     told = [(t, u[1]) for step in of_peer for name, _, t, u in step.false if name == AGENT]
     axes.plot(*np.array(told).reshape(-1, 2).T, "x", color=PEAK, markersize=3.5)
-    draw_lost(axes, struck)
+    draw_lost(axes, faulty)
     axes.set_xlim(*ZOOM)
     axes.set_ylim(-2.5, 3.2)
     axes.set_ylabel("input [m/s]", fontsize=8)

@@ -24,8 +24,7 @@ from phalanx_plant.judge.judge import Judge
 from phalanx_plant.world.integration import DisturbanceKnot
 from phalanx_plant.world.truth import IntegrationSteps
 
-from phalanx.faults.commands import Command, CommandKind, CommandPolicy
-from phalanx.faults.state import turns
+from phalanx.faults.commands import Command, CommandKind, CommandPolicy, turns
 from phalanx.guarantee.checker.certify import Certification, certify
 from phalanx.guarantee.checker.intervals import UncertifiableError
 from phalanx.guarantee.verdict import Outcome, Summary

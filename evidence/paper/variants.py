@@ -18,8 +18,8 @@ from rich.progress import track
 
 import phalanx
 from phalanx.recording.read import Recording
-from phalanx.scenario.fields import CONTROLLER
 from phalanx.scenario.model import Scenario
+from phalanx.schema.fields import CONTROLLER
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.rows.origin import EMPTY
 

@@ -38,7 +38,7 @@ def certify(run: RunArgument, trust: Trust = False) -> int:
 
     from phalanx.cli.damage import warn_of_damage
     from phalanx.cli.display import doing
-    from phalanx.faults.state import turns
+    from phalanx.faults.commands import turns
     from phalanx.guarantee.checker.certify import certify as certify_run
     from phalanx.guarantee.checker.intervals import UncertifiableError, UndecidedError
     from phalanx.recording.read import UnreadableRecordingError, read

@@ -48,7 +48,7 @@ def check(
     """
     import phalanx
     from phalanx.report.backup import backup_plate, backup_slice
-    from phalanx.scenario.user_code import code_trusted
+    from phalanx.schema.user_code import code_trusted
     from phalanx.swarm.rows import build_rows
     from phalanx.swarm.swarm import build_swarm
 

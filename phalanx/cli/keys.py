@@ -63,7 +63,7 @@ def keys(
       phalanx agent --claim --keys keys/claimant --scenario unicycles --run r1
     """
     from phalanx.scenario.load import load
-    from phalanx.scenario.user_code import code_trusted
+    from phalanx.schema.user_code import code_trusted
     from phalanx.wire.authority import make_certificates
     from phalanx.wire.certificates import ENDPOINT
     from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, ROUTER, VIEWER

@@ -184,7 +184,7 @@ def router(
       phalanx router --listen tls/0.0.0.0:7447 --connect tls/router.example.org:7447 ...
     """
     from phalanx.launcher.programs import configure_logging
-    from phalanx.scenario.user_code import code_trusted
+    from phalanx.schema.user_code import code_trusted
     from phalanx.swarm.swarm import build_swarm
     from phalanx.wire.keys import ROUTER
     from phalanx.wire.membership import Membership

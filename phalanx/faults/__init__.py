@@ -1,1 +1,1 @@
-"""What can go wrong in a run besides its links: commands, and the state that they leave behind."""
+"""What goes wrong in a run: [[faults]], a family of them in each file, and commands."""

@@ -1,7 +1,13 @@
-"""Commands: what a person may do to a run while it runs, live or at scheduled times."""
+"""Commands: what a person, or a declared fault, does to a run while it runs; what that leaves.
 
+A command on an agent is one line of EFFECTS: what becomes of the agent and of its process. Clocks,
+judge, event log and page ask there, so that another one is added there.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Annotated, NamedTuple
 
 import msgspec
 
@@ -32,6 +38,61 @@ class CommandKind(StrEnum):
     """`agent` applies u_i^max of Eq. (adversarialu) from now on, and still broadcasts."""
 
 
+class Condition(StrEnum):
+    """An agent's health."""
+
+    FINE = "fine"
+    FROZEN = "frozen"
+    DEAD = "dead"
+    TURNED = "turned"
+    """A normal agent that became an adversary in the run."""
+
+    @property
+    def silent(self) -> bool:
+        """Whether it neither samples nor answers."""
+        return self in (Condition.FROZEN, Condition.DEAD)
+
+
+class ProcessChange(StrEnum):
+    """What becomes of an agent's process."""
+
+    STOPS = "stops"
+    GOES_ON = "goes on"
+    DIES = "dies"
+    STARTS = "starts"
+    """Anew, knowing nothing."""
+
+
+class Effect(NamedTuple):
+    """What a command does to its agent, in those conditions in which it does anything."""
+
+    in_words: str
+    """As the event log has it, after the agent's name."""
+    leads_from: frozenset[Condition]
+    leads_to: Condition | None
+    """None: the failure is over, and the agent is as it was before."""
+    process: ProcessChange | None = None
+
+
+_RUNS = frozenset({Condition.FINE, Condition.TURNED})
+EFFECTS: Mapping[str, Effect] = {
+    CommandKind.KILL: Effect(
+        "killed", _RUNS | {Condition.FROZEN}, Condition.DEAD, ProcessChange.DIES
+    ),
+    CommandKind.RESTART: Effect(
+        "restarted, with nothing received",
+        frozenset({Condition.DEAD}),
+        None,
+        ProcessChange.STARTS,
+    ),
+    CommandKind.FREEZE: Effect("frozen", _RUNS, Condition.FROZEN, ProcessChange.STOPS),
+    CommandKind.THAW: Effect("thawed", frozenset({Condition.FROZEN}), None, ProcessChange.GOES_ON),
+    CommandKind.TURN: Effect("turned adversary", frozenset({Condition.FINE}), Condition.TURNED),
+}
+"""Of every command on an agent."""
+ON_LINKS = frozenset({CommandKind.LOSS, CommandKind.DELAY})
+
+
 class Command(msgspec.Struct, frozen=True):
     """One command, obeyed at t; recorded under the topic /command."""
 
@@ -45,15 +106,35 @@ class Command(msgspec.Struct, frozen=True):
     """Which of the scenario's declared faults it is, by number; -1: by hand."""
 
     @property
+    def effect(self) -> Effect | None:
+        """What it does to its agent; None if it is on none."""
+        return EFFECTS.get(self.kind)
+
+    @property
     def changes_trajectory(self) -> bool:
         """Whether agents or links are affected; the other commands only change the pace."""
-        return self.kind in ON_AGENTS | ON_LINKS
+        return self.effect is not None or self.kind in ON_LINKS
 
+    @property
+    def harms(self) -> bool:
+        """Whether it makes an agent fail, or changes what links do."""
+        failure = self.effect is not None and self.effect.leads_to is not None
+        return failure or self.kind in ON_LINKS
 
-STRIKES = frozenset({CommandKind.KILL, CommandKind.FREEZE, CommandKind.TURN})
-"""Those that make an agent fail; the others on agents end that."""
-ON_AGENTS = STRIKES | {CommandKind.RESTART, CommandKind.THAW}
-ON_LINKS = frozenset({CommandKind.LOSS, CommandKind.DELAY})
+    def __str__(self) -> str:
+        """The command as a line of the event log."""
+        if self.effect is not None:
+            return f"agent {self.agent} {self.effect.in_words}"
+        match self.kind:
+            case CommandKind.LOSS:
+                return f"every link loses {self.value:.0%}"
+            case CommandKind.DELAY:
+                return f"every link takes {1e3 * self.value:g} ms"
+            case CommandKind.SPEED:
+                return f"speed {self.value:g}" if self.value else "speed: as fast as possible"
+            case CommandKind.STEP:
+                return f"step by {self.value:g} s"
+        return str(self.kind)
 
 
 @dataclass(frozen=True)
@@ -76,7 +157,7 @@ def refusal(command: Command, names: tuple[str, ...]) -> str | None:
     """Why a command cannot be obeyed in a swarm of these agents, in words; None if it can."""
     if command.kind not in set(CommandKind):
         return f"kind: expected one of {', '.join(CommandKind)}, got {command.kind!r}"
-    if command.kind in ON_AGENTS and command.agent not in names:
+    if command.effect is not None and command.agent not in names:
         return f"agent: expected one of {', '.join(names)}, got {command.agent!r}"
     highest = 1.0 if command.kind == CommandKind.LOSS else 1e6
     if not 0.0 <= command.value <= highest:
@@ -84,26 +165,63 @@ def refusal(command: Command, names: tuple[str, ...]) -> str | None:
     return None
 
 
-def described(command: Command) -> str:
-    """The command as a line of the event log."""
-    match command.kind:
-        case CommandKind.LOSS:
-            return f"every link loses {command.value:.0%}"
-        case CommandKind.DELAY:
-            return f"every link takes {1e3 * command.value:g} ms"
-        case CommandKind.SPEED:
-            return f"speed {command.value:g}" if command.value else "speed: as fast as possible"
-        case CommandKind.STEP:
-            return f"step by {command.value:g} s"
-        case CommandKind.KILL:
-            return f"agent {command.agent} killed"
-        case CommandKind.RESTART:
-            return f"agent {command.agent} restarted, with nothing received"
-        case CommandKind.FREEZE:
-            return f"agent {command.agent} frozen"
-        case CommandKind.THAW:
-            return f"agent {command.agent} thawed"
-        case CommandKind.TURN:
-            return f"agent {command.agent} turned adversary"
-        case _:
-            return command.kind
+class Orders(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """What commands ask of an agent, in every sample from then on."""
+
+    loss: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] | None = None
+    """Replaces the scenario's loss on every link to this agent."""
+    delay: Annotated[float, msgspec.Meta(ge=0.0, le=1e6)] | None = None
+    """Replaces the scenario's delay [s] on every link to this agent."""
+    adversary: bool = False
+    """Attack from now on."""
+    die: bool = False
+    """End at once, without an answer."""
+
+
+class FaultState:
+    """Every agent's condition, and what commands made of the links."""
+
+    def __init__(self, names: tuple[str, ...]) -> None:
+        """names: of all agents, in the scenario's order."""
+        self.condition = [Condition.FINE for _ in names]
+        self.loss: float | None = None
+        self.delay: float | None = None
+        self._names = names
+        self._turned: set[int] = set()
+
+    def silent(self, i: int) -> bool:
+        """Whether agent i neither samples nor answers."""
+        return self.condition[i].silent
+
+    def obey(self, command: Command) -> int | None:
+        """Take a command in. Returns the agent whose condition it changed, if it did."""
+        if command.kind == CommandKind.LOSS:
+            self.loss = command.value
+        if command.kind == CommandKind.DELAY:
+            self.delay = command.value
+        if (effect := command.effect) is None:
+            return None
+        i = self._names.index(command.agent)
+        if self.condition[i] not in effect.leads_from:
+            return None
+        if effect.leads_to is Condition.TURNED:
+            self._turned.add(i)
+        before = Condition.TURNED if i in self._turned else Condition.FINE
+        self.condition[i] = effect.leads_to or before
+        return i
+
+    def orders(self, i: int) -> Orders | None:
+        """What agent i's samples have to tell it; None while no command concerns it."""
+        if self.loss is None and self.delay is None and i not in self._turned:
+            return None
+        return Orders(loss=self.loss, delay=self.delay, adversary=i in self._turned)
+
+
+def turns(names: Sequence[str], commands: Iterable[Command]) -> dict[str, float]:
+    """Which agents became adversaries by these commands, in order, and when [s]."""
+    state, found = FaultState(tuple(names)), dict[str, float]()
+    for command in commands:
+        changed = state.obey(command)
+        if changed is not None and state.condition[changed] is Condition.TURNED:
+            found.setdefault(names[changed], command.t)
+    return found

@@ -1,14 +1,95 @@
-"""Lies: what a compromised member says of its input, instead of what it applies.
+"""Lies: what a compromised member says of its input to its peers, instead of what it applies.
 
 A lie is a pure function of seed, agent, step and receiver, and of what the agent applies. So the
 plant, which knows that, finds out afterwards which of the declared lies it was.
 """
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
-from phalanx.network.claim import Claim
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from phalanx.faults.fault import AgentFacts, LinkRules, RunFacts, TimedFault, Where
+from phalanx.network.inbox import Claim
+from phalanx.network.rule import Cut
+from phalanx.schema.fields import INPUT, WORD, Finite, Name, misplaced
 from phalanx.seeded.draws import Draws
+
+_LIES = ("says", "equivocate", "replay", "apply_time", "silent")
+
+
+def _word_or_input(value: Any) -> str:
+    return WORD if isinstance(value, str) else INPUT
+
+
+class LieFault(TimedFault):
+    """An agent says of its input to its peers what is not so; it applies what it would apply."""
+
+    kind: Literal["lie"]
+    agent: Name
+    to: tuple[Name, ...] = ()
+    """Peers that hear the lie; the others hear the truth. By default all are lied to."""
+    says: (
+        Annotated[
+            Annotated[Literal["opposite", "zero"], Tag(WORD)]
+            | Annotated[tuple[Finite, ...], Tag(INPUT)],
+            Discriminator(_word_or_input),
+        ]
+        | None
+    ) = None
+    """That it applies this input, the opposite of its input, or none."""
+    equivocate: Literal[True] | None = None
+    """To every peer something else."""
+    replay: Annotated[int, Field(ge=1, strict=True)] | None = None
+    """What it applied so many steps ago."""
+    apply_time: Finite | None = None
+    """That its input takes effect so much later than it does [s]; negative: earlier."""
+    silent: Literal[True] | None = None
+    """Nothing."""
+
+    @model_validator(mode="after")
+    def _one_lie(self) -> Self:
+        told = [field for field in _LIES if getattr(self, field) is not None]
+        if len(told) != 1:
+            raise misplaced((), f"expected one of {', '.join(_LIES)}", told or "none")
+        return self
+
+    def check(self, agents: Mapping[str, AgentFacts], where: Where) -> None:
+        """Raise ValidationError for a name that nobody has, or an input of a wrong size."""
+        if self.agent not in agents:
+            message = f"expected an agent's name, of {[*agents]}"
+            raise misplaced((*where, "agent"), message, self.agent)
+        peers = [name for name in agents if name != self.agent]
+        for name in self.to:
+            if name not in peers:
+                raise misplaced((*where, "to"), f"expected others' names, of {peers}", name)
+        size = len(agents[self.agent].inputs)
+        if isinstance(self.says, tuple) and len(self.says) != size:
+            raise misplaced((*where, "says"), f"expected {size} components", self.says)
+
+    def tells(self, receiver: str) -> bool:
+        """Whether this peer hears it."""
+        return not self.to or receiver in self.to
+
+    def on_links(self, run: RunFacts, place: int) -> LinkRules:
+        """Of a liar that is silent nothing comes through."""
+        cut = (self.during(Cut()),) if self.silent else ()
+        return lambda link: (
+            cut
+            if link.of == "broadcast" and link.sender == self.agent and self.tells(link.receiver)
+            else ()
+        )
+
+    def lie(self) -> "Lie":
+        """What is said instead of the truth."""
+        if isinstance(self.says, tuple):
+            return says(self.says)
+        if self.says is not None:
+            return says_opposite if self.says == "opposite" else says_zero
+        if self.replay is not None:
+            return replays(self.replay)
+        return equivocates if self.apply_time is None else misdates(self.apply_time)
+
 
 Past = Callable[[int], tuple[float, ...] | None]
 """The input that an agent applied so many steps ago; None if there was none."""
@@ -74,24 +155,6 @@ def misdates(later: float) -> Lie:
     return lambda telling: Claim(telling.claim.t_apply + later, telling.claim.u)
 
 
-class DeclaredLie(NamedTuple):
-    """A lie, when and to whom."""
-
-    number: int
-    """Its place among all that the scenario declares."""
-    begin: float
-    """[s]"""
-    end: float
-    """[s]; the truth again at this instant."""
-    to: frozenset[str]
-    """Whom it is told; if empty, everybody."""
-    lie: Lie
-
-    def concerns(self, receiver: str, t: float) -> bool:
-        """Whether it is told to this peer at t [s]."""
-        return self.begin <= t < self.end and (not self.to or receiver in self.to)
-
-
 class Told(NamedTuple):
     """What was said to one peer."""
 
@@ -103,18 +166,20 @@ class Told(NamedTuple):
 class Lies:
     """One agent's lies, as declared: one made of the other, where several are told at once."""
 
-    def __init__(self, seed: int, name: str, lies: tuple[DeclaredLie, ...], reach: int) -> None:
-        """reach: how many steps back the lies look."""
-        self.reach = reach
-        self.declared = lies
+    def __init__(self, seed: int, name: str, declared: Mapping[int, LieFault]) -> None:
+        """declared: by number; those of other agents do not count."""
+        own = {n: fault for n, fault in declared.items() if fault.agent == name}
+        self.declared = {n: (f, f.lie()) for n, f in own.items() if not f.silent}
+        self.reach = max((fault.replay or 0 for fault in own.values()), default=0)
+        """How many steps back the lies look."""
         self._seed, self._name = seed, name
 
     def tell(self, receiver: str, k: int, truth: Claim, past: Past) -> Told:
         """What the agent tells one peer with broadcast k."""
         claim, told = truth, []
-        for declared in self.declared:
-            if declared.concerns(receiver, truth.t_apply):
+        for number, (fault, lie) in self.declared.items():
+            if fault.at <= truth.t_apply < fault.end and fault.tells(receiver):
                 before = claim
-                claim = declared.lie(Telling(self._seed, self._name, receiver, k, claim, past))
-                told += [declared.number] if claim != before else []
+                claim = lie(Telling(self._seed, self._name, receiver, k, claim, past))
+                told += [number] if claim != before else []
         return Told(claim, tuple(told))

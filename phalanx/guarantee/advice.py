@@ -1,9 +1,9 @@
 """What a check of a scenario found, in words, and what to change."""
 
+from phalanx.faults.lies import LieFault
 from phalanx.guarantee.check_report import CheckReport
 from phalanx.guarantee.figures import in_words
 from phalanx.guarantee.gaps import words_on_alpha
-from phalanx.scenario.lies import LieFault
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.rows.information import Information
 

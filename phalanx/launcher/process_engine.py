@@ -15,8 +15,8 @@ from phalanx.launcher.live import announced
 from phalanx.launcher.processes import Processes
 from phalanx.launcher.programs import Program
 from phalanx.recording.records import PROFILE, SUMMARY
-from phalanx.scenario.fields import CONTROLLER
 from phalanx.scenario.model import Scenario
+from phalanx.schema.fields import CONTROLLER
 from phalanx.wire.endpoints import reserved_endpoint
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership

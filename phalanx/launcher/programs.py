@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from phalanx.launcher.printable import PrintableFormatter
-from phalanx.scenario.fields import CONTROLLER
+from phalanx.schema.fields import CONTROLLER
 from phalanx.swarm.rows import SafetyRows
 from phalanx.wire.membership import Membership
 

@@ -8,8 +8,7 @@ import msgspec
 import numpy as np
 from phalanx_agent.step import ControlStep, control_steps
 
-from phalanx.faults.commands import CommandPolicy
-from phalanx.faults.state import Orders
+from phalanx.faults.commands import CommandPolicy, Orders
 from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher.engine import (
     DEFAULT_ENGINE,
@@ -19,7 +18,7 @@ from phalanx.launcher.engine import (
     execute,
     silent,
 )
-from phalanx.network.claim import Claim
+from phalanx.network.inbox import Claim
 from phalanx.recording.read import Recording, read
 from phalanx.recording.records import Shown, State, Step
 from phalanx.scenario.model import Scenario

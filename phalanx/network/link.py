@@ -8,11 +8,9 @@ from typing import Literal
 
 import msgspec
 
-from phalanx.network.chance import Chance
 from phalanx.network.delay import ConstantDelay
-from phalanx.network.loss import RandomLoss
-from phalanx.network.rule import DELIVER, Copy, Message, Rule, Treatment
-from phalanx.network.window import During
+from phalanx.network.loss import Chance, RandomLoss
+from phalanx.network.rule import DELIVER, Copy, Message, Rule, Treatment, asks_distance
 from phalanx.seeded.draws import Draws
 from phalanx.theory.expressions.asked import MistakenMethodError
 
@@ -36,13 +34,6 @@ class Stage:
     rule: Rule
     declared: int = -1
     """Its place among all that the scenario declares; -1: by command."""
-
-    @property
-    def asks_distance(self) -> bool:
-        """Whether its rule looks at distances; a user's is taken to."""
-        rule = self.rule.rule if isinstance(self.rule, During) else self.rule
-        own = type(rule).__module__.startswith("phalanx.network.")
-        return getattr(rule, "asks_distance", not own)
 
 
 @dataclass(frozen=True)
@@ -124,7 +115,7 @@ class Link:
     def become(self, model: LinkModel) -> None:
         """Follow another model for the broadcasts not decided yet."""
         self._places = [_Place(stage, self._of_stage(stage.field)) for stage in model.stages]
-        self.asks_distance = any(stage.asks_distance for stage in model.stages)
+        self.asks_distance = any(asks_distance(stage.rule) for stage in model.stages)
         """Whether a fate depends on the distance between the two."""
 
     def override(self, loss: float | None, delay: float | None) -> None:

@@ -1,12 +1,36 @@
-"""Which messages are lost: by chance, in bursts, by distance."""
+"""Which messages are lost, doubled or damaged: by chance, in bursts, by distance."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
+
+from annotated_types import Ge, Le, Lt
 
 from phalanx.arrays import Array, Mask
-from phalanx.network.chance import Chance, NonNegative, Probability
-from phalanx.network.delay import BASIC
-from phalanx.network.rule import DELIVER, DROP, Message, Treatment
+from phalanx.network.rule import (
+    BASIC,
+    CORRUPT,
+    DELIVER,
+    DROP,
+    DUPLICATE,
+    Message,
+    Treatment,
+)
+
+NonNegative = Annotated[float, Ge(0)]
+Probability = Annotated[float, Ge(0), Le(1)]
+
+
+@dataclass(frozen=True)
+class Chance:
+    """netem's `PERCENT CORRELATION`."""
+
+    probability: Probability
+    correlation: Annotated[float, Ge(0), Lt(1)] = 0.0
+    """Of what befalls one message and the next."""
+
+    def befalls(self, message: Message, purpose: str) -> bool:
+        """Whether it befalls this message."""
+        return message.draw(purpose, kept=self.correlation) < self.probability
 
 
 @dataclass(frozen=True)
@@ -125,3 +149,25 @@ class DistanceLoss:
         if over <= 0.0:
             return DELIVER
         return DROP if over >= width * message.draw("distance") else DELIVER
+
+
+@dataclass(frozen=True)
+class Duplicate:
+    """A second copy of some messages, which goes its own way: netem's `duplicate`."""
+
+    chance: Chance
+
+    def treat(self, message: Message) -> Treatment:
+        """Duplicate by chance."""
+        return DUPLICATE if self.chance.befalls(message, "duplicate") else DELIVER
+
+
+@dataclass(frozen=True)
+class Corrupt:
+    """A flipped byte in some messages: netem's `corrupt`."""
+
+    chance: Chance
+
+    def treat(self, message: Message) -> Treatment:
+        """Corrupt by chance."""
+        return CORRUPT if self.chance.befalls(message, "corrupt") else DELIVER

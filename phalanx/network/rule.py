@@ -12,13 +12,16 @@ A class of your own is a rule if it has the method `treat`; a dozen lines are en
             return DROP if message.draw("rain") < self.per_metre * message.distance else DELIVER
 """
 
+import math
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
 
 import msgspec
 
 from phalanx.arrays import Array, Mask
 from phalanx.seeded.draws import Draws
+from phalanx.theory.expressions.asked import MistakenMethodError, ask
 
 
 class Copy(msgspec.Struct, frozen=True):
@@ -37,6 +40,9 @@ DELIVER: Treatment = (Copy(),)
 DROP: Treatment = ()
 DUPLICATE: Treatment = (Copy(), Copy())
 CORRUPT: Treatment = (Copy(corrupt=True),)
+
+BASIC = ""
+"""The purpose of the two draws that each message has on each link: for loss, and for delay."""
 
 
 def delay(after: float) -> Treatment:
@@ -101,3 +107,69 @@ class Rule(Protocol):
 
     def treat(self, message: Message) -> Treatment:
         """DELIVER, DROP, DUPLICATE, CORRUPT, delay(after), or any copies."""
+
+
+def asks_distance(rule: Rule) -> bool:
+    """Whether a rule looks at distances: those that do say so."""
+    return bool(getattr(rule, "asks_distance", False))
+
+
+@dataclass(frozen=True)
+class During:
+    """A rule that is in force for messages that come to it in a span of time."""
+
+    begin: float
+    """[s]"""
+    end: float
+    """[s]; no longer in force at this instant."""
+    rule: Rule
+
+    @property
+    def asks_distance(self) -> bool:
+        """As the rule does."""
+        return asks_distance(self.rule)
+
+    def treat(self, message: Message) -> Treatment:
+        """As the rule does, in its time."""
+        return self.rule.treat(message) if self.begin <= message.t < self.end else DELIVER
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A link without a way: nothing comes through."""
+
+    def treat(self, message: Message) -> Treatment:
+        """Drop."""
+        return DROP
+
+
+_EXPECTED = "DELIVER, DROP, or a tuple of copies that arrive after sending"
+
+
+class UsersRule:
+    """A rule of a user's own: what it returns is a treatment, or a mistake that names it."""
+
+    def __init__(self, rule: Rule) -> None:
+        self._rule = rule
+        self.asks_distance = bool(getattr(rule, "asks_distance", True))
+        """A user's is taken to look at distances."""
+
+    def __str__(self) -> str:
+        return str(self._rule)
+
+    def treat(self, message: Message) -> Treatment:
+        """What the rule makes of the message.
+
+        Raises:
+            MistakenMethodError: it returned something else, raised, or does not return.
+        """
+        found = ask(self._rule, "treat", _EXPECTED, message)
+        if isinstance(found, tuple | list) and all(_arrives(copy, message) for copy in found):
+            return tuple(found)
+        raise MistakenMethodError(self._rule, "treat", _EXPECTED, repr(found))
+
+
+def _arrives(copy: Any, message: Message) -> bool:
+    if not isinstance(copy, Copy) or not isinstance(copy.after, int | float):
+        return False
+    return 0.0 <= message.waited + copy.after < math.inf

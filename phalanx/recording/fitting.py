@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from phalanx.faults.commands import ON_AGENTS, Command
+from phalanx.faults.commands import Command
 from phalanx.recording.records import Shown, State, Step
 from phalanx.scenario.model import Scenario
 
@@ -29,7 +29,7 @@ def misfit(
         if not _could_be_shown(each, sizes, inputs):
             return f"what agent {each.agent!r} was shown at t = {each.t:.3f} s has wrong fields"
     for command in commands:
-        if command.kind in ON_AGENTS and command.agent not in dynamics:
+        if command.effect and command.agent not in dynamics:
             return f"a command at t = {command.t:.3f} s to {command.agent!r}, which is no agent"
     return None
 

@@ -12,8 +12,7 @@ from collections.abc import Mapping
 from functools import cache
 from pathlib import Path, PurePosixPath
 
-from phalanx.scenario.user_code import imported_sources
-from phalanx.scenario.user_sources import NOT_A_USERS
+from phalanx.schema.user_code import NOT_A_USERS, imported_sources
 
 log = logging.getLogger("phalanx.recording")
 

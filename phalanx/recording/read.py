@@ -23,7 +23,7 @@ from phalanx.recording.modules import MEDIA_TYPE, MODULES, ModulesError, put_to_
 from phalanx.recording.records import RECORDING, TOPICS, Log, Shown, State, Step
 from phalanx.scenario.load import ScenarioError, from_json
 from phalanx.scenario.model import Scenario
-from phalanx.scenario.user_code import code_trusted
+from phalanx.schema.user_code import code_trusted
 from phalanx.theory.expressions.magnitude import LARGEST_SUM
 
 

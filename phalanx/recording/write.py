@@ -19,7 +19,7 @@ from phalanx.recording.modules import MEDIA_TYPE, MODULES, ModulesError, hashes
 from phalanx.recording.records import TOPICS, Log, Shown, State, Step, json_schema
 from phalanx.scenario.load import digest, to_json
 from phalanx.scenario.model import Scenario
-from phalanx.scenario.user_code import imported_sources
+from phalanx.schema.user_code import imported_sources
 
 _CHUNK_BYTES = 64 * 1024
 _VERSIONS = ("eclipse-zenoh", "osqp", "casadi", "numpy")

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from phalanx.arrays import Array, Index
 from phalanx.network.link import LinkModel
 from phalanx.recording.read import Recording, steps_by_agent
-from phalanx.scenario.links import Links
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.safety.composition import Pair
@@ -84,7 +83,7 @@ def link_statistics(recording: Recording) -> list[LinkStatistics]:
     for step in recording.steps:
         for sender, _, delay in step.fates:
             decided[sender, step.agent].append(delay)
-    found, links = [], Links(recording.scenario)
+    found, links = [], recording.scenario.links()
     for sender, receiver in ((a, b) for a in steps for b in steps if (a, b) in decided):
         delays = decided[sender, receiver]
         kept = [delay for delay in delays if delay >= 0.0]

@@ -6,7 +6,8 @@ from typing import Annotated, Literal, Self
 import casadi as ca
 from pydantic import Field, PrivateAttr, model_validator
 
-from phalanx.scenario.fields import (
+from phalanx.faults.fault import AgentFacts
+from phalanx.schema.fields import (
     Finite,
     InWords,
     Name,
@@ -17,7 +18,7 @@ from phalanx.scenario.fields import (
     built,
     misplaced,
 )
-from phalanx.scenario.registry import is_users
+from phalanx.schema.registry import is_users
 from phalanx.theory.expressions.asked import MistakenMethodError, ask
 from phalanx.theory.laws.law import Law
 from phalanx.theory.models.dynamics import Dynamics
@@ -109,6 +110,12 @@ class AgentGroup(Strict):
         """Of the space in which the agents move: 2 or 3."""
         state = ca.SX.sym("x", len(self._dynamics.states))
         return int(self._dynamics.position(state).numel())
+
+    @property
+    def facts(self) -> AgentFacts:
+        """What faults ask of each agent."""
+        dynamics = self._dynamics
+        return AgentFacts(self.role == "adversary", dynamics.states, dynamics.inputs)
 
     def dynamics_object(self) -> Dynamics:
         """The dynamics that the table describes."""

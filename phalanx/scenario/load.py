@@ -13,10 +13,10 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from phalanx.scenario.faults import KINDS
-from phalanx.scenario.fields import ALTERNATIVES
+from phalanx.scenario.declared import KINDS
 from phalanx.scenario.model import Reading, Scenario
-from phalanx.scenario.user_code import UntrustedCodeError
+from phalanx.schema.fields import ALTERNATIVES
+from phalanx.schema.user_code import UntrustedCodeError
 
 _CHECKOUT = Path(__file__).parents[2]
 

@@ -4,36 +4,72 @@ import shlex
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import count, islice
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import (
+    ConfigDict,
+    Discriminator,
     Field,
+    PrivateAttr,
+    RootModel,
+    Tag,
     model_validator,
 )
 
-from phalanx.scenario.agent_faults import OfAgents
+from phalanx.faults.fault import RunFacts
+from phalanx.network.table import Network
 from phalanx.scenario.agents import AgentGroup
-from phalanx.scenario.faults import Fault
-from phalanx.scenario.fields import (
+from phalanx.scenario.declared import AnyFault, Links
+from phalanx.scenario.placement import Flows, Scatter
+from phalanx.scenario.safety import Safety
+from phalanx.schema.fields import (
     CONTROLLER,
+    LIMIT,
+    SPHERE,
+    WALL,
     Finite,
     Name,
     NonNegative,
     Positive,
     Strict,
+    Table,
+    built,
     misplaced,
 )
-from phalanx.scenario.flows import Flows
-from phalanx.scenario.lies import LieFault
-from phalanx.scenario.network import Network
-from phalanx.scenario.safety import Safety
-from phalanx.scenario.scatter import Scatter
-from phalanx.scenario.statics import LimitField, ObstacleField
 from phalanx.theory.laws.formation import Formation
+from phalanx.theory.safety.limits import Boundary, Limit
+from phalanx.theory.safety.obstacles import Sphere, Wall
 from phalanx.theory.safety.static import Static
 
 MAX_AGENTS = 256
+
+
+def _sphere_or_wall(value: Any) -> str:
+    has_normal = "normal" in value if isinstance(value, dict) else isinstance(value, Wall)
+    return WALL if has_normal else SPHERE
+
+
+ObstacleField = Annotated[
+    Annotated[Sphere, Tag(SPHERE)] | Annotated[Wall, Tag(WALL)], Discriminator(_sphere_or_wall)
+]
+
+
+class LimitField(RootModel[Table]):
+    """A [[limits]] table, with the limit that it describes."""
+
+    model_config = ConfigDict(frozen=True)
+    _limit: Limit = PrivateAttr()
+
+    @model_validator(mode="after")
+    def _resolve(self) -> Self:
+        self._limit = built(LIMIT, Limit, self.root)
+        return self
+
+    @property
+    def boundary(self) -> Boundary:
+        """The limit as the other side of pairs."""
+        return Boundary(self._limit)
 
 
 class Time(Strict):
@@ -79,7 +115,7 @@ class Scenario(Strict):
     time: Time = Time()
     safety: Safety
     network: Network = Network()
-    faults: tuple[Fault, ...] = ()
+    faults: tuple[AnyFault, ...] = ()
     formation: Formation | None = None
     flows: Flows | None = None
     """Where agents without a slot go, and start unless their start is given."""
@@ -116,16 +152,10 @@ class Scenario(Strict):
                 message = f"expected less than {gap:g} s, the shortest time between two samples"
                 raise misplaced(("time", "latency"), message, self.time.latency)
         for index, link in enumerate(self.network.links):
-            link.check(names, ("network", "links", index))
-        groups = {name: group for group in self.named() for name in group.names}
+            link.check_names(names, ("network", "links", index))
+        agents = {name: group.facts for group in self.named() for name in group.names}
         for index, fault in enumerate(self.faults):
-            where = ("faults", index)
-            if isinstance(fault, OfAgents):
-                fault.check_agents(groups, where)
-            else:
-                fault.check(names, where)
-            if isinstance(fault, LieFault):
-                fault.check_input(len(groups[fault.agent].dynamics_object().inputs), where)
+            fault.check(agents, ("faults", index))
         return self
 
     def _check_places(self, index: int, group: AgentGroup) -> None:
@@ -215,6 +245,11 @@ class Scenario(Strict):
         for group in self.agents:
             for place, name in enumerate(group.names):
                 yield name, group, place
+
+    def links(self) -> Links:
+        """All that it declares to go wrong, put together for each link and agent."""
+        names = tuple(name for name, _, _ in self.roster())
+        return Links(self.network, self.faults, RunFacts(names, self.duration, self.seed))
 
     @property
     def static(self) -> tuple[Static, ...]:

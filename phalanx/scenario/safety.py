@@ -4,7 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Discriminator, Field, PrivateAttr, Tag, model_validator
 
-from phalanx.scenario.fields import (
+from phalanx.schema.fields import (
     NUMBER,
     TABLE,
     InWords,

@@ -10,10 +10,9 @@ import numpy as np
 
 from phalanx.arrays import Array
 from phalanx.scenario.agents import AgentGroup
-from phalanx.scenario.links import Links
+from phalanx.scenario.declared import Links
 from phalanx.scenario.load import ScenarioError, digest
 from phalanx.scenario.model import Scenario
-from phalanx.scenario.strikes import Struck, all_struck
 from phalanx.seeded.clock import SamplingClock
 from phalanx.seeded.draws import Draws
 from phalanx.theory.expressions.asked import MistakenMethodError, ask
@@ -95,13 +94,8 @@ class Swarm:
 
     @cached_property
     def links(self) -> Links:
-        """What goes wrong on links."""
-        return Links(self.scenario)
-
-    @cached_property
-    def struck(self) -> tuple[Struck, ...]:
-        """What goes wrong with agents, and when."""
-        return all_struck(self.scenario)
+        """What goes wrong on links and with agents."""
+        return self.scenario.links()
 
     @cached_property
     def limited(self) -> bool:

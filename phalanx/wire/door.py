@@ -1,6 +1,6 @@
 """What comes to a receiver damaged: the payload as it was, but for a byte flipped on its way."""
 
-from phalanx.network.incoming import SentInput
+from phalanx.network.inbox import SentInput
 from phalanx.wire.keys import Keys
 from phalanx.wire.messages import Broadcast
 from phalanx.wire.seal import Sealer

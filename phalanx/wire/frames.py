@@ -2,8 +2,7 @@
 
 import msgspec
 
-from phalanx.faults.commands import Command
-from phalanx.faults.state import Condition
+from phalanx.faults.commands import Command, Condition
 from phalanx.guarantee.verdict import Assumption, Violation
 from phalanx.wire.messages import Message
 from phalanx.wire.step_report import AppliedStep

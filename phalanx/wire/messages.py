@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar
 
 import msgspec
 
-from phalanx.faults.state import Orders
+from phalanx.faults.commands import Orders
 from phalanx.network.inbox import Fate
 from phalanx.theory.expressions.magnitude import LARGEST, LARGEST_SUM
 from phalanx.wire.step_report import StepReport

@@ -6,7 +6,8 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Protocol, TypeVar
 
-from phalanx.faults.state import FaultState
+from phalanx.faults.clock import AgentClock
+from phalanx.faults.commands import FaultState
 from phalanx.guarantee.verdict import FaultCount, Outcome, Summary, judge
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.write import RecordingError, RecordingWriter
@@ -18,7 +19,6 @@ from phalanx_plant.clock.clock import ClockFactory
 from phalanx_plant.clock.commands import CommandQueue, declared
 from phalanx_plant.events.stop import AbandonedError, StoppedError, SwarmBrokenError
 from phalanx_plant.judge.judge import Judge
-from phalanx_plant.sampling.clocks import AgentClock
 from phalanx_plant.sampling.harness import Harness
 from phalanx_plant.sampling.schedule import Schedule
 from phalanx_plant.scribe.frames import FrameAudience, FramePublisher
@@ -87,9 +87,14 @@ class PlantRun:
             agents.publish_status,
             swarm.scenario.time.recording_step,
         )
-        self._clocks = [AgentClock(swarm, i) for i in range(len(swarm.members))]
+        latency, occurrences = swarm.scenario.time.latency, swarm.links.occurrences
+        self._clocks = [
+            # Its input is due before the next sample, whatever the clock says.
+            AgentClock(swarm.clock(i), latency, (o for o in occurrences if o.agent == name))
+            for i, name in enumerate(swarm.names)
+        ]
         self._harness = Harness(swarm)
-        schedule = Schedule(self._clocks, swarm.scenario.time.latency, self._harness)
+        schedule = Schedule(self._clocks, latency, self._harness)
         self._clock = clock(rows, self._world, schedule, agents, self._scribe, faults, commands)
 
     def time(self, stopwatch: Stopwatch) -> None:

@@ -21,7 +21,7 @@ from typing import Any
 
 import zenoh
 
-from phalanx.faults.state import Orders
+from phalanx.faults.commands import Orders
 from phalanx.scenario.load import digest, load
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin

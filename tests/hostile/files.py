@@ -15,7 +15,7 @@ from mcap.writer import Writer
 
 import phalanx
 from phalanx.scenario.load import ScenarioError, load, shipped
-from phalanx.scenario.user_code import code_trusted
+from phalanx.schema.user_code import code_trusted
 from phalanx.swarm.swarm import build_swarm
 from tests.hostile.mutation import of_bytes, of_tree
 

@@ -22,11 +22,9 @@ from phalanx_viewer.feeds.live import check_frame
 from phalanx_viewer.feeds.live_history import LiveHistory
 from phalanx_viewer.scene.model import scene_model
 
-from phalanx.faults.commands import Command, CommandKind, CommandPolicy
-from phalanx.faults.state import Orders
+from phalanx.faults.commands import Command, CommandKind, CommandPolicy, Orders
 from phalanx.guarantee.verdict import CertificateSummary, Outcome, Summary, read_summary
-from phalanx.network.claim import Claim
-from phalanx.network.inbox import Fate
+from phalanx.network.inbox import Claim, Fate
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm

@@ -15,7 +15,7 @@ APART = [[1.5 * x, 1.5 * y] for x, y in CLOSE]
 DURATION = 1.5
 """[s]"""
 AGENT, PEER = "2", "1"
-"""Who is struck, and who hears of it."""
+"""The agent that a fault befalls, and a peer of it."""
 JITTER = {"time": 0.02, "jitter": 0.01}
 
 Overrides = Mapping[str, Any]
@@ -57,7 +57,7 @@ def _during(kind: str, **fields: Any) -> Overrides:
     return _timed(0.5, 0.5, kind, **fields)
 
 
-def _strikes(kind: str, span: float | None = 0.5, **fields: Any) -> Overrides:
+def _befalls(kind: str, span: float | None = 0.5, **fields: Any) -> Overrides:
     """A fault of one agent, as it drives at the others."""
     return _timed(0.2, span, kind, agents=[AGENT], **fields)
 
@@ -122,18 +122,18 @@ LIES: Mapping[str, Overrides] = {
     "silent = true": _told(silent=True),
 }
 AGENTS: Mapping[str, Overrides] = {
-    "kill": _strikes("kill", None),
-    "restart": _strikes("restart"),
-    "pause": _strikes("pause"),
+    "kill": _befalls("kill", None),
+    "restart": _befalls("restart"),
+    "pause": _befalls("pause"),
     "pause, rate = 4.0": {"faults": [{"kind": "pause", "rate": 4.0, "for": 0.1}]},
-    "turn": _strikes("turn", None),
-    "clock, step = 0.2": _strikes("clock", None, step=0.2),
-    "clock, skew = 0.2": _strikes("clock", skew=0.2),
-    "clock, drift = 2.0": _strikes("clock", drift=2.0),
-    "sensor, silent = true": _strikes("sensor", silent=True),
-    "sensor, bias = { x = 0.3, y = -0.6 }": _strikes("sensor", bias={"x": 0.3, "y": -0.6}),
-    "sensor, noise = { x = 0.3, y = 0.3 }": _strikes("sensor", noise={"x": 0.3, "y": 0.3}),
-    "actuator": _strikes("actuator"),
+    "turn": _befalls("turn", None),
+    "clock, step = 0.2": _befalls("clock", None, step=0.2),
+    "clock, skew = 0.2": _befalls("clock", skew=0.2),
+    "clock, drift = 2.0": _befalls("clock", drift=2.0),
+    "sensor, silent = true": _befalls("sensor", silent=True),
+    "sensor, bias = { x = 0.3, y = -0.6 }": _befalls("sensor", bias={"x": 0.3, "y": -0.6}),
+    "sensor, noise = { x = 0.3, y = 0.3 }": _befalls("sensor", noise={"x": 0.3, "y": 0.3}),
+    "actuator": _befalls("actuator"),
 }
 GALLERIES: Mapping[str, Gallery] = {
     "links": Gallery(LINKS),

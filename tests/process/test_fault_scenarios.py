@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import phalanx
-from phalanx.scenario.network import Network
+from phalanx.network.table import Network
 
 AT, OVER = 0.4, 0.7
 """Of the faults of a time [s]."""

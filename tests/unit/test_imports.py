@@ -23,7 +23,7 @@ def rooms(text: str, *above: set[str]) -> set[str]:
 THEORY = rooms(
     "theory.expressions theory.models theory.safety theory.margins theory.rows theory.laws"
 )
-SCENARIO = rooms("seeded network faults scenario", THEORY)
+SCENARIO = rooms("seeded schema network faults scenario", THEORY)
 SWARM = rooms("swarm", SCENARIO)
 GUARANTEE = rooms("guarantee", SWARM)
 WIRE = rooms("profile wire", GUARANTEE)
@@ -47,8 +47,9 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.theory.rows": THEORY - rooms("theory.laws"),
     "phalanx.theory.laws": THEORY,
     "phalanx.seeded": set(),
-    "phalanx.network": THEORY | rooms("seeded"),
-    "phalanx.faults": rooms("network seeded"),
+    "phalanx.schema": THEORY,
+    "phalanx.network": THEORY | rooms("seeded schema"),
+    "phalanx.faults": rooms("seeded schema network"),
     "phalanx.scenario": SCENARIO,
     "phalanx.swarm": SWARM,
     "phalanx.guarantee": GUARANTEE,

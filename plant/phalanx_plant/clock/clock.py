@@ -2,13 +2,13 @@
 
 from typing import Protocol, TypeVar
 
-from phalanx.faults.state import FaultState
+from phalanx.faults.commands import FaultState
+from phalanx.faults.onboard import Sensors
 from phalanx.guarantee.punctuality import Punctuality
 from phalanx.swarm.rows import SafetyRows
 from phalanx_plant.clock.backlog import Witness
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.sampling.schedule import Schedule
-from phalanx_plant.sampling.sensors import Sensors
 from phalanx_plant.world.world import World
 
 A_contra = TypeVar("A_contra", contravariant=True)

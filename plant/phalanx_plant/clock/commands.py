@@ -163,9 +163,10 @@ class CommandQueue:
 def declared(swarm: Swarm) -> list[Command]:
     """The commands that the scenario's faults of agents amount to."""
     return [
-        Command(t, kind, strike.agent, fault=swarm.links.number(place))
-        for place, fault, strike in swarm.struck
-        for t, kind in fault.commands(strike)
+        Command(t, kind, each.agent, fault=each.number)
+        for each in swarm.links.occurrences
+        for t, kind in ((each.begin, each.fault.begins_with), (each.end, each.fault.ends_with))
+        if kind is not None
     ]
 
 

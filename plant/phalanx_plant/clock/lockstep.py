@@ -14,7 +14,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.faults.state import FaultState
+from phalanx.faults.commands import FaultState
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.messages import Actuation, Sample

@@ -13,8 +13,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.faults.commands import Command, CommandKind
-from phalanx.faults.state import FaultState
+from phalanx.faults.commands import Command, FaultState, ProcessChange
 from phalanx.guarantee.punctuality import Punctuality, percentiles
 from phalanx.swarm.rows import SafetyRows
 from phalanx.wire.messages import Actuation, Sample
@@ -242,7 +241,8 @@ class RealTime:
 
     def _obey(self, command: Command) -> CommandObeyed:
         obeyed = self._sampling.obey(command, self.world.x, self._agents)
-        if command.kind == CommandKind.RESTART and obeyed.changed is not None:
+        effect = command.effect
+        if effect and effect.process is ProcessChange.STARTS and obeyed.changed is not None:
             self._returning.add(obeyed.changed)
         return obeyed
 

@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 from phalanx.faults.lies import Past
 from phalanx.guarantee.verdict import Assumption
-from phalanx.network.claim import Claim
-from phalanx.network.inbox import Fate
+from phalanx.network.inbox import Claim, Fate
 from phalanx.swarm.swarm import Swarm
 
 _NOTE = "every broadcast said what its sender's actuator was given, and from when on"

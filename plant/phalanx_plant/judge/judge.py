@@ -8,7 +8,7 @@ import numpy as np
 
 from phalanx.arrays import Array
 from phalanx.guarantee.verdict import Assumption
-from phalanx.network.claim import Claim
+from phalanx.network.inbox import Claim
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.expressions.asked import place_of
 from phalanx.theory.expressions.magnitude import LARGEST

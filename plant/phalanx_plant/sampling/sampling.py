@@ -6,8 +6,8 @@ Both clocks sample and obey commands alike; they differ in when.
 from typing import NamedTuple, Protocol
 
 from phalanx.arrays import Array
-from phalanx.faults.commands import Command, CommandKind
-from phalanx.faults.state import FaultState
+from phalanx.faults.commands import Command, FaultState, ProcessChange
+from phalanx.faults.onboard import Sensors
 from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.messages import Sample, last_sample
@@ -15,7 +15,6 @@ from phalanx_plant.events.events import CommandObeyed
 from phalanx_plant.sampling.contacts import Contacts
 from phalanx_plant.sampling.schedule import Schedule
 from phalanx_plant.sampling.sensing import Sensing, Sight
-from phalanx_plant.sampling.sensors import Sensors
 
 
 class Processes(Protocol):
@@ -46,7 +45,9 @@ class Sampling:
     """The samples of all agents of a run."""
 
     def __init__(self, swarm: Swarm, schedule: Schedule, faults: FaultState) -> None:
-        self.sensing, self.sensors = Sensing(swarm), Sensors(swarm)
+        self.sensing = Sensing(swarm)
+        states = {member.name: member.dynamics.states for member in swarm.members}
+        self.sensors = Sensors(states, swarm.scenario.seed, swarm.links.occurrences)
         self._schedule, self._faults = schedule, faults
         self._states = SeenStates(swarm)
         self._contacts = Contacts(len(swarm.members), swarm.scenario.time.latency)
@@ -76,24 +77,24 @@ class Sampling:
 
     def obey(self, command: Command, x: Array, processes: Processes) -> CommandObeyed:
         """Let a command take effect at its time, at the stacked state x."""
-        i = self._faults.obey(command)
+        i, effect = self._faults.obey(command), command.effect
         forgotten: tuple[int, ...] = ()
-        if i is None:
+        if i is None or effect is None:
             return CommandObeyed(command, i)
         if self._faults.silent(i):
             self._schedule.silence(i)
-        match command.kind:
-            case CommandKind.KILL:
+        match effect.process:
+            case ProcessChange.DIES:
                 # The order travels in a sample, which is not answered.
                 k = self._schedule.next_number(i)
                 processes.kill(i, last_sample(i, k, command.t, self._states.packed(x, (i,))))
                 forgotten = self._contacts.forget(i)
-            case CommandKind.RESTART:
+            case ProcessChange.STARTS:
                 processes.restart(i, command.t)
                 self._schedule.resume(i, command.t)
-            case CommandKind.FREEZE:
+            case ProcessChange.STOPS:
                 processes.pause(i, command.t)
-            case CommandKind.THAW:
+            case ProcessChange.GOES_ON:
                 processes.resume(i, command.t)
                 self._schedule.resume(i, command.t)
         return CommandObeyed(command, i, forgotten)

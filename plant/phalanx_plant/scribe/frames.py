@@ -8,8 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.faults.commands import Command
-from phalanx.faults.state import FaultState
+from phalanx.faults.commands import Command, FaultState
 from phalanx.network.inbox import Fate
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.frames import AgentStatus, Frame, LinkEvent, LogLine, worse

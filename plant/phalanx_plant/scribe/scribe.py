@@ -8,7 +8,7 @@ import numpy as np
 from msgspec.structs import asdict
 
 from phalanx.arrays import Array
-from phalanx.faults.commands import ON_LINKS, STRIKES, CommandKind, described
+from phalanx.faults.commands import Condition, ProcessChange
 from phalanx.network.inbox import Fate
 from phalanx.recording.records import Level, Log, Shown, State, Step
 from phalanx.recording.write import RecordingWriter
@@ -169,17 +169,17 @@ class RunScribe:
         self._frames.saw_command(command)
         of = ", ".join(self._names[j] for j in event.forgotten)
         lost = f"; lost with it: the inputs received of {of}" if of else ""
-        fault = command.kind in STRIKES | ON_LINKS
-        self._say(command.t, described(command) + lost, Level.WARNING if fault else Level.INFO)
-        if event.changed is None:
+        self._say(command.t, f"{command}{lost}", Level.WARNING if command.harms else Level.INFO)
+        effect = command.effect
+        if event.changed is None or effect is None:
             return
-        if command.fault >= 0 and command.kind in STRIKES:
+        if command.fault >= 0 and command.harms:
             self.faults[command.fault] += 1
-        if command.kind in (CommandKind.KILL, CommandKind.FREEZE):
+        if effect.leads_to is not None and effect.leads_to.silent:
             self._judge.fell_silent(event.changed, command.t)
-        if command.kind == CommandKind.TURN:
+        if effect.leads_to is Condition.TURNED:
             self._judge.turned(event.changed)
-        if command.kind == CommandKind.RESTART:
+        if effect.process is ProcessChange.STARTS:
             self._rejected_before[event.changed] += self._rejected[event.changed]
             self._rejected[event.changed] = 0
 

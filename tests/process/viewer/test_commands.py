@@ -6,8 +6,7 @@ import psutil
 import pytest
 from phalanx_viewer.feeds.live import Live
 
-from phalanx.faults.commands import CommandKind, CommandPolicy
-from phalanx.faults.state import Condition
+from phalanx.faults.commands import CommandKind, CommandPolicy, Condition
 from phalanx.guarantee.verdict import Outcome
 from phalanx.recording.read import read
 from phalanx.scenario.load import load

@@ -10,7 +10,7 @@ import pytest
 from phalanx_agent.answering import SampleAnswering, withheld_broadcasts
 from phalanx_agent.step import Answer, ControlStep
 
-from phalanx.faults.state import Orders
+from phalanx.faults.commands import Orders
 from phalanx.network.inbox import Existing
 from phalanx.wire.keys import Keys
 from phalanx.wire.membership import Membership

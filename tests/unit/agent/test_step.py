@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 from phalanx_agent.step import ControlStep
 
-from phalanx.network.claim import Claim
-from phalanx.network.inbox import Fate
+from phalanx.network.inbox import Claim, Fate
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.seen import SeenStates

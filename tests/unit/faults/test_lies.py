@@ -3,8 +3,7 @@
 import pytest
 
 from phalanx.faults.lies import Lies, Told
-from phalanx.network.claim import Claim
-from phalanx.scenario.links import Links
+from phalanx.network.inbox import Claim
 from phalanx.scenario.load import load
 
 TRUTH = Claim(0.5, (1.5, -0.5))
@@ -13,7 +12,7 @@ TRUTH = Claim(0.5, (1.5, -0.5))
 def lies(*tables: dict[str, object], agent: str = "2", seed: int = 0) -> Lies:
     """Agent 2's in Simulation 1."""
     faults = [{"kind": "lie", "agent": "2", "for": 1.0, **table} for table in tables]
-    return Links(load("unicycles", {"faults": faults}, seed=seed)).lies(agent)
+    return load("unicycles", {"faults": faults}, seed=seed).links().lies(agent)
 
 
 def told(liar: Lies, receiver: str = "1", k: int = 50, truth: Claim = TRUTH) -> Told:
@@ -73,7 +72,7 @@ def test_lies_that_are_told_at_once_are_made_of_each_other_and_all_counted():
 
 def test_a_silent_liar_says_nothing_on_its_links_alone():
     silent = {"kind": "lie", "agent": "2", "to": ["1"], "at": 0.2, "for": 0.3, "silent": True}
-    links = Links(load("unicycles", {"faults": [silent]}))
+    links = load("unicycles", {"faults": [silent]}).links()
     assert links.declared == ("faults.0 (lie)",)
     cut = {link for link in ("21", "23", "12") if links.model(*link).stages}
     assert cut == {"21"}

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from phalanx.arrays import Array
 from phalanx.network.link import Link, LinkModel, Stage
-from phalanx.scenario.network import LinkTable
+from phalanx.network.table import LinkTable
 
 MANY = 40_000
 """So many that four standard errors of a share are a hundredth, where messages are independent."""

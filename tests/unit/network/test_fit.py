@@ -9,8 +9,8 @@ import pytest
 from phalanx.cli.app import status
 from phalanx.network.fit import CaptureError, fit, read_capture
 from phalanx.network.link import Link
+from phalanx.network.table import LinkTable
 from phalanx.scenario.load import load
-from phalanx.scenario.network import LinkTable
 from tests.unit.network.models import model
 
 MODELS = {

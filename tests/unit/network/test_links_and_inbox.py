@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import kstest
 
-from phalanx.network.claim import Claim
-from phalanx.network.inbox import BroadcastInbox, Existing, Fate
+from phalanx.network.inbox import BroadcastInbox, Claim, Existing, Fate
 from phalanx.network.link import Link, LinkModel
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm

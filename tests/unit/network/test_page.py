@@ -8,10 +8,9 @@ import pytest
 
 from phalanx.network.link import Link
 from phalanx.network.presets import PRESETS
-from phalanx.scenario.faults import KINDS
-from phalanx.scenario.links import Links
+from phalanx.network.table import LinkTable
+from phalanx.scenario.declared import KINDS
 from phalanx.scenario.load import load
-from phalanx.scenario.network import LinkTable
 from tests.network.pictured_faults import GALLERIES
 from tests.unit.network.models import model
 
@@ -26,7 +25,7 @@ def blocks(language: str) -> list[str]:
 
 def test_its_scenarios_load_and_declare_what_they_show():
     links, agents = (
-        Links(load("unicycles", tomllib.loads(text))).declared for text in blocks("toml")
+        load("unicycles", tomllib.loads(text)).links().declared for text in blocks("toml")
     )
     assert "network.loss" in links
     assert links[-1] == "faults.0 (partition)"
@@ -78,4 +77,4 @@ def test_every_kind_of_fault_is_pictured():
 @pytest.mark.parametrize("name", GALLERIES)
 def test_every_scenario_of_a_picture_declares_its_fault(name):
     for fault, overrides in GALLERIES[name].faults.items():
-        assert Links(load("faults/lie-input", {"faults": [], **overrides})).declared, fault
+        assert load("faults/lie-input", {"faults": [], **overrides}).links().declared, fault

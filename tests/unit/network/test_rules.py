@@ -6,10 +6,20 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from phalanx.faults.links import Hold
 from phalanx.network.inbox import BroadcastInbox, Existing
 from phalanx.network.link import Link, LinkModel, RuleError, Stage
-from phalanx.network.rule import CORRUPT, DELIVER, DROP, DUPLICATE, Message, delay
-from phalanx.network.window import Cut, During, Hold
+from phalanx.network.rule import (
+    CORRUPT,
+    DELIVER,
+    DROP,
+    DUPLICATE,
+    Cut,
+    During,
+    Message,
+    UsersRule,
+    delay,
+)
 from phalanx.seeded.draws import Draws
 from phalanx.wire.door import Door
 from phalanx.wire.keys import Keys
@@ -252,6 +262,6 @@ def test_a_rule_that_says_what_cannot_be_is_named(says):
 
 
 def test_a_rule_of_ones_own_asks_for_distances_for_a_time_too():
-    rain = Stage("faults.0", During(0.0, 1.0, Rain(0.1)))
+    rain = Stage("faults.0", During(0.0, 1.0, UsersRule(Rain(0.1))))
     assert Link(0, "a", "b", LinkModel((rain,))).asks_distance
     assert not Link(0, "a", "b", model(loss=0.1, delay=0.1, slot=0.1)).asks_distance

@@ -4,8 +4,7 @@ import msgspec
 import pytest
 from phalanx_plant.hub.answers import Answers, Mailbox
 
-from phalanx.network.claim import Claim
-from phalanx.network.inbox import Fate
+from phalanx.network.inbox import Claim, Fate
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.keys import Keys
 from phalanx.wire.messages import Actuation, Sample, Telemetry

@@ -2,8 +2,7 @@
 
 from phalanx_plant.judge.claims import Claims, Finding
 
-from phalanx.network.claim import Claim
-from phalanx.network.inbox import Fate
+from phalanx.network.inbox import Claim, Fate
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 

@@ -17,8 +17,7 @@ from phalanx_plant.sampling.harness import Harness
 from phalanx_plant.sampling.schedule import Schedule
 from phalanx_plant.world.world import World
 
-from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind, CommandPolicy
-from phalanx.faults.state import FaultState
+from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind, CommandPolicy, FaultState
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.recording.read import read
 from phalanx.recording.write import RecordingWriter

@@ -6,8 +6,7 @@ from phalanx_plant.sampling.harness import Harness
 from phalanx_plant.sampling.sampling import Sampling, Taken
 from phalanx_plant.sampling.schedule import Schedule
 
-from phalanx.faults.commands import Command, CommandKind
-from phalanx.faults.state import FaultState
+from phalanx.faults.commands import Command, CommandKind, FaultState
 from phalanx.wire.messages import Sample
 from tests.unit.swarms import swarm_of_scenario
 

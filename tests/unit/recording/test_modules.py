@@ -13,7 +13,7 @@ from phalanx.recording.read import UnreadableRecordingError, read
 from phalanx.recording.records import RECORDING
 from phalanx.recording.write import RecordingWriter
 from phalanx.scenario.load import load, to_json
-from phalanx.scenario.user_code import imported_sources
+from phalanx.schema.user_code import imported_sources
 
 LAW = """
 from phalanx.theory.laws.velocity import TrackVelocity

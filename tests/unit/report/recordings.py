@@ -10,7 +10,6 @@ from phalanx.guarantee.verdict import Assumption, CertificateSummary, Outcome, S
 from phalanx.network.link import Link
 from phalanx.recording.records import RECORDING, Log, State, Step
 from phalanx.recording.write import RecordingWriter
-from phalanx.scenario.links import Links
 from phalanx.scenario.load import load, validate
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import build_swarm
@@ -64,7 +63,7 @@ def step(scenario: Scenario, names: tuple[str, ...], i: int, k: int) -> Step:
 
 
 def fate(scenario: Scenario, sender: str, receiver: str, k: int) -> float | None:
-    model = Links(scenario).model(sender, receiver)
+    model = scenario.links().model(sender, receiver)
     return Link(scenario.seed, sender, receiver, model).fate(k, 0.01 * k).delay
 
 

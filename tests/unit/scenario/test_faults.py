@@ -5,7 +5,6 @@ import tomllib
 import pytest
 
 from phalanx.network.presets import PRESETS
-from phalanx.scenario.links import Links
 from phalanx.scenario.load import ScenarioError, from_json, load, to_json
 
 ALL = """
@@ -75,7 +74,7 @@ def with_tables(text: str) -> dict[str, object]:
 
 def test_everything_that_may_be_declared_is_numbered_and_survives_being_written_down():
     scenario = load("unicycles", with_tables(ALL))
-    declared = Links(scenario).declared
+    declared = scenario.links().declared
     before = ["loss", "loss_by_distance", "duplicate", "corrupt", "rate"]
     fields = [*before, "delay", "reorder", "delay_floor", "slot"]
     assert declared[:9] == tuple(f"network.{field}" for field in fields)
@@ -84,11 +83,11 @@ def test_everything_that_may_be_declared_is_numbered_and_survives_being_written_
     assert declared[-7:] == tuple(f"faults.{n} ({kind})" for n, kind in enumerate(kinds))
     again = from_json(to_json(scenario))
     assert again == scenario
-    assert Links(again).model("1", "3") == Links(scenario).model("1", "3")
+    assert again.links().model("1", "3") == scenario.links().model("1", "3")
 
 
 def test_faults_act_on_the_links_that_they_concern_in_their_order():
-    links = Links(load("unicycles", with_tables(ALL)))
+    links = load("unicycles", with_tables(ALL)).links()
     faults = {
         link: [s.field for s in links.model(*link).stages if s.field.startswith("faults")]
         for link in (("1", "2"), ("1", "3"), ("3", "1"), ("2", "1"))
@@ -106,10 +105,10 @@ def test_faults_act_on_the_links_that_they_concern_in_their_order():
 @pytest.mark.parametrize("name", PRESETS)
 def test_a_preset_is_the_fields_that_it_names_and_those_given_replace_its(name):
     plain = load("unicycles", {"network.preset": name})
-    fields = {d.removeprefix("network.") for d in Links(plain).declared}
+    fields = {d.removeprefix("network.") for d in plain.links().declared}
     assert fields == set(PRESETS[name].table)
     quiet = load("unicycles", {"network.preset": name, "network.loss": 0.0})
-    assert Links(quiet).model("1", "2").loss == 0.0
+    assert quiet.links().model("1", "2").loss == 0.0
     assert PRESETS[name].source
 
 
@@ -201,7 +200,7 @@ BROKEN = {
     ),
     "an input of another size": (lie(says=[1.0]), ["faults.0.says: expected 2 components"]),
     "a replay of the future": (lie(replay=0), ["faults.0.replay: expected greater than or equal"]),
-    "a strike on a stranger": (
+    "a fault of a stranger": (
         {"faults": [{"kind": "kill", "at": 1.0, "agents": ["9"]}]},
         ["faults.0.agents: expected agents' names", "got '9'"],
     ),

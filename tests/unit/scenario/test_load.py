@@ -5,7 +5,6 @@ import tomllib
 import pytest
 
 from phalanx.network.delay import UniformDelay
-from phalanx.scenario.links import Links
 from phalanx.scenario.load import (
     ScenarioError,
     digest,
@@ -163,7 +162,7 @@ def test_links_take_the_last_override_that_matches():
         { to = "2", loss = 0.2 },
         { from = "3", to = "1", loss = 0.3, delay = 0.01 },
     ]""".replace("\n", "")
-    found = Links(load("unicycles", [links, "network.loss=0.5"]))
+    found = load("unicycles", [links, "network.loss=0.5"]).links()
     expected = {
         ("1", "3"): 0.1,
         ("1", "2"): 0.2,

@@ -8,7 +8,7 @@ import pytest
 
 from phalanx.scenario.load import load
 from phalanx.scenario.model import MAX_AGENTS
-from phalanx.scenario.registry import BUILT_IN
+from phalanx.schema.registry import BUILT_IN
 from phalanx.theory.models.dynamics import Dynamics
 
 PAGE = (Path(__file__).parents[3] / "docs" / "scenario.md").read_text(encoding="utf-8")

@@ -14,7 +14,7 @@ from phalanx_viewer.plots.curves import Series, curve, envelope, farthest, highe
 from phalanx_viewer.plots.lanes import lanes, zoom
 from phalanx_viewer.plots.plots import empty_periods, fault_periods
 
-from phalanx.faults.state import Condition
+from phalanx.faults.commands import Condition
 from phalanx.recording.broadcasts import IN_TIME, LATE, LOST, Broadcast
 
 T = np.linspace(0.0, 10.0, 5001)

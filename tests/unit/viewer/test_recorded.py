@@ -6,8 +6,7 @@ from phalanx_viewer.page.panels import agent_in_words
 from phalanx_viewer.scene.picture import picture
 
 import phalanx
-from phalanx.faults.commands import Command, CommandKind, CommandPolicy
-from phalanx.faults.state import Condition
+from phalanx.faults.commands import Command, CommandKind, CommandPolicy, Condition
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,7 @@
 import msgspec
 import numpy as np
 
-from phalanx.faults.state import Condition
+from phalanx.faults.commands import Condition
 from phalanx.recording.records import Step
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.frames import AgentStatus

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.faults.state import Condition
+from phalanx.faults.commands import Condition
 from phalanx.recording.broadcasts import LATE, LOST, Broadcast
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.safety.composition import FAR

@@ -11,7 +11,7 @@ from phalanx.arrays import Array
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Summary, Violation, read_summary
 from phalanx.scenario.load import from_json
-from phalanx.scenario.user_code import code_trusted
+from phalanx.schema.user_code import code_trusted
 from phalanx.wire import liveliness, pubsub, queries
 from phalanx.wire.frames import CommandMessage, Frame, LogLine, Setup
 from phalanx.wire.keys import PLANT

@@ -4,7 +4,7 @@ from itertools import chain
 
 import numpy as np
 
-from phalanx.faults.state import Condition
+from phalanx.faults.commands import Condition
 from phalanx.guarantee.verdict import Violation
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.frames import AgentStatus, Frame, LogLine

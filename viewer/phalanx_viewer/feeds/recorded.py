@@ -4,7 +4,7 @@ import functools
 
 import numpy as np
 
-from phalanx.faults.state import FaultState
+from phalanx.faults.commands import FaultState
 from phalanx.guarantee.verdict import Assumption
 from phalanx.recording.broadcasts import broadcasts
 from phalanx.recording.read import Recording, UnreadableRecordingError, steps_by_agent

@@ -8,7 +8,7 @@ from typing import Any
 
 import viser
 
-from phalanx.faults.commands import CommandKind
+from phalanx.faults.commands import EFFECTS, CommandKind
 from phalanx.wire.frames import Frame
 from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.scene.server import SceneServer, in_loop
@@ -17,7 +17,7 @@ log = logging.getLogger("phalanx.viewer")
 
 _SPEEDS = {"as fast as possible": 0.0, **{f"{s:g} ×": s for s in (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)}}
 
-_ON_AGENT = ("Kill", "Restart", "Freeze", "Thaw", "Turn")
+_ON_AGENT = tuple(kind.title() for kind in EFFECTS)
 
 
 class Commands:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import viser
 
-from phalanx.faults.state import Condition
+from phalanx.faults.commands import Condition
 from phalanx.guarantee.verdict import Assumption, Summary
 from phalanx.theory.rows.origin import words_of
 from phalanx.wire.frames import AgentStatus, Frame, LogLine

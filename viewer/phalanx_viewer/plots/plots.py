@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.faults.state import Condition
+from phalanx.faults.commands import Condition
 from phalanx.swarm.units import unit_of_psi
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.frames import Frame

@@ -2,7 +2,7 @@
 
 from enum import StrEnum
 
-from phalanx.faults.state import Condition
+from phalanx.faults.commands import Condition
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.frames import AgentStatus
 
@@ -28,7 +28,7 @@ COLOURS: dict[Role, tuple[int, int, int]] = {
 
 def role(status: AgentStatus, adversary: bool) -> Role:
     """An agent's role now; adversary: from the start."""
-    if status.condition in (Condition.DEAD, Condition.FROZEN):
+    if status.condition.silent:
         return Role.SILENT
     if adversary or status.condition == Condition.TURNED:
         return Role.ADVERSARY

@@ -2,7 +2,7 @@
 
 import pytest
 
-from phalanx.network.claim import Claim
+from phalanx.network.inbox import Claim
 from phalanx.theory.rows.information import Information, InformationModel
 
 PLENTY = InformationModel(Information.IN_FLIGHT, {0: 0.008, 1: 0.008}, 1.0)

@@ -5,21 +5,28 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from phalanx.network.chance import Chance, Corrupt, Duplicate
 from phalanx.network.delay import (
     ConstantDelay,
     DelayFloor,
     JitteredDelay,
+    Rate,
     Reorder,
+    Slot,
     UniformDelay,
 )
 from phalanx.network.link import DELAY, LOSS, Kind
-from phalanx.network.loss import DistanceLoss, GilbertElliott, RandomLoss, bursts
+from phalanx.network.loss import (
+    Chance,
+    Corrupt,
+    DistanceLoss,
+    Duplicate,
+    GilbertElliott,
+    RandomLoss,
+    bursts,
+)
 from phalanx.network.presets import PRESETS, Preset
-from phalanx.network.queue import Rate, Slot
-from phalanx.network.rule import Rule
-from phalanx.network.users_rule import UsersRule
-from phalanx.scenario.fields import (
+from phalanx.network.rule import Rule, UsersRule
+from phalanx.schema.fields import (
     BOUNDS,
     BURST,
     CHANCE,
@@ -203,7 +210,7 @@ class SomeLinks(Strict):
         """Whether it is about this link."""
         return self.of == of and self.sender in ("*", sender) and self.receiver in ("*", receiver)
 
-    def check(self, names: list[str], where: tuple[str | int, ...]) -> None:
+    def check_names(self, names: list[str], where: tuple[str | int, ...]) -> None:
         """Raise ValidationError for a name that nobody has."""
         for field, name in (("from", self.sender), ("to", self.receiver)):
             if name != "*" and name not in names:

@@ -6,8 +6,8 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from phalanx.scenario.registry import construct
-from phalanx.scenario.user_code import UntrustedCodeError
+from phalanx.schema.registry import construct
+from phalanx.schema.user_code import UntrustedCodeError
 from phalanx.theory.expressions.asked import in_words
 
 CONTROLLER = "controller"

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from phalanx_plant.sampling.clocks import AgentClock
 
+from phalanx.faults.clock import AgentClock
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 
@@ -15,7 +15,8 @@ PERIOD, JITTER, AT, OVER, END = 0.01, 0.002, 1.0, 1.5, 3.0
 def ticks(**fault: Any) -> tuple[AgentClock, np.ndarray]:
     """Agent 1's clock, and all its ticks."""
     faults = [{"kind": "clock", "at": AT, "agents": ["1"], **fault}] if fault else []
-    clock = AgentClock(build_swarm(load("unicycles", {"faults": faults})), 0)
+    swarm = build_swarm(load("unicycles", {"faults": faults}))
+    clock = AgentClock(swarm.clock(0), swarm.scenario.time.latency, swarm.links.occurrences)
     times = [0.0]
     while times[-1] < END:
         times.append(clock.after(len(times) - 1, times[-1]))

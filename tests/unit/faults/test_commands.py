@@ -2,8 +2,7 @@
 
 import pytest
 
-from phalanx.faults.commands import Command, CommandKind
-from phalanx.faults.state import Condition, FaultState, turns
+from phalanx.faults.commands import Command, CommandKind, Condition, FaultState, turns
 
 KILL, RESTART = CommandKind.KILL, CommandKind.RESTART
 FREEZE, THAW, TURN = CommandKind.FREEZE, CommandKind.THAW, CommandKind.TURN

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from phalanx_plant.sampling.sensors import Sensors
 
+from phalanx.faults.onboard import Sensors
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 
@@ -12,7 +12,8 @@ def sensors(**fault: object) -> tuple[Sensors, np.ndarray]:
     """Of Simulation 1, agent 2's with a fault from 1 s to 2 s."""
     declared = {"kind": "sensor", "agents": ["2"], "at": 1.0, "for": 1.0, **fault}
     swarm = build_swarm(load("unicycles", {"faults": [declared]}))
-    return Sensors(swarm), swarm.start()
+    states = {member.name: member.dynamics.states for member in swarm.members}
+    return Sensors(states, swarm.scenario.seed, swarm.links.occurrences), swarm.start()
 
 
 def test_a_biased_sensor_is_wrong_about_its_own_robot_while_the_fault_lasts_and_never_else():

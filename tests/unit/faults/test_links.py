@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from phalanx.network.partition import between, shaped
+from phalanx.faults.links import between, shaped
 from phalanx.seeded.draws import Draws
 
 NAMES = [str(n) for n in range(1, 8)]

@@ -1,0 +1,143 @@
+"""Faults within a robot: its sensors are silent or wrong, its actuators are stuck."""
+
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping
+from typing import ClassVar, Literal, NamedTuple, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from phalanx.arrays import Array
+from phalanx.faults.fault import (
+    AgentFacts,
+    AgentFaultForATime,
+    LinkEnds,
+    LinkRules,
+    Occurrence,
+    RunFacts,
+    Where,
+)
+from phalanx.network.distributions import quantile
+from phalanx.network.link import Kind
+from phalanx.network.rule import Cut, During
+from phalanx.schema.fields import Finite, NonNegative, misplaced
+from phalanx.seeded.draws import Draws
+
+
+class OnboardFault(AgentFaultForATime):
+    """A fault that may cut one of a robot's own links."""
+
+    order: ClassVar[int] = -2
+
+    @property
+    def cuts(self) -> Kind | None:
+        """Which of the links carries nothing meanwhile, if one does."""
+        return None
+
+    def on_links(self, run: RunFacts, place: int) -> LinkRules:
+        """Nothing comes through the link, each time that the fault befalls its robot."""
+        if self.cuts is None:
+            return super().on_links(run, place)
+        cuts: defaultdict[LinkEnds, list[During]] = defaultdict(list)
+        for t, name in self.times(run, place):
+            own = LinkEnds(name, name, self.cuts)
+            cuts[own].append(During(t, self.until(t), Cut()))
+        return lambda link: cuts.get(link, ())
+
+
+class SensorFault(OnboardFault):
+    """Sensors bring no samples, or are wrong about their own robot's state."""
+
+    kind: Literal["sensor"]
+    silent: bool = False
+    bias: dict[str, Finite] = Field(default_factory=dict)
+    """What is added to states, by name: { px = 0.5 } [SI]."""
+    noise: dict[str, NonNegative] = Field(default_factory=dict)
+    """Standard deviation of what is added to states at each sample, by name [SI]."""
+
+    @model_validator(mode="after")
+    def _wrong_or_silent(self) -> Self:
+        if self.silent == bool(self.bias or self.noise):
+            raise ValueError("expected silent = true, or bias and noise")
+        return self
+
+    def check(self, agents: Mapping[str, AgentFacts], where: Where) -> None:
+        """Raise ValidationError for a state that one of the agents does not have."""
+        super().check(agents, where)
+        for name in self.agents or agents:
+            states = agents[name].states
+            for field, table in (("bias", self.bias), ("noise", self.noise)):
+                for state in table.keys() - set(states):
+                    message = f"expected states of agent {name}, of {list(states)}"
+                    raise misplaced((*where, field), message, state)
+
+    @property
+    def cuts(self) -> Kind | None:
+        """The link from its sensors."""
+        return "sample" if self.silent else None
+
+
+class ActuatorFault(OnboardFault):
+    """Actuators are stuck: they hold the input that they have."""
+
+    kind: Literal["actuator"]
+
+    @property
+    def cuts(self) -> Kind | None:
+        """The link to its actuators."""
+        return "actuation"
+
+
+class _Error(NamedTuple):
+    """What a wrong sensor adds to its robot's state, for a time."""
+
+    occurrence: Occurrence
+    bias: Array
+    noise: Array
+    """Standard deviations, shape (n_i,)."""
+    draws: Draws
+
+    def at(self, k: int) -> Array:
+        """At sample k, shape (n_i,)."""
+        drawn = [quantile("normal", float(u)) for u in self.draws[k]]
+        error: Array = self.bias + self.noise * np.array(drawn)
+        return error
+
+
+class Sensors:
+    """The sensors of all agents: each may be wrong about its own robot's state."""
+
+    def __init__(
+        self,
+        states: Mapping[str, tuple[str, ...]],
+        seed: int,
+        occurrences: Iterable[Occurrence] = (),
+    ) -> None:
+        """states: names of each agent's, by agent. occurrences: only those of sensors count."""
+        self.faults: Counter[int] = Counter()
+        """Samples in which each declared fault had a part."""
+        ends = np.cumsum([len(own) for own in states.values()]).tolist()
+        self._parts = [slice(a, b) for a, b in zip([0, *ends], ends, strict=False)]
+        self._errors: defaultdict[int, list[_Error]] = defaultdict(list)
+        names = list(states)
+        for each in occurrences:
+            if isinstance(fault := each.fault, SensorFault) and not fault.silent:
+                own = states[each.agent]
+                bias = np.array([fault.bias.get(state, 0.0) for state in own])
+                noise = np.array([fault.noise.get(state, 0.0) for state in own])
+                purpose = "fault", str(each.place), "noise", each.agent
+                draws = Draws(seed, *purpose, width=len(own))
+                error = _Error(each, bias, noise, draws)
+                self._errors[names.index(each.agent)].append(error)
+
+    def told(self, i: int, k: int, t: float, x: Array) -> Array:
+        """What agent i is told of the stacked state x, shape (n̄,), in its sample k at t [s].
+
+        x itself, if that is the truth.
+        """
+        for error in self._errors[i]:
+            if error.occurrence.holds(t):
+                x = x.copy()
+                x[self._parts[i]] += error.at(k)
+                self.faults[error.occurrence.number] += 1
+        return x

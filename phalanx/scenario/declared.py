@@ -1,0 +1,124 @@
+"""All that a scenario declares to go wrong: numbered, and put together for each link and agent."""
+
+from collections.abc import Callable, Iterator
+from functools import cached_property, partial
+from typing import Annotated, get_args
+
+from pydantic import Field
+
+from phalanx.faults.clock import ClockFault
+from phalanx.faults.fault import AgentFault, LinkEnds, Occurrence, RunFacts
+from phalanx.faults.lies import LieFault, Lies
+from phalanx.faults.links import LinkFault, OfLinks
+from phalanx.faults.onboard import ActuatorFault, SensorFault
+from phalanx.faults.process import ProcessFault
+from phalanx.network.link import Kind, Link, LinkModel, Stage
+from phalanx.network.rule import UsersRule
+from phalanx.network.table import LinkTable, Network
+
+AnyFault = Annotated[
+    OfLinks | LieFault | ProcessFault | ClockFault | SensorFault | ActuatorFault,
+    Field(discriminator="kind"),
+]
+KINDS = frozenset(
+    kind
+    for model in get_args(get_args(AnyFault)[0])
+    for kind in get_args(model.model_fields["kind"].annotation)
+)
+"""Of every fault that a scenario may declare."""
+
+_BASE: tuple[Kind, ...] = ("broadcast", "sample", "actuation")
+
+
+class Links:
+    """The models of a run's links, and its faults of agents.
+
+    A rule's or fault's number is its place in `declared`.
+    """
+
+    def __init__(self, network: Network, faults: tuple[AnyFault, ...], run: RunFacts) -> None:
+        self._network, self._faults, self._run = network, faults, run
+        tables: list[tuple[str, LinkTable]] = [
+            ("network", network),
+            ("network.sample", network.sample),
+            ("network.actuation", network.actuation),
+        ]
+        tables += [(f"network.links.{i}", link) for i, link in enumerate(network.links)]
+        fields: list[str] = []
+        self._static: list[Callable[[], tuple[Stage, ...]]] = []
+        """What each table asks for at all times, for one more link."""
+        for where, table in tables:
+            stages = partial(_stages, table, len(fields))
+            fields += [f"{where}.{stage.field}" for stage in stages()]
+            # Those built in remember nothing, and serve any number of links.
+            self._static.append(stages if table.rules else partial(tuple, stages()))
+        self._first_fault = len(fields)
+        self.declared = (
+            *fields,
+            *(f"faults.{place} ({fault.kind})" for place, fault in enumerate(faults)),
+        )
+        """What each rule and fault is called in a summary."""
+        in_order = sorted(enumerate(faults), key=lambda each: each[1].order)
+        rules = [(f.order, place, f.on_links(run, place)) for place, f in in_order]
+        self._before = [(place, found) for order, place, found in rules if order < 0]
+        self._after = [(place, found) for order, place, found in rules if order > 0]
+
+    def model(self, sender: str, receiver: str, of: Kind = "broadcast") -> LinkModel:
+        """The model of one link: faults, what the link always does, and faults that come last.
+
+        A user's rules are this link's own: they may keep what they were asked. Both ends of a
+        robot's own links, of samples and actuations, are called like it.
+        """
+        static = self._static[_BASE.index(of)]
+        for place, exception in enumerate(self._network.links):
+            if exception.concerns(sender, receiver, of):
+                static = self._static[len(_BASE) + place]
+        link = LinkEnds(sender, receiver, of)
+        before, after = (
+            [
+                Stage(f"faults.{place}", rule, self._first_fault + place)
+                for place, rules in group
+                for rule in rules(link)
+            ]
+            for group in (self._before, self._after)
+        )
+        return LinkModel((*before, *static(), *after))
+
+    def users_rules(self) -> Iterator[tuple[str, str, Link]]:
+        """Each rule of a user's anew, alone on a link that may have it, with its two ends."""
+        network, first, last = self._network, self._run.names[0], self._run.names[-1]
+        bases = zip((network, network.sample, network.actuation), _BASE, strict=True)
+        tables: list[tuple[LinkTable, Kind, str, str]] = [(t, of, "*", "*") for t, of in bases]
+        faults = [fault for fault in self._faults if isinstance(fault, LinkFault)]
+        for some in (network.links, faults):
+            tables += [(t, t.of, t.sender, t.receiver) for t in some]
+        for table, of, sender, receiver in tables:
+            if sender == "*":
+                sender = first if of == "broadcast" or receiver == "*" else receiver
+            if receiver == "*":
+                receiver = last if of == "broadcast" else sender
+            for stage in _stages(table, 0):
+                if isinstance(stage.rule, UsersRule):
+                    model = LinkModel((stage,))
+                    yield sender, receiver, Link(self._run.seed, sender, receiver, model, of)
+
+    def lies(self, name: str) -> Lies:
+        """What an agent makes of the truth before it tells its peers."""
+        numbered = enumerate(self._faults, self._first_fault)
+        lies = {number: fault for number, fault in numbered if isinstance(fault, LieFault)}
+        return Lies(self._run.seed, name, lies)
+
+    @cached_property
+    def occurrences(self) -> tuple[Occurrence, ...]:
+        """Every time that a fault befalls an agent, in the order of the faults."""
+        return tuple(
+            Occurrence(fault, place, self._first_fault + place, name, t, fault.until(t))
+            for place, fault in enumerate(self._faults)
+            if isinstance(fault, AgentFault)
+            for t, name in fault.times(self._run, place)
+        )
+
+
+def _stages(table: LinkTable, first: int) -> tuple[Stage, ...]:
+    """A table's rules, built anew, with their numbers."""
+    return tuple(Stage(*rule, first + n) for n, rule in enumerate(table.fields()))
