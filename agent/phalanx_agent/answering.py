@@ -9,8 +9,7 @@ from phalanx.profile.stopwatch import Stopwatch
 from phalanx.swarm.watchdog import Watchdog
 from phalanx.wire.keys import kind_and_name
 from phalanx.wire.messages import Broadcast, Sample
-from phalanx.wire.refusals import Refusals
-from phalanx.wire.seal import Malformed, Sealer
+from phalanx.wire.seal import Malformed, Refusals, Sealer
 from phalanx_agent.step import Accepted, Answer, ControlStep
 
 log = logging.getLogger("phalanx.agent")

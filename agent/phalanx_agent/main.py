@@ -14,12 +14,10 @@ from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.watchdog import endless_loops
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire import liveliness, pubsub
-from phalanx.wire.copies import Copies
-from phalanx.wire.door import Door
 from phalanx.wire.keys import PLANT, Keys
+from phalanx.wire.liveliness import PlantPresence
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import LONGEST_FAILURE, Message, Telemetry
-from phalanx.wire.presence import PlantPresence
 from phalanx.wire.seal import Sealer
 from phalanx.wire.session import Session, open_member
 from phalanx.wire.step_report import StepReport
@@ -48,7 +46,7 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
         HubError: the hub cannot be reached. Exception: whatever a control step raised.
     """
     keys, sealer = membership.keys, membership.sealer
-    steps = control_steps(rows, membership.identity, Door(keys, sealer))
+    steps = control_steps(rows, membership.identity, membership)
     stopwatch = Stopwatch() if profile else None
     # No event: a handler that sets one while this thread begins to wait for it never returns.
     leaving: SimpleQueue[str] = SimpleQueue()
@@ -113,9 +111,12 @@ class _Sender:
     def __init__(self, session: Session, keys: Keys, sealer: Sealer, step: ControlStep) -> None:
         self._sealer = sealer
         # In real time a peer that takes nothing must not hold up its peers.
-        self._broadcasts = {w: pubsub.Addressed(session, droppable=not w) for w in (False, True)}
+        self._broadcasts = {
+            True: pubsub.Addressed(session),
+            False: pubsub.Addressed(session, pubsub.Delivery.NOTICE),
+        }
         # Declared before the others: the hub has told of its readers when those match.
-        self._copies = Copies(session, keys, keys.of(step.name))
+        self._copies = pubsub.Copies(session, keys, keys.of(step.name))
         self._inputs = len(step.swarm.members[step.i].dynamics.inputs)
         # A publisher's key expression is made anew each time it is asked for.
         self._actuation_key, self._telemetry_key = (

@@ -21,8 +21,7 @@ from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.asked import MistakenMethodError, in_words
 from phalanx.theory.expressions.magnitude import LARGEST
 from phalanx.theory.rows.information import ReceivedInput
-from phalanx.wire.door import Door
-from phalanx.wire.keys import Keys
+from phalanx.wire.membership import Membership
 from phalanx.wire.messages import (
     LONGEST_FAILURE,
     MAX_BYTES,
@@ -31,13 +30,13 @@ from phalanx.wire.messages import (
     Sample,
     Telemetry,
 )
-from phalanx.wire.seal import Malformed, Sealer
+from phalanx.wire.seal import Malformed
 from phalanx_agent.centralised import CentralisedController, CentralisedPart
 from phalanx_agent.clock import LOCKSTEP, VirtualClock, clock_of
 from phalanx_agent.controller import Controller, StepResult
 from phalanx_agent.distributed import DistributedController
 
-_AT_HOME = Door(Keys("in-process"), Sealer())
+_AT_HOME = Membership("in-process", endpoint="")
 """Where nothing is sent, damage is done to what would have been."""
 
 
@@ -82,9 +81,9 @@ class ControlStep:
         rows: SafetyRows,
         i: int,
         controller: Controller | None = None,
-        door: Door = _AT_HOME,
+        membership: Membership = _AT_HOME,
     ) -> None:
-        """controller: agent i's own unless said otherwise."""
+        """controller: agent i's own unless said otherwise. membership: of its program."""
         swarm = rows.swarm
         self.swarm, self._rows = swarm, rows
         self.i = i
@@ -94,7 +93,7 @@ class ControlStep:
         self.rejected = 0
         """Payloads dropped so far."""
         self._states = SeenStates(swarm)
-        self._door = door
+        self._keys, self._sealer = membership.keys, membership.sealer
         self._next: int | None = None
         """The sample that has to come next; None before the first."""
         self._clock: VirtualClock = LOCKSTEP
@@ -245,8 +244,10 @@ class ControlStep:
             lambda sender: self._distances.between(x, self.i, sender),
         )
         for sender, message in self.inbox.take_corrupt():
+            sent = Broadcast(k=message.k, t_apply=message.t_apply, u=message.u)
+            key = self._keys.broadcast(self.swarm.names[sender], self.name)
             try:
-                self._door.open_damaged(self.swarm.names[sender], self.name, message)
+                self._sealer.open_damaged(key, sent, sent.k)
             except Malformed:
                 self.rejected += 1
         return fates
@@ -271,12 +272,14 @@ class ControlStep:
             self._controller = self._controller.turned()
 
 
-def control_steps(rows: SafetyRows, name: str, door: Door = _AT_HOME) -> list[ControlStep]:
+def control_steps(
+    rows: SafetyRows, name: str, membership: Membership = _AT_HOME
+) -> list[ControlStep]:
     """The steps of one process: an agent's own, or the controller's for every normal agent."""
     if name != CONTROLLER:
-        return [ControlStep(rows, rows.swarm.names.index(name), door=door)]
+        return [ControlStep(rows, rows.swarm.names.index(name), membership=membership)]
     whole = CentralisedController(rows)
-    return [ControlStep(rows, i, CentralisedPart(whole, i), door) for i in rows.swarm.normal]
+    return [ControlStep(rows, i, CentralisedPart(whole, i), membership) for i in rows.swarm.normal]
 
 
 def _most_fates(swarm: Swarm) -> int:

@@ -34,7 +34,9 @@ def hub(endpoint: str, names: Sequence[str]) -> Iterator[Hub]:
     joined: SimpleQueue[str] = SimpleQueue()
     actuations: SimpleQueue[bytes] = SimpleQueue()
     with open_hub(endpoint) as session:
-        samples = [pubsub.urgent_publisher(session, KEYS.sample(name)) for name in names]
+        samples = [
+            pubsub.publisher(session, KEYS.sample(name), pubsub.Delivery.URGENT) for name in names
+        ]
         pubsub.subscribe(session, KEYS.actuation("*"), lambda _, payload: actuations.put(payload))
         pubsub.subscribe(session, KEYS.telemetry("*"), lambda _key, _payload: None)
         liveliness.watch(session, KEYS.alive("*"), lambda key, _: joined.put(kind_and_name(key)[1]))

@@ -20,10 +20,10 @@ from multiprocessing.queues import SimpleQueue as Answers
 import bare
 from bare import KEYS
 
-from phalanx.wire import endpoints, pubsub
+from phalanx.wire import pubsub
 from phalanx.wire.messages import Actuation, Broadcast
 from phalanx.wire.seal import Sealer
-from phalanx.wire.session import Session
+from phalanx.wire.session import Session, free_endpoint
 
 SEALER = Sealer(b"bench")
 TO_ALL = "all"
@@ -38,7 +38,7 @@ def main() -> None:
     arguments.add_argument("--rounds", type=int, default=20)
     options = arguments.parse_args()
     names = [str(n) for n in range(options.neighbours + 1)]
-    endpoint, context = endpoints.free_endpoint(), multiprocessing.get_context("forkserver")
+    endpoint, context = free_endpoint(), multiprocessing.get_context("forkserver")
     answers = context.SimpleQueue()
     hub = context.Process(target=plant, args=(endpoint, names, options.rounds, answers))
     agents = [context.Process(target=agent, args=(endpoint, n, names, answers)) for n in names]

@@ -29,10 +29,10 @@ from phalanx.launcher.programs import Program
 from phalanx.recording.records import SUMMARY
 from phalanx.scenario.load import to_json
 from phalanx.scenario.model import Scenario
-from phalanx.wire.endpoints import reserved_endpoint
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
 from phalanx.wire.seal import Sealer
+from phalanx.wire.session import reserved_endpoint
 
 
 def main() -> None:

@@ -27,9 +27,9 @@ import phalanx
 from phalanx.faults.commands import NO_COMMANDS, FaultState
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
-from phalanx.wire.endpoints import free_endpoint
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
+from phalanx.wire.session import free_endpoint
 
 # Rows that are built in no time: what is measured is the exchange, with a computation in it.
 SIMPLE = {

@@ -39,8 +39,9 @@ from phalanx.scenario.load import from_json, to_json
 from phalanx.swarm.compile import compile_rows
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
-from phalanx.wire import endpoints, pubsub
+from phalanx.wire import pubsub
 from phalanx.wire.messages import Status
+from phalanx.wire.session import free_endpoint
 
 T = TypeVar("T")
 SIZES = "8,16,32,64,128,256"
@@ -187,7 +188,7 @@ def bare_processes(count: int, peers: int) -> tuple[float, float]:
     To be called in a process that has no session: they are forked from it.
     """
     context = multiprocessing.get_context("fork")
-    names, endpoint = [str(k) for k in range(count)], endpoints.free_endpoint()
+    names, endpoint = [str(k) for k in range(count)], free_endpoint()
     began = time.perf_counter()
     processes = [
         context.Process(

@@ -23,9 +23,10 @@ import phalanx
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import build_swarm
-from phalanx.wire import endpoints, pubsub
+from phalanx.wire import pubsub
 from phalanx.wire.messages import Message, Sample
 from phalanx.wire.seal import Sealer
+from phalanx.wire.session import free_endpoint
 
 
 class Sizes(NamedTuple):
@@ -106,7 +107,7 @@ def _sealed(message: Message) -> int:
 
 def measure_exchange(scenario: phalanx.Scenario, steps: int, sizes: Sizes) -> float:
     """Time from a sample-sized payload out to an answer's three back, through the hub [s]."""
-    swarm, endpoint = build_swarm(scenario), endpoints.free_endpoint()
+    swarm, endpoint = build_swarm(scenario), free_endpoint()
     context = multiprocessing.get_context("forkserver")
     answer = context.SimpleQueue()
     hub = context.Process(target=exchange, args=(endpoint, swarm.names, steps, sizes, answer))

@@ -18,11 +18,11 @@ from phalanx_agent import main as agent
 import phalanx
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
-from phalanx.wire import endpoints, pubsub
+from phalanx.wire import pubsub
 from phalanx.wire.keys import PLANT, kind_and_name
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Sample
-from phalanx.wire.session import Session
+from phalanx.wire.session import Session, free_endpoint
 
 
 def main() -> None:
@@ -47,7 +47,7 @@ def main() -> None:
 def received(rows: SafetyRows) -> list[Counter[str]]:
     """Of each normal agent: samples, whom they held, and all messages with their bytes."""
     context = multiprocessing.get_context("fork")
-    membership = Membership("bench", endpoints.free_endpoint(), b"bench", timeout=120.0)
+    membership = Membership("bench", free_endpoint(), b"bench", timeout=120.0)
     times, counts = context.SimpleQueue(), context.SimpleQueue()
     programs = [context.Process(target=plant, args=(rows, membership.of(PLANT), times))]
     for name in rows.swarm.names:

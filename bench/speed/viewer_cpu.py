@@ -32,7 +32,7 @@ from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.load import validate
 from phalanx.scenario.model import Scenario
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.frames import AgentStatus, Frame
+from phalanx.wire.messages import AgentStatus, Frame
 from phalanx.wire.step_report import AppliedStep
 
 SIZES = (10, 300)

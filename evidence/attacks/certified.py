@@ -20,22 +20,20 @@ from cryptography.hazmat.primitives.asymmetric import ec
 
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Summary, read_summary
-from phalanx.recording.records import SUMMARY
-from phalanx.scenario.load import load
-from phalanx.wire import liveliness
-from phalanx.wire.authority import (
+from phalanx.identities.authority import (
     Authority,
     make_certificates,
     private_pem,
     write_certificate,
 )
-from phalanx.wire.certificates import AUTHORITY, AUTHORITY_KEY, tls
-from phalanx.wire.credentials import Admission
-from phalanx.wire.endpoints import free_endpoint
-from phalanx.wire.frames import CommandMessage
+from phalanx.recording.records import SUMMARY
+from phalanx.scenario.load import load
+from phalanx.wire import liveliness
 from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, VIEWER, Keys
+from phalanx.wire.membership import AUTHORITY, AUTHORITY_KEY, Admission, tls
+from phalanx.wire.messages import CommandMessage
 from phalanx.wire.seal import Sealer
-from phalanx.wire.session import open_hub
+from phalanx.wire.session import free_endpoint, open_hub
 from tests.hostile.attacker import (
     INSIDER,
     OVERRIDES,

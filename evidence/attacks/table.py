@@ -20,7 +20,7 @@ import phalanx
 from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher.engine import RunOptions, execute
-from phalanx.wire.endpoints import free_endpoint
+from phalanx.wire.session import free_endpoint
 from tests.hostile.attacker import ATTACKS, OVERRIDES, READ, SCENARIO, UNDER_WAY
 
 ROOT = Path(__file__).parents[2]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from phalanx.wire.certificates import AUTHORITY, CERTIFICATE, ENDPOINT, PRIVATE_KEY
+from phalanx.wire.membership import AUTHORITY, CERTIFICATE, ENDPOINT, PRIVATE_KEY
 
 if TYPE_CHECKING:
     from phalanx.launcher.live import LiveRun
@@ -64,7 +64,8 @@ def certificates_for(folder: Path | None, endpoint: str, insecure: bool) -> Path
 
 
 def _require_certificate(folder: Path) -> None:
-    from phalanx.wire.authority import require_current  # long to import, and needed with keys alone
+    # Long to import, and needed with keys alone.
+    from phalanx.identities.authority import require_current
 
     for name in (AUTHORITY, CERTIFICATE, PRIVATE_KEY):
         if not (folder / name).is_file():

@@ -62,11 +62,11 @@ def keys(
       phalanx agent 1 --keys keys/1 --scenario unicycles --run r1
       phalanx agent --claim --keys keys/claimant --scenario unicycles --run r1
     """
+    from phalanx.identities.authority import make_certificates
     from phalanx.scenario.load import load
     from phalanx.schema.user_code import code_trusted
-    from phalanx.wire.authority import make_certificates
-    from phalanx.wire.certificates import ENDPOINT
     from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, ROUTER, VIEWER
+    from phalanx.wire.membership import ENDPOINT
 
     with code_trusted(trust):
         programs = load(scenario, overrides or ()).programs()

@@ -8,7 +8,7 @@ import typer
 from phalanx.cli.allowed import require_run, require_speed, require_timeout
 from phalanx.cli.secret import secret_from
 from phalanx.launcher.engine import ENGINES, require_engine
-from phalanx.wire.credentials import COMMAND_SECRET, SECRET
+from phalanx.wire.membership import COMMAND_SECRET, SECRET
 
 
 def _known_engine(engine: str) -> str:

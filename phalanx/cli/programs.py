@@ -183,12 +183,12 @@ def router(
       phalanx router --scenario unicycles --run r1 --keys keys/router --listen tls/0.0.0.0:7447
       phalanx router --listen tls/0.0.0.0:7447 --connect tls/router.example.org:7447 ...
     """
+    from phalanx.identities.router import run as run_router
     from phalanx.launcher.programs import configure_logging
     from phalanx.schema.user_code import code_trusted
     from phalanx.swarm.swarm import build_swarm
     from phalanx.wire.keys import ROUTER
     from phalanx.wire.membership import Membership
-    from phalanx.wire.router import run as run_router
     from phalanx.wire.session import HubError
 
     for endpoint in (listen, *(connect or ())):
@@ -213,11 +213,11 @@ def _load(source: str, overrides: list[str] | None, seed: int | None) -> "Scenar
 def _run_here(
     program: str, scenario: "Scenario", membership: "Membership", options: dict[str, Any]
 ) -> int:
+    from phalanx.identities.claims import ClaimError, claimed
     from phalanx.launcher.programs import configure_logging, run_program
     from phalanx.scenario.load import digest
     from phalanx.swarm.rows import build_rows
     from phalanx.swarm.swarm import build_swarm
-    from phalanx.wire.claim import ClaimError, claimed
     from phalanx.wire.keys import CLAIMANT
     from phalanx.wire.session import HubError
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 
-from phalanx.wire.credentials import COMMAND_SECRET, SECRET
+from phalanx.wire.membership import COMMAND_SECRET, SECRET
 
 _REFUSED = {"--secret": SECRET, "--command-secret": COMMAND_SECRET}
 

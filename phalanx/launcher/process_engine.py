@@ -17,13 +17,12 @@ from phalanx.launcher.programs import Program
 from phalanx.recording.records import PROFILE, SUMMARY
 from phalanx.scenario.model import Scenario
 from phalanx.schema.fields import CONTROLLER
-from phalanx.wire.endpoints import reserved_endpoint
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Status
 from phalanx.wire.pubsub import subscribe
 from phalanx.wire.seal import Malformed
-from phalanx.wire.session import HubError, open_client
+from phalanx.wire.session import HubError, open_client, reserved_endpoint
 
 
 def run_processes(

@@ -1,7 +1,8 @@
 """What the programs of a run tell one another, each message an array of msgpack; see docs/wire.md.
 
 An agent's answer to a sample is three things for three receivers: what its actuator gets, what its
-peers hear, and what the plant records about how it was made.
+peers hear, and what the plant records about how it was made. Behind these messages are those of
+claimants, and of viewers.
 """
 
 import math
@@ -9,10 +10,11 @@ from typing import Annotated, ClassVar
 
 import msgspec
 
-from phalanx.faults.commands import Orders
+from phalanx.faults.commands import Command, Condition, Orders
+from phalanx.guarantee.verdict import Assumption, Violation
 from phalanx.network.inbox import Fate
 from phalanx.theory.expressions.magnitude import LARGEST, LARGEST_SUM
-from phalanx.wire.step_report import StepReport
+from phalanx.wire.step_report import AppliedStep, StepReport
 
 VERSION = 3
 MAX_BYTES = 65_536
@@ -154,3 +156,87 @@ class Place(Message, frozen=True, kw_only=True):
     """Of that name and the public key, PEM; empty where passwords say who is who."""
     refusal: str = ""
     """Why there will be none; empty if another time there may."""
+
+
+class AgentStatus(msgspec.Struct, array_like=True, frozen=True):
+    """One agent as the plant knows it."""
+
+    condition: Condition = Condition.FINE
+    step: AppliedStep | None = None
+    """Its last one, whose input is in force; null before the first."""
+    backups: int = 0
+    """Its steps so far at which u_i^min was applied."""
+    without_authority: int = 0
+    """Its steps so far with empty K_i that kept the nominal input."""
+    lies: int = 0
+    """False broadcasts that it sent so far."""
+
+
+class LinkEvent(msgspec.Struct, array_like=True, frozen=True):
+    """A link that lost or delayed a broadcast since the frame before."""
+
+    sender: int
+    receiver: int
+    delay: float
+    """[s]; negative: lost."""
+
+
+def worse(a: float, b: float) -> float:
+    """Of two delays [s] the one to show: a loss, which is negative, before any delay."""
+    return min(a, b) if min(a, b) < 0.0 else max(a, b)
+
+
+class LogLine(msgspec.Struct, array_like=True, frozen=True):
+    """A line of the event log."""
+
+    t: float
+    """[s]"""
+    text: str
+
+
+class Frame(Message, frozen=True, kw_only=True):
+    """The run at t; at most some thirty of them a second, and only while somebody looks."""
+
+    t: float
+    """[s]"""
+    x: bytes
+    """Stacked state, little-endian float64."""
+    h_tot: float
+    """Largest h_tot since the frame before."""
+    worst_h: float
+    """Largest h_tot so far."""
+    pair: int
+    """The pair whose h is largest at t: an index into the composed set's pairs."""
+    agents: tuple[AgentStatus, ...]
+    link_events: tuple[LinkEvent, ...]
+    steps: int
+    real_time_factor: float
+    assumptions: tuple[Assumption, ...]
+    violations: tuple[Violation, ...]
+    log: tuple[LogLine, ...]
+    """The last lines."""
+    paused: bool
+    speed: float
+    """As phalanx.faults.commands.CommandKind.SPEED."""
+    loss: float | None
+    """Set by a command; null while the scenario's holds."""
+    delay: float | None
+    """[s], likewise."""
+
+
+class Setup(Message, frozen=True, kw_only=True):
+    """The answer to a viewer that knows the endpoint and the run alone."""
+
+    scenario: bytes
+    """The resolved scenario as JSON."""
+    commandable: bool
+    """Whether the plant obeys commands."""
+
+
+class CommandMessage(Message, frozen=True, kw_only=True):
+    """A viewer to the plant, sealed with the command secret; obeyed at the next event."""
+
+    number: int
+    """Larger than that of every command before: a replayed one is refused."""
+    command: Command
+    """Its t is ignored."""

@@ -1,12 +1,15 @@
-"""Messages through a session: who puts them, how they may be dropped, and who is called."""
+"""Messages through a session: how they may be dropped, who is called, and queries."""
 
 import threading
 import time
 from collections.abc import Callable
+from enum import Enum
+from functools import cache
 
 import zenoh
 
 from phalanx.compat.zenoh_threads import keep_thread_state
+from phalanx.wire.keys import Keys
 from phalanx.wire.session import HubError
 
 _GLANCE = 0.2
@@ -16,38 +19,30 @@ Deliver = Callable[[str, bytes], None]
 Publisher = zenoh.Publisher
 
 
+class Delivery(Enum):
+    """What a full queue does with a message, and which others it goes before."""
+
+    ALL = zenoh.CongestionControl.BLOCK, zenoh.Priority.DATA
+    """None is ever dropped: lockstep needs them all."""
+    URGENT = zenoh.CongestionControl.BLOCK, zenoh.Priority.INTERACTIVE_HIGH
+    """The same, and they overtake others on their way: the hub allows the plant alone."""
+    NOTICE = zenoh.CongestionControl.DROP, zenoh.Priority.DATA
+    """What a slow listener cannot take is dropped: it never holds up who puts."""
+    VIEW = zenoh.CongestionControl.DROP, zenoh.Priority.DATA_LOW
+    """The same, behind all others: notices neither wait behind them, nor go down with them."""
+
+
 def publisher(
-    session: zenoh.Session, key: str, priority: zenoh.Priority = zenoh.Priority.DATA
+    session: zenoh.Session, key: str, delivery: Delivery = Delivery.ALL
 ) -> zenoh.Publisher:
-    """A publisher whose messages are never dropped by a full queue: lockstep needs them all."""
+    """A publisher of messages under a key expression."""
+    congestion, priority = delivery.value
     return session.declare_publisher(
         key,
-        congestion_control=zenoh.CongestionControl.BLOCK,
+        congestion_control=congestion,
         reliability=zenoh.Reliability.RELIABLE,
         priority=priority,
     )
-
-
-def urgent_publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
-    """A publisher whose messages overtake others on their way: the hub allows the plant alone."""
-    return publisher(session, key, zenoh.Priority.INTERACTIVE_HIGH)
-
-
-def view_publisher(
-    session: zenoh.Session, key: str, priority: zenoh.Priority = zenoh.Priority.DATA_LOW
-) -> zenoh.Publisher:
-    """A publisher that drops what a slow listener cannot take: it never holds up who puts."""
-    return session.declare_publisher(
-        key,
-        congestion_control=zenoh.CongestionControl.DROP,
-        reliability=zenoh.Reliability.RELIABLE,
-        priority=priority,
-    )
-
-
-def notice_publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
-    """A view_publisher whose messages do not wait behind, nor go down with, those of others."""
-    return view_publisher(session, key, zenoh.Priority.DATA)
 
 
 class Addressed:
@@ -57,16 +52,8 @@ class Addressed:
     late. Without one a client always sends, and the hub routes to whoever is there.
     """
 
-    def __init__(
-        self,
-        session: zenoh.Session,
-        droppable: bool = False,
-        priority: zenoh.Priority = zenoh.Priority.DATA,
-    ) -> None:
-        """droppable: whether a full queue drops a message, or has its sender wait."""
-        congestion = zenoh.CongestionControl
-        self._session, self._priority = session, priority
-        self._congestion = congestion.DROP if droppable else congestion.BLOCK
+    def __init__(self, session: zenoh.Session, delivery: Delivery = Delivery.ALL) -> None:
+        self._session, (self._congestion, self._priority) = session, delivery.value
         self._known: dict[str, zenoh.KeyExpr] = {}
         """What the hub knows by a number: it finds their routes without reading them again."""
 
@@ -119,3 +106,63 @@ def subscribe(session: zenoh.Session, key: str, deliver: Deliver) -> None:
         deliver(str(sample.key_expr), sample.payload.to_bytes())
 
     session.declare_subscriber(key, zenoh.handlers.Callback(on_sample, indirect=False))
+
+
+class Copies:
+    """What one program puts, put once more for those who look on, while somebody does.
+
+    Samples, actuations, broadcasts and telemetry are put so that none is lost, and so who gets them
+    can make their senders wait. Viewers get copies instead, which are dropped where they are not
+    taken: a reader that stops holds up nobody.
+    """
+
+    def __init__(self, session: zenoh.Session, keys: Keys, every: str) -> None:
+        """every: a key expression that includes all of which there may be copies."""
+        self._copy = cache(keys.copy)
+        self._addressed = Addressed(session, Delivery.VIEW)
+        self._readers = publisher(session, keys.copy(every), Delivery.VIEW)
+        self._wanted = False
+        on_match = zenoh.handlers.Callback(self._on_match, indirect=False)
+        self._readers.declare_matching_listener(on_match)
+
+    def look_for_readers(self) -> None:
+        """Find those who came before, of whom nothing is told."""
+        self._wanted = has_listener(self._readers)
+
+    def put(self, key: str, payload: bytes) -> None:
+        """Put a copy of what was put on a key, if anybody looks on."""
+        if self._wanted:
+            self._addressed.put(self._copy(key), payload)
+
+    def _on_match(self, status: zenoh.MatchingStatus) -> None:
+        self._wanted = status.matching
+
+
+def answer(session: zenoh.Session, key: str, payload: bytes) -> None:
+    """Answer every query on the key with the same payload, until the close."""
+    answer_each(session, key, lambda _: payload)
+
+
+def answer_each(session: zenoh.Session, key: str, reply: Callable[[bytes], bytes | None]) -> None:
+    """Answer each query on the key by what it asks, in Zenoh's own thread; None: not at all."""
+
+    def on_query(query: zenoh.Query) -> None:
+        payload = reply(query.payload.to_bytes() if query.payload else b"")
+        if payload is not None:
+            query.reply(key, payload)
+
+    session.declare_queryable(key, zenoh.handlers.Callback(on_query, indirect=False))
+
+
+def ask(
+    session: zenoh.Session, key: str, timeout: float, question: bytes | None = None
+) -> bytes | None:
+    """The first answer to a query on the key, or None within `timeout` seconds."""
+    deadline = time.monotonic() + timeout
+    while True:
+        for reply in session.get(key, payload=question, timeout=min(timeout, 1.0)):
+            if reply.ok is not None:
+                return reply.ok.payload.to_bytes()
+        if time.monotonic() > deadline:
+            return None
+        time.sleep(0.05)  # nobody has declared the key yet, so the query ended at once

@@ -7,8 +7,11 @@ what passes between an agent and the plant is sealed with a key that these two a
 """
 
 import hashlib
+import logging
 import math
 import re
+import threading
+from collections import Counter
 from collections.abc import Callable, Iterator
 from functools import cache, lru_cache
 from typing import Any, TypeVar
@@ -77,6 +80,18 @@ class Sealer:
                 raise Malformed("too large" if all(map(math.isfinite, beyond)) else "not finite")
         return message
 
+    def open_damaged(self, key: str, message: M, number: int) -> M:
+        """Open a message whose payload came with one byte flipped; the number says which.
+
+        Sealing is a function: the payload made here is the one that its sender put. Raises
+        Malformed, as every seal does that is worth its name.
+        """
+        payload = bytearray(self.seal(key, message))
+        # Knuth's multiplier: another byte and other bits for each number, the same every time.
+        place = number * 2654435761
+        payload[place % len(payload)] ^= 1 + place % 255
+        return self.open(key, bytes(payload), type(message))
+
     def _mac(self, key: str, body: bytes) -> bytes:
         mac = hashlib.blake2b(key.encode(), key=self._key_for(key), digest_size=SEAL_BYTES)
         mac.update(body)
@@ -101,3 +116,24 @@ def _numbers(value: Any) -> Iterator[float]:
     elif isinstance(value, msgspec.Struct):
         for field in value.__struct_fields__:
             yield from _numbers(getattr(value, field))
+
+
+class Refusals:
+    """Payloads that a program dropped; any thread may add to them."""
+
+    def __init__(self, log: logging.Logger) -> None:
+        self.counts: Counter[str] = Counter()
+        """By reason."""
+        self._log, self._lock = log, threading.Lock()
+
+    def add(self, key: str, reason: object) -> None:
+        """A payload that came under a key expression was dropped.
+
+        The log tells of the 1st, 10th, 100th and so on of each reason: whoever sends rubbish must
+        not fill the disk with it.
+        """
+        with self._lock:
+            self.counts[str(reason)] += 1
+            n = self.counts[str(reason)]
+        if n == 10 ** (len(str(n)) - 1):
+            self._log.warning("dropped a payload on %s: %s (%d so far)", key, reason, n)

@@ -3,6 +3,7 @@
 import contextlib
 import os
 import resource
+import socket
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -11,10 +12,9 @@ import msgspec
 import zenoh
 
 from phalanx.compat.zenoh_linger import close_at_once
-from phalanx.wire.certificates import tls
-from phalanx.wire.credentials import Admission, Credentials
 from phalanx.wire.keys import COPIES, NOT_URGENT
 from phalanx.wire.liveliness import is_announced
+from phalanx.wire.membership import Admission, Credentials, tls
 from phalanx.wire.messages import MAX_BYTES
 
 # Three threads instead of seven in a client, and a third less latency. Never in the hub: what
@@ -199,3 +199,21 @@ def _common() -> dict[str, Any]:
 def _reason(error: Exception) -> str:
     # Zenoh appends source places; a user needs the cause only.
     return str(error).split(" at /")[0].rstrip(".")
+
+
+def free_endpoint() -> str:
+    """A TCP endpoint on loopback that is free now."""
+    with reserved_endpoint() as endpoint:
+        return endpoint
+
+
+@contextlib.contextmanager
+def reserved_endpoint() -> Iterator[str]:
+    """A TCP endpoint on loopback that nobody else is given while the block runs."""
+    with socket.socket() as holder:
+        holder.bind(("127.0.0.1", 0))
+        # Bound without it, so that the kernel gives the port to nobody who asks for any; with it
+        # from now on, so that a hub, which asks for this one, may listen beside a socket that
+        # does not.
+        holder.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        yield f"tcp/127.0.0.1:{holder.getsockname()[1]}"

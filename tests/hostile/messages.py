@@ -17,25 +17,29 @@ from phalanx_agent.answering import SampleAnswering
 from phalanx_agent.step import Answer, ControlStep
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.hub.answers import Answers
-from phalanx_plant.hub.places import Places
 from phalanx_viewer.feeds.live import check_frame
 from phalanx_viewer.feeds.live_history import LiveHistory
 from phalanx_viewer.scene.model import scene_model
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy, Orders
 from phalanx.guarantee.verdict import CertificateSummary, Outcome, Summary, read_summary
+from phalanx.identities.authority import public_der, read_public
+from phalanx.identities.claims import Places
 from phalanx.network.inbox import Claim, Fate
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.authority import public_der, read_public
-from phalanx.wire.frames import AgentStatus, CommandMessage, Frame, LinkEvent, LogLine
 from phalanx.wire.keys import Keys
 from phalanx.wire.messages import (
     Actuation,
+    AgentStatus,
     Broadcast,
+    CommandMessage,
     Ended,
+    Frame,
+    LinkEvent,
+    LogLine,
     Message,
     PlaceRequest,
     Sample,

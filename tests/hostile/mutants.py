@@ -27,7 +27,7 @@ _TEST_RECORDING = "tests/unit/recording"
 _JUDGE, _TEST_JUDGE = f"{_PLANT}/judge/judge.py", "tests/unit/plant/test_judge.py"
 _NEAR, _TEST_NEAR = f"{_PLANT}/world/near.py", "tests/unit/plant/test_near.py"
 _BOXES, _TEST_BOXES = "phalanx/guarantee/reachable.py", "tests/unit/guarantee/test_reachable.py"
-_ACCESS, _TEST_ACCESS = "phalanx/wire/access.py", "tests/unit/wire/test_access.py"
+_ACCESS, _TEST_ACCESS = "phalanx/identities/access.py", "tests/unit/identities/test_access.py"
 _ASSUMED, _COVERAGE = f"{_PLANT}/judge/assumptions.py", f"{_PLANT}/judge/coverage.py"
 _LOOKAHEAD, _TEST_LOOKAHEAD = f"{_PLANT}/clock/lookahead.py", "tests/unit/plant/test_lookahead.py"
 _EXTREMES, _TEST_EXTREMES = f"{_PLANT}/world/extremes.py", "tests/unit/plant/test_extremes.py"
@@ -64,10 +64,10 @@ MUTANTS = (
            ">= 10**9 else None", "tests/unit/plant/test_arrivals.py"),
     Mutant("another scenario's agent", f"{_PLANT}/hub/joining.py", "alive and found != self.digest",
            "False", "tests/unit/plant/test_joining.py"),
-    Mutant("another scenario's claimant", f"{_PLANT}/hub/places.py",
-           "request.digest != self._digest", "False", "tests/unit/plant/test_places.py"),
-    Mutant("a place given twice", f"{_PLANT}/hub/places.py", "if name not in kept", "if True",
-           "tests/unit/plant/test_places.py"),
+    Mutant("another scenario's claimant", "phalanx/identities/claims.py",
+           "request.digest != self._digest", "False", "tests/unit/identities/test_claims.py"),
+    Mutant("a place given twice", "phalanx/identities/claims.py", "if name not in kept", "if True",
+           "tests/unit/identities/test_claims.py"),
     Mutant("the place of who is there", f"{_PLANT}/hub/joining.py", " and n not in self._here", "",
            "tests/unit/plant/test_joining.py"),
     Mutant("a sample skipped", _STEP, "skipped and not first and clock.waits", "False",
@@ -109,12 +109,12 @@ MUTANTS = (
            "with_plant: bool = True", _TEST_ACCESS),
     Mutant("live.json for all", "phalanx/launcher/live.py", "os.O_EXCL, 0o600",
            "os.O_EXCL, 0o644", "tests/unit/launcher/test_live.py"),
-    Mutant("keys for all", "phalanx/wire/authority.py", "os.O_EXCL, 0o600", "os.O_EXCL, 0o644",
-           "tests/unit/wire/test_authority.py"),
-    Mutant("an agent's certificate for a hub", "phalanx/wire/authority.py",
+    Mutant("keys for all", "phalanx/identities/authority.py", "os.O_EXCL, 0o600",
+           "os.O_EXCL, 0o644", "tests/unit/identities/test_authority.py"),
+    Mutant("an agent's certificate for a hub", "phalanx/identities/authority.py",
            "reached_as if name in HUBS else ()", "reached_as",
            "tests/process/hostile/test_certificates.py -k play_the_hub"),
-    Mutant("a hub of any name", "phalanx/wire/certificates.py", '"verify_name_on_connect": True',
+    Mutant("a hub of any name", "phalanx/wire/membership.py", '"verify_name_on_connect": True',
            '"verify_name_on_connect": False',
            "tests/process/hostile/test_certificates.py -k another_name"),
     Mutant("near pairs for three times the slack", _NEAR, "<= self._room * self._room",

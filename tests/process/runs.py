@@ -16,9 +16,9 @@ from phalanx.faults.commands import NO_COMMANDS, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher.engine import RunOptions, execute
 from phalanx.scenario.model import Scenario
-from phalanx.wire.endpoints import free_endpoint
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Status
+from phalanx.wire.session import free_endpoint
 
 T = TypeVar("T")
 SECRET, COMMAND_SECRET = b"the run's secret", b"the command secret"

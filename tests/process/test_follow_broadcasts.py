@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from phalanx.wire.endpoints import free_endpoint
+from phalanx.wire.session import free_endpoint
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "follow_broadcasts.py"
 RUN = ["--scenario", "stale-inputs", "--run", "r1", "--set", "duration=0.5"]

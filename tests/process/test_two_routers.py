@@ -13,9 +13,9 @@ import msgspec
 import pytest
 
 from phalanx.guarantee.verdict import Summary
+from phalanx.identities.authority import make_certificates
 from phalanx.launcher.engine import RunOptions, execute
 from phalanx.scenario.load import load
-from phalanx.wire.authority import make_certificates
 from phalanx.wire.keys import PLANT, ROUTER
 from tests.network import testbed
 from tests.network.testbed import HERE, THERE, Wire, opened, unavailable

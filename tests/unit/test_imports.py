@@ -57,11 +57,13 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.guarantee.checker": rooms("theory.models theory.safety scenario"),
     "phalanx.profile": set(),
     "phalanx.wire": WIRE,
+    # Who is who on many hosts: the core of sessions and messages is handed it.
+    "phalanx.identities": WIRE,
     "phalanx.recording": RECORDING,
     "phalanx.report": REPORT,
     # The in-process engine is where agents and plant are put together without a wire.
     "phalanx.launcher": LAUNCHER | PLANT | rooms("agent plant"),
-    "phalanx.cli": rooms("cli guarantee.checker", LAUNCHER) | {"phalanx"},
+    "phalanx.cli": rooms("cli guarantee.checker identities", LAUNCHER) | {"phalanx"},
     "phalanx": LAUNCHER | rooms("cli"),
     "phalanx_agent": WIRE,
     "phalanx_plant": RECORDING | PLANT,
@@ -69,7 +71,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx_plant.events": RECORDING | rooms("plant.world"),
     "phalanx_plant.sampling": RECORDING | rooms("plant.world plant.events"),
     "phalanx_plant.judge": RECORDING | rooms("plant.world plant.events"),
-    "phalanx_plant.hub": RECORDING | rooms("plant.world plant.events"),
+    "phalanx_plant.hub": RECORDING | rooms("identities plant.world plant.events"),
     "phalanx_plant.clock": RECORDING | rooms("plant.world plant.events plant.sampling"),
     "phalanx_plant.scribe": RECORDING | rooms("plant.world plant.events plant.judge plant.clock"),
     "phalanx_viewer": REPORT | VIEWER,
@@ -222,6 +224,7 @@ def cycle(graph: Mapping[str, set[str]]) -> list[str] | None:
     ("module", "source"),
     [
         ("phalanx_agent.step", "import phalanx_plant"),
+        ("phalanx.wire.session", "from phalanx.identities.access import admission"),
         ("phalanx_agent.step", "import agent.main"),
         ("phalanx_agent.step", "from phalanx_plant.world.world import World"),
         ("phalanx_plant.main", "from phalanx_agent import step"),

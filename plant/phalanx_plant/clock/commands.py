@@ -12,9 +12,8 @@ import numpy as np
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy, refusal
 from phalanx.swarm.swarm import Swarm
-from phalanx.wire.frames import CommandMessage
-from phalanx.wire.refusals import Refusals
-from phalanx.wire.seal import Malformed, Sealer
+from phalanx.wire.messages import CommandMessage
+from phalanx.wire.seal import Malformed, Refusals, Sealer
 
 log = logging.getLogger("phalanx.plant")
 

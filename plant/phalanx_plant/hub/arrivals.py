@@ -5,8 +5,7 @@ import threading
 from collections.abc import Callable, Iterable
 
 from phalanx.wire.messages import MAX_BYTES
-from phalanx.wire.refusals import Refusals
-from phalanx.wire.seal import Malformed
+from phalanx.wire.seal import Malformed, Refusals
 
 _MOST = 256
 """Payloads that wait under one key expression; an agent has a few at most on their way."""

@@ -10,17 +10,16 @@ from typing import ClassVar, Self, TypeVar
 
 import msgspec
 
+from phalanx.identities.claims import Places, signer
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Sample, Status, Telemetry
-from phalanx.wire.refusals import Refusals
-from phalanx.wire.seal import Malformed
+from phalanx.wire.seal import Malformed, Refusals
 from phalanx_plant.events.stop import SwarmBrokenError
 from phalanx_plant.hub.answers import Mailbox
 from phalanx_plant.hub.arrivals import Arrivals
 from phalanx_plant.hub.joining import Joining
-from phalanx_plant.hub.places import Places, signer
 from phalanx_plant.hub.session import PlantSession
 
 log = logging.getLogger("phalanx.plant")

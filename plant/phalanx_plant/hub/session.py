@@ -2,17 +2,14 @@
 
 from collections.abc import Callable
 
+from phalanx.identities.access import admission
 from phalanx.scenario.load import to_json
 from phalanx.swarm.swarm import Swarm
-from phalanx.wire import liveliness, pubsub, queries
-from phalanx.wire.admission import admission
-from phalanx.wire.copies import Copies
-from phalanx.wire.frames import Setup
+from phalanx.wire import liveliness, pubsub
 from phalanx.wire.keys import PLANT, ROUTER
 from phalanx.wire.membership import Membership
-from phalanx.wire.messages import Ended, Message, Place, PlaceRequest, Sample, Status
-from phalanx.wire.refusals import Refusals
-from phalanx.wire.seal import Malformed, Sealer
+from phalanx.wire.messages import Ended, Message, Place, PlaceRequest, Sample, Setup, Status
+from phalanx.wire.seal import Malformed, Refusals, Sealer
 from phalanx.wire.session import Session, open_hub, open_member
 from phalanx_plant.hub.arrivals import Arrivals
 
@@ -29,10 +26,13 @@ class PlantSession:
         self._sealer, self._scenario = membership.sealer, swarm.scenario
         self._session = _open(swarm, membership, at_router)
         self._sample_keys = [keys.sample(name) for name in swarm.names]
-        self._samples = [pubsub.urgent_publisher(self._session, key) for key in self._sample_keys]
-        self._copies = Copies(self._session, keys, keys.sample("*"))
-        self._status = pubsub.notice_publisher(self._session, keys.status)
-        self._verdict = pubsub.notice_publisher(self._session, keys.verdict)
+        self._samples = [
+            pubsub.publisher(self._session, key, pubsub.Delivery.URGENT)
+            for key in self._sample_keys
+        ]
+        self._copies = pubsub.Copies(self._session, keys, keys.sample("*"))
+        self._status = pubsub.publisher(self._session, keys.status, pubsub.Delivery.NOTICE)
+        self._verdict = pubsub.publisher(self._session, keys.verdict, pubsub.Delivery.NOTICE)
 
     def close(self) -> None:
         """Leave the run, which ends it for all others."""
@@ -57,7 +57,7 @@ class PlantSession:
                 return None
             return self._sealer.seal(key, place(request))
 
-        queries.answer_each(self._session, key, answer)
+        pubsub.answer_each(self._session, key, answer)
 
     def announce(self, digest: str) -> None:
         """Say that the plant is there, with a scenario of this digest."""
@@ -90,8 +90,10 @@ class PlantSession:
         """Answer viewers that ask for the scenario, and be ready to show them frames."""
         setup = Setup(scenario=to_json(self._scenario).encode(), commandable=commandable)
         key = self._keys.scenario
-        queries.answer(self._session, key, self._sealer.seal(key, setup))
-        return Viewers(pubsub.view_publisher(self._session, self._keys.frames), self._sealer)
+        pubsub.answer(self._session, key, self._sealer.seal(key, setup))
+        return Viewers(
+            pubsub.publisher(self._session, self._keys.frames, pubsub.Delivery.VIEW), self._sealer
+        )
 
     def listen_for_commands(self, deliver: pubsub.Deliver) -> None:
         """Deliver commands in a thread of Zenoh's."""
@@ -110,8 +112,7 @@ class Viewers:
     @property
     def present(self) -> bool:
         """Whether there is anybody."""
-        matching: bool = self._publisher.matching_status.matching  # type: ignore[attr-defined]
-        return matching
+        return pubsub.has_listener(self._publisher)
 
     def show(self, frame: Message) -> None:
         """Put a frame; lost on viewers that are slow."""

@@ -11,7 +11,7 @@ from phalanx.arrays import Array
 from phalanx.faults.commands import Command, FaultState
 from phalanx.network.inbox import Fate
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.frames import AgentStatus, Frame, LinkEvent, LogLine, worse
+from phalanx.wire.messages import AgentStatus, Frame, LinkEvent, LogLine, worse
 from phalanx.wire.step_report import AppliedStep
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.events.events import StateReached

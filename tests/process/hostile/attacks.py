@@ -8,7 +8,7 @@ from pathlib import Path
 from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Summary
 from phalanx.scenario.load import load
-from phalanx.wire.endpoints import free_endpoint
+from phalanx.wire.session import free_endpoint
 from tests.hostile.attacker import OVERRIDES, UNDER_WAY
 from tests.hostile.attacker import SCENARIO as NAME
 from tests.process.runs import HELD, SECRET, live_run, wait_for

@@ -18,15 +18,14 @@ import zenoh
 
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Outcome, Summary
+from phalanx.identities.authority import make_certificates
 from phalanx.launcher.engine import RunOptions, execute
 from phalanx.scenario.load import load
-from phalanx.wire.authority import make_certificates
-from phalanx.wire.endpoints import free_endpoint
-from phalanx.wire.frames import CommandMessage
 from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, ROUTER, VIEWER, Keys
 from phalanx.wire.membership import Membership
+from phalanx.wire.messages import CommandMessage
 from phalanx.wire.seal import Sealer
-from phalanx.wire.session import HubError, open_client, open_hub
+from phalanx.wire.session import HubError, free_endpoint, open_client, open_hub
 from tests.process.runs import wait_for
 
 pytestmark = pytest.mark.swarm

@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 
 from phalanx.guarantee.verdict import Summary
-from phalanx.wire.endpoints import free_endpoint
+from phalanx.wire.session import free_endpoint
 
 ENVIRONMENT = {**os.environ, "PHALANX_SECRET": "s"}
 

@@ -8,14 +8,13 @@ import pytest
 import zenoh
 
 from phalanx.guarantee.verdict import Summary
+from phalanx.identities.authority import make_certificates
 from phalanx.launcher.engine import RunOptions, execute
 from phalanx.scenario.load import load
-from phalanx.wire.authority import make_certificates
-from phalanx.wire.endpoints import free_endpoint
 from phalanx.wire.keys import CLAIMANT, PLANT, ROUTER
 from phalanx.wire.liveliness import announce
 from phalanx.wire.membership import Membership
-from phalanx.wire.session import open_client
+from phalanx.wire.session import free_endpoint, open_client
 
 pytestmark = pytest.mark.swarm
 

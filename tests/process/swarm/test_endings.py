@@ -15,7 +15,7 @@ import pytest
 from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher.live import find_live
 from phalanx.recording.read import read
-from phalanx.wire.endpoints import free_endpoint
+from phalanx.wire.session import free_endpoint
 from tests.process.runs import wait_for
 from tests.process.swarm.processes import LONG, PATIENCE
 

@@ -7,9 +7,8 @@ from pathlib import Path
 import psutil
 import pytest
 
-from phalanx.wire.endpoints import free_endpoint
 from phalanx.wire.liveliness import announce
-from phalanx.wire.session import HubError, open_hub, open_member
+from phalanx.wire.session import HubError, free_endpoint, open_hub, open_member
 from tests.process.runs import wait_for
 
 pytestmark = pytest.mark.swarm

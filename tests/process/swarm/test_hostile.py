@@ -22,14 +22,13 @@ from phalanx.network.inbox import Fate
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.endpoints import free_endpoint
 from phalanx.wire.keys import ROUTER, Keys
 from phalanx.wire.liveliness import announce
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import MAX_BYTES, Actuation, Sample, Telemetry
 from phalanx.wire.pubsub import subscribe
 from phalanx.wire.seal import Sealer
-from phalanx.wire.session import open_client
+from phalanx.wire.session import free_endpoint, open_client
 from phalanx.wire.step_report import StepReport
 from tests.process.runs import PACED, SECRET, live_run, wait_for
 

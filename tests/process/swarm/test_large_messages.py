@@ -6,10 +6,9 @@ import sys
 
 import pytest
 
-from phalanx.wire.endpoints import free_endpoint
 from phalanx.wire.messages import MAX_BYTES
 from phalanx.wire.pubsub import publisher, subscribe, wait_for_listener
-from phalanx.wire.session import open_hub
+from phalanx.wire.session import free_endpoint, open_hub
 
 pytestmark = pytest.mark.swarm
 

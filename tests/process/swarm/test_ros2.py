@@ -17,8 +17,7 @@ from phalanx_viewer.scene.model import scene_model
 
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
-from phalanx.wire.endpoints import reserved_endpoint
-from phalanx.wire.session import open_hub
+from phalanx.wire.session import open_hub, reserved_endpoint
 from tests import ros2_messages as ros
 from tests.process.runs import HELD, PACED, live_run, wait_for
 

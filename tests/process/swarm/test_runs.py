@@ -88,7 +88,7 @@ def test_agents_that_reach_the_same_plant_from_elsewhere_make_the_same_run(
     phalanx, tmp_path, monkeypatch
 ):
     """Plant and agents started by hand, as on several hosts, give the launcher's trajectory."""
-    from phalanx.wire.endpoints import free_endpoint
+    from phalanx.wire.session import free_endpoint
 
     endpoint, out = free_endpoint(), tmp_path / "plant"
     out.mkdir()
@@ -105,7 +105,7 @@ def test_agents_that_reach_the_same_plant_from_elsewhere_make_the_same_run(
 
 
 def test_an_agent_with_another_scenario_is_refused_by_name(phalanx, tmp_path):
-    from phalanx.wire.endpoints import free_endpoint
+    from phalanx.wire.session import free_endpoint
 
     endpoint = free_endpoint()
     common = ("--scenario", "unicycles", "--run", "r")

@@ -9,11 +9,9 @@ from pathlib import Path
 import pytest
 
 from phalanx.scenario.load import load
-from phalanx.wire.copies import Copies
-from phalanx.wire.endpoints import free_endpoint
 from phalanx.wire.keys import Keys
-from phalanx.wire.pubsub import Addressed, view_publisher
-from phalanx.wire.session import open_hub
+from phalanx.wire.pubsub import Addressed, Copies, Delivery, publisher
+from phalanx.wire.session import free_endpoint, open_hub
 from tests.process.runs import SECRET, live_run, wait_for
 
 pytestmark = pytest.mark.swarm
@@ -70,7 +68,7 @@ def listener(program: str, *arguments: str):
 def test_what_may_be_dropped_waits_for_nobody():
     """As a broadcast in real time, where a peer may stand still."""
     with open_hub(endpoint := free_endpoint()) as hub, listener(LISTENER, endpoint, "frame"):
-        broadcasts = Addressed(hub, droppable=True)
+        broadcasts = Addressed(hub, Delivery.NOTICE)
         wait_for(lambda: broadcasts.put("frame", FRAME) or unsent(endpoint) > FULL)
         for _ in range(1000):
             broadcasts.put("frame", FRAME)
@@ -82,7 +80,7 @@ def test_a_hub_closes_at_once_beside_a_stopped_listener(key: str):
     """Else a thread that serves everybody stands still for ten seconds when it is given up."""
     endpoint = free_endpoint()
     hub = open_hub(endpoint)
-    frames, copies = view_publisher(hub, KEYS.frames), Copies(hub, KEYS, KEYS.sample("*"))
+    frames, copies = publisher(hub, KEYS.frames, Delivery.VIEW), Copies(hub, KEYS, KEYS.sample("*"))
 
     def put() -> None:
         frames.put(FRAME)

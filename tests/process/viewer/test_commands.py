@@ -10,7 +10,7 @@ from phalanx.faults.commands import CommandKind, CommandPolicy, Condition
 from phalanx.guarantee.verdict import Outcome
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
-from phalanx.wire.frames import Frame
+from phalanx.wire.messages import Frame
 from tests.process.runs import COMMAND_SECRET, PACED, live_run, wait_for
 
 pytestmark = pytest.mark.swarm

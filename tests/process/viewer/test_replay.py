@@ -14,7 +14,7 @@ from phalanx_viewer.scene.picture import picture
 from phalanx.faults.commands import CommandKind
 from phalanx.recording.read import read
 from phalanx.scenario.load import load
-from phalanx.wire.frames import Frame
+from phalanx.wire.messages import Frame
 from tests.process.runs import HELD, PACED, live_run, wait_for
 
 pytestmark = pytest.mark.swarm

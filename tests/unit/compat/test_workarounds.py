@@ -22,7 +22,7 @@ from viser._messages import RunJavascriptMessage
 from phalanx.compat.forkserver import without_main
 from phalanx.compat.zenoh_linger import close_at_once
 from phalanx.compat.zenoh_threads import keep_thread_state
-from phalanx.wire.endpoints import free_endpoint
+from phalanx.wire.session import free_endpoint
 from tests.process.runs import wait_for
 
 ROOT = Path(__file__).parents[3]

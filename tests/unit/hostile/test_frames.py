@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from phalanx_viewer.feeds.live import check_frame
 from phalanx_viewer.scene.model import scene_model
 
-from phalanx.wire.frames import AgentStatus, LinkEvent
+from phalanx.wire.messages import AgentStatus, LinkEvent
 from phalanx.wire.seal import Malformed
 from tests.hostile.messages import KEYS, SCENARIO, receivers
 

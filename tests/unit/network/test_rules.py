@@ -21,7 +21,6 @@ from phalanx.network.rule import (
     delay,
 )
 from phalanx.seeded.draws import Draws
-from phalanx.wire.door import Door
 from phalanx.wire.keys import Keys
 from phalanx.wire.messages import Broadcast
 from phalanx.wire.seal import Malformed, Sealer
@@ -72,10 +71,10 @@ def test_a_damaged_broadcast_is_lost_and_refused_by_the_seal():
     taken = inbox.take_corrupt()
     assert [m.k for _, m in taken] == [f.k for f in told if f.delay < 0.0] == damaged[: len(taken)]
     assert inbox.take_corrupt() == []
-    door = Door(Keys("run"), Sealer(b"secret"))
+    key, sealer = Keys("run").broadcast("a", "b"), Sealer(b"secret")
     for _, message in taken:
         with pytest.raises(Malformed, match="bad seal"):
-            door.open_damaged("a", "b", message)
+            sealer.open_damaged(key, broadcast(message.k), message.k)
 
 
 def test_a_narrow_link_carries_one_message_after_the_other():

@@ -7,8 +7,7 @@ import pytest
 from phalanx_plant.hub.arrivals import _MOST, Arrivals
 
 from phalanx.wire.messages import MAX_BYTES
-from phalanx.wire.refusals import Refusals
-from phalanx.wire.seal import Malformed
+from phalanx.wire.seal import Malformed, Refusals
 from tests.unit.plant.signals import outlasting_a_wait
 
 ANSWER = b"the answer"

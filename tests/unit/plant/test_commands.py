@@ -5,8 +5,8 @@ import pytest
 from phalanx_plant.clock.commands import CommandQueue
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
-from phalanx.wire.frames import CommandMessage
 from phalanx.wire.keys import Keys
+from phalanx.wire.messages import CommandMessage
 from phalanx.wire.seal import Sealer
 from tests.unit.plant.signals import outlasting_a_wait
 

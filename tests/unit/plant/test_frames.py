@@ -14,8 +14,7 @@ from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.launcher.engine import silent
 from phalanx.launcher.in_process_engine import DirectAgents
 from phalanx.recording.write import RecordingWriter
-from phalanx.wire.frames import Frame
-from phalanx.wire.messages import Actuation
+from phalanx.wire.messages import Actuation, Frame
 from tests.unit.swarms import rows_of_scenario
 
 

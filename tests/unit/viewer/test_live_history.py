@@ -10,7 +10,7 @@ from phalanx.guarantee.verdict import Violation
 from phalanx.recording.records import Step
 from phalanx.scenario.load import load
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.frames import AgentStatus, Frame, LinkEvent
+from phalanx.wire.messages import AgentStatus, Frame, LinkEvent
 from phalanx.wire.step_report import QUANTITIES, AppliedStep
 
 MODEL = scene_model(load("unicycles", []))

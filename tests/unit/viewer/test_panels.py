@@ -11,7 +11,7 @@ from phalanx.guarantee.verdict import Assumption
 from phalanx.recording.read import read
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.safety.composition import FAR
-from phalanx.wire.frames import AgentStatus
+from phalanx.wire.messages import AgentStatus
 from phalanx.wire.step_report import AppliedStep
 from tests.unit.report.recordings import drift, record, summary_of, unicycles
 

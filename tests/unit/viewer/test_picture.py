@@ -7,7 +7,7 @@ from phalanx_viewer.scene.picture import Picture, alarms, past_alarms, picture
 
 from phalanx.guarantee.verdict import Violation
 from phalanx.scenario.load import load
-from phalanx.wire.frames import AgentStatus, Frame
+from phalanx.wire.messages import AgentStatus, Frame
 
 MODEL: SceneModel = scene_model(load("surrounded", []))
 

@@ -7,11 +7,10 @@ from typing import Any
 import msgpack
 import pytest
 
-from phalanx.wire import frames, messages
-from phalanx.wire.frames import AgentStatus
+from phalanx.wire import messages
 from phalanx.wire.keys import Keys
 from phalanx.wire.membership import Membership
-from phalanx.wire.messages import VERSION, Message
+from phalanx.wire.messages import VERSION, AgentStatus, Message
 from phalanx.wire.step_report import OF_ROW, QUANTITIES, AppliedStep, StepReport
 
 PAGE = (Path(__file__).parents[3] / "docs" / "wire.md").read_text(encoding="utf-8")
@@ -70,8 +69,7 @@ def kinds() -> dict[str, type[Message]]:
     """Every message that there is."""
     return {
         name: found
-        for module in (messages, frames)
-        for name, found in vars(module).items()
+        for name, found in vars(messages).items()
         if isinstance(found, type) and issubclass(found, Message) and found is not Message
     }
 

@@ -6,7 +6,7 @@ import numpy as np
 from phalanx.faults.commands import Condition
 from phalanx.recording.records import Step
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.frames import AgentStatus
+from phalanx.wire.messages import AgentStatus
 from phalanx.wire.step_report import AppliedStep, numbers_of
 from phalanx_viewer.feeds.history import EMPTY_CODES, AgentSeries, agent_series, series_width
 

@@ -5,7 +5,7 @@ from typing import Protocol
 
 from phalanx.arrays import Array
 from phalanx.guarantee.verdict import Summary, Violation
-from phalanx.wire.frames import Frame, LogLine
+from phalanx.wire.messages import Frame, LogLine
 from phalanx_viewer.feeds.history import History
 from phalanx_viewer.scene.model import SceneModel
 

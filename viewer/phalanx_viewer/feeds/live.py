@@ -12,13 +12,11 @@ from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Summary, Violation, read_summary
 from phalanx.scenario.load import from_json
 from phalanx.schema.user_code import code_trusted
-from phalanx.wire import liveliness, pubsub, queries
-from phalanx.wire.frames import CommandMessage, Frame, LogLine, Setup
+from phalanx.wire import liveliness, pubsub
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
-from phalanx.wire.messages import Ended
-from phalanx.wire.refusals import Refusals
-from phalanx.wire.seal import Malformed, Sealer
+from phalanx.wire.messages import CommandMessage, Ended, Frame, LogLine, Setup
+from phalanx.wire.seal import Malformed, Refusals, Sealer
 from phalanx.wire.session import open_client
 from phalanx_viewer.feeds.live_history import LiveHistory
 from phalanx_viewer.scene.model import SceneModel, scene_model
@@ -113,7 +111,7 @@ class Live:
 
     def _ask_for_setup(self, to: Membership) -> Setup:
         key = self._keys.scenario
-        answer = queries.ask(self._session, key, to.timeout)
+        answer = pubsub.ask(self._session, key, to.timeout)
         if answer is None:
             raise NoRunError(f"{to.endpoint} knows no run {to.run!r} (after {to.timeout:g} s)")
         try:

@@ -7,7 +7,7 @@ import numpy as np
 from phalanx.faults.commands import Condition
 from phalanx.guarantee.verdict import Violation
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.frames import AgentStatus, Frame, LogLine
+from phalanx.wire.messages import AgentStatus, Frame, LogLine
 from phalanx.wire.step_report import numbers_of
 from phalanx_viewer.feeds.history import (
     EMPTY_CODES,

@@ -8,7 +8,7 @@ from phalanx.faults.commands import FaultState
 from phalanx.guarantee.verdict import Assumption
 from phalanx.recording.broadcasts import broadcasts
 from phalanx.recording.read import Recording, UnreadableRecordingError, steps_by_agent
-from phalanx.wire.frames import Frame, LinkEvent, LogLine, worse
+from phalanx.wire.messages import Frame, LinkEvent, LogLine, worse
 from phalanx_viewer.feeds.agent_steps import AgentSteps
 from phalanx_viewer.feeds.history import (
     ConditionChange,

@@ -10,7 +10,7 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.guarantee.verdict import Summary, Violation
 from phalanx.recording.read import Recording, read
-from phalanx.wire.frames import Frame, LogLine
+from phalanx.wire.messages import Frame, LogLine
 from phalanx_viewer.feeds.recent_paths import SPACING, path_points
 from phalanx_viewer.feeds.recorded import RecordedRun
 from phalanx_viewer.scene.model import SceneModel

@@ -9,7 +9,7 @@ from typing import Any
 import viser
 
 from phalanx.faults.commands import EFFECTS, CommandKind
-from phalanx.wire.frames import Frame
+from phalanx.wire.messages import Frame
 from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.scene.server import SceneServer, in_loop
 

@@ -2,7 +2,7 @@
 
 import time
 
-from phalanx.wire.frames import Frame
+from phalanx.wire.messages import Frame
 from phalanx_viewer.feeds.feed import Feed
 from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.feeds.replay import Replay

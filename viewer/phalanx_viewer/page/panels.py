@@ -7,7 +7,7 @@ import viser
 from phalanx.faults.commands import Condition
 from phalanx.guarantee.verdict import Assumption, Summary
 from phalanx.theory.rows.origin import words_of
-from phalanx.wire.frames import AgentStatus, Frame, LogLine
+from phalanx.wire.messages import AgentStatus, Frame, LogLine
 from phalanx_viewer.feeds.feed import Feed
 from phalanx_viewer.feeds.history import NOBODY_NEAR
 from phalanx_viewer.scene.markup import Markup, Panel, element, markup

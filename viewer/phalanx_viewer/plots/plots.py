@@ -8,7 +8,7 @@ from phalanx.arrays import Array
 from phalanx.faults.commands import Condition
 from phalanx.swarm.units import unit_of_psi
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.frames import Frame
+from phalanx.wire.messages import Frame
 from phalanx.wire.step_report import OF_ROW, QUANTITIES, Quantity, numbers_of
 from phalanx_viewer.feeds.feed import Feed
 from phalanx_viewer.feeds.history import EMPTY_CODES, NOBODY_NEAR, AgentSeries, ConditionChange

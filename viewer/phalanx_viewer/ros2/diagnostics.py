@@ -7,7 +7,7 @@ from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticSt
 from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__KeyValue as KeyValue
 
 from phalanx.guarantee.verdict import Outcome, Summary
-from phalanx.wire.frames import AgentStatus, Frame
+from phalanx.wire.messages import AgentStatus, Frame
 from phalanx.wire.step_report import QUANTITIES, AppliedStep
 from phalanx_viewer.ros2.serialized import header
 from phalanx_viewer.scene.model import SceneModel

@@ -16,7 +16,7 @@ from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__MarkerArr
 from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__MeshFile as MeshFile
 
 from phalanx.arrays import Array
-from phalanx.wire.frames import AgentStatus
+from phalanx.wire.messages import AgentStatus
 from phalanx_viewer.ros2.poses import point, pose_at
 from phalanx_viewer.ros2.serialized import header
 from phalanx_viewer.scene.kinematics import Poses

@@ -10,12 +10,12 @@ from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__PoseStamped as
 from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__MarkerArray as MarkerArray
 
 from phalanx.arrays import Array
-from phalanx.wire.frames import Frame
-from phalanx.wire.rmw import Node
+from phalanx.wire.messages import Frame
 from phalanx_viewer.feeds.feed import Feed
 from phalanx_viewer.ros2 import markers
 from phalanx_viewer.ros2.diagnostics import Head, alike, diagnostics, so_far, verdict
 from phalanx_viewer.ros2.poses import stamped
+from phalanx_viewer.ros2.rmw_zenoh import Node
 from phalanx_viewer.ros2.serialized import message_type, serialized
 from phalanx_viewer.scene.kinematics import Poses
 

@@ -7,7 +7,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.stores.ros2_jazzy import builtin_interfaces__msg__Time as Time
 from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Header as Header
 
-from phalanx.wire.rmw import MessageType
+from phalanx_viewer.ros2.rmw_zenoh import MessageType
 
 WORLD = "world"
 """The frame that everything is told in; it stands still."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from phalanx.arrays import Array
 from phalanx.guarantee.verdict import Violation
-from phalanx.wire.frames import Frame
+from phalanx.wire.messages import Frame
 from phalanx_viewer.scene.geometry import unit
 from phalanx_viewer.scene.model import SceneModel
 from phalanx_viewer.scene.roles import COLOURS, Role, role

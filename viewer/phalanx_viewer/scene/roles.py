@@ -4,7 +4,7 @@ from enum import StrEnum
 
 from phalanx.faults.commands import Condition
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.frames import AgentStatus
+from phalanx.wire.messages import AgentStatus
 
 
 class Role(StrEnum):

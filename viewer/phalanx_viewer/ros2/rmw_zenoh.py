@@ -101,7 +101,9 @@ class Node:
         """Announce a topic, absolute, such as "/phalanx/markers"."""
         token = self._name.publisher_token(self._zid, next(self._numbers), topic, kind)
         key = self._name.topic_key(topic, kind)
-        publisher = Publisher(pubsub.view_publisher(self._session, key), gid(token))
+        publisher = Publisher(
+            pubsub.publisher(self._session, key, pubsub.Delivery.VIEW), gid(token)
+        )
         self._tokens.append(liveliness.announce(self._session, token))
         return publisher
 

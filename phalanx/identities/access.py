@@ -1,4 +1,4 @@
-"""Who may say and see what: the rules by which the hub passes a message on, or does not.
+"""Whom the hub of a run lets in, and by which rules it passes a message on, or does not.
 
 What no rule allows is denied. The rules hold for sessions, each of which has shown at the hub's
 door who it is: so nobody can put, declare or withdraw anything in another's name, whatever he
@@ -9,10 +9,26 @@ from collections.abc import Container, Iterator, Mapping
 from itertools import chain
 from typing import Any, Literal
 
+from phalanx.swarm.swarm import Swarm
 from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, ROUTER, VIEWER, Keys
+from phalanx.wire.membership import Admission, Membership
 
 Subject = Literal["usernames", "cert_common_names"]
 """By what Zenoh knows a session: the name with its password, or that in its certificate."""
+
+
+def admission(swarm: Swarm, membership: Membership) -> Admission:
+    """What the hub asks for and allows; membership is its own: the plant's, or a router's."""
+    at_router = membership.identity == ROUTER
+    programs = swarm.programs
+    names = (VIEWER, ROUTER, CLAIMANT, *programs, *([PLANT] if at_router else []))
+    heard = {swarm.names[j] for i in range(len(swarm.names)) for j in swarm.heard_by(i)}
+    subject: Subject = "cert_common_names" if membership.certificates else "usernames"
+    return Admission(
+        {name: membership.password_of(name) for name in names},
+        access_control(membership.keys, programs, heard, subject, with_plant=at_router),
+        membership.certificates,
+    )
 
 
 def access_control(

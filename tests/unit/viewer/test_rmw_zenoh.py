@@ -1,9 +1,8 @@
 """Names, tokens and attachments beside the examples in docs/design.md of ros2/rmw_zenoh."""
 
+from phalanx_viewer.ros2.rmw_zenoh import MessageType, NodeName, attachment, gid
 from zenoh import ZBytes
 from zenoh.ext import Int64, z_deserialize
-
-from phalanx.wire.rmw import MessageType, NodeName, attachment, gid
 
 DIGEST = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
 STRING = MessageType("std_msgs/msg/String", DIGEST)

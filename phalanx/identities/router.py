@@ -8,9 +8,9 @@ import signal
 from collections.abc import Sequence
 from queue import SimpleQueue
 
+from phalanx.identities.access import admission
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire import liveliness
-from phalanx.wire.admission import admission
 from phalanx.wire.keys import ROUTER
 from phalanx.wire.membership import Membership
 from phalanx.wire.session import open_hub

@@ -6,11 +6,10 @@ from typing import Any
 import pytest
 import zenoh
 
-from phalanx.wire.access import Subject, access_control
-from phalanx.wire.credentials import Admission, Credentials
-from phalanx.wire.endpoints import free_endpoint
+from phalanx.identities.access import Subject, access_control
 from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, ROUTER, VIEWER, Keys
-from phalanx.wire.session import open_client, open_hub
+from phalanx.wire.membership import Admission, Credentials
+from phalanx.wire.session import free_endpoint, open_client, open_hub
 from tests.process.runs import wait_for
 
 NAMES = ("4", "5", "6")

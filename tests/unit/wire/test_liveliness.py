@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from phalanx.wire.presence import PlantPresence
+from phalanx.wire.liveliness import PlantPresence
 
 PATIENCE = 0.05
 

@@ -5,7 +5,7 @@ import os
 import stat
 from pathlib import Path
 
-from phalanx.wire.authority import make_certificates
+from phalanx.identities.authority import make_certificates
 from phalanx.wire.keys import PLANT
 
 

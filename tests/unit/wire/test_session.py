@@ -7,8 +7,7 @@ import subprocess
 import sys
 
 from phalanx.wire import session
-from phalanx.wire.endpoints import reserved_endpoint
-from phalanx.wire.session import open_hub
+from phalanx.wire.session import open_hub, reserved_endpoint
 
 MANY = 100
 
@@ -40,7 +39,7 @@ def test_a_hub_can_listen_where_an_endpoint_is_reserved():
 HUB = """
 import time
 from pathlib import Path
-from phalanx.wire.endpoints import reserved_endpoint
+from phalanx.wire.session import reserved_endpoint
 from phalanx.wire.session import open_hub
 with reserved_endpoint() as endpoint, open_hub(endpoint):
     names, deadline = "", time.monotonic() + 5.0

@@ -12,8 +12,8 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from phalanx.wire.certificates import AUTHORITY, AUTHORITY_KEY, CERTIFICATE, PRIVATE_KEY
 from phalanx.wire.keys import HUBS, PLANT
+from phalanx.wire.membership import AUTHORITY, AUTHORITY_KEY, CERTIFICATE, PRIVATE_KEY
 
 _CLOCKS_DIFFER = datetime.timedelta(minutes=5)
 
@@ -27,7 +27,7 @@ class Authority:
     @classmethod
     def new(cls, valid: datetime.timedelta) -> Self:
         """One that nobody knows yet; all that it signs ends with it."""
-        key = ec.generate_private_key(ec.SECP256R1())
+        key = new_key()
         name = _named("phalanx run")
         now = datetime.datetime.now(datetime.UTC)
         certificate = (
@@ -108,7 +108,7 @@ def make_certificates(
     authority, reached_as = Authority.new(valid), tuple(hosts)
     for name in names:
         (own := folder / name).mkdir(mode=0o700)
-        key = ec.generate_private_key(ec.SECP256R1())
+        key = new_key()
         write_certificate(
             own,
             authority.certificate,
@@ -137,6 +137,11 @@ def write_certificate(folder: Path, authority: bytes, certificate: bytes, key: b
     _write(folder / AUTHORITY, authority)
     _write(folder / CERTIFICATE, certificate)
     _write(folder / PRIVATE_KEY, key)
+
+
+def new_key() -> ec.EllipticCurvePrivateKey:
+    """Another private key; its public half is what an authority signs."""
+    return ec.generate_private_key(ec.SECP256R1())
 
 
 def private_pem(key: ec.EllipticCurvePrivateKey) -> bytes:

@@ -6,9 +6,9 @@ import pytest
 from cryptography import x509
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
-from phalanx_plant.hub.places import Places, signer
 
-from phalanx.wire.authority import make_certificates, public_der
+from phalanx.identities.authority import make_certificates, public_der
+from phalanx.identities.claims import Places, signer
 from phalanx.wire.keys import PLANT
 from phalanx.wire.messages import PlaceRequest
 
