@@ -46,7 +46,7 @@ def report(run: RunArgument, trust: Trust = False) -> int:
     import phalanx
     from phalanx.cli.damage import warn_of_damage
     from phalanx.cli.display import doing
-    from phalanx.recording.size import size_in_words
+    from phalanx.recording.read import size_in_words
 
     try:
         recorded = phalanx.open(run, trust=trust)

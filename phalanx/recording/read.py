@@ -1,30 +1,39 @@
-"""Read a recording, whole or cut short."""
+"""Read a recording, whole or cut short.
+
+Its sender is not trusted: chunks are unpacked within bounds, and records that are not of the
+recorded scenario refused. A few kilobytes of zstd can stand for terabytes, and the file's own word
+for how many is not to be believed.
+"""
 
 import re
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Attachment, Channel, McapRecord, Message, Metadata
-from mcap.stream_reader import CRCValidationError
-from zstandard import ZstdError
+from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metadata
+from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
+from zstandard import ZstdError, frame_content_size
 
 from phalanx.arrays import Array
 from phalanx.faults.commands import Command
 from phalanx.guarantee.verdict import Summary, read_summary
-from phalanx.recording.chunks import records_of
-from phalanx.recording.fitting import misfit
 from phalanx.recording.modules import MEDIA_TYPE, MODULES, ModulesError, put_to_use
 from phalanx.recording.records import RECORDING, TOPICS, Log, Shown, State, Step
 from phalanx.scenario.load import ScenarioError, from_json
 from phalanx.scenario.model import Scenario
 from phalanx.schema.user_code import code_trusted
 from phalanx.theory.expressions.magnitude import LARGEST_SUM
+
+_MOST_OF_A_CHUNK = 4 * 2**20
+"""A chunk is written when it holds 64 kB: one record more makes it longer, and none is so long."""
+_LEAST_ALLOWED, _DENSEST = 16 * 2**20, 100
+"""All chunks together hold so many bytes, or so many times the file, if that is more."""
 
 
 class UnreadableRecordingError(ValueError):
@@ -99,7 +108,7 @@ def read(run: Path, trust: bool = False) -> Recording:
     """
     path = find(run)
     contents = _Contents()
-    damage = contents.collect(records_of(path.read_bytes()))
+    damage = contents.collect(_records_of(path.read_bytes()))
     if contents.scenario is None:
         raise UnreadableRecordingError(f"{path}: not a recording of a run ({damage or 'empty'})")
     try:
@@ -112,13 +121,14 @@ def read(run: Path, trust: bool = False) -> Recording:
         with_it = f" (recorded with it: {', '.join(contents.modules)})" if contents.modules else ""
         raise UnreadableRecordingError(f"{path}: {error}{with_it}") from error
     by_kind: dict[type, list[Any]] = contents.records
-    if unfit := misfit(scenario, by_kind[State], by_kind[Step], by_kind[Shown], by_kind[Command]):
-        raise UnreadableRecordingError(f"{path}: {unfit}: not of its scenario")
-    return Recording(
+    recording = Recording(
         path, scenario, contents.metadata, by_kind[State], by_kind[Step], by_kind[Log],
         by_kind[Command], None if damage else contents.summary, damage, by_kind[Shown],
         contents.hashes,
     )  # fmt: skip
+    if unfit := misfit(recording):
+        raise UnreadableRecordingError(f"{path}: {unfit}: not of its scenario")
+    return recording
 
 
 def steps_by_agent(recording: Recording) -> dict[str, list[Step]]:
@@ -127,6 +137,64 @@ def steps_by_agent(recording: Recording) -> dict[str, list[Step]]:
     for step in recording.steps:
         found[step.agent].append(step)
     return found
+
+
+def size_in_words(recording: Recording) -> str:
+    """Such as "2.6 MB, 5.1 kB for each agent and second of virtual time"."""
+    size = recording.path.stat().st_size
+    agents = sum(group.size for group in recording.scenario.agents)
+    seconds = recording.states[-1].t if recording.states else 0.0
+    total = f"{size / 1e6:.3g} MB"
+    if not seconds:
+        return total
+    each = size / (agents * seconds)
+    return f"{total}, {each / 1e3:.3g} kB for each agent and second of virtual time"
+
+
+def misfit(recording: Recording) -> str | None:
+    """The first record that is none of its scenario's, in words: readers rely on sizes and names.
+
+    None if all are.
+    """
+    roster = recording.scenario.roster()
+    dynamics = {name: group.dynamics_object() for name, group, _ in roster}
+    width = sum(len(found.states) for found in dynamics.values())
+    inputs = {name: len(found.inputs) for name, found in dynamics.items()}
+    for state in recording.states:
+        if len(state.x) != width:
+            return f"a state at t = {state.t:.3f} s of {len(state.x)} numbers, expected {width}"
+    for step in recording.steps:
+        if not _fits(step, inputs):
+            return f"a step of agent {step.agent!r} at t = {step.t:.3f} s with wrong fields"
+    sizes = {name: len(found.states) for name, found in dynamics.items()}
+    for each in recording.shown:
+        if not _could_be_shown(each, sizes, inputs):
+            return f"what agent {each.agent!r} was shown at t = {each.t:.3f} s has wrong fields"
+    for command in recording.commands:
+        if command.effect and command.agent not in dynamics:
+            return f"a command at t = {command.t:.3f} s to {command.agent!r}, which is no agent"
+    return None
+
+
+def _fits(step: Step, inputs: dict[str, int]) -> bool:
+    size = inputs.get(step.agent)
+    told = [sender for sender, *_ in (*step.ages, *step.fates, *step.faults, *step.false)]
+    return (
+        len(step.u) == size
+        and len(step.u_nom) in (0, size)
+        and inputs.keys() >= set(told)
+        and all(len(u) == inputs[sender] for sender, _, _, u in step.false)
+    )
+
+
+def _could_be_shown(shown: Shown, sizes: dict[str, int], inputs: dict[str, int]) -> bool:
+    in_order = [name for name in sizes if name in shown.seen]
+    return (
+        shown.agent in in_order
+        and shown.seen == in_order
+        and len(shown.x) == sum(sizes[name] for name in in_order)
+        and all(len(u) == inputs.get(sender) for sender, _, u in shown.received)
+    )
 
 
 class _Contents:
@@ -196,3 +264,31 @@ def _beyond(value: Any) -> bool:
         case float() | int():
             return abs(value) > LARGEST_SUM
     return False
+
+
+def _records_of(file: bytes) -> Iterator[McapRecord]:
+    """Every record in order, chunks unpacked and checksums compared.
+
+    Raises what mcap, zstandard and struct do.
+    """
+    left = max(_LEAST_ALLOWED, _DENSEST * len(file))
+    # In memory: where a flipped bit makes a length a terabyte, a file would set that much aside.
+    for record in StreamReader(BytesIO(file), emit_chunks=True, validate_crcs=True).records:
+        if not isinstance(record, Chunk):
+            yield record
+            continue
+        left -= _unpacked(record)
+        if left < 0:
+            raise McapError("chunks that unpack to more than a recording holds")
+        yield from breakup_chunk(record, validate_crc=True)
+
+
+def _unpacked(chunk: Chunk) -> int:
+    """How many bytes a chunk unpacks to at most. Raises McapError."""
+    sizes = [chunk.uncompressed_size]
+    if chunk.compression == "zstd":
+        # The frame's own word counts for zstd, whatever the chunk says; -1 where it says nothing.
+        sizes.append(frame_content_size(chunk.data))
+    if max(sizes) > _MOST_OF_A_CHUNK:
+        raise McapError(f"a chunk that unpacks to {max(sizes)} bytes")
+    return max(sizes)

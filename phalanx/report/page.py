@@ -7,8 +7,7 @@ from itertools import starmap
 from phalanx.guarantee.punctuality import Punctuality, in_words
 from phalanx.guarantee.verdict import Outcome, Summary, certified
 from phalanx.network.link import DELAY, LOSS
-from phalanx.recording.read import Recording
-from phalanx.recording.size import size_in_words
+from phalanx.recording.read import Recording, size_in_words
 from phalanx.report.html import (
     MOST_ROWS,
     document,

@@ -1,9 +1,11 @@
 """What agents were shown is of the scenario, or the recording is refused: verify relies on it."""
 
+from pathlib import Path
+
 import msgspec
 import pytest
 
-from phalanx.recording.fitting import misfit
+from phalanx.recording.read import Recording, misfit
 from phalanx.recording.records import Shown
 from phalanx.scenario.load import load
 
@@ -11,8 +13,12 @@ SCENARIO = load("unicycles")
 SHOWN = Shown("1", 3, 0.5, ["1", "4"], [0.0] * 6, [("4", 0.4, [1.0, 0.0])])
 
 
+def recorded(shown: Shown) -> Recording:
+    return Recording(Path(), SCENARIO, {}, shown=[shown])
+
+
 def test_what_fits_is_taken() -> None:
-    assert misfit(SCENARIO, (), (), [SHOWN]) is None
+    assert misfit(recorded(SHOWN)) is None
 
 
 @pytest.mark.parametrize(
@@ -29,6 +35,6 @@ def test_what_fits_is_taken() -> None:
     ids=str,
 )
 def test_what_does_not_is_named(wrong: dict) -> None:
-    found = misfit(SCENARIO, (), (), [msgspec.structs.replace(SHOWN, **wrong)])
+    found = misfit(recorded(msgspec.structs.replace(SHOWN, **wrong)))
     assert found is not None
     assert found.startswith("what agent")

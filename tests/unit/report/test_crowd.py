@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
-from phalanx.recording.read import Recording, read, steps_by_agent
-from phalanx.recording.size import size_in_words
+from phalanx.recording.read import Recording, read, size_in_words, steps_by_agent
 from phalanx.report import crowd
 from phalanx.report.distances import distances
 from phalanx.report.measures import (
