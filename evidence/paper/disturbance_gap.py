@@ -11,8 +11,8 @@ import phalanx
 from phalanx.recording.read import Recording
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.rows.composed import NO_MARGIN
 from phalanx.theory.rows.origin import EMPTY
-from phalanx.theory.rows.terms import TermsFunction
 
 _VARIANTS = {
     "paper, η = 5": ["safety.eta=5.0"],
@@ -40,7 +40,7 @@ def main() -> None:
 
 def largest_psi_1(recording: Recording) -> float:
     """The largest ψ_1 at any event of a run."""
-    evaluate = TermsFunction(build_rows(build_swarm(recording.scenario)).chain)
+    evaluate = build_rows(build_swarm(recording.scenario)).terms_of_all(NO_MARGIN)
     return float(np.max([evaluate(np.array(state.x)).psi[1] for state in recording.states]))
 
 

@@ -30,7 +30,7 @@ from phalanx.recording.records import Step
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.information import Information
-from phalanx.theory.rows.terms import Terms, TermsFunction
+from phalanx.theory.rows.terms import Terms
 
 ROUNDING = 1e-4
 """What solvers leave of a row."""
@@ -135,7 +135,7 @@ def joint_sums(recording: Recording) -> Iterator[JointSum]:
     rows = build_rows(build_swarm(recording.scenario))
     swarm, first = rows.swarm, rows.swarm.normal[0]
     margin = rows.margin(first)
-    evaluate = TermsFunction(rows.chain, margin=margin.of(rows.chain, first))
+    evaluate = rows.terms_of_all(margin.given)
     eta = margin.scale * margin.eta
     states = {state.t: np.array(state.x) for state in recording.states}
     in_force: dict[int, NDArray[np.float64]] = {}

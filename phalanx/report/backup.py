@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+import casadi as ca
 import numpy as np
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
@@ -11,8 +12,7 @@ from phalanx.arrays import Array
 from phalanx.report.style import ReportFigure, style_axes
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.rows.row import joint_sum
-from phalanx.theory.rows.terms import Terms, TermsFunction
+from phalanx.theory.expressions.mapped import MappedFunction
 
 _CELLS = 121
 _UNSAFE, _TOO_LATE, _SUFFICES = range(3)
@@ -54,19 +54,13 @@ def backup_slice(rows: SafetyRows, reach: float | None = None) -> Slice | None:
         return None
     a, b = swarm.safe_set.pairs[pair].a, swarm.safe_set.pairs[pair].b
     assert b is not None
-    chain = rows.pair_chain(pair)
-    start = np.concatenate([swarm.start()[swarm.safe_set.parts[l]] for l in (a, b)])
-    evaluate = TermsFunction(chain, margin=rows.margin(a).of(chain, 0))
-    helping = (0,) if swarm.members[b].adversary else (0, 1)
-    place = [chain.set.parts[1].start + swarm.members[b].dynamics.states.index(s) for s in "xy"]
-    half = reach or 4.0 * _required_distance(evaluate, start, place)
+    moved = _Moved(rows, pair, (a, b))
+    half = reach or 4.0 * _required_distance(moved)
     offsets = np.linspace(-half, half, _CELLS)
-    answers = np.empty((_CELLS, _CELLS))
-    x = start.copy()
-    for row, dy in enumerate(offsets):
-        for column, dx in enumerate(offsets):
-            x[place] = start[:2] + np.array([dx, dy])
-            answers[row, column] = _answer(evaluate(x), helping)
+    dy, dx = np.meshgrid(offsets, offsets, indexing="ij")
+    psi, left = moved(np.column_stack([dx.ravel(), dy.ravel()]))
+    inside = np.where(left <= 0, _SUFFICES, _TOO_LATE)
+    answers = np.where((psi > 0).any(axis=1), _UNSAFE, inside).reshape(dx.shape)
     return Slice(swarm.names[a], swarm.names[b], (offsets, offsets), answers)
 
 
@@ -91,10 +85,36 @@ def backup_plate(found: Slice) -> ReportFigure:
     return ReportFigure("backup", caption, figure)
 
 
-def _answer(terms: Terms, helping: tuple[int, ...]) -> int:
-    if (terms.psi > 0).any():
-        return _UNSAFE
-    return _SUFFICES if joint_sum(terms, helping) <= 0 else _TOO_LATE
+class _Moved:
+    """A pair's ψ and what the backup leaves, with the second member moved."""
+
+    def __init__(self, rows: SafetyRows, pair: int, ends: tuple[int, int]) -> None:
+        swarm, chain = rows.swarm, rows.pair_chain(pair)
+        self._members, self._ends, self._parts = rows.composed.members, ends, chain.set.parts
+        self._helping = [not swarm.members[l].adversary for l in ends]
+        self._start = np.concatenate([swarm.start()[swarm.safe_set.parts[l]] for l in ends])
+        states = swarm.members[ends[1]].dynamics.states
+        self._place = [self._parts[1].start + states.index(s) for s in "xy"]
+        unforced, margin = ca.sum1(chain.drift) + chain.alpha, rows.margin(ends[0]).of(chain, 0)
+        self._columns = np.cumsum([len(chain.psi), 1, chain.actuation[0].numel()])
+        self._evaluate = MappedFunction(
+            [chain.set.x], [*chain.psi, unforced + margin, *chain.actuation]
+        )
+
+    def __call__(self, apart: Array) -> tuple[Array, Array]:
+        """ψ_0 ... ψ_{q-1}, shape (s, q), and Σ γ_min + Σ γ_max + α_q + η, (s,).
+
+        apart: the second from the first [m], shape (s, 2).
+        """
+        x = np.tile(self._start, (len(apart), 1))
+        x[:, self._place] = self._start[:2] + apart
+        found = self._evaluate(x.ravel(), np.arange(x.size).reshape(x.shape))
+        psi, left, *c = np.split(found, self._columns, axis=1)
+        total = left[:, 0]
+        for l, part, forces, helps in zip(self._ends, self._parts, c, self._helping, strict=True):
+            extremes = self._members.extremes(l, x[:, part], forces)
+            total = total + extremes[:, 0 if helps else 1]
+        return psi, total
 
 
 def _nearest_pair(swarm: Swarm) -> int | None:
@@ -112,11 +132,9 @@ def _nearest_pair(swarm: Swarm) -> int | None:
     return min(candidates)[2] if candidates else None
 
 
-def _required_distance(evaluate: TermsFunction, start: Array, place: list[int]) -> float:
+def _required_distance(moved: _Moved) -> float:
     """Distance at which h turns negative when the other agent walks away along x [m]."""
-    x = start.copy()
-    for distance in np.geomspace(0.05, 500.0, 200):
-        x[place] = start[:2] + np.array([distance, 0.0])
-        if evaluate(x).psi[0] <= 0:
-            return float(distance)
-    return 1.0
+    distances = np.geomspace(0.05, 500.0, 200)
+    psi, _ = moved(np.column_stack([distances, np.zeros_like(distances)]))
+    safe = distances[psi[:, 0] <= 0]
+    return float(safe[0]) if len(safe) else 1.0

@@ -120,7 +120,7 @@ def notes(recording: Recording) -> list[str]:
 
 def _is_too_large(rows: SafetyRows) -> bool:
     """Whether all agents' rows together are too much to build for a report."""
-    expressions = len(rows.swarm.normal) if rows.composed_whole else 0
+    expressions = len(rows.swarm.normal) if rows.bounds_whole else 0
     return expressions * rows.swarm.pairs.count > _MOST_COMPOSED
 
 

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.margins.row_part import RowPart
-from phalanx.theory.rows.composed import ComposedTerms
 
 _REHEARSED = 40
 """As many others in sight as an agent of a large swarm is made ready for."""
@@ -39,8 +38,6 @@ def _rehearse(rows: SafetyRows, i: int) -> None:
     """Have agent i see one other, two, and so on: memory is set aside for each number once."""
     swarm, x = rows.swarm, rows.swarm.start()
     terms = rows.terms(i)
-    if not isinstance(terms, ComposedTerms):
-        return
     own = rows.pair_terms(i) if rows.pairwise and i in swarm.normal else None
     others = [l for l in range(len(swarm.members)) if l != i]
     limited, most = swarm.sensing(i) is not None, min(len(others), _REHEARSED)

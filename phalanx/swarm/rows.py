@@ -14,13 +14,14 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.scenario.load import ScenarioError
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import added
 from phalanx.theory.expressions.mapped import MappedFunction
-from phalanx.theory.margins.margin import Margin
+from phalanx.theory.margins.local import LocalBound
+from phalanx.theory.margins.margin import ComposedMargin, Margin
 from phalanx.theory.margins.paper import MarginConstants
 from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.models.polytope import EmptyPolytopeError
+from phalanx.theory.rows.by_derivatives import TermsByDerivatives
 from phalanx.theory.rows.composed import SwarmTerms
 from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.pairs import OwnPair, OwnPairTerms, PairRowFunction
@@ -32,7 +33,7 @@ from phalanx.theory.rows.safety_filter import (
     Unfiltered,
 )
 from phalanx.theory.rows.share_margin import ShareMargin
-from phalanx.theory.rows.terms import TermsAt, TermsFunction
+from phalanx.theory.rows.terms import TermsAt
 from phalanx.theory.safety.chain import Chain, build_chain
 from phalanx.theory.safety.composition import ComposedSet
 from phalanx.theory.safety.pair_functions import PairFunctions
@@ -48,10 +49,10 @@ class SafetyRows:
 
     @cached_property
     def chain(self) -> Chain:
-        """Of h_tot as one expression of all states: what is composed from pairs, once more.
+        """Of h_tot as one expression of all states, which grows with the square of the swarm.
 
-        It grows with the square of the swarm. Some settings have no row without it (`terms`,
-        `share_margin`).
+        Bounds over a box are made of it: the margin `local` of a row for h_tot, and the constants
+        of the paper's formula. All numbers come from kinds of pairs.
         """
         return _chain(self.swarm, self.swarm.safe_set)
 
@@ -81,28 +82,46 @@ class SafetyRows:
         return Unfiltered(i, self._qp(i))
 
     def terms(self, i: int) -> TermsAt:
-        """Agent i's h_tot of what it sees, the margin of its row included, if it has one.
-
-        With margin = "local", and with "corrected" from q = 3 on, that margin is part of the whole
-        expression, which does not scale.
-        """
+        """Agent i's h_tot of what it sees, the margin of its row included, if it has one."""
         swarm, radius = self.swarm, self.swarm.sensing(i)
         if swarm.members[i].adversary or self.pairwise:
             return self.composed.of(i, radius)
-        margin = self.margin(i)
-        if (numbers := margin.composed(self.relative_degree)) is not None:
-            return self.composed.of(i, radius, numbers)
-        if i not in self._whole:
-            active = None if radius is None else swarm.safe_set.within(i, radius)
-            known = margin.of(self.chain, i, active=active)
-            self._whole[i] = TermsFunction(self.chain, active, known)
-        return self._whole[i]
+        margin = self._local(i) if self.bounds_whole else self.margin(i).given
+        return self.composed.of(i, radius, margin, self._by_derivatives)
+
+    def terms_of_all(self, margin: ComposedMargin) -> TermsAt:
+        """h_tot of all pairs, whoever sees them, with this margin."""
+        return self.composed.of(self.swarm.normal[0], None, margin, self._by_derivatives)
+
+    @property
+    def bounds_whole(self) -> bool:
+        """Whether each row's margin is a bound of one expression of all pairs, of `chain`."""
+        return not self.pairwise and self.swarm.scenario.safety.margin == "local"
+
+    def _local(self, i: int) -> LocalBound:
+        """The local margin of agent i's row for h_tot."""
+        if i not in self._bounds:
+            composed, radius = self.swarm.safe_set, self.swarm.sensing(i)
+            active = None if radius is None else composed.within(i, radius)
+            margin = self.margin(i).of(self.chain, i, active=active)
+            self._bounds[i] = LocalBound(composed, margin)
+        return self._bounds[i]
 
     @cached_property
-    def composed_whole(self) -> bool:
-        """Whether some agent's margin is part of one expression of all pairs, as terms has it."""
-        kinds = {self.margin(i).composed(self.relative_degree) for i in self.swarm.normal}
-        return not self.pairwise and None in kinds
+    def _by_derivatives(self) -> TermsByDerivatives | None:
+        """The chain of h_tot from kinds, if some D_k is part of it as `chain` has it."""
+        safety, bounds = self.swarm.scenario.safety, self.swarm.disturbance_bounds
+        if self.relative_degree == 1 or safety.margin == "paper":
+            return None
+        xi = None if safety.computes_margin else safety.xi
+        return self.composed.by_derivatives(xi, list(bounds.values()))
+
+    @cached_property
+    def _of_shares(self) -> TermsByDerivatives:
+        """The same for shares, D_k or not."""
+        safety, bounds = self.swarm.scenario.safety, self.swarm.disturbance_bounds
+        printed = self.composed.by_derivatives(safety.xi, list(bounds.values()), printed=True)
+        return self._by_derivatives or printed
 
     def own_pair(self, i: int, other: int) -> OwnPair:
         """The pair of normal agent i and another member, or N + k for obstacle k.
@@ -182,9 +201,8 @@ class SafetyRows:
         one = self.pairwise or safety.control == "centralised"
         if one or safety.information is not Information.SPLIT:
             return None
-        bounds = [margin.bounds[m.name] for m in self.chain.set.members]
-        horizon = margin.scale * self.swarm.horizon(i)  # it scales as all that a margin sums
-        return ShareMargin(self.chain, horizon, bounds)
+        # It scales as all that a margin sums.
+        return ShareMargin(self._of_shares, margin.scale * self.swarm.horizon(i))
 
     def invariants(self) -> Callable[[Array], Array]:
         """x -> all ψ_0 ... ψ_{q-1} that are not above 0 in S_I, as this scenario composes them."""
@@ -200,12 +218,7 @@ class SafetyRows:
     def _psi_of(self, i: int) -> Callable[[Array], Array]:
         """x -> ψ_0 ... ψ_{q-1} of what normal agent i composes."""
         swarm, radius = self.swarm, self.swarm.sensing(i)
-        if self.margin(i).composed(self.relative_degree) is None:
-            active = None if radius is None else swarm.safe_set.within(i, radius)
-            chain = ca.vertcat(*[swarm.safe_set.substitute(psi, active) for psi in self.chain.psi])
-            whole = CompiledFunction([swarm.safe_set.x], [chain])
-            return lambda x: whole(x)[0]
-        composed = self.composed.of(i, radius)
+        composed = self.composed.of(i, radius, by_kind=self._by_derivatives)
         return lambda x: composed.psi(x, swarm.seen(i, x))
 
     def _eta(self, i: int) -> float:
@@ -225,7 +238,7 @@ class SafetyRows:
         return {}
 
     @cached_property
-    def _whole(self) -> dict[int, TermsFunction]:
+    def _bounds(self) -> dict[int, LocalBound]:
         """By agent."""
         return {}
 

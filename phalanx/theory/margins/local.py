@@ -11,17 +11,22 @@ from collections.abc import Sequence
 
 import casadi as ca
 
+from phalanx.arrays import Array
+from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.extension import continuous, extend
 from phalanx.theory.expressions.interval import Interval, point
 from phalanx.theory.margins.enclosure import Enclosure, admissible_inputs, enclose, scalars
 from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.models.polytope import ACTUATION
 from phalanx.theory.safety.chain import Chain
+from phalanx.theory.safety.composition import ComposedSet
 
 UNKNOWN = ca.inf
 """The margin where no enclosure was found, or where h can jump: no row holds with it."""
 
 _INFLATIONS = (0.2, 0.1)
+_FAR = 1e6
+"""Where members are that are not seen: too far away to count."""
 
 
 def local_margin(
@@ -71,6 +76,29 @@ def local_margin(
     for e in moving:
         known = ca.logic_and(e.certain, known)
     return ca.if_else(ca.logic_and(known, smooth), bound, UNKNOWN)
+
+
+class LocalBound:
+    """The margin of one agent's row for h_tot as a number, of what the agent sees.
+
+    It is of one expression of all pairs, as no other number of a row is: interval arithmetic has
+    rules for the operations of an expression, and CasADi cannot write out as one the graph by which
+    kinds of pairs are composed (GetNonzerosParamVector has no eval_sx). With 18 pairs it takes 0.4 s
+    to build and 0.08 ms to evaluate, with 62 of q = 2 6 s and 0.5 ms.
+    """
+
+    def __init__(self, composed: ComposedSet, margin: ca.SX) -> None:
+        """margin: of the stacked state, scalar."""
+        self._parts, self._margin = composed.parts, CompiledFunction([composed.x], [margin])
+
+    def __call__(self, x: Array, seen: Sequence[int]) -> float:
+        """At a stacked state x, shape (n̄,), of which only the members seen are known."""
+        far, known = x.copy(), set(seen)
+        for l, part in enumerate(self._parts):
+            if l not in known:
+                # Each in a place of its own: two in one place have no gradient of their distance.
+                far[part] = _FAR * (1 + l)
+        return float(self._margin(far)[0][0])
 
 
 def _row(chain: Chain, i: int, inputs: Sequence[ca.SX], part: RowPart) -> ca.SX:

@@ -18,12 +18,10 @@ _Number = TypeVar("_Number", float, ca.SX)
 
 
 class ComposedMargin(NamedTuple):
-    """The margin of a row for h_tot that is composed from pairs: scale (η + D)."""
+    """The margin of a row for h_tot that is composed from pairs: scale (η + D_q)."""
 
     eta: float
     scale: float = 1.0
-    bounds: tuple[float, ...] = ()
-    """φ_l^max of every member, for D = Σ_l ‖∂ψ_{q-1}/∂x_l‖ φ_l^max; empty if D has no part."""
 
     def total(self, at_state: _Number, share: float = 1.0) -> _Number:
         """scale (share η + at_state), where at_state is the part that depends on the state.
@@ -71,29 +69,11 @@ class Margin:
             ValueError: the margin is local or integrated, and some U_l depends on the
                 state or some operation has no interval rule.
         """
-        return self._number.total(self._at_state(chain, own, part, active), part.value)
-
-    def composed(self, degree: int) -> ComposedMargin | None:
-        """The same for a row of h_tot, from pairs; None if only the whole expression gives it.
-
-        A bound computed at each sample does, and D_2 within ψ_2, whose gradient is needed too.
-
-        Args:
-            degree: q.
-        """
-        if self.kind == "paper" or (self.kind == "corrected" and degree == 1):
-            return self._number
-        if self.kind == "corrected" and degree == 2:
-            return self._number._replace(bounds=tuple(self.bounds.values()))
-        return None
+        return self.given.total(self._at_state(chain, own, part, active), part.value)
 
     @property
-    def given(self) -> float:
+    def given(self) -> ComposedMargin:
         """What of a row's margin is the same at every state."""
-        return self._number.total(0.0)
-
-    @property
-    def _number(self) -> ComposedMargin:
         return ComposedMargin(self.eta, self.scale)
 
     def _at_state(self, chain: Chain, own: int, part: RowPart, active: ca.SX | None) -> ca.SX:

@@ -3,24 +3,25 @@
 Nothing in it grows with the swarm: pairs are evaluated kind by kind, and only among the seen.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.theory.expressions.exact import added
 from phalanx.theory.margins.margin import ComposedMargin
 from phalanx.theory.models.polytope import Polytope
-from phalanx.theory.rows.by_kind import TermsByKind
-from phalanx.theory.rows.composed_function import ComposedFunction, ComposedNumbers
+from phalanx.theory.rows.by_derivatives import TermsByDerivatives
+from phalanx.theory.rows.by_jets import TermsByJets
+from phalanx.theory.rows.composed_function import ComposedFunction, ComposedNumbers, TermsByKind
 from phalanx.theory.rows.members import Positions, SwarmMembers
 from phalanx.theory.rows.near import ObstaclesInSight
-from phalanx.theory.safety.chain import rounded_norm
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.jets import LogSumExpJets
-from phalanx.theory.safety.pairs import ChosenPairs, SwarmPairs
+from phalanx.theory.safety.pairs import SwarmPairs
 
-_NONE = ComposedMargin(0.0)
+NO_MARGIN = ComposedMargin(0.0)
+Bound = Callable[[Array, Sequence[int]], float]
+"""(x, seen) -> a margin that is computed at each state."""
 
 
 class SwarmTerms:
@@ -37,28 +38,52 @@ class SwarmTerms:
 
         Raises EmptyPolytopeError: a constant input polytope is empty or unbounded.
         """
-        self.pairs = pairs
+        self.pairs, self._rho, self._alphas = pairs, rho, alphas
         self.members = SwarmMembers(pairs.members, len(pairs.parameters))
         self.jets = LogSumExpJets(rho, alphas, xi)
-        self.by_kind = TermsByKind(pairs, self.members, self.jets)
+        self._by_jets = TermsByJets(pairs, self.members, self.jets)
         self.everybody = tuple(range(len(pairs.members)))
         self.dynamics = [m.dynamics for m in pairs.members]
         self.in_sight = ObstaclesInSight(pairs.obstacles)
 
-    def of(self, i: int, radius: float | None, margin: ComposedMargin = _NONE) -> "ComposedTerms":
-        """Agent i's terms. radius: how far it sees obstacles [m]; None for all."""
-        for kind in self.pairs.kinds if margin.bounds else ():
-            kind.gradients  # noqa: B018  compiled now, and not when an obstacle comes into sight
-        return ComposedTerms(self, i, radius, margin)
+    def of(
+        self,
+        i: int,
+        radius: float | None,
+        margin: ComposedMargin | Bound = NO_MARGIN,
+        by_kind: TermsByKind | None = None,
+    ) -> "ComposedTerms":
+        """Agent i's terms.
+
+        Args:
+            i: the agent.
+            radius: how far it sees obstacles [m]; None for all.
+            margin: of its row.
+            by_kind: how they are made; None for what has no D_k in it.
+        """
+        return ComposedTerms(self, i, radius, margin, by_kind or self._by_jets)
+
+    def by_derivatives(
+        self, xi: float | None, bounds: Sequence[float], printed: bool = False
+    ) -> TermsByDerivatives:
+        """The same with D_k; arguments as TermsByDerivatives has them."""
+        return TermsByDerivatives(
+            self.pairs, self.members, self._rho, self._alphas, xi, bounds, printed
+        )
 
 
 class ComposedTerms:
     """One agent's terms of h_tot at any state."""
 
     def __init__(
-        self, swarm: SwarmTerms, i: int, radius: float | None, margin: ComposedMargin
+        self,
+        swarm: SwarmTerms,
+        i: int,
+        radius: float | None,
+        margin: ComposedMargin | Bound,
+        by_kind: TermsByKind,
     ) -> None:
-        self._swarm, self._margin = swarm, margin
+        self._swarm, self._margin, self._by_kind = swarm, margin, by_kind
         self._own = swarm.members.states[i]
         self._near = swarm.in_sight.of(swarm.dynamics[i], radius)
         self._key: tuple[tuple[int, ...], bytes] | None = None
@@ -68,8 +93,6 @@ class ComposedTerms:
         constant = len(swarm.members.known) == len(swarm.members.states)
         self.known = swarm.members.known if constant else None
         """U_l of all members; None if some vary with the state."""
-        self.given = None if margin.bounds else margin.total(0.0)
-        """The margin, if it is the same at every state."""
 
     def __call__(self, x: Array, seen: Sequence[int] | None = None) -> "SeenTerms":
         """At a stacked state, shape (n̄,), of which only the members seen are known.
@@ -91,11 +114,10 @@ class ComposedTerms:
         return self._choose(x, seen)(x)
 
     def margin(self, x: Array, seen: tuple[int, ...], composed: ComposedNumbers) -> float:
-        """Of the row: scale (η + D), where D is how fast the disturbances can push ψ_{q-1} up."""
-        margin, states = self._margin, self._swarm.members.states
-        slopes = pushed_slopes(composed.pairs, composed.weights, x)
-        push = added(rounded_norm(slopes[states[l]]) * margin.bounds[l] for l in seen)
-        return margin.total(push)
+        """Of the row."""
+        if isinstance(self._margin, ComposedMargin):
+            return self._margin.total(composed.disturbance)
+        return self._margin(x, seen)
 
     def psi(self, x: Array, seen: Sequence[int] | None = None) -> Array:
         """ψ_0 ... ψ_{q-1} alone, shape (q,)."""
@@ -108,7 +130,7 @@ class ComposedTerms:
             around = None if near is None else np.flatnonzero(near).tolist()
             pairs = self._swarm.pairs
             chosen = pairs.choose(pairs.among(seen, around))
-            self._key, self._function = key, ComposedFunction(self._swarm.by_kind, seen, chosen)
+            self._key, self._function = key, ComposedFunction(self._by_kind, seen, chosen)
         return self._function
 
 
@@ -120,7 +142,7 @@ class SeenTerms:
     def __init__(self, terms: ComposedTerms, x: Array, seen: tuple[int, ...]) -> None:
         self._terms, self._x, self._seen = terms, x, seen
         self._found: ComposedNumbers | None = None
-        self._margin = terms.given
+        self._margin: float | None = None
         self._positions: Mapping[int, Array] | None = None
 
     @property
@@ -165,12 +187,3 @@ class SeenTerms:
         if self._found is None:
             self._found = self._terms.composed(self._x, self._seen)
         return self._found
-
-
-def pushed_slopes(pairs: ChosenPairs, weights: Array, x: Array) -> Array:
-    """∂ψ_{q-1}/∂x at the stacked state x, shape (n̄,): zero for who is in no pair.
-
-    weights: of these pairs, as LogSumExpJets has them.
-    """
-    each = (weights.T[:, pairs.slope_pair] * pairs.slopes(x)).sum(axis=0)
-    return np.bincount(pairs.slope_state, each, len(x)).astype(np.float64, copy=False)

@@ -1,16 +1,26 @@
-"""h_tot of the pairs in sight at one state after another: one call of a function by kinds."""
+"""h_tot of the pairs in sight at one state after another: one call of a function by kinds.
 
-from collections.abc import Iterable, Sequence
+Whose numbers it takes, and where they lie, is an argument: so the function grows with nothing but
+kinds, and serves all who see as many.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import NamedTuple
 
+import casadi as ca
 import numpy as np
 
 from phalanx.arrays import Array, Index
-from phalanx.theory.expressions.bound import BoundFunction, rounded_up
-from phalanx.theory.expressions.mapped import MappedFunction
+from phalanx.theory.expressions.bound import BoundFunction
 from phalanx.theory.models.polytope import Polytope, extremes, polytope
-from phalanx.theory.rows.by_kind import Shape, TermsByKind
-from phalanx.theory.safety.pairs import ChosenPairs
+from phalanx.theory.rows.members import SwarmMembers
+from phalanx.theory.safety.pairs import ChosenPairs, SwarmPairs
+
+MembersByKind = Sequence[tuple[int, Sequence[int]]]
+"""(number of a kind, members of it)."""
+Placed = tuple[ca.Function, list[Index]]
+"""A function of numbers and of places in them, and these places."""
 
 
 class ComposedNumbers(NamedTuple):
@@ -18,13 +28,73 @@ class ComposedNumbers(NamedTuple):
 
     psi: Array
     unforced: float
+    disturbance: float
+    """D_q; 0 where it has no part in the margin."""
     c: dict[int, Array]
     least: dict[int, float]
     most: dict[int, float]
     polytopes: dict[int, Polytope]
-    pairs: ChosenPairs
-    weights: Array
-    """Of these pairs, as LogSumExpJets has them, shape (r, q)."""
+
+
+class Gathered:
+    """Numbers picked by places, each list of them an argument of the function that is made."""
+
+    def __init__(self) -> None:
+        self.places: list[ca.MX] = []
+
+    def __call__(self, values: ca.MX, height: int, width: int) -> ca.MX:
+        """A matrix of them, a column for each row of places."""
+        self.places.append(ca.MX.sym("places", height * width))
+        return ca.reshape(values[self.places[-1]], height, width)
+
+
+class TermsByKind(ABC):
+    """How terms are made of kinds of pairs and members, for all who see as many of each."""
+
+    def __init__(self, pairs: SwarmPairs, members: SwarmMembers) -> None:
+        self.pairs, self.members = pairs, members
+        self.numbers: Array = np.concatenate(
+            [np.zeros(pairs.states), pairs.parameters, members.corners]
+        )
+        """What a function takes: the state, obstacles and the corners of each U."""
+
+    @abstractmethod
+    def room(self, count: int) -> int:
+        """How many members the function is made for where there are so many."""
+
+    @abstractmethod
+    def function(self, members: MembersByKind, pairs: ChosenPairs) -> Placed:
+        """The function of the numbers for these members and pairs.
+
+        Its results: ψ_0 ... ψ_{q-1}, the unforced part and D_q; c of all members; and of each the
+        least and most of c u, or A and b of a U that varies with the state.
+        """
+
+    def layout(self, sizes: MembersByKind, begin: int) -> tuple[dict[int, slice], int]:
+        """Where each member's numbers are from here on, and where they end.
+
+        sizes: how many each has.
+        """
+        found: dict[int, slice] = {}
+        for size, own in sizes:
+            found |= {l: slice(begin + n * size, begin + (n + 1) * size) for n, l in enumerate(own)}
+            begin += size * self.room(len(own))
+        return found, begin
+
+    def extremes(
+        self, numbers: ca.MX, c: ca.MX, rooms: Sequence[tuple[int, int]], chosen: Gathered
+    ) -> list[ca.MX]:
+        """What is said of each member's U; rooms: (number of a kind, members of it)."""
+        found, begin = [], 0
+        for k, room in rooms:
+            kind = self.members.kinds[k]
+            own = ca.reshape(c[begin : (begin := begin + kind.inputs * room)], kind.inputs, room)
+            if kind.polytope is None:
+                row = chosen(numbers, kind.x.numel(), room)
+            else:
+                row = ca.vertcat(own, chosen(numbers, len(kind.corners), room))
+            found.append(ca.vec(kind.extremes.mapped(room)(row)))
+        return found
 
 
 class ComposedFunction:
@@ -32,40 +102,19 @@ class ComposedFunction:
 
     def __init__(self, by_kind: TermsByKind, seen: Sequence[int], pairs: ChosenPairs) -> None:
         """seen: members. pairs: of them, and of them with what stands still."""
-        q, members = by_kind.pairs.degree, by_kind.members
-        self._pairs, self._members, self._degree = pairs, members, q
+        members, self._degree = by_kind.members, by_kind.pairs.degree
         kinds = list(members.by_kind(seen).items())
         sizes = [(members.kinds[k].inputs, own) for k, own in kinds]
-        self._c, end = _layout(sizes, q + 1)
+        self._c, end = by_kind.layout(sizes, self._degree + 2)
         sizes = [(members.kinds[k].extremes.results, own) for k, own in kinds]
-        self._ends, self._weights = _layout(sizes, end)
-        self._varying = [l for l in self._ends if l not in members.known]
-        self._least = [(l, own.start) for l, own in self._ends.items() if l in members.known]
+        self._ends, _ = by_kind.layout(sizes, end)
+        self._known = members.known
+        self._varying = [l for l in self._ends if l not in self._known]
+        self._least = [(l, own.start) for l, own in self._ends.items() if l in self._known]
         """Where the least of those with a constant U are; the most come next."""
-
-        parts, tables = _Parts(by_kind, pairs), list[Index]()
-        jets = _Jets(by_kind, pairs)
-        owners = np.full(members.inputs[-1].stop, -1)
-        for l, part in self._c.items():
-            owners[members.inputs[l]] = np.r_[part] - (q + 1)
-        pushes = _lists(owners[pairs.force_input], end - (q + 1))
-        weights = np.append(pairs.force_pair * q + q - 1, 0)
-        tables += parts.tables
-        for group in pairs.groups:
-            places = np.concatenate([group.places, *parts.of(group.number, group.pairs)], axis=1)
-            tables.append(_filled(places, rounded_up(len(places))))
-        tables += [jets.h, jets.forces[pushes], weights[pushes]]
-        for k, own in kinds:
-            tables.append(_filled(members.arguments(k, own), rounded_up(len(own))))
-        shape = Shape(
-            parts.shape,
-            tuple((group.number, rounded_up(len(group.pairs))) for group in pairs.groups),
-            tuple((k, rounded_up(len(own))) for k, own in kinds),
-            len(jets.h),
-            len(pushes),
-        )
+        function, tables = by_kind.function(kinds, pairs)
         arguments = [table.ravel().astype(np.float64) for table in tables]
-        self._bound = BoundFunction(by_kind.function(shape), [by_kind.numbers.copy(), *arguments])
+        self._bound = BoundFunction(function, [by_kind.numbers.copy(), *arguments])
         self._x, self._found = self._bound.inputs[0][: by_kind.pairs.states], self._bound.outputs[0]
 
     def __call__(self, x: Array) -> ComposedNumbers:
@@ -73,16 +122,15 @@ class ComposedFunction:
         self._x[:] = x
         self._bound.call()
         found, q = self._found.copy(), self._degree
-        numbers = found[: self._weights].tolist()
+        numbers = found.tolist()
         composed = ComposedNumbers(
             found[:q],
             numbers[q],
+            numbers[q + 1],
             {l: found[own] for l, own in self._c.items()},
             {l: numbers[k] for l, k in self._least},
             {l: numbers[k + 1] for l, k in self._least},
-            self._members.known,
-            self._pairs,
-            found[self._weights :].reshape(-1, q)[: len(self._pairs.pairs)],
+            self._known,
         )
         return self._solved(composed, found) if self._varying else composed
 
@@ -101,87 +149,3 @@ class ComposedFunction:
             polytopes[l] = polytope(A.reshape(len(b), -1), b)
             composed.least[l], composed.most[l] = extremes(c, polytopes[l].corners)
         return composed._replace(polytopes=polytopes)
-
-
-class _Jets:
-    """Where jets are among the results of all groups, which have room for more pairs."""
-
-    def __init__(self, by_kind: TermsByKind, pairs: ChosenPairs) -> None:
-        q, begin = by_kind.pairs.degree, 0
-        h, forces = list[Index](), list[Index]()
-        for group in pairs.groups:
-            width = group.kind.shared.jets.results
-            own = begin + np.arange(len(group.pairs) * width).reshape(-1, width)
-            h.append(own[:, : q + 1])
-            forces.append(own[:, q + 1 :].ravel())
-            begin += rounded_up(len(group.pairs)) * width
-        # After them FAR and zero: a pair that is none, and no force.
-        nobody, count = np.array([[begin] + [begin + 1] * q]), len(pairs.pairs)
-        self.h = np.concatenate([*h, nobody.repeat(rounded_up(count) - count, axis=0)])
-        """h, L_f h, ..., L_f^q h, shape (room, q+1)."""
-        self.forces = np.concatenate([*forces, [begin + 1]]).astype(np.intp)
-        """In the order of ChosenPairs, shape (f+1,): the last is none."""
-
-
-class _Parts:
-    """What members have the same part of in all their pairs."""
-
-    def __init__(self, by_kind: TermsByKind, pairs: ChosenPairs) -> None:
-        self._of, begin = by_kind.parts_of, len(by_kind.numbers)
-        self._first: dict[int, Index] = {}
-        self.tables: list[Index] = []
-        """Of the states that each function takes, row by row."""
-        shape = []
-        for number, part in enumerate(by_kind.parts):
-            members = self._members(part, pairs)
-            if not len(members):
-                continue
-            room = rounded_up(len(members))
-            self.tables.append(_filled(by_kind.members.places(members.tolist()), room))
-            shape.append((number, room))
-            first = self._first[id(part)] = np.zeros(members[-1] + 1, dtype=np.intp)
-            first[members] = begin + part.results * np.arange(len(members))
-            begin += part.results * room
-        self.shape = tuple(shape)
-
-    def _members(self, part: MappedFunction, pairs: ChosenPairs) -> Index:
-        """Of whom it is needed."""
-        found = [
-            group.pairs[:, side]
-            for group in pairs.groups
-            for side, own in enumerate(self._of[group.number])
-            if own is part
-        ]
-        return np.unique(np.concatenate([np.zeros(0, dtype=np.intp), *found]))
-
-    def of(self, kind: int, pairs: Index) -> list[Index]:
-        """Where the parts of both members of some pairs of a kind are, shapes (r, k)."""
-        return [
-            self._first[id(part)][pairs[:, side]][:, None] + np.arange(part.results)
-            for side, part in enumerate(self._of[kind])
-            if part
-        ]
-
-
-def _layout(kinds: Iterable[tuple[int, Sequence[int]]], begin: int) -> tuple[dict[int, slice], int]:
-    """Where each member's numbers are from here on, and where they end; kinds: how many each."""
-    found: dict[int, slice] = {}
-    for size, own in kinds:
-        found |= {l: slice(begin + n * size, begin + (n + 1) * size) for n, l in enumerate(own)}
-        begin += size * rounded_up(len(own))
-    return found, begin
-
-
-def _filled(places: Index, room: int) -> Index:
-    """With the first row again for all that there is room for."""
-    return np.concatenate([places, places[:1].repeat(room - len(places), axis=0)])
-
-
-def _lists(owners: Index, count: int) -> Index:
-    """The numbers of what each owner has, in order, shape (most, count), then len(owners)."""
-    order = np.argsort(owners, kind="stable")
-    sizes = np.bincount(owners, minlength=count)
-    table = np.full((rounded_up(int(sizes.max(initial=0))), count), len(owners))
-    rank = np.arange(len(owners)) - (np.cumsum(sizes) - sizes)[owners[order]]
-    table[rank, owners[order]] = order
-    return table

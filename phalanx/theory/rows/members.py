@@ -7,9 +7,10 @@ import casadi as ca
 import numpy as np
 
 from phalanx.arrays import Array, Index
+from phalanx.theory.expressions.exact import dot
 from phalanx.theory.expressions.mapped import MappedFunction
 from phalanx.theory.models.dynamics import Dynamics
-from phalanx.theory.models.polytope import constant_polytope
+from phalanx.theory.models.polytope import constant_polytope, extremes, polytope
 from phalanx.theory.safety.composition import Member, stacked_slices
 
 
@@ -22,6 +23,7 @@ class MemberKind:
         A, b = dynamics.input_polytope(x)
         self.polytope = constant_polytope(A, b)
         self.x, self._p = x, dynamics.position(x)
+        self._f, self._g = dynamics.drift(x), dynamics.actuation(x)
         self.inputs = c.numel()
         """m"""
         if self.polytope is None:
@@ -44,9 +46,20 @@ class MemberKind:
         return MappedFunction(self.row, self._outputs)
 
     @cached_property
+    def drift(self) -> MappedFunction:
+        """f, of the state."""
+        return MappedFunction([self.x], [self._f])
+
+    @cached_property
+    def forces(self) -> MappedFunction:
+        """s g, of the state and of s, shape (n,)."""
+        slope = ca.SX.sym("slope", self.x.numel())
+        return MappedFunction([self.x, slope], [slope.T @ self._g])
+
+    @cached_property
     def text(self) -> str:
         """What tells kinds apart."""
-        outputs = [ca.densify(o) for o in (self._p, *self._outputs)]
+        outputs = [ca.densify(o) for o in (self._p, self._f, self._g, *self._outputs)]
         varying = self.polytope is None
         row = self.row if varying else [self.x, *self.row]
         found: str = ca.Function("member", [ca.vertcat(*row)], outputs).serialize()
@@ -92,6 +105,19 @@ class SwarmMembers:
     def places(self, members: Sequence[int]) -> Index:
         """Where the states of members of one kind are, row by row."""
         return np.stack([np.r_[self.states[l]] for l in members])
+
+    def extremes(self, l: int, x: Array, c: Array) -> Array:
+        """min and max of c u over U_l at states x, (s, n), of c, (s, m); shape (s, 2)."""
+        known, (states, inputs) = self.known.get(l), (x.shape[1], c.shape[1])
+        if known is not None:
+            values = dot(c[:, None], known.corners)
+            return np.column_stack([values.min(axis=1), values.max(axis=1)])
+        rows = self.kinds[self._kind[l]].extremes(x.ravel(), np.arange(x.size).reshape(-1, states))
+        found = []
+        for row, force in zip(rows, c, strict=True):
+            A, b = np.split(row, [len(row) * inputs // (inputs + 1)])
+            found.append(extremes(force, polytope(A.reshape(len(b), -1), b).corners))
+        return np.array(found)
 
     def by_kind(self, seen: Sequence[int]) -> dict[int, list[int]]:
         """The members seen of each kind, those with a constant U first."""

@@ -15,47 +15,33 @@ The second order and the turning of c_l are left to η.
 
 from collections.abc import Sequence
 
-import casadi as ca
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.expressions.bound import BoundFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.models.polytope import maximiser, minimiser
+from phalanx.theory.rows.by_derivatives import TermsByDerivatives
 from phalanx.theory.rows.row import joint_sum, total_span
 from phalanx.theory.rows.terms import Terms
-from phalanx.theory.safety.chain import Chain
 
 
 class ShareMargin:
-    """Evaluates the margin at any sampled state: one gradient of the whole swarm's ψ_q.
+    """Evaluates the margin at any sampled state: one gradient of the swarm's ψ_q."""
 
-    It is compiled from the whole expression of h_tot, which does not scale.
-    """
-
-    def __init__(self, chain: Chain, horizon: float, bounds: Sequence[float]) -> None:
-        """Compile.
-
-        Args:
-            chain: of the composed set.
-            horizon: τ = Γ_i + δ_i^max and the latency [s].
-            bounds: φ_l^max of each member.
-        """
-        composed = chain.set
+    def __init__(self, by_derivatives: TermsByDerivatives, horizon: float) -> None:
+        """horizon: τ = Γ_i + δ_i^max and the latency [s]."""
+        pairs, members = by_derivatives.pairs, by_derivatives.members
+        everybody = range(len(pairs.members))
+        kinds = list(members.by_kind(everybody).items())
+        function, places = by_derivatives.rates(kinds, pairs.choose(pairs.among(everybody)))
+        numbers = [by_derivatives.numbers.copy(), *[p.ravel().astype(np.float64) for p in places]]
+        sizes = [(members.kinds[k].inputs, own) for k, own in kinds]
+        self._inputs, count = by_derivatives.layout(sizes, 0)
+        self._w = np.zeros(count)
+        self._bound = BoundFunction(function, [*numbers, self._w])
+        self._x, self._found = numbers[0][: pairs.states], self._bound.outputs[0]
         self._horizon = horizon
-        w = [ca.SX.sym(f"w_{m.name}", len(m.dynamics.inputs)) for m in composed.members]
-        forced = [c @ u for c, u in zip(chain.actuation, w, strict=True)]
-        last = ca.sum1(chain.drift) + chain.alpha + ca.sum1(ca.vertcat(*forced))
-        if chain.relative_degree > 1:
-            last += chain.disturbance  # which is part of ψ_q; of q = 1 it is in η
-        slopes = ca.jacobian(last, composed.x)
-        unforced, forces = ca.SX(0), []
-        for member, part, bound in zip(composed.members, composed.parts, bounds, strict=True):
-            x, slope = composed.x[part], slopes[:, part]
-            unforced += slope @ member.dynamics.drift(x) + bound * ca.norm_2(slope)
-            forces.append(slope @ member.dynamics.actuation(x))
-        settled = [composed.substitute(o) for o in [unforced, *forces]]
-        self._evaluate = CompiledFunction([composed.x, ca.vertcat(*w)], settled)
 
     def __call__(self, x: Array, terms: Terms, sharing: Sequence[int]) -> float:
         """What the joint condition keeps back for its shares.
@@ -65,21 +51,19 @@ class ShareMargin:
             terms: at x. Where some U_l depends on the state it counts as it is there.
             sharing: normal agents that keep their share.
         """
-        unforced, *forces = self._evaluate(x, self._just_shared(terms, sharing))
-        growth = float(unforced[0])
-        for l, force in enumerate(forces):
-            growth += float(dot(terms.polytopes[l].corners, force).max())
+        used = min(max(-joint_sum(terms, sharing) / total_span(terms, sharing), 0.0), 1.0)
+        for l, own in self._inputs.items():
+            self._w[own] = _just_shared(terms, l, used if l in sharing else 1.0)
+        self._x[:] = x
+        self._bound.call()
+        growth, forces = float(self._found[0]), self._found[1:]
+        for l, own in sorted(self._inputs.items()):
+            growth += float(dot(terms.polytopes[l].corners, forces[own]).max())
         return max(0.0, self._horizon * growth)
 
-    @staticmethod
-    def _just_shared(terms: Terms, sharing: Sequence[int]) -> Array:
-        """w_r, stacked: r of the range of those that share, everybody else at the worst."""
-        used = min(max(-joint_sum(terms, sharing) / total_span(terms, sharing), 0.0), 1.0)
-        inputs = []
-        for l in range(len(terms.c)):
-            c, corners = terms.c[l], terms.polytopes[l].corners
-            worst = maximiser(c, corners)
-            if l in sharing:
-                worst = worst + (1.0 - used) * (minimiser(c, corners) - worst)
-            inputs.append(worst)
-        return np.concatenate(inputs)
+
+def _just_shared(terms: Terms, l: int, used: float) -> Array:
+    """w_r of agent l, which uses so much of its range, from its best input to its worst."""
+    c, corners = terms.c[l], terms.polytopes[l].corners
+    worst = maximiser(c, corners)
+    return worst + (1.0 - used) * (minimiser(c, corners) - worst)

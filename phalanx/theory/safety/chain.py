@@ -4,14 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
-import numpy as np
 
-from phalanx.arrays import Array
-from phalanx.theory.expressions.exact import dot
 from phalanx.theory.safety.class_k import ClassK, Linear
 from phalanx.theory.safety.composition import ComposedSet, Member
 
-_ROUNDED = 1e-4
+ROUNDED = 1e-4
 """Norms are taken as sqrt(‖·‖² + this²), which is above them and smooth."""
 
 
@@ -97,16 +94,11 @@ def _disturbance(gradients: Sequence[ca.SX], bounds: Sequence[float] | None) -> 
     """D = Σ_l ‖gradient_l‖ φ_l^max, rounded off at zero so that it can be differentiated."""
     if bounds is None:
         return ca.SX(0)
-    norms = [ca.sqrt(ca.sumsqr(g) + _ROUNDED * _ROUNDED) for g in gradients]
+    norms = [ca.sqrt(ca.sumsqr(g) + ROUNDED * ROUNDED) for g in gradients]
     total = ca.SX(0)
     for norm, bound in zip(norms, bounds, strict=True):
         total += norm * bound
     return total
-
-
-def rounded_norm(gradient: Array) -> float:
-    """One member's norm in that sum, from numbers."""
-    return float(np.sqrt(dot(gradient, gradient) + _ROUNDED * _ROUNDED))
 
 
 def inputs_appear(

@@ -10,7 +10,6 @@ from phalanx.scenario.agents import Disturbance
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.expressions.exact import length
-from phalanx.theory.rows.composed import pushed_slopes
 
 
 @dataclass(frozen=True)
@@ -102,8 +101,10 @@ class SwarmGradient:
         """At a stacked state x, shape (n̄,)."""
         # Agents of a swarm have their knots at the same times: one evaluation serves them all.
         if not np.array_equal(x, self._x):
-            weights = self._jets(self._pairs.jets(x).h).weights
-            self._x, self._found = x.copy(), pushed_slopes(self._pairs, weights, x)
+            pairs, weights = self._pairs, self._jets(self._pairs.jets(x).h).weights
+            each = (weights.T[:, pairs.slope_pair] * pairs.slopes(x)).sum(axis=0)
+            found = np.bincount(pairs.slope_state, each, len(x))
+            self._x, self._found = x.copy(), found.astype(np.float64, copy=False)
         return self._found
 
 

@@ -11,10 +11,10 @@ from phalanx.swarm.compile import compile_rows
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.margins.margin import ComposedMargin
 from phalanx.theory.margins.row_part import RowPart
-from phalanx.theory.rows.terms import TermsFunction
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.composition import FAR
 from tests.unit.swarms import rows_of_scenario
+from tests.unit.theory.whole_expression import TermsFunction
 
 FEW = ("agents.0.count=5", "agents.1.count=1", "flows.obstacles=0.2")
 """Of a crowd: as many as make all its kinds of pairs."""
@@ -113,10 +113,29 @@ def test_forked_programs_have_nothing_left_to_compile(name, monkeypatch):
             assert len(rows.pair_terms(i)(x, sharing=sharing).parts)
 
 
-def test_forked_programs_have_no_gradients_left_to_compile_where_a_margin_needs_them():
-    rows = rows_of_scenario("formation3d", "safety.margin=corrected")
-    compile_rows(rows)
-    assert all("gradients" in vars(kind) for kind in rows.swarm.pairs.kinds)
+@pytest.mark.parametrize("margin", ["paper", "corrected", "local"])
+@pytest.mark.parametrize("name", ["stale-inputs", "disturbance-gap"])
+@pytest.mark.parametrize("radius", [None, 4.0])
+def test_every_margin_has_the_terms_of_its_chain(name, margin, radius):
+    """Of what an agent sees: the margin `local` too, which is a bound of the whole expression."""
+    overrides = [f"safety.margin={margin}", *(["safety.eta=0"] if margin == "local" else [])]
+    overrides += [f"safety.neighbourhood={radius}"] if radius else []
+    rows = rows_of_scenario(name, *overrides)
+    swarm, i = rows.swarm, rows.swarm.normal[0]
+    active = None if radius is None else swarm.safe_set.within(i, radius)
+    known = rows.margin(i).of(rows.chain, i, active=active)
+    whole, terms = TermsFunction(rows.chain, active, known), rows.terms(i)
+    for x in states(rows, 40):
+        seen = swarm.seen(i, x)
+        found, expected = terms(x, seen), whole(x, seen)
+        if found.psi[0] == FAR:  # nobody is near
+            continue
+        numbers = [
+            np.concatenate([t.psi, [t.unforced, t.margin], *[t.c[l] for l in seen]])
+            for t in (found, expected)
+        ]
+        assert numbers[0] == pytest.approx(numbers[1], **close)
+        assert rows.invariants()(x)[: len(found.psi)] == pytest.approx(expected.psi, **close)
 
 
 def test_agents_of_one_group_share_what_is_compiled():

@@ -13,7 +13,6 @@ from phalanx.theory.laws.velocity import OutputVelocity, Pursue, TrackVelocity
 from phalanx.theory.laws.worst_case import WorstCase
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.unicycle import Unicycle
-from phalanx.theory.rows.terms import TermsFunction
 from phalanx.theory.safety.chain import build_chain
 from tests.unit.theory.users_own import (
     Case,
@@ -24,6 +23,7 @@ from tests.unit.theory.users_own import (
     along,
     swarm_of,
 )
+from tests.unit.theory.whole_expression import TermsFunction
 
 seeds = st.integers(0, 2**32 - 1)
 NORMAL = (0, 1, 2)

@@ -19,10 +19,10 @@ from phalanx.theory.models.polytope import (
     vertices,
 )
 from phalanx.theory.models.unicycle import Unicycle
-from phalanx.theory.rows.terms import TermsFunction
 from phalanx.theory.safety.chain import build_chain
 from tests.unit.theory.polytopes import random_polytope
 from tests.unit.theory.users_own import Drifter, OutputUnicycle, Rail, swarm_of
+from tests.unit.theory.whole_expression import TermsFunction
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -11,8 +11,8 @@ from phalanx.scenario.load import ScenarioError, load
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.rows.centralised import JointInput, joint_row
 from phalanx.theory.rows.origin import Origin
-from phalanx.theory.rows.terms import TermsFunction
 from tests.unit.swarms import rows_of_scenario, swarm_of_scenario
+from tests.unit.theory.whole_expression import TermsFunction
 
 
 @pytest.fixture(scope="module")

@@ -15,9 +15,10 @@ from phalanx.theory.rows.decision import decide
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Row, joint_sum, paper_row, shares, split_row
-from phalanx.theory.rows.terms import Terms, TermsFunction
+from phalanx.theory.rows.terms import Terms
 from phalanx.theory.safety.chain import build_chain
 from tests.unit.theory.users_own import Case, Drifter, OutputUnicycle, Oval, along, swarm_of
+from tests.unit.theory.whole_expression import TermsFunction
 
 ALPHA, ETA = 1.3, 0.8
 NORMAL, ADVERSARIES = (0, 1, 2), (3, 4)

@@ -11,16 +11,21 @@ from hypothesis import strategies as st
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.polytope import maximiser, minimiser
 from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.rows.composed import SwarmTerms
 from phalanx.theory.rows.row import joint_sum, split_row, total_span
 from phalanx.theory.rows.share_margin import ShareMargin
-from phalanx.theory.rows.terms import Terms, TermsFunction
+from phalanx.theory.rows.terms import Terms
 from phalanx.theory.safety.chain import Chain, build_chain
+from phalanx.theory.safety.class_k import Linear
+from phalanx.theory.safety.pairs import SwarmPairs
 from tests.unit.theory.users_own import swarm_of
+from tests.unit.theory.whole_expression import TermsFunction
 
-NORMAL, BOUNDS = (0, 1), (0.3, 0.0, 0.5)
+NORMAL, BOUNDS, GAINS = (0, 1), (0.3, 0.0, 0.5), (1.3, 0.9)
 seeds = st.integers(0, 2**32 - 1)
 degrees = st.sampled_from([1, 2])
 
@@ -34,7 +39,7 @@ class Case:
             DoubleIntegrator(a, drag, dimension=2) for a, drag in [(2, 0), (1, 0.5), (1.5, 0)]
         ]
         composed = swarm_of(first if q == 1 else second).composed
-        self.chain: Chain = build_chain(composed, [1.3, 0.9][:q])
+        self.chain: Chain = build_chain(composed, GAINS[:q])
         self.terms = TermsFunction(self.chain)
         members, parts, x = composed.members, composed.parts, composed.x
         drift = [m.dynamics.drift(x[part]) for m, part in zip(members, parts, strict=True)]
@@ -54,8 +59,12 @@ def case(q: int) -> Case:
 
 
 @cache
-def share_margin(q: int, horizon: float) -> ShareMargin:
-    return ShareMargin(case(q).chain, horizon, BOUNDS)
+def share_margin(q: int, horizon: float, xi: float | None = 0.0) -> ShareMargin:
+    """xi: as build_chain has it; the chain is the printed one where it is given."""
+    composed, alphas = case(q).chain.set, [Linear(gain) for gain in GAINS[:q]]
+    pairs = SwarmPairs(composed.members, composed.obstacles, composed.function, q)
+    swarm = SwarmTerms(pairs, composed.rho, alphas, 0.0)
+    return ShareMargin(swarm.by_derivatives(xi, BOUNDS, printed=xi is not None), horizon)
 
 
 def drawn(seed: int, q: int) -> tuple[np.random.Generator, np.ndarray, float]:
@@ -103,6 +112,54 @@ def test_it_is_the_fastest_fall_of_what_every_agent_may_use(seed, q):
     margin = share_margin(q, 1.0)(x, terms, NORMAL)
     expected = total_span(terms, NORMAL) * max(0.0, fall)
     assert margin == pytest.approx(expected, rel=1e-4, abs=1e-4)
+
+
+@pytest.mark.parametrize("q", [1, 2])
+@pytest.mark.parametrize("xi", [0.0, None])
+def test_it_is_that_of_the_whole_expression(q, xi):
+    """At 2000 states, of the printed chain and of one with all D_k."""
+    whole = Whole(build_chain(case(q).chain.set, GAINS[:q], xi, None if xi == 0.0 else BOUNDS))
+    for seed in range(1000):
+        _, x, eta = drawn(seed, q)
+        terms = case(q).terms(x)._replace(margin=eta)
+        found, expected = share_margin(q, 1.0, xi)(x, terms, NORMAL), whole(x, terms)
+        assert abs(found - expected) <= 1e-12 * max(1.0, expected)
+
+
+class Whole:
+    """The margin from one expression of all states."""
+
+    def __init__(self, chain: Chain) -> None:
+        composed = chain.set
+        w = [ca.SX.sym("w", len(m.dynamics.inputs)) for m in composed.members]
+        last = ca.sum1(chain.drift) + chain.alpha
+        for c, u in zip(chain.actuation, w, strict=True):
+            last += c @ u
+        if chain.relative_degree > 1:
+            last += chain.disturbance
+        slopes = ca.jacobian(last, composed.x)
+        unforced, forces = ca.SX(0), []
+        for member, part, bound in zip(composed.members, composed.parts, BOUNDS, strict=True):
+            x, slope = composed.x[part], slopes[:, part]
+            unforced += slope @ member.dynamics.drift(x) + bound * ca.norm_2(slope)
+            forces.append(slope @ member.dynamics.actuation(x))
+        settled = [composed.substitute(o) for o in [unforced, *forces]]
+        self._evaluate = CompiledFunction([composed.x, ca.vertcat(*w)], settled)
+
+    def __call__(self, x: np.ndarray, terms: Terms) -> float:
+        used = min(max(-joint_sum(terms, NORMAL) / total_span(terms, NORMAL), 0.0), 1.0)
+        inputs = []
+        for l, polytope in sorted(terms.polytopes.items()):
+            best, worst = (f(terms.c[l], polytope.corners) for f in (minimiser, maximiser))
+            inputs.append(worst + (1.0 - used if l in NORMAL else 0.0) * (best - worst))
+        unforced, *forces = self._evaluate(x, np.concatenate(inputs))
+        return max(
+            0.0,
+            float(unforced[0])
+            + sum(
+                float((terms.polytopes[l].corners @ force).max()) for l, force in enumerate(forces)
+            ),
+        )
 
 
 HORIZON, STEPS = 1e-3, 10

@@ -11,12 +11,12 @@ from phalanx.theory.models.bicycle import KinematicBicycle
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
 from phalanx.theory.models.unicycle import Unicycle
-from phalanx.theory.rows.terms import TermsFunction
 from phalanx.theory.safety.chain import RelativeDegreeError, build_chain
 from phalanx.theory.safety.class_k import Power
 from phalanx.theory.safety.composition import Member, compose
 from phalanx.theory.safety.function import Separation
 from phalanx.theory.safety.obstacles import Sphere, Wall
+from tests.unit.theory.whole_expression import TermsFunction
 
 R, RHO, XI = 1.3, 0.7, 2.5
 A1, A2, A3 = 0.8, 1.7, 1.1

@@ -5,11 +5,11 @@ import pytest
 
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.integrators import SingleIntegrator
-from phalanx.theory.rows.terms import TermsFunction
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.composition import FAR, Member, compose
 from phalanx.theory.safety.function import Separation
 from phalanx.theory.safety.obstacles import Sphere, Wall
+from tests.unit.theory.whole_expression import TermsFunction
 
 R, RHO, A1 = 1.3, 0.7, 0.8
 

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.unicycle import Unicycle
-from phalanx.theory.rows.terms import TermsFunction
 from phalanx.theory.safety.chain import Chain, RelativeDegreeError, build_chain
 from phalanx.theory.safety.function import Separation
 from tests.unit.theory.users_own import (
@@ -25,6 +24,7 @@ from tests.unit.theory.users_own import (
     along,
     swarm_of,
 )
+from tests.unit.theory.whole_expression import TermsFunction
 
 ALPHA = 1.7
 SWARMS: dict[str, Callable[[], Case]] = {

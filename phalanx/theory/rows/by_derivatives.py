@@ -1,0 +1,228 @@
+"""Terms of h_tot by derivatives of a graph by kinds, for what is no function of jets.
+
+D_k = Σ_l ‖∂ψ_{k-1}/∂x_l‖ φ_l^max within ψ_k needs the gradient of ψ_{k-1}, and so does the rate at
+which shares tighten. For that CasADi differentiates the composition of all pairs: a graph of
+vectors that has h of each kind of pair, and the dynamics of each kind of member, once.
+
+portable.py's exp and log have no exact derivatives. So h_tot is expanded around its own numbers at
+the sample: polynomials whose derivatives are those of LSE there, to as high an order as is needed.
+"""
+
+from collections.abc import Sequence
+from functools import cache
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from phalanx.arrays import Index
+from phalanx.theory.expressions import exponential
+from phalanx.theory.expressions.portable import as_written, portable_function
+from phalanx.theory.rows.composed_function import Gathered, MembersByKind, Placed, TermsByKind
+from phalanx.theory.rows.members import MemberKind, SwarmMembers
+from phalanx.theory.safety.chain import ROUNDED
+from phalanx.theory.safety.class_k import ClassK
+from phalanx.theory.safety.composition import FAR
+from phalanx.theory.safety.pairs import ChosenPairs, SwarmPairs
+
+_Counts = tuple[tuple[int, int], ...]
+"""(number of a kind, how many there are of it)."""
+
+
+class _Sample(NamedTuple):
+    """LSE of r pairs at the sample: numbers, which do not change while one differentiates."""
+
+    h: ca.MX
+    """shape (r,)"""
+    exponentials: ca.MX
+    """exp(ρ (h - max h)), shape (r,)"""
+    total: ca.MX
+    """Their sum."""
+    value: ca.MX
+    """h_tot"""
+
+
+class _Alike(NamedTuple):
+    """Members of one kind."""
+
+    kind: MemberKind
+    x: ca.MX
+    """Their states, shape (n, r)."""
+    places: ca.MX
+    """Of these among the numbers, shape (n r,)."""
+    phi: ca.MX
+    """φ_l^max of each, shape (1, r)."""
+
+
+class _Graph(NamedTuple):
+    """The chain as CasADi's expressions of the numbers."""
+
+    numbers: ca.MX
+    gathered: Gathered
+    h: ca.MX
+    sample: _Sample
+    members: list[_Alike]
+    psi: list[ca.MX]
+    unforced: ca.MX
+    c: ca.MX
+    """L_{g_l} ψ_{q-1}^{x_l} of all members, stacked."""
+    disturbance: ca.MX
+    """D_q"""
+
+
+class TermsByDerivatives(TermsByKind):
+    """The chain that safety.chain.build_chain has of the composed set, kind by kind."""
+
+    def __init__(
+        self,
+        pairs: SwarmPairs,
+        members: SwarmMembers,
+        rho: float,
+        alphas: Sequence[ClassK],
+        xi: float | None,
+        bounds: Sequence[float],
+        printed: bool = False,
+    ) -> None:
+        """The arguments are build_chain's.
+
+        Args:
+            pairs: of the swarm.
+            members: of the swarm.
+            rho: of LSE.
+            alphas: α_1, ..., α_q.
+            xi: of Eq. (xi); None for D_1 in its place.
+            bounds: φ_l^max of each member.
+            printed: whether D_k is left out of the chain.
+        """
+        super().__init__(pairs, members)
+        self._rho, self._xi, self._printed = rho, xi, printed
+        self._phi = len(self.numbers) + np.arange(len(pairs.members))
+        self.numbers = np.concatenate([self.numbers, bounds])
+        s = ca.SX.sym("s")
+        self._alphas = [portable_function([s], ca.SX(alpha.value(s))) for alpha in alphas]
+        self._made, self._rates = cache(self._make), cache(self._make_rates)
+
+    def room(self, count: int) -> int:
+        return count
+
+    def function(self, members: MembersByKind, pairs: ChosenPairs) -> Placed:
+        tables = self._places(members, pairs)
+        tables += [self.members.arguments(k, own) for k, own in members]
+        return self._made(*_counts(members, pairs)), tables
+
+    def rates(self, members: MembersByKind, pairs: ChosenPairs) -> Placed:
+        """What makes ψ_q grow while all members hold inputs w: a function as `function` has it.
+
+        It takes w too, stacked as c is. Its results: ∂ψ_q/∂x f + Σ_l ‖∂ψ_q/∂x_l‖ φ_l^max, and
+        ∂ψ_q/∂x_l g_l of all members.
+        """
+        return self._rates(*_counts(members, pairs)), self._places(members, pairs)
+
+    def _places(self, members: MembersByKind, pairs: ChosenPairs) -> list[Index]:
+        tables = [group.places for group in pairs.groups]
+        for _, own in members:
+            tables += [self.members.places(own), self._phi[list(own)]]
+        return tables
+
+    def _make(self, pairs: _Counts, members: _Counts) -> ca.Function:
+        graph = self._graph(pairs, members)
+        ends = self.extremes(graph.numbers, graph.c, members, graph.gathered)
+        results = [*graph.psi, graph.unforced, graph.disturbance, graph.c, *ends]
+        return self._at_sample(graph, [], results)
+
+    def _make_rates(self, pairs: _Counts, members: _Counts) -> ca.Function:
+        graph = self._graph(pairs, members)
+        w = ca.MX.sym("w", graph.c.numel())
+        last = graph.unforced + ca.sum1(graph.c * w)
+        if self.pairs.degree > 1:
+            last += graph.disturbance  # which is part of ψ_q; of q = 1 it is in η
+        slopes = _slopes(last, graph.numbers, graph.members)
+        growth = _drift(slopes, graph.members) + _pushed(slopes, graph.members, 0.0)
+        return self._at_sample(graph, [w], [growth, _forces(slopes, graph.members)])
+
+    def _graph(self, pairs: _Counts, members: _Counts) -> _Graph:
+        q, numbers, chosen = self.pairs.degree, ca.MX.sym("numbers", len(self.numbers)), Gathered()
+        each = []
+        for k, count in pairs:
+            function = self.pairs.kinds[k].h
+            each.append(ca.vec(function.mapped(count)(chosen(numbers, function.inputs, count))))
+        h = ca.vertcat(*each, FAR)  # so that there is one
+        sample = _Sample(*[ca.MX.sym("sample", n) for n in (h.numel(), h.numel(), 1, 1)])
+        alike = []
+        for k, count in members:
+            kind = self.members.kinds[k]
+            x = chosen(numbers, kind.x.numel(), count)
+            alike.append(_Alike(kind, x, chosen.places[-1], chosen(numbers, 1, count)))
+        psi = [_h_tot(h, sample, self._rho, q + 1)]
+        for degree, alpha in enumerate(self._alphas, start=1):
+            slopes = _slopes(psi[-1], numbers, alike)
+            unforced = _drift(slopes, alike) + alpha(psi[-1])
+            disturbance = ca.MX(0.0) if self._printed else _pushed(slopes, alike, ROUNDED)
+            if degree < q:
+                xi = disturbance if degree > 1 or self._xi is None else self._xi
+                psi.append(unforced + xi)
+        forces = _forces(slopes, alike)
+        return _Graph(numbers, chosen, h, sample, alike, psi, unforced, forces, disturbance)
+
+    def _at_sample(self, graph: _Graph, more: list[ca.MX], results: Sequence[ca.MX]) -> ca.Function:
+        """The function of numbers, places and more, the sample's numbers being put in."""
+        given = [graph.numbers, *graph.gathered.places, *more]
+        around = ca.Function("around", [*given, *graph.sample], [ca.vertcat(*results)])
+        sigma = ca.mmax(graph.h)
+        with as_written():
+            exponentials = exponential.exp(self._rho * (graph.h - sigma))
+            total = ca.sum1(exponentials)
+            value = sigma + exponential.log(total) / self._rho
+        found = around.call([*given, graph.h, exponentials, total, value], True, False)
+        return ca.Function("terms", given, found)
+
+
+def _counts(members: MembersByKind, pairs: ChosenPairs) -> tuple[_Counts, _Counts]:
+    return (
+        tuple((group.number, len(group.pairs)) for group in pairs.groups),
+        tuple((k, len(own)) for k, own in members),
+    )
+
+
+def _h_tot(h: ca.MX, sample: _Sample, rho: float, order: int) -> ca.MX:
+    """LSE around the sample, with its derivatives up to this order."""
+    z, series = rho * (h - sample.h), ca.MX(1.0)
+    for k in range(order, 0, -1):
+        series = 1.0 + z / k * series
+    rise = (ca.sum1(sample.exponentials * series) - sample.total) / sample.total
+    logarithm = ca.MX(0.0)
+    for k in range(order, 0, -1):
+        logarithm = 1.0 / k - rise * logarithm
+    return sample.value + rise * logarithm / rho
+
+
+def _slopes(value: ca.MX, numbers: ca.MX, members: Sequence[_Alike]) -> list[ca.MX]:
+    """∂value/∂x_l of each kind's members, shapes (n, r)."""
+    gradient = ca.gradient(value, numbers)
+    return [ca.reshape(gradient[own.places], *own.x.shape) for own in members]
+
+
+def _drift(slopes: Sequence[ca.MX], members: Sequence[_Alike]) -> ca.MX:
+    """Σ_l slope_l f_l, scalar."""
+    total = ca.MX(0.0)
+    for slope, own in zip(slopes, members, strict=True):
+        total += ca.sum1(ca.sum2(slope * own.kind.drift.mapped(own.x.shape[1])(own.x)))
+    return total
+
+
+def _forces(slopes: Sequence[ca.MX], members: Sequence[_Alike]) -> ca.MX:
+    """slope_l g_l of all members, stacked."""
+    each = [
+        ca.vec(own.kind.forces.mapped(own.x.shape[1])(ca.vertcat(own.x, slope)))
+        for slope, own in zip(slopes, members, strict=True)
+    ]
+    return ca.vertcat(*each)
+
+
+def _pushed(slopes: Sequence[ca.MX], members: Sequence[_Alike], rounded: float) -> ca.MX:
+    """Σ_l ‖slope_l‖ φ_l^max, scalar; rounded: as safety.chain has it."""
+    total = ca.MX(0.0)
+    for slope, own in zip(slopes, members, strict=True):
+        norms = ca.sqrt(ca.sum1(slope * slope) + rounded * rounded)
+        total += ca.sum2(own.phi * norms)
+    return total

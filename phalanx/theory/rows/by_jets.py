@@ -1,0 +1,174 @@
+"""Terms of h_tot from what each pair's h does along the drift: h, L_f h, ..., L_f^q h."""
+
+from functools import cache, cached_property
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from phalanx.arrays import Index
+from phalanx.theory.expressions.bound import rounded_up
+from phalanx.theory.expressions.mapped import MappedFunction
+from phalanx.theory.rows.composed_function import Gathered, MembersByKind, Placed, TermsByKind
+from phalanx.theory.rows.members import SwarmMembers
+from phalanx.theory.safety.composition import FAR
+from phalanx.theory.safety.jets import LogSumExpJets
+from phalanx.theory.safety.pairs import ChosenPairs, SwarmPairs
+
+
+class _Shape(NamedTuple):
+    """What a function is made for."""
+
+    parts: tuple[tuple[int, int], ...]
+    """(number of the function, room) of members' parts; below of kinds of pairs and of members."""
+    pairs: tuple[tuple[int, int], ...]
+    members: tuple[tuple[int, int], ...]
+    room: int
+    """For pairs."""
+    most: int
+    """Forces that one input has a part in."""
+
+
+class TermsByJets(TermsByKind):
+    """ψ_k are functions of these numbers where no D_k is part of them."""
+
+    def __init__(self, pairs: SwarmPairs, members: SwarmMembers, jets: LogSumExpJets) -> None:
+        super().__init__(pairs, members)
+        self.jets, self._made = jets, cache(self._make)
+
+    def room(self, count: int) -> int:
+        return rounded_up(count)
+
+    @cached_property
+    def parts_of(self) -> list[list[MappedFunction | None]]:
+        """By kind of pair, of each of its members: what is the same in all its pairs."""
+        by_text: dict[str, MappedFunction] = {}
+        return [
+            [part and by_text.setdefault(part.text, part) for part in kind.shared.parts]
+            for kind in self.pairs.kinds
+        ]
+
+    @cached_property
+    def parts(self) -> list[MappedFunction]:
+        """The different ones among them."""
+        every = [part for own in self.parts_of for part in own if part]
+        return list({id(part): part for part in every}.values())
+
+    def function(self, members: MembersByKind, pairs: ChosenPairs) -> Placed:
+        q, each = self.pairs.degree, self.members
+        c, count = self.layout([(each.kinds[k].inputs, own) for k, own in members], 0)
+        parts, jets = _Parts(self, pairs), _Jets(self, pairs)
+        owners = np.full(each.inputs[-1].stop, -1)
+        for l, part in c.items():
+            owners[each.inputs[l]] = np.r_[part]
+        pushes = _lists(owners[pairs.force_input], count)
+        weights = np.append(pairs.force_pair * q + q - 1, 0)
+        tables = list(parts.tables)
+        for group in pairs.groups:
+            places = np.concatenate([group.places, *parts.of(group.number, group.pairs)], axis=1)
+            tables.append(_filled(places, rounded_up(len(places))))
+        tables += [jets.h, jets.forces[pushes], weights[pushes]]
+        for k, own in members:
+            tables.append(_filled(each.arguments(k, own), rounded_up(len(own))))
+        shape = _Shape(
+            parts.shape,
+            tuple((group.number, rounded_up(len(group.pairs))) for group in pairs.groups),
+            tuple((k, rounded_up(len(own))) for k, own in members),
+            len(jets.h),
+            len(pushes),
+        )
+        return self._made(shape), tables
+
+    def _make(self, shape: _Shape) -> ca.Function:
+        q, chosen = self.pairs.degree, Gathered()
+        numbers = ca.MX.sym("numbers", len(self.numbers))
+        known, found = [numbers], []
+        for k, room in shape.parts:
+            part = self.parts[k]
+            known.append(ca.vec(part.mapped(room)(chosen(numbers, part.inputs, room))))
+        once = ca.vertcat(*known)
+        for k, room in shape.pairs:
+            function = self.pairs.kinds[k].shared.jets
+            found.append(ca.vec(function.mapped(room)(chosen(once, function.inputs, room))))
+        jets = ca.vertcat(*found, ca.MX(FAR), 0.0)
+        chain, weights = self.jets.composition(shape.room)(chosen(jets, q + 1, shape.room))
+        inputs = sum(self.members.kinds[k].inputs * room for k, room in shape.members)
+        forces = chosen(jets, inputs, shape.most)
+        c = ca.sum2(forces * chosen(ca.vec(weights), inputs, shape.most))
+        ends = self.extremes(numbers, c, shape.members, chosen)
+        return ca.Function("terms", [numbers, *chosen.places], [ca.vertcat(chain, 0.0, c, *ends)])
+
+
+class _Jets:
+    """Where jets are among the results of all groups, which have room for more pairs."""
+
+    def __init__(self, by_jets: TermsByJets, pairs: ChosenPairs) -> None:
+        q, begin = by_jets.pairs.degree, 0
+        h, forces = list[Index](), list[Index]()
+        for group in pairs.groups:
+            width = group.kind.shared.jets.results
+            own = begin + np.arange(len(group.pairs) * width).reshape(-1, width)
+            h.append(own[:, : q + 1])
+            forces.append(own[:, q + 1 :].ravel())
+            begin += rounded_up(len(group.pairs)) * width
+        # After them FAR and zero: a pair that is none, and no force.
+        nobody, count = np.array([[begin] + [begin + 1] * q]), len(pairs.pairs)
+        self.h = np.concatenate([*h, nobody.repeat(rounded_up(count) - count, axis=0)])
+        """h, L_f h, ..., L_f^q h, shape (room, q+1)."""
+        self.forces = np.concatenate([*forces, [begin + 1]]).astype(np.intp)
+        """In the order of ChosenPairs, shape (f+1,): the last is none."""
+
+
+class _Parts:
+    """What members have the same part of in all their pairs."""
+
+    def __init__(self, by_jets: TermsByJets, pairs: ChosenPairs) -> None:
+        self._of, begin = by_jets.parts_of, len(by_jets.numbers)
+        self._first: dict[int, Index] = {}
+        self.tables: list[Index] = []
+        """Of the states that each function takes, row by row."""
+        shape = []
+        for number, part in enumerate(by_jets.parts):
+            members = self._members(part, pairs)
+            if not len(members):
+                continue
+            room = rounded_up(len(members))
+            self.tables.append(_filled(by_jets.members.places(members.tolist()), room))
+            shape.append((number, room))
+            first = self._first[id(part)] = np.zeros(members[-1] + 1, dtype=np.intp)
+            first[members] = begin + part.results * np.arange(len(members))
+            begin += part.results * room
+        self.shape = tuple(shape)
+
+    def _members(self, part: MappedFunction, pairs: ChosenPairs) -> Index:
+        """Of whom it is needed."""
+        found = [
+            group.pairs[:, side]
+            for group in pairs.groups
+            for side, own in enumerate(self._of[group.number])
+            if own is part
+        ]
+        return np.unique(np.concatenate([np.zeros(0, dtype=np.intp), *found]))
+
+    def of(self, kind: int, pairs: Index) -> list[Index]:
+        """Where the parts of both members of some pairs of a kind are, shapes (r, k)."""
+        return [
+            self._first[id(part)][pairs[:, side]][:, None] + np.arange(part.results)
+            for side, part in enumerate(self._of[kind])
+            if part
+        ]
+
+
+def _filled(places: Index, room: int) -> Index:
+    """With the first row again for all that there is room for."""
+    return np.concatenate([places, places[:1].repeat(room - len(places), axis=0)])
+
+
+def _lists(owners: Index, count: int) -> Index:
+    """The numbers of what each owner has, in order, shape (most, count), then len(owners)."""
+    order = np.argsort(owners, kind="stable")
+    sizes = np.bincount(owners, minlength=count)
+    table = np.full((rounded_up(int(sizes.max(initial=0))), count), len(owners))
+    rank = np.arange(len(owners)) - (np.cumsum(sizes) - sizes)[owners[order]]
+    table[rank, owners[order]] = order
+    return table

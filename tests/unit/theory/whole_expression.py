@@ -1,0 +1,113 @@
+"""Terms of a chain as one expression of all states: what terms from kinds are compared with."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import casadi as ca
+
+from phalanx.arrays import Array
+from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.models.polytope import Polytope, constant_polytope, extremes, polytope
+from phalanx.theory.safety.chain import Chain
+
+_FAR = 1e6
+
+
+class EvaluatedTerms(NamedTuple):
+    """Terms that are numbers already."""
+
+    psi: Array
+    unforced: float
+    c: Mapping[int, Array]
+    least: Mapping[int, float]
+    most: Mapping[int, float]
+    polytopes: Mapping[int, Polytope]
+    positions: Mapping[int, Array]
+    margin: float
+
+
+class TermsFunction:
+    """Compiles a chain once; evaluates it at any sampled state in a few microseconds.
+
+    Where U_l is constant its vertices are known beforehand, and the linear programs of
+    Eq. (LPvminmax) become part of the compiled expression.
+    """
+
+    def __init__(
+        self, chain: Chain, active: ca.SX | None = None, margin: ca.SX | float = 0.0
+    ) -> None:
+        """Compile.
+
+        Args:
+            chain: of the composed set.
+            active: which pairs count at a state, as ComposedSet.substitute has it.
+            margin: of the row that the terms are for, scalar.
+
+        Raises:
+            EmptyPolytopeError: a constant input polytope is empty or unbounded.
+        """
+        composed = chain.set
+        self._parts = composed.parts
+        symbolic = [
+            member.dynamics.input_polytope(composed.x[part])
+            for member, part in zip(composed.members, composed.parts, strict=True)
+        ]
+        constant = [constant_polytope(A, b) for A, b in symbolic]
+        self._varying = [l for l, known in enumerate(constant) if known is None]
+        self._polytopes = {l: known for l, known in enumerate(constant) if known is not None}
+        values = [
+            ca.DM(known.corners) @ row.T if known else ca.SX.zeros(1)
+            for known, row in zip(constant, chain.actuation, strict=True)
+        ]
+        outputs = [
+            ca.vertcat(*chain.psi),
+            ca.vertcat(ca.sum1(chain.drift) + chain.alpha, margin),
+            ca.vertcat(*[ca.mmin(v) for v in values]),
+            ca.vertcat(*[ca.mmax(v) for v in values]),
+            *chain.actuation,
+            *composed.positions,
+            *[expression for l in self._varying for expression in symbolic[l]],
+        ]
+        settled = [composed.substitute(o, active) for o in outputs]
+        self._evaluate = CompiledFunction([composed.x], settled)
+
+    def __call__(self, x: Array, seen: Sequence[int] | None = None) -> EvaluatedTerms:
+        """Evaluate at a stacked state x, shape (n̄,), of which only the members seen are known."""
+        psi, (unforced, margin), least, most, *rest = self._evaluate(
+            with_unseen_far(x, self._parts, seen)
+        )
+        n = len(least)
+        c, positions, varying = rest[:n], rest[n : 2 * n], rest[2 * n :]
+        polytopes = dict(self._polytopes)
+        for l, A, b in zip(self._varying, varying[::2], varying[1::2], strict=True):
+            polytopes[l] = polytope(A.reshape(len(b), -1), b)
+            least[l], most[l] = extremes(c[l], polytopes[l].corners)
+        known = range(n) if seen is None else seen
+        return EvaluatedTerms(
+            psi=psi,
+            unforced=float(unforced),
+            c={l: c[l] for l in known},
+            least={l: float(least[l]) for l in known},
+            most={l: float(most[l]) for l in known},
+            polytopes=polytopes,
+            positions={l: positions[l] for l in known},
+            margin=float(margin),
+        )
+
+
+def with_unseen_far(x: Array, parts: Sequence[slice], seen: Sequence[int] | None) -> Array:
+    """The stacked state x, shape (n̄,), with every member that is not seen too far away to count.
+
+    Args:
+        x: NaN where it is not known.
+        parts: where each member's state lies in x.
+        seen: the members that are seen; None for all.
+    """
+    if seen is None or len(seen) == len(parts):
+        return x
+    far, known = x.copy(), set(seen)
+    for l, part in enumerate(parts):
+        if l not in known:
+            # Each in a place of its own: two in one place are at no distance that has a gradient.
+            far[part] = _FAR * (1 + l)
+    return far
