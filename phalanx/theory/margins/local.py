@@ -83,8 +83,8 @@ class LocalBound:
 
     It is of one expression of all pairs, as no other number of a row is: interval arithmetic has
     rules for the operations of an expression, and CasADi cannot write out as one the graph by which
-    kinds of pairs are composed (GetNonzerosParamVector has no eval_sx). With 18 pairs it takes 0.4 s
-    to build and 0.08 ms to evaluate, with 62 of q = 2 6 s and 0.5 ms.
+    kinds of pairs are composed (GetNonzerosParamVector has no eval_sx). With 18 pairs it takes
+    0.4 s to build and 0.08 ms to evaluate, with 62 of q = 2 6 s and 0.5 ms.
     """
 
     def __init__(self, composed: ComposedSet, margin: ca.SX) -> None:
