@@ -73,18 +73,17 @@ class Carousel:
 
     def __init__(self, count: int) -> None:
         self.model = scene_model(crowd(count))
-        self._past = LiveHistory(self.model)
-        self.history = self._past.history
+        self.history = LiveHistory(self.model)
         self.summary: Summary | None = None
         self.over, self.unfinished = False, ""
-        self.log, self.violations = self._past.log, list[Violation]()
+        self.log, self.violations = self.history.log, list[Violation]()
         self._start = self.model.swarm.start()
         self._phases = np.repeat(np.arange(count), 2) + np.tile([0.0, np.pi / 2.0], count)
         self._frames = 0
 
     def recent_paths(self, t: float) -> NDArray[np.float64]:
         """Positions on the way here."""
-        return self._past.recent_paths.positions
+        return self.history.recent_path
 
     def take(self) -> Frame:
         """The next frame."""
@@ -98,7 +97,7 @@ class Carousel:
             steps=self._frames, real_time_factor=1.0, assumptions=(), violations=(), log=(),
             paused=False, speed=0.0, loss=None, delay=None,
         )  # fmt: skip
-        self._past.add(frame)
+        self.history.add(frame)
         return frame
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from phalanx.recording.read import Recording, read
 from phalanx.report.html import document, figure, note, section, table
-from phalanx.report.measures import link_statistics
+from phalanx.report.links import link_statistics
 from phalanx.report.page import key_figures
 from phalanx.report.write import image_of, plates
 

@@ -2,21 +2,23 @@
 
 from collections.abc import Sequence
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from phalanx.recording.read import Recording
-from phalanx.report.envelope import draw_envelope, envelope
-from phalanx.report.measures import Motion, extremes_kept, nearest
+from phalanx.curves.history import RecordedHistory
+from phalanx.curves.thinning import Series, envelope
+from phalanx.report.measures import nearest
 from phalanx.report.style import (
     DASHES,
     FEW,
     LIMIT,
     MOST_NAMED,
     MUTED,
+    NORMAL,
     WORST,
     colours,
+    draw_envelope,
+    draw_line,
     legend,
     logarithmic,
     panels,
@@ -35,23 +37,23 @@ def required_distance(scenario: Scenario) -> float | None:
     return float(radius) if isinstance(radius, int | float) else None
 
 
-def distances(recording: Recording, swarm: Swarm, motion: Motion) -> Figure:
+def distances(history: RecordedHistory) -> Figure:
     """Distances of pairs over time, by kind of pair, with what is required.
 
     Of many agents, how far each normal one is from the nearest; and the closest few pairs.
     """
-    kinds = _pairs_by_kind(swarm)
+    kinds = _pairs_by_kind(history.swarm)
     figure, rows = panels(len(kinds), 2.4)
     for axes, (kind, found) in zip(rows, kinds.items(), strict=True):
         logarithmic(axes)
-        for value in _required(found, recording.scenario):
+        for value in _required(found, history.scenario):
             axes.axhline(value, color=LIMIT, linestyle=":", linewidth=1.3)
-        if summarises(recording.scenario):
-            _draw_nearest(axes, found, swarm, motion)
+        if summarises(history.scenario):
+            _draw_nearest(axes, found, history)
             legend(axes, f"{kind}: from each normal agent\nto the nearest, and closest pairs")
         else:
-            closest = _draw_pairs(axes, found, recording, swarm, motion)
-            some = "" if len(found) == len(closest) else f", {len(closest)} closest of {len(found)}"
+            shown = _draw_pairs(axes, found, history)
+            some = "" if len(found) == shown else f", {shown} closest of {len(found)}"
             legend(axes, f"{kind}{some}")
         axes.set_ylabel("distance [m]")
         axes.margins(x=0.01)
@@ -81,39 +83,39 @@ def _pairs_by_kind(swarm: Swarm) -> dict[str, list[Pair]]:
     return {kind: found for kind, found in kinds.items() if found}
 
 
-def _draw_pairs(
-    axes: Axes, pairs: Sequence[Pair], recording: Recording, swarm: Swarm, motion: Motion
-) -> list[Pair]:
-    """Draw the closest pairs, the closest first in the legend; returns them."""
-    least = {pair: float(motion.distance(pair).min()) for pair in pairs}
-    closest = sorted(least, key=lambda pair: least[pair])[:_MOST_PAIRS]
-    palette, label = colours(recording.scenario), swarm.safe_set.label
+def _draw_pairs(axes: Axes, pairs: Sequence[Pair], history: RecordedHistory) -> int:
+    """Draw the closest pairs, the closest first in the legend; returns how many."""
+    every = {pair: history.distance(pair) for pair in pairs}
+    closest = sorted(pairs, key=lambda pair: float(every[pair].min()))[:_MOST_PAIRS]
+    palette, swarm = colours(history.scenario), history.swarm
     for place, pair in enumerate(closest):
-        distance = motion.distance(pair)
-        kept = extremes_kept(distance)
         named = place < MOST_NAMED
         other = pair.obstacle if pair.b is None else pair.b
-        axes.plot(
-            motion.times[kept],
-            distance[kept],
-            color=palette[swarm.names[pair.a]] if named else MUTED,
+        draw_line(
+            axes,
+            Series(history.times, every[pair]),
+            colour=palette[swarm.names[pair.a]] if named else MUTED,
+            width=1.1 if named else 0.5,
             linestyle=DASHES[(other or 0) % len(DASHES)],
-            linewidth=1.1 if named else 0.5,
-            label=f"{label(pair)}, least {least[pair]:.3g} m",
+            label=_least(swarm, pair, float(every[pair].min())),
             zorder=2.5 if named else 2.0,
         )
-    return closest
+    return len(closest)
 
 
-def _draw_nearest(axes: Axes, pairs: Sequence[Pair], swarm: Swarm, motion: Motion) -> None:
-    found = nearest(motion, pairs, swarm.normal, FEW)
-    t = np.repeat(motion.times, found.distances.shape[1])
-    drawn = envelope(t, found.distances.ravel(), len(motion.times))
-    draw_envelope(axes, drawn, "#1f5fbf", "all")
+def _draw_nearest(axes: Axes, pairs: Sequence[Pair], history: RecordedHistory) -> None:
+    found = nearest(history, pairs, history.swarm.normal, FEW)
+    drawn = envelope([Series(history.times, of_agent) for of_agent in found.distances.T])
+    draw_envelope(axes, drawn, NORMAL, "all")
     for (pair, least), colour in zip(found.closest, WORST, strict=False):
-        distance = motion.distance(pair)
-        kept = extremes_kept(distance)
-        label = f"{swarm.safe_set.label(pair)}, least {least:.3g} m"
-        axes.plot(motion.times[kept], distance[kept], color=colour, linewidth=0.9, label=label)
+        series, label = (
+            Series(history.times, history.distance(pair)),
+            _least(history.swarm, pair, least),
+        )
+        draw_line(axes, series, colour=colour, width=0.9, label=label)
     # Those who are far from everybody later would press what matters into the lowest part.
     axes.set_ylim(top=1.3 * float(drawn.values[-2].max()))
+
+
+def _least(swarm: Swarm, pair: Pair, least: float) -> str:
+    return f"{swarm.safe_set.label(pair)}, least {least:.3g} m"

@@ -1,6 +1,6 @@
 """The space-time diagram: a lane for each agent, and what became of the broadcasts between them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,21 +10,19 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from phalanx.arrays import Array
-from phalanx.recording.broadcasts import FATES, IN_TIME, LATE, LOST, Broadcast, broadcasts, window
-from phalanx.recording.read import Recording, steps_by_agent
-from phalanx.recording.records import Step
+from phalanx.curves.history import RecordedHistory
+from phalanx.curves.lanes import LANE_STATES, lanes, zoom_window
+from phalanx.recording.broadcasts import FATES, IN_TIME, LATE, LOST, Broadcast
 from phalanx.report.style import MOST_NAMED, legend
-from phalanx.swarm.swarm import Swarm
-from phalanx.theory.rows.origin import EMPTY, Origin
+from phalanx.theory.rows.origin import Origin
 
-_SILENT = "silent"
 _COLOURS = {
     IN_TIME: "#9fb2ca",
     LATE: "#e8a200",
     LOST: "#d62728",
     Origin.BACKUP: "#f97316",
     Origin.NO_AUTHORITY: "#c084fc",
-    _SILENT: "#475569",
+    "silent": "#475569",
 }
 _MOST_INTERVALS = 400
 """Of the whole run."""
@@ -34,41 +32,39 @@ _WIDTH, _LANE, _MOST_HIGH = 9.0, 0.34, 7.0
 """[inch]"""
 
 
-def space_time(recording: Recording, swarm: Swarm) -> Figure | None:
+def space_time(history: RecordedHistory) -> Figure | None:
     """The whole run, and its worst moment in detail; None if nobody broadcast anything."""
-    found = list(broadcasts(recording))
-    if not found:
+    if not history.broadcasts:
         return None
-    lanes = _shown(found, recording, swarm)
-    heights = [min(_LANE * len(swarm.names), _MOST_HIGH), _LANE * len(lanes)]
+    names, shown = history.swarm.names, _shown(history)
+    heights = [min(_LANE * len(names), _MOST_HIGH), _LANE * len(shown)]
     figure = Figure(figsize=(_WIDTH, sum(heights) + 1.6), layout="constrained", facecolor="white")
     whole, zoom = figure.subplots(2, 1, height_ratios=[h + 0.3 for h in heights])
-    worst = float(recording.times[int(np.argmax(recording.h_tot))])
-    times = [[step.t for step in steps] for steps in steps_by_agent(recording).values()]
-    begin, end = window(worst, float(recording.times[-1]), times)
-    _draw_whole(whole, found, recording, swarm)
+    steps = [history.agent(i) for i in range(len(names))]
+    moment = float(history.times[history.worst])
+    begin, end = zoom_window(steps, moment, float(history.times[-1]))
+    _draw_whole(whole, history)
     whole.axvspan(begin, end, color="#000000", alpha=0.15, linewidth=0)
-    _draw_zoom(zoom, found, recording, lanes, begin, end)
+    _draw_zoom(zoom, history, shown, begin, end)
     return figure
 
 
-def _draw_whole(axes: Axes, found: Sequence[Broadcast], recording: Recording, swarm: Swarm) -> None:
+def _draw_whole(axes: Axes, history: RecordedHistory) -> None:
     """Each lane has three rows: broadcasts to it that were late, those lost, and how it did.
 
     Of many agents each has one row, with the gravest of the three.
     """
-    steps = steps_by_agent(recording)
+    swarm, found = history.swarm, history.broadcasts
     count = len(swarm.names)
-    end = max(recording.times[-1], max(step.t for step in recording.steps))
-    intervals = int(np.clip(max(map(len, steps.values())), 20, _MOST_INTERVALS))
-    edges = np.linspace(0.0, end, intervals + 1)
+    end = max(history.times[-1], max(step.t for step in history.recording.steps))
+    steps, taus = zip(*((history.agent(i), swarm.horizon(i)) for i in range(count)), strict=True)
+    late, lost, state, _ = lanes(history, steps, taus, (0.0, end), end, _MOST_INTERVALS)
+    intervals = late.shape[1]
     image = np.ones((count, 4, intervals, 3))  # the fourth row parts the lanes
-    late, lost = (_shares(found, fate, count, edges) for fate in (LATE, LOST))
     image[:, 0], image[:, 1] = _blend(_COLOURS[LATE], late), _blend(_COLOURS[LOST], lost)
-    for i, of_agent in enumerate(steps.values()):
-        for begin, until, kind in _periods(of_agent, swarm.horizon(i), end):
-            first = np.searchsorted(edges, begin, side="right") - 1
-            image[i, 2, first : np.searchsorted(edges, until)] = to_rgb(_COLOURS[kind])
+    image[:, 2] = np.array([(1.0, 1.0, 1.0), *(to_rgb(_COLOURS[s]) for s in LANE_STATES[1:])])[
+        state
+    ]
     if count > _MOST_LANES:
         for row in (1, 2):
             drawn = (image[:, row] < 1.0).any(axis=-1)
@@ -92,19 +88,18 @@ def _draw_whole(axes: Axes, found: Sequence[Broadcast], recording: Recording, sw
 
 
 def _draw_zoom(
-    axes: Axes, found: Sequence[Broadcast], recording: Recording, lanes: Sequence[int],
-    begin: float, end: float,
-) -> None:  # fmt: skip
+    axes: Axes, history: RecordedHistory, shown: Sequence[int], begin: float, end: float
+) -> None:
     """Every control step as a dot, every broadcast as a line from its sender to its receiver."""
-    place = {agent: lane for lane, agent in enumerate(lanes)}
-    for i, steps in enumerate(steps_by_agent(recording).values()):
+    names, place = history.swarm.names, {agent: lane for lane, agent in enumerate(shown)}
+    for i, steps in enumerate(history.steps):
         if i in place:
             axes.axhline(place[i], color="#000000", alpha=0.25, linewidth=0.8, zorder=1)
             for colour, marker, origins in _DOTS:
                 t = [s.t for s in steps if begin <= s.t <= end and s.origin in origins]
                 axes.plot(t, [place[i]] * len(t), marker, color=colour, markersize=4, zorder=4)
     seen = [
-        b for b in found
+        b for b in history.broadcasts
         if b.sender in place and b.receiver in place and begin <= b.sent <= end
     ]  # fmt: skip
     for fate in FATES:
@@ -114,11 +109,10 @@ def _draw_zoom(
         axes.add_collection(LineCollection(lines, label=fate, linewidths=0.8, zorder=2, **looks))
     lost = [_arrival(b, place) for b in seen if b.fate == LOST]
     axes.plot(*zip(*lost, strict=True) if lost else ([], []), "x", color="#d62728", markersize=4)
-    names = [name for name, _, _ in recording.scenario.roster()]
     axes.set_xlim(begin, end)
-    axes.set_ylim(len(lanes) - 0.5, -0.5)
-    axes.set_yticks(range(len(lanes)), [names[i] for i in lanes], fontsize=8)
-    left = len(names) - len(lanes)
+    axes.set_ylim(len(shown) - 0.5, -0.5)
+    axes.set_yticks(range(len(shown)), [names[i] for i in shown], fontsize=8)
+    left = len(names) - len(shown)
     axes.set_ylabel("agent" + (f", {left} more not drawn" if left else ""))
     axes.set_xlabel("t [s]")
     axes.spines[["top", "right"]].set_visible(False)
@@ -140,39 +134,20 @@ def _arrival(broadcast: Broadcast, place: dict[int, int]) -> tuple[float, float]
     return broadcast.arrival, (begin + end) / 2.0 if broadcast.fate == LOST else end
 
 
-def _periods(
-    steps: Sequence[Step], horizon: float, end: float
-) -> Iterator[tuple[float, float, str]]:
-    """When an agent was on its backup, without authority, or silent for more than its τ."""
-    for k, step in enumerate(steps):
-        until = steps[k + 1].t if k + 1 < len(steps) else end
-        if step.origin in EMPTY:
-            yield step.t, min(until, step.t + horizon), step.origin
-        if until - step.t > 1.5 * horizon:
-            yield step.t + horizon, until, _SILENT
-
-
-def _shown(found: Sequence[Broadcast], recording: Recording, swarm: Swarm) -> list[int]:
+def _shown(history: RecordedHistory) -> list[int]:
     """Agents in the zoom: all; of many those of the worst pair, then whom most was kept from."""
-    count = len(swarm.names)
+    safe_set, summary = history.swarm.safe_set, history.recording.summary
+    count = len(history.swarm.names)
     if count <= MOST_NAMED:
         return list(range(count))
-    kept = np.bincount([b.receiver for b in found if b.fate != IN_TIME], minlength=count)
-    label = recording.summary.worst_pair if recording.summary else ""
-    pair = next((p for p in swarm.safe_set.pairs if swarm.safe_set.label(p) == label), None)
+    kept = np.bincount(
+        [b.receiver for b in history.broadcasts if b.fate != IN_TIME], minlength=count
+    )
+    label = summary.worst_pair if summary else ""
+    pair = next((p for p in safe_set.pairs if safe_set.label(p) == label), None)
     first = [] if pair is None else [i for i in (pair.a, pair.b) if i is not None]
     others = [i for i in np.argsort(-kept, kind="stable").tolist() if i not in first]
     return sorted([*first, *others][:MOST_NAMED])
-
-
-def _shares(found: Sequence[Broadcast], fate: str, count: int, edges: Array) -> Array:
-    """Of the broadcasts to each agent in each interval the share with a fate, shape (count, c)."""
-    sent, receiver = np.array([(b.sent, b.receiver) for b in found]).T
-    bins = (edges, np.arange(count + 1) - 0.5)
-    every, _, _ = np.histogram2d(sent, receiver, bins)
-    these = np.array([b.fate == fate for b in found])
-    of_fate, _, _ = np.histogram2d(sent[these], receiver[these], bins)
-    return np.asarray(of_fate / np.maximum(every, 1.0)).T
 
 
 def _blend(colour: str, share: Array) -> Array:

@@ -7,10 +7,19 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from phalanx.arrays import Array, Mask
-from phalanx.recording.read import Recording, steps_by_agent
+from phalanx.curves.history import RecordedHistory
+from phalanx.curves.thinning import Series
 from phalanx.recording.records import Step
-from phalanx.report.crowd import draw_crowd
-from phalanx.report.style import FEW, LIMIT, PEAK, colours, legend, logarithmic, panels, summarises
+from phalanx.report.style import (
+    LIMIT,
+    PEAK,
+    colours,
+    draw_crowd,
+    legend,
+    logarithmic,
+    panels,
+    summarises,
+)
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.units import unit_of_psi
 from phalanx.theory.margins.row_part import RowPart
@@ -36,21 +45,20 @@ class MarginUse(NamedTuple):
         return self.used < self.needed
 
 
-def margin_use(recording: Recording, rows: SafetyRows, i: int) -> MarginUse | None:
+def margin_use(history: RecordedHistory, i: int) -> MarginUse | None:
     """Normal agent i's margins at evenly chosen steps; None if it had no pair at any.
 
     Raises:
         ValueError: some input bounds depend on the state.
         UnboundedOperationError: an expression has no interval extension.
     """
-    swarm = rows.swarm
-    steps = steps_by_agent(recording)[swarm.names[i]]
-    most = _CROWD_INSTANTS if summarises(recording.scenario) else _INSTANTS
+    rows, swarm, steps = history.values.rows, history.swarm, history.steps[i]
+    most = _CROWD_INSTANTS if summarises(history.scenario) else _INSTANTS
     places = range(len(steps)) if len(steps) <= most else np.linspace(0, len(steps) - 1, most)
     sharing = swarm.normal if rows.pairwise and swarm.joint else ()
     needing, used = rows.pair_terms_of_input(i), _used(rows, i, sharing)
     found = []
-    for step, x in _sampled(recording, [steps[int(k)] for k in places]):
+    for step, x in _sampled(history, [steps[int(k)] for k in places]):
         seen = swarm.seen(i, x)
         needed = needing(x, seen, sharing, step.u)
         if not needed.others:
@@ -71,11 +79,10 @@ def _used(
     return lambda x, seen, _: composed(x, seen).margin
 
 
-def _sampled(recording: Recording, steps: list[Step]) -> Iterator[tuple[Step, Array]]:
+def _sampled(history: RecordedHistory, steps: list[Step]) -> Iterator[tuple[Step, Array]]:
     """Each step with the newest state that was recorded by its sample."""
-    x, times = recording.x, recording.times
     for step in steps:
-        yield step, x[max(0, int(np.searchsorted(times, step.t, side="right")) - 1)]
+        yield step, history.x[max(0, int(np.searchsorted(history.times, step.t, side="right")) - 1)]
 
 
 def _left(terms: PairTerms, u: Array) -> Array:
@@ -86,25 +93,25 @@ def _left(terms: PairTerms, u: Array) -> Array:
     return left
 
 
-def margins(recording: Recording, rows: SafetyRows) -> tuple[Figure, str] | None:
+def margins(history: RecordedHistory) -> tuple[Figure, str] | None:
     """The figure of all normal agents and what it says in a sentence; None without any pair."""
-    swarm = rows.swarm
+    swarm = history.swarm
     try:
-        each = {swarm.names[i]: margin_use(recording, rows, i) for i in swarm.normal}
+        each = {swarm.names[i]: margin_use(history, i) for i in swarm.normal}
     except ValueError as error:
         return _unknown(), f"Margins needed are unknown: {error}."
     uses = {name: use for name, use in each.items() if use is not None}
     if not uses:
         return None
-    drawn = (_of_many if summarises(recording.scenario) else _of_each)(recording, rows, uses)
-    return drawn, _in_words(rows, uses)
+    drawn = _of_many(uses) if summarises(history.scenario) else _of_each(history, uses)
+    return drawn, _in_words(history.values.rows, uses)
 
 
-def _of_each(recording: Recording, rows: SafetyRows, uses: dict[str, MarginUse]) -> Figure:
+def _of_each(history: RecordedHistory, uses: dict[str, MarginUse]) -> Figure:
     """A panel for each agent: both margins over time."""
     figure, panes = panels(len(uses), 1.9)
-    unit = unit_of_psi(recording.scenario, rows.relative_degree) or "SI"
-    palette = colours(recording.scenario)
+    unit = unit_of_psi(history.scenario, history.swarm.pairs.degree) or "SI"
+    palette = colours(history.scenario)
     for (name, use), axes in zip(uses.items(), panes, strict=True):
         proven = np.where(np.isfinite(use.needed), use.needed, np.nan)
         axes.plot(use.t, use.used, color=LIMIT, linewidth=1.2, label="used")
@@ -127,12 +134,11 @@ def _of_each(recording: Recording, rows: SafetyRows, uses: dict[str, MarginUse])
     return figure
 
 
-def _of_many(_: Recording, __: SafetyRows, uses: dict[str, MarginUse]) -> Figure:
+def _of_many(uses: dict[str, MarginUse]) -> Figure:
     """How many times the needed margin was used, over all agents."""
-    ratios = {name: use.used / use.needed for name, use in uses.items()}
+    curves = {name: Series(use.t, use.used / use.needed) for name, use in uses.items()}
     figure, (axes,) = panels(1, 3.0)
-    worst = sorted(ratios, key=lambda name: float(ratios[name].min()))[:FEW]
-    curves = {name: (uses[name].t, ratio) for name, ratio in ratios.items()}
+    worst = sorted(curves, key=lambda name: float(curves[name].y.min()))
     draw_crowd(axes, curves, worst, "normal agents", " times")
     axes.axhline(1.0, color=LIMIT, linewidth=1.2)
     logarithmic(axes)

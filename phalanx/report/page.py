@@ -19,7 +19,8 @@ from phalanx.report.html import (
     section,
     table,
 )
-from phalanx.report.measures import LinkStatistics, origins, worst
+from phalanx.report.links import LinkStatistics
+from phalanx.report.measures import origins, worst
 from phalanx.theory.rows.origin import EMPTY, words_of
 
 _NO_VERSION = ("run", "seed", "scenario_digest")

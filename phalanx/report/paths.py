@@ -7,9 +7,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from phalanx.arrays import Array
-from phalanx.recording.read import Recording
+from phalanx.curves.history import RecordedHistory
 from phalanx.report.distances import required_distance
-from phalanx.report.measures import Motion, WorstPairs
+from phalanx.report.measures import WorstPairs
 from phalanx.report.style import MUTED, PEAK, WORST, colours, legend, style_axes
 from phalanx.scenario.model import Scenario
 from phalanx.theory.safety.composition import static_label
@@ -23,13 +23,13 @@ _CROWD = {"normal": "#8fb3e6", "adversary": "#e8938f"}
 _WIDTH, _MARGIN = 9.0, 1.3
 
 
-def paths(recording: Recording, motion: Motion, worst: WorstPairs | None = None) -> Figure:
+def paths(history: RecordedHistory, worst: WorstPairs | None = None) -> Figure:
     """Paths in the plane; for 3-D positions, seen from above and from the side.
 
     worst: with it, agents are drawn by role, and of the worst pair alone by name.
     """
-    planes = [(0, 1)] if motion.positions.shape[2] == 2 else [(0, 1), (0, 2)]
-    points = _outline(recording.scenario, motion)
+    planes = [(0, 1)] if history.positions.shape[2] == 2 else [(0, 1), (0, 2)]
+    points = _outline(history)
     margin = 0.04 * float(np.ptp(points, axis=0).max()) + 0.5
     low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
     width = high[0] - low[0]
@@ -40,11 +40,11 @@ def paths(recording: Recording, motion: Motion, worst: WorstPairs | None = None)
     rows = figure.subplots(len(planes), 1, squeeze=False, height_ratios=heights)[:, 0]
     for axes, plane in zip(rows, planes, strict=True):
         style_axes(axes)
-        _draw_scene(axes, recording.scenario, motion, plane)
+        _draw_scene(axes, history, plane)
         if worst is None:
-            _draw_agents(axes, recording, motion, plane)
+            _draw_agents(axes, history, plane)
         else:
-            _draw_crowd(axes, recording, motion, plane, worst)
+            _draw_crowd(axes, history, plane, worst)
         axes.set_aspect("equal")
         axes.set_xlim(low[plane[0]], high[plane[0]])
         axes.set_ylim(low[plane[1]], high[plane[1]])
@@ -54,10 +54,10 @@ def paths(recording: Recording, motion: Motion, worst: WorstPairs | None = None)
     return figure
 
 
-def _outline(scenario: Scenario, motion: Motion) -> Array:
+def _outline(history: RecordedHistory) -> Array:
     """Points that the scene must contain [m], shape (k, d)."""
-    d = motion.positions.shape[2]
-    points = [motion.positions.reshape(-1, d)]
+    d, scenario = history.positions.shape[2], history.scenario
+    points = [history.positions.reshape(-1, d)]
     for obstacle in scenario.obstacles:
         if isinstance(obstacle, Wall):
             continue
@@ -73,16 +73,16 @@ def _outlines(scenario: Scenario) -> list[Line]:
     return [line for limit in limits if isinstance(limit, Outlined) for line in limit.outline()]
 
 
-def _draw_agents(axes: Axes, recording: Recording, motion: Motion, plane: tuple[int, int]) -> None:
-    scenario = recording.scenario
-    keep = np.linspace(0, len(motion.times) - 1, min(len(motion.times), _PATH_POINTS)).astype(int)
+def _draw_agents(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) -> None:
+    scenario = history.scenario
+    keep = np.linspace(0, len(history.times) - 1, min(len(history.times), _PATH_POINTS)).astype(int)
     radius = required_distance(scenario)
     palette = colours(scenario)
-    at_worst = motion.positions[motion.worst][:, plane]
-    label = f"worst, {motion.times[motion.worst]:.2f} s"
+    at_worst = history.positions[history.worst][:, plane]
+    label = f"worst, {history.times[history.worst]:.2f} s"
     axes.plot(*at_worst.T, "x", color=PEAK, markersize=5, label=label, zorder=3)
     for i, (name, group, _) in enumerate(scenario.roster()):
-        p = motion.positions[:, i][:, plane]
+        p = history.positions[:, i][:, plane]
         label = f"{name} ({group.role})"
         axes.plot(*p[keep].T, color=palette[name], linewidth=1.3, label=label)
         axes.plot(*p[0], "o", color=palette[name], markerfacecolor="white", markersize=5)
@@ -90,16 +90,18 @@ def _draw_agents(axes: Axes, recording: Recording, motion: Motion, plane: tuple[
         axes.annotate(name, p[-1], xytext=(6, 4), textcoords="offset points", color=palette[name])
         if radius:
             _add_circle(axes, p[-1], radius / 2, "-", palette[name])
-            _add_circle(axes, p[motion.worst], radius / 2, (0, (3, 1.5)), palette[name])
+            _add_circle(axes, p[history.worst], radius / 2, (0, (3, 1.5)), palette[name])
 
 
 def _draw_crowd(
-    axes: Axes, recording: Recording, motion: Motion, plane: tuple[int, int], worst: WorstPairs
+    axes: Axes, history: RecordedHistory, plane: tuple[int, int], worst: WorstPairs
 ) -> None:
     """Every path in its role's colour, and the two of the worst pair where h was largest."""
-    roster = list(recording.scenario.roster())
-    keep = np.linspace(0, len(motion.times) - 1, min(len(motion.times), _CROWD_POINTS)).astype(int)
-    paths = motion.positions[keep][:, :, plane].swapaxes(0, 1)
+    roster = list(history.scenario.roster())
+    keep = np.linspace(0, len(history.times) - 1, min(len(history.times), _CROWD_POINTS)).astype(
+        int
+    )
+    paths = history.positions[keep][:, :, plane].swapaxes(0, 1)
     for role, colour in _CROWD.items():
         of_role = [i for i, (_, group, _) in enumerate(roster) if group.role == role]
         if of_role:
@@ -109,17 +111,18 @@ def _draw_crowd(
     at = int(worst.h.argmax())
     for i, colour in zip(worst.pairs[at].tolist(), WORST, strict=False):
         if i < len(roster):
-            p, name = motion.positions[:, i][:, plane], roster[i][0]
+            p, name = history.positions[:, i][:, plane], roster[i][0]
             axes.plot(*p[keep].T, color=colour, linewidth=1.3, label=f"{name}, of the worst pair")
             axes.plot(*p[at], "x", color=PEAK, markersize=6, zorder=3)
             axes.annotate(name, p[at], xytext=(5, 4), textcoords="offset points", color=colour)
         else:
-            other = static_label(recording.scenario.static, i - len(roster))
+            other = static_label(history.scenario.static, i - len(roster))
             axes.plot([], [], " ", label=f"{other}, of the worst pair")
 
 
-def _draw_scene(axes: Axes, scenario: Scenario, motion: Motion, plane: tuple[int, int]) -> None:
+def _draw_scene(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) -> None:
     """Obstacles, and the path of the formation's centre as far as time went."""
+    scenario = history.scenario
     for k, obstacle in enumerate(scenario.obstacles):
         if isinstance(obstacle, Wall):
             _draw_wall(axes, obstacle, plane)
@@ -130,10 +133,10 @@ def _draw_scene(axes: Axes, scenario: Scenario, motion: Motion, plane: tuple[int
     for line in _outlines(scenario):
         axes.plot(*np.array(line)[:, plane].T, color="#6b7078", linewidth=1.2)
     if scenario.formation:
-        times = np.linspace(0.0, motion.times[-1], 200)
+        times = np.linspace(0.0, history.times[-1], 200)
         path = np.array([scenario.formation.center(t).position for t in times])
         # A planar formation of agents in space runs at height 0.
-        path = np.pad(path, ((0, 0), (0, motion.positions.shape[2] - path.shape[1])))
+        path = np.pad(path, ((0, 0), (0, history.positions.shape[2] - path.shape[1])))
         axes.plot(*path[:, plane].T, color=MUTED, linestyle="--", linewidth=1.2, label="formation")
 
 

@@ -4,35 +4,35 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from phalanx.arrays import Array
-from phalanx.recording.read import Recording
-from phalanx.report.measures import extremes_kept, worst
-from phalanx.report.style import LIMIT, PEAK, legend, panels, summarises
-from phalanx.swarm.rows import SafetyRows
+from phalanx.curves.history import RecordedHistory
+from phalanx.curves.thinning import kept
+from phalanx.report.measures import worst
+from phalanx.report.style import LIMIT, NORMAL, PEAK, legend, panels, summarises
 from phalanx.swarm.units import unit_of_psi
 
 _PSI_POINTS, _CROWD_PSI_POINTS = 600, 100
 """Most states at which ψ_k is evaluated; of many agents it takes longer."""
 
 
-def safety(recording: Recording, largest: Array | None = None) -> Figure:
+def safety(history: RecordedHistory, largest: Array | None = None) -> Figure:
     """h_tot over time with the zero line, and a closer look if it was crossed; needs a state.
 
     largest: the largest h of a pair at each state, to be drawn as well.
     """
-    peak = worst(recording)
+    peak = worst(history.recording)
     assert peak is not None
     figure, rows = panels(2 if peak.h_tot > 0.0 else 1, 3.0)
-    kept = extremes_kept(recording.h_tot)
-    t, h = recording.times[kept], recording.h_tot[kept]
+    shown = kept(history.h_tot)
+    t, h = history.times[shown], history.h_tot[shown]
     for axes in rows:
-        axes.plot(t, h, color="#1f5fbf", linewidth=1.2, label=r"$h_{tot}$")
+        axes.plot(t, h, color=NORMAL, linewidth=1.2, label=r"$h_{tot}$")
         if largest is not None:
             label = "largest h of a pair"
-            axes.plot(recording.times, largest, color="#111111", linewidth=0.9, label=label)
+            axes.plot(history.times, largest, color="#111111", linewidth=0.9, label=label)
         axes.axhline(0.0, color=LIMIT, linewidth=1.2)
         axes.fill_between(t, h, 0.0, where=h > 0.0, interpolate=True, color=PEAK, alpha=0.5)
         axes.plot([peak.t], [peak.h_tot], "o", color=PEAK, markersize=5)
-        axes.set_ylabel(f"$h_{{tot}}$ [{unit_of_psi(recording.scenario) or 'SI'}]")
+        axes.set_ylabel(f"$h_{{tot}}$ [{unit_of_psi(history.scenario) or 'SI'}]")
         axes.margins(x=0.01)
     rows[0].set_ylim(top=max(rows[0].get_ylim()[1], 0.06 * np.ptp(h), 0.1))
     if peak.h_tot > 0.0:
@@ -45,23 +45,21 @@ def safety(recording: Recording, largest: Array | None = None) -> Figure:
     return figure
 
 
-def psi(recording: Recording, rows: SafetyRows) -> Figure | None:
-    """The largest ψ_1 ... ψ_{q-1} over time; None where q is 1. At or below 0 it is in S_I."""
-    q = rows.relative_degree
-    if q == 1:
+def psi(history: RecordedHistory) -> Figure | None:
+    """The largest ψ_1 ... ψ_{q-1} over time, at or below 0 in S_I; None where there is none."""
+    levels = history.values.psi_levels
+    if not levels:
         return None
-    points = _CROWD_PSI_POINTS if summarises(recording.scenario) else _PSI_POINTS
-    chosen = np.unique(np.linspace(0, len(recording.states) - 1, points).astype(int))
-    invariants, x = rows.invariants(), recording.x
-    largest = np.array([invariants(x[k]).reshape(-1, q).max(axis=0) for k in chosen])
-    figure, panes = panels(q - 1, 2.4)
-    t = recording.times[chosen]
-    for k, axes in enumerate(panes, start=1):
-        values = largest[:, k]
-        axes.plot(t, values, color="#1f5fbf", linewidth=1.2)
+    points = _CROWD_PSI_POINTS if summarises(history.scenario) else _PSI_POINTS
+    chosen = np.unique(np.linspace(0, len(history.times) - 1, points).astype(int))
+    t = history.times[chosen]
+    largest = np.array([history.values.higher_psi(x) for x in history.x[chosen]])
+    figure, panes = panels(len(levels), 2.4)
+    for k, values, axes in zip(levels, largest.T, panes, strict=True):
+        axes.plot(t, values, color=NORMAL, linewidth=1.2)
         axes.axhline(0.0, color=LIMIT, linewidth=1.2)
         axes.fill_between(t, values, 0.0, where=values > 0.0, color=PEAK, alpha=0.5)
-        unit = unit_of_psi(recording.scenario, k) or "SI"
+        unit = unit_of_psi(history.scenario, k) or "SI"
         axes.set_ylabel(f"largest $\\psi_{k}$ [{unit}]")
         axes.margins(x=0.01)
         at = int(values.argmax())

@@ -1,11 +1,14 @@
 """How every figure looks: size, axes, legends, and one colour for each agent throughout."""
 
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from phalanx.curves.thinning import Envelope, Series, envelope, kept
 from phalanx.scenario.model import Scenario
 
 _NORMAL = ("#1f5fbf", "#13a3b5", "#6a4fc4", "#0b3c6f", "#4aa8f0", "#1c8a6b")
@@ -13,6 +16,8 @@ _ADVERSARY = ("#d62728", "#8f0f2a", "#f2684a", "#e0559a")
 DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)), (0, (9, 3)))
 WORST = ("#c1121f", "#e07b00", "#8f2fb3", "#111111")
 """Of the worst few over an envelope."""
+NORMAL, ADVERSARY = "#1f5fbf", "#d62728"
+"""Of a role as a whole."""
 LIMIT, PEAK, MUTED = "#333333", "#c1121f", "#8a8f98"
 MOST_NAMED = 12
 """Most entries of a legend, and most agents that are drawn one by one."""
@@ -82,3 +87,39 @@ def legend(axes: Axes, title: str | None = None, most: int = MOST_NAMED) -> None
             title_fontsize=8,
             frameon=False,
         )
+
+
+def draw_line(
+    axes: Axes, series: Series, *, colour: str, width: float = 0.8, held: bool = False,
+    **looks: Any,
+) -> None:  # fmt: skip
+    """Draw a series through its extremes; held: each value until the next."""
+    shown = kept(series.y)
+    style = "steps-post" if held else "default"
+    axes.plot(
+        series.t[shown], series.y[shown], color=colour, linewidth=width, drawstyle=style, **looks
+    )
+
+
+def draw_envelope(axes: Axes, found: Envelope, colour: str, of: str) -> None:
+    """Draw it as two bands, pale from least to largest, and the median as a line."""
+    t = found.edges.ravel()
+    least, low, middle, high, largest = np.repeat(found.values, 2, axis=1)
+    bands = (least, largest, 0.15, "least to largest"), (low, high, 0.3, "10 to 90 %")
+    for below, above, alpha, words in bands:
+        label = f"{of}: {words}"
+        axes.fill_between(t, below, above, color=colour, alpha=alpha, linewidth=0.0, label=label)
+    axes.plot(t, middle, color=colour, linewidth=1.4, label=f"{of}: median")
+
+
+def draw_crowd(
+    axes: Axes, curves: Mapping[str, Series], worst: Sequence[str], of: str, unit: str
+) -> None:
+    """Draw the envelope of all curves, and the worst few over it."""
+    draw_envelope(axes, envelope(list(curves.values())), NORMAL, of)
+    for name, colour in zip(worst[:FEW], WORST, strict=False):
+        y = curves[name].y
+        label = f"{name}: {np.nanmin(y):.3g} to {np.nanmax(y):.3g}{unit}"
+        draw_line(axes, curves[name], colour=colour, held=True, label=label)
+    axes.margins(x=0.01)
+    legend(axes)

@@ -1,29 +1,27 @@
 """Write the report of a run: its figures as PNG, and one HTML file."""
 
 import io
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from phalanx.recording.read import Recording, read, steps_by_agent
-from phalanx.report import applied_inputs, control_steps, crowd, received, safety
+from phalanx.curves.history import RecordedHistory, recorded_history
+from phalanx.recording.read import Recording, read
+from phalanx.report import safety, steps
 from phalanx.report.distances import distances, required_distance
 from phalanx.report.lanes import space_time
+from phalanx.report.links import LinkStatistics, link_statistics, losses
 from phalanx.report.margins import margins
-from phalanx.report.measures import LinkStatistics, Motion, link_statistics, worst_pairs
+from phalanx.report.measures import worst_pairs
 from phalanx.report.page import page
 from phalanx.report.paths import paths
 from phalanx.report.style import FEW, MOST_NAMED, ReportFigure, summarises
-from phalanx.swarm.rows import SafetyRows, build_rows
-from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.rows.information import Information
-from phalanx.theory.rows.origin import EMPTY
 
 REPORT = "report.html"
 _DPI = 110
-_MOST_COMPOSED = 5000
-"""Pairs in the rows of all agents, where each is one expression; a pair takes 20 ms."""
 _MARGIN = 0.1
 """Around what is drawn on a figure [inch]."""
 
@@ -75,28 +73,23 @@ def image_of(plate: ReportFigure) -> bytes:
 
 def plates(recording: Recording, links: list[LinkStatistics]) -> Iterator[ReportFigure]:
     """The figures that the recording has data for, in the report's order."""
-    swarm, many = build_swarm(recording.scenario), summarises(recording.scenario)
-    rows = build_rows(swarm)
-    too_large = _is_too_large(rows)
+    history, many = recorded_history(recording), summarises(recording.scenario)
+    too_large = history.values.too_large
     if recording.states:
-        motion = Motion(recording, swarm)
-        pairs = worst_pairs(recording, swarm) if many else None
-        h = pairs.h if pairs else None
-        yield ReportFigure("h_tot", _SAFETY, safety.safety(recording, h))
-        if not too_large and (higher := safety.psi(recording, rows)):
+        pairs = worst_pairs(history) if many else None
+        yield ReportFigure("h_tot", _SAFETY, safety.safety(history, pairs.h if pairs else None))
+        if higher := safety.psi(history):
             yield ReportFigure("psi", _PSI, higher)
-        yield ReportFigure("paths", _paths_caption(recording), paths(recording, motion, pairs))
-        caption = _NEAREST if many else _DISTANCES
-        yield ReportFigure("distances", caption, distances(recording, swarm, motion))
+        yield ReportFigure("paths", _paths_caption(recording), paths(history, pairs))
+        yield ReportFigure("distances", _NEAREST if many else _DISTANCES, distances(history))
     if recording.states and recording.steps:
-        yield from (_of_many if many else _of_each)(recording, swarm)
-        if not too_large and (compared := margins(recording, rows)):
+        yield from _of_steps(history)
+        if not too_large and (compared := margins(history)):
             yield ReportFigure("margins", compared[1], compared[0])
-        if lanes := space_time(recording, swarm):
+        if lanes := space_time(history):
             yield ReportFigure("space-time", _SPACE_TIME, lanes)
     if any(link.lost or link.model.loss for link in links):
-        drawn = (crowd.losses if many else received.losses)(links)
-        yield ReportFigure("losses", _LOSSES, drawn)
+        yield ReportFigure("losses", _LOSSES, losses(recording, links))
 
 
 def notes(recording: Recording) -> list[str]:
@@ -109,54 +102,37 @@ def notes(recording: Recording) -> list[str]:
             f"More than {MOST_NAMED} agents: figures show the least, median, largest and the band "
             "of 10 to 90 % of all agents, and the worst few of them by name."
         )
-    if _is_too_large(rows := build_rows(build_swarm(recording.scenario))):
+    values = recorded_history(recording).values
+    if values.too_large:
         found.append(
             "Margins and ψ_k are not drawn: with this margin the row of each agent is one "
-            f"expression of all {rows.swarm.pairs.count} pairs, which would take hours. With "
-            'safety.composition = "pairs" there is a row for each pair.'
+            f"expression of all {values.rows.swarm.pairs.count} pairs, which would take hours. "
+            'With safety.composition = "pairs" there is a row for each pair.'
         )
     return found
 
 
-def _is_too_large(rows: SafetyRows) -> bool:
-    """Whether all agents' rows together are too much to build for a report."""
-    expressions = len(rows.swarm.normal) if rows.bounds_whole else 0
-    return expressions * rows.swarm.pairs.count > _MOST_COMPOSED
-
-
-def _of_each(recording: Recording, swarm: Swarm) -> Iterator[ReportFigure]:
-    steps = steps_by_agent(recording)
-    yield from _inputs(recording, swarm, [i for i in swarm.normal if steps[swarm.names[i]]])
-    if horizons := control_steps.certified(recording, swarm):
-        yield ReportFigure("certified", _CERTIFIED, horizons)
-    if ages := received.ages(recording):
-        yield ReportFigure("ages", _ages_caption(recording), ages)
-    yield ReportFigure("solve-times", _SOLVE_TIMES, control_steps.solve_times(recording))
-
-
-def _of_many(recording: Recording, swarm: Swarm) -> Iterator[ReportFigure]:
-    yield ReportFigure("inputs", _ALL_INPUTS, crowd.inputs(recording, swarm))
-    steps = steps_by_agent(recording)
-    empty = {i: sum(step.origin in EMPTY for step in steps[swarm.names[i]]) for i in swarm.normal}
-    worst = sorted((i for i in empty if empty[i]), key=lambda i: -empty[i])
-    yield from _inputs(recording, swarm, worst[:FEW])
-    if horizons := crowd.certified(recording, swarm):
-        yield ReportFigure("certified", _CERTIFIED, horizons)
-    if ages := crowd.ages(recording):
-        yield ReportFigure("ages", _ages_caption(recording), ages)
-    yield ReportFigure("solve-times", _SOLVE_TIMES, crowd.solve_times(recording, swarm))
-
-
-def _inputs(recording: Recording, swarm: Swarm, agents: Sequence[int]) -> Iterator[ReportFigure]:
-    for i in agents:
+def _of_steps(history: RecordedHistory) -> Iterator[ReportFigure]:
+    normal = {i: history.agent(i) for i in history.swarm.normal if history.steps[i]}
+    if summarises(history.scenario):
+        yield ReportFigure("inputs", _ALL_INPUTS, steps.inputs_of_all(history))
+        empty = {i: int(np.count_nonzero(made.empty)) for i, made in normal.items()}
+        shown = sorted((i for i in empty if empty[i]), key=lambda i: -empty[i])[:FEW]
+    else:
+        shown = list(normal)
+    for i in shown:
+        name = history.swarm.names[i]
         caption = (
-            f"Inputs of agent {swarm.names[i]}; the nominal input in grey, bounds dotted. A cross "
-            "marks each step whose K_i was empty: dark if the backup was applied, light if it had "
-            "no authority."
+            f"Inputs of agent {name}; the nominal input in grey, bounds dotted. A cross marks "
+            "each step whose K_i was empty: dark if the backup was applied, light if it had no "
+            "authority."
         )
-        yield ReportFigure(
-            f"inputs-{swarm.names[i]}", caption, applied_inputs.inputs(recording, swarm, i)
-        )
+        yield ReportFigure(f"inputs-{name}", caption, steps.inputs(history, i))
+    if horizons := steps.certified(history):
+        yield ReportFigure("certified", _CERTIFIED, horizons)
+    if ages := steps.ages(history):
+        yield ReportFigure("ages", _ages_caption(history.recording), ages)
+    yield ReportFigure("solve-times", _SOLVE_TIMES, steps.solve_times(history))
 
 
 _SAFETY = (

@@ -28,7 +28,8 @@ SWARM = rooms("swarm", SCENARIO)
 GUARANTEE = rooms("guarantee", SWARM)
 WIRE = rooms("profile wire", GUARANTEE)
 RECORDING = rooms("recording", WIRE)
-REPORT = rooms("report", RECORDING)
+CURVES = rooms("curves", RECORDING)
+REPORT = rooms("report", CURVES)
 LAUNCHER = rooms("launcher", REPORT)
 PLANT = rooms(
     "plant.events plant.world plant.sampling plant.judge plant.clock plant.scribe plant.hub"
@@ -60,6 +61,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     # Who is who on many hosts: the core of sessions and messages is handed it.
     "phalanx.identities": WIRE,
     "phalanx.recording": RECORDING,
+    "phalanx.curves": CURVES,
     "phalanx.report": REPORT,
     # The in-process engine is where agents and plant are put together without a wire.
     "phalanx.launcher": LAUNCHER | PLANT | rooms("agent plant"),
@@ -75,12 +77,12 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx_plant.clock": RECORDING | rooms("plant.world plant.events plant.sampling"),
     "phalanx_plant.scribe": RECORDING | rooms("plant.world plant.events plant.judge plant.clock"),
     "phalanx_viewer": REPORT | VIEWER,
-    "phalanx_viewer.scene": RECORDING,
-    "phalanx_viewer.feeds": RECORDING | rooms("viewer.scene"),
-    "phalanx_viewer.plots": RECORDING | rooms("viewer.scene viewer.feeds"),
-    "phalanx_viewer.page": RECORDING | rooms("viewer.scene viewer.feeds viewer.plots"),
+    "phalanx_viewer.scene": CURVES,
+    "phalanx_viewer.feeds": CURVES | rooms("viewer.scene"),
+    "phalanx_viewer.plots": CURVES | rooms("viewer.scene viewer.feeds"),
+    "phalanx_viewer.page": CURVES | rooms("viewer.scene viewer.feeds viewer.plots"),
     "phalanx_viewer.export": REPORT | rooms("viewer.scene viewer.feeds viewer.plots"),
-    "phalanx_viewer.ros2": RECORDING | rooms("viewer.scene viewer.feeds"),
+    "phalanx_viewer.ros2": CURVES | rooms("viewer.scene viewer.feeds"),
 }
 THEORY_MAY_USE = {"numpy", "casadi", "osqp", "scipy", "annotated_types"}
 ONLY_IN_WIRE = {"zenoh"}  # and its workarounds

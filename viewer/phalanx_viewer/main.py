@@ -8,9 +8,9 @@ from pathlib import Path
 
 from phalanx.swarm.rows import SafetyRows
 from phalanx.wire.membership import Membership
+from phalanx_viewer.feeds.feed import stop_request
 from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.feeds.replay import Replay, open_replay
-from phalanx_viewer.feeds.stop import stop_request
 from phalanx_viewer.page.page import Page
 from phalanx_viewer.page.server import choose_port
 
@@ -99,7 +99,7 @@ def _load(recording: Path, trust: bool) -> Replay:
     replay = open_replay(recording, trust)
     pairs = len(replay.model.swarm.safe_set.pairs)
     log.info("evaluating h of %d pairs in a run of %d states", pairs, len(replay.times))
-    replay.history.pairs()  # it is kept; the first visitor would wait for it
+    _ = replay.history.pairs  # it is kept; the first visitor would wait for it
     return replay
 
 

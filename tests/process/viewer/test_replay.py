@@ -5,12 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from phalanx_viewer.feeds.history import EMPTY_CODES
 from phalanx_viewer.feeds.replay import Replay, open_replay
 from phalanx_viewer.plots.content import Content, Plot
-from phalanx_viewer.plots.plots import LEAST_HORIZON, content, values_at
+from phalanx_viewer.plots.plots import content, values_at
 from phalanx_viewer.scene.picture import picture
 
+from phalanx.curves.history import EMPTY_CODES
+from phalanx.curves.quantities import LEAST_HORIZON
 from phalanx.faults.commands import CommandKind
 from phalanx.recording.read import read
 from phalanx.scenario.load import load

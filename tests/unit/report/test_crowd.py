@@ -1,24 +1,21 @@
 """Reports on more than 12 agents: the worst few by name over envelopes of all."""
 
 import re
+from dataclasses import replace
 
 import msgspec
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
-from phalanx.recording.read import Recording, read, size_in_words, steps_by_agent
-from phalanx.report import crowd
+from phalanx.curves.history import RecordedHistory, recorded_history
+from phalanx.recording.read import Recording, read, size_in_words
+from phalanx.report import steps
 from phalanx.report.distances import distances
-from phalanx.report.measures import (
-    Motion,
-    link_statistics,
-    nearest,
-    worst_pairs,
-)
+from phalanx.report.links import link_statistics, losses
+from phalanx.report.measures import nearest, worst_pairs
 from phalanx.report.paths import paths
 from phalanx.report.write import notes, write_report
-from phalanx.swarm.swarm import Swarm, build_swarm
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space
 
 WORST_RECEIVER = "n11"
@@ -40,35 +37,35 @@ def crowded(tmp_path_factory: pytest.TempPathFactory) -> Recording:
 
 
 @pytest.fixture(scope="module")
-def swarm(crowded: Recording) -> Swarm:
-    return build_swarm(crowded.scenario)
+def history(crowded: Recording) -> RecordedHistory:
+    return recorded_history(crowded)
 
 
 def named(axes: Axes) -> list[str]:
     return [str(text.get_text()) for text in axes.get_legend().get_texts()]
 
 
-def test_nearest_and_closest_are_those_of_all_distances(crowded: Recording, swarm: Swarm) -> None:
-    motion = Motion(crowded, swarm)
+def test_nearest_and_closest_are_those_of_all_distances(history: RecordedHistory) -> None:
+    swarm = history.swarm
     pairs = [p for p in swarm.safe_set.pairs if p.b in set(swarm.normal)]
-    found = nearest(motion, pairs, swarm.normal, 3)
-    p = motion.positions[:, list(swarm.normal)]
+    found = nearest(history, pairs, swarm.normal, 3)
+    p = history.positions[:, list(swarm.normal)]
     apart = np.linalg.norm(p[:, :, None] - p[:, None], axis=-1) + 1e9 * np.eye(16)
     np.testing.assert_allclose(found.distances, apart.min(axis=2), rtol=1e-12)
     least = np.sort(apart[:, *np.triu_indices(16, 1)].min(axis=0))
     assert [distance for _, distance in found.closest] == pytest.approx(least[:3])
 
 
-def test_the_worst_pair_is_the_one_with_the_largest_h(crowded: Recording, swarm: Swarm) -> None:
-    found, motion = worst_pairs(crowded, swarm), Motion(crowded, swarm)
-    apart = np.array([motion.distance(p) for p in swarm.safe_set.pairs])
+def test_the_worst_pair_is_the_one_with_the_largest_h(history: RecordedHistory) -> None:
+    found = worst_pairs(history)
+    apart = np.array([history.distance(p) for p in history.swarm.safe_set.pairs])
     np.testing.assert_allclose(found.h, 1.0 - apart.min(axis=0) ** 2, rtol=1e-9)
     a, b = found.pairs[0].tolist()
     assert (a, b) == (2, 19)  # n2, at (6, 0, 1), and the obstacle
 
 
-def test_distances_name_the_closest_few_of_each_kind(crowded: Recording, swarm: Swarm) -> None:
-    panels = distances(crowded, swarm, Motion(crowded, swarm)).axes
+def test_distances_name_the_closest_few_of_each_kind(history: RecordedHistory) -> None:
+    panels = distances(history).axes
     assert len(panels) == 3
     for axes in panels:
         *bands, median, first, second, third, fourth = named(axes)
@@ -80,9 +77,8 @@ def test_distances_name_the_closest_few_of_each_kind(crowded: Recording, swarm: 
         assert 0.0 < low < 1.0 < high  # what is required is in sight
 
 
-def test_paths_name_the_worst_pair_alone(crowded: Recording, swarm: Swarm) -> None:
-    motion = Motion(crowded, swarm)
-    above, side = paths(crowded, motion, worst_pairs(crowded, swarm)).axes
+def test_paths_name_the_worst_pair_alone(history: RecordedHistory) -> None:
+    above, side = paths(history, worst_pairs(history)).axes
     assert (above.get_ylabel(), side.get_ylabel()) == ("y [m]", "z [m]")
     assert named(above)[:2] == ["16 × normal", "3 × adversary"]
     assert named(above)[2].endswith("of the worst pair")
@@ -90,31 +86,29 @@ def test_paths_name_the_worst_pair_alone(crowded: Recording, swarm: Swarm) -> No
     assert drawn == [16, 3]
 
 
-def test_inputs_tell_how_many_steps_had_an_empty_set(crowded: Recording, swarm: Swarm) -> None:
-    used, empty = crowd.inputs(crowded, swarm).axes
+def test_inputs_tell_how_many_steps_had_an_empty_set(history: RecordedHistory) -> None:
+    used, empty = steps.inputs_of_all(history).axes
     assert len(named(used)) == 7
     assert named(empty) == ["backup (16 steps)", "no authority (16 steps)"]
 
 
-def test_without_an_empty_set_there_is_no_panel_of_them(crowded: Recording, swarm: Swarm) -> None:
-    calm = [s for s in crowded.steps if s.k % 5]
-    (used,) = crowd.inputs(
-        Recording(crowded.path, crowded.scenario, {}, crowded.states, calm), swarm
-    ).axes
+def test_without_an_empty_set_there_is_no_panel_of_them(crowded: Recording) -> None:
+    calm = replace(crowded, steps=[s for s in crowded.steps if s.k % 5])
+    (used,) = steps.inputs_of_all(recorded_history(calm)).axes
     assert "share" in used.get_ylabel()
 
 
-def test_certified_times_count_the_inputs_below_tau(crowded: Recording, swarm: Swarm) -> None:
-    figure = crowd.certified(crowded, swarm)
+def test_certified_times_count_the_inputs_below_tau(history: RecordedHistory) -> None:
+    figure = steps.certified(history)
     assert figure is not None
-    steps = steps_by_agent(crowded)
-    known = [(i, s.certified) for i in swarm.normal for s in steps[swarm.names[i]]]
+    swarm = history.swarm
+    known = [(i, s.certified) for i in swarm.normal for s in history.steps[i]]
     below = sum(t < swarm.horizon(i) for i, t in known if t is not None)
     assert figure.axes[0].get_title(loc="right") == f"{below} of {len(known)} inputs below τ"
 
 
-def test_the_receiver_of_the_oldest_inputs_is_named_first(crowded: Recording) -> None:
-    figure = crowd.ages(crowded)
+def test_the_receiver_of_the_oldest_inputs_is_named_first(history: RecordedHistory) -> None:
+    figure = steps.ages(history)
     assert figure is not None
     (axes,) = figure.axes
     assert named(axes)[3].startswith(f"{WORST_RECEIVER}: ")
@@ -122,7 +116,7 @@ def test_the_receiver_of_the_oldest_inputs_is_named_first(crowded: Recording) ->
 
 def test_losses_name_the_links_that_lost_more_than_their_model(crowded: Recording) -> None:
     links = link_statistics(crowded)
-    (axes,) = crowd.losses(links).axes
+    (axes,) = losses(crowded, links).axes
     worst = max(links, key=lambda link: link.excess)
     assert len(links) == 16 * 15
     assert named(axes)[0] == "240 links"

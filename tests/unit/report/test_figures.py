@@ -7,18 +7,19 @@ import msgspec
 import numpy as np
 import pytest
 
+from phalanx.curves.history import RecordedHistory, recorded_history
+from phalanx.curves.values import SafetyValues
 from phalanx.recording.read import Recording
-from phalanx.recording.records import State
-from phalanx.report import applied_inputs, control_steps, safety
+from phalanx.recording.records import State, Step
+from phalanx.report import safety, steps
 from phalanx.report.measures import origins
-from phalanx.swarm.rows import build_rows
-from phalanx.swarm.swarm import build_swarm
-from tests.unit.swarms import rows_of_scenario, swarm_of_scenario
+from phalanx.scenario.load import load
+from tests.unit.report.recordings import drift
+from tests.unit.swarms import rows_of_scenario
 
 
 def test_a_mark_stands_at_every_step_with_an_empty_set(recording: Recording) -> None:
-    swarm = build_swarm(recording.scenario)
-    panels = applied_inputs.inputs(recording, swarm, 0).axes
+    panels = steps.inputs(recorded_history(recording), 0).axes
     assert len(panels) == 2
     for axes in panels:
         marks = {c.get_label(): c.get_offsets()[:, 0] for c in axes.collections}
@@ -28,7 +29,7 @@ def test_a_mark_stands_at_every_step_with_an_empty_set(recording: Recording) -> 
 
 
 def test_inputs_are_drawn_between_the_bounds_of_their_polytope(recording: Recording) -> None:
-    speed, turn_rate = applied_inputs.inputs(recording, build_swarm(recording.scenario), 4).axes
+    speed, turn_rate = steps.inputs(recorded_history(recording), 4).axes
     for axes, bound in ((speed, 2.0), (turn_rate, 1.0)):
         dotted = [line.get_ydata()[0] for line in axes.lines if line.get_linestyle() == ":"]
         assert sorted(dotted) == pytest.approx([-bound, bound])
@@ -37,7 +38,7 @@ def test_inputs_are_drawn_between_the_bounds_of_their_polytope(recording: Record
 def test_certified_times_are_drawn_in_multiples_of_tau_with_a_mark_below_one(
     recording: Recording,
 ) -> None:
-    figure = control_steps.certified(recording, build_swarm(recording.scenario))
+    figure = steps.certified(recorded_history(recording))
     assert figure is not None
     (axes,) = figure.axes
     assert axes.get_yscale() == "log"
@@ -51,37 +52,39 @@ def test_certified_times_are_drawn_in_multiples_of_tau_with_a_mark_below_one(
 
 
 def test_a_recording_without_certified_times_has_no_figure_of_them(recording: Recording) -> None:
-    steps = [msgspec.structs.replace(step, certified=None) for step in recording.steps]
-    bare = dataclasses.replace(recording, steps=steps)
-    assert control_steps.certified(bare, build_swarm(recording.scenario)) is None
+    made = [msgspec.structs.replace(step, certified=None) for step in recording.steps]
+    bare = dataclasses.replace(recording, steps=made)
+    assert steps.certified(recorded_history(bare)) is None
 
 
 def test_where_the_inputs_lie_in_a_cube_their_infinity_norm_is_drawn_first() -> None:
-    u = np.array([[0.5, -1.5, 1.0], [0.0, 0.2, -0.1]])
-    norm, *components = applied_inputs.input_curves(swarm_of_scenario("formation3d"), 0, u)
-    assert norm.label == "‖u‖∞ [m/s²]"
-    assert list(norm.values) == [1.5, 0.2]
-    assert norm.bounds == (2.0,)
-    assert len(components) == 3
-    assert len(applied_inputs.input_curves(swarm_of_scenario("unicycles"), 0, u[:, :2])) == 2
+    scenario = load("formation3d", ["duration=0.1"])
+    records = drift(scenario, states=2, steps=2)
+    states = [r for r in records if isinstance(r, State)]
+    inputs = [(0.5, -1.5, 1.0), (0.0, 0.2, -0.1)]
+    made = [msgspec.structs.replace(r, u=inputs[r.k]) for r in records if isinstance(r, Step)]
+    recording = Recording(Path(), scenario, {}, states, made)
+    norm, *components = steps.inputs(recorded_history(recording), 0).axes
+    assert norm.get_ylabel() == "‖u‖∞ [m/s²]"
+    assert [list(norm.lines[0].get_ydata()[:2]), len(components)] == [[1.5, 0.2], 3]
+    bound = [line.get_ydata()[0] for line in norm.lines if line.get_linestyle() == ":"]
+    assert bound == [2.0]
 
 
 def test_the_nominal_input_is_drawn_beside_the_applied_one_and_does_not_stretch_the_panel(
     recording: Recording,
 ) -> None:
     wanted = (9.0, -9.0)
-    steps = [msgspec.structs.replace(step, u_nom=wanted) for step in recording.steps]
-    far = dataclasses.replace(recording, steps=steps)
-    for axes, nominal in zip(
-        applied_inputs.inputs(far, build_swarm(far.scenario), 0).axes, wanted, strict=True
-    ):
+    made = [msgspec.structs.replace(step, u_nom=wanted) for step in recording.steps]
+    far = dataclasses.replace(recording, steps=made)
+    for axes, nominal in zip(steps.inputs(recorded_history(far), 0).axes, wanted, strict=True):
         drawn = [line.get_ydata() for line in axes.lines if len(line.get_ydata()) > 2]
         assert [set(np.round(line, 12)) for line in drawn] == [{nominal}, {0.1}]
         assert max(map(abs, axes.get_ylim())) < 9.0
 
 
 def test_where_q_is_one_there_is_no_higher_psi(recording: Recording) -> None:
-    assert safety.psi(recording, build_rows(build_swarm(recording.scenario))) is None
+    assert safety.psi(recorded_history(recording)) is None
 
 
 def test_psi_1_of_a_pair_that_closes_in_is_drawn_up_to_where_it_is_largest() -> None:
@@ -89,7 +92,7 @@ def test_psi_1_of_a_pair_that_closes_in_is_drawn_up_to_where_it_is_largest() -> 
     swarm, x = rows.swarm, rows.swarm.start()
     states = [State(0.1 * k, (x + 0.1 * k).tolist(), -1.0) for k in range(5)]
     recording = Recording(Path(), swarm.scenario, {}, states=states)
-    figure = safety.psi(recording, rows)
+    figure = safety.psi(RecordedHistory(recording, SafetyValues(rows)))
     assert figure is not None
     (axes,) = figure.axes
     expected = [rows.invariants()(np.array(s.x)).reshape(-1, 2)[:, 1].max() for s in states]

@@ -8,12 +8,12 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 
+from phalanx.curves.history import recorded_history
 from phalanx.recording.broadcasts import IN_TIME, LATE, LOST, broadcasts
 from phalanx.recording.read import Recording, read
 from phalanx.recording.records import Step
 from phalanx.report.lanes import space_time
 from phalanx.scenario.model import Scenario
-from phalanx.swarm.swarm import build_swarm
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space, unicycles
 
 SILENT_FROM, SILENT_UNTIL = 0.1, 0.2
@@ -53,7 +53,7 @@ def test_a_broadcast_is_late_if_its_receiver_stepped_before_it_came(lossy: Recor
 
 
 def test_the_zoom_draws_what_was_sent_in_its_window_and_no_more(lossy: Recording) -> None:
-    figure = space_time(lossy, build_swarm(lossy.scenario))
+    figure = space_time(recorded_history(lossy))
     assert figure is not None
     zoom = figure.axes[1]
     begin, end = zoom.get_xlim()
@@ -66,7 +66,7 @@ def test_the_zoom_draws_what_was_sent_in_its_window_and_no_more(lossy: Recording
 
 
 def test_an_agent_that_makes_no_step_for_longer_than_its_tau_is_silent(lossy: Recording) -> None:
-    figure = space_time(lossy, build_swarm(lossy.scenario))
+    figure = space_time(recorded_history(lossy))
     assert figure is not None
     (image,) = figure.axes[0].images
     pixels = np.asarray(image.get_array())
@@ -81,7 +81,7 @@ def test_of_many_agents_the_zoom_shows_twelve_with_the_worst_pair(tmp_path: Path
     scenario = swarm_in_space(16, 3, {"network": {"loss": 0.3}})
     recording = recorded(tmp_path, scenario)
     recording.summary.worst_pair = "n0-n15"
-    figure = space_time(recording, build_swarm(scenario))
+    figure = space_time(recorded_history(recording))
     assert figure is not None
     whole, zoom = figure.axes
     named = [text.get_text() for text in zoom.get_yticklabels()]
@@ -93,4 +93,4 @@ def test_of_many_agents_the_zoom_shows_twelve_with_the_worst_pair(tmp_path: Path
 
 def test_without_a_broadcast_there_is_no_diagram(tmp_path: Path) -> None:
     scenario = swarm_in_space(1, 2, {})
-    assert space_time(recorded(tmp_path, scenario), build_swarm(scenario)) is None
+    assert space_time(recorded_history(recorded(tmp_path, scenario))) is None

@@ -4,9 +4,7 @@ import re
 from pathlib import Path
 
 from phalanx.recording.read import Recording
-from phalanx.report.measures import (
-    link_statistics,
-)
+from phalanx.report.links import link_statistics
 from phalanx.scenario.model import Scenario
 from tests.unit.report.recordings import (
     fate,

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 import phalanx
+from phalanx.curves.history import RecordedHistory
+from phalanx.curves.values import SafetyValues
 from phalanx.recording.read import Recording, read
 from phalanx.report.margins import MarginUse, margin_use, margins
 from phalanx.swarm.rows import SafetyRows, build_rows
@@ -33,8 +35,12 @@ class Ran(NamedTuple):
     recording: Recording
     rows: SafetyRows
 
+    @property
+    def history(self) -> RecordedHistory:
+        return RecordedHistory(self.recording, SafetyValues(self.rows))
+
     def used_and_needed(self, i: int) -> MarginUse:
-        found = margin_use(self.recording, self.rows, i)
+        found = margin_use(self.history, i)
         assert found is not None
         return found
 
@@ -60,7 +66,7 @@ def test_a_bound_of_all_inputs_is_at_least_what_the_applied_one_needs(ran):
         found = run.used_and_needed(i)
         assert not found.short.any()
         assert (found.needed < 0.999 * found.used).all()
-    _, words = margins(*run)
+    _, words = margins(run.history)
     assert "less than that at 0 of" in words
 
 
@@ -71,7 +77,7 @@ def test_a_margin_scaled_down_is_short(ran):
 def test_of_a_given_margin_the_number_itself_was_used(ran):
     run = ran("unicycles")
     assert (run.used_and_needed(0).used == 8.0566).all()
-    figure, words = margins(*run)
+    figure, words = margins(run.history)
     assert [panel.get_yscale() for panel in figure.axes] == ["log"] * 3
     steps = sum(step.agent in ("1", "2", "3") for step in run.recording.steps)
     assert f"less than that at {steps} of {steps} steps." in words
@@ -108,16 +114,16 @@ def test_the_margin_needed_is_the_bound_of_the_pair_that_the_input_left_least(ra
 
 
 def test_many_agents_are_summarised_as_shares_of_what_is_needed(ran):
-    figure, _ = margins(*ran("swarm2d"))
+    figure, _ = margins(ran("swarm2d").history)
     (axes,) = figure.axes
     assert axes.get_ylabel() == "margin used / needed"
 
 
 def test_where_nothing_can_be_bounded_the_figure_says_why(ran):
-    _, words = margins(*ran("unicycles", f"safety.function.type='{__name__}:Folded'"))
+    _, words = margins(ran("unicycles", f"safety.function.type='{__name__}:Folded'").history)
     assert "no interval rule for the operation fmod" in words
 
 
 def test_a_recording_without_steps_has_no_such_figure(ran):
     recording, rows = ran("unicycles")
-    assert margins(replace(recording, steps=[]), rows) is None
+    assert margins(Ran(replace(recording, steps=[]), rows).history) is None

@@ -10,9 +10,7 @@ import msgspec
 
 from phalanx.recording.read import read
 from phalanx.recording.records import RECORDING, Step
-from phalanx.report.measures import (
-    worst,
-)
+from phalanx.report.measures import worst
 from phalanx.report.write import write_report
 from phalanx.scenario.load import digest, load
 from phalanx.theory.expressions.magnitude import LARGEST_SUM

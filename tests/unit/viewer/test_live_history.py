@@ -2,10 +2,10 @@
 
 import msgspec
 import numpy as np
-from phalanx_viewer.feeds.agent_steps import AgentSteps
 from phalanx_viewer.feeds.live_history import LiveHistory
 from phalanx_viewer.scene.model import scene_model
 
+from phalanx.curves.history import recorded_series
 from phalanx.guarantee.verdict import Violation
 from phalanx.recording.records import Step
 from phalanx.scenario.load import load
@@ -29,7 +29,7 @@ def test_links_that_were_late_or_lost_are_counted_beside_all_that_lead_to_an_age
     past = LiveHistory(MODEL)
     past.add(frame(0.0))
     past.add(frame(0.1, LinkEvent(0, 2, -1.0), LinkEvent(1, 2, 0.01)))
-    fates = past.history.fates()
+    fates = past.fates
     np.testing.assert_array_equal(fates.t, [0.0] * 5 + [0.1] * 5)
     np.testing.assert_array_equal(fates.receiver, [*range(5)] * 2)
     np.testing.assert_array_equal(fates.sent, [2.0, 2.0, 2.0, 0.0, 0.0] * 2)
@@ -60,7 +60,7 @@ def test_every_number_of_a_step_is_plotted_as_what_it_is_live_and_recorded() -> 
         agent="4", k=0, t=2.0, t_apply=2.0, fates=[], ages=[("1", values(3)["oldest_input"])],
         **msgspec.structs.asdict(status(3).step),
     )  # fmt: skip
-    for series in (past.history.agent(3), AgentSteps([step]).series(inputs=2)):
+    for series in (past.agent(3), recorded_series([step], inputs=2)):
         assert (series.t, series.empty) == ([2.0], [0.0])
         assert series.numbers == values(3)
         np.testing.assert_array_equal(series.u, [[3.1, 3.2]])

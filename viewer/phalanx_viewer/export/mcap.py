@@ -28,6 +28,7 @@ from google.protobuf.message import Message
 from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
 
+from phalanx.curves.quantities import unit_of
 from phalanx.recording.read import Recording
 from phalanx.scenario.load import to_json
 from phalanx.theory.models.dynamics import Dynamics
@@ -148,7 +149,7 @@ def _state_kind(dynamics: Dynamics) -> _Kind:
 def _step_kind(model: SceneModel, dynamics: Dynamics) -> _Kind:
     inputs = units(dynamics).inputs
     of_field = {f"{side}_{i}": unit for side in ("u", "nominal") for i, unit in inputs.items()}
-    of_field |= {name: model.unit_of(quantity) for name, quantity in QUANTITIES.items()}
+    of_field |= {name: unit_of(quantity, model.swarm) for name, quantity in QUANTITIES.items()}
     kind = Numbers(f"{type(dynamics).__name__}Step", list(of_field), texts=["origin"])
     return kind, kind.by_field(of_field)
 

@@ -152,7 +152,7 @@ def _log_steps(
 ) -> None:
     """One agent's control steps."""
     t = np.array([step.t for step in steps])
-    inputs = model.input_names(model.names.index(name))
+    inputs = model.swarm.members[model.names.index(name)].dynamics.inputs
     for k, of_input in enumerate(inputs):
         _plot(stream, f"agents/{name}/step/u_{of_input}", t, [s.u[k] for s in steps])
         nominal = [s.u_nom[k] if s.u_nom else None for s in steps]

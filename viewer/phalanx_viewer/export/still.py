@@ -79,8 +79,7 @@ def _draw_in_space(axes: Any, model: SceneModel, shown: Picture, past: Array) ->
 
 
 def _h_tot_plot(axes: Axes, replay: Replay, t: float) -> None:
-    rows = replay.history.swarm.rows
-    axes.plot(rows[:, 0], rows[:, 1], color="#2563eb", linewidth=1.0)
+    axes.plot(replay.times, replay.history.h_tot, color="#2563eb", linewidth=1.0)
     axes.axhline(0.0, color="#94a3b8", linestyle="--")
     axes.axvline(t, color="#0f172a", linewidth=1.0)
     axes.set_xlabel("t [s]")

@@ -1,24 +1,32 @@
-"""What the page asks of a feed, be it a live run or a recording."""
+"""A source of frames, be it a live run or a recording, and when to stop following it."""
 
-from collections.abc import Sequence
+import signal
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from phalanx.arrays import Array
+from phalanx.curves.history import History
 from phalanx.guarantee.verdict import Summary, Violation
 from phalanx.wire.messages import Frame, LogLine
-from phalanx_viewer.feeds.history import History
 from phalanx_viewer.scene.model import SceneModel
+
+SPACING = 0.2
+"""Between two points of a recent path [s]."""
+_MOST_POINTS, _MOST_OF_ALL_AGENTS = 60, 3000
 
 
 class Feed(Protocol):
     """Where frames come from."""
 
     model: SceneModel
-    history: History
     summary: Summary | None
     """The verdict, once there is one."""
     over: bool
     """Whether a live run's plant has left; never of a recording."""
+
+    @property
+    def history(self) -> History:
+        """The run's past."""
 
     @property
     def unfinished(self) -> str:
@@ -37,3 +45,17 @@ class Feed(Protocol):
 
     def recent_paths(self, t: float) -> Array:
         """Positions on the way to t [s], shape (s, N, 3)."""
+
+
+def path_points(agents: int) -> int:
+    """How many points each recent path may have: all of them are sent anew, as one message."""
+    return max(4, min(_MOST_POINTS, _MOST_OF_ALL_AGENTS // agents))
+
+
+def stop_request() -> Callable[[], bool]:
+    """Whether SIGINT or SIGTERM came since this call."""
+    # No event: a handler that sets one while this thread is about to wait for it never returns.
+    came: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _: came.append(number))
+    return lambda: bool(came)

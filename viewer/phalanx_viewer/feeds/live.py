@@ -58,8 +58,7 @@ class Live:
             setup = self._ask_for_setup(membership)
             with code_trusted(trust):
                 self.model = scene_model(from_json(setup.scenario.decode()))
-            self._past = LiveHistory(self.model)
-            self.history = self._past.history
+            self.history = LiveHistory(self.model)
             self.commandable = setup.commandable and bool(command_secret)
             """Whether the plant will obey this viewer."""
             self._listen()
@@ -72,7 +71,7 @@ class Live:
         newest = None
         while not self._frames.empty():
             newest = self._frames.get()
-            self._past.add(newest)
+            self.history.add(newest)
         return newest
 
     @property
@@ -84,16 +83,16 @@ class Live:
     @property
     def log(self) -> list[LogLine]:
         """Every line of the event log that a frame told."""
-        return self._past.log
+        return self.history.log
 
     @property
     def violations(self) -> list[Violation]:
         """Every pair that a frame told was unsafe."""
-        return list(self._past.violations.values())
+        return list(self.history.violations.values())
 
     def recent_paths(self, t: float) -> Array:
         """Positions on the way here, shape (s, N, 3)."""
-        return self._past.recent_paths.positions
+        return self.history.recent_path
 
     def command(self, kind: CommandKind, agent: str = "", value: float = 0.0) -> None:
         """Send the plant a command. Without the command secret it refuses."""

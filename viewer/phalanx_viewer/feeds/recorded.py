@@ -1,29 +1,22 @@
 """The frames of a recording: the same that viewers were shown while the run went on."""
 
-import functools
-
+import msgspec
 import numpy as np
 
-from phalanx.faults.commands import FaultState
+from phalanx.arrays import Array
+from phalanx.curves.history import RecordedHistory
+from phalanx.faults.commands import Condition, FaultState
 from phalanx.guarantee.verdict import Assumption
-from phalanx.recording.broadcasts import broadcasts
-from phalanx.recording.read import Recording, UnreadableRecordingError, steps_by_agent
-from phalanx.wire.messages import Frame, LinkEvent, LogLine, worse
-from phalanx_viewer.feeds.agent_steps import AgentSteps
-from phalanx_viewer.feeds.history import (
-    ConditionChange,
-    History,
-    PairSeries,
-    TimeSeries,
-    fates_of,
-    pair_states,
-)
+from phalanx.recording.read import Recording, UnreadableRecordingError
+from phalanx.recording.records import Step
+from phalanx.theory.rows.origin import Origin
+from phalanx.wire.messages import AgentStatus, Frame, LinkEvent, LogLine, worse
+from phalanx.wire.step_report import AppliedStep
+from phalanx_viewer.feeds.feed import SPACING, path_points
 from phalanx_viewer.scene.model import scene_model
 
 _EVENT_SHOWN = 0.05
 """How long a lost or late broadcast stays in sight [s]."""
-_PAIR_STATES = 400
-"""Most states of which h of every pair is told."""
 
 
 class RecordedRun:
@@ -34,30 +27,33 @@ class RecordedRun:
         if not recording.states:
             raise UnreadableRecordingError(f"{recording.path}: the recording holds no state")
         self.model = scene_model(recording.scenario)
-        self.summary = recording.summary
-        self.times = recording.times
-        self._x, self._h_tot = recording.x, recording.h_tot
-        self._worst = np.maximum.accumulate(self._h_tot)
-        self._log, self._commands = recording.log, recording.commands
-        self._broadcasts = list(broadcasts(recording))
-        self._agents = [AgentSteps(steps) for steps in steps_by_agent(recording).values()]
+        self.history = RecordedHistory(recording, self.model.values)
+        self.summary, self.unfinished = recording.summary, recording.unfinished
+        self.times = self.history.times
+        self.log = [LogLine(line.t, line.text) for line in recording.log]
+        """The event log."""
+        self.violations = list(self.summary.violations) if self.summary else []
+        """Every pair that was unsafe."""
+        self._commands = recording.commands
+        self._worst = np.maximum.accumulate(self.history.h_tot)
+        self._agents = [_AgentSteps(steps) for steps in self.history.steps]
         false = [(sender, s.t_apply) for s in recording.steps for sender, *_ in s.false]
         self._lies = [np.sort([t for who, t in false if who == name]) for name in self.model.names]
         """Times of each agent's false broadcasts [s]."""
         self._applied = np.sort([s.t_apply for s in recording.steps])
-        poses = [self.model.kinematics.poses(x) for x in self._x]
-        self.positions = np.array([p.positions for p in poses])
+        planar = self.history.positions.shape[2] == 2
+        self.trajectory = np.pad(self.history.positions, ((0, 0), (0, 0), (0, int(planar))))
         """Output points at every state [m], shape (s, N, 3)."""
+
+    @property
+    def end(self) -> float:
+        """Time of the last state [s]."""
+        return float(self.times[-1])
 
     @property
     def worst_at(self) -> float:
         """When h_tot was largest [s]."""
-        return float(self.times[int(np.argmax(self._h_tot))])
-
-    @property
-    def log(self) -> list[LogLine]:
-        """The event log."""
-        return [LogLine(line.t, line.text) for line in self._log]
+        return float(self.times[self.history.worst])
 
     def index_at(self, t: float) -> int:
         """The last state that is not after t [s], by its index."""
@@ -66,12 +62,11 @@ class RecordedRun:
     def frame(self, t: float) -> Frame:
         """The run as it was at t [s], standing still."""
         index = self.index_at(t)
-        x, faults = self._x[index], self._faults(t)
-        violations = self.summary.violations if self.summary else []
+        x, faults = self.history.x[index], self._faults(t)
         return Frame(
             t=float(self.times[index]),
             x=x.tobytes(),
-            h_tot=float(self._h_tot[index]),
+            h_tot=float(self.history.h_tot[index]),
             worst_h=float(self._worst[index]),
             pair=self.model.values.worst_pair(x),
             agents=tuple(
@@ -82,7 +77,7 @@ class RecordedRun:
             steps=int(np.searchsorted(self._applied, t, side="right")),
             real_time_factor=0.0,
             assumptions=self._failed(t),
-            violations=tuple(v for v in violations if v.first <= t),
+            violations=tuple(v for v in self.violations if v.first <= t),
             log=tuple(line for line in self.log if line.t <= t),
             paused=True,
             speed=0.0,
@@ -90,44 +85,21 @@ class RecordedRun:
             delay=faults.delay,
         )
 
-    def history(self) -> History:
-        """The whole run, for the plots."""
-        distances = [self.model.smallest_distance(positions) for positions in self.positions]
-        psi = np.array([self.model.values.higher_psi(x) for x in self._x])
-        swarm = np.column_stack([self.times, self._h_tot, distances, psi])
-        series = [a.series(len(self.model.input_names(i))) for i, a in enumerate(self._agents)]
-        return History(
-            TimeSeries(swarm.shape[1], swarm),
-            series.__getitem__,
-            functools.cache(self._pairs),
-            functools.cache(lambda: fates_of(self._broadcasts)),
-            self._broadcasts,
-            self._conditions(),
-        )
-
-    def _pairs(self) -> PairSeries:
-        """At the worst state of each block of time: all of them would be many, of many pairs."""
-        most = min(_PAIR_STATES, len(self.times))
-        count = pair_states(len(self.model.swarm.safe_set.pairs), most)
-        blocks = np.array_split(np.arange(len(self.times)), count)
-        worst = [block[int(np.argmax(self._h_tot[block]))] for block in blocks]
-        every_h = self.model.values.every_h
-        # One state at a time: for several at once it takes half as much memory again.
-        return PairSeries(self.times[worst], np.array([every_h(x) for x in self._x[worst]]))
-
-    def _conditions(self) -> list[ConditionChange]:
-        faults, found = FaultState(self.model.names), []
-        for command in self._commands:
-            if (i := faults.obey(command)) is not None:
-                found.append(ConditionChange(command.t, i, faults.condition[i]))
-        return found
+    def recent_paths(self, t: float) -> Array:
+        """Positions on the way to t [s], shape (s, N, 3)."""
+        before = SPACING * np.arange(path_points(len(self.model.names)))[::-1]
+        # On a fixed grid of time, so that the path's points stand still while it grows.
+        instants = np.floor(t / SPACING) * SPACING - before
+        known = instants[instants >= self.times[0]]
+        indices = [self.index_at(float(at)) for at in (*known, t)]
+        return np.asarray(self.trajectory[indices])
 
     def _failed(self, t: float) -> tuple[Assumption, ...]:
         """The assumptions that had failed by t [s]: how often is recorded of the end alone."""
         if self.summary is None:
             return ()
         found = [a for a in self.summary.assumptions if a.first is not None and a.first <= t]
-        if t >= self.times[-1]:
+        if t >= self.end:
             return tuple(found)
         # What a note adds to the assumption's own text are figures of the whole run.
         return tuple(Assumption(a.name, 1, 0, a.first, a.note.partition(";")[0]) for a in found)
@@ -148,3 +120,33 @@ class RecordedRun:
                         link = self.model.names.index(sender), receiver
                         found[link] = worse(found.get(link, 0.0), delay)
         return tuple(LinkEvent(*link, delay) for link, delay in found.items())
+
+
+class _AgentSteps:
+    """One agent's recorded control steps in the order in which their inputs were applied."""
+
+    def __init__(self, steps: list[Step]) -> None:
+        self._steps = steps
+        self._applied = np.array([s.t_apply for s in steps], dtype=float)
+        self._backups, self._without_authority = (
+            np.cumsum([s.origin == origin for s in steps], dtype=int)
+            for origin in (Origin.BACKUP, Origin.NO_AUTHORITY)
+        )
+
+    def status(self, t: float, condition: Condition, lies: int) -> AgentStatus:
+        """The agent at t [s]; lies: false broadcasts that it sent so far."""
+        k = int(np.searchsorted(self._applied, t, side="right")) - 1
+        if k < 0:
+            return AgentStatus(condition)
+        return AgentStatus(
+            condition=condition,
+            step=msgspec.convert(self._steps[k], AppliedStep, from_attributes=True),
+            backups=int(self._backups[k]),
+            without_authority=int(self._without_authority[k]),
+            lies=lies,
+        )
+
+    def applied_within(self, after: float, until: float) -> list[Step]:
+        """The steps whose input was applied after one time and not after another [s]."""
+        first, last = np.searchsorted(self._applied, [after, until], side="right")
+        return self._steps[first:last]

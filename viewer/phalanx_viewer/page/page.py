@@ -135,7 +135,7 @@ class Page:
 
     def _plot(self) -> None:
         """Send the plots anew if there is more to plot, and somebody to see it."""
-        now, rows = time.monotonic(), self._feed.history.swarm.rows
+        now, rows = time.monotonic(), self._feed.history.totals
         shown = self.selected, len(rows), len(self._feed.log)
         if shown == self._plotted or now < self._plots_due or not self.server.get_clients():
             return

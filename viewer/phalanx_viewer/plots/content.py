@@ -33,8 +33,6 @@ class Lane(msgspec.Struct):
 
 FALSE = "false"
 """The fate in a Zoom of a false broadcast."""
-LANE_STATES = ("fine", "backup", "no-authority", "silent")
-"""The gravest last. Silent: no step for longer than its τ."""
 
 
 class Zoom(msgspec.Struct):

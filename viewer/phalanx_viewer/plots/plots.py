@@ -1,35 +1,30 @@
 """Which plots there are of a run, and what is marked on its timeline."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from phalanx.arrays import Array
+from phalanx.curves.history import EMPTY_CODES, AgentSeries, ConditionChange
+from phalanx.curves.lanes import lanes, zoom_window
+from phalanx.curves.quantities import input_curves, of_steps, plotted, plotted_unit
+from phalanx.curves.thinning import Series, envelope, kept
 from phalanx.faults.commands import Condition
 from phalanx.swarm.units import unit_of_psi
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Frame
-from phalanx.wire.step_report import OF_ROW, QUANTITIES, Quantity, numbers_of
+from phalanx.wire.step_report import QUANTITIES, Quantity, numbers_of
 from phalanx_viewer.feeds.feed import Feed
-from phalanx_viewer.feeds.history import EMPTY_CODES, NOBODY_NEAR, AgentSeries, ConditionChange
-from phalanx_viewer.plots.content import Content, Curve, Mark, Period, Plot
-from phalanx_viewer.plots.curves import (
-    Keep,
-    Series,
-    curve,
-    envelope,
-    farthest,
-    highest,
-    lowest,
-    points_each,
-)
-from phalanx_viewer.plots.lanes import lanes, zoom
-from phalanx_viewer.scene.model import SceneModel
+from phalanx_viewer.plots.content import FALSE, Content, Curve, Lane, Mark, Period, Plot, Zoom
 
 Safe = tuple[float | None, float | None]
 
-LEAST_HORIZON = 0.1
-"""Where a certified time is drawn that is shorter than this many τ, for a logarithm."""
+_MOST_POINTS, _LEAST_POINTS = 400, 60
+"""Of one curve."""
+_POINTS_OF_ALL = 3000
+"""Of one quantity's curves, if there are many agents."""
+_MOST_INTERVALS = 50, 200
+"""Of an envelope, and of a space-time diagram."""
 _NEAR_PAIRS = 6
 _H_TOT, _WORST_PAIRS, _DISTANCE = "h_tot", "h of the worst pairs", "Smallest distance"
 _STEPS = 500
@@ -49,11 +44,10 @@ def content(
         inputs_of: the agents whose inputs are told; by default all that have curves.
     """
     model, past = feed.model, feed.history
-    rows = past.swarm.rows
+    rows = past.totals
     begin, now = (float(rows[0, 0]), float(rows[-1, 0])) if len(rows) else (0.0, 0.0)
     end = max(now if seekable else model.scenario.duration, begin + 1e-3)
-    steps = [past.agent(i) for i in range(len(model.names))]
-    plots = _Plots(feed, steps, told, (begin, end, now))
+    plots = _Plots(feed, told, (begin, end, now))
     inputs = plots.of_inputs(told if inputs_of is None else inputs_of)
     return Content(
         title=f"{model.scenario.name}, seed {model.scenario.seed}",
@@ -68,129 +62,171 @@ def content(
         plots=plots.of_swarm() + plots.of_agents(inputs),
         periods=[
             *fault_periods(past.conditions, now),
-            *(period for i in told for period in empty_periods(i, steps[i])),
+            *(period for i in told for period in empty_periods(i, plots.steps[i])),
         ],
-        marks=_marks(feed, steps),
+        marks=_marks(feed, plots.steps.values()),
     )
 
 
 def values_at(feed: Feed, frame: Frame, chosen: int, pair: int) -> dict[str, float | None]:
     """What the bold curves are at a frame, by plot: the curves themselves are thinned."""
     model, x, status = feed.model, np.frombuffer(frame.x, dtype="<f8"), frame.agents[chosen]
-    rows = feed.history.swarm.rows
+    rows = feed.history.totals
     found: dict[str, float | None] = {_WORST_PAIRS: model.values.h(pair, x)}
     if len(rows):
         row = rows[max(int(np.searchsorted(rows[:, 0], frame.t, side="right")) - 1, 0)]
-        titles = [_H_TOT, _DISTANCE, *map(_psi, model.psi_levels)]
+        titles = [_H_TOT, _DISTANCE, *map(_psi, model.values.psi_levels)]
         found |= dict(zip(titles, row[1:].tolist(), strict=True))
     if status.step is None:
         return found
     horizon = model.swarm.horizon(chosen)
     for quantity, number in zip(QUANTITIES.values(), numbers_of(status.step), strict=True):
-        shown = float(_plotted(quantity, np.array(number, dtype=float), horizon))
+        shown = float(plotted(quantity, np.array(number, dtype=float), horizon))
         found[quantity.title] = None if np.isnan(shown) else shown
-    return found | dict(zip(map(_input, model.input_names(chosen)), status.step.u, strict=True))
+    inputs = model.swarm.members[chosen].dynamics.inputs
+    return found | dict(zip(map(_input, inputs), status.step.u, strict=True))
 
 
 class _Plots:
     """The plots of a feed's past."""
 
-    def __init__(
-        self,
-        feed: Feed,
-        steps: list[AgentSeries],
-        told: Sequence[int],
-        times: tuple[float, float, float],
-    ) -> None:
+    def __init__(self, feed: Feed, told: Sequence[int], times: tuple[float, float, float]) -> None:
         """times: of the plots' begin and end, and how far the run has come [s]."""
-        self._model, self._history = feed.model, feed.history
-        self._steps, self._told, self._times = steps, told, times
-        self._pairs = self._history.pairs()
-        every = self._pairs.h.max(axis=0) if len(self._pairs.t) else np.zeros(1)
+        self._model, self._past = feed.model, feed.history
+        self._told, self._times = told, times
+        self.steps = {i: self._past.agent(i) for i in range(len(self._model.names))}
+        self._most = int(np.clip(_POINTS_OF_ALL // max(len(told), 1), _LEAST_POINTS, _MOST_POINTS))
+        h = self._past.pairs.h
+        every = h.max(axis=0) if len(h) else np.zeros(1)
         self._nearest = np.argsort(every)[-_NEAR_PAIRS:].tolist()
         self.worst_pair = self._nearest[-1]
 
     def of_swarm(self) -> list[Plot]:
-        rows, pairs = self._history.swarm.rows, self._near_pairs()
-        of_h, levels = self._unit_of_psi(0), self._model.psi_levels
-        psi = {k: [_bold(rows, 2 + k, highest)] for k in levels}
+        rows, scenario = self._past.totals, self._model.scenario
+        radius = self._model.radius
+
+        def bold(column: int, lowest: bool = False) -> list[Curve]:
+            series = Series(rows[:, 0], rows[:, column])
+            return [curve(series, lowest=lowest, highest=not lowest, role="chosen")]
+
         return [
-            Plot(_H_TOT, of_h, [_bold(rows, 1, highest)], _UNSAFE_ABOVE_0),
-            Plot(_WORST_PAIRS, of_h, pairs, _UNSAFE_ABOVE_0),
-            Plot(_DISTANCE, "m", [_bold(rows, 2, lowest)], self._least_distance()),
-            *(Plot(_psi(k), self._unit_of_psi(k), psi[k], _UNSAFE_ABOVE_0) for k in levels),
+            Plot(_H_TOT, unit_of_psi(scenario), bold(1), _UNSAFE_ABOVE_0),
+            Plot(_WORST_PAIRS, unit_of_psi(scenario), self._near_pairs(), _UNSAFE_ABOVE_0),
+            Plot(_DISTANCE, "m", bold(2, lowest=True), (2.0 * radius if radius else None, None)),
+            *(
+                Plot(_psi(k), unit_of_psi(scenario, k), bold(2 + k), _UNSAFE_ABOVE_0)
+                for k in self._model.values.psi_levels
+            ),
         ]
 
-    def _unit_of_psi(self, k: int) -> str:
-        return unit_of_psi(self._model.scenario, k)
-
     def of_inputs(self, agents: Sequence[int]) -> list[Plot]:
-        return [self._input(i, c) for i in agents for c in range(self._steps[i].u.shape[1])]
+        """Each input of these agents: applied, nominal, and its bounds."""
+        return [
+            Plot(
+                _input(found.name), found.unit,
+                [
+                    curve(found.nominal, "nominal", role="guide", most=self._most),
+                    curve(found.applied, agent=i, most=self._most),
+                ],
+                found.bounds, of_agents=True, agent=i,
+            )
+            for i in agents
+            for found in input_curves(self._model.swarm, i, self.steps[i])
+        ]  # fmt: skip
 
     def of_agents(self, inputs: list[Plot]) -> list[Plot]:
         plots = {name: self._of_steps(name, quantity) for name, quantity in QUANTITIES.items()}
         return [plots.pop("certified"), *inputs, *plots.values(), *self._space_time()]
 
     def _of_steps(self, name: str, quantity: Quantity) -> Plot:
-        """A number of every agent's control steps."""
-        keep = highest if quantity.safe[0] is None else lowest
-        curves = self._every(
-            lambda i, s: _plotted(quantity, s.numbers[name], self._model.swarm.horizon(i)), keep
-        )
+        """A number of every agent's control steps; in an envelope where there are many."""
+        swarm, lowest = self._model.swarm, quantity.safe[0] is not None
+        series = of_steps(swarm, name, self.steps)
+        own = [
+            curve(series[i], agent=i, most=self._most, lowest=lowest, highest=not lowest)
+            for i in self._told
+        ]
         return Plot(
-            quantity.title, _plotted_unit(quantity, self._model), curves, quantity.safe,
-            logarithmic=quantity.in_horizons, of_agents=True,
+            quantity.title, plotted_unit(quantity, swarm),
+            [*bands(list(series.values())), *own] if self._model.crowded else own,
+            quantity.safe, logarithmic=quantity.in_horizons, of_agents=True,
         )  # fmt: skip
 
     def _space_time(self) -> list[Plot]:
         """Of a run in which somebody broadcast something; live, when something was late or lost."""
-        past, steps = self._history, self._steps
-        fates, (begin, end, now) = past.fates(), self._times
-        if not len(fates.t):
+        past, swarm, (begin, end, now) = self._past, self._model.swarm, self._times
+        if not len(past.fates.t):
             return []
-        if not past.broadcasts:  # live: a frame tells no agent's last step
-            known = lanes(fates, steps, [np.inf] * len(steps), begin, end, now)
-            return [Plot("Links late and lost, backup", "", [], lanes=known)]
-        taus = [self._model.swarm.horizon(i) for i in range(len(steps))]
-        drawn = lanes(fates, steps, taus, begin, end, now, past.broadcasts)
-        worst = float(past.swarm.rows[np.argmax(past.swarm.rows[:, 1]), 0])
-        only = self._told[0] if self._model.crowded else None
-        near = zoom(past.broadcasts, steps, worst, now, only)
+        recorded = len(past.broadcasts) > 0
+        steps = list(self.steps.values())
+        # A frame of a live run tells no agent's last step: nobody is silent.
+        taus = [swarm.horizon(i) if recorded else np.inf for i in self.steps]
+        found = lanes(past, steps, taus, (begin, end), now, _MOST_INTERVALS[1])
+        shares = (np.ceil(9.0 * share) for share in found[:2])
+        drawn = [Lane(*map(_digits, of)) for of in zip(*shares, *found[2:], strict=True)]
+        if not recorded:
+            return [Plot("Links late and lost, backup", "", [], lanes=drawn)]
         title = "Late, lost, false; backup, silence"
-        return [Plot(title, "", [], lanes=drawn, zoom=near)]
+        return [Plot(title, "", [], lanes=drawn, zoom=self._zoom(steps))]
 
-    def _least_distance(self) -> Safe:
-        return (2.0 * self._model.radius if self._model.radius else None), None
+    def _zoom(self, steps: Sequence[AgentSeries]) -> Zoom:
+        """The worst moment; of many agents, the chosen one's broadcasts."""
+        only, rows = self._told[0] if self._model.crowded else None, self._past.totals
+        worst = float(rows[np.argmax(rows[:, 1]), 0])
+        begin, end = zoom_window(steps, worst, float(rows[-1, 0]))
+        seen = [
+            (b.sender, b.sent, b.receiver, b.arrival, FALSE if b.false else b.fate)
+            for b in self._past.broadcasts
+            if begin <= b.sent <= end and only in (None, b.sender, b.receiver)
+        ]
+        times = [s.sampled[(begin <= s.sampled) & (s.sampled <= end)].tolist() for s in steps]
+        return Zoom(begin, end, times, seen)
 
     def _near_pairs(self) -> list[Curve]:
-        (t, h), (*others, worst) = self._pairs, self._nearest
-        if not len(t):
-            return []
-        label = self._model.label
+        t, h = self._past.pairs
+        roles = {self.worst_pair: "chosen"}
         return [
-            *(curve(Series(t, h[:, k]), highest, label(k)) for k in others),
-            curve(Series(t, h[:, worst]), highest, label(worst), role="chosen"),
+            curve(Series(t, h[:, k]), self._model.label(k), lowest=False, role=roles.get(k, ""))
+            for k in self._nearest
+            if len(t)
         ]
 
-    def _every(self, of: Callable[[int, AgentSeries], Array], keep: Keep) -> list[Curve]:
-        """One quantity of every agent that is told; in an envelope where there are many."""
-        most = points_each(len(self._told))
-        series = [Series(steps.t, of(i, steps)) for i, steps in enumerate(self._steps)]
-        own = [curve(series[i], keep, agent=i, most=most) for i in self._told]
-        return [*envelope(series), *own] if self._model.crowded else own
 
-    def _input(self, i: int, c: int) -> Plot:
-        """One input of one agent: applied, nominal, and its bounds."""
-        steps, bounds = self._steps[i], self._model.input_bounds[i]
-        most = points_each(len(self._told))
-        curves = [
-            curve(Series(steps.t, steps.u_nom[:, c]), farthest, "nominal", role="guide", most=most),
-            curve(Series(steps.t, steps.u[:, c]), farthest, agent=i, most=most),
-        ]
-        safe: Safe = (None, None) if bounds is None else (float(bounds[0][c]), float(bounds[1][c]))
-        name = self._model.input_names(i)[c]
-        unit = self._model.input_units[i][name]
-        return Plot(_input(name), unit, curves, safe, of_agents=True, agent=i)
+def curve(
+    series: Series, name: str = "", *, agent: int | None = None, role: str = "",
+    most: int = _MOST_POINTS, highest: bool = True, lowest: bool = True,
+) -> Curve:  # fmt: skip
+    """A series as a page draws it, through its largest, its smallest values or both."""
+    t, y = series.known()
+    shown = kept(y, most, highest=highest, lowest=lowest)
+    return Curve(numbers(t[shown], 7), numbers(y[shown], 4), name=name, agent=agent, role=role)
+
+
+def bands(of_all: Sequence[Series]) -> list[Curve]:
+    """Of many agents: the bands of all and of 10 to 90 %, and the median."""
+    edges, quantiles = envelope(of_all, _MOST_INTERVALS[0])
+    if not len(edges):
+        return []
+    times = numbers(edges.ravel(), 7)
+    least, low, middle, high, most = (numbers(q, 4) for q in np.repeat(quantiles, 2, axis=1))
+    return [
+        Curve(times, least, most, "all agents"),
+        Curve(times, low, high, "10 to 90 %"),
+        Curve(times, middle, name="median"),
+    ]
+
+
+def numbers(values: Array, digits: int) -> list[float]:
+    """Rounded to so many significant digits: a plot shows no more, and the page loads sooner."""
+    with np.errstate(divide="ignore"):
+        size = np.floor(np.log10(np.abs(values)))
+    unit = 10.0 ** (np.where(np.isfinite(size), size, 0.0) - digits + 1)
+    rounded: list[float] = (np.round(values / unit) * unit).round(12).tolist()
+    return rounded
+
+
+def _digits(values: Array) -> str:
+    return "".join(map(str, values.astype(int).tolist()))
 
 
 def _psi(k: int) -> str:
@@ -201,28 +237,9 @@ def _input(name: str) -> str:
     return f"Input {name} and nominal"
 
 
-def _plotted(quantity: Quantity, values: Array, horizon: float) -> Array:
-    """A number's values as its plot shows them, of an agent with this τ [s]."""
-    if quantity.in_horizons:
-        return np.maximum(values / horizon, LEAST_HORIZON)
-    if quantity.unit == OF_ROW:
-        return np.where(values > NOBODY_NEAR, values, np.nan)
-    return 1e3 * values if quantity.unit == "s" else values
-
-
-def _plotted_unit(quantity: Quantity, model: SceneModel) -> str:
-    if quantity.in_horizons:
-        return "τ"
-    return "ms" if quantity.unit == "s" else model.unit_of(quantity)
-
-
-def _bold(rows: Array, column: int, keep: Keep) -> Curve:
-    return curve(Series(rows[:, 0], rows[:, column]), keep, role="chosen")
-
-
-def _marks(feed: Feed, steps: list[AgentSeries]) -> list[Mark]:
+def _marks(feed: Feed, steps: Iterable[AgentSeries]) -> list[Mark]:
     """The worst moment, the first backup, violations, faults and every line of the log."""
-    rows = feed.history.swarm.rows
+    rows, names = feed.history.totals, feed.model.names
     if not len(rows):
         return []
     worst = rows[int(np.argmax(rows[:, 1]))]
@@ -232,7 +249,7 @@ def _marks(feed: Feed, steps: list[AgentSeries]) -> list[Mark]:
         found.append(Mark(min(first), "first backup", "backup"))
     found += [Mark(v.first, f"{v.pair}: violated", "violation") for v in feed.violations]
     for t, agent, condition in feed.history.conditions:
-        found.append(Mark(t, f"agent {feed.model.names[agent]}: {condition}", "fault"))
+        found.append(Mark(t, f"agent {names[agent]}: {condition}", "fault"))
     return found + [Mark(line.t, line.text) for line in feed.log]
 
 
@@ -249,7 +266,7 @@ def empty_periods(agent: int, steps: AgentSeries) -> list[Period]:
     return found
 
 
-def fault_periods(changes: list[ConditionChange], end: float) -> list[Period]:
+def fault_periods(changes: Sequence[ConditionChange], end: float) -> list[Period]:
     """From each change of condition to the agent's next, or to the end [s]."""
     found = []
     for k, change in enumerate(changes):

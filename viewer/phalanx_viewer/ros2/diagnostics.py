@@ -6,6 +6,7 @@ from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticAr
 from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticStatus as Status
 from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__KeyValue as KeyValue
 
+from phalanx.curves.quantities import unit_of
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.wire.messages import AgentStatus, Frame
 from phalanx.wire.step_report import QUANTITIES, AppliedStep
@@ -89,7 +90,7 @@ def _agent(name: str, adversary: bool, status: AgentStatus, model: SceneModel) -
 def _figures_of(step: AppliedStep, model: SceneModel) -> dict[str, object]:
     found: dict[str, object] = {"u": _listed(step.u), "nominal u": _listed(step.u_nom)}
     for name, quantity in QUANTITIES.items():
-        unit = model.unit_of(quantity)
+        unit = unit_of(quantity, model.swarm)
         found[quantity.title.lower() + f" [{unit}]" * bool(unit)] = getattr(step, name)
     return found
 

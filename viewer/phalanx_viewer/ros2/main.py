@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from phalanx.wire.membership import Membership
-from phalanx_viewer.feeds.feed import Feed
+from phalanx_viewer.feeds.feed import Feed, stop_request
 from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.feeds.replay import open_replay
-from phalanx_viewer.feeds.stop import stop_request
 from phalanx_viewer.ros2.republisher import Republisher
 from phalanx_viewer.ros2.rmw_zenoh import Node, NodeName
 

@@ -1,24 +1,18 @@
 """The scene model: what there is to draw of a scenario, and what can be told of a state."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.distance import cdist
 
 from phalanx.arrays import Array
+from phalanx.curves.values import SafetyValues
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
-from phalanx.swarm.units import unit_of_psi
-from phalanx.theory.models.polytope import constant_polytope
-from phalanx.theory.models.units import units
-from phalanx.wire.step_report import OF_ROW, Quantity
 from phalanx_viewer.scene.kinematics import Kinematics
 from phalanx_viewer.scene.surroundings import Surroundings
-from phalanx_viewer.scene.values import SafetyValues
 
 _MOST_SHOWN_WHOLE = 24
 
@@ -101,36 +95,6 @@ class SceneModel:
         """h of pairs, and ψ_1 ... ψ_{q-1}."""
         return SafetyValues(self.rows)
 
-    @property
-    def psi_levels(self) -> range:
-        """The k of ψ_1 ... ψ_{q-1}."""
-        return range(1, self.rows.relative_degree)
-
-    def unit_of(self, quantity: Quantity) -> str:
-        """That of a number of a control step; "" if it has none, or none is known."""
-        if quantity.unit != OF_ROW:
-            return quantity.unit
-        return unit_of_psi(self.scenario, self.rows.relative_degree)
-
-    @cached_property
-    def input_units(self) -> tuple[Mapping[str, str], ...]:
-        """Every agent's, by the input's name; "" where a dynamics does not say."""
-        return tuple(units(member.dynamics).inputs for member in self.swarm.members)
-
-    def input_names(self, i: int) -> tuple[str, ...]:
-        """The names of agent i's inputs."""
-        return tuple(self.swarm.members[i].dynamics.inputs)
-
-    @cached_property
-    def input_bounds(self) -> list[tuple[Array, Array] | None]:
-        """Each agent's least and largest inputs, shapes (m_i,); None where they vary."""
-        found: list[tuple[Array, Array] | None] = []
-        for m, part in zip(self.swarm.members, self.swarm.safe_set.parts, strict=True):
-            known = constant_polytope(*m.dynamics.input_polytope(self.swarm.safe_set.x[part]))
-            corners = None if known is None else known.corners
-            found.append(None if corners is None else (corners.min(axis=0), corners.max(axis=0)))
-        return found
-
     def ends(self, pair: int, positions: Array) -> tuple[Array, Array]:
         """Where a pair's two sides are [m], shapes (3,); positions has shape (N, 3)."""
         found = self.swarm.safe_set.pairs[pair]
@@ -156,13 +120,6 @@ class SceneModel:
         """A pair in words."""
         composed = self.swarm.safe_set
         return composed.label(composed.pairs[pair])
-
-    def smallest_distance(self, positions: Array) -> float:
-        """The smallest distance of a normal agent from any other [m]; infinite if it is alone."""
-        normal = np.flatnonzero(~self.adversary)
-        distances = cdist(positions[normal], positions)
-        distances[np.arange(len(normal)), normal] = np.inf  # its own
-        return float(distances.min())
 
 
 def scene_model(scenario: Scenario) -> SceneModel:

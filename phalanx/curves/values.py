@@ -1,4 +1,4 @@
-"""Values of the safe set at a state, for texts and plots."""
+"""Values of the safe set at a state: h of pairs, and the ψ_k of the chain."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,10 +10,13 @@ from phalanx.arrays import Array, Index
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.safety.pairs import ChosenPairs
 
+_MOST_COMPOSED = 5000
+"""Pairs in the rows of all agents, where each is one expression; a pair takes 20 ms."""
+
 
 @dataclass(frozen=True)
 class SafetyValues:
-    """h of pairs, and the chain of h_tot with all of them composed."""
+    """h of pairs, by their indices in the composed set, and ψ_k as the scenario composes it."""
 
     rows: SafetyRows
 
@@ -38,11 +41,28 @@ class SafetyValues:
         """The pair whose h is largest."""
         return int(self._every.order[self._every.h(x).argmax()])
 
+    @cached_property
+    def too_large(self) -> bool:
+        """Whether all agents' rows together are too much to build for figures and plots."""
+        swarm = self.rows.swarm
+        expressions = len(swarm.normal) if self.rows.bounds_whole else 0
+        return expressions * swarm.pairs.count > _MOST_COMPOSED
+
+    @property
+    def psi_levels(self) -> range:
+        """The k of ψ_1 ... ψ_{q-1}, unless they are too large."""
+        return range(1, 1 if self.too_large else self.rows.relative_degree)
+
     def higher_psi(self, x: Array) -> Array:
-        """ψ_1^d ... ψ_{q-1}^d, shape (q - 1,)."""
-        if self.rows.relative_degree == 1:
+        """The largest ψ_k over all that normal agents keep, for each of psi_levels."""
+        if not self.psi_levels:
             return np.zeros(0)
-        return self.rows.composed.jets(self._every.jets(x).h).psi[1:]
+        largest: Array = self._invariants(x).reshape(-1, self.rows.relative_degree).max(axis=0)
+        return largest[1:]
+
+    @cached_property
+    def _invariants(self) -> Callable[[Array], Array]:
+        return self.rows.invariants()
 
     @cached_property
     def _alone(self) -> Callable[[int], ChosenPairs]:

@@ -1,0 +1,1 @@
+"""Curves of a run: the arrays that the report's figures and the page's plots have in common."""

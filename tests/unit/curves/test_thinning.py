@@ -1,0 +1,72 @@
+"""Thinned curves keep every peak; the quantiles of an envelope are values there are."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from phalanx.curves.thinning import QUANTILES, Series, envelope, kept
+from phalanx.report.style import draw_envelope
+
+
+def curves(count: int, samples: int) -> list[Series]:
+    """Curve k has twice the value k + 100 t, at times a little beside those of the others."""
+    t = np.repeat(np.arange(samples), 2)
+    return [Series(t + k / (2.0 * count), k + 100.0 * t) for k in range(count)]
+
+
+def test_fewer_points_keep_every_peak() -> None:
+    y = np.sin(np.linspace(0.0, 30.0, 100_001))
+    y[[777, 50_000]] = 9.0, -9.0
+    y[20_000:40_000] = np.nan
+    found = kept(y, 400)
+    assert len(found) <= 400
+    assert {0, 777, 50_000, 100_000} <= set(found.tolist())
+    assert np.isnan(y[found]).any()
+    assert list(kept(y[:300], 400)) == list(range(300))
+
+
+@pytest.mark.parametrize(("side", "spike", "other"), [("highest", 777, 888), ("lowest", 888, 777)])
+def test_one_side_alone_keeps_its_peaks_and_not_the_others(side, spike, other) -> None:
+    y = np.zeros(100_001)
+    y[[777, 888]] = 9.0, -9.0
+    found = kept(y, 400, **dict.fromkeys({"highest", "lowest"} - {side}, False))
+    assert spike in found
+    assert other not in found
+    assert len(found) <= 400
+
+
+def test_of_curves_apart_each_quantile_is_a_curve() -> None:
+    found = envelope(curves(101, 4))
+    assert found.values.shape == (len(QUANTILES), 4)
+    np.testing.assert_array_equal(found.values[:, 0], [0, 10, 50, 90, 100])
+    np.testing.assert_array_equal(found.values[:, 3], [300, 310, 350, 390, 400])
+    np.testing.assert_array_equal(found.edges[1:, 0], found.edges[:-1, 1])
+
+
+def test_no_peak_is_lost_however_few_intervals_there_are() -> None:
+    rng = np.random.default_rng(1)
+    t, values = rng.uniform(0.0, 9.0, 50_000), rng.normal(size=50_000)
+    values[[7, 4_321]] = -40.0, 50.0
+    found = envelope([Series(t, values)])
+    assert len(found.edges) <= 300
+    assert (found.values[0].min(), found.values[-1].max()) == (-40.0, 50.0)
+    assert (np.diff(found.values, axis=0) >= 0.0).all()
+
+
+def test_what_is_not_a_number_and_an_interval_without_values_are_left_out() -> None:
+    t = np.array([0.0, 0.1, 5.0, 9.9, 10.0, 10.0])
+    found = envelope([Series(t, np.array([1.0, 3.0, np.nan, 5.0, 5.0, 5.0]))])
+    np.testing.assert_array_equal(found.edges, [[0.0, 10.0 / 3.0], [20.0 / 3.0, 10.0]])
+    np.testing.assert_array_equal(found.values[[0, -1]], [[1.0, 5.0], [3.0, 5.0]])
+    nothing = envelope([Series(np.zeros(2), np.full(2, np.nan))])
+    assert nothing.values.shape == (len(QUANTILES), 0)
+
+
+def test_it_is_drawn_as_two_bands_and_a_line() -> None:
+    axes = Figure().subplots()
+    draw_envelope(axes, envelope(curves(101, 4)), "#1f5fbf", "all")
+    outer, inner = (band.get_paths()[0].vertices[:, 1] for band in axes.collections)
+    assert (outer.min(), outer.max()) == (0.0, 400.0)
+    assert (inner.min(), inner.max()) == (10.0, 390.0)
+    (median,) = axes.lines
+    assert sorted(set(median.get_ydata())) == [50.0, 150.0, 250.0, 350.0]
