@@ -10,8 +10,7 @@ from rich.table import Column
 from rich.text import Text
 
 from phalanx.cli.text_table import TextTable, styled
-from phalanx.guarantee.punctuality import in_words
-from phalanx.guarantee.verdict import Outcome, Summary, certified
+from phalanx.guarantee.verdict import Outcome, Summary, certified, timing_in_words
 from phalanx.launcher.run import Run
 from phalanx.scenario.model import Scenario
 from phalanx.theory.rows.origin import words_of
@@ -132,7 +131,7 @@ def print_summary(summary: Summary) -> None:
         table.add_row(f"fault: {fault.name}", hit)
     table.add_row("trajectory", summary.trajectory[:16])
     if summary.punctuality:
-        for name, value in in_words(summary.punctuality):
+        for name, value in timing_in_words(summary.punctuality):
             table.add_row(f"real time: {name}", value)
     Console().print(table)
 

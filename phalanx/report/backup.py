@@ -12,7 +12,7 @@ from phalanx.arrays import Array
 from phalanx.report.style import ReportFigure, style_axes
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.expressions.mapped import MappedFunction
+from phalanx.theory.expressions.compiled import MappedFunction
 
 _CELLS = 121
 _UNSAFE, _TOO_LATE, _SUFFICES = range(3)

@@ -32,16 +32,17 @@ import numpy as np
 
 from phalanx.arrays import Array, Index, Mask
 from phalanx.guarantee.checker.bounds import PairBound
-from phalanx.guarantee.checker.coverage import Coverage, Inputs
-from phalanx.guarantee.checker.departures import Departures
-from phalanx.guarantee.checker.intervals import UncertifiableError
-from phalanx.guarantee.checker.motions import GroupMotion
-from phalanx.guarantee.checker.records import (
+from phalanx.guarantee.checker.coverage import (
+    Coverage,
+    Inputs,
     StateRecord,
     StepRecord,
     inputs_of,
     track,
 )
+from phalanx.guarantee.checker.departures import Departures
+from phalanx.guarantee.checker.intervals import UncertifiableError
+from phalanx.guarantee.checker.motions import GroupMotion
 from phalanx.scenario.model import Scenario
 from phalanx.theory.safety.composition import ComposedSet, Member, compose
 
