@@ -20,12 +20,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Summary, read_summary
-from phalanx.identities.authority import (
-    Authority,
-    make_certificates,
-    private_pem,
-    write_certificate,
-)
+from phalanx.hosts.authority import Authority, make_certificates, private_pem, write_certificate
 from phalanx.recording.records import SUMMARY
 from phalanx.scenario.load import load
 from phalanx.wire import liveliness

@@ -24,9 +24,9 @@ from phalanx_plant.judge.judge import Judge
 from phalanx_plant.world.integration import DisturbanceKnot
 from phalanx_plant.world.truth import IntegrationSteps
 
+from phalanx.certify.checker.certify import Certification, certify
+from phalanx.certify.checker.intervals import UncertifiableError
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy, turns
-from phalanx.guarantee.checker.certify import Certification, certify
-from phalanx.guarantee.checker.intervals import UncertifiableError
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.engine import RunOptions, execute
 from phalanx.recording.read import read

@@ -1,15 +1,19 @@
 """What an option may be given: everything else is refused in one line, before anything is made."""
 
 import ipaddress
+import os
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import typer
 
+from phalanx.wire.membership import COMMAND_SECRET, SECRET
+
 LARGEST_SEED = 2**63 - 1
 _LONGEST = 1e6
 """Of a wait [s]; Zenoh counts in milliseconds."""
+_REFUSED = {"--secret": SECRET, "--command-secret": COMMAND_SECRET}
 _LABEL = re.compile(r"(?!-)[A-Za-z0-9_-]{1,63}(?<!-)")
 
 
@@ -93,3 +97,31 @@ def _is_address(host: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def refuse_secrets(arguments: Sequence[str]) -> None:
+    """Refuse a secret among the arguments: every user of this host can read those."""
+    for option in (argument.partition("=")[0] for argument in arguments):
+        if option in _REFUSED:
+            raise typer.BadParameter(
+                f"{option}: every user of this host can read a program's arguments: make a new "
+                f"secret, and give it in the environment, {_REFUSED[option]}, or in a file, "
+                f"{option}-file"
+            )
+
+
+def secret_from(variable: str) -> Callable[[str], str]:
+    """A callback: the secret in the file that the option names; without one the variable's."""
+
+    def read(file: str) -> str:
+        if not file:
+            return os.environ.get(variable, "")
+        try:
+            secret = Path(file).read_text(encoding="utf-8").strip()
+        except (OSError, UnicodeDecodeError) as error:
+            raise typer.BadParameter(f"cannot be read: {error}") from error
+        if not secret:
+            raise typer.BadParameter(f"expected a secret in {file}, got nothing")
+        return secret
+
+    return read

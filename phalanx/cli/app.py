@@ -3,52 +3,48 @@
 from typing import Annotated
 
 import typer
+from typer.main import get_command
 
-from phalanx.cli import (
-    certify,
-    check,
-    keys,
-    network,
-    programs,
-    recordings,
-    ros2,
-    run,
-    runs,
-    tap,
-    viewing,
-)
-from phalanx.cli.allowed import require_values
-from phalanx.cli.real_time import with_factor
-from phalanx.cli.secret import refuse_secrets
+from phalanx.cli import check, network, programs, run, runs, tap
+from phalanx.cli.allowed import refuse_secrets, require_values
+from phalanx.cli.options import with_factor
 from phalanx.cli.terminal import complain, say
+from phalanx.extensions.registered import AGAIN, commands
 from phalanx.launcher import interrupt
 
 USAGE_ERROR, STOPPED = 64, 130
-
-app = typer.Typer(
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode="rich",
-    help="""Robot swarms that stay safe over a bad network while some of their members attack.
+_HELP = """Robot swarms that stay safe over a bad network while some of their members attack.
 
     [bold]phalanx run unicycles[/bold] runs a scenario: every agent, every adversary and the plant
     is a process of its own, and they meet over Zenoh.
 
     Exit status: 0 guaranteed or safe (1 for safe with --strict), 2 violated, 3 the run broke,
     64 wrong usage or scenario, 130 stopped by Ctrl-C or SIGTERM.
-    """,
-)
-run.register(app)
-check.register(app)
-runs.register(app)
-recordings.register(app)
-certify.register(app)
-tap.register(app)
-network.register(app)
-programs.register(app)
-keys.register(app)
-viewing.register(app)
-ros2.register(app)
+    """
+
+
+def core() -> typer.Typer:
+    """The command with what the core brings."""
+    app = typer.Typer(
+        no_args_is_help=True, add_completion=False, rich_markup_mode="rich", help=_HELP
+    )
+    app.callback()(options)
+    for module in (run, check, runs, tap, network, programs):
+        module.register(app)
+    return app
+
+
+def extended() -> typer.Typer:
+    """The command with that, and what extensions register, in the order of their names."""
+    app, found = core(), dict(commands())
+    if not found:
+        complain(f"no commands of extensions are registered: {AGAIN}")
+    for registered, register in found.items():
+        if isinstance(register, Exception):
+            complain(f"commands of {registered} cannot be imported: {register}")
+        else:
+            register(app)
+    return app
 
 
 def _print_version(asked: bool) -> None:
@@ -59,7 +55,6 @@ def _print_version(asked: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def options(
     version: Annotated[
         bool,
@@ -76,6 +71,10 @@ def status(arguments: list[str]) -> int:
     try:
         require_values(arguments)
         refuse_secrets(arguments)
+        app = core()
+        # What the core brings does not wait for extensions to be looked for, nor break by them.
+        if arguments[:1] != ["--version"] and not _brings(app, arguments):
+            app = extended()
         found = int(app(with_factor(arguments), standalone_mode=False) or 0)
         if found == STOPPED:
             interrupt.raise_unanswered()  # typer made an exit status of it
@@ -104,3 +103,8 @@ def status(arguments: list[str]) -> int:
     except (KeyboardInterrupt, typer.Abort):
         complain("stopped")
         return STOPPED
+
+
+def _brings(app: typer.Typer, arguments: list[str]) -> bool:
+    """Whether the first argument is one of the app's commands."""
+    return bool(arguments) and arguments[0] in get_command(app).commands  # type: ignore[attr-defined]

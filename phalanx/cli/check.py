@@ -9,7 +9,8 @@ import typer
 from phalanx.cli.allowed import require_png
 from phalanx.cli.options import Overrides, ScenarioArgument, Seed, Trust
 from phalanx.cli.terminal import say
-from phalanx.launcher.printable import printable
+from phalanx.extensions.registered import extension
+from phalanx.launcher.streams import printable
 
 if TYPE_CHECKING:
     from phalanx.guarantee.check_report import CheckReport
@@ -47,22 +48,17 @@ def check(
       phalanx check guaranteed --plot backup.png
     """
     import phalanx
-    from phalanx.report.backup import backup_plate, backup_slice
     from phalanx.schema.user_code import code_trusted
-    from phalanx.swarm.rows import build_rows
-    from phalanx.swarm.swarm import build_swarm
 
     with code_trusted(trust):
         resolved = phalanx.load(scenario, overrides or (), seed)
     report = phalanx.check(resolved)
     _show(resolved, report)
     if plot is not None:
-        found = backup_slice(build_rows(build_swarm(resolved)))
-        if found is None:
-            say("no picture: it needs two agents with states x and y; this scenario has others")
-        else:
-            backup_plate(found).figure.savefig(plot, dpi=110)
+        if extension("backup-picture")(resolved, plot):
             say(f"picture: {plot}")
+        else:
+            say("no picture: it needs two agents with states x and y; this scenario has others")
     return 1 if strict and not report.may_be_guaranteed else 0
 
 
@@ -70,7 +66,7 @@ def _show(scenario: "Scenario", report: "CheckReport") -> None:
     from rich.console import Console
 
     from phalanx.cli.check_table import asked
-    from phalanx.cli.text_table import TextTable, styled
+    from phalanx.cli.display import TextTable, styled
 
     say(f"{scenario.name}: {report.answer}")
     table = TextTable("what is asked", "found", "allowed", "paper")

@@ -1,4 +1,4 @@
-"""What a run looks like in a terminal: a progress bar, then a table."""
+"""What commands show in a terminal: progress, tables, and what a run was like."""
 
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
@@ -6,12 +6,13 @@ from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Column
+from rich.table import Column, Table
 from rich.text import Text
 
-from phalanx.cli.text_table import TextTable, styled
-from phalanx.guarantee.verdict import Outcome, Summary, certified, timing_in_words
+from phalanx.guarantee.punctuality import in_words
+from phalanx.guarantee.verdict import Outcome, Summary, certified
 from phalanx.launcher.run import Run
+from phalanx.launcher.streams import printable
 from phalanx.scenario.model import Scenario
 from phalanx.theory.rows.origin import words_of
 from phalanx.wire.messages import Status
@@ -26,6 +27,33 @@ COLOUR = {
 
 _MOST_NAMES = 8
 """Of agents that a progress line waits for."""
+
+
+class TextTable(Table):
+    """A table whose cells are text: rich's markup has no part in it.
+
+    It shows str as printable; a cell of another style is made by styled.
+    """
+
+    def __init__(self, *headers: str, **options: Any) -> None:
+        super().__init__(*headers, box=None, pad_edge=False, **options)
+
+    def add_column(self, header: Any = "", *others: Any, **options: Any) -> None:
+        """Add a column, as rich's table does."""
+        super().add_column(_as_text(header), *others, **options)
+
+    def add_row(self, *cells: Any, **options: Any) -> None:
+        """Add a row, as rich's table does."""
+        super().add_row(*map(_as_text, cells), **options)
+
+
+def styled(text: str, style: str) -> Text:
+    """A cell in a style of rich's."""
+    return Text(printable(text), style)
+
+
+def _as_text(cell: Any) -> Any:
+    return styled(cell, "") if isinstance(cell, str) else cell
 
 
 @contextlib.contextmanager
@@ -131,7 +159,7 @@ def print_summary(summary: Summary) -> None:
         table.add_row(f"fault: {fault.name}", hit)
     table.add_row("trajectory", summary.trajectory[:16])
     if summary.punctuality:
-        for name, value in timing_in_words(summary.punctuality):
+        for name, value in in_words(summary.punctuality):
             table.add_row(f"real time: {name}", value)
     Console().print(table)
 

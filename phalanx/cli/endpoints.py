@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from phalanx.extensions.registered import extension
 from phalanx.wire.membership import AUTHORITY, CERTIFICATE, ENDPOINT, PRIVATE_KEY
 
 if TYPE_CHECKING:
@@ -24,13 +25,6 @@ def require_endpoint(endpoint: str | None) -> str | None:
         if not found or not 1 <= int(found["port"]) <= 65535:
             raise typer.BadParameter(f"expected such as tcp/127.0.0.1:7447, got {endpoint}")
     return endpoint
-
-
-def require_endpoints(endpoints: list[str] | None) -> list[str] | None:
-    """Refuse a list if one of it is to be refused."""
-    for endpoint in endpoints or ():
-        require_endpoint(endpoint)
-    return endpoints
 
 
 def require_here(endpoint: str, insecure: bool, expected: str) -> None:
@@ -64,14 +58,11 @@ def certificates_for(folder: Path | None, endpoint: str, insecure: bool) -> Path
 
 
 def _require_certificate(folder: Path) -> None:
-    # Long to import, and needed with keys alone.
-    from phalanx.identities.authority import require_current
-
     for name in (AUTHORITY, CERTIFICATE, PRIVATE_KEY):
         if not (folder / name).is_file():
             raise typer.BadParameter(f"--keys: expected {name} in {folder}; see phalanx keys")
     try:
-        require_current(folder)
+        extension("require-current")(folder)
     except (ValueError, OSError) as error:
         raise typer.BadParameter(
             f"--keys: {folder}: {error}; make new ones: phalanx keys"

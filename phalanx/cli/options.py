@@ -1,14 +1,24 @@
-"""Options that several commands share."""
+"""Options that several commands share; --real-time may stand without its factor."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from phalanx.cli.allowed import require_run, require_speed, require_timeout
-from phalanx.cli.secret import secret_from
-from phalanx.launcher.engine import ENGINES, require_engine
+from phalanx.cli.allowed import require_run, require_speed, require_timeout, secret_from
+from phalanx.cli.endpoints import require_endpoint
+from phalanx.launcher.engine import ENGINES, FASTEST, require_engine
 from phalanx.wire.membership import COMMAND_SECRET, SECRET
+
+_REAL_TIME = "--real-time"
+
+
+def _require_factor(factor: float | None) -> float | None:
+    """Refuse a pace at which time would not go on."""
+    if factor is not None and not 0.0 < factor <= FASTEST:
+        raise typer.BadParameter(f"expected more than 0 and at most {FASTEST:g}, got {factor:g}")
+    return factor
 
 
 def _known_engine(engine: str) -> str:
@@ -93,6 +103,12 @@ KeysFolder = Annotated[
         show_default=False,
     ),
 ]
+Listen = Annotated[
+    str,
+    typer.Option(
+        envvar="PHALANX_LISTEN", callback=require_endpoint, help="Zenoh endpoint to listen on."
+    ),
+]
 Insecure = Annotated[
     bool,
     typer.Option(
@@ -127,3 +143,36 @@ Speed = Annotated[
         "default 0, or 1 where the run is shown on a page.",
     ),
 ]
+RealTimeFactor = Annotated[
+    float | None,
+    typer.Option(
+        _REAL_TIME,
+        envvar="PHALANX_REAL_TIME",
+        metavar="[FACTOR]",
+        callback=_require_factor,
+        help="The wall clock decides, and nobody waits: so many seconds of virtual time per "
+        "second; 1 if it is left out.",
+        show_default=False,
+    ),
+]
+
+
+def with_factor(arguments: Sequence[str]) -> list[str]:
+    """The arguments, with a 1 after every --real-time that no number follows.
+
+    Typer knows no option whose value may be left out.
+    """
+    completed: list[str] = []
+    for argument, following in zip(arguments, [*arguments[1:], ""], strict=True):
+        completed.append(argument)
+        if argument == _REAL_TIME and not _is_number(following):
+            completed.append("1")
+    return completed
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

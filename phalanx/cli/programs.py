@@ -1,4 +1,4 @@
-"""phalanx plant, agent, router: one program of a run, by itself, for containers and many hosts."""
+"""phalanx plant and agent: one program of a run, by itself, for containers and many hosts."""
 
 from contextlib import nullcontext
 from pathlib import Path
@@ -7,26 +7,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from phalanx.cli.allowed import require_folder
-from phalanx.cli.endpoints import (
-    certificates_for,
-    endpoint_for,
-    require_endpoint,
-    require_endpoints,
-)
+from phalanx.cli.endpoints import certificates_for, endpoint_for, require_endpoint
 from phalanx.cli.options import (
     CommandSecret,
     Insecure,
     KeysFolder,
+    Listen,
     Overrides,
+    RealTimeFactor,
     RunId,
     ScenarioOption,
     Secret,
     Seed,
     Speed,
     Timeout,
-    Trust,
 )
-from phalanx.cli.real_time import RealTimeFactor
 from phalanx.cli.terminal import complain
 
 if TYPE_CHECKING:
@@ -44,19 +39,12 @@ Endpoint = Annotated[
         show_default=False,
     ),
 ]
-Listen = Annotated[
-    str,
-    typer.Option(
-        envvar="PHALANX_LISTEN", callback=require_endpoint, help="Zenoh endpoint to listen on."
-    ),
-]
 
 
 def register(app: typer.Typer) -> None:
     """Add the commands."""
     app.command(rich_help_panel="Programs of a run")(plant)
     app.command(rich_help_panel="Programs of a run")(agent)
-    app.command(rich_help_panel="Programs of a run")(router)
 
 
 def plant(
@@ -96,6 +84,7 @@ def plant(
     """
     from phalanx.faults.commands import CommandPolicy
     from phalanx.recording.records import RECORDING
+    from phalanx.scenario.load import load
     from phalanx.wire.keys import PLANT
     from phalanx.wire.membership import Membership
 
@@ -109,7 +98,7 @@ def plant(
         "at_router": connect is not None,
         "real_time": real_time,
     }
-    loaded = _load(scenario, overrides, seed)
+    loaded = load(scenario, overrides or (), seed)
     if (out / RECORDING).exists():
         raise typer.BadParameter(f"--out: expected a folder without a recording, got {out}")
     out.mkdir(parents=True, exist_ok=True)
@@ -141,10 +130,11 @@ def agent(
       phalanx agent 4 --scenario unicycles --run r1 --connect tcp/127.0.0.1:7447
       phalanx agent --claim --keys keys/claimant --connect tls/plant.example.org:7447 ...
     """
+    from phalanx.scenario.load import load
     from phalanx.wire.keys import CLAIMANT
     from phalanx.wire.membership import Membership
 
-    resolved = _load(scenario, overrides, seed)
+    resolved = load(scenario, overrides or (), seed)
     names = resolved.programs()
     if (name in names) == claim or (name is not None and claim):
         got = f"got {name or 'neither'}" + (" with --claim" if claim else "")
@@ -156,64 +146,10 @@ def agent(
     return _run_here("agent", resolved, membership, {})
 
 
-def router(
-    scenario: ScenarioOption,
-    run: RunId,
-    listen: Listen = "tcp/127.0.0.1:7447",
-    connect: Annotated[
-        list[str] | None,
-        typer.Option(
-            envvar="PHALANX_ROUTER",
-            callback=require_endpoints,
-            help="Zenoh endpoint of another router of the run, or of its plant. Repeatable.",
-        ),
-    ] = None,
-    seed: Seed = None,
-    overrides: Overrides = None,
-    secret: Secret = "",
-    keys: KeysFolder = None,
-    insecure: Insecure = False,
-    trust: Trust = False,
-) -> int:
-    """Run a hub alone, for a plant that is started with --connect; Ctrl-C ends it.
-
-    It may be restarted in the middle of a run in real time. A run may have several, each near its
-    own agents, which connect to one another.
-
-      phalanx router --scenario unicycles --run r1 --keys keys/router --listen tls/0.0.0.0:7447
-      phalanx router --listen tls/0.0.0.0:7447 --connect tls/router.example.org:7447 ...
-    """
-    from phalanx.identities.router import run as run_router
-    from phalanx.launcher.programs import configure_logging
-    from phalanx.schema.user_code import code_trusted
-    from phalanx.swarm.swarm import build_swarm
-    from phalanx.wire.keys import ROUTER
-    from phalanx.wire.membership import Membership
-    from phalanx.wire.session import HubError
-
-    for endpoint in (listen, *(connect or ())):
-        certificates = certificates_for(keys, endpoint, insecure)
-    membership = Membership(run, listen, secret.encode(), ROUTER, certificates=certificates)
-    configure_logging()
-    try:
-        with code_trusted(trust):
-            swarm = build_swarm(_load(scenario, overrides, seed))
-        return run_router(swarm, membership, connect or ())
-    except (HubError, OSError) as error:
-        complain(error)
-        return 3
-
-
-def _load(source: str, overrides: list[str] | None, seed: int | None) -> "Scenario":
-    from phalanx.scenario.load import load
-
-    return load(source, overrides or (), seed)
-
-
 def _run_here(
     program: str, scenario: "Scenario", membership: "Membership", options: dict[str, Any]
 ) -> int:
-    from phalanx.identities.claims import ClaimError, claimed
+    from phalanx.extensions.registered import extension
     from phalanx.launcher.programs import configure_logging, run_program
     from phalanx.scenario.load import digest
     from phalanx.swarm.rows import build_rows
@@ -222,12 +158,12 @@ def _run_here(
     from phalanx.wire.session import HubError
 
     configure_logging()
-    claims = membership.identity == CLAIMANT
+    claimed = extension("claimed") if membership.identity == CLAIMANT else None
     try:
         rows = build_rows(build_swarm(scenario))
         # Last: a place is kept for who was given it only for a while.
-        with claimed(membership, digest(scenario)) if claims else nullcontext(membership) as own:
+        with claimed(membership, digest(scenario)) if claimed else nullcontext(membership) as own:
             return run_program(program, rows, own, options) if own else 0
-    except (HubError, ClaimError, OSError) as error:
+    except (HubError, OSError) as error:
         complain(error)
         return 3

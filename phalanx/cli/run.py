@@ -4,7 +4,7 @@ import contextlib
 import resource
 import secrets
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,18 +14,18 @@ from phalanx.cli.options import (
     Engine,
     Insecure,
     Overrides,
+    RealTimeFactor,
     ScenarioArgument,
     Secret,
     Seed,
     Speed,
 )
-from phalanx.cli.real_time import RealTimeFactor
 from phalanx.cli.terminal import complain, say
+from phalanx.extensions.registered import extension
 from phalanx.launcher.engine import DEFAULT_ENGINE, ENGINES, prepare, silent
 
 if TYPE_CHECKING:
     from phalanx import Outcome, Run
-    from phalanx.launcher.page import LivePage
 
 Out = Annotated[Path, typer.Option(callback=require_folder, help="Folder for the folders of runs.")]
 Listen = Annotated[
@@ -116,17 +116,14 @@ def run(
     resolved = phalanx.load(scenario, overrides or (), seed)
     from phalanx.cli.display import progress
     from phalanx.guarantee.verdict import exit_status
-    from phalanx.launcher.page import LivePage
 
-    token = secrets.token_urlsafe(16) if commands else ""
-    chosen = _choose_port(view, commands, port)
-    if chosen is not None:
-        say(f"viewer: http://127.0.0.1:{chosen}{token and f'/?token={token}'}")
+    if not view and (commands or port is not None):
+        raise typer.BadParameter("--commands, --port: expected --view with them")
     policy = phalanx.CommandPolicy(
         secret=secrets.token_bytes(16) if commands else b"",
         speed=float(view) if speed is None else speed,
     )
-    with LivePage(chosen, policy.secret, token) as page:
+    with _page(port, policy.secret) if view else contextlib.nullcontext() as page:
         try:
             with progress(resolved) as show:
                 finished = phalanx.run(
@@ -137,7 +134,7 @@ def run(
                     commands=policy,
                     listen=listen,
                     secret=secret.encode(),
-                    announce=page.serve if view else silent,
+                    announce=page.serve if page else silent,
                     profile=profile,
                     real_time=real_time,
                 )
@@ -149,23 +146,20 @@ def run(
                 f"--out: cannot create a folder in {out}: {error.strerror}"
             ) from error
         outcome = _told(finished, profile, report)
-        _wait_for(page)
+        if page:
+            _wait_for(page)
     return exit_status(outcome, strict)
 
 
-def _choose_port(view: bool, commands: bool, port: int | None) -> int | None:
-    """The page's port, before anything is started; None without a page."""
-    if not view:
-        if commands or port is not None:
-            raise typer.BadParameter("--commands, --port: expected --view with them")
-        return None
-    import pkgutil
-
+def _page(port: int | None, command_secret: bytes) -> Any:
+    """The page of a run, at a port that is chosen before anything is started."""
+    token = secrets.token_urlsafe(16) if command_secret else ""
     try:
-        chosen = pkgutil.resolve_name("phalanx_viewer.page.server:choose_port")("127.0.0.1", port)
+        page = extension("live-page")(port, command_secret, token)
     except OSError as error:
         raise typer.BadParameter(f"--port: {error}") from error
-    return int(chosen)
+    say(f"viewer: {page.url}")
+    return page
 
 
 def _told(finished: "Run", profile: bool, report: bool) -> "Outcome":
@@ -183,8 +177,8 @@ def _told(finished: "Run", profile: bool, report: bool) -> "Outcome":
     return summary.outcome
 
 
-def _wait_for(page: "LivePage") -> None:
-    """Let the page, if there is one, go on until Ctrl-C."""
+def _wait_for(page: Any) -> None:
+    """Let the page go on until Ctrl-C."""
     from phalanx.launcher import interrupt
 
     if interrupt.terminated():

@@ -1,19 +1,42 @@
-"""phalanx runs: the runs of a folder, and how each ended."""
+"""phalanx scenarios, runs and verify: what ships, what was run, and the same run again."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from phalanx.cli.terminal import complain
+from phalanx.cli.allowed import LARGEST_SEED
+from phalanx.cli.options import Engine, RunArgument, Trust
+from phalanx.cli.terminal import complain, say
+from phalanx.launcher.engine import DEFAULT_ENGINE
 
 if TYPE_CHECKING:
     from phalanx.guarantee.verdict import Summary
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command."""
+    """Add the commands."""
+    app.command()(scenarios)
     app.command()(runs)
+    app.command()(verify)
+
+
+def scenarios() -> int:
+    """List the scenarios that ship."""
+    from rich.console import Console
+
+    from phalanx.cli.display import TextTable
+    from phalanx.scenario.load import load, shipped
+
+    table = TextTable("name", "agents", "duration", "description")
+    for name in shipped():
+        scenario = load(name)
+        roles = [group.role for _, group, _ in scenario.roster()]
+        agents = f"{roles.count('normal')} + {roles.count('adversary')}"
+        table.add_row(name, agents, f"{scenario.duration:g} s", scenario.description)
+    Console().print(table)
+    say("agents: normal + adversary. Run one with: phalanx run NAME")
+    return 0
 
 
 def runs(
@@ -31,8 +54,7 @@ def runs(
     """
     from rich.console import Console
 
-    from phalanx.cli.display import COLOUR
-    from phalanx.cli.text_table import TextTable, styled
+    from phalanx.cli.display import COLOUR, TextTable, styled
     from phalanx.launcher.live import find_live
     from phalanx.recording.records import RECORDING
 
@@ -57,6 +79,45 @@ def runs(
         )
     Console().print(table)
     return 0
+
+
+def verify(
+    run: RunArgument,
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            min=0, max=LARGEST_SEED, help="Run again with another seed, to see where it departs."
+        ),
+    ] = None,
+    engine: Engine = DEFAULT_ENGINE,
+    trust: Trust = False,
+) -> int:
+    """Run a recording's scenario again and say whether the trajectory is bit-identical.
+
+    Exit status 0 if it is, 1 if it is not, 3 if the recording cannot be read or run, 130
+    if it was stopped.
+    """
+    import phalanx
+    from phalanx.cli.display import progress
+    from phalanx.guarantee.verdict import Outcome, exit_status
+    from phalanx.launcher.verify import cut_short
+
+    try:
+        recorded = phalanx.open(run, trust=trust)
+        with progress(recorded.scenario) as show:
+            verification = recorded.verify(engine=engine, seed=seed, progress=show)
+    except (phalanx.UnreadableRecordingError, phalanx.EngineError, OSError) as error:
+        complain(error)
+        return 3
+    except KeyboardInterrupt:
+        complain("stopped")
+        return exit_status(Outcome.STOPPED)
+    if cut_short(recorded.recording):
+        summary = recorded.summary
+        why = recorded.recording.damage or (summary and summary.reason) or "no summary"
+        say(f"{recorded.recording.path}: {why}; comparing what there is")
+    say(verification)
+    return 0 if verification else 1
 
 
 def _summary(run: Path) -> "Summary | None":

@@ -16,8 +16,7 @@ from phalanx.guarantee.verdict import Outcome, Summary, exit_status
 from phalanx.launcher import interrupt
 from phalanx.launcher.engine import EngineError
 from phalanx.launcher.fork_server import LOG, Order, Report, serve
-from phalanx.launcher.handles import require_handles
-from phalanx.launcher.libraries import start_loading
+from phalanx.launcher.libraries import require_handles, start_loading
 from phalanx.launcher.programs import Program
 from phalanx.scenario.load import to_json
 from phalanx.scenario.model import Scenario

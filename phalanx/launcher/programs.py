@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from phalanx.launcher.printable import PrintableFormatter
+from phalanx.launcher.streams import PrintableFormatter
 from phalanx.schema.fields import CONTROLLER
 from phalanx.swarm.rows import SafetyRows
 from phalanx.wire.membership import Membership

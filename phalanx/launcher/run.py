@@ -5,8 +5,10 @@ from collections.abc import Callable
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
+from phalanx.extensions.registered import extension
 from phalanx.guarantee.verdict import Outcome, Summary, certified
 from phalanx.launcher.engine import DEFAULT_ENGINE, Progress, require_functions, silent
 from phalanx.profile.stopwatch import read_profile
@@ -20,8 +22,26 @@ from phalanx.theory.rows.origin import words_of
 if TYPE_CHECKING:
     import polars as pl
 
-    from phalanx.launcher.page import ViewerPage
     from phalanx.launcher.verify import Verification
+
+
+class Page(Protocol):
+    """A page that is served; close it, or leave its `with` block, to end that."""
+
+    url: str
+    """Where it is."""
+
+    def close(self) -> None:
+        """End the server."""
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None: ...
 
 
 class Run:
@@ -133,20 +153,18 @@ class Run:
 
         progress is told the name of each figure before it is drawn.
         """
-        from phalanx.report.write import write_report
-
         require_functions(progress=progress or silent)
-        return write_report(self._opened, progress)
+        written: Path = extension("report")(self._opened, progress)
+        return written
 
-    def view(self, port: int | None = None) -> "ViewerPage":
+    def view(self, port: int | None = None) -> Page:
         """Replay the run on a page; it is served until the returned object is closed.
 
         Args:
             port: of the page; by default 8080 or the next free one.
         """
-        from phalanx.launcher.page import ViewerPage
-
-        return ViewerPage(self._opened, port)
+        page: Page = extension("page")(self._opened, port)
+        return page
 
     def verify(
         self,

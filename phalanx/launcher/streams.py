@@ -1,6 +1,7 @@
-"""Standard input, output and error, which whoever starts a program may have closed."""
+"""Standard input, output and error: open where they were closed, and fit for a terminal."""
 
 import io
+import logging
 import os
 import sys
 from typing import TYPE_CHECKING
@@ -46,3 +47,20 @@ class _Pipe(io.FileIO):
             os.dup2(nowhere, self.fileno())
             os.close(nowhere)
             return super().write(data)
+
+
+def printable(text: object) -> str:
+    """A text on one line, with characters that a terminal obeys or does not show as escapes.
+
+    Those are control characters, line breaks and marks of the reading direction: what a run or a
+    recording says stays text, whatever it holds.
+    """
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in str(text))
+
+
+class PrintableFormatter(logging.Formatter):
+    """Writes messages as printable; tracebacks keep their lines."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's name
+        """The line without its traceback."""
+        return printable(super().formatMessage(record))

@@ -1,5 +1,6 @@
 """Where the backup still suffices: a slice of the state space of two agents."""
 
+from pathlib import Path
 from typing import NamedTuple
 
 import casadi as ca
@@ -10,9 +11,10 @@ from matplotlib.patches import Patch
 
 from phalanx.arrays import Array
 from phalanx.report.style import ReportFigure, style_axes
-from phalanx.swarm.rows import SafetyRows
-from phalanx.swarm.swarm import Swarm
-from phalanx.theory.expressions.compiled import MappedFunction
+from phalanx.scenario.model import Scenario
+from phalanx.swarm.rows import SafetyRows, build_rows
+from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx.theory.expressions.mapped import MappedFunction
 
 _CELLS = 121
 _UNSAFE, _TOO_LATE, _SUFFICES = range(3)
@@ -32,6 +34,15 @@ class Slice(NamedTuple):
     """Δx and Δy [m], shapes (c,)."""
     answers: Array
     """_UNSAFE, _TOO_LATE or _SUFFICES, shape (c, c), rows by Δy."""
+
+
+def save_backup_picture(scenario: Scenario, file: Path) -> bool:
+    """Draw the slice of a scenario as PNG. False if it has no two agents with states x and y."""
+    found = backup_slice(build_rows(build_swarm(scenario)))
+    if found is None:
+        return False
+    backup_plate(found).figure.savefig(file, dpi=110)
+    return True
 
 
 def backup_slice(rows: SafetyRows, reach: float | None = None) -> Slice | None:

@@ -23,8 +23,8 @@ from phalanx_viewer.scene.model import scene_model
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy, Orders
 from phalanx.guarantee.verdict import CertificateSummary, Outcome, Summary, read_summary
-from phalanx.identities.authority import public_der, read_public
-from phalanx.identities.claims import Places
+from phalanx.hosts.authority import public_der, read_public
+from phalanx.identities.places import Places
 from phalanx.network.inbox import Claim, Fate
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows

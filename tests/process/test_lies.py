@@ -3,7 +3,7 @@
 import pytest
 
 import phalanx
-from phalanx.guarantee.checker.certify import certify
+from phalanx.certify.checker.certify import certify
 from phalanx.guarantee.verdict import Assumption
 
 LIES = ("input", "equivocation", "replay", "apply-time", "silence")

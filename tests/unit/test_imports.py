@@ -5,6 +5,7 @@ import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
@@ -29,17 +30,19 @@ GUARANTEE = rooms("guarantee", SWARM)
 WIRE = rooms("profile wire", GUARANTEE)
 RECORDING = rooms("recording", WIRE)
 CURVES = rooms("curves", RECORDING)
-REPORT = rooms("report", CURVES)
-LAUNCHER = rooms("launcher", REPORT)
+LAUNCHER = rooms("launcher", RECORDING)
 PLANT = rooms(
     "plant.events plant.world plant.sampling plant.judge plant.clock plant.scribe plant.hub"
 )
 VIEWER = rooms("viewer.scene viewer.feeds viewer.plots viewer.page viewer.export viewer.ros2")
 
+COMMANDED = rooms("cli identities", LAUNCHER) | {"phalanx"}  # with a command of its own
+
 # The rooms that each may import from, besides itself. A folder that is not listed is an offence.
 MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.arrays": set(),
     "phalanx.compat": set(),
+    "phalanx.extensions": set(),
     "phalanx.theory": set(),
     "phalanx.theory.expressions": set(),
     "phalanx.theory.models": rooms("theory.expressions"),
@@ -54,18 +57,14 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.scenario": SCENARIO,
     "phalanx.swarm": SWARM,
     "phalanx.guarantee": GUARANTEE,
-    # Shares what docs/certificate.md lists; records are handed to it.
-    "phalanx.guarantee.checker": rooms("theory.models theory.safety scenario"),
     "phalanx.profile": set(),
     "phalanx.wire": WIRE,
-    # Who is who on many hosts: the core of sessions and messages is handed it.
+    # Who may do what at the hub: the core of sessions and messages is handed it.
     "phalanx.identities": WIRE,
     "phalanx.recording": RECORDING,
-    "phalanx.curves": CURVES,
-    "phalanx.report": REPORT,
     # The in-process engine is where agents and plant are put together without a wire.
     "phalanx.launcher": LAUNCHER | PLANT | rooms("agent plant"),
-    "phalanx.cli": rooms("cli guarantee.checker identities", LAUNCHER) | {"phalanx"},
+    "phalanx.cli": LAUNCHER | {"phalanx"},
     "phalanx": LAUNCHER | rooms("cli"),
     "phalanx_agent": WIRE,
     "phalanx_plant": RECORDING | PLANT,
@@ -76,17 +75,31 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx_plant.hub": RECORDING | rooms("identities plant.world plant.events"),
     "phalanx_plant.clock": RECORDING | rooms("plant.world plant.events plant.sampling"),
     "phalanx_plant.scribe": RECORDING | rooms("plant.world plant.events plant.judge plant.clock"),
-    "phalanx_viewer": REPORT | VIEWER,
+    # Extensions: each may import the core, and what it says; the core imports none of them.
+    "phalanx.curves": CURVES,
+    "phalanx.report": COMMANDED | CURVES,
+    "phalanx.hosts": COMMANDED,
+    "phalanx.certify": COMMANDED | rooms("certify.checker"),
+    # Shares what docs/certificate.md lists; records are handed to it.
+    "phalanx.certify.checker": rooms("theory.models theory.safety scenario"),
+    "phalanx_viewer": COMMANDED | CURVES | VIEWER,
     "phalanx_viewer.scene": CURVES,
     "phalanx_viewer.feeds": CURVES | rooms("viewer.scene"),
     "phalanx_viewer.plots": CURVES | rooms("viewer.scene viewer.feeds"),
     "phalanx_viewer.page": CURVES | rooms("viewer.scene viewer.feeds viewer.plots"),
-    "phalanx_viewer.export": REPORT | rooms("viewer.scene viewer.feeds viewer.plots"),
-    "phalanx_viewer.ros2": CURVES | rooms("viewer.scene viewer.feeds"),
+    "phalanx_viewer.export": CURVES | rooms("report viewer.scene viewer.feeds viewer.plots"),
+    "phalanx_viewer.ros2": COMMANDED | CURVES | rooms("viewer viewer.scene viewer.feeds"),
+}
+EXTENSIONS = {
+    "phalanx.curves",
+    "phalanx.report",
+    "phalanx.hosts",
+    "phalanx.certify",
+    "phalanx_viewer",
 }
 THEORY_MAY_USE = {"numpy", "casadi", "osqp", "scipy", "annotated_types"}
 ONLY_IN_WIRE = {"zenoh"}  # and its workarounds
-BY_ALL = {"phalanx.arrays", "phalanx.compat"}
+BY_ALL = {"phalanx.arrays", "phalanx.compat", "phalanx.extensions"}
 APART = {"bench", "evidence"}
 
 
@@ -148,6 +161,35 @@ def test_no_module_imports_what_the_table_forbids():
     assert wrong == []
 
 
+def is_extension(module: str) -> bool:
+    return any(module == room or module.startswith(f"{room}.") for room in EXTENSIONS)
+
+
+def test_the_core_imports_no_extension():
+    core = [name for name in imports() if not is_extension(name)]
+    assert [(name, t) for name in core for t in imports()[name] if is_extension(t)] == []
+    assert len(core) > 150
+
+
+def test_what_the_core_imports_is_among_its_own_dependencies():
+    text = (ROOT / "pyproject.toml").read_text("utf-8")
+    listed = text.partition("# Of the core")[2].partition("# Of extensions")[0]
+    own = {canonical(name) for name in re.findall(r'^  "([\w.-]+)', listed, re.MULTILINE)}
+    brought_by, needed = packages_distributions(), set()
+    for module, targets in imports().items():
+        if not is_extension(module) and room_of(module) != "phalanx.compat":
+            tops = {target.split(".")[0] for target in targets} - sys.stdlib_module_names
+            needed |= {canonical(d) for top in tops for d in brought_by.get(top, [top])[:1]}
+    ours = {"phalanx", *(f"phalanx-{program}" for program in PROGRAMS)}
+    needed -= ours | {"pydantic-core", "typing-extensions", "zstandard"}  # brought by some
+    assert needed <= own, needed - own
+    assert own <= needed | {"osqp", "scipy"}, "those two are loaded by phalanx.compat"
+
+
+def canonical(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
 def test_tests_and_programs_import_neither_benchmarks_nor_evidence():
     tests = {str(f): f.read_text("utf-8") for f in sorted((ROOT / "tests").rglob("*.py"))}
     named = {name: list(imported(text, "tests.any")) for name, text in tests.items()} | imports()
@@ -179,7 +221,7 @@ def test_the_page_on_certificates_lists_all_that_the_checker_shares():
     shared = page.partition("### What it shares")[2].partition("\n## ")[0]
     rows = re.findall(r"^\| `(phalanx[\w.]+)` \| (.*): ", shared, re.MULTILINE)
     told = {f"{module}.{name}" for module, names in rows for name in re.findall(r"`(\w+)`", names)}
-    home = "phalanx.guarantee.checker"
+    home = "phalanx.certify.checker"
     own = {target for name, found in imports().items() if room_of(name) == home for target in found}
     assert told == {t for t in own if t.startswith("phalanx.") and room_of(t) != home}
     assert len(told) > 5
@@ -244,11 +286,14 @@ def cycle(graph: Mapping[str, set[str]]) -> list[str] | None:
         ("phalanx.network.link", "from phalanx.recording.read import read"),
         ("phalanx.seeded.clock", "import phalanx.network.link"),
         ("phalanx.recording.read", "import zenoh"),
-        ("phalanx.guarantee.checker.certify", "from phalanx.swarm.swarm import build_swarm"),
-        ("phalanx.guarantee.checker.certify", "from phalanx.recording.read import read"),
-        ("phalanx.guarantee.checker.intervals", "import phalanx.theory.expressions.interval"),
+        ("phalanx.certify.checker.certify", "from phalanx.swarm.swarm import build_swarm"),
+        ("phalanx.certify.checker.certify", "from phalanx.recording.read import read"),
+        ("phalanx.certify.checker.intervals", "import phalanx.theory.expressions.interval"),
         ("phalanx_agent.main", "if True:\n    from zenoh import Session"),
         ("phalanx.cli.run", "import phalanx_viewer"),
+        ("phalanx.launcher.run", "from phalanx.report.write import write_report"),
+        ("phalanx.cli.check", "from phalanx.certify.command import certify"),
+        ("phalanx_plant.hub.hub", "from phalanx.hosts.authority import signer"),
     ],
 )
 def test_a_forbidden_import_is_found_wherever_it_stands(module, source):

@@ -18,7 +18,7 @@ import zenoh
 
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Outcome, Summary
-from phalanx.identities.authority import make_certificates
+from phalanx.hosts.authority import make_certificates
 from phalanx.launcher.engine import RunOptions, execute
 from phalanx.scenario.load import load
 from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, ROUTER, VIEWER, Keys

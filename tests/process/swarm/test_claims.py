@@ -8,7 +8,7 @@ import pytest
 import zenoh
 
 from phalanx.guarantee.verdict import Summary
-from phalanx.identities.authority import make_certificates
+from phalanx.hosts.authority import make_certificates
 from phalanx.launcher.engine import RunOptions, execute
 from phalanx.scenario.load import load
 from phalanx.wire.keys import CLAIMANT, PLANT, ROUTER

@@ -9,12 +9,12 @@ import msgspec
 import numpy as np
 import pytest
 
+from phalanx.certify.checker.certify import Certification, certify
+from phalanx.certify.checker.departures import Departures
+from phalanx.certify.checker.intervals import Interval, UncertifiableError, UndecidedError, point
+from phalanx.certify.checker.motions import GroupMotion
 from phalanx.cli.app import status
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
-from phalanx.guarantee.checker.certify import Certification, certify
-from phalanx.guarantee.checker.departures import Departures
-from phalanx.guarantee.checker.intervals import Interval, UncertifiableError, UndecidedError, point
-from phalanx.guarantee.checker.motions import GroupMotion
 from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher.run import Run
 from phalanx.launcher.start import run

@@ -16,11 +16,11 @@ from phalanx_plant.clock.lockstep import Lockstep
 from phalanx_plant.run import PlantRun
 from phalanx_plant.world.actuators import Actuators
 
+from phalanx.certify.checker.certify import certify
 from phalanx.faults.commands import NO_COMMANDS
 from phalanx.guarantee.certificate import pair_certificate
 from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.guarantee.check import check
-from phalanx.guarantee.checker.certify import certify
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.in_process_engine import DirectAgents
 from phalanx.recording.read import read

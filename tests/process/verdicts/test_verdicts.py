@@ -4,7 +4,7 @@ import pytest
 
 import phalanx
 from phalanx import Outcome
-from phalanx.guarantee.checker.certify import Certification, certify
+from phalanx.certify.checker.certify import Certification, certify
 
 
 def run(name: str, *overrides: str) -> phalanx.Summary:

@@ -4,7 +4,7 @@ import pytest
 import typer
 
 from phalanx.cli.app import USAGE_ERROR, status
-from phalanx.cli.real_time import RealTimeFactor, with_factor
+from phalanx.cli.options import RealTimeFactor, with_factor
 
 
 @pytest.mark.parametrize(

@@ -158,7 +158,7 @@ def test_what_a_tap_prints_of_a_message_is_ascii() -> None:
 def test_a_line_of_a_programs_log_is_printable(capsys: pytest.CaptureFixture[str]) -> None:
     import logging
 
-    from phalanx.launcher.printable import PrintableFormatter
+    from phalanx.launcher.streams import PrintableFormatter
 
     record = logging.LogRecord("x", logging.WARNING, "", 0, "no replay: %s", (HOSTILE,), None)
     assert PrintableFormatter("%(asctime)s %(message)s").format(record).isprintable()

@@ -9,8 +9,8 @@ from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.real_time import RealTime
 from phalanx_plant.run import PlantRun
 
+from phalanx.certify.checker.certify import certify
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
-from phalanx.guarantee.checker.certify import certify
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.recording.read import Recording, read
 from phalanx.recording.write import RecordingWriter

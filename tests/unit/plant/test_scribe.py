@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import phalanx
+from phalanx.certify.checker.certify import certify
+from phalanx.certify.checker.intervals import UncertifiableError
 from phalanx.guarantee.certificates import SwarmCertificates
-from phalanx.guarantee.checker.certify import certify
-from phalanx.guarantee.checker.intervals import UncertifiableError
 from phalanx.swarm.swarm import build_swarm
 
 LINE = {

@@ -1,0 +1,1 @@
+"""phalanx certify: a recording proven safe by code of its own."""

@@ -1,0 +1,114 @@
+"""Which instants of a run the certificates of its inputs leave uncovered."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from phalanx.arrays import Array, Index, Mask
+from phalanx.certify.checker.records import HeldInputs
+
+
+class Inputs:
+    """Inputs of several agents, one agent's after the other's."""
+
+    def __init__(self, times: Array, held: Sequence[HeldInputs]) -> None:
+        """times: of the recorded states [s]."""
+        self.t = np.concatenate([h.t for h in held])
+        self.until = np.concatenate([h.until for h in held])
+        self.state: Index = np.searchsorted(times, self.t)
+        """In which recorded state each took effect."""
+        self.u = np.zeros((max(len(h.u) for h in held), len(self.t)))
+        """A column for each, zeros after those that it has."""
+        self.count: Index = np.array([len(h.t) for h in held])
+        """Of each agent."""
+        self.first: Index = np.cumsum(self.count) - self.count
+        """Which is each agent's first."""
+        for h, first in zip(held, self.first.tolist(), strict=True):
+            self.u[: len(h.u), first : first + len(h.t)] = h.u
+
+    def of(self, agents: Index, most: int) -> Iterator[tuple[Index, Index]]:
+        """All inputs of these agents, at most so many at once: which of the agents, which input."""
+        end = np.cumsum(self.count[agents])
+        before = end - self.count[agents]
+        for begin in range(0, int(end[-1]), most):
+            number = np.arange(begin, min(begin + most, int(end[-1])))
+            which = np.searchsorted(end, number, side="right")
+            yield which, self.first[agents[which]] + number - before[which]
+
+
+class _Holes(NamedTuple):
+    """Times in which no input of an agent certifies a pair."""
+
+    pair: Index
+    begin: Array
+    """[s]"""
+    end: Array
+    """[s]"""
+
+    def of(self, pair: int) -> Array:
+        """Beginnings and ends of one pair's, shape (2, r); the pairs are in order."""
+        own = slice(*np.searchsorted(self.pair, (pair, pair + 1)).tolist())
+        return np.stack([self.begin[own], self.end[own]])
+
+
+_NONE = _Holes(np.zeros(0, np.intp), np.zeros(0), np.zeros(0))
+
+
+class Coverage:
+    """Accumulates the certificates of all inputs; covered intervals are not kept."""
+
+    def __init__(self, inputs: Inputs, counted: Mask) -> None:
+        """counted: the inputs of agents that were normal then."""
+        self._inputs, self._counted = inputs, counted
+        self.lasting: Mask = np.ones(len(inputs.t), dtype=bool)
+        """Which last, for all pairs so far, until the next input."""
+        self.horizon = np.inf
+        """The shortest so far [s]."""
+        self._holes: tuple[list[_Holes], list[_Holes]] = ([_NONE], [_NONE])
+        """By the agent's place in the pair."""
+
+    def add(self, place: int, pairs: Index, k: Index, horizons: Array) -> None:
+        """Pairs are certain for so long [s] once the agent at `place` applies input k, (s,)."""
+        t, until = self._inputs.t[k], self._inputs.until[k]
+        # Rounded down: no instant counts that a bound does not reach.
+        end = np.minimum(np.nextafter(t + horizons, -np.inf), until)
+        short = end < until
+        self.lasting[k[short]] = False
+        counted = horizons[self._counted[k]]
+        self.horizon = min(self.horizon, float(counted.min(initial=np.inf)))
+        found = _Holes(pairs[short], np.maximum(t, end)[short], until[short])
+        self._holes[place].append(found)
+
+    def first_uncovered(self, shared: Mask, until: Array) -> tuple[float, int] | None:
+        """When [s] and which pair has no certificate first.
+
+        Args:
+            shared: pairs that either member's certificates cover, shape (p,).
+            until: how long each pair needs one [s], shape (p,).
+        """
+        first, second = map(_in_order, self._holes)
+        found = []
+        for pair in np.unique(first.pair).tolist():
+            other = second.of(pair) if shared[pair] else _ALWAYS
+            found += [(t, pair) for t in _first_shared(first.of(pair), other)]
+        return min(((t, pair) for t, pair in found if t < until[pair]), default=None)
+
+
+_ALWAYS = np.array([[-np.inf], [np.inf]])
+
+
+def _in_order(parts: Sequence[_Holes]) -> _Holes:
+    pair, begin, end = (np.concatenate(each) for each in zip(*parts, strict=True))
+    order = np.lexsort((begin, pair))
+    order = order[begin[order] < end[order]]
+    return _Holes(pair[order], begin[order], end[order])
+
+
+def _first_shared(a: Array, b: Array) -> list[float]:
+    """The first instant in holes of both, if there is one; each in order and apart."""
+    after = np.searchsorted(b[1], a[0], side="right")
+    some = after < b.shape[1]
+    begin = np.maximum(a[0][some], b[0][after[some]])
+    instants: list[float] = begin[begin < a[1][some]][:1].tolist()
+    return instants

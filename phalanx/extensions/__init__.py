@@ -1,0 +1,1 @@
+"""What an installed package adds to Phalanx: registered, never imported by name."""

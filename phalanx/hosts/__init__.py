@@ -1,0 +1,1 @@
+"""Running over many hosts: identities, claims of free places, and routers."""

@@ -1,0 +1,152 @@
+"""phalanx keys and router: certificates for the programs of a run, and a hub of its own."""
+
+import datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from phalanx.cli.allowed import require_hosts
+from phalanx.cli.endpoints import certificates_for, require_endpoint
+from phalanx.cli.options import (
+    Insecure,
+    KeysFolder,
+    Listen,
+    Overrides,
+    RunId,
+    ScenarioOption,
+    Secret,
+    Seed,
+    Trust,
+)
+from phalanx.cli.terminal import complain, say
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.command(rich_help_panel="Programs of a run")(keys)
+    app.command(rich_help_panel="Programs of a run")(router)
+
+
+def _require_endpoints(endpoints: list[str] | None) -> list[str] | None:
+    """Refuse a list if one of it is to be refused."""
+    for endpoint in endpoints or ():
+        require_endpoint(endpoint)
+    return endpoints
+
+
+def _require_days(days: float) -> float:
+    """Refuse certificates that are never valid, or beyond what a date can be."""
+    if not 0.0 < days <= 36500.0:
+        raise typer.BadParameter(f"expected more than 0 and at most 36500, got {days:g}")
+    return days
+
+
+def keys(
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="A new folder for the certificates.")
+    ],
+    scenario: ScenarioOption,
+    overrides: Overrides = None,
+    hosts: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--host",
+            callback=require_hosts,
+            help="Name or address under which the plant is reached, or a router. Repeatable; the "
+            "first, at port 7447, is where programs connect unless they are told otherwise.",
+        ),
+    ] = None,
+    claims: Annotated[
+        bool,
+        typer.Option(
+            "--claims",
+            help="Let agents claim free places with DIR/claimant: the plant keeps the authority's "
+            "key, to sign for them.",
+        ),
+    ] = False,
+    days: Annotated[
+        float, typer.Option(callback=_require_days, help="For how long they are valid.")
+    ] = 30.0,
+    trust: Trust = False,
+) -> int:
+    """Make a certificate for each program: links are encrypted, and both ends know each other.
+
+    DIR/NAME is one program's: give each host the folders of its own programs, and no others.
+
+    Example:
+
+      phalanx keys keys --scenario unicycles --host plant.example.org
+      phalanx plant --keys keys/plant --listen tls/0.0.0.0:7447 --scenario unicycles --run r1
+      phalanx agent 1 --keys keys/1 --scenario unicycles --run r1
+      phalanx agent --claim --keys keys/claimant --scenario unicycles --run r1
+    """
+    from phalanx.hosts.authority import make_certificates
+    from phalanx.scenario.load import load
+    from phalanx.schema.user_code import code_trusted
+    from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, ROUTER, VIEWER
+    from phalanx.wire.membership import ENDPOINT
+
+    with code_trusted(trust):
+        programs = load(scenario, overrides or ()).programs()
+    names = [PLANT, ROUTER, VIEWER, OPERATOR, *([CLAIMANT] if claims else []), *programs]
+    reached_as = ["localhost", "127.0.0.1", *(hosts or ())]
+    try:
+        make_certificates(folder, names, reached_as, datetime.timedelta(days=days), claims)
+        for host in (hosts or ())[:1]:
+            at = f"[{host}]" if ":" in host else host  # an IPv6 address
+            for name in names:
+                (folder / name / ENDPOINT).write_text(f"tls/{at}:7447\n", encoding="utf-8")
+    except OSError as error:
+        raise typer.BadParameter(f"DIR: {error}") from error
+    say(f"{folder}: certificates of {', '.join(names)}")
+    return 0
+
+
+def router(
+    scenario: ScenarioOption,
+    run: RunId,
+    listen: Listen = "tcp/127.0.0.1:7447",
+    connect: Annotated[
+        list[str] | None,
+        typer.Option(
+            envvar="PHALANX_ROUTER",
+            callback=_require_endpoints,
+            help="Zenoh endpoint of another router of the run, or of its plant. Repeatable.",
+        ),
+    ] = None,
+    seed: Seed = None,
+    overrides: Overrides = None,
+    secret: Secret = "",
+    keys: KeysFolder = None,
+    insecure: Insecure = False,
+    trust: Trust = False,
+) -> int:
+    """Run a hub alone, for a plant that is started with --connect; Ctrl-C ends it.
+
+    It may be restarted in the middle of a run in real time. A run may have several, each near its
+    own agents, which connect to one another.
+
+      phalanx router --scenario unicycles --run r1 --keys keys/router --listen tls/0.0.0.0:7447
+      phalanx router --listen tls/0.0.0.0:7447 --connect tls/router.example.org:7447 ...
+    """
+    from phalanx.hosts.router import run as run_router
+    from phalanx.launcher.programs import configure_logging
+    from phalanx.scenario.load import load
+    from phalanx.schema.user_code import code_trusted
+    from phalanx.swarm.swarm import build_swarm
+    from phalanx.wire.keys import ROUTER
+    from phalanx.wire.membership import Membership
+    from phalanx.wire.session import HubError
+
+    for endpoint in (listen, *(connect or ())):
+        certificates = certificates_for(keys, endpoint, insecure)
+    membership = Membership(run, listen, secret.encode(), ROUTER, certificates=certificates)
+    configure_logging()
+    try:
+        with code_trusted(trust):
+            swarm = build_swarm(load(scenario, overrides or (), seed))
+        return run_router(swarm, membership, connect or ())
+    except (HubError, OSError) as error:
+        complain(error)
+        return 3

@@ -1,0 +1,89 @@
+"""phalanx report and compare: figures of one run, and runs side by side."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from phalanx.cli.allowed import require_file, require_other
+from phalanx.cli.options import RunArgument, Trust
+from phalanx.cli.terminal import complain, say
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.command()(report)
+    app.command()(compare)
+
+
+def report(run: RunArgument, trust: Trust = False) -> int:
+    """Make the report of a run: one HTML file, and the figures as PNG.
+
+    A recording that was cut short gives a report of what there is. Prints where the report is, and
+    how large the recording.
+    """
+    import phalanx
+    from phalanx.cli.display import doing
+    from phalanx.cli.terminal import warn_of_damage
+    from phalanx.recording.read import size_in_words
+
+    try:
+        recorded = phalanx.open(run, trust=trust)
+        warn_of_damage(recorded.recording)
+        with doing("drawing the report") as show:
+            written = recorded.report(show)
+        say(written)
+        say(f"recording: {size_in_words(recorded.recording)}")
+    except (phalanx.UnreadableRecordingError, OSError) as error:
+        complain(error)
+        return 3
+    return 0
+
+
+def compare(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN RUN...", help="Folders of runs.")],
+    html: Annotated[
+        Path | None,
+        typer.Option(
+            callback=require_file, help="Write the figures of all runs side by side there."
+        ),
+    ] = None,
+    trust: Trust = False,
+) -> int:
+    """Say how runs differ, in their scenarios and in what they came to.
+
+    Examples:
+
+      phalanx compare runs/unicycles-1 runs/unicycles-2
+      phalanx compare runs/unicycles-* --html beside.html
+    """
+    from rich.console import Console
+
+    from phalanx.cli.display import TextTable
+    from phalanx.recording.read import UnreadableRecordingError, find
+    from phalanx.report.compare import (
+        compared_run,
+        differences,
+        results,
+        titles,
+        write_comparison,
+    )
+
+    if len(runs) < 2:
+        raise typer.BadParameter("expected two runs or more")
+    try:
+        require_other("--html", html, [find(run) for run in runs])
+        compared = [compared_run(run, drawn=html is not None, trust=trust) for run in runs]
+        table = TextTable("", *titles(compared))
+        for row in differences(compared):
+            table.add_row(*row)
+        table.add_section()
+        for row in results(compared):
+            table.add_row(*row)
+        Console().print(table)
+        if html is not None:
+            say(write_comparison(compared, html))
+    except (UnreadableRecordingError, OSError) as error:
+        complain(error)
+        return 3
+    return 0

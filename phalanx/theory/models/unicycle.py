@@ -1,0 +1,56 @@
+"""The unicycle of Simulation 1, its output point ahead of the axle."""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import casadi as ca
+from annotated_types import Gt
+
+from phalanx.arrays import Array
+from phalanx.theory.models.dynamics import box_polytope
+
+Positive = Annotated[float, Gt(0)]
+
+
+@dataclass(frozen=True)
+class Unicycle:
+    """Unicycle with its output point ahead of the axle, Eq. (IOoutputs).
+
+    State (x, y, θ); native input (ν, ω), which is what the actuator holds between samples.
+    The paper's output input is u = R(θ) diag(1, b) (ν, ω), so its polytope
+    Eq. (IOcontrolbounds) is the box |ν| <= speed, |ω| <= turn_rate, constant in (ν, ω).
+    """
+
+    speed: Positive
+    """ν^max [m/s]."""
+    turn_rate: Positive
+    """ω^max [rad/s]."""
+    offset: Positive = 0.25
+    """b [m]: distance of the output point from the axle."""
+
+    states = ("x", "y", "theta")
+    inputs = ("nu", "omega")
+    state_units = ("m", "m", "rad")
+    input_units = ("m/s", "rad/s")
+
+    def drift(self, x: ca.SX) -> ca.SX:
+        return ca.SX.zeros(3)
+
+    def actuation(self, x: ca.SX) -> ca.SX:
+        return ca.vertcat(ca.horzcat(ca.cos(x[2]), 0), ca.horzcat(ca.sin(x[2]), 0), ca.SX([[0, 1]]))
+
+    def position(self, x: ca.SX) -> ca.SX:
+        return x[:2] + self.offset * ca.vertcat(ca.cos(x[2]), ca.sin(x[2]))
+
+    def input_polytope(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
+        return box_polytope((self.speed, self.turn_rate))
+
+    def input_metric(self) -> tuple[float, ...]:
+        # ‖u - u_nom‖² of the output input, written in (ν, ω).
+        return (1.0, self.offset * self.offset)
+
+    def travel(self, x: Array, time: float, disturbance: float) -> float:
+        # p' = ν (cos θ, sin θ) + b (ω + φ_θ) (-sin θ, cos θ) + φ_xy.
+        fastest = math.hypot(self.speed, self.offset * self.turn_rate)
+        return (fastest + math.hypot(1.0, self.offset) * disturbance) * time

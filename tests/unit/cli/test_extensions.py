@@ -1,0 +1,71 @@
+"""Commands of other packages, and what the core asks of extensions: found by entry points."""
+
+from pathlib import Path
+
+import pytest
+
+from phalanx.cli.app import USAGE_ERROR, status
+from phalanx.extensions.registered import MissingExtensionError, extension
+
+GREET = """
+def register(app):
+    @app.command()
+    def greet(name: str) -> int:
+        \"\"\"Greet somebody.\"\"\"
+        print(f"good day, {name}")
+        return 0
+"""
+
+
+@pytest.fixture
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Installs a package as pip does: its module, and the metadata of its distribution."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    def install(package: str, source: str, entries: str) -> None:
+        (tmp_path / f"{package}.py").write_text(source)
+        metadata = tmp_path / f"{package}-1.0.dist-info"
+        metadata.mkdir()
+        (metadata / "METADATA").write_text(
+            f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n"
+        )
+        (metadata / "entry_points.txt").write_text(entries)
+
+    return install
+
+
+def test_another_packages_command_is_one_of_phalanx(install, capsys):
+    install("greeting", GREET, "[phalanx.commands]\ngreet = greeting:register\n")
+    assert status(["greet", "Ada"]) == 0
+    assert capsys.readouterr().out == "good day, Ada\n"
+    assert status(["--help"]) == 0
+    assert "Greet somebody." in capsys.readouterr().out
+
+
+def test_a_package_that_cannot_be_imported_is_named_and_keeps_no_other_command_from_running(
+    install, capsys, tmp_path
+):
+    install("broken", "import no_such_module", "[phalanx.commands]\nbroken = broken:register\n")
+    assert status(["report", str(tmp_path)]) == 3
+    said = capsys.readouterr().err
+    assert "commands of broken of broken cannot be imported: No module named" in said
+    assert "recording" in said, "and the report says why there is none"
+
+
+def test_what_the_core_brings_looks_for_no_extension(install, capsys, tmp_path):
+    install("broken", "import no_such_module", "[phalanx.commands]\nbroken = broken:register\n")
+    assert status(["runs", str(tmp_path)]) == 3
+    assert "broken" not in capsys.readouterr().err
+
+
+def test_an_unknown_command_is_still_refused(capsys):
+    assert status(["greet", "Ada"]) == USAGE_ERROR
+    assert "No such command" in capsys.readouterr().err
+
+
+def test_what_an_extension_offers_is_found_by_its_name(install):
+    offered = "[phalanx.extensions]\nanswer = answering:ANSWER\n"
+    install("answering", "ANSWER = 42", offered)
+    assert extension("answer") == 42
+    with pytest.raises(MissingExtensionError, match="'question'"):
+        extension("question")

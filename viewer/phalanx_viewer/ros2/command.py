@@ -1,0 +1,96 @@
+"""phalanx ros2: a run for ROS 2 nodes over rmw_zenoh, live or recorded."""
+
+import importlib.util
+from typing import Annotated
+
+import typer
+
+from phalanx.cli.allowed import require_timeout
+from phalanx.cli.endpoints import certificates_for, live_run, require_endpoint, require_here
+from phalanx.cli.options import Insecure, KeysFolder, Secret, Trust
+from phalanx.cli.terminal import complain
+from phalanx_viewer.commands import Connect, LiveRun, RunOrRecording, require_either
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(ros2)
+
+
+def ros2(
+    recording: RunOrRecording = None,
+    connect: Connect = "",
+    run: LiveRun = "",
+    secret: Secret = "",
+    keys: KeysFolder = None,
+    router: Annotated[
+        str,
+        typer.Option(
+            callback=require_endpoint, help="Zenoh endpoint of the ROS 2 router, rmw_zenohd."
+        ),
+    ] = "tcp/localhost:7447",
+    domain: Annotated[
+        int, typer.Option(envvar="ROS_DOMAIN_ID", min=0, max=232, help="ROS 2 domain.")
+    ] = 0,
+    namespace: Annotated[
+        str, typer.Option(help="ROS 2 namespace of the node and its topics.")
+    ] = "/phalanx",
+    timeout: Annotated[
+        float,
+        typer.Option(
+            callback=require_timeout,
+            help="How long to try to reach the router and the live run, in seconds.",
+        ),
+    ] = 10.0,
+    insecure: Insecure = False,
+    trust: Trust = False,
+) -> int:
+    """Let ROS 2 read the swarm: poses, markers and diagnostics, without ROS installed here.
+
+    A live run is published until it is over, a recording once, in real time.
+
+    ROS 2 needs RMW_IMPLEMENTATION=rmw_zenoh_cpp, and `ros2 run rmw_zenoh_cpp rmw_zenohd`:
+
+      /phalanx/agent_1/pose  geometry_msgs/PoseStamped, of each agent
+      /phalanx/markers       visualization_msgs/MarkerArray, for RViz
+      /diagnostics           diagnostic_msgs/DiagnosticArray, with the verdict
+
+    Examples:
+
+      phalanx ros2 runs/unicycles-1
+      phalanx ros2 --connect tcp/plant:7447 --run r1 --router tcp/robot:7447 --insecure
+    """
+    require_either(recording, connect, run)
+    require_here(
+        router, insecure, "--insecure, since ROS 2's router reads and passes on everything"
+    )
+    _require_libraries()
+    from phalanx.launcher.programs import configure_logging
+    from phalanx.wire.keys import VIEWER
+    from phalanx.wire.membership import Membership
+    from phalanx_viewer.ros2 import main
+    from phalanx_viewer.ros2.republisher import NAMESPACE
+
+    if not NAMESPACE.fullmatch(namespace):
+        raise typer.BadParameter(f"--namespace: expected such as /phalanx, got {namespace!r}")
+    configure_logging()
+    graph = main.Graph(router, domain, namespace, timeout)
+    found = None if recording is None else live_run(recording, insecure)
+    try:
+        if recording is not None and found is None:
+            return int(main.run_replay(recording, graph, trust=trust))
+        if found is not None:
+            return int(main.run_live(found.membership, graph, trust=trust))
+        certificates = certificates_for(keys, connect, insecure)
+        membership = Membership(run, connect, secret.encode(), VIEWER, timeout, certificates)
+        return int(main.run_live(membership, graph, trust=trust))
+    except (RuntimeError, ValueError, OSError) as error:
+        complain(error)
+        return 3
+
+
+def _require_libraries() -> None:
+    missing = [name for name in ("rosbags", "xxhash") if importlib.util.find_spec(name) is None]
+    if missing:
+        needed = " and ".join(missing)
+        raise typer.BadParameter(f"needs {needed}: pip install 'phalanx-swarm[ros2]'")
