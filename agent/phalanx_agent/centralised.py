@@ -4,8 +4,7 @@ from collections.abc import Mapping
 
 from phalanx.arrays import Array
 from phalanx.swarm.rows import SafetyRows
-from phalanx.theory.laws.law import View
-from phalanx.theory.laws.nominal import NominalInput
+from phalanx.theory.laws.law import NominalInput, View
 from phalanx.theory.rows.centralised import JointInput
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx_agent.controller import StepResult

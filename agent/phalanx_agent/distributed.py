@@ -5,9 +5,8 @@ from typing import Self
 
 from phalanx.arrays import Array
 from phalanx.swarm.rows import SafetyRows
-from phalanx.theory.laws.law import View
-from phalanx.theory.laws.nominal import NominalInput
-from phalanx.theory.laws.worst_case import WorstCase
+from phalanx.theory.laws.attacks import WorstCase
+from phalanx.theory.laws.law import NominalInput, View
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.theory.rows.safety_filter import Situation
 from phalanx_agent.controller import StepResult

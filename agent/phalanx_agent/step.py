@@ -3,7 +3,6 @@
 import time
 from collections import deque
 from collections.abc import Mapping
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -13,13 +12,12 @@ from phalanx.faults.commands import Orders
 from phalanx.network.inbox import BroadcastInbox, Claim, Existing, Fate
 from phalanx.network.link import Link, RuleError
 from phalanx.schema.fields import CONTROLLER
-from phalanx.swarm.distances import Distances
 from phalanx.swarm.finite import mistake_at
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.asked import MistakenMethodError, in_words
-from phalanx.theory.expressions.magnitude import LARGEST
+from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import (
@@ -241,7 +239,7 @@ class ControlStep:
         fates = self.inbox.advance(
             self._clock.counted(self.inbox, existing),
             sample.t,
-            lambda sender: self._distances.between(x, self.i, sender),
+            lambda sender: self.swarm.apart(x, self.i, sender),
         )
         for sender, message in self.inbox.take_corrupt():
             sent = Broadcast(k=message.k, t_apply=message.t_apply, u=message.u)
@@ -251,10 +249,6 @@ class ControlStep:
             except Malformed:
                 self.rejected += 1
         return fates
-
-    @cached_property
-    def _distances(self) -> Distances:
-        return Distances(self.swarm)
 
     def _link(self, sender: int) -> Link:
         swarm, receiver = self.swarm, self.name

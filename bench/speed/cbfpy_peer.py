@@ -15,7 +15,7 @@ from phalanx.arrays import Array
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.models.integrators import DoubleIntegrator
-from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.rows.terms import Terms
 from phalanx.theory.safety.obstacles import Sphere
 

@@ -36,8 +36,8 @@ from rich.progress import Progress
 import phalanx
 from phalanx.guarantee.verdict import Outcome
 from phalanx.scenario.load import from_json, to_json
-from phalanx.swarm.compile import compile_rows
 from phalanx.swarm.rows import build_rows
+from phalanx.swarm.runnable import compile_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire import pubsub
 from phalanx.wire.messages import Status

@@ -21,7 +21,6 @@ from phalanx.guarantee.certificates import SwarmCertificates
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.margins.enclosure import admissible_inputs, enclose
 from phalanx.theory.margins.integrated import INFLATIONS, growth
-from phalanx.theory.models.bicycle import KinematicBicycle
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.integrators import (
     DoubleIntegrator,
@@ -29,7 +28,7 @@ from phalanx.theory.models.integrators import (
     TripleIntegrator,
 )
 from phalanx.theory.models.polytope import constant_polytope
-from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.models.wheeled import KinematicBicycle, Unicycle
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.composition import Member, compose
 from phalanx.theory.safety.function import Separation

@@ -6,11 +6,11 @@ Equations and theorems have the numbers that the paper's source gives them: see 
 import math
 from typing import NamedTuple
 
+from phalanx.guarantee.advice import in_words
 from phalanx.guarantee.check_report import CheckReport
-from phalanx.guarantee.figures import in_words
 from phalanx.network.link import DELAY
 from phalanx.scenario.model import Scenario
-from phalanx.swarm.units import unit_of_psi
+from phalanx.swarm.swarm import unit_of_psi
 
 _BEYOND_INPUTS = 1e9
 """A margin from here on is no number to compare with."""

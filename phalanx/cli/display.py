@@ -9,8 +9,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Column, Table
 from rich.text import Text
 
-from phalanx.guarantee.punctuality import in_words
-from phalanx.guarantee.verdict import Outcome, Summary, certified
+from phalanx.guarantee.verdict import Outcome, Summary, certified, timing_in_words
 from phalanx.launcher.run import Run
 from phalanx.launcher.streams import printable
 from phalanx.scenario.model import Scenario
@@ -159,7 +158,7 @@ def print_summary(summary: Summary) -> None:
         table.add_row(f"fault: {fault.name}", hit)
     table.add_row("trajectory", summary.trajectory[:16])
     if summary.punctuality:
-        for name, value in in_words(summary.punctuality):
+        for name, value in timing_in_words(summary.punctuality):
             table.add_row(f"real time: {name}", value)
     Console().print(table)
 

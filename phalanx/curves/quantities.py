@@ -8,10 +8,9 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.curves.history import AgentSeries
 from phalanx.curves.thinning import Series
-from phalanx.swarm.swarm import Swarm
-from phalanx.swarm.units import unit_of_psi
+from phalanx.swarm.swarm import Swarm, unit_of_psi
+from phalanx.theory.models.dynamics import units
 from phalanx.theory.models.polytope import constant_polytope
-from phalanx.theory.models.units import units
 from phalanx.theory.safety.composition import FAR
 from phalanx.wire.step_report import OF_ROW, QUANTITIES, Quantity
 

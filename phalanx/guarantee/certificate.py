@@ -14,9 +14,9 @@ import casadi as ca
 import numpy as np
 
 from phalanx.arrays import Array
+from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.extension import extend
 from phalanx.theory.expressions.interval import Interval, UnboundedOperationError, point
-from phalanx.theory.expressions.mapped import MappedFunction
 from phalanx.theory.expressions.rounding import outwards
 from phalanx.theory.margins.enclosure import (
     Enclosure,

@@ -3,13 +3,19 @@
 import math
 
 from phalanx.arrays import Array
-from phalanx.guarantee.advice import advice, leans_on_the_newest
+from phalanx.guarantee.advice import advice, gaps_in_the_proof, leans_on_the_newest
+from phalanx.guarantee.certificates import certified_start
 from phalanx.guarantee.check_report import BoundaryCondition, CheckReport
 from phalanx.guarantee.feasibility import ProvenRows, largest_gap, rigorous, rows_at_start
-from phalanx.guarantee.formula import Region, formula, worst_pair
-from phalanx.guarantee.gaps import gaps_in_the_proof
-from phalanx.guarantee.start import certified_start
-from phalanx.guarantee.workspace import boundary, drawn_states, states_inside, workspace
+from phalanx.guarantee.formula import (
+    Region,
+    boundary,
+    drawn_states,
+    formula,
+    states_inside,
+    workspace,
+    worst_pair,
+)
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import require_runnable

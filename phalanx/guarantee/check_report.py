@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass, field
 
+from phalanx.guarantee.certificates import CertifiedStart
 from phalanx.guarantee.formula import Formula
-from phalanx.guarantee.start import CertifiedStart
 
 
 @dataclass(frozen=True)

@@ -11,14 +11,15 @@ import numpy as np
 from phalanx.arrays import Array, Index, Mask
 from phalanx.guarantee.certificate import DEFECT, MULTIPLES, reach_within
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.expressions.extension import extend
 from phalanx.theory.expressions.interval import UnboundedOperationError
-from phalanx.theory.expressions.mapped import MappedFunction
 from phalanx.theory.expressions.rounding import outwards
 from phalanx.theory.margins.enclosure import scalars
+from phalanx.theory.safety.function import Reaching
+from phalanx.theory.safety.limits import static_reach
 from phalanx.theory.safety.obstacles import Sphere
-from phalanx.theory.safety.reach import Reaching, static_reach
 
 _LASTING = 0.5
 """For how many τ boxes are kept: they are made for so much longer than a certificate lasts."""

@@ -25,9 +25,8 @@ from phalanx.launcher.programs import (
     start_program,
 )
 from phalanx.scenario.load import ScenarioError, from_json
-from phalanx.swarm.compile import compile_rows
 from phalanx.swarm.rows import SafetyRows
-from phalanx.swarm.runnable import require_runnable
+from phalanx.swarm.runnable import compile_rows, require_runnable
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire.membership import Membership
 

@@ -20,9 +20,8 @@ from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.records import PROFILE, RECORDING, SUMMARY
 from phalanx.recording.write import RecordingWriter, write_down
 from phalanx.scenario.model import Scenario
-from phalanx.swarm.compile import compile_rows
 from phalanx.swarm.rows import SafetyRows
-from phalanx.swarm.runnable import require_runnable
+from phalanx.swarm.runnable import compile_rows, require_runnable
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire.messages import Actuation, Sample, Status, Telemetry
 from phalanx.wire.seal import Malformed

@@ -28,7 +28,7 @@ from phalanx.recording.records import RECORDING, TOPICS, Log, Shown, State, Step
 from phalanx.scenario.load import ScenarioError, from_json
 from phalanx.scenario.model import Scenario
 from phalanx.schema.user_code import code_trusted
-from phalanx.theory.expressions.magnitude import LARGEST_SUM
+from phalanx.theory.expressions.exact import LARGEST_SUM
 
 _MOST_OF_A_CHUNK = 4 * 2**20
 """A chunk is written when it holds 64 kB: one record more makes it longer, and none is so long."""

@@ -14,7 +14,7 @@ from phalanx.report.style import ReportFigure, style_axes
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
-from phalanx.theory.expressions.mapped import MappedFunction
+from phalanx.theory.expressions.compiled import MappedFunction
 
 _CELLS = 121
 _UNSAFE, _TOO_LATE, _SUFFICES = range(3)

@@ -21,8 +21,8 @@ from phalanx.report.style import (
     summarises,
 )
 from phalanx.swarm.rows import SafetyRows
-from phalanx.swarm.units import unit_of_psi
-from phalanx.theory.margins.row_part import RowPart
+from phalanx.swarm.swarm import unit_of_psi
+from phalanx.theory.margins.integrated import RowPart
 from phalanx.theory.rows.pairs import PairTerms
 
 _INSTANTS, _CROWD_INSTANTS = 300, 24

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from html import escape
 from itertools import starmap
 
-from phalanx.guarantee.punctuality import Punctuality, in_words
-from phalanx.guarantee.verdict import Outcome, Summary, certified
+from phalanx.guarantee.verdict import Outcome, Punctuality, Summary, certified, timing_in_words
 from phalanx.network.link import DELAY, LOSS
 from phalanx.recording.read import Recording, size_in_words
 from phalanx.report.html import (
@@ -144,7 +143,7 @@ def _judgement(summary: Summary | None) -> list[str]:
 def _punctuality(found: Punctuality | None) -> list[str]:
     if found is None:
         return []
-    return [section("Real time", table(("what", "of this run"), in_words(found)))]
+    return [section("Real time", table(("what", "of this run"), timing_in_words(found)))]
 
 
 def _links(links: Sequence[LinkStatistics]) -> str:

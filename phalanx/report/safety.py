@@ -8,7 +8,7 @@ from phalanx.curves.history import RecordedHistory
 from phalanx.curves.thinning import kept
 from phalanx.report.measures import worst
 from phalanx.report.style import LIMIT, NORMAL, PEAK, legend, panels, summarises
-from phalanx.swarm.units import unit_of_psi
+from phalanx.swarm.swarm import unit_of_psi
 
 _PSI_POINTS, _CROWD_PSI_POINTS = 600, 100
 """Most states at which ψ_k is evaluated; of many agents it takes longer."""

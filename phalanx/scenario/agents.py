@@ -21,8 +21,7 @@ from phalanx.schema.fields import (
 from phalanx.schema.registry import is_users
 from phalanx.theory.expressions.asked import MistakenMethodError, ask
 from phalanx.theory.laws.law import Law
-from phalanx.theory.models.dynamics import Dynamics
-from phalanx.theory.models.sound import require_sound
+from phalanx.theory.models.dynamics import Dynamics, require_sound
 
 
 class Clock(Strict):

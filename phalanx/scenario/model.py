@@ -38,9 +38,8 @@ from phalanx.schema.fields import (
     misplaced,
 )
 from phalanx.theory.laws.formation import Formation
-from phalanx.theory.safety.limits import Boundary, Limit
+from phalanx.theory.safety.limits import Boundary, Limit, Static
 from phalanx.theory.safety.obstacles import Sphere, Wall
-from phalanx.theory.safety.static import Static
 
 MAX_AGENTS = 256
 

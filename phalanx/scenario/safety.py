@@ -17,7 +17,7 @@ from phalanx.schema.fields import (
     number_or_table,
 )
 from phalanx.theory.expressions.asked import place_of
-from phalanx.theory.margins.paper import MarginConstants
+from phalanx.theory.margins.constants import MarginConstants
 from phalanx.theory.rows.information import Information
 from phalanx.theory.safety.class_k import ClassK, Linear, NotClassKError, require_class_k
 from phalanx.theory.safety.function import SafeSetFunction

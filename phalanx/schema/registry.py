@@ -11,18 +11,15 @@ from typing import Any
 import pydantic
 
 from phalanx.schema.user_code import import_named
-from phalanx.theory.laws.chase import Chase
+from phalanx.theory.laws.attacks import Chase, WorstCase
 from phalanx.theory.laws.law import Law
 from phalanx.theory.laws.tracking import Track
 from phalanx.theory.laws.velocity import Pursue, TrackVelocity
-from phalanx.theory.laws.worst_case import WorstCase
-from phalanx.theory.models.bicycle import KinematicBicycle
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
-from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.models.wheeled import KinematicBicycle, Unicycle
 from phalanx.theory.safety.class_k import ClassK, Linear, Power
-from phalanx.theory.safety.distances import Distance, HeadingAware
-from phalanx.theory.safety.function import SafeSetFunction, Separation
+from phalanx.theory.safety.function import Distance, HeadingAware, SafeSetFunction, Separation
 from phalanx.theory.safety.limits import Band, Fence, Limit
 
 BUILT_IN: Mapping[type, Mapping[str, type]] = {

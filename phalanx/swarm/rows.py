@@ -14,12 +14,12 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.scenario.load import ScenarioError
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import added
-from phalanx.theory.expressions.mapped import MappedFunction
+from phalanx.theory.margins.constants import MarginConstants
+from phalanx.theory.margins.integrated import RowPart
 from phalanx.theory.margins.local import LocalBound
 from phalanx.theory.margins.margin import ComposedMargin, Margin
-from phalanx.theory.margins.paper import MarginConstants
-from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.models.polytope import EmptyPolytopeError
 from phalanx.theory.rows.by_derivatives import TermsByDerivatives
 from phalanx.theory.rows.composed import SwarmTerms
@@ -36,7 +36,7 @@ from phalanx.theory.rows.share_margin import ShareMargin
 from phalanx.theory.rows.terms import TermsAt
 from phalanx.theory.safety.chain import Chain, build_chain
 from phalanx.theory.safety.composition import ComposedSet
-from phalanx.theory.safety.pair_functions import PairFunctions
+from phalanx.theory.safety.pairs import PairFunctions
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """A scenario's facts, resolved: who takes part, with what, from where, on which clock."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,7 +18,7 @@ from phalanx.seeded.clock import SamplingClock
 from phalanx.seeded.draws import Draws
 from phalanx.theory.expressions.asked import MistakenMethodError, ask
 from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.expressions.exact import dot
+from phalanx.theory.expressions.exact import added, dot
 from phalanx.theory.laws.formation import Goal, hold
 from phalanx.theory.laws.law import Law, TeamLaw
 from phalanx.theory.models.polytope import EmptyPolytopeError
@@ -131,6 +132,13 @@ class Swarm:
     def _positions(self) -> CompiledFunction:
         composed = self.safe_set
         return CompiledFunction([composed.x], [ca.horzcat(*composed.positions).T])
+
+    def apart(self, x: Array, i: int, j: int) -> float:
+        """From agent i's output point to agent j's in the stacked state x, shape (n̄,) [m]."""
+        parts = self.safe_set.parts
+        own, other = (self.position(a)(x[parts[a]])[0] for a in (i, j))
+        steps = zip(own.tolist(), other.tolist(), strict=True)
+        return math.sqrt(added((p - q) * (p - q) for p, q in steps))
 
     def heard_by(self, i: int) -> tuple[int, ...]:
         """The agents whose broadcasts count for agent i, wherever they are."""
@@ -266,3 +274,20 @@ def build_swarm(scenario: Scenario) -> Swarm:
         reason = str(error).strip().splitlines()[-1]
         raise ScenarioError(f"{scenario.name}: the safe set cannot be built: {reason}") from error
     return Swarm(scenario, composed, pairs)
+
+
+def unit_of_psi(scenario: Scenario, k: int = 0) -> str:
+    """That of ψ_k: of h for each second to the power k, such as "m²/s²"; "" if h's is unknown.
+
+    A function says it as its attribute `unit`. Pairs and limits may differ in it.
+    """
+    limits = [limit.boundary.limit for limit in scenario.limits]
+    functions = [scenario.safety.safe_set_function(), *limits]
+    found = {getattr(function, "unit", "") for function in functions}
+    of_h = str(found.pop()) if len(found) == 1 else ""
+    if not of_h or k == 0:
+        return of_h
+    return f"{of_h}/s{'' if k == 1 else str(k).translate(_SUPERSCRIPT)}"
+
+
+_SUPERSCRIPT = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -13,7 +13,7 @@ import msgspec
 from phalanx.faults.commands import Command, Condition, Orders
 from phalanx.guarantee.verdict import Assumption, Violation
 from phalanx.network.inbox import Fate
-from phalanx.theory.expressions.magnitude import LARGEST, LARGEST_SUM
+from phalanx.theory.expressions.exact import LARGEST, LARGEST_SUM
 from phalanx.wire.step_report import AppliedStep, StepReport
 
 VERSION = 3

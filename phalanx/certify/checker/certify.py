@@ -32,11 +32,17 @@ import numpy as np
 
 from phalanx.arrays import Array, Index, Mask
 from phalanx.certify.checker.bounds import PairBound
-from phalanx.certify.checker.coverage import Coverage, Inputs
+from phalanx.certify.checker.coverage import (
+    Coverage,
+    Inputs,
+    StateRecord,
+    StepRecord,
+    inputs_of,
+    track,
+)
 from phalanx.certify.checker.departures import Departures
 from phalanx.certify.checker.intervals import UncertifiableError
 from phalanx.certify.checker.motions import GroupMotion
-from phalanx.certify.checker.records import StateRecord, StepRecord, inputs_of, track
 from phalanx.scenario.model import Scenario
 from phalanx.theory.safety.composition import ComposedSet, Member, compose
 

@@ -7,7 +7,14 @@ import numpy as np
 
 from phalanx.arrays import Array, Mask
 from phalanx.certify.checker.interval_function import IntervalFunction
-from phalanx.certify.checker.intervals import Interval, UndecidedError, add, inside, multiply, point
+from phalanx.certify.checker.intervals import (
+    Interval,
+    UndecidedError,
+    add,
+    inside,
+    multiply,
+    point,
+)
 from phalanx.scenario.agents import AgentGroup
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import constant_polytope

@@ -1,12 +1,38 @@
-"""CasADi expressions, compiled once and called through preallocated memory."""
+"""CasADi expressions, compiled once and called through preallocated memory.
+
+A function is of one state, or of a few numbers and evaluated for many rows of them in one call.
+"""
 
 from collections.abc import Sequence
+from functools import cache, cached_property
 
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array
+from phalanx.arrays import Array, Index
 from phalanx.theory.expressions.portable import portable_function
+
+
+class BoundFunction:
+    """Write `inputs`, call, read `outputs`: flat, in CasADi's order, column by column."""
+
+    def __init__(self, function: ca.Function, inputs: Sequence[Array] | None = None) -> None:
+        """inputs: arrays to read, which are the function's from now on; None for new ones."""
+        self.inputs = inputs or [np.zeros(function.numel_in(k)) for k in range(function.n_in())]
+        self.outputs = [np.zeros(function.numel_out(k)) for k in range(function.n_out())]
+        # The trigger alone does not keep the buffer alive.
+        self._buffer, self.call = function.buffer()
+        for k, array in enumerate(self.inputs):
+            self._buffer.set_arg(k, memoryview(array))  # type: ignore[call-arg,arg-type]
+        for k, array in enumerate(self.outputs):
+            self._buffer.set_res(k, memoryview(array))  # type: ignore[call-arg,arg-type]
+
+
+@cache
+def rounded_up(count: int) -> int:
+    """A count of rows to set memory aside for: at most an eighth more, so that few serve all."""
+    step = 1 << max(0, max(1, count).bit_length() - 4)
+    return -(-max(1, count) // step) * step
 
 
 class CompiledFunction:
@@ -22,13 +48,7 @@ class CompiledFunction:
         A column or row output is returned with shape (n,), others with shape (rows, columns).
         """
         flat = ca.vertcat(*[ca.vec(ca.densify(o.T)) for o in outputs])
-        self._function = portable_function(inputs, flat)
-        self._buffer, self._trigger = self._function.buffer()
-        self._inputs = [np.zeros(i.numel()) for i in inputs]
-        self._block = np.zeros(flat.numel())
-        for k, array in enumerate(self._inputs):
-            self._buffer.set_arg(k, memoryview(array))  # type: ignore[call-arg,arg-type]
-        self._buffer.set_res(0, memoryview(self._block))  # type: ignore[call-arg,arg-type]
+        self._bound = BoundFunction(portable_function(inputs, flat))
         ends = np.cumsum([o.numel() for o in outputs])
         self._layout = [
             (int(end) - o.numel(), int(end), None if 1 in o.shape else o.shape)
@@ -37,11 +57,91 @@ class CompiledFunction:
 
     def __call__(self, *values: Array | float) -> list[Array]:
         """Evaluate at one value for each input; the results are the caller's to keep."""
-        for array, value in zip(self._inputs, values, strict=True):
+        for array, value in zip(self._bound.inputs, values, strict=True):
             array[:] = value
-        self._trigger()
-        block = self._block.copy()
+        self._bound.call()
+        block = self._bound.outputs[0].copy()
         return [
             block[begin:end] if shape is None else block[begin:end].reshape(shape)
             for begin, end, shape in self._layout
         ]
+
+
+_MOST_ROWS = 2**17
+"""Evaluated in one call, of several states: memory for them is kept."""
+
+
+class MappedFunction:
+    """A function of one row of numbers; a call costs two microseconds beside the work itself.
+
+    Nothing is compiled for a number of rows: memory is set aside for it, and kept. A row's results
+    are the same bits on any CPU, whatever rows are beside it.
+    """
+
+    def __init__(self, inputs: Sequence[ca.SX], outputs: Sequence[ca.SX]) -> None:
+        """Columns of symbols, in a row's order; expressions of them, flattened row by row."""
+        flat = ca.vertcat(*[ca.vec(ca.densify(o.T)) for o in outputs])
+        self._function = portable_function([ca.vertcat(*inputs)], flat)
+        self.inputs, self.results = self._function.numel_in(0), self._function.numel_out(0)
+        """Numbers of an input row, and of a result row."""
+        self._bound: dict[int, BoundFunction] = {}
+
+    def __call__(self, values: Array, places: Index) -> Array:
+        """Evaluate at the rows values[..., places]; the results are the caller's to keep.
+
+        Args:
+            values: shape (v,), or (s, v) for several states at once.
+            places: shape (r, inputs).
+
+        Returns:
+            shape (r, outputs), or (s, r, outputs).
+        """
+        at_once = max(_MOST_ROWS // max(len(places), 1), 1)
+        if values.ndim > 1 and len(values) > at_once:
+            blocks = [values[k : k + at_once] for k in range(0, len(values), at_once)]
+            return np.concatenate([self(block, places) for block in blocks])
+        shape = (*values.shape[:-1], len(places))
+        count = len(places) if values.ndim == 1 else len(places) * len(values)
+        bound = self._for(count)
+        rows = bound.inputs[0][: count * self.inputs].reshape(*shape, self.inputs)
+        # In any other mode it would be written to a copy first.
+        values.take(places, axis=-1, out=rows, mode="clip")
+        bound.call()
+        return bound.outputs[0][: count * self.results].reshape(*shape, self.results).copy()
+
+    def at(self, places: Index) -> "MappedRows":
+        """The same rows of one state after another, shape (r, inputs)."""
+        bound, count = self._for(len(places)), len(places)
+        rows = bound.inputs[0][: count * self.inputs].reshape(count, self.inputs)
+        results = bound.outputs[0][: count * self.results].reshape(count, self.results)
+        return MappedRows(places, bound, rows, results)
+
+    @cached_property
+    def text(self) -> str:
+        """The same for equal functions only."""
+        found: str = self._function.serialize()
+        return found
+
+    def mapped(self, count: int) -> ca.Function:
+        """Of so many rows, one for each column."""
+        return self._function.map(count)
+
+    def _for(self, count: int) -> BoundFunction:
+        capacity = rounded_up(count)
+        if capacity not in self._bound:
+            self._bound[capacity] = BoundFunction(self.mapped(capacity))
+        return self._bound[capacity]
+
+
+class MappedRows:
+    """Rows that are evaluated again and again, without copies."""
+
+    def __init__(self, places: Index, bound: BoundFunction, rows: Array, results: Array) -> None:
+        self._places, self._bound, self._rows = places, bound, rows
+        self.results = results
+        """Of the last call, shape (r, outputs), until rows of the same function are evaluated."""
+
+    def __call__(self, values: Array) -> None:
+        """Evaluate at values[places], of shape (v,)."""
+        values.take(self._places, out=self._rows, mode="clip")
+        self._bound.call()

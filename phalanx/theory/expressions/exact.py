@@ -12,6 +12,11 @@ import numpy as np
 
 from phalanx.arrays import Array
 
+LARGEST = 1e300
+"""Of what an agent says of itself, of a law's input, and of the world's state."""
+LARGEST_SUM = 1e303
+"""Of what is worked out from a few of those, and recorded."""
+
 
 def dot(a: Array, b: Array) -> Array:
     """Σ a b over the last axis, the others broadcast: A x is dot(A, x), A Bᵀ dot(A[:, None], B)."""

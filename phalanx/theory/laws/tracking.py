@@ -7,14 +7,63 @@ signs are those that attract (as printed in the paper they repel).
 from dataclasses import dataclass
 from typing import Annotated
 
+import casadi as ca
 import numpy as np
 from annotated_types import Gt, MinLen
 
 from phalanx.arrays import Array
+from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.laws.law import View
 from phalanx.theory.models.dynamics import Dynamics
-from phalanx.theory.models.outputs import OutputDerivatives
+
+_MOST = 4
+_DAMPING = 1e-9
+
+
+class OutputDerivatives:
+    """p, p', ..., p^(q-1) of one dynamics, and the inverse of its decoupling matrix G.
+
+    Where G depends on the state it may be singular (a bicycle at standstill); a damped inverse
+    then asks for a large input, which its user projects onto U.
+    """
+
+    def __init__(self, dynamics: Dynamics) -> None:
+        """Raises ValueError if no input acts on the first derivatives of the output."""
+        self._x = ca.SX.sym("x", len(dynamics.states))
+        f, g = dynamics.drift(self._x), dynamics.actuation(self._x)
+        p = dynamics.position(self._x)
+        chain = [p]
+        for _ in range(_MOST):
+            jacobian = ca.jacobian(chain[-1], self._x)
+            decoupling = ca.sparsify(ca.simplify(jacobian @ g))
+            if decoupling.nnz() > 0:
+                break
+            chain.append(jacobian @ f)
+        else:
+            name = type(dynamics).__name__
+            raise ValueError(f"{name}: no input acts on the first {_MOST} derivatives of p")
+        self.degree = len(chain)
+        """q of the output."""
+        wanted = ca.SX.sym("wanted", p.numel())
+        self._invert = CompiledFunction([self._x, wanted], [_solve(decoupling, wanted)])
+        self._evaluate = CompiledFunction([self._x], [ca.horzcat(*chain).T])
+
+    def __call__(self, x: Array) -> Array:
+        """p, p', ..., p^(q-1) without inputs, shape (q, d), at a state x, shape (n,)."""
+        return self._evaluate(x)[0].reshape(self.degree, -1)
+
+    def input_for(self, x: Array, wanted: Array) -> Array:
+        """u with G(x) u = wanted, shape (m,): drift is not compensated, as in Simulation 2."""
+        return self._invert(x, wanted)[0]
+
+
+def _solve(G: ca.SX, wanted: ca.SX) -> ca.SX:
+    if G.is_constant() and G.shape[0] == G.shape[1]:
+        return ca.solve(ca.densify(G), wanted)
+    dense = ca.densify(G)
+    return dense.T @ ca.solve(dense @ dense.T + _DAMPING * ca.SX.eye(G.shape[0]), wanted)
+
 
 Positive = Annotated[float, Gt(0)]
 Gains = Annotated[tuple[Positive, ...], MinLen(1)]

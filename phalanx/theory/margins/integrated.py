@@ -8,6 +8,7 @@ may choose.
 
 import math
 from collections.abc import Sequence
+from enum import Enum
 from typing import NamedTuple
 
 import casadi as ca
@@ -22,11 +23,21 @@ from phalanx.theory.margins.enclosure import (
     enclose,
     scalars,
 )
-from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.models.polytope import ACTUATION
 from phalanx.theory.safety.chain import Chain
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.composition import ComposedSet
+
+
+class RowPart(Enum):
+    """The part of a condition that a row keeps; the value is its share of drift, α_q and η."""
+
+    WHOLE = 1.0
+    """Σ drift + c_i u_i + Σ_{l≠i} c_l w_l + α_q, every other input w_l a fixed one in U_l: it
+    serves û_l in force as well as the worst case."""
+    HALF = 0.5
+    """c_i u_i + ½ (Σ drift + α_q): each of two normal agents keeps one half of their pair."""
+
 
 INFLATIONS = (0.5, 0.5, 0.3, 0.1)
 """Rounds of an enclosure that reach some tenths of a second, with a box that is hardly wider."""

@@ -16,7 +16,7 @@ from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.extension import continuous, extend
 from phalanx.theory.expressions.interval import Interval, point
 from phalanx.theory.margins.enclosure import Enclosure, admissible_inputs, enclose, scalars
-from phalanx.theory.margins.row_part import RowPart
+from phalanx.theory.margins.integrated import RowPart
 from phalanx.theory.models.polytope import ACTUATION
 from phalanx.theory.safety.chain import Chain
 from phalanx.theory.safety.composition import ComposedSet

@@ -6,9 +6,8 @@ from typing import Literal, NamedTuple, TypeVar
 
 import casadi as ca
 
-from phalanx.theory.margins.integrated import integrated_margin
+from phalanx.theory.margins.integrated import RowPart, integrated_margin
 from phalanx.theory.margins.local import local_margin
-from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.safety.chain import Chain
 
 MarginKind = Literal["paper", "corrected", "local", "integrated"]

@@ -7,8 +7,7 @@ import casadi as ca
 import numpy as np
 
 from phalanx.arrays import Index
-from phalanx.theory.expressions.bound import rounded_up
-from phalanx.theory.expressions.mapped import MappedFunction
+from phalanx.theory.expressions.compiled import MappedFunction, rounded_up
 from phalanx.theory.rows.composed_function import Gathered, MembersByKind, Placed, TermsByKind
 from phalanx.theory.rows.members import SwarmMembers
 from phalanx.theory.safety.composition import FAR

@@ -5,18 +5,21 @@ Nothing in it grows with the swarm: pairs are evaluated kind by kind, and only a
 
 from collections.abc import Callable, Mapping, Sequence
 
+import casadi as ca
 import numpy as np
 
 from phalanx.arrays import Array
+from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.margins.margin import ComposedMargin
+from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import Polytope
 from phalanx.theory.rows.by_derivatives import TermsByDerivatives
 from phalanx.theory.rows.by_jets import TermsByJets
 from phalanx.theory.rows.composed_function import ComposedFunction, ComposedNumbers, TermsByKind
 from phalanx.theory.rows.members import Positions, SwarmMembers
-from phalanx.theory.rows.near import ObstaclesInSight
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.jets import LogSumExpJets
+from phalanx.theory.safety.limits import Static
 from phalanx.theory.safety.pairs import SwarmPairs
 
 NO_MARGIN = ComposedMargin(0.0)
@@ -187,3 +190,25 @@ class SeenTerms:
         if self._found is None:
             self._found = self._terms.composed(self._x, self._seen)
         return self._found
+
+
+class ObstaclesInSight:
+    """Compiled once for all agents that have dynamics and radius in common."""
+
+    def __init__(self, obstacles: Sequence[Static]) -> None:
+        self._obstacles = obstacles
+        self._compiled: list[tuple[Dynamics, float, CompiledFunction]] = []
+
+    def of(self, dynamics: Dynamics, radius: float | None) -> CompiledFunction | None:
+        """x_i -> 1 for each obstacle within the radius [m], else 0; None if all of them count."""
+        if radius is None or not self._obstacles:
+            return None
+        for known, its_radius, function in self._compiled:
+            if its_radius == radius and known == dynamics:
+                return function
+        x = ca.SX.sym("x", len(dynamics.states))
+        p = dynamics.position(x)
+        near = [obstacle.distance(p) <= radius for obstacle in self._obstacles]
+        function = CompiledFunction([x], [ca.vertcat(*near)])
+        self._compiled.append((dynamics, radius, function))
+        return function

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from phalanx.arrays import Array, Index
-from phalanx.theory.expressions.bound import BoundFunction
+from phalanx.theory.expressions.compiled import BoundFunction
 from phalanx.theory.models.polytope import Polytope, extremes, polytope
 from phalanx.theory.rows.members import SwarmMembers
 from phalanx.theory.safety.pairs import ChosenPairs, SwarmPairs

@@ -5,8 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.theory.expressions.exact import dot, inner
-from phalanx.theory.expressions.magnitude import LARGEST
+from phalanx.theory.expressions.exact import LARGEST, dot, inner
 from phalanx.theory.models.polytope import Polytope, minimiser, vertices
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.qp import NearestInput

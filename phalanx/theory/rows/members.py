@@ -7,8 +7,8 @@ import casadi as ca
 import numpy as np
 
 from phalanx.arrays import Array, Index
+from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import dot
-from phalanx.theory.expressions.mapped import MappedFunction
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import constant_polytope, extremes, polytope
 from phalanx.theory.safety.composition import Member, stacked_slices

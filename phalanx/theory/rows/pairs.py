@@ -14,10 +14,9 @@ import casadi as ca
 import numpy as np
 
 from phalanx.arrays import Array, Mask
-from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.expressions.compiled import CompiledFunction, MappedFunction, MappedRows
 from phalanx.theory.expressions.exact import dot
-from phalanx.theory.expressions.mapped import MappedFunction, MappedRows
-from phalanx.theory.margins.row_part import RowPart
+from phalanx.theory.margins.integrated import RowPart
 from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.rows.row import Rows
 from phalanx.theory.safety.chain import Chain

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.theory.expressions.bound import BoundFunction
+from phalanx.theory.expressions.compiled import BoundFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.models.polytope import maximiser, minimiser
 from phalanx.theory.rows.by_derivatives import TermsByDerivatives

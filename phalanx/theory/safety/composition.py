@@ -14,8 +14,7 @@ from annotated_types import Gt
 
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.safety.function import Body, SafeSetFunction
-from phalanx.theory.safety.limits import Boundary
-from phalanx.theory.safety.static import Static, static_h
+from phalanx.theory.safety.limits import Boundary, Static, static_h
 
 Positive = Annotated[float, Gt(0)]
 

@@ -1,7 +1,10 @@
-"""Safe-set functions h of two agents, or of an agent and an obstacle; safe is h <= 0."""
+"""Safe-set functions h of two agents, or of an agent and an obstacle; safe is h <= 0.
 
+Of those here it is proven how far they reach, so that distant pairs are left out.
+"""
+
+import math
 from dataclasses import dataclass
-from math import sqrt
 from typing import Annotated, Protocol, runtime_checkable
 
 import casadi as ca
@@ -57,4 +60,98 @@ class Separation:
     def reach(self, level: float, obstacle: Obstacle | None = None) -> float:
         if obstacle is not None:
             return obstacle.reach(level)
-        return sqrt(self.radius * self.radius - level) * WIDER
+        return math.sqrt(self.radius * self.radius - level) * WIDER
+
+
+@dataclass(frozen=True)
+class Distance:
+    """h = R - ‖p_a - p_b‖: the same safe set as R² - ‖p_a - p_b‖², with a gradient of one length.
+
+    Far away the disturbance costs h no more than nearby, so that a weak α_1 can pay for it.
+    Smooth but where two output points meet.
+    """
+
+    radius: Positive
+    """R between agents [m]."""
+    unit = "m"
+
+    def between(self, a: Body, b: Body) -> ca.SX:
+        return self.radius - ca.norm_2(a.p - b.p)
+
+    def to_obstacle(self, a: Body, obstacle: Obstacle) -> ca.SX:
+        return obstacle.clearance - obstacle.distance(a.p)
+
+    def reach(self, level: float, obstacle: Obstacle | None = None) -> float:
+        return ((self.radius if obstacle is None else obstacle.clearance) - level) * WIDER
+
+
+@dataclass(frozen=True)
+class HeadingAware:
+    """h = R + κ (1 - cos γ) - d for unicycles: farther apart, the less a heading points away.
+
+    γ is the angle between a normal agent's heading and the direction that leads away from the
+    other; of two normal agents cos γ is the mean of both, so that each can keep its half. Side-on a
+    unicycle has next to no authority over d, but turning lowers h there: ∂h/∂θ is κ. Along the line
+    of sight, whichever way it faces, driving changes d at full speed. If both ways counted as good,
+    with sin² γ, turning would do nothing side-on. Away is the good one: an agent flees ahead.
+    Smooth but where d = 0.
+    """
+
+    radius: Positive
+    """R between agents [m], with headings straight away from the other."""
+    kappa: Positive
+    """κ [m]: what is asked for on top when side-on; twice that head-on."""
+    unit = "m"
+
+    def between(self, a: Body, b: Body) -> ca.SX:
+        apart = ca.norm_2(a.p - b.p)
+        away = (a.p - b.p) / apart
+        cosine = _heading(a, away)
+        if not b.adversary:
+            cosine = (cosine + _heading(b, -away)) / 2
+        return self.radius + self.kappa * (1 - cosine) - apart
+
+    def to_obstacle(self, a: Body, obstacle: Obstacle) -> ca.SX:
+        cosine = _heading(a, obstacle.away(a.p))
+        return obstacle.clearance + self.kappa * (1 - cosine) - obstacle.distance(a.p)
+
+    def reach(self, level: float, obstacle: Obstacle | None = None) -> float:
+        keep_out = self.radius if obstacle is None else obstacle.clearance
+        return (keep_out + 2.0 * self.kappa - level) * WIDER
+
+
+def _heading(body: Body, away: ca.SX) -> ca.SX:
+    """cos γ of a unicycle's heading and a direction. Raises ValueError for other dynamics."""
+    if body.states != ("x", "y", "theta"):
+        raise ValueError(
+            "safety.function: heading-aware needs normal agents that are unicycles, with states "
+            f"x, y, theta; got {', '.join(body.states)}"
+        )
+    return ca.dot(ca.vertcat(ca.cos(body.x[2]), ca.sin(body.x[2])), away)
+
+
+_PROVEN = (Separation, Distance, HeadingAware)
+_METHODS = ("between", "to_obstacle", "reach")
+
+
+class Reaching(Protocol):
+    """A safe-set function whose h falls below any level, far enough away."""
+
+    def reach(self, level: float, obstacle: Obstacle | None = None) -> float:
+        """Distance beyond which h is below a level <= 0 [m].
+
+        Of the output points of any two agents; or of an agent's from an obstacle, as the obstacle
+        measures it.
+        """
+
+
+def proven_reach(function: SafeSetFunction) -> Reaching | None:
+    """The function, if its h and its reach are those of a class above; of a user's none is proven.
+
+    A reach that is too short would leave an unsafe pair out of the truth and of certificates.
+    """
+    for known in _PROVEN:
+        own = (getattr(type(function), name, None) is getattr(known, name) for name in _METHODS)
+        if isinstance(function, known) and all(own):
+            return function
+    return None

@@ -19,8 +19,7 @@ import numpy as np
 
 from phalanx.arrays import Array
 from phalanx.theory.expressions import exponential
-from phalanx.theory.expressions.bound import BoundFunction, rounded_up
-from phalanx.theory.expressions.mapped import MappedFunction
+from phalanx.theory.expressions.compiled import BoundFunction, MappedFunction, rounded_up
 from phalanx.theory.expressions.portable import as_written, portable_function
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.composition import FAR

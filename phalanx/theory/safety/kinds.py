@@ -5,6 +5,7 @@ members' states and, for a sphere, where it is and how large: numbers beside the
 symbolic grows with the swarm, and all pairs of a kind are evaluated in one call.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -12,15 +13,16 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array
+from phalanx.arrays import Array, Index
 from phalanx.theory.expressions.asked import ask_expression
-from phalanx.theory.expressions.mapped import MappedFunction
+from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.once import take_out
 from phalanx.theory.models.dynamics import Dynamics
+from phalanx.theory.safety.chain import degree_above, inputs_appear
 from phalanx.theory.safety.composition import Member
 from phalanx.theory.safety.function import Body, SafeSetFunction
+from phalanx.theory.safety.limits import Static, static_h
 from phalanx.theory.safety.obstacles import Sphere
-from phalanx.theory.safety.static import Static, static_h
 
 _ASKED = (0.37, -1.91, 5.3)
 """Where a sphere of symbols is compared with one of numbers: factors of 1, 2, ... in each state."""
@@ -187,3 +189,75 @@ def _body(member: Member) -> tuple[ca.SX, Body]:
     dynamics = member.dynamics
     x = ca.SX.sym("x", len(dynamics.states))
     return x, Body(x, dynamics.position(x), tuple(dynamics.states), member.adversary)
+
+
+def member_classes(members: Sequence[Member]) -> tuple[list[Member], Index]:
+    """Members that differ in dynamics or side, the first of each sort, and each member's class."""
+    classes: list[Member] = []
+    found = []
+    for member in members:
+        alike = (
+            number
+            for number, other in enumerate(classes)
+            if other.adversary == member.adversary and other.dynamics == member.dynamics
+        )
+        found.append(next(alike, len(classes)))
+        if found[-1] == len(classes):
+            classes.append(member)
+    return classes, np.array(found)
+
+
+def kind_table(
+    classes: Sequence[Member],
+    of_member: Index,
+    obstacles: Sequence[Static],
+    function: SafeSetFunction,
+) -> tuple[list[PairKind], Index]:
+    """Kinds with different expressions; and which one a normal class has with what, or -1."""
+    kinds: list[PairKind] = []
+    by_text: dict[str, int] = {}
+    table = np.full((len(classes), len(classes) + len(obstacles)), -1)
+    for a, own in enumerate(classes):
+        if own.adversary:
+            continue
+        sides: list[tuple[int, PairKind]] = [
+            (b, pair_kind(own, other, function))
+            for b, other in enumerate(classes)
+            # Of two normal members the first one comes first.
+            if other.adversary or (of_member == a).argmax() < np.flatnonzero(of_member == b)[-1]
+        ]
+        sides += enumerate(_beside(own, obstacles, function), start=len(classes))
+        for b, kind in sides:
+            table[a, b] = by_text.setdefault(kind.text, len(kinds))
+            if table[a, b] == len(kinds):
+                kinds.append(kind)
+    return kinds, table
+
+
+def _beside(own: Member, obstacles: Sequence[Static], function: SafeSetFunction) -> list[PairKind]:
+    """The kinds of one class with every obstacle."""
+    spheres = [obstacle for obstacle in obstacles if isinstance(obstacle, Sphere)]
+    common = sphere_kind(own, spheres, function) if spheres else None
+    return [
+        common if common and isinstance(o, Sphere) else pair_kind(own, o, function)
+        for o in obstacles
+    ]
+
+
+def require_degree(
+    members: Sequence[Member],
+    classes: Index,
+    kinds: Sequence[PairKind],
+    table: Index,
+    gains: int,
+) -> None:
+    """Raise RelativeDegreeError unless the inputs of all members appear at degree `gains`."""
+    for degree in range(1, gains + 1):
+        forces = [kind.actuation(degree) for kind in kinds]
+        appeared = set()
+        for a, b in np.argwhere(table >= 0).tolist():
+            sides = zip((a, b), forces[table[a, b]], strict=False)
+            appeared |= {side for side, force in sides if force.nnz() > 0}
+        if inputs_appear(members, [c in appeared for c in classes.tolist()], degree, gains):
+            return
+    raise degree_above(gains)

@@ -1,4 +1,4 @@
-"""Limits: safe-set functions of one agent alone, such as a fence; safe is h <= 0."""
+"""Limits, safe-set functions of one agent alone, such as a fence; and all that stands still."""
 
 import math
 from collections.abc import Sequence
@@ -10,7 +10,9 @@ import numpy as np
 from annotated_types import Gt
 
 from phalanx.arrays import Array
-from phalanx.theory.safety.function import Body
+from phalanx.theory.expressions.asked import ask_expression
+from phalanx.theory.safety.function import Body, Reaching, SafeSetFunction
+from phalanx.theory.safety.obstacles import Obstacle
 
 Positive = Annotated[float, Gt(0)]
 Line = list[tuple[float, ...]]
@@ -104,3 +106,22 @@ class Boundary:
     def distances(self, points: Array) -> Array:
         """The same of points [m], shape (s, d); shape (s,)."""
         return np.zeros(len(points))
+
+
+Static = Obstacle | Boundary
+
+
+def static_h(function: SafeSetFunction, a: Body, static: Static, parameters: ca.SX) -> ca.SX:
+    """h of a normal agent, scalar; of the symbols, too, that an obstacle may be made of.
+
+    Raises:
+        MistakenMethodError: the function or the limit failed, or returned something else.
+    """
+    if isinstance(static, Boundary):
+        return ask_expression(static.limit, "alone", [()], a, symbols=[a.x])
+    return ask_expression(function, "to_obstacle", [()], a, static, symbols=[a.x, parameters])
+
+
+def static_reach(function: Reaching, level: float, static: Static) -> float:
+    """Distance from it beyond which h is below a level <= 0 [m]: a limit's is without end."""
+    return math.inf if isinstance(static, Boundary) else function.reach(level, static)

@@ -4,7 +4,7 @@ from typing import Protocol, TypeVar
 
 from phalanx.faults.commands import FaultState
 from phalanx.faults.onboard import Sensors
-from phalanx.guarantee.punctuality import Punctuality
+from phalanx.guarantee.verdict import Punctuality
 from phalanx.swarm.rows import SafetyRows
 from phalanx_plant.clock.backlog import Witness
 from phalanx_plant.clock.commands import CommandQueue

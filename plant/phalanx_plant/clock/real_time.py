@@ -14,7 +14,7 @@ import numpy as np
 
 from phalanx.arrays import Array
 from phalanx.faults.commands import Command, FaultState, ProcessChange
-from phalanx.guarantee.punctuality import Punctuality, percentiles
+from phalanx.guarantee.verdict import Punctuality, percentiles
 from phalanx.swarm.rows import SafetyRows
 from phalanx.wire.messages import Actuation, Sample
 from phalanx_plant.clock.backlog import Backlog, Witness

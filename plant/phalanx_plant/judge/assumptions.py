@@ -3,8 +3,8 @@
 The judge checks them; which of them count depends on the scenario, and some on what happened.
 """
 
+from phalanx.guarantee.advice import gaps_in_the_proof
 from phalanx.guarantee.certificate import DEFECT
-from phalanx.guarantee.gaps import gaps_in_the_proof
 from phalanx.guarantee.verdict import Assumption
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.rows.information import Information

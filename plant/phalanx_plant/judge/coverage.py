@@ -15,7 +15,7 @@ from phalanx.guarantee.certificates import Held, SwarmCertificates
 from phalanx.guarantee.reachable import ReachableBoxes
 from phalanx.guarantee.verdict import Assumption, CertificateSummary
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.safety.reach import proven_reach
+from phalanx.theory.safety.function import proven_reach
 
 
 class Applied(NamedTuple):

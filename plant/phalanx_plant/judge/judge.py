@@ -11,7 +11,7 @@ from phalanx.guarantee.verdict import Assumption
 from phalanx.network.inbox import Claim
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.expressions.asked import place_of
-from phalanx.theory.expressions.magnitude import LARGEST
+from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.rows.origin import EMPTY, Origin
 from phalanx.wire.messages import Telemetry
 from phalanx_plant.events.events import InputApplied, InputLost, Sampled, StateReached

@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.theory.expressions.mapped import MappedFunction
+from phalanx.theory.expressions.compiled import MappedFunction
 
 _DIGITS = 60.0 * math.log(2.0)
 

@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from phalanx.arrays import Array, Index
-from phalanx.theory.expressions.mapped import MappedFunction
+from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.safety.composition import Member
 

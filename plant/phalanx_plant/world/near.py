@@ -16,8 +16,9 @@ from phalanx.arrays import Array, Index
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.safety.composition import ComposedSet
-from phalanx.theory.safety.pair_functions import PairFunctions
-from phalanx.theory.safety.reach import Reaching, proven_reach, static_reach
+from phalanx.theory.safety.function import Reaching, proven_reach
+from phalanx.theory.safety.limits import static_reach
+from phalanx.theory.safety.pairs import PairFunctions
 from phalanx_plant.world.composition import allowance
 
 _SLACK = 0.25

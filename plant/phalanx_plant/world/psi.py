@@ -4,9 +4,9 @@ import numpy as np
 
 from phalanx.arrays import Array
 from phalanx.swarm.rows import SafetyRows
-from phalanx.theory.expressions.mapped import MappedFunction
+from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.safety.composition import ComposedSet
-from phalanx.theory.safety.pair_functions import PairFunctions
+from phalanx.theory.safety.pairs import PairFunctions
 from phalanx_plant.world.composition import Composed
 
 

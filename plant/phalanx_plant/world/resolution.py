@@ -15,9 +15,9 @@ import numpy as np
 from phalanx.arrays import Array, Index, Mask
 from phalanx.guarantee.certificate import DEFECT
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.extension import continuous, extend
 from phalanx.theory.expressions.interval import Interval, UnboundedOperationError, point
-from phalanx.theory.expressions.mapped import MappedFunction
 from phalanx.theory.expressions.rounding import outwards
 from phalanx.theory.margins.enclosure import scalars
 from phalanx.theory.models.dynamics import Dynamics

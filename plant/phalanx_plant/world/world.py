@@ -7,7 +7,7 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.expressions.asked import place_of
-from phalanx.theory.expressions.magnitude import LARGEST
+from phalanx.theory.expressions.exact import LARGEST
 from phalanx_plant.world.integration import Integration, Passage, Piece
 
 

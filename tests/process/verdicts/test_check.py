@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
+from phalanx.guarantee.advice import gaps_in_the_proof, words_on_alpha
 from phalanx.guarantee.check import check
 from phalanx.guarantee.check_report import CheckReport
 from phalanx.guarantee.feasibility import rows_at_start
-from phalanx.guarantee.gaps import gaps_in_the_proof, words_on_alpha
-from phalanx.guarantee.workspace import drawn_states
+from phalanx.guarantee.formula import drawn_states
 from phalanx.scenario.load import load
 from phalanx.theory.margins.constants import constants, margin_constants
 from phalanx.theory.models.integrators import SingleIntegrator

@@ -18,7 +18,7 @@ from phalanx.guarantee.certificates import Held, SwarmCertificates
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.dynamics import box_polytope
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
-from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.safety.class_k import Linear
 from phalanx.theory.safety.composition import Member, compose
 from phalanx.theory.safety.function import Body, Separation

@@ -11,7 +11,7 @@ from phalanx_plant.world.truth import IntegrationSteps
 from phalanx_plant.world.world import DivergedError
 
 from phalanx.guarantee.verdict import Assumption
-from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Telemetry
 from phalanx.wire.step_report import StepReport

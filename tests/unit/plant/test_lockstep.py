@@ -24,7 +24,7 @@ from phalanx.recording.write import RecordingWriter
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
-from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Actuation, Sample, Status, Telemetry
 from phalanx.wire.step_report import StepReport

@@ -17,8 +17,7 @@ from phalanx.report.margins import MarginUse, margin_use, margins
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.margins.integrated import integrated_margin
-from phalanx.theory.margins.row_part import RowPart
+from phalanx.theory.margins.integrated import RowPart, integrated_margin
 from phalanx.theory.safety.function import Body, Separation
 
 

@@ -13,7 +13,7 @@ from phalanx.recording.records import RECORDING, Step
 from phalanx.report.measures import worst
 from phalanx.report.write import write_report
 from phalanx.scenario.load import digest, load
-from phalanx.theory.expressions.magnitude import LARGEST_SUM
+from phalanx.theory.expressions.exact import LARGEST_SUM
 from tests.unit.report.recordings import (
     drift,
     record,

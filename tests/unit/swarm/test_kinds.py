@@ -7,10 +7,10 @@ from phalanx_plant.world.composition import LogSumExp
 from phalanx_plant.world.psi import LargestPsi
 
 from phalanx.scenario.load import shipped
-from phalanx.swarm.compile import compile_rows
 from phalanx.swarm.rows import SafetyRows
+from phalanx.swarm.runnable import compile_rows
+from phalanx.theory.margins.integrated import RowPart
 from phalanx.theory.margins.margin import ComposedMargin
-from phalanx.theory.margins.row_part import RowPart
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.composition import FAR
 from tests.unit.swarms import rows_of_scenario

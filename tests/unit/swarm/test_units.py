@@ -3,7 +3,7 @@
 import pytest
 
 from phalanx.scenario.load import load
-from phalanx.swarm.units import unit_of_psi
+from phalanx.swarm.swarm import unit_of_psi
 
 
 @pytest.mark.parametrize(

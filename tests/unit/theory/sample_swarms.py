@@ -2,12 +2,10 @@
 
 from functools import cache
 
-from phalanx.theory.models.bicycle import KinematicBicycle
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
-from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.models.wheeled import KinematicBicycle, Unicycle
 from phalanx.theory.safety.composition import ComposedSet, Member, compose
-from phalanx.theory.safety.distances import Distance, HeadingAware
-from phalanx.theory.safety.function import Separation
+from phalanx.theory.safety.function import Distance, HeadingAware, Separation
 from phalanx.theory.safety.obstacles import Sphere, Wall
 from tests.unit.theory.users_own import Draggy, Drifter, Oval
 

@@ -13,7 +13,7 @@ from scipy.special import logsumexp
 from phalanx.arrays import Array
 from phalanx.theory.models.dynamics import box_polytope
 from phalanx.theory.models.integrators import SingleIntegrator
-from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.safety.composition import ComposedSet, Member, compose
 from phalanx.theory.safety.function import Body, Separation
 from phalanx.theory.safety.obstacles import Sphere

@@ -31,8 +31,7 @@ from mcap_protobuf.schema import register_schema
 from phalanx.curves.quantities import unit_of
 from phalanx.recording.read import Recording
 from phalanx.scenario.load import to_json
-from phalanx.theory.models.dynamics import Dynamics
-from phalanx.theory.models.units import units
+from phalanx.theory.models.dynamics import Dynamics, units
 from phalanx.wire.step_report import QUANTITIES, numbers_of
 from phalanx_viewer.export.log import log_lines
 from phalanx_viewer.export.near import near_pairs

@@ -10,7 +10,7 @@ from phalanx.curves.lanes import lanes, zoom_window
 from phalanx.curves.quantities import input_curves, of_steps, plotted, plotted_unit
 from phalanx.curves.thinning import Series, envelope, kept
 from phalanx.faults.commands import Condition
-from phalanx.swarm.units import unit_of_psi
+from phalanx.swarm.swarm import unit_of_psi
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Frame
 from phalanx.wire.step_report import QUANTITIES, Quantity, numbers_of

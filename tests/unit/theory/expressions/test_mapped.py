@@ -5,7 +5,7 @@ import tracemalloc
 import casadi as ca
 import numpy as np
 
-from phalanx.theory.expressions.mapped import MappedFunction
+from phalanx.theory.expressions.compiled import MappedFunction
 
 
 def test_many_states_take_no_more_memory_than_a_few_and_give_the_same_bits() -> None:

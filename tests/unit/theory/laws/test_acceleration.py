@@ -7,9 +7,9 @@ from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.laws.formation import hold
 from phalanx.theory.laws.law import View
+from phalanx.theory.laws.tracking import OutputDerivatives
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
-from phalanx.theory.models.outputs import OutputDerivatives
-from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.models.wheeled import Unicycle
 from tests.unit.swarms import rows_of_scenario
 
 

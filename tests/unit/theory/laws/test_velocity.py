@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from phalanx.theory.laws.attacks import WorstCase
 from phalanx.theory.laws.formation import Goal, hold
 from phalanx.theory.laws.law import View
 from phalanx.theory.laws.velocity import OutputVelocity, Pursue, TrackVelocity
-from phalanx.theory.laws.worst_case import WorstCase
 from phalanx.theory.models.integrators import SingleIntegrator
-from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.safety.chain import build_chain
 from tests.unit.theory.users_own import (
     Case,

@@ -19,10 +19,9 @@ from phalanx.theory.margins.enclosure import (
     fastest,
 )
 from phalanx.theory.margins.integrated import INFLATIONS
-from phalanx.theory.models.bicycle import KinematicBicycle
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.polytope import ACTUATION
-from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.models.wheeled import KinematicBicycle, Unicycle
 from phalanx.theory.safety.composition import Member
 from tests.unit.theory.users_own import Rail
 

@@ -10,13 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.margins.integrated import STEEPEST, integrated_margin
+from phalanx.theory.margins.integrated import STEEPEST, RowPart, integrated_margin
 from phalanx.theory.margins.local import local_margin
-from phalanx.theory.margins.row_part import RowPart
-from phalanx.theory.models.bicycle import KinematicBicycle
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.polytope import ACTUATION, constant_polytope
-from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.models.wheeled import KinematicBicycle, Unicycle
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.composition import Member, compose
 from phalanx.theory.safety.function import Body, Separation

@@ -18,7 +18,7 @@ from phalanx.theory.models.polytope import (
     polytope,
     vertices,
 )
-from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.safety.chain import build_chain
 from tests.unit.theory.polytopes import random_polytope
 from tests.unit.theory.users_own import Drifter, OutputUnicycle, Rail, swarm_of

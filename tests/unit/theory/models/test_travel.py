@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.dynamics import Bounded, Dynamics
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
-from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.models.wheeled import Unicycle
 
 TIME, PHI = 0.4, 0.3
 BOUNDED = {

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.polytope import constant_polytope, polytope
-from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.models.wheeled import Unicycle
 from tests.unit.theory.users_own import OutputUnicycle
 
 NATIVE, PRINTED = Unicycle(4.0, 2.0, 0.25), OutputUnicycle(4.0, 2.0, 0.25)

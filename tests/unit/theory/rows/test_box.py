@@ -6,8 +6,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from phalanx.theory.models.polytope import Polytope, extremes, polytope
-from phalanx.theory.rows.box import nearest_in_box
-from phalanx.theory.rows.qp import NearestInput
+from phalanx.theory.rows.qp import NearestInput, nearest_in_box
 from phalanx.theory.rows.row import Row
 from tests.unit.theory.rows.test_qp import nearest_by_active_sets
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phalanx.theory.margins.margin import ComposedMargin
-from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.rows.composed import ComposedTerms, SwarmTerms
 from phalanx.theory.rows.terms import Terms
 from phalanx.theory.safety.chain import build_chain

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phalanx.theory.margins.row_part import RowPart
+from phalanx.theory.margins.integrated import RowPart
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.polytope import constant_polytope
+from phalanx.theory.rows.composed import ObstaclesInSight
 from phalanx.theory.rows.decision import decide_pairs
-from phalanx.theory.rows.near import ObstaclesInSight
 from phalanx.theory.rows.pairs import OwnPair, OwnPairTerms, PairRowFunction, pair_rows
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.safety.chain import build_chain

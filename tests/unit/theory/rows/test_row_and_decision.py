@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.polytope import maximiser, minimiser
-from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.rows.decision import decide
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.qp import NearestInput

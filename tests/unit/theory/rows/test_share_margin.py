@@ -14,7 +14,7 @@ from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.polytope import maximiser, minimiser
-from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.rows.composed import SwarmTerms
 from phalanx.theory.rows.row import joint_sum, split_row, total_span
 from phalanx.theory.rows.share_margin import ShareMargin

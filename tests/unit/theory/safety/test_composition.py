@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.integrators import SingleIntegrator
-from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.safety.composition import Member, Pair, compose, log_sum_exp
 from phalanx.theory.safety.function import Separation
 from phalanx.theory.safety.obstacles import Sphere

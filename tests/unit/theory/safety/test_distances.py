@@ -10,9 +10,9 @@ from phalanx.scenario.load import ScenarioError, load
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
-from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.safety.composition import ComposedSet, Member, compose
-from phalanx.theory.safety.distances import Distance, HeadingAware
+from phalanx.theory.safety.function import Distance, HeadingAware
 from phalanx.theory.safety.obstacles import Obstacle, Sphere, Wall
 
 R, KAPPA, B = 1.3, 2.0, 0.25

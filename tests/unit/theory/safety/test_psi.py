@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.integrators import SingleIntegrator
-from phalanx.theory.models.unicycle import Unicycle
+from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.safety.chain import Chain, RelativeDegreeError, build_chain
 from phalanx.theory.safety.function import Separation
 from tests.unit.theory.users_own import (

@@ -1,4 +1,4 @@
-"""The attack of Simulation 2: chase a target, and keep clear of other adversaries and obstacles."""
+"""Attacks: to chase a target as in Simulation 2, and to push h_tot up as the bounds assume."""
 
 from collections.abc import Mapping, Sequence
 from copy import copy
@@ -11,10 +11,10 @@ from annotated_types import Ge, Gt
 from phalanx.arrays import Array
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.laws.law import View
-from phalanx.theory.laws.tracking import Gains, output_derivatives
+from phalanx.theory.laws.tracking import Gains, OutputDerivatives, output_derivatives
 from phalanx.theory.margins.margin import ComposedMargin
 from phalanx.theory.models.dynamics import Dynamics
-from phalanx.theory.models.outputs import OutputDerivatives
+from phalanx.theory.models.polytope import maximiser
 from phalanx.theory.rows.composed import SwarmTerms
 from phalanx.theory.rows.decision import decide
 from phalanx.theory.rows.qp import NearestInput
@@ -142,3 +142,14 @@ class _Team:
 
 _FUTILE = 0.01
 """As safety.authority: below this span the backup could not help."""
+
+
+@dataclass
+class WorstCase:
+    """u_j^max of Eq. (adversarialu): the largest push on ψ_q that U_j allows."""
+
+    def prepare(self, dynamics: Dynamics) -> None:
+        """Fits every dynamics."""
+
+    def input(self, view: View) -> Array:
+        return maximiser(view.terms.c[view.i], view.terms.polytopes[view.i].corners)
