@@ -16,7 +16,7 @@ from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.models.integrators import DoubleIntegrator
 from phalanx.theory.models.wheeled import Unicycle
-from phalanx.theory.rows.terms import Terms
+from phalanx.theory.rows.row import Terms
 from phalanx.theory.safety.obstacles import Sphere
 
 

@@ -30,7 +30,7 @@ from phalanx.recording.records import Step
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.information import Information
-from phalanx.theory.rows.terms import Terms
+from phalanx.theory.rows.row import Terms
 
 ROUNDING = 1e-4
 """What solvers leave of a row."""

@@ -48,11 +48,9 @@ class SwarmCertificates:
     """The certificates of a swarm's pairs, compiled once for each kind of pair."""
 
     def __init__(self, swarm: Swarm) -> None:
-        scenario, composed = swarm.scenario, swarm.safe_set
+        scenario = swarm.scenario
         self.swarm, self.pairs = swarm, swarm.pairs
-        members = len(swarm.members)
-        ends = [(p.a, members + (p.obstacle or 0) if p.b is None else p.b) for p in composed.pairs]
-        self.ends: Index = np.array(ends)
+        self.ends: Index = swarm.pairs.among(range(len(swarm.members)))
         """Of each pair of the composed set: a, and b or N + k for obstacle k; shape (p, 2)."""
         groups = {id(group): number for number, group in enumerate(scenario.agents)}
         own = [groups[id(group)] for group in swarm.groups]

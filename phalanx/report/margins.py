@@ -87,8 +87,8 @@ def _sampled(history: RecordedHistory, steps: list[Step]) -> Iterator[tuple[Step
 
 def _left(terms: PairTerms, u: Array) -> Array:
     """Each pair's condition without its margin; at -η a row binds, shape (r,)."""
-    shares = np.array([part.value for part in terms.parts])
-    alone = np.array([part is RowPart.HALF for part in terms.parts])
+    alone = terms.half
+    shares = np.where(alone, RowPart.HALF.value, RowPart.WHOLE.value)
     left: Array = shares * terms.unforced + np.where(alone, 0.0, terms.most) + terms.a @ u
     return left
 

@@ -13,8 +13,7 @@ import pydantic
 from phalanx.schema.user_code import import_named
 from phalanx.theory.laws.attacks import Chase, WorstCase
 from phalanx.theory.laws.law import Law
-from phalanx.theory.laws.tracking import Track
-from phalanx.theory.laws.velocity import Pursue, TrackVelocity
+from phalanx.theory.laws.tracking import Pursue, Track, TrackVelocity
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
 from phalanx.theory.models.wheeled import KinematicBicycle, Unicycle

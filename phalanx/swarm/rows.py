@@ -22,7 +22,7 @@ from phalanx.theory.margins.local import LocalBound
 from phalanx.theory.margins.margin import ComposedMargin, Margin
 from phalanx.theory.models.polytope import EmptyPolytopeError
 from phalanx.theory.rows.by_derivatives import TermsByDerivatives
-from phalanx.theory.rows.composed import SwarmTerms
+from phalanx.theory.rows.composed import ComposedTerms, SwarmTerms
 from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.pairs import OwnPair, OwnPairTerms, PairRowFunction
 from phalanx.theory.rows.qp import NearestInput
@@ -33,7 +33,6 @@ from phalanx.theory.rows.safety_filter import (
     Unfiltered,
 )
 from phalanx.theory.rows.share_margin import ShareMargin
-from phalanx.theory.rows.terms import TermsAt
 from phalanx.theory.safety.chain import Chain, build_chain
 from phalanx.theory.safety.composition import ComposedSet
 from phalanx.theory.safety.pairs import PairFunctions
@@ -81,7 +80,7 @@ class SafetyRows:
         """An adversary's, or a normal agent's that turned into one."""
         return Unfiltered(i, self._qp(i))
 
-    def terms(self, i: int) -> TermsAt:
+    def terms(self, i: int) -> ComposedTerms:
         """Agent i's h_tot of what it sees, the margin of its row included, if it has one."""
         swarm, radius = self.swarm, self.swarm.sensing(i)
         if swarm.members[i].adversary or self.pairwise:
@@ -89,7 +88,7 @@ class SafetyRows:
         margin = self._local(i) if self.bounds_whole else self.margin(i).given
         return self.composed.of(i, radius, margin, self._by_derivatives)
 
-    def terms_of_all(self, margin: ComposedMargin) -> TermsAt:
+    def terms_of_all(self, margin: ComposedMargin) -> ComposedTerms:
         """h_tot of all pairs, whoever sees them, with this margin."""
         return self.composed.of(self.swarm.normal[0], None, margin, self._by_derivatives)
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from phalanx.arrays import Array
 from phalanx.theory.laws.law import View
-from phalanx.theory.laws.velocity import TrackVelocity
+from phalanx.theory.laws.tracking import TrackVelocity
 from phalanx.wire.pubsub import Addressed
 
 _WITHHOLDER, _FROM, _SAMPLES = 2, "/3/1", 10

@@ -11,7 +11,7 @@ import phalanx
 
 MODULE = """
 from pathlib import Path
-from phalanx.theory.laws.velocity import TrackVelocity
+from phalanx.theory.laws.tracking import TrackVelocity
 
 Path("it-ran").touch()
 
@@ -92,7 +92,7 @@ def test_with_trust_it_is_imported(folder: Path) -> None:
 PEEKING = """
 import os
 from pathlib import Path
-from phalanx.theory.laws.velocity import TrackVelocity
+from phalanx.theory.laws.tracking import TrackVelocity
 
 class Mine(TrackVelocity):
     def input(self, *arguments):

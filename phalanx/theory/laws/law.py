@@ -14,7 +14,7 @@ from phalanx.theory.expressions.asked import MistakenMethodError, ask, in_short
 from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.laws.formation import Goal
 from phalanx.theory.models.dynamics import Dynamics
-from phalanx.theory.rows.terms import Terms
+from phalanx.theory.rows.row import Terms
 from phalanx.theory.safety.composition import Member
 from phalanx.theory.safety.obstacles import Obstacle
 
@@ -64,7 +64,7 @@ _FLOAT = np.dtype(np.float64)
 
 
 class NominalInput:
-    """One agent's law, asked for what it would like to apply."""
+    """One agent's law, asked for what it would like to apply; checked, for it may be a user's."""
 
     def __init__(self, law: Law, member: Member) -> None:
         """member: the agent."""

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import casadi as ca
 from annotated_types import Ge, Gt
@@ -13,54 +13,83 @@ from phalanx.theory.models.dynamics import box_polytope
 Positive = Annotated[float, Gt(0)]
 
 
+class _Integrator:
+    """p^(q) = u: blocks of d states each, the output point first, inputs in the last one's rate."""
+
+    dimension: int
+    _blocks: ClassVar[tuple[tuple[str, str], ...]]
+    """What the names of each block's states begin with, and their unit; at last the inputs'."""
+
+    def __post_init__(self) -> None:
+        if self.dimension not in (2, 3):
+            raise ValueError(f"dimension: expected 2 or 3, got {self.dimension}")
+
+    @property
+    def bound(self) -> float:
+        """On every component of the input."""
+        raise NotImplementedError
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        return tuple(name + axis for name, _ in self._blocks[:-1] for axis in self._axes)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        return tuple(self._blocks[-1][0] + axis for axis in self._axes)
+
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        return tuple(unit for _, unit in self._blocks[:-1] for _ in self._axes)
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        return (self._blocks[-1][1],) * self.dimension
+
+    @property
+    def _axes(self) -> str:
+        return "xyz"[: self.dimension]
+
+    def actuation(self, x: ca.SX) -> ca.SX:
+        # Structurally in the last block, and in no other.
+        zeros = ca.SX((len(self._blocks) - 2) * self.dimension, self.dimension)
+        return ca.vertcat(zeros, ca.SX.eye(self.dimension))
+
+    def position(self, x: ca.SX) -> ca.SX:
+        return x[: self.dimension]
+
+    def input_polytope(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
+        return box_polytope((self.bound,) * self.dimension)
+
+    def input_metric(self) -> tuple[float, ...]:
+        return (1.0,) * self.dimension
+
+    def _longest(self) -> float:
+        """Of the inputs."""
+        return math.sqrt(self.dimension) * self.bound
+
+
 @dataclass(frozen=True)
-class SingleIntegrator:
+class SingleIntegrator(_Integrator):
     """p' = u + φ with |u_c| <= speed; 2-D or 3-D."""
 
     speed: Positive
     """Bound on every velocity component [m/s]."""
     dimension: int = 2
-
-    def __post_init__(self) -> None:
-        _check_dimension(self.dimension)
+    _blocks = (("", "m"), ("v", "m/s"))
 
     @property
-    def states(self) -> tuple[str, ...]:
-        return ("x", "y", "z")[: self.dimension]
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        return ("vx", "vy", "vz")[: self.dimension]
-
-    @property
-    def state_units(self) -> tuple[str, ...]:
-        return _each("m", axes=self.dimension)
-
-    @property
-    def input_units(self) -> tuple[str, ...]:
-        return _each("m/s", axes=self.dimension)
+    def bound(self) -> float:
+        return self.speed
 
     def drift(self, x: ca.SX) -> ca.SX:
         return ca.SX.zeros(self.dimension)
 
-    def actuation(self, x: ca.SX) -> ca.SX:
-        return ca.SX.eye(self.dimension)
-
-    def position(self, x: ca.SX) -> ca.SX:
-        return x
-
-    def input_polytope(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
-        return box_polytope((self.speed,) * self.dimension)
-
-    def input_metric(self) -> tuple[float, ...]:
-        return (1.0,) * self.dimension
-
     def travel(self, x: Array, time: float, disturbance: float) -> float:
-        return (_longest(self.speed, self.dimension) + disturbance) * time
+        return (self._longest() + disturbance) * time
 
 
 @dataclass(frozen=True)
-class DoubleIntegrator:
+class DoubleIntegrator(_Integrator):
     """p' = v, v' = u - β v with |u_c| <= acceleration, as in Simulation 2; q = 2.
 
     With β > 0 every component of v stays below acceleration / β, once it is.
@@ -71,115 +100,41 @@ class DoubleIntegrator:
     drag: Annotated[float, Ge(0)] = 0.0
     """β [1/s]."""
     dimension: int = 3
-
-    def __post_init__(self) -> None:
-        _check_dimension(self.dimension)
+    _blocks = (("", "m"), ("v", "m/s"), ("a", "m/s²"))
 
     @property
-    def states(self) -> tuple[str, ...]:
-        return ("x", "y", "z")[: self.dimension] + ("vx", "vy", "vz")[: self.dimension]
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        return ("ax", "ay", "az")[: self.dimension]
-
-    @property
-    def state_units(self) -> tuple[str, ...]:
-        return _each("m", "m/s", axes=self.dimension)
-
-    @property
-    def input_units(self) -> tuple[str, ...]:
-        return _each("m/s²", axes=self.dimension)
+    def bound(self) -> float:
+        return self.acceleration
 
     def drift(self, x: ca.SX) -> ca.SX:
         v = x[self.dimension :]
         return ca.vertcat(v, -self.drag * v)
 
-    def actuation(self, x: ca.SX) -> ca.SX:
-        return _last_of(2, self.dimension)
-
-    def position(self, x: ca.SX) -> ca.SX:
-        return x[: self.dimension]
-
-    def input_polytope(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
-        return box_polytope((self.acceleration,) * self.dimension)
-
-    def input_metric(self) -> tuple[float, ...]:
-        return (1.0,) * self.dimension
-
     def travel(self, x: Array, time: float, disturbance: float) -> float:
         speed = math.hypot(*x[self.dimension :]) + disturbance
-        gain = _longest(self.acceleration, self.dimension) + disturbance
+        gain = self._longest() + disturbance
         return speed * time + gain * time**2 / 2
 
 
 @dataclass(frozen=True)
-class TripleIntegrator:
+class TripleIntegrator(_Integrator):
     """p' = v, v' = a, a' = u with |u_c| <= jerk; q = 3."""
 
     jerk: Positive
     """Bound on every component of the input [m/s³]."""
     dimension: int = 3
-
-    def __post_init__(self) -> None:
-        _check_dimension(self.dimension)
+    _blocks = (("", "m"), ("v", "m/s"), ("a", "m/s²"), ("j", "m/s³"))
 
     @property
-    def states(self) -> tuple[str, ...]:
-        d = self.dimension
-        return ("x", "y", "z")[:d] + ("vx", "vy", "vz")[:d] + ("ax", "ay", "az")[:d]
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        return ("jx", "jy", "jz")[: self.dimension]
-
-    @property
-    def state_units(self) -> tuple[str, ...]:
-        return _each("m", "m/s", "m/s²", axes=self.dimension)
-
-    @property
-    def input_units(self) -> tuple[str, ...]:
-        return _each("m/s³", axes=self.dimension)
+    def bound(self) -> float:
+        return self.jerk
 
     def drift(self, x: ca.SX) -> ca.SX:
         return ca.vertcat(x[self.dimension :], ca.SX.zeros(self.dimension))
-
-    def actuation(self, x: ca.SX) -> ca.SX:
-        return _last_of(3, self.dimension)
-
-    def position(self, x: ca.SX) -> ca.SX:
-        return x[: self.dimension]
-
-    def input_polytope(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
-        return box_polytope((self.jerk,) * self.dimension)
-
-    def input_metric(self) -> tuple[float, ...]:
-        return (1.0,) * self.dimension
 
     def travel(self, x: Array, time: float, disturbance: float) -> float:
         d = self.dimension
         speed = math.hypot(*x[d : 2 * d]) + disturbance
         gain = math.hypot(*x[2 * d :]) + disturbance
-        jerk = _longest(self.jerk, d) + disturbance
+        jerk = self._longest() + disturbance
         return speed * time + gain * time**2 / 2 + jerk * time**3 / 6
-
-
-def _each(*units: str, axes: int) -> tuple[str, ...]:
-    """Every unit once for each axis."""
-    return tuple(unit for unit in units for _ in range(axes))
-
-
-def _last_of(order: int, dimension: int) -> ca.SX:
-    """g of an integrator: inputs enter the last of `order` blocks, and structurally no other."""
-    zeros = ca.SX((order - 1) * dimension, dimension)
-    return ca.vertcat(zeros, ca.SX.eye(dimension))
-
-
-def _longest(bound: float, dimension: int) -> float:
-    """Of the vectors whose components are at most `bound`."""
-    return math.sqrt(dimension) * bound
-
-
-def _check_dimension(dimension: int) -> None:
-    if dimension not in (2, 3):
-        raise ValueError(f"dimension: expected 2 or 3, got {dimension}")

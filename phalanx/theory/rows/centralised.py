@@ -12,8 +12,7 @@ from phalanx.theory.models.polytope import Box, Polytope, minimiser
 from phalanx.theory.rows.decision import Decision, finite_or_none, require_numbers
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.qp import NearestInput
-from phalanx.theory.rows.row import Row
-from phalanx.theory.rows.terms import Terms
+from phalanx.theory.rows.row import Row, Terms
 from phalanx.theory.safety.composition import stacked_slices
 
 

@@ -9,8 +9,7 @@ from phalanx.theory.expressions.exact import LARGEST, dot, inner
 from phalanx.theory.models.polytope import Polytope, minimiser, vertices
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.qp import NearestInput
-from phalanx.theory.rows.row import Row, Rows
-from phalanx.theory.rows.terms import Terms
+from phalanx.theory.rows.row import Row, Rows, Terms
 from phalanx.theory.safety.composition import FAR
 
 

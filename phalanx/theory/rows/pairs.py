@@ -52,14 +52,10 @@ class PairTerms(NamedTuple):
     """Of the row, or of agent i's half, as margins.margin.Margin sums it."""
     forces: list[Array]
     """c_l of the other member, shapes (m_l,); empty for an obstacle."""
-    beside: tuple[int, ...]
-    """The other member's index, or N + k for obstacle k."""
     others: tuple[int | None, ...]
     """The other member's index; None for an obstacle."""
-    parts: tuple[RowPart, ...]
-    """What agent i keeps of each pair: all of it, or its half."""
     half: Mask
-    """Whether it is a half."""
+    """Whether agent i keeps its half of the pair, and not all of it."""
 
 
 class PairRowFunction:
@@ -111,10 +107,8 @@ class _Chosen(NamedTuple):
 
     key: tuple[object, ...]
     groups: list[_Group]
-    beside: tuple[int, ...]
-    """As PairTerms has them, like those that follow."""
     others: tuple[int | None, ...]
-    parts: tuple[RowPart, ...]
+    """As PairTerms has them, like what follows."""
     half: Mask
 
 
@@ -133,7 +127,7 @@ class OwnPairTerms:
         Args:
             function: of its row for another member, or N + k for obstacle k; the same object for
                 all pairs of a kind.
-            near: as near.ObstaclesInSight has it.
+            near: as composed.ObstaclesInSight has it.
         """
         self._swarm, self._i, self._function, self._near = swarm, i, function, near
         self._own = slice(swarm.begin[i], swarm.begin[i] + len(swarm.members[i].dynamics.states))
@@ -187,15 +181,12 @@ class OwnPairTerms:
             rows = function.evaluate.at(np.concatenate([places, tail], axis=1))
             others = [b if a == i else a for a, b in own]
             groups.append(_Group(others, function.part, rows))
-        beside = tuple(other for group in groups for other in group.others)
-        parts = tuple(group.part for group in groups for _ in group.others)
+        each = [(other, group.part) for group in groups for other in group.others]
         return _Chosen(
             key,
             groups,
-            beside,
-            others=tuple(other if other < len(swarm.members) else None for other in beside),
-            parts=parts,
-            half=np.array([part is RowPart.HALF for part in parts], dtype=np.bool_),
+            others=tuple(other if other < len(swarm.members) else None for other, _ in each),
+            half=np.array([part is RowPart.HALF for _, part in each], dtype=np.bool_),
         )
 
     def _terms(self, chosen: _Chosen) -> PairTerms:
@@ -212,9 +203,7 @@ class OwnPairTerms:
             most=most,
             margin=margin,
             forces=[c for group in chosen.groups for c in group.rows.results[:, end:].copy()],
-            beside=chosen.beside,
             others=chosen.others,
-            parts=chosen.parts,
             half=chosen.half,
         )
 

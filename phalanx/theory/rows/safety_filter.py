@@ -13,9 +13,8 @@ from phalanx.theory.rows.information import Information, InformationModel, Recei
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.pairs import OwnPairTerms, pair_rows
 from phalanx.theory.rows.qp import NearestInput
-from phalanx.theory.rows.row import paper_row, split_row
+from phalanx.theory.rows.row import Terms, paper_row, split_row
 from phalanx.theory.rows.share_margin import ShareMargin
-from phalanx.theory.rows.terms import Terms
 
 
 class Situation(NamedTuple):

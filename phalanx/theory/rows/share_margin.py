@@ -22,8 +22,7 @@ from phalanx.theory.expressions.compiled import BoundFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.models.polytope import maximiser, minimiser
 from phalanx.theory.rows.by_derivatives import TermsByDerivatives
-from phalanx.theory.rows.row import joint_sum, total_span
-from phalanx.theory.rows.terms import Terms
+from phalanx.theory.rows.row import Terms, joint_sum, total_span
 
 
 class ShareMargin:

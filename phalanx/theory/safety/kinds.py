@@ -16,7 +16,7 @@ import numpy as np
 from phalanx.arrays import Array, Index
 from phalanx.theory.expressions.asked import ask_expression
 from phalanx.theory.expressions.compiled import MappedFunction
-from phalanx.theory.expressions.once import take_out
+from phalanx.theory.expressions.portable import take_out
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.safety.chain import degree_above, inputs_appear
 from phalanx.theory.safety.composition import Member

@@ -15,7 +15,6 @@ import numpy as np
 from phalanx.arrays import Array, Index
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.exact import dot
-from phalanx.theory.safety.composition import ComposedSet
 from phalanx.theory.safety.function import Reaching, proven_reach
 from phalanx.theory.safety.limits import static_reach
 from phalanx.theory.safety.pairs import PairFunctions
@@ -61,7 +60,10 @@ class NearPairs:
         if self._function is not None:
             _spatial_index()  # now, and not in the middle of the run
         self._allowance = allowance(scenario.safety.rho, len(self._every))
-        self._numbers = _numbers(swarm.safe_set)
+        members = len(swarm.members)
+        self._numbers = np.full((members, members + len(scenario.static)), -1)
+        self._numbers[tuple(self._every.T)] = np.arange(len(self._every))
+        """The number of a pair of members at (a, b), of a and obstacle k at (a, N + k)."""
         self._choose(self._every)
 
     def __call__(self, x: Array, positions: Array) -> Near:
@@ -125,12 +127,3 @@ def _spatial_index() -> Callable[[Array], Any]:
 
     found: Callable[[Array], Any] = cKDTree
     return found
-
-
-def _numbers(composed: ComposedSet) -> Index:
-    """The index of the pair of members a and b, or a and obstacle k, at (a, b) and (a, N + k)."""
-    members = len(composed.members)
-    table = np.full((members, members + len(composed.obstacles)), -1)
-    for number, pair in enumerate(composed.pairs):
-        table[pair.a, members + (pair.obstacle or 0) if pair.b is None else pair.b] = number
-    return table

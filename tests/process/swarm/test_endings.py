@@ -334,7 +334,7 @@ class Faulty:
 
 
 FAILING = """
-from phalanx.theory.laws.velocity import TrackVelocity as Base
+from phalanx.theory.laws.tracking import TrackVelocity as Base
 
 
 class TrackVelocity(Base):

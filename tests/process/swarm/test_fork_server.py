@@ -105,7 +105,7 @@ _FILES = resource.RLIMIT_NOFILE
 
 
 UNFIT = """
-from phalanx.theory.laws.velocity import TrackVelocity as Base
+from phalanx.theory.laws.tracking import TrackVelocity as Base
 
 
 class Short(Base):

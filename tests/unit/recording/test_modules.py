@@ -16,7 +16,7 @@ from phalanx.scenario.load import load, to_json
 from phalanx.schema.user_code import imported_sources
 
 LAW = """
-from phalanx.theory.laws.velocity import TrackVelocity
+from phalanx.theory.laws.tracking import TrackVelocity
 
 from .gains import GAIN
 

@@ -81,7 +81,7 @@ def versions(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
         folder.mkdir()
         module = folder / "law_of_two_versions.py"
         module.write_text(
-            f"from phalanx.theory.laws.velocity import TrackVelocity as Mine  # {gain}"
+            f"from phalanx.theory.laws.tracking import TrackVelocity as Mine  # {gain}"
         )
         subprocess.run([sys.executable, "-c", RECORD], cwd=folder, check=True)
         module.unlink()

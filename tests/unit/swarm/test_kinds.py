@@ -110,7 +110,7 @@ def test_forked_programs_have_nothing_left_to_compile(name, monkeypatch):
     x = rows.swarm.start()
     for i in rows.swarm.normal:
         for sharing in ((), rows.swarm.normal):
-            assert len(rows.pair_terms(i)(x, sharing=sharing).parts)
+            assert len(rows.pair_terms(i)(x, sharing=sharing).others)
 
 
 @pytest.mark.parametrize("margin", ["paper", "corrected", "local"])

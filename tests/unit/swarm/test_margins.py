@@ -33,7 +33,7 @@ def test_an_agents_rows_have_the_margin_of_its_own_place_until_it_samples_again(
             members = [swarm.names.index(m.name) for m in pair.chain.set.members]
             assert members[pair.own] == i
             parts = {RowPart.WHOLE: whole.margin[whole.others.index(other)]}
-            parts[terms.parts[k]] = terms.margin[k]
+            parts[RowPart.HALF if terms.half[k] else RowPart.WHOLE] = terms.margin[k]
             assert (RowPart.HALF in parts) == (other in swarm.normal)
             phi = [bounds[l] for l in members]
             for part, found in parts.items():

@@ -3,7 +3,7 @@
 import casadi as ca
 import numpy as np
 
-from phalanx.theory.expressions.once import take_out
+from phalanx.theory.expressions.portable import take_out
 
 
 def test_what_is_taken_out_and_what_is_left_make_the_expression_again():

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from phalanx.theory.laws.attacks import WorstCase
 from phalanx.theory.laws.formation import Goal, hold
 from phalanx.theory.laws.law import View
-from phalanx.theory.laws.velocity import OutputVelocity, Pursue, TrackVelocity
+from phalanx.theory.laws.tracking import OutputVelocity, Pursue, TrackVelocity
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.safety.chain import build_chain

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from phalanx.theory.margins.margin import ComposedMargin
 from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.rows.composed import ComposedTerms, SwarmTerms
-from phalanx.theory.rows.terms import Terms
+from phalanx.theory.rows.row import Terms
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.class_k import Linear, Power
 from phalanx.theory.safety.composition import FAR, Member, compose

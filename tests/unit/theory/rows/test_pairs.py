@@ -72,7 +72,7 @@ def test_a_pair_with_an_adversary_or_an_obstacle_is_the_normal_agents_alone(seed
     d, o = x[:2] - x[4:], x[:2] - np.array([0.0, 5.0])
     worst = 2 * np.abs(d).sum()
     assert terms.others == (1, 2, None)
-    assert terms.parts == (RowPart.HALF, RowPart.WHOLE, RowPart.WHOLE)
+    assert terms.half.tolist() == [True, False, False]
     assert rows.bound[1] == pytest.approx(-(1.5 * (1 - d @ d) + worst + ETA))
     assert rows.bound[2] == pytest.approx(-(1.5 * (1 - o @ o) + ETA))
     assert rows.a[2] == pytest.approx(-2 * o)

@@ -14,8 +14,7 @@ from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.rows.decision import decide
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.qp import NearestInput
-from phalanx.theory.rows.row import Row, joint_sum, paper_row, shares, split_row
-from phalanx.theory.rows.terms import Terms
+from phalanx.theory.rows.row import Row, Terms, joint_sum, paper_row, shares, split_row
 from phalanx.theory.safety.chain import build_chain
 from tests.unit.theory.users_own import Case, Drifter, OutputUnicycle, Oval, along, swarm_of
 from tests.unit.theory.whole_expression import TermsFunction

@@ -16,9 +16,8 @@ from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.polytope import maximiser, minimiser
 from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.rows.composed import SwarmTerms
-from phalanx.theory.rows.row import joint_sum, split_row, total_span
+from phalanx.theory.rows.row import Terms, joint_sum, split_row, total_span
 from phalanx.theory.rows.share_margin import ShareMargin
-from phalanx.theory.rows.terms import Terms
 from phalanx.theory.safety.chain import Chain, build_chain
 from phalanx.theory.safety.class_k import Linear
 from phalanx.theory.safety.pairs import SwarmPairs

@@ -7,7 +7,7 @@ import osqp
 import pytest
 from scipy import sparse
 
-from phalanx.theory.rows.solver import Solver
+from phalanx.theory.rows.qp import Solver
 
 
 def by_the_package(w: np.ndarray, u_nom: np.ndarray, A: np.ndarray, b: np.ndarray) -> np.ndarray:
