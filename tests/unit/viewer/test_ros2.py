@@ -5,11 +5,10 @@ import importlib.util
 import numpy as np
 import pytest
 from phalanx_viewer.feeds.replay import Replay
-from phalanx_viewer.ros2 import markers
+from phalanx_viewer.ros2 import messages
 from phalanx_viewer.ros2.diagnostics import alike, diagnostics, so_far, verdict
-from phalanx_viewer.ros2.poses import stamped
+from phalanx_viewer.ros2.messages import message_type, serialized, stamped
 from phalanx_viewer.ros2.republisher import pose_topics
-from phalanx_viewer.ros2.serialized import message_type, serialized
 from phalanx_viewer.scene.geometry import facing
 from phalanx_viewer.scene.model import scene_model
 from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticArray as Diagnostics
@@ -36,10 +35,10 @@ def drawn(replay: Replay, t: float) -> dict[tuple[str, int], ros.Marker]:
     """Every marker of a moment, by name and number."""
     frame, x, model = replay.frame(t), state(replay, t), replay.model
     poses, unsafe = model.kinematics.poses(x), [int(pair) for pair in model.values.unsafe(x)]
-    message = markers.array(
-        markers.agents(frame.t, model, poses, frame.agents, unsafe),
-        markers.violations(frame.t, model, poses.positions, unsafe),
-        markers.surroundings(frame.t, model),
+    message = messages.array(
+        messages.agents(frame.t, model, poses, frame.agents, unsafe),
+        messages.violations(frame.t, model, poses.positions, unsafe),
+        messages.around(frame.t, model),
     )
     found = ros.MarkerArray.deserialize(serialized(message)).markers
     by_name = {(marker.ns, marker.id): marker for marker in found}
@@ -120,9 +119,7 @@ def test_a_violated_pair_is_red_and_joined_by_a_line_which_is_gone_before(replay
 
 def test_obstacles_are_spheres_of_what_their_clearance_leaves_to_see():
     model = scene_model(phalanx.load("unicycles"))
-    message = ros.MarkerArray.deserialize(
-        serialized(markers.array(markers.surroundings(0.0, model)))
-    )
+    message = ros.MarkerArray.deserialize(serialized(messages.array(messages.around(0.0, model))))
     spheres = [marker for marker in message.markers if marker.ns == "obstacles"]
     assert spheres
     for marker, (center, radius) in zip(spheres, model.surroundings.spheres, strict=True):
@@ -133,9 +130,7 @@ def test_obstacles_are_spheres_of_what_their_clearance_leaves_to_see():
 
 def test_a_fence_is_a_line_around_where_one_may_be():
     model = scene_model(phalanx.load("fence"))
-    message = ros.MarkerArray.deserialize(
-        serialized(markers.array(markers.surroundings(0.0, model)))
-    )
+    message = ros.MarkerArray.deserialize(serialized(messages.array(messages.around(0.0, model))))
     (fence,) = [marker for marker in message.markers if marker.ns == "limits"]
     assert [(p.x, p.y, p.z) for p in fence.points] == [
         tuple(point) for point in model.surroundings.outlines[0].tolist()

@@ -25,16 +25,13 @@ from phalanx.arrays import Array
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Level, Step
 from phalanx.wire.step_report import QUANTITIES
-from phalanx_viewer.export.log import log_lines
-from phalanx_viewer.export.near import near_pairs
+from phalanx_viewer.export.shown import log_lines, near_pairs
+from phalanx_viewer.scene.colours import DANGER
 from phalanx_viewer.scene.geometry import facing
 from phalanx_viewer.scene.model import SceneModel, scene_model
-from phalanx_viewer.scene.roles import COLOURS, Role
+from phalanx_viewer.scene.shapes import Kind, Shape, agent_shapes, surroundings
 
-_SLATE, _RED = (100, 110, 125), (230, 20, 30)
 _TIMELINE = "t"
-_WALL = (0.05, 20.0, 20.0)
-"""Half of how thick, long and high a wall is drawn [m]."""
 _LEVELS = {Level.INFO: "INFO", Level.WARNING: "WARN", Level.ERROR: "ERROR"}
 """As rerun calls and colours them."""
 
@@ -78,39 +75,35 @@ def _of_agents(model: SceneModel, field: str) -> list[str]:
 
 def _log_surroundings(stream: rr.RecordingStream, model: SceneModel) -> None:
     """Everything that stands still, and what moves with each agent's frame."""
-    around, body, radius = model.surroundings, model.body, model.radius
     stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    for k, (center, size) in enumerate(around.spheres):
-        ball = rr.Ellipsoids3D(centers=[center], radii=[size], colors=[_SLATE], fill_mode="solid")
-        stream.log(f"world/obstacles/{k}", ball, static=True)
-    for k, (point, normal) in enumerate(around.walls):
-        x, y, z, w = np.roll(facing(normal[None])[0], -1)
-        slab = rr.Boxes3D(
-            centers=[point + _WALL[0] * normal],
-            half_sizes=[_WALL],
-            quaternions=[rr.Quaternion(xyzw=[x, y, z, w])],
-            colors=[_SLATE],
-            fill_mode="solid",
-        )
-        stream.log(f"world/walls/{k}", slab, static=True)
-    if around.outlines:
-        stream.log("world/limits", rr.LineStrips3D(around.outlines, colors=[_SLATE]), static=True)
-    if len(around.path):
-        stream.log("world/path", rr.LineStrips3D([around.path], colors=[_SLATE]), static=True)
-    for name, adversary in zip(model.names, model.adversary, strict=True):
-        colour = COLOURS[Role.ADVERSARY if adversary else Role.NORMAL]
-        arrow = rr.Arrows3D(
-            origins=[[-body, 0.0, 0.0]],
-            vectors=[[2.0 * body, 0.0, 0.0]],
-            radii=[0.25 * body],
-            colors=[colour],
-            labels=[name],
-        )
-        stream.log(f"world/agents/{name}/body", arrow, static=True)
-        if radius:
-            sizes = [radius, radius, 0.01 if model.flat else radius]
-            disc = rr.Ellipsoids3D(half_sizes=[sizes], colors=[(*colour, 60)])
-            stream.log(f"world/agents/{name}/radius", disc, static=True)
+    for shape in surroundings(model):
+        entity = "path" if shape.group == "path" else f"{shape.group}s/{shape.number}"
+        stream.log(f"world/{entity}", _drawn(shape), static=True)
+    for i, name in enumerate(model.names):
+        arrow, _, *reach = agent_shapes(model, i, model.first_colour(i))
+        stream.log(f"world/agents/{name}/body", _drawn(arrow, [name]), static=True)
+        for shape in reach:
+            stream.log(f"world/agents/{name}/radius", _drawn(shape), static=True)
+
+
+def _drawn(shape: Shape, labels: Sequence[str] | None = None) -> rr.AsComponents:
+    """A shape as rerun has it; an arrow has a label for its text."""
+    colours = [(*shape.colour, round(255 * shape.opacity))]
+    if shape.kind is Kind.LINE:
+        return rr.LineStrips3D([shape.points], colors=colours)
+    long, wide, _ = shape.size
+    if shape.kind is Kind.ARROW:
+        return rr.Arrows3D(
+            origins=[shape.place], vectors=[long * shape.heading], radii=[0.25 * wide],
+            colors=colours, labels=labels,
+        )  # fmt: skip
+    half = [side / 2.0 for side in shape.size]
+    solid = "solid" if shape.group != "safety radius" else None
+    looks = {"centers": [shape.place], "half_sizes": [half], "colors": colours, "fill_mode": solid}
+    if shape.kind is not Kind.BOX:
+        return rr.Ellipsoids3D(**looks)
+    turn = np.roll(facing(shape.heading[None])[0], -1)
+    return rr.Boxes3D(**looks, quaternions=[rr.Quaternion(xyzw=turn)])
 
 
 def _log_states(stream: rr.RecordingStream, recording: Recording, model: SceneModel) -> None:
@@ -132,7 +125,7 @@ def _log_states(stream: rr.RecordingStream, recording: Recording, model: SceneMo
         _plot(stream, f"h/{model.label(pair).replace(' ', '_')}", recording.times, values)
     for t, lines in _violated(recording, model, near, h, positions):
         stream.set_time(_TIMELINE, duration=_nanoseconds(t))
-        stream.log("world/violated", rr.LineStrips3D(lines, colors=[_RED]))
+        stream.log("world/violated", rr.LineStrips3D(lines, colors=[DANGER]))
 
 
 def _violated(

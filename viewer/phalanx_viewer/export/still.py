@@ -11,10 +11,9 @@ from matplotlib.patches import Circle
 
 from phalanx.arrays import Array
 from phalanx_viewer.feeds.replay import Replay
+from phalanx_viewer.scene.colours import COLOURS, DANGER, Role
 from phalanx_viewer.scene.model import SceneModel
-from phalanx_viewer.scene.palette import DANGER
 from phalanx_viewer.scene.picture import Picture, picture
-from phalanx_viewer.scene.roles import COLOURS, Role
 
 _GREEN, _RED = "#22a05e", "#e11d2e"
 

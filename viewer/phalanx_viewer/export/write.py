@@ -4,10 +4,19 @@ import logging
 from collections.abc import Callable
 from pathlib import Path
 
-from phalanx.recording.read import read
+import polars as pl
+
+from phalanx.recording.read import Recording, read
+from phalanx.recording.tables import (
+    events_table,
+    h_table,
+    inputs_table,
+    links_table,
+    states_table,
+)
+from phalanx.swarm.swarm import Swarm
 from phalanx_viewer.export.html import document
 from phalanx_viewer.export.still import draw
-from phalanx_viewer.export.tables import CSV, PARQUET, write_tables
 from phalanx_viewer.feeds.replay import Replay
 
 log = logging.getLogger("phalanx.viewer")
@@ -69,10 +78,28 @@ def run(
         from phalanx_viewer.export.rerun import write_rerun
 
         write_rerun(recorded, rerun)
-    tables = [
-        written
-        for kind, folder in ((PARQUET, parquet), (CSV, csv))
-        if folder is not None
-        for written in write_tables(recorded, replay.model.swarm, folder, kind)
-    ]
-    return [*(path for path in (html, png, mcap, rerun) if path is not None), *tables]
+    written = [path for path in (html, png, mcap, rerun) if path is not None]
+    for ending, folder in (("parquet", parquet), ("csv", csv)):
+        if folder is not None:
+            written += _write_tables(recorded, replay.model.swarm, folder, ending)
+    return written
+
+
+def _write_tables(recording: Recording, swarm: Swarm, folder: Path, ending: str) -> list[Path]:
+    """Write states, h, inputs, links and events as <folder>/<table>.<ending>; the files."""
+    tables = {
+        "states": states_table(recording, swarm),
+        "h": h_table(recording, swarm),
+        "inputs": inputs_table(recording, swarm),
+        "links": links_table(recording),
+        "events": events_table(recording),
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = {folder / f"{name}.{ending}": table for name, table in tables.items()}
+    for path, table in paths.items():
+        if ending == "csv":
+            # With lists as one text each, which is all that CSV holds.
+            table.with_columns(pl.col(pl.List(pl.String)).list.join("; ")).write_csv(path)
+        else:
+            table.write_parquet(path)
+    return list(paths)

@@ -10,9 +10,9 @@ from phalanx.curves.quantities import unit_of
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.wire.messages import AgentStatus, Frame
 from phalanx.wire.step_report import QUANTITIES, AppliedStep
-from phalanx_viewer.ros2.serialized import header
+from phalanx_viewer.ros2.messages import header
+from phalanx_viewer.scene.colours import Role, role
 from phalanx_viewer.scene.model import SceneModel
-from phalanx_viewer.scene.roles import Role, role
 
 Head = tuple[int, str]
 """Level and message."""

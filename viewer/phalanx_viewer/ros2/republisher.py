@@ -12,11 +12,10 @@ from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__MarkerArr
 from phalanx.arrays import Array
 from phalanx.wire.messages import Frame
 from phalanx_viewer.feeds.feed import Feed
-from phalanx_viewer.ros2 import markers
+from phalanx_viewer.ros2 import messages
 from phalanx_viewer.ros2.diagnostics import Head, alike, diagnostics, so_far, verdict
-from phalanx_viewer.ros2.poses import stamped
+from phalanx_viewer.ros2.messages import message_type, serialized, stamped
 from phalanx_viewer.ros2.rmw_zenoh import Node
-from phalanx_viewer.ros2.serialized import message_type, serialized
 from phalanx_viewer.scene.kinematics import Poses
 
 _ANEW = 1.0
@@ -69,10 +68,10 @@ class Republisher:
         if not self._markers.heard:
             return
         model, unsafe = self._model, [int(pair) for pair in self._model.values.unsafe(x)]
-        moving = markers.agents(frame.t, model, poses, frame.agents, unsafe)
-        violated = markers.violations(frame.t, model, poses.positions, unsafe)
-        still = markers.surroundings(frame.t, model) if again else iter(())
-        self._markers.put(serialized(markers.array(moving, violated, still)))
+        moving = messages.agents(frame.t, model, poses, frame.agents, unsafe)
+        violated = messages.violations(frame.t, model, poses.positions, unsafe)
+        still = messages.around(frame.t, model) if again else iter(())
+        self._markers.put(serialized(messages.array(moving, violated, still)))
 
     def _put_diagnostics(self, frame: Frame, outcome: Head, again: bool) -> None:
         if not self._diagnostics.heard:

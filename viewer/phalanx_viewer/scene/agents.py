@@ -6,11 +6,11 @@ import numpy as np
 import viser
 
 from phalanx.arrays import Array
+from phalanx_viewer.scene.colours import DANGER, LIE
 from phalanx_viewer.scene.geometry import facing
 from phalanx_viewer.scene.meshes import ball, body, disc, ring
 from phalanx_viewer.scene.model import SceneModel
 from phalanx_viewer.scene.nodes import HIDDEN, add_batch, single, update
-from phalanx_viewer.scene.palette import DANGER, LIE
 from phalanx_viewer.scene.picture import Picture
 from phalanx_viewer.scene.server import in_loop
 

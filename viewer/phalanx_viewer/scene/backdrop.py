@@ -6,10 +6,10 @@ import numpy as np
 import viser
 
 from phalanx.arrays import Array
+from phalanx_viewer.scene.colours import OBSTACLE, WORST_PAIR, Palette
 from phalanx_viewer.scene.geometry import unit
 from phalanx_viewer.scene.meshes import ball, polygon, ribbon
 from phalanx_viewer.scene.model import SceneModel
-from phalanx_viewer.scene.palette import OBSTACLE, WORST_PAIR, Palette
 
 _RAIL = 4.0
 """Thickness of a fence [pixels]."""

@@ -5,9 +5,9 @@ import viser
 from numpy.typing import NDArray
 
 from phalanx.arrays import Array
+from phalanx_viewer.scene.colours import DANGER, LATE, WORST_PAIR, Colour, Palette
 from phalanx_viewer.scene.model import SceneModel
 from phalanx_viewer.scene.nodes import single, update
-from phalanx_viewer.scene.palette import DANGER, LATE, WORST_PAIR, Colour, Palette
 from phalanx_viewer.scene.picture import Picture
 
 _NOTHING = np.zeros((1, 2, 3))

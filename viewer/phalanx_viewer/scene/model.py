@@ -11,6 +11,7 @@ from phalanx.curves.values import SafetyValues
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx_viewer.scene.colours import COLOURS, Colour, Role
 from phalanx_viewer.scene.kinematics import Kinematics
 from phalanx_viewer.scene.surroundings import Surroundings
 
@@ -94,6 +95,10 @@ class SceneModel:
     def values(self) -> SafetyValues:
         """h of pairs, and ψ_1 ... ψ_{q-1}."""
         return SafetyValues(self.rows)
+
+    def first_colour(self, i: int) -> Colour:
+        """Agent i's colour by its role at the start."""
+        return COLOURS[Role.ADVERSARY if self.adversary[i] else Role.NORMAL]
 
     def ends(self, pair: int, positions: Array) -> tuple[Array, Array]:
         """Where a pair's two sides are [m], shapes (3,); positions has shape (N, 3)."""

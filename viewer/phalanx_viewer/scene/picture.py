@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from phalanx.arrays import Array
 from phalanx.guarantee.verdict import Violation
 from phalanx.wire.messages import Frame
+from phalanx_viewer.scene.colours import COLOURS, Role, role
 from phalanx_viewer.scene.geometry import unit
 from phalanx_viewer.scene.model import SceneModel
-from phalanx_viewer.scene.roles import COLOURS, Role, role
 
 Colours = NDArray[np.uint8]
 

@@ -10,15 +10,25 @@ from phalanx_viewer.scene.agents import AgentNodes, Click
 from phalanx_viewer.scene.backdrop import Backdrop
 from phalanx_viewer.scene.banner import OVER_THE_SCENE, Banner
 from phalanx_viewer.scene.cameras import Cameras, Framing
+from phalanx_viewer.scene.colours import (
+    COLOURS,
+    DANGER,
+    DARK,
+    LATE,
+    LIE,
+    LIGHT,
+    WORST_PAIR,
+    Colour,
+    Palette,
+    Role,
+)
 from phalanx_viewer.scene.labels import LabelNodes
 from phalanx_viewer.scene.lines import LineNodes
 from phalanx_viewer.scene.markup import Markup, Panel, element, markup
 from phalanx_viewer.scene.meshes import ring
 from phalanx_viewer.scene.model import SceneModel
 from phalanx_viewer.scene.nodes import single, update
-from phalanx_viewer.scene.palette import DANGER, DARK, LATE, LIE, LIGHT, WORST_PAIR, Colour, Palette
 from phalanx_viewer.scene.picture import Picture
-from phalanx_viewer.scene.roles import COLOURS, Role
 from phalanx_viewer.scene.server import in_loop
 from phalanx_viewer.scene.view import View
 

@@ -1,10 +1,33 @@
-"""How agents are coloured: by what they are, and by how their last input was made."""
+"""Colours: of agents by their role, of other marks, and of a light page and a dark one."""
 
 from enum import StrEnum
+from typing import NamedTuple
 
 from phalanx.faults.commands import Condition
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import AgentStatus
+
+Colour = tuple[int, int, int]
+
+DANGER: Colour = (225, 29, 46)
+WORST_PAIR: Colour = (22, 163, 74)
+LATE: Colour = (245, 158, 11)
+LIE: Colour = (6, 182, 212)
+OBSTACLE: Colour = (100, 116, 139)
+
+
+class Palette(NamedTuple):
+    """Colours that depend on the page's."""
+
+    background: Colour
+    ink: Colour
+    faint: Colour
+    cells: Colour
+    sections: Colour
+
+
+LIGHT = Palette((255, 255, 255), (15, 23, 42), (148, 163, 184), (236, 239, 243), (212, 218, 226))
+DARK = Palette((20, 21, 23), (226, 232, 240), (100, 116, 139), (38, 41, 46), (58, 63, 71))
 
 
 class Role(StrEnum):
@@ -17,7 +40,7 @@ class Role(StrEnum):
     SILENT = "silent or dead"
 
 
-COLOURS: dict[Role, tuple[int, int, int]] = {
+COLOURS: dict[Role, Colour] = {
     Role.NORMAL: (29, 78, 216),
     Role.ADVERSARY: (205, 20, 32),
     Role.BACKUP: (234, 115, 0),
