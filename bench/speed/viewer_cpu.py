@@ -24,8 +24,8 @@ import psutil
 from numpy.typing import NDArray
 from phalanx_viewer.feeds.live_history import LiveHistory
 from phalanx_viewer.page.page import Page
-from phalanx_viewer.page.server import choose_port
 from phalanx_viewer.scene.model import scene_model
+from phalanx_viewer.scene.server import choose_port
 
 from phalanx.guarantee.verdict import Summary, Violation
 from phalanx.scenario.agents import AgentGroup

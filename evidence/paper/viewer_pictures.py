@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from phalanx_viewer.feeds.replay import open_replay
-from phalanx_viewer.page.server import choose_port
+from phalanx_viewer.scene.server import choose_port
 from PIL import Image, ImageChops
 from playwright.sync_api import sync_playwright
 

@@ -12,7 +12,7 @@ from phalanx_viewer.feeds.feed import stop_request
 from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.feeds.replay import Replay, open_replay
 from phalanx_viewer.page.page import Page
-from phalanx_viewer.page.server import choose_port
+from phalanx_viewer.scene.server import choose_port
 
 log = logging.getLogger("phalanx.viewer")
 

@@ -25,7 +25,7 @@ from phalanx.launcher.programs import (
 )
 from phalanx.launcher.streams import printable
 from phalanx.wire.session import HubError
-from phalanx_viewer.page.server import choose_port
+from phalanx_viewer.scene.server import choose_port
 
 _ANNOUNCED = "viewer: "
 _LOG = "viewer.log"

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zenoh
-from phalanx_viewer.scene.geometry import facing
+from phalanx_viewer.scene.kinematics import facing
 from phalanx_viewer.scene.model import scene_model
 
 from phalanx.recording.read import read

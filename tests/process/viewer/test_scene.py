@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from phalanx_viewer.feeds.replay import Replay, open_replay
-from phalanx_viewer.page.server import open_page
 from phalanx_viewer.scene.cameras import Cameras, Framing
 from phalanx_viewer.scene.picture import Picture, picture
-from phalanx_viewer.scene.server import SceneServer, in_loop
+from phalanx_viewer.scene.server import SceneServer, in_loop, open_page
 from phalanx_viewer.scene.view import View
 from PIL import Image
 

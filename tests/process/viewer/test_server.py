@@ -4,8 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 import viser
-from phalanx_viewer.page.server import PortTakenError, choose_port, open_page
-from phalanx_viewer.scene.server import SceneServer
+from phalanx_viewer.scene.server import PortTakenError, SceneServer, choose_port, open_page
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol

@@ -1,8 +1,8 @@
 """Pairs that left the safe set stand out in the picture, and no others."""
 
 import numpy as np
-from phalanx_viewer.scene.banner import banner
 from phalanx_viewer.scene.model import SceneModel, scene_model
+from phalanx_viewer.scene.overlay import banner
 from phalanx_viewer.scene.picture import Picture, alarms, past_alarms, picture
 
 from phalanx.guarantee.verdict import Violation

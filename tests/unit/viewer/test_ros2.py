@@ -9,7 +9,7 @@ from phalanx_viewer.ros2 import messages
 from phalanx_viewer.ros2.diagnostics import alike, diagnostics, so_far, verdict
 from phalanx_viewer.ros2.messages import message_type, serialized, stamped
 from phalanx_viewer.ros2.republisher import pose_topics
-from phalanx_viewer.scene.geometry import facing
+from phalanx_viewer.scene.kinematics import facing
 from phalanx_viewer.scene.model import scene_model
 from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticArray as Diagnostics
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__PoseStamped as PoseStamped

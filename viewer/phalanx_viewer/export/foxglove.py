@@ -23,8 +23,7 @@ from google.protobuf.timestamp_pb2 import Timestamp
 
 from phalanx.arrays import Array
 from phalanx_viewer.scene.colours import DANGER
-from phalanx_viewer.scene.geometry import facing
-from phalanx_viewer.scene.kinematics import Poses
+from phalanx_viewer.scene.kinematics import Poses, facing
 from phalanx_viewer.scene.model import SceneModel
 from phalanx_viewer.scene.shapes import Kind, Shape, agent_shapes, surroundings
 

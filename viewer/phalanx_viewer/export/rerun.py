@@ -27,7 +27,7 @@ from phalanx.recording.records import Level, Step
 from phalanx.wire.step_report import QUANTITIES
 from phalanx_viewer.export.shown import log_lines, near_pairs
 from phalanx_viewer.scene.colours import DANGER
-from phalanx_viewer.scene.geometry import facing
+from phalanx_viewer.scene.kinematics import facing
 from phalanx_viewer.scene.model import SceneModel, scene_model
 from phalanx_viewer.scene.shapes import Kind, Shape, agent_shapes, surroundings
 

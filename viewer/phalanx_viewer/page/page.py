@@ -9,11 +9,10 @@ from phalanx_viewer.feeds.replay import Replay
 from phalanx_viewer.page.channel import Action, Channel
 from phalanx_viewer.page.commands import Commands
 from phalanx_viewer.page.panels import Panels
-from phalanx_viewer.page.server import open_page
 from phalanx_viewer.plots.plots import content, values_at
-from phalanx_viewer.scene.display import add_display
 from phalanx_viewer.scene.picture import picture
-from phalanx_viewer.scene.scene import Scene
+from phalanx_viewer.scene.scene import Scene, add_display
+from phalanx_viewer.scene.server import open_page
 
 _TEXT_PERIOD = 0.2
 """Wall time between two updates of texts [s]: they cost more than the scene."""

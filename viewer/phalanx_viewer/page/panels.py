@@ -10,8 +10,8 @@ from phalanx.guarantee.verdict import Assumption, Summary
 from phalanx.theory.rows.origin import words_of
 from phalanx.wire.messages import AgentStatus, Frame, LogLine
 from phalanx_viewer.feeds.feed import Feed
-from phalanx_viewer.scene.markup import Markup, Panel, element, markup
 from phalanx_viewer.scene.model import SceneModel
+from phalanx_viewer.scene.overlay import Markup, Panel, element, markup
 from phalanx_viewer.scene.server import in_loop
 
 _STYLE = Markup("""<style>

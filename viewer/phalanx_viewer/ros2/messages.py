@@ -27,8 +27,7 @@ from phalanx.arrays import Array
 from phalanx.wire.messages import AgentStatus
 from phalanx_viewer.ros2.rmw_zenoh import MessageType
 from phalanx_viewer.scene.colours import COLOURS, DANGER, role
-from phalanx_viewer.scene.geometry import facing
-from phalanx_viewer.scene.kinematics import Poses
+from phalanx_viewer.scene.kinematics import Poses, facing
 from phalanx_viewer.scene.model import SceneModel
 from phalanx_viewer.scene.shapes import Kind, Shape, agent_shapes, surroundings
 

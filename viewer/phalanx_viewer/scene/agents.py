@@ -1,4 +1,4 @@
-"""The agents in the scene: bodies, safety radii, halos and shadows."""
+"""The agents in the scene: bodies, safety radii, halos, shadows, inputs and the chosen one."""
 
 from collections.abc import Callable
 
@@ -6,11 +6,19 @@ import numpy as np
 import viser
 
 from phalanx.arrays import Array
-from phalanx_viewer.scene.colours import DANGER, LIE
-from phalanx_viewer.scene.geometry import facing
-from phalanx_viewer.scene.meshes import ball, body, disc, ring
+from phalanx_viewer.scene.colours import DANGER, LIE, Palette
+from phalanx_viewer.scene.kinematics import facing
 from phalanx_viewer.scene.model import SceneModel
-from phalanx_viewer.scene.nodes import HIDDEN, add_batch, single, update
+from phalanx_viewer.scene.nodes import (
+    HIDDEN,
+    add_batch,
+    ball,
+    body,
+    disc,
+    ring,
+    single,
+    update,
+)
 from phalanx_viewer.scene.picture import Picture
 from phalanx_viewer.scene.server import in_loop
 
@@ -20,6 +28,10 @@ _FILL, _ALARM = 0.16, 0.5
 """Opacities of the discs of agents that are safe, and of those that are not."""
 _BADGE = 0.4
 """Radius of a liar's ring, in bodies."""
+_LONGEST, _HEAD = 3.5, 0.4
+"""Lengths of the longest arrow and of an arrow's head, in bodies."""
+_AROUND = 1.12
+"""Radius of the ring, in bodies: a little less than a disc's, so that it crosses no other's."""
 _RED = np.array(DANGER, dtype=np.uint8)
 
 
@@ -82,3 +94,67 @@ class AgentNodes:
     def on_click(self, clicked: Callable[[Click], None]) -> None:
         """Call `clicked` when a body is clicked."""
         self._bodies.on_click(in_loop(clicked))
+
+
+class ArrowNodes:
+    """One node for all applied inputs, and one for all nominal ones."""
+
+    def __init__(self, scene: viser.SceneApi, palette: Palette) -> None:
+        nothing = np.zeros((0, 2, 3))
+        self._applied = scene.add_arrows("/arrows/applied", nothing, palette.ink)
+        self._u_nom = scene.add_arrows("/arrows/nominal", nothing, palette.faint)
+
+    def show(self, picture: Picture, size: float) -> None:
+        """Point them; size of a body [m]."""
+        # Nominal inputs may be many times as large as any that can be applied: they are cut.
+        longest = float(np.linalg.norm(picture.applied, axis=1).max())
+        scale = _LONGEST * size / max(1.0, longest)
+        # The applied input lies above the nominal one, which is often the same.
+        for arrows, vectors, height in (
+            (self._applied, scale * picture.applied, 0.9 * size),
+            (self._u_nom, scale * picture.u_nom, 0.5 * size),
+        ):
+            lengths = np.linalg.norm(vectors, axis=1)
+            seen = lengths > _HEAD * size
+            cut = np.minimum(1.0, _LONGEST * size / lengths[seen])
+            tails = picture.positions[seen] + [0.0, 0.0, height]
+            heads = tails + cut[:, None] * vectors[seen]
+            arrows.points = single(np.stack([tails, heads], axis=1))
+            update(arrows, shaft_radius=0.08 * size, head_radius=0.2 * size)
+            update(arrows, head_length=_HEAD * size)
+
+    def set_palette(self, palette: Palette) -> None:
+        """Wear the colours of a page."""
+        self._applied.colors = np.array(palette.ink, dtype=np.uint8)
+        self._u_nom.colors = np.array(palette.faint, dtype=np.uint8)
+
+    def set_visible(self, visible: bool) -> None:
+        """Show them, or hide them."""
+        self._applied.visible = self._u_nom.visible = visible
+
+
+class SelectionNodes:
+    """What marks one agent."""
+
+    def __init__(self, scene: viser.SceneApi, palette: Palette) -> None:
+        self._ring = scene.add_mesh_simple(
+            "/selected", *ring(0.93), color=palette.ink, visible=False, cast_shadow=False
+        )
+
+    def show(self, positions: Array, selected: int | None, sizes: Array) -> None:
+        """Mark an agent, or none; positions (N, 3) and sizes of the bodies (N,) in metres."""
+        self._ring.visible = selected is not None
+        if selected is not None:
+            self._ring.position = tuple(positions[selected])
+            update(self._ring, scale=_AROUND * float(sizes[selected]))
+
+    def set_palette(self, palette: Palette) -> None:
+        """Wear the colours of a page."""
+        self._ring.color = palette.ink
+
+
+def nearest_to_ray(positions: Array, origin: Array, direction: Array) -> int:
+    """The index of the position, shape (N, 3), nearest to a ray of unit direction."""
+    offsets = positions - origin
+    along = offsets @ direction
+    return int(np.linalg.norm(offsets - along[:, None] * direction, axis=1).argmin())

@@ -7,9 +7,9 @@ import viser
 
 from phalanx.arrays import Array
 from phalanx_viewer.scene.colours import OBSTACLE, WORST_PAIR, Palette
-from phalanx_viewer.scene.geometry import unit
-from phalanx_viewer.scene.meshes import ball, polygon, ribbon
+from phalanx_viewer.scene.kinematics import unit
 from phalanx_viewer.scene.model import SceneModel
+from phalanx_viewer.scene.nodes import ball, polygon, ribbon
 
 _RAIL = 4.0
 """Thickness of a fence [pixels]."""

@@ -1,4 +1,4 @@
-"""How a stacked state becomes poses, and how inputs become arrows."""
+"""Poses of a stacked state, what inputs do to them, and directions and rotations in space."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +11,6 @@ from phalanx.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.safety.composition import ComposedSet, stacked_slices
-from phalanx_viewer.scene.geometry import unit
 
 _HEADING_STATES = ("theta", "psi", "yaw", "heading")
 
@@ -98,3 +97,27 @@ def _effect(dynamics: Dynamics, x: ca.SX, u: ca.SX) -> ca.SX:
         if ca.depends_on(y, u):
             return _lift(y)
     return ca.SX.zeros(3)
+
+
+def lift(p: Array) -> Array:
+    """A point of the plane or of space as one of space, shape (3,)."""
+    return np.pad(p, (0, 3 - len(p)))
+
+
+def unit(vectors: Array) -> Array:
+    """Vectors, shape (..., 3), at length one; zero stays zero."""
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    units: Array = np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 1e-9)
+    return units
+
+
+def facing(headings: Array) -> Array:
+    """Quaternions, shape (N, 4), that turn +x to unit headings, shape (N, 3); zero: no turn."""
+    x, y, z = headings.T
+    # Half-way between no turn and twice the turn; for a heading of -x that is the zero quaternion,
+    # and any half turn will do: about z.
+    half = np.stack([1.0 + x, np.zeros_like(x), -z, y], axis=1)
+    behind = x < -1.0 + 1e-9
+    half[behind] = [0.0, 0.0, 0.0, 1.0]
+    quaternions: Array = half / np.linalg.norm(half, axis=1, keepdims=True)
+    return quaternions

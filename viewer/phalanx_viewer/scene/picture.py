@@ -10,7 +10,7 @@ from phalanx.arrays import Array
 from phalanx.guarantee.verdict import Violation
 from phalanx.wire.messages import Frame
 from phalanx_viewer.scene.colours import COLOURS, Role, role
-from phalanx_viewer.scene.geometry import unit
+from phalanx_viewer.scene.kinematics import unit
 from phalanx_viewer.scene.model import SceneModel
 
 Colours = NDArray[np.uint8]

@@ -1,53 +1,32 @@
 """The 3-D scene: draws one picture after another."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import viser
 
 from phalanx.arrays import Array
-from phalanx_viewer.scene.agents import AgentNodes, Click
-from phalanx_viewer.scene.backdrop import Backdrop
-from phalanx_viewer.scene.banner import OVER_THE_SCENE, Banner
-from phalanx_viewer.scene.cameras import Cameras, Framing
-from phalanx_viewer.scene.colours import (
-    COLOURS,
-    DANGER,
-    DARK,
-    LATE,
-    LIE,
-    LIGHT,
-    WORST_PAIR,
-    Colour,
-    Palette,
-    Role,
+from phalanx_viewer.scene.agents import (
+    AgentNodes,
+    ArrowNodes,
+    Click,
+    SelectionNodes,
+    nearest_to_ray,
 )
+from phalanx_viewer.scene.backdrop import Backdrop
+from phalanx_viewer.scene.cameras import Cameras, Framing
+from phalanx_viewer.scene.colours import DARK, LIGHT
 from phalanx_viewer.scene.labels import LabelNodes
 from phalanx_viewer.scene.lines import LineNodes
-from phalanx_viewer.scene.markup import Markup, Panel, element, markup
-from phalanx_viewer.scene.meshes import ring
 from phalanx_viewer.scene.model import SceneModel
-from phalanx_viewer.scene.nodes import single, update
+from phalanx_viewer.scene.overlay import Panel, banner, legend, markup
 from phalanx_viewer.scene.picture import Picture
 from phalanx_viewer.scene.server import in_loop
 from phalanx_viewer.scene.view import View
 
 _READABLE, _READABLE_IN_A_CROWD = 0.027, 0.01
 """Smallest size of a body, in the shorter side of the picture."""
-_LONGEST, _HEAD = 3.5, 0.4
-"""Lengths of the longest arrow and of an arrow's head, in bodies."""
-_AROUND = 1.12
-"""Radius of the ring, in bodies: a little less than a disc's, so that it crosses no other's."""
-_LEGEND_STYLE = Markup("""<style>
-.phalanx-legend { bottom: calc(var(--phx-timeline, 0px) + 10px); padding: 3px 12px;
-  background: color-mix(in srgb, var(--mantine-color-body) 85%, transparent);
-  color: var(--mantine-color-text); font-size: 12px; }
-.phalanx-legend summary { cursor: pointer; font-weight: 600; }
-.phalanx-legend div { display: flex; flex-wrap: wrap; gap: 0 1em; }
-.phalanx-legend span { white-space: nowrap; }
-@media (max-width: 1000px) { .phalanx-legend { font-size: 11px; line-height: 1.35; } }
-@media (max-width: 576px) { .phalanx-legend { display: none; } }
-</style>""")
 
 
 class Scene:
@@ -69,7 +48,7 @@ class Scene:
         self.arrows = ArrowNodes(server.scene, LIGHT)
         self.lines = LineNodes(server.scene, model, LIGHT)
         self.labels = LabelNodes(server.scene, model)
-        self.banner = Banner(server.gui)
+        self.banner = Panel(server.gui, markup(), order=-1.0)
         Panel(server.gui, legend(), order=99.0)
         self.selection = SelectionNodes(server.scene, LIGHT)
         self.cameras = Cameras(server, _direction(model.flat), 3.0 * model.body)
@@ -104,7 +83,7 @@ class Scene:
             self.arrows.show(picture, float(np.median(sizes)))
             self.lines.show(picture, selected)
             self.labels.show(picture, selected, sizes, view)
-            self.banner.show(picture)
+            self.banner.show(banner(picture.alarms, picture.past_alarms))
             self.selection.show(positions, selected, sizes)
         self._positions = positions
 
@@ -141,89 +120,32 @@ def _direction(flat: bool) -> View:
     return View(np.array(slant), np.zeros(3), np.array(up), fov, aspect=1.0)
 
 
-class ArrowNodes:
-    """One node for all applied inputs, and one for all nominal ones."""
+def add_display(gui: viser.GuiApi, scene: Scene) -> None:
+    """Add the folder to the panel that is open."""
+    framings = tuple(framing.value for framing in Framing)
+    with gui.add_folder("Display", order=80):
+        framing = gui.add_dropdown("Keep in sight", framings, initial_value=scene.cameras.framing)
+        fit = gui.add_button("Fit the view")
+        arrows = gui.add_checkbox("Inputs", True)
+        paths = gui.add_checkbox("Recent paths", True)
+        links = gui.add_checkbox("Late and lost links", False)
+        dark = gui.add_checkbox("Dark", False)
 
-    def __init__(self, scene: viser.SceneApi, palette: Palette) -> None:
-        nothing = np.zeros((0, 2, 3))
-        self._applied = scene.add_arrows("/arrows/applied", nothing, palette.ink)
-        self._u_nom = scene.add_arrows("/arrows/nominal", nothing, palette.faint)
+    def keep(event: viser.GuiEvent[Any]) -> None:
+        if event.client is not None:  # viser also calls back when the scene sets the value
+            scene.cameras.keep(Framing(framing.value))
+            scene.stale = True
 
-    def show(self, picture: Picture, size: float) -> None:
-        """Point them; size of a body [m]."""
-        # Nominal inputs may be many times as large as any that can be applied: they are cut.
-        longest = float(np.linalg.norm(picture.applied, axis=1).max())
-        scale = _LONGEST * size / max(1.0, longest)
-        # The applied input lies above the nominal one, which is often the same.
-        for arrows, vectors, height in (
-            (self._applied, scale * picture.applied, 0.9 * size),
-            (self._u_nom, scale * picture.u_nom, 0.5 * size),
-        ):
-            lengths = np.linalg.norm(vectors, axis=1)
-            seen = lengths > _HEAD * size
-            cut = np.minimum(1.0, _LONGEST * size / lengths[seen])
-            tails = picture.positions[seen] + [0.0, 0.0, height]
-            heads = tails + cut[:, None] * vectors[seen]
-            arrows.points = single(np.stack([tails, heads], axis=1))
-            update(arrows, shaft_radius=0.08 * size, head_radius=0.2 * size)
-            update(arrows, head_length=_HEAD * size)
-
-    def set_palette(self, palette: Palette) -> None:
-        """Wear the colours of a page."""
-        self._applied.colors = np.array(palette.ink, dtype=np.uint8)
-        self._u_nom.colors = np.array(palette.faint, dtype=np.uint8)
-
-    def set_visible(self, visible: bool) -> None:
-        """Show them, or hide them."""
-        self._applied.visible = self._u_nom.visible = visible
-
-
-class SelectionNodes:
-    """What marks one agent."""
-
-    def __init__(self, scene: viser.SceneApi, palette: Palette) -> None:
-        self._ring = scene.add_mesh_simple(
-            "/selected", *ring(0.93), color=palette.ink, visible=False, cast_shadow=False
+    def wear(_: object) -> None:
+        gui.configure_theme(
+            dark_mode=dark.value, show_logo=False, show_share_button=False, control_width="medium"
         )
+        scene.set_dark(dark.value)
 
-    def show(self, positions: Array, selected: int | None, sizes: Array) -> None:
-        """Mark an agent, or none; positions (N, 3) and sizes of the bodies (N,) in metres."""
-        self._ring.visible = selected is not None
-        if selected is not None:
-            self._ring.position = tuple(positions[selected])
-            update(self._ring, scale=_AROUND * float(sizes[selected]))
-
-    def set_palette(self, palette: Palette) -> None:
-        """Wear the colours of a page."""
-        self._ring.color = palette.ink
-
-
-def nearest_to_ray(positions: Array, origin: Array, direction: Array) -> int:
-    """The index of the position, shape (N, 3), nearest to a ray of unit direction."""
-    offsets = positions - origin
-    along = offsets @ direction
-    return int(np.linalg.norm(offsets - along[:, None] * direction, axis=1).argmin())
-
-
-def legend() -> Markup:
-    """Marks of the scene and their meanings, in an element that folds."""
-    marks = [_mark("▲", COLOURS[role], role) for role in Role]
-    marks += [
-        _mark("◉", DANGER, "unsafe: h above 0"),
-        _mark("◎", LIE, "sent a false broadcast"),
-        _mark("◯", (100, 116, 139), "circles touch where h = 0"),
-        element("span", element("b", "◯"), " chosen agent"),
-        _mark("—", WORST_PAIR, "worst pair"),
-        _mark("—", LATE, "late link"),
-        _mark("—", DANGER, "lost link"),
-        element("span", element("b", "→"), " applied input"),
-        _mark("→", (148, 163, 184), "nominal input"),
-    ]
-    summary = element("summary", "Legend")
-    kind = "phalanx-over phalanx-legend"
-    folding = element("details", summary, element("div", *marks), kind=kind, open="")
-    return markup(OVER_THE_SCENE, _LEGEND_STYLE, folding)
-
-
-def _mark(sign: str, colour: Colour, text: str) -> Markup:
-    return element("span", element("b", sign, style=f"color:rgb{colour}"), f" {text}")
+    scene.cameras.on_keep = lambda kept: setattr(framing, "value", kept.value)
+    framing.on_update(in_loop(keep))
+    fit.on_click(in_loop(keep))
+    dark.on_update(in_loop(wear))
+    arrows.on_update(in_loop(lambda _: scene.arrows.set_visible(arrows.value)))
+    paths.on_update(in_loop(lambda _: scene.lines.set_paths_visible(paths.value)))
+    links.on_update(in_loop(lambda _: scene.lines.set_links_visible(links.value)))
