@@ -1,13 +1,15 @@
 """Figures of distances: of all pairs over time, beside what is required."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from phalanx.arrays import Array
 from phalanx.curves.history import RecordedHistory
 from phalanx.curves.thinning import Series, envelope
-from phalanx.report.measures import nearest
 from phalanx.report.style import (
     DASHES,
     FEW,
@@ -29,6 +31,35 @@ from phalanx.swarm.swarm import Swarm
 from phalanx.theory.safety.composition import Pair
 
 _MOST_PAIRS = 60
+
+
+class Nearest(NamedTuple):
+    """How near others came to agents."""
+
+    distances: Array
+    """From each agent to whatever was nearest at each state [m], shape (s, n)."""
+    closest: list[tuple[Pair, float]]
+    """The pairs that came closest over the run, and how close [m], the closest first."""
+
+
+def nearest(
+    history: RecordedHistory, pairs: Sequence[Pair], agents: Sequence[int], most: int
+) -> Nearest:
+    """What of these pairs came nearest to these agents, and the `most` closest pairs.
+
+    A pair's distances are made, used and dropped: those of all pairs would be too many to keep.
+    """
+    least = np.empty(len(pairs))
+    shortest = {l: np.full(len(history.times), np.inf) for l in agents}
+    for place, pair in enumerate(pairs):
+        distance = history.distance(pair)
+        least[place] = distance.min()
+        for l in (pair.a, pair.b):
+            if l in shortest:
+                np.minimum(shortest[l], distance, out=shortest[l])
+    order = np.argsort(least, kind="stable")[:most]
+    closest = [(pairs[k], float(least[k])) for k in order]
+    return Nearest(np.array(list(shortest.values())).T, closest)
 
 
 def required_distance(scenario: Scenario) -> float | None:

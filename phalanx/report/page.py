@@ -19,8 +19,8 @@ from phalanx.report.html import (
     table,
 )
 from phalanx.report.links import LinkStatistics
-from phalanx.report.measures import origins, worst
-from phalanx.theory.rows.origin import EMPTY, words_of
+from phalanx.report.safety import worst
+from phalanx.theory.rows.origin import EMPTY, Origin, words_of
 
 _NO_VERSION = ("run", "seed", "scenario_digest")
 """What a recording says of itself beside versions."""
@@ -110,6 +110,15 @@ def key_figures(recording: Recording) -> list[tuple[str, str]]:
             ("Trajectory, SHA-256", summary.trajectory),
         ]
     return [*rows, ("Recording", size_in_words(recording))]
+
+
+def origins(recording: Recording) -> dict[str, int]:
+    """Recorded steps of normal agents, by how their input was made."""
+    counts = {str(origin): 0 for origin in Origin if origin is not Origin.ATTACK}
+    for step in recording.steps:
+        if step.origin in counts:
+            counts[step.origin] += 1
+    return counts
 
 
 def _judgement(summary: Summary | None) -> list[str]:

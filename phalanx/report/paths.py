@@ -1,15 +1,16 @@
 """Figures of where agents were: their paths, seen from above and from the side."""
 
+from typing import NamedTuple
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from phalanx.arrays import Array
+from phalanx.arrays import Array, Index
 from phalanx.curves.history import RecordedHistory
 from phalanx.report.distances import required_distance
-from phalanx.report.measures import WorstPairs
 from phalanx.report.style import MUTED, PEAK, WORST, colours, legend, style_axes
 from phalanx.scenario.model import Scenario
 from phalanx.theory.safety.composition import static_label
@@ -21,6 +22,24 @@ _CROWD_POINTS = 400
 _CROWD = {"normal": "#8fb3e6", "adversary": "#e8938f"}
 """A colour for each role where agents are too many for one each."""
 _WIDTH, _MARGIN = 9.0, 1.3
+
+
+class WorstPairs(NamedTuple):
+    """The pair with the largest h at each state."""
+
+    h: Array
+    """Its h, shape (s,)."""
+    pairs: Index
+    """Its sides as SwarmPairs has them, shape (s, 2)."""
+
+
+def worst_pairs(history: RecordedHistory) -> WorstPairs:
+    """Which pair was worst at each state; needs a state."""
+    pairs = history.swarm.pairs
+    chosen = pairs.choose(pairs.among(range(len(history.swarm.members))))
+    found = [(h.max(), h.argmax()) for h in map(chosen.h, history.x)]
+    h, which = zip(*found, strict=True)
+    return WorstPairs(np.array(h), chosen.pairs[list(which)])
 
 
 def paths(history: RecordedHistory, worst: WorstPairs | None = None) -> Figure:

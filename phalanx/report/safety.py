@@ -1,17 +1,37 @@
 """Figures of safety over time: h_tot, and ψ_k where q > 1."""
 
+from typing import NamedTuple
+
 import numpy as np
 from matplotlib.figure import Figure
 
 from phalanx.arrays import Array
 from phalanx.curves.history import RecordedHistory
 from phalanx.curves.thinning import kept
-from phalanx.report.measures import worst
+from phalanx.recording.read import Recording
 from phalanx.report.style import LIMIT, NORMAL, PEAK, legend, panels, summarises
 from phalanx.swarm.swarm import unit_of_psi
 
 _PSI_POINTS, _CROWD_PSI_POINTS = 600, 100
 """Most states at which ψ_k is evaluated; of many agents it takes longer."""
+
+
+class Worst(NamedTuple):
+    """The largest h_tot of a run."""
+
+    h_tot: float
+    t: float
+    """[s]"""
+
+
+def worst(recording: Recording) -> Worst | None:
+    """The largest h_tot and when; None if there is no state. Without a summary, to an event."""
+    if not recording.states:
+        return None
+    if recording.summary:
+        return Worst(recording.summary.worst_h_tot, recording.summary.worst_at)
+    state = max(recording.states, key=lambda s: s.h_tot)
+    return Worst(state.h_tot, state.t)
 
 
 def safety(history: RecordedHistory, largest: Array | None = None) -> Figure:

@@ -14,9 +14,8 @@ from phalanx.report.distances import distances, required_distance
 from phalanx.report.lanes import space_time
 from phalanx.report.links import LinkStatistics, link_statistics, losses
 from phalanx.report.margins import margins
-from phalanx.report.measures import worst_pairs
 from phalanx.report.page import page
-from phalanx.report.paths import paths
+from phalanx.report.paths import paths, worst_pairs
 from phalanx.report.style import FEW, MOST_NAMED, ReportFigure, summarises
 from phalanx.theory.rows.information import Information
 

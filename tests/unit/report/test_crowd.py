@@ -11,10 +11,9 @@ from matplotlib.axes import Axes
 from phalanx.curves.history import RecordedHistory, recorded_history
 from phalanx.recording.read import Recording, read, size_in_words
 from phalanx.report import steps
-from phalanx.report.distances import distances
+from phalanx.report.distances import distances, nearest
 from phalanx.report.links import link_statistics, losses
-from phalanx.report.measures import nearest, worst_pairs
-from phalanx.report.paths import paths
+from phalanx.report.paths import paths, worst_pairs
 from phalanx.report.write import notes, write_report
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space
 

@@ -12,7 +12,7 @@ from phalanx.curves.values import SafetyValues
 from phalanx.recording.read import Recording
 from phalanx.recording.records import State, Step
 from phalanx.report import safety, steps
-from phalanx.report.measures import origins
+from phalanx.report.page import origins
 from phalanx.scenario.load import load
 from tests.unit.report.recordings import drift
 from tests.unit.swarms import rows_of_scenario

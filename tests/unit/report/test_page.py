@@ -10,7 +10,7 @@ import msgspec
 
 from phalanx.recording.read import read
 from phalanx.recording.records import RECORDING, Step
-from phalanx.report.measures import worst
+from phalanx.report.safety import worst
 from phalanx.report.write import write_report
 from phalanx.scenario.load import digest, load
 from phalanx.theory.expressions.exact import LARGEST_SUM
