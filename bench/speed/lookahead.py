@@ -10,21 +10,23 @@ import argparse
 import multiprocessing
 import statistics
 import time
+from collections.abc import Sequence
 from multiprocessing.queues import SimpleQueue as Answers
 
 from phalanx_agent import main as agent
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.lockstep import Lockstep
 from phalanx_plant.clock.lookahead import look_ahead
-from phalanx_plant.events.events import Event, InputApplied, StateReached
-from phalanx_plant.hub.agents import LockstepHub
-from phalanx_plant.sampling.harness import Harness
-from phalanx_plant.sampling.schedule import Schedule
-from phalanx_plant.scribe.trajectory import TrajectoryHash
+from phalanx_plant.hub.hub import LockstepHub
+from phalanx_plant.judge.backlog import Backlog
+from phalanx_plant.judge.judge import Judged
+from phalanx_plant.observers.recorder import TrajectoryHash
+from phalanx_plant.sampling.sampling import Sampling
+from phalanx_plant.world.events import Event, InputApplied, StateReached
 from phalanx_plant.world.world import World
 
 import phalanx
-from phalanx.faults.commands import NO_COMMANDS, FaultState
+from phalanx.faults.commands import NO_COMMANDS
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire.keys import PLANT
@@ -49,19 +51,18 @@ class Keeper:
         self.trajectory, self.steps = TrajectoryHash(), 0
         self.began = time.perf_counter()
 
-    def expect(self, event: Event) -> None:
+    def prepare(self, events: Sequence[Event]) -> None:
         """Nothing is worked out ahead."""
 
-    def witness(self, event: Event) -> None:
+    def take(self, event: Event) -> Judged:
         """Take the next event."""
+        judged = Judged(event)
         if isinstance(event, StateReached | InputApplied):
-            self.trajectory.add(event)
+            self.trajectory.add(judged)
             self.steps += isinstance(event, InputApplied)
             if event.t == 0.0:  # the first samples build what is built at first use
                 self.began = time.perf_counter()
-
-    def idle(self) -> None:
-        """Nobody is shown anything."""
+        return judged
 
 
 def main() -> None:
@@ -117,14 +118,13 @@ def measured(rows: SafetyRows) -> tuple[float, str]:
 def plant(rows: SafetyRows, membership: Membership, answers: "Answers[tuple[float, str]]") -> None:
     """World, schedule and hub; the time counts from when everybody has answered once."""
     swarm, keeper = rows.swarm, Keeper()
-    clocks = [swarm.clock(i) for i in range(len(swarm.members))]
     with LockstepHub(swarm, membership, lambda: None) as hub:
-        schedule, faults = Schedule(clocks, 0.0, Harness(swarm)), FaultState(swarm.names)
         world, commands = World(rows), CommandQueue(NO_COMMANDS, swarm.names)
-        lockstep = Lockstep(rows, world, schedule, hub, keeper, faults, commands, look_ahead)
+        happened = Backlog(keeper, ())
+        lockstep = Lockstep(world, Sampling(swarm), hub, happened, commands, look_ahead)
         hub.wait_for_agents(lambda _: None)
         lockstep.run(swarm.scenario.duration)
-        seconds = (time.perf_counter() - keeper.began) / (keeper.steps - len(clocks))
+        seconds = (time.perf_counter() - keeper.began) / (keeper.steps - len(swarm.members))
         answers.put((seconds, keeper.trajectory.hexadecimal))
 
 

@@ -13,7 +13,7 @@ import signal
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
@@ -35,6 +35,7 @@ from phalanx.scenario.safety import Composition, Margin
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.rows.information import Information
+from phalanx.wire.messages import Telemetry
 
 MODELS: dict[int, list[str]] = {
     1: ["single-integrator", "unicycle"],
@@ -251,8 +252,8 @@ class WatchingJudge(Judge):
 
     latest: "WatchingJudge"
 
-    def __init__(self, rows: SafetyRows) -> None:
-        super().__init__(rows)
+    def __init__(self, rows: SafetyRows, telemetry: Callable[[int, int], Telemetry]) -> None:
+        super().__init__(rows, telemetry)
         self.compared = 0
         """Pairs that were looked at while certified, step by step."""
         self.wrong: list[tuple[float, str, float]] = []

@@ -7,12 +7,14 @@ processes engine, so a trajectory is the same to the last bit.
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 from phalanx_agent.step import StepFailedError, control_steps
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.lockstep import Lockstep
-from phalanx_plant.events.stop import SwarmBrokenError
 from phalanx_plant.run import PlantRun
+from phalanx_plant.world.events import SwarmBrokenError
 
+from phalanx.arrays import Array
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher import interrupt
 from phalanx.launcher.engine import Progress, RunOptions
@@ -23,7 +25,7 @@ from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import compile_rows, require_runnable
 from phalanx.swarm.swarm import build_swarm
-from phalanx.wire.messages import Actuation, Sample, Status, Telemetry
+from phalanx.wire.messages import Sample, Status, Telemetry
 from phalanx.wire.seal import Malformed
 
 
@@ -63,7 +65,7 @@ class DirectAgents:
         self._rows = rows
         steps = [s for name in rows.swarm.programs for s in control_steps(rows, name)]
         self._steps = {step.i: step for step in steps}
-        self._actuations: dict[int, Actuation] = {}
+        self._inputs: dict[int, Array] = {}
         self._telemetry: dict[tuple[int, int], Telemetry] = {}
         self._progress = progress
 
@@ -75,20 +77,18 @@ class DirectAgents:
                 answer = step(step.accept_sample(sample))
         except (StepFailedError, Malformed) as error:
             raise SwarmBrokenError(str(error)) from error
-        self._actuations[i] = answer.actuation
+        self._inputs[i] = np.array(answer.actuation.u)
         self._telemetry[i, sample.k] = answer.telemetry
         for hearer, broadcast in answer.broadcasts.items():
             self._steps[hearer].accept_broadcast(name, broadcast)
 
-    def await_actuation(self, i: int) -> Actuation:
-        """What agent i's actuator gets for its last sample."""
-        actuation = self.take_actuation(i)
-        assert actuation is not None, "whoever was handed a sample has answered it"
-        return actuation
+    def await_input(self, i: int) -> Array:
+        """The input that agent i's actuator gets for its last sample, shape (m_i,)."""
+        return self._inputs.pop(i)
 
-    def take_actuation(self, i: int) -> Actuation | None:
+    def take_input(self, i: int) -> Array | None:
         """The same, if it was not taken yet."""
-        return self._actuations.pop(i, None)
+        return self._inputs.pop(i, None)
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:
         """How agent i made its input for sample k."""

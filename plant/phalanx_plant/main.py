@@ -3,6 +3,10 @@
 import contextlib
 import gc
 import logging
+import multiprocessing
+import multiprocessing.connection
+import signal
+import threading
 from dataclasses import replace
 from functools import partial
 from multiprocessing.connection import Connection
@@ -21,20 +25,49 @@ from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Ended, Status
 from phalanx.wire.session import HubError
-from phalanx_plant.clock.clock import ClockFactory
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.lockstep import Lockstep
 from phalanx_plant.clock.lookahead import look_ahead
 from phalanx_plant.clock.real_time import RealTime
-from phalanx_plant.events.stop import StopRequest
-from phalanx_plant.hub.agents import LockstepHub, RealTimeHub
-from phalanx_plant.hub.hub import Hub
-from phalanx_plant.run import PlantRun
+from phalanx_plant.hub.hub import Hub, LockstepHub, RealTimeHub
+from phalanx_plant.run import ClockFactory, PlantRun
+from phalanx_plant.world.events import AbandonedError, StoppedError
 
 log = logging.getLogger("phalanx.plant")
 
 _GLANCE = 0.2
 """How often a wait looks up to see whether the run was stopped [s]."""
+
+
+class StopRequest:
+    """Takes signals, and watches the launcher if there is one.
+
+    SIGINT and SIGTERM stop the run. SIGUSR1 is the launcher's word that an agent failed, which the
+    plant could not see by itself before the agent joined.
+    """
+
+    def __init__(self) -> None:
+        self._reason: Exception | None = None
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: self._set(StoppedError("stopped by the user")))
+        failed = AbandonedError("an agent failed")
+        signal.signal(signal.SIGUSR1, lambda *_: self._set(failed))
+        # Held back by the launcher until now, when they can be answered.
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})
+        if parent := multiprocessing.parent_process():
+            threading.Thread(target=self._watch, args=(parent.sentinel,), daemon=True).start()
+
+    def check(self) -> None:
+        """Raise StoppedError or AbandonedError if the run should stop."""
+        if self._reason is not None:
+            raise self._reason
+
+    def _watch(self, sentinel: int) -> None:
+        multiprocessing.connection.wait([sentinel])
+        self._set(AbandonedError("the launcher died"))
+
+    def _set(self, reason: Exception) -> None:
+        self._reason = self._reason or reason
 
 
 def run(
@@ -92,7 +125,7 @@ def run(
             hub.session.listen_for_commands(commands.on_command)
         viewers = hub.session.open_view(commandable=bool(policy.secret))
         if stopwatch:
-            hub.time(stopwatch)  # the scribe keeps some of the hub's calls
+            hub.time(stopwatch)  # the judge keeps one of the hub's calls
         plant = PlantRun(rows, hub, recording, commands, clock, viewers)
         if stopwatch:
             plant.time(stopwatch)

@@ -1,29 +1,24 @@
-"""One run of the plant, whoever its agents are: world, clock, judge and scribe put together."""
+"""One run of the plant, of any agents: world, clock, judge and observers put together."""
 
 import logging
 import time
-from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Protocol, TypeVar
 
-from phalanx.faults.clock import AgentClock
-from phalanx.faults.commands import FaultState
-from phalanx.guarantee.verdict import FaultCount, Outcome, Summary, judge
+from phalanx.guarantee.verdict import FaultCount, Outcome, Punctuality, Summary, judge
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.write import RecordingError, RecordingWriter
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.watchdog import endless_loops
 from phalanx.theory.expressions.asked import MistakenMethodError
 from phalanx.wire.messages import Status, Telemetry
-from phalanx_plant.clock.clock import ClockFactory
 from phalanx_plant.clock.commands import CommandQueue, declared
-from phalanx_plant.events.stop import AbandonedError, StoppedError, SwarmBrokenError
+from phalanx_plant.judge.backlog import Backlog
 from phalanx_plant.judge.judge import Judge
-from phalanx_plant.sampling.harness import Harness
-from phalanx_plant.sampling.schedule import Schedule
-from phalanx_plant.scribe.frames import FrameAudience, FramePublisher
-from phalanx_plant.scribe.scribe import RunScribe
-from phalanx_plant.world.truth import Truth
+from phalanx_plant.observers.publisher import FrameAudience, Publisher
+from phalanx_plant.observers.recorder import Recorder, TrajectoryHash
+from phalanx_plant.sampling.sampling import Sampling
+from phalanx_plant.world.events import AbandonedError, StoppedError, SwarmBrokenError
 from phalanx_plant.world.world import DivergedError, World
 
 log = logging.getLogger("phalanx.plant")
@@ -40,6 +35,37 @@ class ReportingAgents(Protocol):
 
 
 A = TypeVar("A", bound=ReportingAgents)
+A_contra = TypeVar("A_contra", contravariant=True)
+
+
+class Clock(Protocol):
+    """Virtual time or real time: when agents sample, and when their inputs take effect."""
+
+    @property
+    def punctuality(self) -> Punctuality | None:
+        """How the run kept its times; None in virtual time, which is never late."""
+
+    def run(self, duration: float) -> None:
+        """Run to `duration` [s].
+
+        Raises:
+            SwarmBrokenError, RecordingError, DivergedError: an agent is dead or silent, the disk
+                is full, the state is no longer finite.
+        """
+
+
+class ClockFactory(Protocol[A_contra]):
+    """Makes the clock of a run, of agents as that clock needs them."""
+
+    def __call__(
+        self,
+        world: World,
+        sampling: Sampling,
+        agents: A_contra,
+        happened: Backlog,
+        commands: CommandQueue,
+    ) -> Clock:
+        """Make it, at time 0."""
 
 
 class PlantRun:
@@ -65,47 +91,31 @@ class PlantRun:
             audience: is shown frames.
         """
         swarm = rows.swarm
-        self._scenario, self._recording = swarm.scenario, recording
-        self._declared = swarm.links.declared
-        self._world = World(rows)
-        self._judge = Judge(rows)
-        self._truth = Truth(rows)
-        for shown in self._truth.of([self._world.take_way()]):
-            self._judge.saw(shown)
-        self._commands = commands
+        self._scenario, self._declared = swarm.scenario, swarm.links.declared
+        self._recording, self._commands = recording, commands
         commands.declare(declared(swarm))
-        faults = FaultState(swarm.names)
-        self._frames = FramePublisher(audience, self._judge, commands, swarm.names, self._world.x)
-        self._scribe = RunScribe(
-            swarm.names,
-            self._declared,
-            self._truth,
-            self._judge,
-            recording,
-            self._frames,
-            agents.await_telemetry,
-            agents.publish_status,
-            swarm.scenario.time.recording_step,
+        self._world, self._sampling = World(rows), Sampling(swarm)
+        self._judge = Judge(rows, agents.await_telemetry)
+        for seen in self._judge.truth.of([self._world.take_way()]):
+            self._judge.saw(seen)
+        self._trajectory = TrajectoryHash()
+        self._publisher = Publisher(
+            self._world, self._judge, commands, agents.publish_status, audience
         )
-        latency, occurrences = swarm.scenario.time.latency, swarm.links.occurrences
-        self._clocks = [
-            # Its input is due before the next sample, whatever the clock says.
-            AgentClock(swarm.clock(i), latency, (o for o in occurrences if o.agent == name))
-            for i, name in enumerate(swarm.names)
-        ]
-        self._harness = Harness(swarm)
-        schedule = Schedule(self._clocks, latency, self._harness)
-        self._clock = clock(rows, self._world, schedule, agents, self._scribe, faults, commands)
+        recorder = Recorder(swarm, recording)
+        # What becomes of every event once it was judged, in this order.
+        observers = (self._trajectory.add, self._publisher.see, recorder.record)
+        happened = Backlog(self._judge, observers, self._publisher.idle)
+        self._clock = clock(self._world, self._sampling, agents, happened, commands)
 
     def time(self, stopwatch: Stopwatch) -> None:
         """Have the stopwatch tell the plant's own phases apart."""
         stopwatch.time(self._world.integration.motion, "steps", "integrate")
-        stopwatch.time(self._truth, "of", "truth")
-        for call in ("reached", "sampled", "applied"):
+        stopwatch.time(self._judge.truth, "of", "truth")
+        for call in ("prepare", "take"):
             stopwatch.time(self._judge, call, "judge")
-        stopwatch.time(self._judge.coverage, "proven", "judge")
         stopwatch.time(self._recording, "write", "record")
-        stopwatch.time(self._frames, "show", "show")
+        stopwatch.time(self._publisher, "show", "show")
         stopwatch.time(self._commands, "take", "wait")
 
     def run(
@@ -125,12 +135,12 @@ class PlantRun:
             began = time.monotonic()
             with endless_loops(self._scenario.time.timeout):
                 self._clock.run(self._scenario.duration)
-            self._frames.show(last=True)
+            self._publisher.show(last=True)
             extremes = self._judge.extremes
             outcome, reason = judge(
                 extremes.violations(),
-                self._judge.assumptions,
-                self._judge.theorem,
+                self._judge.assumptions.of_guarantee,
+                self._judge.assumptions.of_theorem,
                 extremes.apart(),
             )
         except (StoppedError, KeyboardInterrupt) as error:
@@ -144,31 +154,29 @@ class PlantRun:
         dropped = {
             **rejected(),
             **self._commands.refusals.counts,
-            **self._scribe.rejected_by_agents,
+            **self._judge.rejected,
         }
         return self._summary(outcome, reason, dropped, wall)
 
     def _summary(
         self, outcome: Outcome, reason: str, rejected: dict[str, int], wall: float
     ) -> Summary:
-        extremes = self._judge.extremes
-        hits = self._scribe.faults + self._harness.faults + self._judge.claims.faults
-        hits += self._clock.sensors.faults
-        hits += sum((clock.faults for clock in self._clocks), Counter())
+        checked, extremes = self._judge, self._judge.extremes
+        hits = checked.claims.faults + self._sampling.faults
         return Summary(
             outcome=outcome,
             reason=reason,
             t=self._world.t,
             seed=self._scenario.seed,
-            trajectory=self._scribe.trajectory.hexadecimal,
+            trajectory=self._trajectory.hexadecimal,
             worst_h_tot=extremes.worst_h_tot,
             worst_at=extremes.worst_at,
             worst_pair=extremes.worst_pair,
-            steps=self._judge.steps,
-            origins=self._judge.origins,
-            assumptions=self._judge.assumptions,
-            theorem=self._judge.theorem,
-            certificates=self._judge.coverage.summary,
+            steps=checked.steps,
+            origins=checked.origins,
+            assumptions=checked.assumptions.of_guarantee,
+            theorem=checked.assumptions.of_theorem,
+            certificates=checked.coverage.summary,
             violations=extremes.violations(),
             apart=extremes.apart(),
             rejected=rejected,

@@ -113,7 +113,7 @@ def _frame(k: int) -> Frame:
 
 def _plant() -> list[Receiver]:
     """The plant's: two kinds of answers, commands, and questions for a place."""
-    answers = Answers(_swarm())
+    answers = Answers(_swarm(), KEYS, SEALER)
     public_key = public_der(ec.generate_private_key(ec.SECP256R1()))
     clock = itertools.count(step=3600.0)  # by the next question a place is free again
 
@@ -142,13 +142,12 @@ def _plant() -> list[Receiver]:
         return _telemetry(k)
 
     def on_actuation(key: str, payload: bytes) -> bool:
-        answers.on_actuation(ME, SEALER.open(key, payload, Actuation))
-        return answers.take_actuation(ME) is not None
+        answers.take(key, payload)
+        return answers.take_input(ME) is not None
 
     def on_telemetry(key: str, payload: bytes) -> bool:
-        message = SEALER.open(key, payload, Telemetry)
-        answers.on_telemetry(ME, message)
-        return answers.take_telemetry(ME, message.k) is not None
+        answers.take(key, payload)
+        return answers.take_telemetry(ME, SEALER.open(key, payload, Telemetry).k) is not None
 
     def command(k: int) -> CommandMessage:
         return CommandMessage(number=k + 1, command=Command(0.0, CommandKind.LOSS, "1", 0.5))

@@ -31,9 +31,7 @@ WIRE = rooms("profile wire", GUARANTEE)
 RECORDING = rooms("recording", WIRE)
 CURVES = rooms("curves", RECORDING)
 LAUNCHER = rooms("launcher", RECORDING)
-PLANT = rooms(
-    "plant.events plant.world plant.sampling plant.judge plant.clock plant.scribe plant.hub"
-)
+PLANT = rooms("plant.world plant.sampling plant.judge plant.clock plant.observers plant.hub")
 VIEWER = rooms("viewer.scene viewer.feeds viewer.plots viewer.page viewer.export viewer.ros2")
 
 COMMANDED = rooms("cli identities", LAUNCHER) | {"phalanx"}  # with a command of its own
@@ -69,12 +67,11 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx_agent": WIRE,
     "phalanx_plant": RECORDING | PLANT,
     "phalanx_plant.world": RECORDING,
-    "phalanx_plant.events": RECORDING | rooms("plant.world"),
-    "phalanx_plant.sampling": RECORDING | rooms("plant.world plant.events"),
-    "phalanx_plant.judge": RECORDING | rooms("plant.world plant.events"),
-    "phalanx_plant.hub": RECORDING | rooms("identities plant.world plant.events"),
-    "phalanx_plant.clock": RECORDING | rooms("plant.world plant.events plant.sampling"),
-    "phalanx_plant.scribe": RECORDING | rooms("plant.world plant.events plant.judge plant.clock"),
+    "phalanx_plant.sampling": RECORDING | rooms("plant.world"),
+    "phalanx_plant.judge": RECORDING | rooms("plant.world"),
+    "phalanx_plant.hub": RECORDING | rooms("identities plant.world"),
+    "phalanx_plant.clock": RECORDING | rooms("plant.world plant.sampling plant.judge"),
+    "phalanx_plant.observers": RECORDING | rooms("plant.world plant.judge plant.clock"),
     # Extensions: each may import the core, and what it says; the core imports none of them.
     "phalanx.curves": CURVES,
     "phalanx.report": COMMANDED | CURVES,

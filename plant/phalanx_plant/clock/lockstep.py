@@ -11,27 +11,21 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
-import numpy as np
-
 from phalanx.arrays import Array
-from phalanx.faults.commands import FaultState
-from phalanx.swarm.rows import SafetyRows
-from phalanx.swarm.swarm import Swarm
-from phalanx.wire.messages import Actuation, Sample
-from phalanx_plant.clock.backlog import Backlog, Witness
+from phalanx.wire.messages import Sample
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.lookahead import Synchronization
-from phalanx_plant.events.events import (
+from phalanx_plant.judge.backlog import Backlog
+from phalanx_plant.sampling.sampling import Processes, Sampling, Taken
+from phalanx_plant.world.events import (
     CommandObeyed,
     InputApplied,
     InputLost,
     InstantOver,
     Sampled,
     StateReached,
+    SwarmBrokenError,
 )
-from phalanx_plant.events.stop import SwarmBrokenError
-from phalanx_plant.sampling.sampling import Processes, Sampling, Taken
-from phalanx_plant.sampling.schedule import Schedule
 from phalanx_plant.world.world import World
 
 
@@ -45,10 +39,10 @@ class Agents(Processes, Protocol):
     def send_sample(self, i: int, sample: Sample) -> None:
         """Hand agent i its sample."""
 
-    def await_actuation(self, i: int) -> Actuation:
-        """What agent i's actuator gets for its sample."""
+    def await_input(self, i: int) -> Array:
+        """The input that agent i's actuator gets for its sample, shape (m_i,)."""
 
-    def take_actuation(self, i: int) -> Actuation | None:
+    def take_input(self, i: int) -> Array | None:
         """The same, if it is there."""
 
 
@@ -85,23 +79,18 @@ class Lockstep:
 
     def __init__(
         self,
-        rows: SafetyRows,
         world: World,
-        schedule: Schedule,
+        sampling: Sampling,
         agents: Agents,
-        scribe: Witness,
-        faults: FaultState,
+        happened: Backlog,
         commands: CommandQueue,
-        synchronization: Callable[[Swarm, World], Synchronization] = Synchronization,
+        synchronization: Callable[[World], Synchronization] = Synchronization,
     ) -> None:
         """synchronization: decides whose answers are waited for."""
-        swarm = rows.swarm
         self.world = world
-        self._schedule, self._agents = schedule, agents
-        self._sampling = Sampling(swarm, schedule, faults)
-        self.sensors = self._sampling.sensors
-        self._commands = commands
-        self._synchronization = synchronization(swarm, world)
+        self._sampling, self._schedule = sampling, sampling.schedule
+        self._agents, self._happened, self._commands = agents, happened, commands
+        self._synchronization = synchronization(world)
         self._now = 0.0
         """How far samples were handed out [s]; the world may be behind."""
         self._newest: dict[int, _Awaited] = {}
@@ -110,7 +99,6 @@ class Lockstep:
         """In order; all but the first are ahead of the world."""
         self._answers: dict[_Awaited, Array] = {}
         """Inputs that were needed before their moment was the first."""
-        self._happened = Backlog(scribe)
 
     punctuality = None
     """Virtual time is never late."""
@@ -163,9 +151,7 @@ class Lockstep:
             self._go_on()
             if wanted[0] in synchronization.open:
                 awaited = self._newest[wanted[0]]
-                self._answers[awaited] = self._known(
-                    awaited, self._agents.await_actuation(awaited.i)
-                )
+                self._answers[awaited] = self._known(awaited, self._agents.await_input(awaited.i))
 
     def _due(self, t: float) -> Iterator[_Awaited]:
         """The inputs that take effect at t [s]."""
@@ -211,7 +197,7 @@ class Lockstep:
             if lost:
                 self._happened.add(InputLost(i, k, sampled, moment.t, u))
             else:
-                self._happened.add(InputApplied(i, k, sampled, moment.t, u))
+                self._happened.add(InputApplied(i, k, sampled, moment.t, u, self.world.x))
         self._happened.add(InstantOver(moment.t))
         self._moments.popleft()
         return True
@@ -234,10 +220,9 @@ class Lockstep:
         if (kept := self._answers.pop(awaited, None)) is not None:
             return kept
         agents, i = self._agents, awaited.i
-        message = agents.await_actuation(i) if wait else agents.take_actuation(i)
-        return None if message is None else self._known(awaited, message)
+        u = agents.await_input(i) if wait else agents.take_input(i)
+        return None if u is None else self._known(awaited, u)
 
-    def _known(self, awaited: _Awaited, message: Actuation) -> Array:
-        u = np.array(message.u)
+    def _known(self, awaited: _Awaited, u: Array) -> Array:
         self._synchronization.end_awaiting(awaited.i, None if awaited.lost else u)
         return u

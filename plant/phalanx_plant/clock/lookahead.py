@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.swarm.swarm import Swarm
 from phalanx.theory.models.dynamics import Bounded, travelled
 from phalanx_plant.sampling.sensing import sensing_radii
 from phalanx_plant.world.integration import Passage, Piece
@@ -48,7 +47,7 @@ class Synchronization:
     sequential = True
     """Whether all that was handed out is answered before virtual time goes on."""
 
-    def __init__(self, swarm: Swarm, world: World) -> None:
+    def __init__(self, world: World) -> None:
         self._world = world
 
     @property
@@ -85,15 +84,15 @@ class Lookahead(Synchronization):
 
     sequential = False
 
-    def __init__(self, swarm: Swarm, world: World, radii: Array) -> None:
+    def __init__(self, world: World, radii: Array) -> None:
         """Go ahead with the integration of a world that follows.
 
         Args:
-            swarm: of the scenario. No disturbance may depend on the state.
-            world: at x(0).
+            world: at x(0). No disturbance may depend on the state.
             radii: how far each agent sees [m].
         """
-        super().__init__(swarm, world)
+        super().__init__(world)
+        swarm = world.swarm
         self._integration, self._radii = world.integration, radii
         self._parts = swarm.safe_set.parts
         dynamics = [m.dynamics for m in swarm.members]
@@ -166,14 +165,14 @@ class Lookahead(Synchronization):
         return not math.dist(now.p[j], begun.p) > self._radii[j] + farthest + _SLACK
 
 
-def look_ahead(swarm: Swarm, world: World) -> Synchronization:
+def look_ahead(world: World) -> Synchronization:
     """Lookahead for agents that compute while the plant goes on; sequential where it cannot pay.
 
     A sample that sees all agents waits for all: it pays where most do not.
     """
-    radii = sensing_radii(swarm)
+    swarm, radii = world.swarm, sensing_radii(world.swarm)
     limited = 2 * np.isfinite(radii).sum() > len(radii)
     adverse = any(group.disturbance.kind == "adverse" for group in swarm.groups)
     if swarm.scenario.time.lookahead and limited and not adverse:
-        return Lookahead(swarm, world, radii)
-    return Synchronization(swarm, world)
+        return Lookahead(world, radii)
+    return Synchronization(world)

@@ -10,16 +10,14 @@ import time
 from array import array
 from typing import NamedTuple, Protocol
 
-import numpy as np
-
 from phalanx.arrays import Array
-from phalanx.faults.commands import Command, FaultState, ProcessChange
+from phalanx.faults.commands import Command, ProcessChange
 from phalanx.guarantee.verdict import Punctuality, percentiles
-from phalanx.swarm.rows import SafetyRows
-from phalanx.wire.messages import Actuation, Sample
-from phalanx_plant.clock.backlog import Backlog, Witness
+from phalanx.wire.messages import Sample
 from phalanx_plant.clock.commands import CommandQueue
-from phalanx_plant.events.events import (
+from phalanx_plant.judge.backlog import Backlog
+from phalanx_plant.sampling.sampling import Processes, Sampling
+from phalanx_plant.world.events import (
     CommandObeyed,
     InputApplied,
     InputLost,
@@ -28,8 +26,6 @@ from phalanx_plant.events.events import (
     Sampled,
     StateReached,
 )
-from phalanx_plant.sampling.sampling import Processes, Sampling
-from phalanx_plant.sampling.schedule import Schedule
 from phalanx_plant.world.world import World
 
 _PATIENCE = 1.0
@@ -53,8 +49,8 @@ class TimelyAgents(Processes, Protocol):
     def listen(self, seconds: float) -> None:
         """Handle what comes, for so long [s of wall time], or until something has come."""
 
-    def take_reported(self, i: int) -> Actuation | None:
-        """Agent i's input for its newest sample, if it has come, and its report too."""
+    def take_reported(self, i: int) -> Array | None:
+        """Agent i's input for its newest sample, shape (m_i,), if its report has come too."""
 
     def take_changes(self) -> list[tuple[int, bool]]:
         """Who is not to be reached any more, and who is back, since last asked: (i, is back)."""
@@ -128,28 +124,22 @@ class RealTime:
 
     def __init__(
         self,
-        rows: SafetyRows,
         world: World,
-        schedule: Schedule,
+        sampling: Sampling,
         agents: TimelyAgents,
-        scribe: Witness,
-        faults: FaultState,
+        happened: Backlog,
         commands: CommandQueue,
     ) -> None:
-        swarm = rows.swarm
         self.world = world
-        self.timekeeping = Timekeeping([group.clock.period for group in swarm.groups])
-        self._schedule, self._agents, self._scribe = schedule, agents, scribe
-        self._faults, self._commands = faults, commands
-        self._sampling = Sampling(swarm, schedule, faults)
-        self.sensors = self._sampling.sensors
+        self.timekeeping = Timekeeping([group.clock.period for group in world.swarm.groups])
+        self._sampling, self._schedule = sampling, sampling.schedule
+        self._agents, self._happened, self._commands = agents, happened, commands
         self._asked: dict[int, _Asked] = {}
         """Whose input has not taken effect yet."""
         self._answers: dict[int, _Answer] = {}
         """By agent, what is here of them."""
         self._returning: set[int] = set()
         """Whose place another process is to take, and has not yet."""
-        self._happened = Backlog(scribe)
 
     def run(self, duration: float) -> None:
         """Run to `duration` [s]. Raises RecordingError, DivergedError."""
@@ -188,7 +178,7 @@ class RealTime:
         for i, back in changes:
             self._happened.add(MemberLost(i, now, back))
         self._returning -= {i for i, back in changes if back}
-        self._sample([i for i in due if not self._faults.silent(i)], now)
+        self._sample([i for i in due if not self._sampling.silent(i)], now)
         if ready or commands or changes or due:
             self._happened.add(InstantOver(self.world.t))
 
@@ -219,9 +209,8 @@ class RealTime:
             self._happened.add(InputLost(i, asked.sample.k, asked.sample.t, t, answer.u))
         else:
             self.world.apply(i, answer.u)
-            k, sampled = asked.sample.k, asked.sample.t
-            applied = InputApplied(i, k, sampled, t, answer.u, asked.sample)
-            self._happened.add(applied)
+            k, sampled, x = asked.sample.k, asked.sample.t, self.world.x
+            self._happened.add(InputApplied(i, k, sampled, t, answer.u, x, asked.sample))
 
     def _sample(self, due: list[int], now: float) -> None:
         x, pace = self.world.x, self._commands.pace.speed
@@ -251,13 +240,13 @@ class RealTime:
         wait = self._commands.pace.wait
         while self._has_time(wait(until)):
             self._happened.write_one()
-        self._scribe.idle()
+        self._happened.idle()
         self._agents.listen(wait(until))
         for i in self._computing:
-            message, asked = self._agents.take_reported(i), self._asked[i]
-            if message is not None:
+            u, asked = self._agents.take_reported(i), self._asked[i]
+            if u is not None:
                 now = self._commands.pace.now()
-                self._answers[i] = _Answer(max(now, asked.due), np.array(message.u))
+                self._answers[i] = _Answer(max(now, asked.due), u)
                 self.timekeeping.answered(time.monotonic() - asked.wall)
 
     def _has_time(self, seconds: float) -> bool:

@@ -1,10 +1,10 @@
 """What agents may answer, and what they did: every answer is checked against its sample."""
 
 from collections import defaultdict
-from collections.abc import Collection
 
 import numpy as np
 
+from phalanx.arrays import Array
 from phalanx.network.inbox import Fate
 from phalanx.swarm.seen import SeenStates
 from phalanx.swarm.swarm import Swarm
@@ -15,16 +15,25 @@ from phalanx_plant.world.actuators import Actuators
 
 
 class Answers:
-    """The newest sample of each agent, and its answers until they are taken."""
+    """The newest sample of each agent, and its answers until they are taken.
 
-    def __init__(self, swarm: Swarm) -> None:
+    Sealed payloads in, answers out; it waits for nothing and sends nothing.
+    """
+
+    def __init__(self, swarm: Swarm, keys: Keys, sealer: Sealer) -> None:
+        self._names, self._sealer = swarm.names, sealer
+        self.senders: dict[str, tuple[int, type[Actuation | Telemetry]]] = {}
+        """By key expression, which agent sends what there."""
+        for i, name in enumerate(swarm.names):
+            self.senders[keys.actuation(name)] = i, Actuation
+            self.senders[keys.telemetry(name)] = i, Telemetry
         self._actuators, self._states = Actuators(swarm), SeenStates(swarm)
         self._agents = len(swarm.names)
         self._sizes = [len(m.dynamics.inputs) for m in swarm.members]
         self._faults = len(swarm.links.declared)
         self._latency = swarm.scenario.time.latency
         self._samples: dict[int, Sample] = {}
-        self._actuations: dict[int, Actuation] = {}
+        self._inputs: dict[int, Array] = {}
         self._answered = dict.fromkeys(range(self._agents), -1)
         """For each agent, the last sample that it answered."""
         self._telemetry: dict[int, dict[int, Telemetry]] = defaultdict(dict)
@@ -44,20 +53,40 @@ class Answers:
         """Whether agent i has answered its newest sample, and reported on it."""
         return self._answered[i] == self._reported[i] == self.expected(i)
 
-    def take_actuation(self, i: int) -> Actuation | None:
-        """Agent i's input for its newest sample, if it has come."""
-        return self._actuations.pop(i, None)
+    def take_input(self, i: int) -> Array | None:
+        """Agent i's input for its newest sample, shape (m_i,), if it has come."""
+        return self._inputs.pop(i, None)
 
-    def take_reported(self, i: int) -> Actuation | None:
+    def take_reported(self, i: int) -> Array | None:
         """The same, once its report has come too."""
-        return self.take_actuation(i) if self.expected(i) in self._telemetry[i] else None
+        return self.take_input(i) if self.expected(i) in self._telemetry[i] else None
 
     def take_telemetry(self, i: int, k: int) -> Telemetry | None:
         """Agent i's report on its sample k, if it has come."""
         return self._telemetry[i].pop(k, None)
 
-    def require_awaited(self, i: int, message: Actuation | Telemetry) -> None:
-        """Raises Malformed unless agent i owes such an answer; any thread may ask."""
+    def require_awaited(self, key: str, payload: bytes) -> None:
+        """Raise Malformed unless it is an answer that is owed; any thread may ask."""
+        self._require_owed(*self._open(key, payload))
+
+    def take(self, key: str, payload: bytes) -> str | None:
+        """Keep an answer. Raises Malformed unless it is one that is owed.
+
+        Returns why its agent will answer no more, in words, if it says so.
+        """
+        i, answer = self._open(key, payload)
+        if isinstance(answer, Actuation):
+            self.on_actuation(i, answer)
+            return None
+        self.on_telemetry(i, answer)
+        return _as_said_by(self._names[i], answer.failed) if answer.failed else None
+
+    def _open(self, key: str, payload: bytes) -> tuple[int, Actuation | Telemetry]:
+        i, kind = self.senders[key]
+        return i, self._sealer.open(key, payload, kind)
+
+    def _require_owed(self, i: int, message: Actuation | Telemetry) -> None:
+        """Raise Malformed unless agent i owes such an answer."""
         reports, newest = isinstance(message, Telemetry), self.expected(i)
         last = (self._reported if reports else self._answered)[i]
         # The actuation alone is waited for, so a report may come after the next sample was sent.
@@ -68,15 +97,15 @@ class Answers:
         """Agent i's input came. Raises Malformed unless it answers the newest sample within U."""
         if len(message.u) != self._sizes[i]:
             raise Malformed("wrong size")
-        self.require_awaited(i, message)
+        self._require_owed(i, message)
         sample = self._samples[i]
         if message.t_apply != sample.t + self._latency:
             raise Malformed("wrong time")
-        x = self._states.one(i, sample.x, sample.seen)
-        if not self._actuators.takes(i, x, np.array(message.u)):
+        x, u = self._states.one(i, sample.x, sample.seen), np.array(message.u)
+        if not self._actuators.takes(i, x, u):
             raise Malformed("outside U")
         self._answered[i] = message.k
-        self._actuations[i] = message
+        self._inputs[i] = u
 
     def _may_be(self, fate: Fate) -> bool:
         """Whether there is such a broadcast, and it is told what it said unless it was lost."""
@@ -96,47 +125,9 @@ class Answers:
             raise Malformed("unknown fault")
         if not all(self._may_be(fate) for fate in message.fates):
             raise Malformed("unknown broadcast")
-        self.require_awaited(i, message)
+        self._require_owed(i, message)
         self._reported[i] = message.k
         self._telemetry[i][message.k] = message
-
-
-class Mailbox:
-    """Sealed payloads in, answers out; it waits for nothing and sends nothing."""
-
-    def __init__(self, swarm: Swarm, keys: Keys, sealer: Sealer) -> None:
-        self.answers = Answers(swarm)
-        self._names, self._sealer = swarm.names, sealer
-        self._from: dict[str, tuple[int, type[Actuation | Telemetry]]] = {}
-        """By key expression, which agent sends what there."""
-        for i, name in enumerate(swarm.names):
-            self._from[keys.actuation(name)] = i, Actuation
-            self._from[keys.telemetry(name)] = i, Telemetry
-
-    @property
-    def keys(self) -> Collection[str]:
-        """Key expressions under which agents send."""
-        return self._from
-
-    def require_awaited(self, key: str, payload: bytes) -> None:
-        """Raise Malformed unless it is an answer that is owed; any thread may ask."""
-        self.answers.require_awaited(*self._open(key, payload))
-
-    def take(self, key: str, payload: bytes) -> str | None:
-        """Keep an answer. Raises Malformed unless it is one that is owed.
-
-        Returns why its agent will answer no more, in words, if it says so.
-        """
-        i, answer = self._open(key, payload)
-        if isinstance(answer, Actuation):
-            self.answers.on_actuation(i, answer)
-            return None
-        self.answers.on_telemetry(i, answer)
-        return _as_said_by(self._names[i], answer.failed) if answer.failed else None
-
-    def _open(self, key: str, payload: bytes) -> tuple[int, Actuation | Telemetry]:
-        i, kind = self._from[key]
-        return i, self._sealer.open(key, payload, kind)
 
 
 def _as_said_by(name: str, failure: str) -> str:

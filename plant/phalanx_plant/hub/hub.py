@@ -1,15 +1,18 @@
-"""The hub: hands out samples, takes answers in, and notices who comes and goes."""
+"""The hub: hands out samples, takes answers in, and notices who comes and goes.
+
+In lockstep it waits for agents, in real time it never does.
+"""
 
 import contextlib
 import logging
 import queue
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import ClassVar, Self, TypeVar
 
 import msgspec
 
+from phalanx.arrays import Array
 from phalanx.extensions.registered import extension
 from phalanx.identities.places import Places
 from phalanx.profile.stopwatch import Stopwatch
@@ -17,26 +20,25 @@ from phalanx.swarm.swarm import Swarm
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Sample, Status, Telemetry
 from phalanx.wire.seal import Malformed, Refusals
-from phalanx_plant.events.stop import SwarmBrokenError
-from phalanx_plant.hub.answers import Mailbox
-from phalanx_plant.hub.arrivals import Arrivals
+from phalanx_plant.hub.answers import Answers
 from phalanx_plant.hub.joining import Joining
-from phalanx_plant.hub.session import PlantSession
+from phalanx_plant.hub.session import Arrivals, PlantSession
+from phalanx_plant.world.events import SwarmBrokenError
 
 log = logging.getLogger("phalanx.plant")
 
 _AWAY = 4.0
 """How long an agent may lose the hub before the run begins [s]."""
-POLL = 0.2
+_GLANCE = 0.2
 """How often a wait looks up to see whether the run was stopped [s]."""
 
 T = TypeVar("T")
 
 
-class Hub(ABC):
+class Hub:
     """Samples to agents and answers from them, each checked against what may come next.
 
-    Who is there (Joining) and what was asked and answered (Mailbox) know of no wire and wait for
+    Who is there (Joining) and what was asked and answered (Answers) know of no wire and wait for
     nobody; the session waits for nobody either.
     """
 
@@ -65,8 +67,8 @@ class Hub(ABC):
         self._told = Status()
         """The last status."""
         joining = self._joining = Joining(swarm, self.may_leave)
-        self._mailbox = Mailbox(swarm, membership.keys, membership.sealer)
-        self._arrivals = Arrivals(self._mailbox.keys, self.refusals, self._mailbox.require_awaited)
+        answers = self._answers = Answers(swarm, membership.keys, membership.sealer)
+        self._arrivals = Arrivals(answers.senders, self.refusals, answers.require_awaited)
         self.session = PlantSession(swarm, membership, at_router)
         self.session.receive(self._arrivals)
         own = membership.certificates
@@ -84,7 +86,7 @@ class Hub(ABC):
     def time(self, stopwatch: Stopwatch) -> None:
         """Have the stopwatch tell sending, opening answers, and waiting for reports apart."""
         stopwatch.time(self, "send_sample", "send")
-        stopwatch.time(self._mailbox, "take", "receive")
+        stopwatch.time(self._answers, "take", "receive")
         stopwatch.time(self, "await_telemetry", "wait")
 
     def wait_for_agents(self, waiting_for: Callable[[tuple[str, ...]], None]) -> None:
@@ -114,7 +116,7 @@ class Hub(ABC):
 
     def send_sample(self, i: int, sample: Sample) -> None:
         """Hand agent i its sample."""
-        self._mailbox.answers.expect(i, sample)
+        self._answers.expect(i, sample)
         self.session.put_sample(i, sample)
 
     def pause(self, i: int, t: float) -> None:
@@ -148,9 +150,7 @@ class Hub(ABC):
 
         Raises SwarmBrokenError: the agent died, or does not report in time.
         """
-        return self._await(
-            i, lambda: self._mailbox.answers.take_telemetry(i, k), "did not report on"
-        )
+        return self._await(i, lambda: self._answers.take_telemetry(i, k), "did not report on")
 
     def publish_status(self, message: Status) -> None:
         """Tell whoever watches how far the run is."""
@@ -160,7 +160,7 @@ class Hub(ABC):
     def _await(self, i: int, take: Callable[[], T | None], failed_to: str) -> T:
         deadline = time.monotonic() + self._timeout
         while (found := take()) is None:
-            k = self._mailbox.answers.expected(i)
+            k = self._answers.expected(i)
             self._take_event(deadline, f"agent {self._names[i]} {failed_to} sample {k}")
         return found
 
@@ -172,7 +172,7 @@ class Hub(ABC):
             hint = "see its log, or raise time.timeout"
             raise SwarmBrokenError(f"{complaint} within {self._timeout:g} s{because}: {hint}")
         with contextlib.suppress(queue.Empty):
-            self._handle(*self._arrivals.get(timeout=POLL))
+            self._handle(*self._arrivals.get(timeout=_GLANCE))
 
     def _handle_arrived(self) -> None:
         # Those that are there now: more may come faster than they are handled.
@@ -185,13 +185,89 @@ class Hub(ABC):
                 raise SwarmBrokenError(broken)
             return
         try:
-            failure = self._mailbox.take(key, content)
+            failure = self._answers.take(key, content)
         except Malformed as reason:
             self.refusals.add(key, reason)
         else:
-            if failure is not None:
-                self._on_failure(failure)
+            # Where agents may leave, the run goes on without one that answers no more.
+            if failure is not None and not self.may_leave:
+                raise SwarmBrokenError(failure)
 
-    @abstractmethod
-    def _on_failure(self, words: str) -> None:
-        """An agent says, in these words, that it answers no more."""
+
+class LockstepHub(Hub):
+    """A hub of agents that are all waited for: the run cannot go on without one."""
+
+    may_leave = False
+
+    def time(self, stopwatch: Stopwatch) -> None:
+        """Have the stopwatch tell waiting for answers apart, too."""
+        super().time(stopwatch)
+        stopwatch.time(self, "await_input", "wait")
+
+    def await_input(self, i: int) -> Array:
+        """The input that agent i's actuator gets for its last sample, shape (m_i,).
+
+        Raises:
+            SwarmBrokenError: the agent died, or does not answer in time.
+        """
+        return self._await(i, lambda: self._answers.take_input(i), "did not answer")
+
+    def take_input(self, i: int) -> Array | None:
+        """The same, if it has come. Raises SwarmBrokenError if an agent died."""
+        self._handle_arrived()
+        return self._answers.take_input(i)
+
+    def pause(self, i: int, t: float) -> None:
+        """Once agent i has said all that it had to say. Raises SwarmBrokenError."""
+        self._await_report(i)
+        super().pause(i, t)
+
+    def kill(self, i: int, order: Sample) -> None:
+        """Once agent i has said all that it had to say. Raises SwarmBrokenError."""
+        self._await_report(i)
+        super().kill(i, order)
+
+    def restart(self, i: int, t: float) -> None:
+        """Return when the new process is there.
+
+        Raises SwarmBrokenError: it does not come, or runs another scenario.
+        """
+        if i not in self._alone:
+            return
+        name, deadline = self._names[i], time.monotonic() + self._timeout
+        self._joining.invite(name)
+        while self._joining.has(name):
+            self._take_event(deadline, f"agent {name} did not die")
+        while not self._joining.has(name):
+            super().restart(i, t)
+            self._take_event(deadline, f"agent {name} did not join again")
+        self.session.wait_until_heard(i, self._timeout)
+
+    def _await_report(self, i: int) -> None:
+        self._await(i, lambda: self._answers.complete(i) or None, "did not report on")
+
+
+class RealTimeHub(Hub):
+    """A hub of agents that come and go while the run goes on."""
+
+    may_leave = True
+
+    @property
+    def waiting(self) -> int:
+        """How much has come that was not handled yet."""
+        return self._arrivals.waiting
+
+    def listen(self, seconds: float) -> None:
+        """Handle what comes, for so long [s of wall time], or until something has come."""
+        self._check_stop()
+        with contextlib.suppress(queue.Empty):
+            self._handle(*self._arrivals.get(timeout=min(max(seconds, 0.0), _GLANCE)))
+            self._handle_arrived()
+
+    def take_reported(self, i: int) -> Array | None:
+        """Agent i's input, shape (m_i,), if it has come, and its report too."""
+        return self._answers.take_reported(i)
+
+    def take_changes(self) -> list[tuple[int, bool]]:
+        """Who is not to be reached any more, and who is back, since last asked: (i, is back)."""
+        return self._joining.take_changes()

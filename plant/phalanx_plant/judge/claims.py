@@ -34,7 +34,7 @@ class Claims:
     def __init__(self, swarm: Swarm) -> None:
         self.truthful = Assumption("truthful broadcasts", note=_NOTE)
         self.faults: Counter[int] = Counter()
-        """False claims by declared lie."""
+        """Messages on which each declared fault had an effect."""
         self._names = swarm.names
         self._lies = [swarm.links.lies(name) for name in swarm.names]
         self._given = [_Inputs(len(m.dynamics.inputs)) for m in swarm.members]
@@ -51,6 +51,7 @@ class Claims:
 
     def heard(self, receiver: int, fate: Fate, t: float) -> Finding:
         """A receiver reports at t [s] what it was told; nothing, if the broadcast was lost."""
+        self.faults.update(fate.faults)
         if fate.claim is None:
             return _NOTHING
         truth = self._given[fate.sender].get(fate.k)

@@ -6,7 +6,6 @@ as one of its normal members holds an input with a certificate: Theorem 2 of doc
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,18 +15,7 @@ from phalanx.guarantee.reachable import ReachableBoxes
 from phalanx.guarantee.verdict import Assumption, CertificateSummary
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.safety.function import proven_reach
-
-
-class Applied(NamedTuple):
-    """An input that takes effect."""
-
-    i: int
-    t: float
-    """[s]"""
-    x: Array
-    """The true stacked state then, shape (n̄,)."""
-    u: Array
-    """shape (m_i,)"""
+from phalanx_plant.world.events import InputApplied
 
 
 class Coverage:
@@ -64,19 +52,20 @@ class Coverage:
 
     def begin(self, x: Array) -> None:
         """Before its first input takes effect every actuator holds zero, from x(0), (n̄,), on."""
-        zeros = [Applied(i, 0.0, x, np.zeros(size)) for i, size in self._inputs.items()]
+        sizes = self._inputs.items()
+        zeros = [InputApplied(i, -1, 0.0, 0.0, np.zeros(size), x) for i, size in sizes]
         for zero, proven in zip(zeros, self.proven(zeros), strict=True):
             self._issue(zero.i, 0.0, proven)
 
-    def proven(self, applied: Sequence[Applied]) -> list[Array]:
+    def proven(self, applied: Sequence[InputApplied]) -> list[Array]:
         """For how long each pair of the agent's is proven safe [s]; nothing of an adversary's.
 
         Of any inputs in the order of their times.
         """
         held = [
-            Held(self._agents[i], x, u, self._near(i, t, x))
-            for i, t, x, u in applied
-            if i in self._agents
+            Held(self._agents[each.i], each.x, each.u, self._near(each.i, each.t_apply, each.x))
+            for each in applied
+            if each.i in self._agents
         ]
         found = iter(self._certificates.proven(held) if held else ())
         return [next(found) if each.i in self._agents else np.zeros(0) for each in applied]

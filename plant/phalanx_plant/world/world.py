@@ -27,7 +27,7 @@ class World:
 
     def __init__(self, rows: SafetyRows) -> None:
         """Start at the scenario's x(0), with every actuator at zero."""
-        self._swarm = rows.swarm
+        self.swarm = rows.swarm
         self.integration = Integration(rows)
         """Of this world; whoever goes ahead with it lets the world follow."""
         self.t, self.x, self.p = 0.0, self.integration.x, self.integration.p
@@ -57,9 +57,9 @@ class World:
 
     def _diverged(self, passage: Passage) -> DivergedError:
         """Whose state or output point is no longer finite, and the methods that led there."""
-        members, end = self._swarm.members, passage.stretch.end
+        members, end = self.swarm.members, passage.stretch.end
         finite = np.abs(passage.x) <= LARGEST
-        for member, part in zip(members, self._swarm.safe_set.parts, strict=True):
+        for member, part in zip(members, self.swarm.safe_set.parts, strict=True):
             if not finite[:, part].all():
                 methods = [place_of(member.dynamics, method) for method in ("drift", "actuation")]
                 return DivergedError(

@@ -14,8 +14,8 @@ from typing import Any
 import msgspec
 import pytest
 import zenoh
-from phalanx_plant.events.stop import SwarmBrokenError
-from phalanx_plant.hub.agents import LockstepHub
+from phalanx_plant.hub.hub import LockstepHub
+from phalanx_plant.world.events import SwarmBrokenError
 
 from phalanx.faults.commands import CommandKind
 from phalanx.network.inbox import Fate

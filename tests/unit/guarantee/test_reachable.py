@@ -3,7 +3,8 @@
 import casadi as ca
 import numpy as np
 import pytest
-from phalanx_plant.judge.coverage import Applied, Coverage
+from phalanx_plant.judge.coverage import Coverage
+from phalanx_plant.world.events import InputApplied
 from phalanx_plant.world.motion import Motion
 
 from phalanx.guarantee.certificate import MULTIPLES
@@ -50,7 +51,7 @@ def test_what_a_users_function_says_of_its_reach_leaves_nobody_out(function):
     coverage, x = Coverage(swarm), swarm.start()
     i, j = swarm.normal[:2]
     x[swarm.safe_set.parts[j]] = x[swarm.safe_set.parts[i]] + [1.5, 0.0, 0.0]
-    (times,) = coverage.proven([Applied(i, 0.0, x, np.zeros(2))])
+    (times,) = coverage.proven([InputApplied(i, 0, 0.0, 0.0, np.zeros(2), x)])
     assert (times == SwarmCertificates(swarm).of(i)(x, np.zeros(2))).all()
     assert times.min() == 0.0 or function == "Reaches"
 

@@ -2,7 +2,7 @@
 
 import msgspec
 import pytest
-from phalanx_plant.hub.answers import Answers, Mailbox
+from phalanx_plant.hub.answers import Answers
 
 from phalanx.network.inbox import Claim, Fate
 from phalanx.theory.rows.origin import Origin
@@ -11,6 +11,14 @@ from phalanx.wire.messages import Actuation, Sample, Telemetry
 from phalanx.wire.seal import Malformed, Sealer
 from phalanx.wire.step_report import StepReport
 from tests.unit.swarms import swarm_of_scenario
+
+KEYS, SEALER = Keys("run"), Sealer(b"secret")
+
+
+@pytest.fixture
+def answers() -> Answers:
+    """Of Simulation 1."""
+    return Answers(swarm_of_scenario("unicycles"), KEYS, SEALER)
 
 
 def sample(k: int) -> Sample:
@@ -22,16 +30,15 @@ def sample(k: int) -> Sample:
     )
 
 
-def test_an_actuation_that_was_taken_is_not_taken_again_for_the_next_sample():
-    answers = Answers(swarm_of_scenario("unicycles"))
+def test_an_actuation_that_was_taken_is_not_taken_again_for_the_next_sample(answers: Answers):
     answers.expect(0, sample(0))
     first = Actuation(k=0, t_apply=0.0, u=(1.0, 0.0))
     answers.on_actuation(0, first)
-    assert answers.take_actuation(0) == first
+    assert answers.take_input(0).tolist() == [1.0, 0.0]
     with pytest.raises(Malformed, match="out of order"):
         answers.on_actuation(0, first)
     answers.expect(0, sample(1))
-    assert answers.take_actuation(0) is None
+    assert answers.take_input(0) is None
 
 
 MADE = StepReport(origin=Origin.QP, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0)
@@ -48,19 +55,19 @@ GOOD = Actuation(k=1, t_apply=0.01, u=(1.0, 0.0))
         ({"k": 2}, "out of order"),
     ],
 )
-def test_an_actuation_that_is_not_the_answer_is_refused(changes: dict[str, object], reason: str):
-    answers = Answers(swarm_of_scenario("unicycles"))
+def test_an_actuation_that_is_not_the_answer_is_refused(
+    answers: Answers, changes: dict[str, object], reason: str
+):
     with pytest.raises(Malformed, match="out of order"):
         answers.on_actuation(0, GOOD)  # to no sample
     answers.expect(0, sample(1))
     with pytest.raises(Malformed, match=reason):
         answers.on_actuation(0, msgspec.structs.replace(GOOD, **changes))
     answers.on_actuation(0, GOOD)
-    assert answers.take_actuation(0) == GOOD
+    assert answers.take_input(0).tolist() == [1.0, 0.0]
 
 
-def test_a_report_may_come_after_the_next_sample_was_sent_but_not_twice():
-    answers = Answers(swarm_of_scenario("unicycles"))
+def test_a_report_may_come_after_the_next_sample_was_sent_but_not_twice(answers: Answers):
     answers.expect(0, sample(0))
     answers.expect(0, sample(1))
     report = Telemetry(k=0, report=MADE, ages=())
@@ -84,8 +91,9 @@ SAID = Claim(0.0, (1.0, 0.0))
     ],
     ids=["of the future", "of none", "said nothing", "lost and heard", "of another size"],
 )
-def test_a_report_on_a_broadcast_that_cannot_have_been_heard_so_is_refused(fate: Fate):
-    answers = Answers(swarm_of_scenario("unicycles"))
+def test_a_report_on_a_broadcast_that_cannot_have_been_heard_so_is_refused(
+    answers: Answers, fate: Fate
+):
     for i in (0, 1):
         answers.expect(i, sample(0))
     report = Telemetry(k=0, report=MADE, ages=(), fates=(fate,))
@@ -93,23 +101,19 @@ def test_a_report_on_a_broadcast_that_cannot_have_been_heard_so_is_refused(fate:
         answers.on_telemetry(0, report)
 
 
-KEYS, SEALER = Keys("run"), Sealer(b"secret")
-
-
-def test_a_mailbox_takes_from_each_agent_what_is_sealed_and_owed():
-    mailbox = Mailbox(swarm_of_scenario("unicycles"), KEYS, SEALER)
-    mailbox.answers.expect(0, sample(1))
+def test_what_is_sealed_and_owed_is_taken_from_each_agent(answers: Answers):
+    answers.expect(0, sample(1))
     own, others = KEYS.actuation("1"), KEYS.actuation("2")
     with pytest.raises(Malformed, match="bad seal"):
-        mailbox.take(own, Sealer(b"another").seal(own, GOOD))
+        answers.take(own, Sealer(b"another").seal(own, GOOD))
     with pytest.raises(Malformed, match="out of order"):
-        mailbox.take(others, SEALER.seal(others, GOOD))
-    assert mailbox.take(own, SEALER.seal(own, GOOD)) is None
-    assert mailbox.answers.take_actuation(0) == GOOD
+        answers.take(others, SEALER.seal(others, GOOD))
+    assert answers.take(own, SEALER.seal(own, GOOD)) is None
+    assert answers.take_input(0).tolist() == [1.0, 0.0]
 
 
-def test_a_mailbox_says_in_printable_words_why_an_agent_answers_no_more():
-    mailbox, key = Mailbox(swarm_of_scenario("unicycles"), KEYS, SEALER), KEYS.telemetry("1")
-    mailbox.answers.expect(0, sample(0))
+def test_why_an_agent_answers_no_more_is_said_in_printable_words(answers: Answers):
+    key = KEYS.telemetry("1")
+    answers.expect(0, sample(0))
     report = Telemetry(k=0, report=MADE, ages=(), failed="no\x1b[2Jvalue")
-    assert mailbox.take(key, SEALER.seal(key, report)) == "agent 1: no [2Jvalue"
+    assert answers.take(key, SEALER.seal(key, report)) == "agent 1: no [2Jvalue"

@@ -4,7 +4,7 @@ import logging
 import queue
 
 import pytest
-from phalanx_plant.hub.arrivals import _MOST, Arrivals
+from phalanx_plant.hub.session import _MOST, Arrivals
 
 from phalanx.wire.messages import MAX_BYTES
 from phalanx.wire.seal import Malformed, Refusals

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from phalanx_plant.sampling.contacts import Contacts
-from phalanx_plant.sampling.sensing import Sight
+from phalanx_plant.sampling.sensing import Contacts, Sight
 
 PERIOD = 0.01
 APART, IN_SIGHT = Sight((1,), ()), Sight((0, 1), (0,))

@@ -4,8 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from phalanx_plant.sampling.harness import Harness
-from phalanx_plant.sampling.schedule import Schedule
+from phalanx_plant.sampling.schedule import Harness, Schedule
 
 from phalanx.scenario.load import ScenarioError, load
 from phalanx.swarm.swarm import Swarm, build_swarm

@@ -3,13 +3,20 @@
 import casadi as ca
 import numpy as np
 import pytest
-from phalanx_plant.events.events import InputApplied, InputLost, Sampled, StateReached
-from phalanx_plant.judge.coverage import Applied
 from phalanx_plant.judge.judge import Judge
+from phalanx_plant.world.events import (
+    CommandObeyed,
+    Event,
+    InputApplied,
+    InputLost,
+    Sampled,
+    StateReached,
+)
 from phalanx_plant.world.integration import DisturbanceKnot
 from phalanx_plant.world.truth import IntegrationSteps
 from phalanx_plant.world.world import DivergedError
 
+from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Assumption
 from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.rows.origin import Origin
@@ -18,13 +25,32 @@ from phalanx.wire.step_report import StepReport
 from tests.unit.swarms import rows_of_scenario
 
 
-def judge_of(*overrides: str) -> Judge:
-    """Of Simulation 1, with nothing seen yet."""
-    return Judge(rows_of_scenario("unicycles", *overrides))
+class ReportedTo(Judge):
+    """A judge of Simulation 1 or another, with nothing seen yet, and what agents will report."""
+
+    def __init__(self, name: str, *overrides: str) -> None:
+        self.reports = dict[tuple[int, int], Telemetry]()
+        super().__init__(rows_of_scenario(name, *overrides), lambda i, k: self.reports.pop((i, k)))
+
+    def happen(self, *events: Event) -> None:
+        """These come next."""
+        self.prepare(events)
+        for event in events:
+            self.take(event)
+
+
+def judge_of(*overrides: str) -> ReportedTo:
+    """Of Simulation 1."""
+    return ReportedTo("unicycles", *overrides)
+
+
+def report(origin: Origin = Origin.QP, k: int = 0, ages=()) -> Telemetry:
+    made = StepReport(origin=origin, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0)
+    return Telemetry(k=k, report=made, ages=ages)
 
 
 def apply(
-    judge: Judge,
+    judge: ReportedTo,
     i: int,
     k: int = 0,
     t: float = 0.0,
@@ -34,16 +60,23 @@ def apply(
     u: tuple[float, float] = (0.0, 0.0),
 ) -> None:
     """Agent i's input for a sample at t [s] takes effect, at once or at t_apply [s]."""
-    report = StepReport(origin=origin, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0)
-    telemetry = Telemetry(k=k, report=report, ages=ages)
+    judge.reports[i, k] = report(origin, k, ages)
     x = rows_of_scenario("unicycles").swarm.start()
-    t_apply = t if t_apply is None else t_apply
-    (proven,) = judge.coverage.proven([Applied(i, t_apply, x, np.array(u))])
-    judge.applied(InputApplied(i, k, t, t_apply, np.array(u)), telemetry, proven)
+    judge.happen(InputApplied(i, k, t, t if t_apply is None else t_apply, np.array(u), x))
+
+
+def obey(judge: ReportedTo, kind: CommandKind, i: int, t: float = 0.0) -> None:
+    """A command on agent i is obeyed."""
+    name = rows_of_scenario("unicycles").swarm.names[i]
+    judge.happen(CommandObeyed(Command(t, kind, name), i))
 
 
 def assumption(judge: Judge, name: str) -> Assumption:
-    return next(a for a in [*judge.assumptions, *judge.theorem] if a.name == name)
+    return next(
+        a
+        for a in [*judge.assumptions.of_guarantee, *judge.assumptions.of_theorem]
+        if a.name == name
+    )
 
 
 def counted(judge: Judge, name: str) -> tuple[int, int, float | None]:
@@ -54,9 +87,9 @@ def counted(judge: Judge, name: str) -> tuple[int, int, float | None]:
 def test_a_sampling_gap_above_the_period_and_its_jitter_is_counted():
     judge = judge_of()
     for t in (0.0, 0.012, 0.020, 0.0325, 0.0425, 0.060):
-        judge.sampled(Sampled(1, t))
+        judge.happen(Sampled(1, t))
     assert counted(judge, "sampling gap") == (2, 5, 0.0325)
-    judge.sampled(Sampled(2, 0.5))
+    judge.happen(Sampled(2, 0.5))
     assert counted(judge, "sampling gap")[1] == 5
 
 
@@ -82,8 +115,8 @@ def test_normal_agents_sample_together_if_each_takes_its_kth_sample_at_the_same_
 
 def test_freshness_is_no_assumption_of_a_row_that_needs_nothing_from_others():
     split = judge_of("safety.information=split")
-    assert "received inputs in force" not in [a.name for a in split.theorem]
-    assert "received inputs in force" in [a.name for a in judge_of().theorem]
+    assert "received inputs in force" not in [a.name for a in split.assumptions.of_theorem]
+    assert "received inputs in force" in [a.name for a in judge_of().assumptions.of_theorem]
 
 
 def test_steps_are_counted_by_origin_and_without_authority_there_is_no_backup():
@@ -136,7 +169,7 @@ def test_a_pair_without_a_normal_agent_needs_no_certificate_any_more(turns):
     for i in (0, 1, 2):
         judge.coverage.applied(i, 0.0, np.full(7, 1.0))
     if turns:
-        judge.turned(0)
+        obey(judge, CommandKind.TURN, 0)
     for i in (1, 2):
         judge.coverage.applied(i, 0.9, np.full(7, 2.0))
     for t, uncovered in ((1.0, 0), (2.0, int(not turns))):
@@ -167,15 +200,16 @@ def test_one_step_without_an_h_tot_is_the_end():
 
 def test_an_input_that_is_lost_did_not_come_in_time():
     judge = judge_of()
-    assert "inputs in time" not in [a.name for a in judge.assumptions]
-    judge.lost(InputLost(0, 3, 0.03, 0.032, np.zeros(2)))
+    assert "inputs in time" not in [a.name for a in judge.assumptions.of_guarantee]
+    judge.reports[0, 3] = report(k=3)
+    judge.happen(InputLost(0, 3, 0.03, 0.032, np.zeros(2)))
     assert counted(judge, "inputs in time") == (1, 1, 0.032)
-    for rests_on in (judge.assumptions, judge.theorem):
+    for rests_on in (judge.assumptions.of_guarantee, judge.assumptions.of_theorem):
         assert "inputs in time" in [a.name for a in rests_on]
 
 
 def test_what_a_guarantee_rests_on():
-    named = [a.name for a in judge_of().assumptions]
+    named = [a.name for a in judge_of().assumptions.of_guarantee]
     expected = ["start in S", "sampling gap", "disturbance bound", "admissible inputs"]
     assert named == [*expected, "certificates"]
 
@@ -184,7 +218,7 @@ def test_a_step_that_is_off_the_equation_of_motion_is_one_of_them():
     judge = judge_of()
     for resolved in (True, False):
         judge.saw([steps([0.1], [-1.0])._replace(resolved=np.array([resolved]))])
-        assert ("resolved motion" in [a.name for a in judge.assumptions]) != resolved
+        assert ("resolved motion" in [a.name for a in judge.assumptions.of_guarantee]) != resolved
     assert counted(judge, "resolved motion") == (1, 2, 0.1)
 
 
@@ -199,14 +233,14 @@ def test_a_step_that_is_off_the_equation_of_motion_is_one_of_them():
 )
 def test_what_the_theorem_rests_on(choice, more):
     always = ["start in S_I", "sampling gap", "disturbance bound", "non-empty K_i", "proven margin"]
-    assert [a.name for a in judge_of(f"safety.{choice}").theorem] == [*always, *more]
+    assert [a.name for a in judge_of(f"safety.{choice}").assumptions.of_theorem] == [*always, *more]
 
 
 def test_who_falls_silent_or_is_deceived_counts_if_it_is_normal():
     judge, adversary = judge_of(), 4
     for i in (0, adversary):
-        judge.sampled(Sampled(i, 0.01 * i, truthful=False))
-        judge.fell_silent(i, 0.1)
+        judge.happen(Sampled(i, 0.01 * i, truthful=False))
+        obey(judge, CommandKind.FREEZE, i, 0.1)
     assert counted(judge, "truthful sensors") == (1, 1, 0.0)
     assert counted(judge, "faithful agents") == (1, 1, 0.1)
 
@@ -222,10 +256,10 @@ def test_what_actuators_hold_before_their_first_input_has_to_be_in_u_too():
     going = 'agents.0.dynamics={ type = "tests.unit.plant.test_judge:Going", speed = 4.0, '
     judge = judge_of(going + "turn_rate = 2.0, offset = 0.25 }")
     start = rows_of_scenario("unicycles").swarm.start()
-    judge.reached(StateReached(0.0, start, []), [])
+    judge.happen(StateReached(0.0, start, []))
     assert counted(judge, "admissible inputs")[0] == 0, "nobody has held anything yet"
     apply(judge, 0, u=(2.0, 0.0))
-    judge.reached(StateReached(0.01, start, []), [])
+    judge.happen(StateReached(0.01, start, []))
     assert counted(judge, "admissible inputs")[0] == 2
 
 
@@ -261,7 +295,7 @@ def test_a_given_margin_is_never_called_proven():
 
 
 def test_leaving_s_i_is_an_assumption_of_its_own_with_when_and_how_deep():
-    judge = Judge(rows_of_scenario("formation3d"))
+    judge = ReportedTo("formation3d")
 
     def see(times: list[float], psi: list[float]) -> None:
         judge.saw([steps(times, [-50.0] * len(times), psi)])
@@ -276,7 +310,7 @@ def test_leaving_s_i_is_an_assumption_of_its_own_with_when_and_how_deep():
 def test_with_relative_degree_1_there_is_nothing_between_h_and_s_i():
     judge = judge_of()
     judge.saw([steps([0.0], [-1.0])])
-    assert "stayed in S_I" not in [a.name for a in judge.theorem]
+    assert "stayed in S_I" not in [a.name for a in judge.assumptions.of_theorem]
 
 
 def test_a_solver_that_failed_is_no_empty_k_i():
@@ -302,9 +336,9 @@ def test_an_input_has_to_be_in_u_of_the_state_that_was_sampled():
     ahead, aside = start_with(heading=0.0), start_with(heading=np.pi / 2)
     for k, (sampled, applied) in enumerate([(ahead, aside), (aside, ahead)]):
         t = 0.01 * k
-        judge.reached(StateReached(t, sampled, []), [])
-        judge.sampled(Sampled(0, t))
-        judge.reached(StateReached(t + 0.002, applied, []), [])
+        judge.happen(StateReached(t, sampled, []))
+        judge.happen(Sampled(0, t))
+        judge.happen(StateReached(t + 0.002, applied, []))
         apply(judge, 0, k=k, t=t, t_apply=t + 0.002, u=(4.0, 0.0))
     failed, _, first = counted(judge, "admissible inputs")
     assert (failed, first) == (1, 0.012)

@@ -1,23 +1,24 @@
 """Lockstep where it ends badly."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-import msgspec
+import numpy as np
 import pytest
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.lockstep import Lockstep
 from phalanx_plant.clock.lookahead import look_ahead
-from phalanx_plant.events.events import Event
-from phalanx_plant.events.stop import SwarmBrokenError
+from phalanx_plant.judge.backlog import Backlog
+from phalanx_plant.judge.judge import Judged
 from phalanx_plant.run import PlantRun
-from phalanx_plant.sampling.harness import Harness
-from phalanx_plant.sampling.schedule import Schedule
+from phalanx_plant.sampling.sampling import Sampling
+from phalanx_plant.world.events import Event, SwarmBrokenError
 from phalanx_plant.world.world import World
 
-from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind, CommandPolicy, FaultState
+from phalanx.arrays import Array
+from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.recording.read import read
 from phalanx.recording.write import RecordingWriter
@@ -26,7 +27,7 @@ from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.messages import Actuation, Sample, Status, Telemetry
+from phalanx.wire.messages import Sample, Status, Telemetry
 from phalanx.wire.step_report import StepReport
 from tests.unit.swarms import rows_of_scenario
 
@@ -60,20 +61,20 @@ start = [[0.5, 0.0]]
 class Coasting:
     """Agents that want nothing, in the plane."""
 
-    def __init__(self, latency: float = 0.0) -> None:
+    def __init__(self) -> None:
         self.asked = 0
-        self._latency, self._open = latency, {}
+        self._open = dict[int, Sample]()
 
     def send_sample(self, i: int, sample: Sample) -> None:
         self._open[i] = sample
         self.asked += 1
 
-    def await_actuation(self, i: int) -> Actuation:
-        sample = self._open.pop(i)
-        return Actuation(k=sample.k, t_apply=sample.t + self._latency, u=(0.0, 0.0))
+    def await_input(self, i: int) -> Array:
+        del self._open[i]
+        return np.zeros(2)
 
-    def take_actuation(self, i: int) -> Actuation | None:
-        return self.await_actuation(i) if i in self._open else None
+    def take_input(self, i: int) -> Array | None:
+        return self.await_input(i) if i in self._open else None
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:
         made = StepReport(origin=Origin.QP, residual=0.0, u_nom=(0.0, 0.0), solve_time=0.0)
@@ -111,7 +112,7 @@ def test_an_agent_thawed_while_its_input_is_on_its_way_samples_after_that_took_e
     tmp_path: Path,
 ) -> None:
     rows = rows_of_scenario("one-on-one", "duration=0.2", "time.latency=0.004")
-    swarm, agents = rows.swarm, Coasting(latency=0.004)
+    swarm, agents = rows.swarm, Coasting()
     name = swarm.names[0]
     schedule = (Command(0.101, CommandKind.FREEZE, name), Command(0.102, CommandKind.THAW, name))
     with RecordingWriter(tmp_path / "thaw.mcap", swarm.scenario, "thaw") as recording:
@@ -165,11 +166,12 @@ class Slow(Coasting):
         if sample.t > 0.02:  # at 0 everybody samples, whoever sees whom
             self.most = max(self.most, len(self._open))
 
-    def take_actuation(self, i: int) -> Actuation | None:
+    def take_input(self, i: int) -> Array | None:
         return None
 
-    def await_actuation(self, i: int) -> Actuation:
-        return msgspec.structs.replace(super().await_actuation(i), u=self._wanted)
+    def await_input(self, i: int) -> Array:
+        super().await_input(i)
+        return np.array(self._wanted)
 
 
 def run_of(agents: Slow, folder: Path, *overrides: str) -> Summary:
@@ -214,41 +216,41 @@ def test_dynamics_that_travel_farther_than_they_say_end_the_run(
     assert "travel farther than" in summary.reason
 
 
-class Told:
-    """What a scribe was told of all that is to be told."""
+class Told(Backlog):
+    """What was told of all that happened."""
 
     def __init__(self) -> None:
-        self.expected, self.told = list[Event](), list[Event]()
+        super().__init__(self, [lambda judged: self.told.append(judged.event)])
+        self.happened, self.told = list[Event](), list[Event]()
 
-    def expect(self, event: Event) -> None:
-        self.expected.append(event)
+    def add(self, event: Event) -> None:
+        super().add(event)
+        self.happened.append(event)
 
-    def witness(self, event: Event) -> None:
-        self.told.append(event)
+    def prepare(self, events: Sequence[Event]) -> None: ...
 
-    def idle(self) -> None: ...
+    def take(self, event: Event) -> Judged:
+        return Judged(event)
 
 
 class PausedNowAndThen(CommandQueue):
     """Virtual time waits before each event; whoever looks then sees so many events."""
 
-    def __init__(self, scribe: Told) -> None:
+    def __init__(self, backlog: Told) -> None:
         super().__init__(NO_COMMANDS, ())
-        self.seen, self._scribe = list[int](), scribe
+        self.seen, self._backlog = list[int](), backlog
 
     def take(self, now: float, t: float, idle: Callable[[], None]) -> list[Command]:
         idle()
-        assert self._scribe.told == self._scribe.expected
-        self.seen.append(len(self._scribe.told))
+        assert self._backlog.told == self._backlog.happened
+        self.seen.append(len(self._backlog.told))
         return super().take(now, t, idle)
 
 
 def test_while_virtual_time_waits_all_that_happened_has_been_told() -> None:
-    rows, scribe = rows_of_scenario("unicycles", "duration=0.1"), Told()
-    swarm, commands = rows.swarm, PausedNowAndThen(scribe)
-    schedule = Schedule([swarm.clock(i) for i in range(len(swarm.names))], 0.0, Harness(swarm))
-    faults = FaultState(swarm.names)
-    run = Lockstep(rows, World(rows), schedule, Coasting(), scribe, faults, commands)
+    rows, backlog = rows_of_scenario("unicycles", "duration=0.1"), Told()
+    swarm, commands = rows.swarm, PausedNowAndThen(backlog)
+    run = Lockstep(World(rows), Sampling(swarm), Coasting(), backlog, commands)
     run.run(swarm.scenario.duration)
     assert commands.seen == sorted(set(commands.seen))
-    assert scribe.told == scribe.expected
+    assert backlog.told == backlog.happened

@@ -17,7 +17,7 @@ def both(radius: float = 2.0, *overrides: str) -> tuple[World, World, Lookahead]
     """A world that knows every input at once, and another, which a lookahead goes ahead of."""
     rows = rows_of_scenario("unicycles", *overrides)
     behind = World(rows)
-    return World(rows), behind, Lookahead(rows.swarm, behind, np.full(5, radius))
+    return World(rows), behind, Lookahead(behind, np.full(5, radius))
 
 
 @given(seed=st.integers(0, 2**32 - 1))

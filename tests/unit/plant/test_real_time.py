@@ -4,18 +4,20 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.real_time import RealTime
 from phalanx_plant.run import PlantRun
 
+from phalanx.arrays import Array
 from phalanx.certify.checker.certify import certify
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.recording.read import Recording, read
 from phalanx.recording.write import RecordingWriter
 from phalanx.theory.rows.origin import Origin
-from phalanx.wire.messages import Actuation, Sample, Status, Telemetry
+from phalanx.wire.messages import Sample, Status, Telemetry
 from phalanx.wire.step_report import StepReport
 from tests.unit.swarms import rows_of_scenario
 
@@ -33,25 +35,24 @@ class OnTheWall:
 
     def __init__(self, takes: Takes) -> None:
         self.wall, self.samples = 100.0, list[tuple[int, Sample]]()
-        self._takes, self._coming = takes, dict[int, tuple[float, Sample]]()
+        self._takes, self._coming = takes, dict[int, float]()
         self.changes = list[tuple[float, int, bool]]()
         self.still = list[int]()
 
     def send_sample(self, i: int, sample: Sample) -> None:
         self.samples.append((i, sample))
         takes = self._takes(i, sample.k)
-        self._coming[i] = (self.wall + (1e9 if takes is None else takes), sample)
+        self._coming[i] = self.wall + (1e9 if takes is None else takes)
 
     def listen(self, seconds: float) -> None:
-        comes = min((at for at, _ in self._coming.values()), default=1e9)
+        comes = min(self._coming.values(), default=1e9)
         self.wall = max(self.wall, min(self.wall + max(seconds, 0.0), comes)) + 1e-6
 
-    def take_reported(self, i: int) -> Actuation | None:
-        at, sample = self._coming[i]
-        if at > self.wall:
+    def take_reported(self, i: int) -> Array | None:
+        if self._coming[i] > self.wall:
             return None
         del self._coming[i]
-        return Actuation(k=sample.k, t_apply=sample.t + LATENCY, u=(0.0, 0.0))
+        return np.zeros(2)
 
     def take_changes(self) -> list[tuple[int, bool]]:
         due = [c for c in self.changes if c[0] <= self.wall - 100.0]

@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-from phalanx_plant.sampling.harness import Harness
 from phalanx_plant.sampling.sampling import Sampling, Taken
-from phalanx_plant.sampling.schedule import Schedule
 
-from phalanx.faults.commands import Command, CommandKind, FaultState
+from phalanx.faults.commands import Command, CommandKind
 from phalanx.wire.messages import Sample
 from tests.unit.swarms import swarm_of_scenario
 
@@ -37,9 +35,8 @@ class Taking:
 
     def __init__(self) -> None:
         swarm = swarm_of_scenario("unicycles")
-        clocks = [swarm.clock(i) for i in range(5)]
-        self.schedule = Schedule(clocks, 0.0, Harness(swarm))
-        self.sampling = Sampling(swarm, self.schedule, FaultState(swarm.names))
+        self.sampling = Sampling(swarm)
+        self.schedule = self.sampling.schedule
         self.told, self.x, self.p = Told(), swarm.start(), swarm.positions(swarm.start())
 
     def take(self, i: int, t: float) -> Taken:

@@ -1,14 +1,16 @@
 """The trajectory's hash knows every state and every input to the last bit, and nothing else."""
 
 import numpy as np
-from phalanx_plant.events.events import InputApplied, StateReached
-from phalanx_plant.scribe.trajectory import TrajectoryHash
+from phalanx_plant.judge.judge import Judged
+from phalanx_plant.observers.recorder import TrajectoryHash
+from phalanx_plant.world.events import InputApplied, StateReached
 
 
 def hashed(x: float = 1.0, u: float = 0.5, i: int = 0, k: int = 3, t: float = 0.1) -> str:
     found = TrajectoryHash()
-    found.add(StateReached(t, np.full(15, x), []))
-    found.add(InputApplied(i, k, t, t, np.array([u, 0.0])))
+    state = np.full(15, x)
+    found.add(Judged(StateReached(t, state, [])))
+    found.add(Judged(InputApplied(i, k, t, t, np.array([u, 0.0]), state)))
     return found.hexadecimal
 
 

@@ -1,4 +1,4 @@
-"""What happens in a run, in the order in which it is judged, recorded and shown."""
+"""What happens in a run, in the order in which it is judged and told; and what ends it early."""
 
 from typing import NamedTuple
 
@@ -50,6 +50,8 @@ class InputApplied(NamedTuple):
     """[s]"""
     u: Array
     """Native input, shape (m_i,)."""
+    x: Array
+    """The true stacked state when it took it, shape (n̄,)."""
     answers: Sample | None = None
     """In real time, the sample as the agent was shown it."""
 
@@ -84,3 +86,15 @@ class InstantOver(NamedTuple):
 
 
 Event = StateReached | Sampled | CommandObeyed | InputApplied | InputLost | MemberLost | InstantOver
+
+
+class StoppedError(Exception):
+    """The user asked the run to stop."""
+
+
+class AbandonedError(Exception):
+    """The process that launched the run is gone, or says that an agent is."""
+
+
+class SwarmBrokenError(RuntimeError):
+    """An agent is missing, dead or silent; the message names it."""

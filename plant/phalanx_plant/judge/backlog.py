@@ -1,14 +1,16 @@
-"""What happened and is still to be written down, as soon as there is time."""
+"""What happened and is still to be judged and told, as soon as there is time."""
 
 import contextlib
 import time
 from collections import deque
+from collections.abc import Callable, Sequence
+from itertools import islice
 from types import TracebackType
 from typing import Protocol, Self
 
 from phalanx.recording.write import RecordingError
-from phalanx_plant.events.events import Event
-from phalanx_plant.events.stop import StoppedError, SwarmBrokenError
+from phalanx_plant.judge.judge import Judged
+from phalanx_plant.world.events import Event, StoppedError, SwarmBrokenError
 from phalanx_plant.world.world import DivergedError
 
 _AT_ONCE = 96
@@ -18,25 +20,37 @@ _LONGEST = 0.1
 may look."""
 
 
-class Witness(Protocol):
-    """Whoever is told what happened, while there is time."""
+class EventJudge(Protocol):
+    """The judge, as it is asked."""
 
-    def expect(self, event: Event) -> None:
-        """This will be told, after all that was expected before."""
+    def prepare(self, events: Sequence[Event]) -> None:
+        """Work out what these, which are judged next, need."""
 
-    def witness(self, event: Event) -> None:
-        """Take the next event."""
-
-    def idle(self) -> None:
-        """Called when there is time for what waits until then."""
+    def take(self, event: Event) -> Judged:
+        """Judge the next event, which was prepared."""
 
 
 class Backlog:
     """Events in their order; whatever is left of them at the end of a run is told then."""
 
-    def __init__(self, scribe: Witness) -> None:
-        self._scribe = scribe
+    def __init__(
+        self,
+        judge: EventJudge,
+        observers: Sequence[Callable[[Judged], None]],
+        idle: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Begin with nothing.
+
+        Args:
+            judge: of the run.
+            observers: told of each event, one after the other, once it was judged.
+            idle: called when there is time for what waits until then.
+        """
+        self.idle = idle
+        self._judge, self._observers = judge, observers
         self._events: deque[Event] = deque()
+        self._prepared = 0
+        """How many of them, the oldest."""
         self._due = time.monotonic() + _LONGEST
 
     def __len__(self) -> int:
@@ -45,27 +59,33 @@ class Backlog:
     def add(self, event: Event) -> None:
         """This happened next."""
         self._events.append(event)
-        self._scribe.expect(event)
 
     def write_one(self) -> None:
-        """Tell the scribe of the oldest."""
-        self._scribe.witness(self._events.popleft())
+        """Have the oldest judged, and tell of it. Raises RecordingError, DivergedError."""
+        if not self._prepared:
+            events = list(islice(self._events, _AT_ONCE))
+            self._judge.prepare(events)
+            self._prepared = len(events)
+        self._prepared -= 1
+        judged = self._judge.take(self._events.popleft())
+        for tell in self._observers:
+            tell(judged)
 
     def write_most(self) -> None:
-        """Tell the scribe of all but the last few. Raises RecordingError, DivergedError."""
+        """Tell of all but the last few. Raises RecordingError, DivergedError."""
         if time.monotonic() >= self._due:
             self.write_down()
             self._due = time.monotonic() + _LONGEST
             return
         while len(self) > _AT_ONCE:
             self.write_one()
-        self._scribe.idle()
+        self.idle()
 
     def write_down(self) -> None:
-        """Tell the scribe of all. Raises RecordingError, DivergedError."""
+        """Tell of all. Raises RecordingError, DivergedError."""
         while self:
             self.write_one()
-        self._scribe.idle()
+        self.idle()
 
     def __enter__(self) -> Self:
         return self

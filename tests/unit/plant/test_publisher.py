@@ -3,29 +3,27 @@
 from pathlib import Path
 
 import pytest
-from phalanx_plant.clock import backlog
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.lockstep import Lockstep
+from phalanx_plant.judge import backlog
+from phalanx_plant.observers import publisher
 from phalanx_plant.run import PlantRun
-from phalanx_plant.scribe import frames
 from phalanx_viewer.feeds.replay import open_replay
 
+from phalanx.arrays import Array
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.launcher.engine import silent
 from phalanx.launcher.in_process_engine import DirectAgents
 from phalanx.recording.write import RecordingWriter
-from phalanx.wire.messages import Actuation, Frame
+from phalanx.wire.messages import Frame
 from tests.unit.swarms import rows_of_scenario
 
 
 class LateAgents(DirectAgents):
     """Agents whose answers are there when they are awaited alone: the plant shows frames before."""
 
-    def take_actuation(self, i: int) -> Actuation | None:
+    def take_input(self, i: int) -> Array | None:
         return None
-
-    def await_actuation(self, i: int) -> Actuation:
-        return self._actuations.pop(i)
 
 
 class Audience:
@@ -46,7 +44,7 @@ def test_a_frame_shows_what_a_replay_does_at_its_time(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """However late answers come, and however many events wait to be told."""
-    monkeypatch.setattr(frames, "_EVERY", 0.0)
+    monkeypatch.setattr(publisher, "_EVERY", 0.0)
     monkeypatch.setattr(backlog, "_LONGEST", longest)
     rows = rows_of_scenario("unicycles", "duration=1.5", "time.latency=0.002")
     schedule = tuple(

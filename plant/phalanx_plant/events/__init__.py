@@ -1,1 +1,0 @@
-"""What happens in a run, and what ends it early."""

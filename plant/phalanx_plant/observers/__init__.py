@@ -1,0 +1,1 @@
+"""What becomes of every judged event: a recording, a hash, and what viewers see."""

@@ -1,0 +1,174 @@
+"""What is shown of a run: frames to viewers, built only while somebody looks; status to all."""
+
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from msgspec.structs import replace
+
+from phalanx.faults.commands import FaultState
+from phalanx.network.inbox import Fate
+from phalanx.theory.rows.origin import Origin
+from phalanx.wire.messages import AgentStatus, Frame, LinkEvent, LogLine, Status, worse
+from phalanx.wire.step_report import AppliedStep
+from phalanx_plant.clock.commands import CommandQueue
+from phalanx_plant.judge.judge import Judge, Judged
+from phalanx_plant.world.events import CommandObeyed, InputApplied, InstantOver, StateReached
+from phalanx_plant.world.world import World
+
+_EVERY = 1.0 / 30.0
+"""Wall time between frames [s]."""
+_LINES = 30
+_LINK_EVENTS = 256
+"""Most links that a frame tells of: it has to stay a small message."""
+_STATUS_EVERY = 0.1
+"""Wall time between status messages [s]."""
+
+
+class FrameAudience(Protocol):
+    """Whoever looks."""
+
+    @property
+    def present(self) -> bool:
+        """Whether anybody does."""
+
+    def show(self, frame: Frame) -> None:
+        """Hand everybody a frame; lost on those who are slow."""
+
+
+class Publisher:
+    """Publishes the run; it reads everything and changes nothing."""
+
+    def __init__(
+        self,
+        world: World,
+        judge: Judge,
+        commands: CommandQueue,
+        publish_status: Callable[[Status], None],
+        audience: FrameAudience | None = None,
+    ) -> None:
+        """Begin to publish a run.
+
+        Args:
+            world: at x(0).
+            judge: of the run.
+            commands: that the run obeys.
+            publish_status: tells whoever watches how far the run is.
+            audience: is shown frames.
+        """
+        names = world.swarm.names
+        self._judge, self._commands = judge, commands
+        self._publish_status, self._audience = publish_status, audience
+        # Its own: those who obey are ahead of what has been told.
+        self._faults = FaultState(names)
+        self._t, self._x, self._settled = 0.0, world.x, True
+        self._agents = [AgentStatus() for _ in names]
+        self._log: deque[LogLine] = deque(maxlen=_LINES)
+        self._link_events: dict[tuple[int, int], float] = {}
+        self._peak = -np.inf
+        self._due = 0.0
+        self._began = self._status_due = time.monotonic()
+        self._pace = (self._began, 0.0, 0.0)
+        """Wall time, virtual time and real-time factor when that was last measured."""
+
+    def see(self, judged: Judged) -> None:
+        """Take the next event; show the run if all that happens at its time was seen."""
+        event = judged.event
+        self._log.extend(LogLine(notice.t, notice.text) for notice in judged.notices)
+        for fate, found in judged.heard:
+            if found.false:
+                liar = self._agents[fate.sender]
+                self._agents[fate.sender] = replace(liar, lies=liar.lies + 1)
+        match event:
+            case StateReached():
+                self._t, self._x, self._settled = event.t, event.x, False
+                self._peak = max(self._peak, judged.peak)
+            case CommandObeyed():
+                self._faults.obey(event.command)
+            case InputApplied() if judged.made is not None:
+                step, _ = judged.made
+                self._applied(event.i, step, [fate for fate, _ in judged.heard])
+            case InstantOver():
+                self._settled = True
+                self.show()
+
+    def _applied(self, i: int, step: AppliedStep, fates: list[Fate]) -> None:
+        """Agent i's input took effect; fates are those of broadcasts that it reported."""
+        before = self._agents[i]
+        self._agents[i] = replace(
+            before,
+            step=step,
+            backups=before.backups + (step.origin == Origin.BACKUP),
+            without_authority=before.without_authority + (step.origin == Origin.NO_AUTHORITY),
+        )
+        for fate in fates:
+            link = fate.sender, i
+            known = link in self._link_events
+            if fate.delay != 0.0 and (known or len(self._link_events) < _LINK_EVENTS):
+                self._link_events[link] = worse(self._link_events.get(link, 0.0), fate.delay)
+
+    def idle(self) -> None:
+        """Show what is due to be shown."""
+        self.show()
+        now = time.monotonic()
+        if now < self._status_due:
+            return
+        self._status_due = now + _STATUS_EVERY
+        judge = self._judge
+        self._publish_status(
+            Status(
+                t=self._t,
+                real_time_factor=self._t / max(now - self._began, 1e-9),
+                worst_h=judge.extremes.worst_h_tot,
+                steps=judge.steps,
+                backups=judge.backups,
+            )
+        )
+
+    def show(self, last: bool = False) -> None:
+        """Publish a frame if one is due and somebody looks; the last one is always due.
+
+        None is due in the middle of an instant, some of whose inputs were seen and some not.
+        """
+        now = time.monotonic()
+        due = self._settled and now >= self._due
+        if self._audience is None or not (due or last):
+            return
+        self._due = now + _EVERY
+        if self._audience.present:
+            self._audience.show(self._frame(now))
+        self._link_events.clear()
+        self._peak = -np.inf
+
+    def _frame(self, now: float) -> Frame:
+        extremes = self._judge.extremes
+        return Frame(
+            t=self._t,
+            x=self._x.astype("<f8").tobytes(),
+            h_tot=max(self._peak, extremes.h_tot),
+            worst_h=extremes.worst_h_tot,
+            pair=extremes.largest,
+            agents=tuple(
+                replace(agent, condition=condition)
+                for agent, condition in zip(self._agents, self._faults.condition, strict=True)
+            ),
+            link_events=tuple(LinkEvent(*at, delay) for at, delay in self._link_events.items()),
+            steps=self._judge.steps,
+            real_time_factor=self._real_time_factor(now),
+            assumptions=tuple(self._judge.assumptions.of_guarantee),
+            violations=tuple(extremes.violations()[:8]),
+            log=tuple(self._log),
+            paused=self._commands.pace.paused,
+            speed=self._commands.pace.speed,
+            loss=self._faults.loss,
+            delay=self._faults.delay,
+        )
+
+    def _real_time_factor(self, now: float) -> float:
+        wall, virtual, factor = self._pace
+        if now - wall >= 0.5:
+            factor = (self._t - virtual) / (now - wall)
+            self._pace = (now, self._t, factor)
+        return factor

@@ -1,0 +1,116 @@
+"""What stays of a run: its recording, and the hash of its trajectory."""
+
+import hashlib
+
+import numpy as np
+from msgspec.structs import asdict
+
+from phalanx.network.inbox import Fate
+from phalanx.recording.records import Shown, State, Step
+from phalanx.recording.write import RecordingWriter
+from phalanx.swarm.swarm import Swarm
+from phalanx.wire.messages import Sample, Telemetry
+from phalanx.wire.step_report import AppliedStep
+from phalanx_plant.judge.claims import Finding
+from phalanx_plant.judge.judge import Judged
+from phalanx_plant.world.events import (
+    CommandObeyed,
+    InputApplied,
+    InputLost,
+    StateReached,
+)
+
+
+class TrajectoryHash:
+    """SHA-256 over every state at an event and every applied input, in order.
+
+    One number that says whether two runs were the same to the last bit.
+    """
+
+    def __init__(self) -> None:
+        self._sha = hashlib.sha256()
+
+    def add(self, judged: Judged) -> None:
+        """Take the next event."""
+        event = judged.event
+        if isinstance(event, StateReached):
+            self._sha.update(np.float64(event.t).tobytes() + event.x.tobytes())
+        elif isinstance(event, InputApplied):
+            self._sha.update(np.array([event.i, event.k, *event.u]).tobytes())
+
+    @property
+    def hexadecimal(self) -> str:
+        """Of all events so far."""
+        return self._sha.hexdigest()
+
+
+class Recorder:
+    """Records one run."""
+
+    def __init__(self, swarm: Swarm, recording: RecordingWriter) -> None:
+        self._names, self._declared = swarm.names, swarm.links.declared
+        self._recording = recording
+        self._every = swarm.scenario.time.recording_step
+        """Least time between two recorded states [s]."""
+        self._state_due = 0.0
+        self._peak = -np.inf
+        """Largest h_tot since the last recorded state."""
+        self._heard: list[list[tuple[Fate, Finding]]] = [[] for _ in swarm.names]
+        """For each agent, what it heard since its last step that is recorded: one whose input was
+        lost is not."""
+
+    def record(self, judged: Judged) -> None:
+        """Write the next event down. Raises RecordingError."""
+        event, write = judged.event, self._recording.write
+        match event:
+            case StateReached():
+                self._peak = max(self._peak, judged.peak)
+                if event.t >= self._state_due:
+                    write(State(event.t, event.x.tolist(), self._peak))
+                    self._state_due, self._peak = event.t + self._every, -np.inf
+            case CommandObeyed():
+                write(event.command)
+            case InputApplied() | InputLost():
+                self._heard[event.i] += judged.heard
+        for notice in judged.notices:
+            write(notice)
+        if isinstance(event, InputApplied) and judged.made is not None:
+            step, telemetry = judged.made
+            write(self._step(event, step, telemetry))
+            if event.answers is not None:
+                write(self._shown(event.i, event.answers, telemetry))
+
+    def _step(self, event: InputApplied, step: AppliedStep, telemetry: Telemetry) -> Step:
+        names = self._names
+        heard, self._heard[event.i] = self._heard[event.i], []
+        hit = [
+            (names[fate.sender], fate.k, [self._declared[n] for n in (*fate.faults, *found.lies)])
+            for fate, found in heard
+        ]
+        return Step(
+            agent=names[event.i],
+            k=event.k,
+            t=event.t,
+            t_apply=event.t_apply,
+            ages=[(names[l], age) for l, age in telemetry.ages],
+            fates=[(names[fate.sender], fate.k, fate.delay) for fate, _ in heard],
+            faults=[entry for entry in hit if entry[2]],
+            false=[
+                (names[fate.sender], fate.k, fate.claim.t_apply, list(fate.claim.u))
+                for fate, found in heard
+                if found.false and fate.claim is not None
+            ],
+            **asdict(step),
+        )
+
+    def _shown(self, i: int, sample: Sample, telemetry: Telemetry) -> Shown:
+        names = self._names
+        return Shown(
+            agent=names[i],
+            k=sample.k,
+            t=sample.t,
+            seen=[names[l] for l in sample.seen],
+            x=np.frombuffer(sample.x, dtype="<f8").tolist(),
+            received=[(names[l], since, list(u)) for l, since, u in telemetry.received],
+            adversary=sample.orders is not None and sample.orders.adversary,
+        )

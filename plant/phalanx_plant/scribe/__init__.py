@@ -1,1 +1,0 @@
-"""What happened, written down and shown."""
