@@ -86,11 +86,11 @@ class SafetyRows:
         if swarm.members[i].adversary or self.pairwise:
             return self.composed.of(i, radius)
         margin = self._local(i) if self.bounds_whole else self.margin(i).given
-        return self.composed.of(i, radius, margin, self._by_derivatives)
+        return self.composed.of(i, radius, margin, self._by_kind)
 
     def terms_of_all(self, margin: ComposedMargin) -> ComposedTerms:
         """h_tot of all pairs, whoever sees them, with this margin."""
-        return self.composed.of(self.swarm.normal[0], None, margin, self._by_derivatives)
+        return self.composed.of(self.swarm.normal[0], None, margin, self._by_kind)
 
     @property
     def bounds_whole(self) -> bool:
@@ -107,20 +107,17 @@ class SafetyRows:
         return self._bounds[i]
 
     @cached_property
-    def _by_derivatives(self) -> TermsByDerivatives | None:
-        """The chain of h_tot from kinds, if some D_k is part of it as `chain` has it."""
+    def _by_derivatives(self) -> TermsByDerivatives:
+        """The chain of h_tot from kinds, with those D_k that `chain` has."""
         safety, bounds = self.swarm.scenario.safety, self.swarm.disturbance_bounds
-        if self.relative_degree == 1 or safety.margin == "paper":
-            return None
         xi = None if safety.computes_margin else safety.xi
-        return self.composed.by_derivatives(xi, list(bounds.values()))
+        return self.composed.by_derivatives(xi, list(bounds.values()), safety.margin == "paper")
 
-    @cached_property
-    def _of_shares(self) -> TermsByDerivatives:
-        """The same for shares, D_k or not."""
-        safety, bounds = self.swarm.scenario.safety, self.swarm.disturbance_bounds
-        printed = self.composed.by_derivatives(safety.xi, list(bounds.values()), printed=True)
-        return self._by_derivatives or printed
+    @property
+    def _by_kind(self) -> TermsByDerivatives | None:
+        """What rows for h_tot are made of where it has a D_k, of q > 1; else None."""
+        printed = self.relative_degree == 1 or self.swarm.scenario.safety.margin == "paper"
+        return None if printed else self._by_derivatives
 
     def own_pair(self, i: int, other: int) -> OwnPair:
         """The pair of normal agent i and another member, or N + k for obstacle k.
@@ -201,7 +198,7 @@ class SafetyRows:
         if one or safety.information is not Information.SPLIT:
             return None
         # It scales as all that a margin sums.
-        return ShareMargin(self._of_shares, margin.scale * self.swarm.horizon(i))
+        return ShareMargin(self._by_derivatives, margin.scale * self.swarm.horizon(i))
 
     def invariants(self) -> Callable[[Array], Array]:
         """x -> all ψ_0 ... ψ_{q-1} that are not above 0 in S_I, as this scenario composes them."""
@@ -211,14 +208,11 @@ class SafetyRows:
             psi = self.pair_psi.choose(every)
             return lambda x: psi(x).ravel()
         # With limited sensing every agent composes a set of its own.
-        views = [self._psi_of(i) for i in (swarm.normal if swarm.limited else swarm.normal[:1])]
-        return lambda x: np.concatenate([psi(x) for psi in views])
-
-    def _psi_of(self, i: int) -> Callable[[Array], Array]:
-        """x -> ψ_0 ... ψ_{q-1} of what normal agent i composes."""
-        swarm, radius = self.swarm, self.swarm.sensing(i)
-        composed = self.composed.of(i, radius, by_kind=self._by_derivatives)
-        return lambda x: composed.psi(x, swarm.seen(i, x))
+        views = [
+            (i, self.composed.of(i, swarm.sensing(i), by_kind=self._by_kind))
+            for i in (swarm.normal if swarm.limited else swarm.normal[:1])
+        ]
+        return lambda x: np.concatenate([terms.psi(x, swarm.seen(i, x)) for i, terms in views])
 
     def _eta(self, i: int) -> float:
         """η(Γ_i + δ^max) of agent i, given or from constants."""
