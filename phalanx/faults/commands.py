@@ -70,8 +70,10 @@ class Effect(NamedTuple):
     """As the event log has it, after the agent's name."""
     leads_from: frozenset[Condition]
     leads_to: Condition | None
-    """None: the failure is over, and the agent is as it was before."""
+    """None: what it was before it failed."""
     process: ProcessChange | None = None
+    harms: bool = True
+    """Whether the agent fails; else a failure ends."""
 
 
 _RUNS = frozenset({Condition.FINE, Condition.TURNED})
@@ -84,9 +86,12 @@ EFFECTS: Mapping[str, Effect] = {
         frozenset({Condition.DEAD}),
         None,
         ProcessChange.STARTS,
+        harms=False,
     ),
     CommandKind.FREEZE: Effect("frozen", _RUNS, Condition.FROZEN, ProcessChange.STOPS),
-    CommandKind.THAW: Effect("thawed", frozenset({Condition.FROZEN}), None, ProcessChange.GOES_ON),
+    CommandKind.THAW: Effect(
+        "thawed", frozenset({Condition.FROZEN}), None, ProcessChange.GOES_ON, harms=False
+    ),
     CommandKind.TURN: Effect("turned adversary", frozenset({Condition.FINE}), Condition.TURNED),
 }
 """Of every command on an agent."""
@@ -118,8 +123,7 @@ class Command(msgspec.Struct, frozen=True):
     @property
     def harms(self) -> bool:
         """Whether it makes an agent fail, or changes what links do."""
-        failure = self.effect is not None and self.effect.leads_to is not None
-        return failure or self.kind in ON_LINKS
+        return self.kind in ON_LINKS or (self.effect is not None and self.effect.harms)
 
     def __str__(self) -> str:
         """The command as a line of the event log."""
