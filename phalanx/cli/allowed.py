@@ -5,6 +5,7 @@ import os
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import typer
 
@@ -32,25 +33,22 @@ def require_run(run: str) -> str:
     return run
 
 
-def require_port(port: int | None) -> int | None:
-    """Refuse a number that no TCP port has."""
-    if port is not None and not 1 <= port <= 65535:
-        raise typer.BadParameter(f"expected 1 to 65535, got {port}")
-    return port
+def require_number(expected: str, holds: Callable[[float], bool]) -> Callable[[Any], Any]:
+    """A callback: refuse a number of which something does not hold, and say what is expected."""
+
+    def check(number: Any) -> Any:
+        if number is not None and not holds(number):
+            raise typer.BadParameter(f"expected {expected}, got {number}")
+        return number
+
+    return check
 
 
-def require_timeout(seconds: float) -> float:
-    """Refuse a wait that would never end."""
-    if not 0.0 <= seconds <= _LONGEST:
-        raise typer.BadParameter(f"expected 0 to {_LONGEST:.0f} s, got {seconds:g}")
-    return seconds
-
-
-def require_speed(speed: float | None) -> float | None:
-    """Refuse a speed at which time would not go on; 0 stands for as fast as possible."""
-    if speed is not None and not 0.0 <= speed < float("inf"):
-        raise typer.BadParameter(f"expected a finite number, or 0: as fast as it goes, got {speed}")
-    return speed
+require_port = require_number("1 to 65535", lambda port: 1 <= port <= 65535)
+require_timeout = require_number(f"0 to {_LONGEST:.0f} s", lambda wait: 0.0 <= wait <= _LONGEST)
+require_speed = require_number(
+    "a finite number, or 0: as fast as it goes", lambda speed: 0.0 <= speed < float("inf")
+)
 
 
 def require_hosts(hosts: list[str] | None) -> list[str] | None:

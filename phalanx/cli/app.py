@@ -84,9 +84,8 @@ def status(arguments: list[str]) -> int:
         complain("See phalanx --help, or phalanx COMMAND --help.")
         return USAGE_ERROR
     except ValueError as error:
-        from phalanx.scenario.load import (
-            ScenarioError,
-        )  # takes long, which a run has better use for
+        # It takes long to import, and a run has better use for the time.
+        from phalanx.scenario.load import ScenarioError
 
         if not isinstance(error, ScenarioError):
             raise

@@ -6,19 +6,18 @@ from typing import Annotated
 
 import typer
 
-from phalanx.cli.allowed import require_run, require_speed, require_timeout, secret_from
+from phalanx.cli.allowed import (
+    require_number,
+    require_run,
+    require_speed,
+    require_timeout,
+    secret_from,
+)
 from phalanx.cli.endpoints import require_endpoint
 from phalanx.launcher.engine import ENGINES, FASTEST, require_engine
 from phalanx.wire.membership import COMMAND_SECRET, SECRET
 
 _REAL_TIME = "--real-time"
-
-
-def _require_factor(factor: float | None) -> float | None:
-    """Refuse a pace at which time would not go on."""
-    if factor is not None and not 0.0 < factor <= FASTEST:
-        raise typer.BadParameter(f"expected more than 0 and at most {FASTEST:g}, got {factor:g}")
-    return factor
 
 
 def _known_engine(engine: str) -> str:
@@ -149,7 +148,9 @@ RealTimeFactor = Annotated[
         _REAL_TIME,
         envvar="PHALANX_REAL_TIME",
         metavar="[FACTOR]",
-        callback=_require_factor,
+        callback=require_number(
+            f"more than 0 and at most {FASTEST:g}", lambda factor: 0.0 < factor <= FASTEST
+        ),
         help="The wall clock decides, and nobody waits: so many seconds of virtual time per "
         "second; 1 if it is left out.",
         show_default=False,

@@ -17,7 +17,7 @@ from phalanx.faults.fault import (
     RunFacts,
     Where,
 )
-from phalanx.network.distributions import quantile
+from phalanx.network.delay import quantile
 from phalanx.network.link import Kind
 from phalanx.network.rule import Cut, During
 from phalanx.schema.fields import Finite, NonNegative, misplaced

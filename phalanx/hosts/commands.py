@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from phalanx.cli.allowed import require_hosts
+from phalanx.cli.allowed import require_hosts, require_number
 from phalanx.cli.endpoints import certificates_for, require_endpoint
 from phalanx.cli.options import (
     Insecure,
@@ -35,13 +35,6 @@ def _require_endpoints(endpoints: list[str] | None) -> list[str] | None:
     return endpoints
 
 
-def _require_days(days: float) -> float:
-    """Refuse certificates that are never valid, or beyond what a date can be."""
-    if not 0.0 < days <= 36500.0:
-        raise typer.BadParameter(f"expected more than 0 and at most 36500, got {days:g}")
-    return days
-
-
 def keys(
     folder: Annotated[
         Path, typer.Argument(metavar="DIR", help="A new folder for the certificates.")
@@ -66,7 +59,13 @@ def keys(
         ),
     ] = False,
     days: Annotated[
-        float, typer.Option(callback=_require_days, help="For how long they are valid.")
+        float,
+        typer.Option(
+            callback=require_number(
+                "more than 0 and at most 36500", lambda days: 0.0 < days <= 36500.0
+            ),
+            help="For how long they are valid.",
+        ),
     ] = 30.0,
     trust: Trust = False,
 ) -> int:

@@ -1,19 +1,51 @@
-"""Delays of messages: netem's `delay`, `reorder`, `rate` and `slot`, and a floor by distance."""
+"""Delays of messages: netem's `delay`, `reorder`, `rate` and `slot`, and a floor by distance.
+
+Distributions are quantiles of mean 0 and unit scale. Like netem's they are tables, cut off at ±4,
+and the tables are the same bits on every CPU.
+"""
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from functools import cache
+from typing import Annotated, Literal
 
+import casadi as ca
+import numpy as np
 from annotated_types import Ge, Gt, Lt
 
-from phalanx.network.distributions import Distribution, quantile
+from phalanx.arrays import Array
 from phalanx.network.loss import NonNegative, Probability
 from phalanx.network.rule import BASIC, DELIVER, DROP, Copy, Message, Treatment, delay
+from phalanx.theory.expressions import exponential
 
 Positive = Annotated[float, Gt(0)]
 
 _ROUNDING = 1e-6
 """Of a wait, as a share of the time that a message takes."""
+
+Distribution = Literal["uniform", "normal", "pareto", "paretonormal"]
+
+LONGEST = 4.0
+"""What netem's tables of 16 bits end at."""
+_CELLS = 4096
+_SHAPE = 3.0
+"""Of the Pareto distribution: netem's, NISTnet's before it."""
+
+# Wichura's algorithm AS 241 for the quantiles of the normal distribution, PPND16.
+_CENTRE = (
+    (2509.0809287301226727, 33430.575583588128105, 67265.770927008700853, 45921.953931549871457,
+     13731.693765509461125, 1971.5909503065514427, 133.14166789178437745, 3.387132872796366608),
+    (5226.495278852545925, 28729.085735721942674, 39307.89580009271061, 21213.794301586595867,
+     5394.1960214247511077, 687.1870074920579083, 42.313330701600911252, 1.0),
+)  # fmt: skip
+_TAIL = (
+    (7.7454501427834140764e-4, 0.0227238449892691845833, 0.24178072517745061177,
+     1.27045825245236838258, 3.64784832476320460504, 5.7694972214606914055,
+     4.6303378461565452959, 1.42343711074968357734),
+    (1.05075007164441684324e-9, 5.475938084995344946e-4, 0.0151986665636164571966,
+     0.14810397642748007459, 0.68976733498510000455, 1.6763848301838038494,
+     2.05319162663775882187, 1.0),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -145,3 +177,54 @@ class Slot:
             # Who lies about when it sent may name a time that no slot has a number for.
             return DELIVER
         return delay(max(0.0, math.ceil(slots) * self.every - message.t))
+
+
+def quantile(distribution: Distribution, u: float) -> float:
+    """The value that a share u in [0, 1) of all values lies below."""
+    if distribution == "uniform":
+        return 2.0 * u - 1.0
+    place = u * _CELLS
+    cell = int(place)
+    table = _table(distribution)
+    low, high = float(table[cell]), float(table[cell + 1])
+    return low + (place - cell) * (high - low)
+
+
+@cache
+def _table(distribution: Distribution) -> Array:
+    """Quantiles at 0, 1/4096, ..., 1, shape (4097,)."""
+    shares = np.arange(_CELLS + 1) / _CELLS
+    normal = np.clip(_normal(shares), -LONGEST, LONGEST)
+    if distribution == "normal":
+        return normal
+    pareto = np.minimum(_pareto(1.0 - shares), LONGEST)
+    # A quarter normal and three quarters Pareto, of the same draw: as iproute2's table has it.
+    return pareto if distribution == "pareto" else 0.25 * normal + 0.75 * pareto
+
+
+def _normal(shares: Array) -> Array:
+    """Φ⁻¹."""
+    q = shares - 0.5
+    near = 0.180625 - q * q
+    centre = q * _ratio(_CENTRE, near)
+    # No tail of the table is thinner than 1/4096, for which this branch of the algorithm is made.
+    tail = np.maximum(np.minimum(shares, 1.0 - shares), 0.25 / _CELLS)
+    r = np.sqrt(-_log(tail)) - 1.6
+    return np.where(np.abs(q) <= 0.425, centre, np.sign(q) * _ratio(_TAIL, r))
+
+
+def _pareto(above: Array) -> Array:
+    """The values that shares `above` lie above: (x - 3/2) 4/3 of a Pareto x >= 1."""
+    x = np.array(exponential.exp(ca.DM(-_log(np.maximum(above, 1e-9)) / _SHAPE))).ravel()
+    scaled: Array = (x - 1.5) * (4.0 / 3.0)
+    return scaled
+
+
+def _ratio(polynomials: tuple[tuple[float, ...], ...], x: Array) -> Array:
+    top, bottom = (exponential.polynomial(p, x) for p in polynomials)
+    ratio: Array = top / bottom
+    return ratio
+
+
+def _log(x: Array) -> Array:
+    return np.array(exponential.log(ca.DM(x))).ravel()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import ks_1samp, norm, rankdata, spearmanr
 
-from phalanx.network.distributions import LONGEST
+from phalanx.network.delay import LONGEST
 from tests.unit.network.models import MANY, SOME, delays, model
 
 TIME, JITTER = 0.1, 0.02
