@@ -206,7 +206,7 @@ def _show_folder(run: Path, insecure: bool, command_secret: str, page: dict[str,
         return _shown(lambda: run_replay(run, **page))
     commands = command_secret.encode()
     return _shown(
-        lambda: run_live(None, found.membership, recording=run, command_secret=commands, **page)
+        lambda: run_live(found.membership, recording=run, command_secret=commands, **page)
     )
 
 
@@ -226,7 +226,7 @@ def _show_live(
     identity = OPERATOR if certificates and command_secret else VIEWER
     membership = Membership(run, connect, secret.encode(), identity, timeout, certificates)
     commands = command_secret.encode()
-    return _shown(lambda: run_live(None, membership, command_secret=commands, **page))
+    return _shown(lambda: run_live(membership, command_secret=commands, **page))
 
 
 def _shown(show: Callable[[], int]) -> int:

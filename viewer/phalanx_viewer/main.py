@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from phalanx.swarm.rows import SafetyRows
 from phalanx.wire.membership import Membership
 from phalanx_viewer.feeds.feed import stop_request
 from phalanx_viewer.feeds.live import Live
@@ -21,7 +20,6 @@ _TICK = 1.0 / 30.0
 
 
 def run_live(
-    _rows: SafetyRows | None,
     membership: Membership,
     *,
     recording: Path | None = None,
@@ -35,7 +33,6 @@ def run_live(
     """Show a run that goes on, then its recording, until SIGINT or SIGTERM.
 
     Args:
-        _rows: as every program of a run gets it; a viewer asks the plant, from wherever it is.
         membership: of the run.
         recording: its folder, to replay it when it is over; None: the last frame stays.
         command_secret: that of viewers that may command the run; empty: read-only.

@@ -189,7 +189,6 @@ def _serve(folder: Path, port: int, command_secret: bytes, token: str) -> None:
         with contextlib.suppress(HubError):  # it may be over meanwhile
             sys.exit(
                 run_live(
-                    None,
                     membership,
                     recording=folder,
                     command_secret=command_secret,

@@ -47,15 +47,6 @@ class Surroundings:
         self.corridor = 2.0 * formation.radius if formation else 0.0
         """Width of the formation on that path [m]; 0 without one."""
 
-    def goals(self, t: float) -> Array:
-        """Centre of the formation and the goals of its agents at t [m], shape (1 + g, 3)."""
-        formation = self._scenario.formation
-        if formation is None:
-            return np.zeros((0, 3))
-        slots = [slot for group in self._scenario.agents for slot in group.slots]
-        goals = [formation.center(t), *(formation.goal(slot, t) for slot in slots)]
-        return np.array([lift(goal.position) for goal in goals])
-
     def nearest(self, obstacle: int, p: Array) -> Array:
         """The point that stands for an obstacle seen from p [m]: a center, or a wall's foot.
 

@@ -47,8 +47,6 @@ class Picture:
     """A line for each of them: who, how deep and since when."""
     past_alarms: list[str]
     """A line for each pair that was unsafe before."""
-    goals: Array
-    """Formation centre and goals, shape (1 + g, 3)."""
     links: Array
     """Links that lost or delayed a broadcast, from sender to receiver, shape (l, 2, 3)."""
     link_agents: NDArray[np.intp]
@@ -95,7 +93,6 @@ def picture(model: SceneModel, frame: Frame) -> Picture:
         liars=np.array([status.lies > 0 for status in frame.agents]),
         alarms=alarms(model, unsafe, frame.violations, x, p),
         past_alarms=past_alarms(model, unsafe, frame.violations, frame.t),
-        goals=model.surroundings.goals(frame.t),
         links=p[links],
         link_agents=links,
         lost=np.array([event.delay < 0.0 for event in frame.link_events], dtype=bool),
