@@ -7,8 +7,8 @@ import msgspec
 import numpy as np
 
 from phalanx_viewer.feeds.replay import Replay
+from phalanx_viewer.plots.content import script
 from phalanx_viewer.plots.plots import content
-from phalanx_viewer.plots.script import script
 from phalanx_viewer.scene.picture import picture
 from phalanx_viewer.scene.scene import Scene
 from phalanx_viewer.scene.server import SceneServer

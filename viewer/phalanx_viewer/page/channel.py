@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import msgspec
 
-from phalanx_viewer.plots.script import script
+from phalanx_viewer.plots.content import script
 from phalanx_viewer.scene.server import SceneServer
 
 log = logging.getLogger("phalanx.viewer")

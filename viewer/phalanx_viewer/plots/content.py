@@ -1,4 +1,8 @@
-"""What a page's plots and timeline show: curves, bands and marks, ready to be drawn."""
+"""Curves, bands and marks as a page's plots and timeline show them, and the script that does."""
+
+import functools
+import json
+from importlib.resources import files
 
 import msgspec
 
@@ -109,3 +113,21 @@ class Content(msgspec.Struct):
     plots: list[Plot]
     periods: list[Period]
     marks: list[Mark]
+
+
+_PARTS = ("state.js", "lanes.js", "plots.js", "timeline.js", "keys.js")
+"""Functions of one scope: each part uses those before it."""
+
+
+@functools.cache
+def script() -> str:
+    """Source that adds the panels to a page, and `phalanx` to its window.
+
+    phalanx.show(content) draws a Content, phalanx.at({t, playing, speed}) moves the cursor, and
+    phalanx.act is called with {seek: t}, {play: true or false} or {speed: factor}.
+    """
+    here = files(__package__)
+    style = json.dumps(here.joinpath("panels.css").read_text("utf-8"))
+    parts = "\n".join(here.joinpath(part).read_text("utf-8") for part in _PARTS)
+    # A page that lost its connection for a while is sent everything again.
+    return f"if (!window.phalanx) (() => {{\nconst STYLE = {style};\n{parts}\n}})();"

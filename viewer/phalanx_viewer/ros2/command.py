@@ -68,22 +68,21 @@ def ros2(
     from phalanx.launcher.programs import configure_logging
     from phalanx.wire.keys import VIEWER
     from phalanx.wire.membership import Membership
-    from phalanx_viewer.ros2 import main
-    from phalanx_viewer.ros2.republisher import NAMESPACE
+    from phalanx_viewer.ros2.republisher import NAMESPACE, Graph, run_live, run_replay
 
     if not NAMESPACE.fullmatch(namespace):
         raise typer.BadParameter(f"--namespace: expected such as /phalanx, got {namespace!r}")
     configure_logging()
-    graph = main.Graph(router, domain, namespace, timeout)
+    graph = Graph(router, domain, namespace, timeout)
     found = None if recording is None else live_run(recording, insecure)
     try:
         if recording is not None and found is None:
-            return int(main.run_replay(recording, graph, trust=trust))
+            return run_replay(recording, graph, trust=trust)
         if found is not None:
-            return int(main.run_live(found.membership, graph, trust=trust))
+            return run_live(found.membership, graph, trust=trust)
         certificates = certificates_for(keys, connect, insecure)
         membership = Membership(run, connect, secret.encode(), VIEWER, timeout, certificates)
-        return int(main.run_live(membership, graph, trust=trust))
+        return run_live(membership, graph, trust=trust)
     except (RuntimeError, ValueError, OSError) as error:
         complain(error)
         return 3
