@@ -67,10 +67,17 @@ def envelope(curves: Sequence[Series], most: int = _MOST_INTERVALS) -> Envelope:
         return Envelope(np.zeros((0, 2)), np.zeros((len(QUANTILES), 0)))
     intervals = max(1, min(int(np.median([len(s.t) for s in curves])) // 2, most))
     edges = np.linspace(t.min(), t.max(), intervals + 1)
-    interval = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, intervals - 1)
-    order = np.lexsort((values, interval))
-    found, begin, count = np.unique(interval[order], return_index=True, return_counts=True)
-    ranks = np.round(np.outer(QUANTILES, count - 1)).astype(int)
-    return Envelope(
-        np.stack([edges[found], edges[found + 1]], axis=1), values[order][begin + ranks]
-    )
+    at = (intervals / max(np.ptp(t), 1e-9) * (t - t.min())).astype(np.int16)
+    interval = np.minimum(at, intervals - 1)
+    # Of small integers a stable sort is a radix sort, and a few ranks need no sorted values.
+    order = np.argsort(interval, kind="stable")
+    found, begin = np.unique(interval[order], return_index=True)
+    each = [_ranked(of_interval) for of_interval in np.split(values[order], begin[1:])]
+    return Envelope(np.stack([edges[found], edges[found + 1]], axis=1), np.array(each).T)
+
+
+def _ranked(values: Array) -> Array:
+    """The values at QUANTILES, the nearest ones."""
+    ranks = np.round(np.array(QUANTILES) * (len(values) - 1)).astype(int)
+    ranked: Array = np.partition(values, ranks)[ranks]
+    return ranked
