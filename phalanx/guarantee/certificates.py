@@ -104,8 +104,7 @@ class SwarmCertificates:
         tau, alphas = swarm.horizon(involved[own]), swarm.scenario.safety.class_k()
         alone = self.pairs.alone(a, b)
         highest = highest_within(alone, bounds, MULTIPLES[0] * tau)
-        sizes = [*[part.stop - part.start for part in alone.parts], alone.parameters.numel()]
-        return _Kind(pair_certificate(alone, own, alphas, bounds, tau), highest, sizes)
+        return _Kind(pair_certificate(alone, own, alphas, bounds, tau), highest, alone.sizes)
 
 
 class _Rows(NamedTuple):

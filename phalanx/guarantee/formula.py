@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
-import casadi as ca
 import numpy as np
 
 from phalanx.arrays import Array
@@ -12,7 +11,6 @@ from phalanx.scenario.model import Scenario
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.margins.constants import Constant, constants, margin_constants
 from phalanx.theory.safety.chain import Chain
 from phalanx.theory.safety.obstacles import Sphere
@@ -26,9 +24,7 @@ _ANGLES = {"theta", "phi", "psi", "heading", "yaw"}
 def workspace(swarm: Swarm) -> tuple[Array, Array] | list[str]:
     """The box, or the names of states that it lacks."""
     given, scenario = swarm.scenario.workspace, swarm.scenario
-    composed = swarm.safe_set
-    p = CompiledFunction([composed.x], [ca.horzcat(*composed.positions).T])
-    points = [p(swarm.start())[0].reshape(len(swarm.members), -1)]
+    points = [swarm.positions(swarm.start())]
     points += [np.array([o.center]) for o in scenario.obstacles if isinstance(o, Sphere)]
     if scenario.formation:
         reach = scenario.formation.radius

@@ -15,27 +15,12 @@ import numpy as np
 from annotated_types import Ge
 
 from phalanx.arrays import Array
-from phalanx.theory.expressions.exponential import expm1
 from phalanx.theory.expressions.extension import continuous, extend
 from phalanx.theory.expressions.interval import Interval, UnboundedOperationError
-from phalanx.theory.expressions.portable import portable_value
 from phalanx.theory.models.polytope import Polytope, constant_polytope
 from phalanx.theory.safety.chain import Chain
 
 NonNegative = Annotated[float, Ge(0)]
-
-
-def epsilon(gamma: float, mu: float, lipschitz: float = 0.0) -> float:
-    """ε(Γ) = μ/L' (exp(L' Γ) - 1), Eq. (epsT): how far x moves within Γ seconds.
-
-    Args:
-        gamma: time since the sample [s].
-        mu: bound on ‖x'‖ over the safe set.
-        lipschitz: L' > 0, any; its limit 0 gives the tightest bound, μ Γ.
-    """
-    if lipschitz == 0.0:
-        return mu * gamma
-    return mu / lipschitz * portable_value(expm1, lipschitz * gamma)
 
 
 @dataclass(frozen=True)
@@ -58,7 +43,8 @@ class MarginConstants:
             disturbances: Σ_l φ_l^max.
         """
         rate = self.c_f + self.c_g * self.u_max + self.c_alpha + self.c_gamma
-        return rate * epsilon(gamma, self.mu) + self.c_h * disturbances
+        # ε(Γ) = μ/L' (exp(L' Γ) - 1), Eq. (epsT), for any L' > 0: its limit at 0 is the tightest.
+        return rate * (self.mu * gamma) + self.c_h * disturbances
 
 
 _MOST_INSTRUCTIONS = 4000

@@ -24,7 +24,7 @@ from phalanx.theory.margins.enclosure import (
     scalars,
 )
 from phalanx.theory.models.polytope import ACTUATION
-from phalanx.theory.safety.chain import Chain
+from phalanx.theory.safety.chain import Chain, pushed
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.composition import ComposedSet
 
@@ -99,7 +99,7 @@ def growth(
         row += actuation[l] @ fixed[l]
         rate += ca.mmax(ca.DM(admissible_corners(members[l])) @ actuation[l].T)
     slopes = [ca.jacobian(row, e.x) for e in moving]
-    change = _pushed(slopes, bounds)
+    change = pushed(slopes, bounds)
     for slope, e in zip(slopes, moving, strict=True):
         change += slope @ (e.rate - e.phi)
 
@@ -110,8 +110,8 @@ def growth(
     box += [interval for e in moving for interval in e.inputs]
     box += [interval for l in others for interval in moving[l].inputs]
     box += map(point, numbers)
-    steepness = _pushed(gradients, [1.0] * len(members))
-    bounded = [change, _pushed(gradients, bounds), steepness]
+    steepness = pushed(gradients, [1.0] * len(members))
+    bounded = [change, pushed(gradients, bounds), steepness]
     bend, disturbance, steep = extend(bounded, symbols, box)
     parts = [value, *[d.T for d in gradients], drift, *[c.T for c in actuation]]
     known = continuous(scalars(parts), symbols, box)
@@ -212,18 +212,10 @@ def keeps_chain(chain: Chain, alphas: Sequence[ClassK], moving: Sequence[Enclosu
     box = [*[interval for e in moving for interval in e.states], *map(point, numbers)]
     kept = continuous(list(chain.psi[:-1]), symbols, box)
     for psi, start, alpha in zip(chain.psi[:-1], starts, alphas, strict=False):
-        steepness = _pushed([ca.jacobian(psi, e.x) for e in moving], [1.0] * len(moving))
+        steepness = pushed([ca.jacobian(psi, e.x) for e in moving], [1.0] * len(moving))
         reach, steep = extend([psi, steepness], symbols, box)
         s = ca.SX.sym("s")
         (back,) = extend([alpha.value(s)], [s], [Interval(ca.SX(0), ca.fmax(0, reach.hi))])
         for bounded in (reach.hi < ca.inf, steep.hi < ca.inf, start <= 0, back.lo >= 0):
             kept = ca.logic_and(kept, bounded)
     return kept
-
-
-def _pushed(gradients: Sequence[ca.SX], bounds: Sequence[float]) -> ca.SX:
-    """Σ_l ‖gradient_l‖ φ_l^max, scalar."""
-    total = ca.SX(0)
-    for gradient, bound in zip(gradients, bounds, strict=True):
-        total += bound * ca.sqrt(ca.sumsqr(gradient))
-    return total

@@ -9,7 +9,7 @@ from phalanx.arrays import Array
 from phalanx.theory.expressions.exact import added, dot
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import Box, Polytope, minimiser
-from phalanx.theory.rows.decision import Decision, finite_or_none, require_numbers
+from phalanx.theory.rows.decision import Decision, backup, finite_or_none, require_numbers
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Row, Terms
@@ -41,16 +41,14 @@ class JointInput:
             terms: at the common sample.
             normal: the normal agents, in the order of their dynamics.
             u_nom: their nominal inputs, shapes (m_i,).
-            authority: as controller.decide has it.
+            authority: as decision.decide has it.
         """
         row = joint_row(terms, normal)
         least = added(terms.least[l] for l in normal)
         if least > row.bound:
-            left = least - row.bound
-            return [
-                self._backup(place, terms, l, u_nom[place], left, authority)
-                for place, l in enumerate(normal)
-            ]
+            empty = finite_or_none(least - row.bound), finite_or_none(terms.margin)
+            own = zip(normal, u_nom, self._alone, strict=True)
+            return [Decision(*backup(terms, l, u, qp, authority), *empty) for l, u, qp in own]
         u, origin = (
             self._qp.solve(np.concatenate(u_nom), self._joint(terms, normal), row),
             Origin.QP,
@@ -61,17 +59,6 @@ class JointInput:
             u, origin = np.concatenate(backups), Origin.SOLVER_FAILED
         left = float(dot(row.a, u) - row.bound)
         return [Decision(u[part], origin, left, terms.margin) for part in self._parts]
-
-    def _backup(
-        self, place: int, terms: Terms, l: int, u_nom: Array, left: float, authority: float
-    ) -> Decision:
-        residual, margin = finite_or_none(left), finite_or_none(terms.margin)
-        if terms.most[l] - terms.least[l] <= authority:
-            u = self._alone[place].solve(u_nom, terms.polytopes[l])
-            if u is not None:
-                return Decision(u, Origin.NO_AUTHORITY, residual, margin)
-        u = minimiser(terms.c[l], terms.polytopes[l].corners)
-        return Decision(u, Origin.BACKUP, residual, margin)
 
     def _joint(self, terms: Terms, normal: Sequence[int]) -> Polytope:
         """U_N, the product of the U_i. Its corners are many, and nobody asks for them."""

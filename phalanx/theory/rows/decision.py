@@ -54,19 +54,28 @@ def decide(
     Raises:
         NotANumberError: the row is none.
     """
-    polytope, margin, least = terms.polytopes[i], finite_or_none(terms.margin), terms.least[i]
-    if least <= row.bound:
-        u = qp.solve(u_nom, polytope, row)
+    polytope, least = terms.polytopes[i], terms.least[i]
+    solved = qp.solve(u_nom, polytope, row) if least <= row.bound else None
+    if solved is not None:
+        u, origin = solved, Origin.QP
+    elif least <= row.bound:
+        u, origin = minimiser(terms.c[i], polytope.corners), Origin.SOLVER_FAILED
+    else:
+        u, origin = backup(terms, i, u_nom, qp, authority)
+    if origin in (Origin.SOLVER_FAILED, Origin.BACKUP):
+        require_numbers(least, row.bound)
+    return Decision(u, origin, _residual(row, u), finite_or_none(terms.margin))
+
+
+def backup(
+    terms: Terms, i: int, u_nom: Array, qp: NearestInput, authority: float
+) -> tuple[Array, Origin]:
+    """Agent i's input where K is empty, shape (m_i,); arguments as decide has them."""
+    if terms.most[i] - terms.least[i] <= authority:
+        u = qp.solve(u_nom, terms.polytopes[i])
         if u is not None:
-            return Decision(u, Origin.QP, _residual(row, u), margin)
-    elif terms.most[i] - least <= authority:
-        u = qp.solve(u_nom, polytope)
-        if u is not None:
-            return Decision(u, Origin.NO_AUTHORITY, _residual(row, u), margin)
-    require_numbers(least, row.bound)
-    u = minimiser(terms.c[i], polytope.corners)
-    origin = Origin.SOLVER_FAILED if least <= row.bound else Origin.BACKUP
-    return Decision(u, origin, _residual(row, u), margin)
+            return u, Origin.NO_AUTHORITY
+    return minimiser(terms.c[i], terms.polytopes[i].corners), Origin.BACKUP
 
 
 def decide_pairs(polytope: Polytope, rows: Rows, u_nom: Array, qp: NearestInput) -> Decision:

@@ -84,9 +84,7 @@ class PairRowFunction:
         forces = ca.SX(1, 0) if other is None else chain.actuation[other]
         unforced = ca.sum1(chain.drift) + chain.alpha
         own = chain.actuation[pair.own]
-        parts = [part.stop - part.start for part in chain.set.parts]
-        self.sizes = [*parts, chain.set.parameters.numel()]
-        """How many numbers each side has: states, or parameters of an obstacle."""
+        self.sizes = chain.set.sizes
         self.evaluate = MappedFunction(
             [chain.set.x, chain.set.parameters, *symbols],
             [*chain.psi, unforced, _most(pair), margin, own, forces],

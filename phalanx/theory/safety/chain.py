@@ -68,10 +68,10 @@ def build_chain(
         drifts, actuations = _lie_derivatives(composed, gradients)
         appeared = [a.nnz() > 0 for a in actuations]
         if inputs_appear(composed.members, appeared, degree, len(alphas)):
-            last = _disturbance(gradients, bounds)
+            last = pushed(gradients, bounds, ROUNDED)
             drift, alpha_q = ca.vertcat(*drifts), alpha.value(psi)
             return Chain(composed, tuple(chain), drift, actuations, alpha_q, last)
-        disturbance = _disturbance(gradients, bounds)
+        disturbance = pushed(gradients, bounds, ROUNDED)
         if degree == 1 and xi is not None:
             disturbance = ca.SX(xi)
         psi = ca.sum1(ca.vertcat(*drifts)) + disturbance + alpha.value(psi)
@@ -90,14 +90,16 @@ def _lie_derivatives(
     return drifts, tuple(actuations)
 
 
-def _disturbance(gradients: Sequence[ca.SX], bounds: Sequence[float] | None) -> ca.SX:
-    """D = Σ_l ‖gradient_l‖ φ_l^max, rounded off at zero so that it can be differentiated."""
-    if bounds is None:
-        return ca.SX(0)
-    norms = [ca.sqrt(ca.sumsqr(g) + ROUNDED * ROUNDED) for g in gradients]
+def pushed(
+    gradients: Sequence[ca.SX], bounds: Sequence[float] | None, rounded: float = 0.0
+) -> ca.SX:
+    """D = Σ_l ‖gradient_l‖ φ_l^max, scalar; 0 without bounds.
+
+    rounded: off at zero by this, so that it can be differentiated.
+    """
     total = ca.SX(0)
-    for norm, bound in zip(norms, bounds, strict=True):
-        total += norm * bound
+    for gradient, bound in zip(gradients, bounds or (), strict=bounds is not None):
+        total += bound * ca.sqrt(ca.sumsqr(gradient) + rounded * rounded)
     return total
 
 

@@ -65,7 +65,7 @@ class NotClassKError(ValueError):
 def require_class_k(alpha: ClassK) -> None:
     """Raise NotClassKError unless α(0) = 0, and α increases strictly and without a jump.
 
-    Asked from 1e-9 to 1e9 on both sides. Where an operation can jump, as interval.continuous has
+    Asked from 1e-9 to 1e9 on both sides. Where an operation can jump, as extension.continuous has
     it, the place is narrowed down until α takes a step there or does not.
 
     Raises:

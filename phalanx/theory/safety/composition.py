@@ -59,7 +59,12 @@ class ComposedSet:
     @cached_property
     def parts(self) -> tuple[slice, ...]:
         """Where each member's state lies in x."""
-        return stacked_slices([len(m.dynamics.states) for m in self.members])
+        return stacked_slices(self.sizes[:-1])
+
+    @property
+    def sizes(self) -> list[int]:
+        """How many numbers each member has, its states; and the parameters."""
+        return [*[len(m.dynamics.states) for m in self.members], self.parameters.numel()]
 
     @cached_property
     def x(self) -> ca.SX:

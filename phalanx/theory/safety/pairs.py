@@ -262,9 +262,7 @@ class PairFunctions:
             alone = swarm.alone(a, b)
             if key not in self._made:
                 self._made[key] = self._make(alone, (a, b))
-            sizes = [part.stop - part.start for part in alone.parts]
-            places = spread(swarm.begin, own, [*sizes, alone.parameters.numel()])
-            groups.append((self._made[key], places))
+            groups.append((self._made[key], spread(swarm.begin, own, alone.sizes)))
         return ChosenFunctions(swarm, pairs[order], groups)
 
 

@@ -6,32 +6,33 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from phalanx.theory.margins.constants import MarginConstants, epsilon
+from phalanx.theory.margins.constants import MarginConstants
 
 gammas = st.floats(1e-6, 0.5)
 mus = st.floats(0.1, 50.0)
 lipschitz = st.floats(1e-3, 30.0)
 
 
-@given(gammas, gammas, mus, st.one_of(st.just(0.0), lipschitz))
-def test_epsilon_is_of_class_k_in_the_sampling_time(one, other, mu, l):
-    assert epsilon(0.0, mu, l) == 0.0
+def eta(gamma: float, mu: float) -> float:
+    """η(Γ) of a row whose rate changes by 1 for each metre, without disturbance: ε(Γ)."""
+    return MarginConstants(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, mu).eta(gamma, 0.0)
+
+
+@given(gammas, gammas, mus)
+def test_eta_is_of_class_k_in_the_sampling_time(one, other, mu):
+    assert eta(0.0, mu) == 0.0
     shorter, longer = sorted((one, other))
     if longer > shorter * (1 + 1e-9):
-        assert epsilon(shorter, mu, l) < epsilon(longer, mu, l)
+        assert eta(shorter, mu) < eta(longer, mu)
 
 
 @given(gammas, mus, lipschitz)
-def test_epsilon_is_the_integral_of_mu_growing_at_the_lipschitz_rate(gamma, mu, l):
+def test_of_all_epsilon_it_takes_the_tightest(gamma, mu, l):
+    """Those of the paper are integrals of μ growing at a rate L', any above 0."""
     integral, _ = quad(lambda t: mu * np.exp(l * t), 0.0, gamma)
-    assert epsilon(gamma, mu, l) == pytest.approx(integral, rel=1e-9)
-
-
-@given(gammas, mus, lipschitz)
-def test_the_limit_of_no_lipschitz_constant_is_the_tightest(gamma, mu, l):
-    assert epsilon(gamma, mu) == pytest.approx(mu * gamma)
-    assert epsilon(gamma, mu) <= epsilon(gamma, mu, l)
-    assert epsilon(gamma, mu, 1e-9) == pytest.approx(epsilon(gamma, mu), rel=1e-6)
+    assert eta(gamma, mu) <= integral
+    least, _ = quad(lambda t: mu * np.exp(1e-9 * t), 0.0, gamma)
+    assert eta(gamma, mu) == pytest.approx(least, rel=1e-6)
 
 
 def test_eta_is_the_papers_formula_worked_by_hand():
