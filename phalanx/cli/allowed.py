@@ -1,4 +1,4 @@
-"""What an option may be given: everything else is refused in one line, before anything is made."""
+"""Checks of options: a wrong value is refused in one line, before anything is made."""
 
 import ipaddress
 import os

@@ -96,7 +96,7 @@ def status(arguments: list[str]) -> int:
         # CPython fails without saying that it was memory.
         complain(f"too little memory, or a broken installation: {error}")
         return 3
-    except OSError as error:  # of whoever reads what is printed: a full disk, say
+    except OSError as error:  # of the reader of what is printed: a full disk, say
         complain(error)
         return 3
     except (KeyboardInterrupt, typer.Abort):

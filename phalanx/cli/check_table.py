@@ -1,4 +1,4 @@
-"""What a scenario asks for beside what is allowed, row by row, with the paper's equations.
+"""The table of a check: found and allowed, row by row, with the paper's equations.
 
 Equations and theorems have the numbers that the paper's source gives them: see docs/theory.md.
 """

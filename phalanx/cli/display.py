@@ -1,4 +1,4 @@
-"""What commands show in a terminal: progress, tables, and what a run was like."""
+"""Progress, tables and key figures of a run, as commands show them in a terminal."""
 
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
@@ -108,7 +108,7 @@ def _text(words: str, **options: Any) -> TextColumn:
 
 
 def _waiting(missing: Sequence[str], agents: int) -> str:
-    """How many agents have joined, and some of those that have not."""
+    """The number of agents that have joined, and some of those that have not."""
     named = ", ".join(missing[:_MOST_NAMES]) + (", ..." if len(missing) > _MOST_NAMES else "")
     return f"{agents - len(missing)} of {agents} agents have joined, waiting for {named}"
 

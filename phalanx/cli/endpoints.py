@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 _AT_A_PORT = re.compile(r"(tcp|udp|tls|quic|ws)/(\[[\da-fA-F:.%]+\]|[\w.-]+):(?P<port>\d+)")
 _ON_THIS_HOST = "unixsock"
-"""What a protocol begins with whose address is a file."""
+"""The beginning of protocols whose address is a file."""
 
 
 def require_endpoint(endpoint: str | None) -> str | None:
@@ -70,7 +70,7 @@ def _require_certificate(folder: Path) -> None:
 
 
 def endpoint_for(connect: str, keys: Path | None) -> str:
-    """Where to connect: as the option or the environment says, or the keys' folder; or here."""
+    """The endpoint of the option or the environment, of the keys' folder, or of this host."""
     if not connect and keys is not None and (keys / ENDPOINT).is_file():
         return (keys / ENDPOINT).read_text(encoding="utf-8").strip()
     return connect or "tcp/127.0.0.1:7447"

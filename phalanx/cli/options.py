@@ -113,7 +113,7 @@ Insecure = Annotated[
     typer.Option(
         "--insecure",
         envvar="PHALANX_INSECURE",
-        help="Leave this host without --keys: whoever is on the network reads the run.",
+        help="Leave this host without --keys: everybody on the network can read the run.",
     ),
 ]
 Trust = Annotated[

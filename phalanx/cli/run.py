@@ -163,7 +163,7 @@ def _page(port: int | None, command_secret: bytes) -> Any:
 
 
 def _told(finished: "Run", profile: bool, report: bool) -> "Outcome":
-    """Print what the run came to, the verdict last."""
+    """Print the key figures of the run, the verdict last."""
     from phalanx.cli.display import last_line, print_profile, print_summary
 
     summary = finished.summary

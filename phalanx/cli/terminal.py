@@ -1,4 +1,4 @@
-"""What commands print, every text of it printable."""
+"""Output of commands, every text of it printable."""
 
 import sys
 from typing import TYPE_CHECKING

@@ -1,1 +1,1 @@
-"""What an installed package adds to Phalanx: registered, never imported by name."""
+"""Additions of installed packages: registered, never imported by name."""

@@ -11,7 +11,7 @@ from typing import Any
 
 COMMANDS, EXTENSIONS = "phalanx.commands", "phalanx.extensions"
 AGAIN = "install phalanx-swarm again, in place too: python -m pip install --no-deps --editable ."
-"""What helps where an installation is older than the code."""
+"""Advice where an installation is older than the code."""
 
 
 class MissingExtensionError(ImportError):
@@ -19,14 +19,14 @@ class MissingExtensionError(ImportError):
 
 
 def extension(name: str) -> Any:
-    """What is registered under a name. Raises MissingExtensionError, or what its import raises."""
+    """Load what is registered under a name. Raises MissingExtensionError, or as its import does."""
     for found in entry_points(group=EXTENSIONS, name=name):
         return found.load()
     raise MissingExtensionError(f"no installed package offers {name!r}: {AGAIN}")
 
 
 def commands() -> Iterator[tuple[str, Callable[[Any], None] | Exception]]:
-    """What adds commands to the app, in the order of their names; or why that cannot be imported.
+    """Functions that add commands to the app, in the order of their names, or why there is none.
 
     Each comes with what it is registered as, and by which package.
     """

@@ -1,1 +1,1 @@
-"""What goes wrong in a run: [[faults]], a family of them in each file, and commands."""
+"""Faults of a run: a family of [[faults]] in each file, and commands."""

@@ -43,7 +43,7 @@ class _Jump(NamedTuple):
     t: float
     """[s]"""
     by: float
-    """How much later samples come from then on [s]."""
+    """Delay of all samples from then on [s]."""
     fault: int
 
 

@@ -1,4 +1,4 @@
-"""Commands: what a person, or a declared fault, does to a run while it runs; what that leaves.
+"""Commands, of a person or of a declared fault, to a run while it runs; the state they leave.
 
 A command on an agent is one line of EFFECTS: what becomes of the agent and of its process. Clocks,
 judge, event log and page ask there, so that another one is added there.
@@ -54,7 +54,7 @@ class Condition(StrEnum):
 
 
 class ProcessChange(StrEnum):
-    """What becomes of an agent's process."""
+    """A change of an agent's process."""
 
     STOPS = "stops"
     GOES_ON = "goes on"
@@ -64,7 +64,7 @@ class ProcessChange(StrEnum):
 
 
 class Effect(NamedTuple):
-    """What a command does to its agent, in those conditions in which it does anything."""
+    """The effect of a command on its agent, in those conditions in which it has any."""
 
     in_words: str
     """As the event log has it, after the agent's name."""
@@ -112,7 +112,7 @@ class Command(msgspec.Struct, frozen=True):
 
     @property
     def effect(self) -> Effect | None:
-        """What it does to its agent; None if it is on none."""
+        """Its effect on its agent; None if it is on none."""
         return EFFECTS.get(self.kind)
 
     @property
@@ -143,12 +143,12 @@ class Command(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class CommandPolicy:
-    """Who may command a run, and which commands are scheduled. By default nobody, and none."""
+    """The right to command a run, and scheduled commands. By default nobody's, and none."""
 
     schedule: tuple[Command, ...] = ()
     """Commands at their virtual times: those by hand of a recording make the same run again."""
     secret: bytes = field(default=b"", repr=False)
-    """Who has it may command the run; empty: nobody may."""
+    """Its holders may command the run; empty: nobody may."""
     speed: float = 0.0
     """As CommandKind.SPEED, from the start."""
 
@@ -170,7 +170,7 @@ def refusal(command: Command, names: tuple[str, ...]) -> str | None:
 
 
 class Orders(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
-    """What commands ask of an agent, in every sample from then on."""
+    """Orders of commands to an agent, in every sample from then on."""
 
     loss: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] | None = None
     """Replaces the scenario's loss on every link to this agent."""
@@ -215,7 +215,7 @@ class FaultState:
         return i
 
     def orders(self, i: int) -> Orders | None:
-        """What agent i's samples have to tell it; None while no command concerns it."""
+        """Orders that agent i's samples carry; None while no command concerns it."""
         if self.loss is None and self.delay is None and i not in self._turned:
             return None
         return Orders(loss=self.loss, delay=self.delay, adversary=i in self._turned)

@@ -1,4 +1,4 @@
-"""The seam of [[faults]]: one fault is its table, what it does to links and agents, and when.
+"""The protocol of [[faults]]: one fault is its table, and its effects on links and agents.
 
 A family of faults is one file. To add a fault, write its table there, a Fault with a `kind` of its
 own, and enter it in that file's union. The rest follows: what links, agents and clocks make of it
@@ -57,7 +57,7 @@ LinkRules = Callable[[LinkEnds], Iterable[Rule]]
 
 
 class Occurrence(NamedTuple):
-    """A fault that befalls one agent once."""
+    """A fault of one agent, once."""
 
     fault: "AgentFault"
     place: int
@@ -86,7 +86,7 @@ class Fault(Strict):
         """Raise ValidationError unless it fits the scenario's agents, by name."""
 
     def on_links(self, run: RunFacts, place: int) -> LinkRules:
-        """What it does to the links of a run, as entry number `place` of the list."""
+        """Its effect on the links of a run, as entry number `place` of the list."""
         return lambda link: ()
 
 
@@ -112,11 +112,11 @@ class AgentFault(Fault):
     """A fault of agents: of all of them once at a time, or of one at a time at random."""
 
     at: NonNegative | None = None
-    """When it befalls all of them [s]."""
+    """When it happens to all of them [s]."""
     rate: Annotated[Positive, Field(le=_HIGHEST_RATE)] | None = None
-    """Instead: how often it befalls one of them, drawn each time [1/s]."""
+    """Instead: how often it happens to one of them, drawn each time [1/s]."""
     agents: tuple[Name, ...] = ()
-    """Who; by default everybody."""
+    """Their names; by default everybody's."""
 
     begins_with: ClassVar[CommandKind | None] = None
     """The command that a person would give to have it happen, if there is one."""
@@ -140,7 +140,7 @@ class AgentFault(Fault):
         return math.inf
 
     def times(self, run: RunFacts, place: int) -> Iterator[tuple[float, str]]:
-        """Every time at which it befalls an agent [s], with the agent's name."""
+        """The times of its occurrences [s], each with the agent's name."""
         agents = self.agents or run.names
         if self.rate is None:
             return ((self.at or 0.0, name) for name in agents)

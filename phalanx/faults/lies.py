@@ -41,7 +41,7 @@ class LieFault(TimedFault):
     equivocate: Literal[True] | None = None
     """To every peer something else."""
     replay: Annotated[int, Field(ge=1, strict=True)] | None = None
-    """What it applied so many steps ago."""
+    """The input that it applied so many steps ago."""
     apply_time: Finite | None = None
     """That its input takes effect so much later than it does [s]; negative: earlier."""
     silent: Literal[True] | None = None
@@ -81,7 +81,7 @@ class LieFault(TimedFault):
         )
 
     def lie(self) -> "Lie":
-        """What is said instead of the truth."""
+        """The claim in place of the truth."""
         if isinstance(self.says, tuple):
             return says(self.says)
         if self.says is not None:
@@ -104,12 +104,12 @@ class Telling(NamedTuple):
     k: int
     """The broadcast's number."""
     claim: Claim
-    """What it would say: the truth, or what the lies before have made of it."""
+    """The truth, or the claim that the lies before have made of it."""
     past: Past
 
 
 Lie = Callable[[Telling], Claim]
-"""What is said instead."""
+"""The claim in place of it."""
 
 
 def says(u: tuple[float, ...]) -> Lie:
@@ -140,7 +140,7 @@ def equivocates(telling: Telling) -> Claim:
 def replays(steps: int) -> Lie:
     """It says what it applied so many steps ago, as if it were new.
 
-    An old broadcast as it was, number and all, is refused by whoever had it.
+    An old broadcast as it was, number and all, is refused by peers that had it.
     """
 
     def told(telling: Telling) -> Claim:
@@ -156,7 +156,7 @@ def misdates(later: float) -> Lie:
 
 
 class Told(NamedTuple):
-    """What was said to one peer."""
+    """The claim to one peer."""
 
     claim: Claim
     lies: tuple[int, ...]
@@ -171,11 +171,11 @@ class Lies:
         own = {n: fault for n, fault in declared.items() if fault.agent == name}
         self.declared = {n: (f, f.lie()) for n, f in own.items() if not f.silent}
         self.reach = max((fault.replay or 0 for fault in own.values()), default=0)
-        """How many steps back the lies look."""
+        """The number of steps that the lies look back."""
         self._seed, self._name = seed, name
 
     def tell(self, receiver: str, k: int, truth: Claim, past: Past) -> Told:
-        """What the agent tells one peer with broadcast k."""
+        """The claim to one peer in broadcast k."""
         claim, told = truth, []
         for number, (fault, lie) in self.declared.items():
             if fault.at <= truth.t_apply < fault.end and fault.tells(receiver):

@@ -24,9 +24,9 @@ class Partition(TimedFault):
 
     kind: Literal["partition"]
     groups: tuple[tuple[Name, ...], ...] = ()
-    """Who is together; all that are in none make a group of their own."""
+    """Agents that are together; all that are in none make a group of their own."""
     shape: Shape | None = None
-    """Instead of groups: who is together is drawn at random."""
+    """Instead of groups: those that are together are drawn at random."""
     one_way: bool = False
     """Only what leaves the first group is lost."""
 

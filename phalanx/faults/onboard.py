@@ -35,7 +35,7 @@ class OnboardFault(AgentFaultForATime):
         return None
 
     def on_links(self, run: RunFacts, place: int) -> LinkRules:
-        """Nothing comes through the link, each time that the fault befalls its robot."""
+        """Nothing comes through the link in each occurrence of the fault."""
         if self.cuts is None:
             return super().on_links(run, place)
         cuts: defaultdict[LinkEnds, list[During]] = defaultdict(list)
@@ -51,7 +51,7 @@ class SensorFault(OnboardFault):
     kind: Literal["sensor"]
     silent: bool = False
     bias: dict[str, Finite] = Field(default_factory=dict)
-    """What is added to states, by name: { px = 0.5 } [SI]."""
+    """Errors added to states, by name: { px = 0.5 } [SI]."""
     noise: dict[str, NonNegative] = Field(default_factory=dict)
     """Standard deviation of what is added to states at each sample, by name [SI]."""
 
@@ -89,7 +89,7 @@ class ActuatorFault(OnboardFault):
 
 
 class _Error(NamedTuple):
-    """What a wrong sensor adds to its robot's state, for a time."""
+    """The error that a wrong sensor adds to its robot's state, for a time."""
 
     occurrence: Occurrence
     bias: Array
@@ -131,7 +131,7 @@ class Sensors:
                 self._errors[names.index(each.agent)].append(error)
 
     def told(self, i: int, k: int, t: float, x: Array) -> Array:
-        """What agent i is told of the stacked state x, shape (n̄,), in its sample k at t [s].
+        """The stacked state x, shape (n̄,), as agent i's sample k at t [s] shows it.
 
         x itself, if that is the truth.
         """

@@ -71,7 +71,7 @@ class Authority:
 
     @property
     def private_key(self) -> bytes:
-        """What it signs with, PEM."""
+        """The key that it signs with, PEM."""
         return private_pem(self._key)
 
     def sign(self, name: str, key: ec.EllipticCurvePublicKey, hosts: Iterable[str] = ()) -> bytes:

@@ -1,4 +1,4 @@
-"""How a program that is nobody yet becomes one of the scenario's agents: it asks the plant.
+"""Claiming a place: a program that is nobody yet asks the plant which agent to be.
 
 A claimant may ask, and nothing else. Where certificates say who is who it makes a key of its own,
 and the plant signs that the key is the free agent's: nobody else ever has it.
@@ -33,7 +33,7 @@ class ClaimError(HubError):
 
 @contextlib.contextmanager
 def claimed(membership: Membership, digest: str) -> Iterator[Membership | None]:
-    """What a claimant becomes, for as long as the block runs; None if the run ends before.
+    """The membership that a claimant is given, while the block runs; None if the run ends before.
 
     It waits until a place is free.
 

@@ -91,7 +91,7 @@ class DirectAgents:
         return self._inputs.pop(i, None)
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:
-        """How agent i made its input for sample k."""
+        """Agent i's report on sample k."""
         return self._telemetry.pop((i, k))
 
     def pause(self, i: int, t: float) -> None:
@@ -109,5 +109,5 @@ class DirectAgents:
             (self._steps[i],) = control_steps(self._rows, self._names[i])
 
     def publish_status(self, message: Status) -> None:
-        """Tell whoever watches how far the run is."""
+        """Show how far the run is."""
         self._progress(message)

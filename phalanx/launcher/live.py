@@ -1,4 +1,4 @@
-"""Where a run that goes on can be met: a small file in its folder, there as long as it runs."""
+"""The address of a run that goes on: a small file in its folder, there as long as it runs."""
 
 import contextlib
 import fcntl
@@ -16,7 +16,7 @@ LIVE = "live.json"
 
 
 class LiveRun(msgspec.Struct):
-    """How to listen to a run: what a viewer may know, for those who may read the file."""
+    """The address of a run: all that a viewer may know, for those who may read the file."""
 
     run: str
     endpoint: str
@@ -54,7 +54,7 @@ def announced(folder: Path, membership: Membership) -> Iterator[None]:
 
 
 def find_live(folder: Path) -> LiveRun | None:
-    """How to listen to the run of this folder; None if it or its launcher is gone."""
+    """The address of the run of this folder; None if it or its launcher is gone."""
     with contextlib.suppress(OSError, msgspec.DecodeError), (folder / LIVE).open("rb") as file:
         found = msgspec.json.decode(file.read(), type=LiveRun)
         try:

@@ -25,7 +25,7 @@ from phalanx.wire.membership import COMMAND_SECRET, SECRET, Membership
 
 _LONGEST_STOP = 2.0
 """How long a program may be stopped [s]: the hub gives up a connection that is silent for 10 s, and
-whoever is stopped sees neither the end of the run nor that of its launcher."""
+one that is stopped sees neither the end of the run nor that of its launcher."""
 _NOTICE = 1.0
 """How long the plant gets to see by itself that an agent failed [s]."""
 _GRACE = 4.0
@@ -42,7 +42,7 @@ _VERDICTS = {exit_status(outcome) for outcome in Outcome}
 
 
 def _environment() -> dict[str, str]:
-    """What programs get of this process's: agents may not have what others are known by."""
+    """The environment of programs: agents may not have what others are known by."""
     return {k: v for k, v in os.environ.items() if k not in (SECRET, COMMAND_SECRET)}
 
 
@@ -196,7 +196,7 @@ class Processes:
             # The fork server does it, unless it was killed itself.
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self._pids[name], signal.SIGKILL)
-        self._pids.clear()  # by and by they are others'
+        self._pids.clear()  # the system gives them to others
 
     def _end_server(self) -> None:
         """Have the fork server kill what it has forked, and end."""
@@ -210,7 +210,7 @@ class Processes:
             while ready := wait([self._plant, self._reports], timeout):
                 timeout = 0.0
                 if self._plant in ready:
-                    # At its end when all programs are gone: what they came to is in the reports.
+                    # At its end when all programs are gone: how they ended is in the reports.
                     with contextlib.suppress(EOFError, OSError):
                         self.last_words = self._plant.recv()
                 if self._reports in ready:
@@ -243,7 +243,7 @@ class Processes:
     def _death(self, title: str, code: int, log_name: str, plant: bool = False) -> str:
         log = self._logs / log_name
         text = log.read_text(errors="replace") if log.exists() else ""
-        # What a crash left behind it is for whoever opens the log.
+        # The traceback of a crash is for readers of the log.
         lines = text.partition(_CRASHED)[0].strip().splitlines()
         # On a full disk there may be no log.
         said = self.last_words if plant and isinstance(self.last_words, str) else ""

@@ -1,4 +1,4 @@
-"""A run that has ended: what it came to, its tables, and what one can do with it."""
+"""A run that has ended: its verdict, its tables, its report, its page, and the same run again."""
 
 import tempfile
 from collections.abc import Callable
@@ -29,7 +29,7 @@ class Page(Protocol):
     """A page that is served; close it, or leave its `with` block, to end that."""
 
     url: str
-    """Where it is."""
+    """Its address."""
 
     def close(self) -> None:
         """End the server."""
@@ -68,7 +68,7 @@ class Run:
         self._trust = False
 
     def __getstate__(self) -> dict[str, Any]:
-        """What another process needs: with a temporary folder all that lies there."""
+        """The state for another process: with a temporary folder all that lies there."""
         lie = self.folder.rglob("*") if self._temporary else ()
         files = {p.relative_to(self.folder): p.read_bytes() for p in lie if p.is_file()}
         kept = ("folder", "summary", "_opened", "_made")
@@ -125,7 +125,7 @@ class Run:
 
     @cached_property
     def links(self) -> "pl.DataFrame":
-        """What the network did to every broadcast."""
+        """The fate of every broadcast."""
         from phalanx.recording.tables import links_table
 
         return links_table(self.recording)
@@ -139,7 +139,7 @@ class Run:
 
     @cached_property
     def profile(self) -> "pl.DataFrame":
-        """Where every program's wall time went, if the run was made with profile=True; else empty.
+        """Shares of every program's wall time, if the run was made with profile=True; else empty.
 
         One row for each program and phase: seconds, share of the program's wall time, and
         per_step [s]: of an agent's own steps; of the plant's, which are all agents'.

@@ -1,1 +1,1 @@
-"""What happens to a broadcast on its way: links, and the receiver's inbox."""
+"""The way of a broadcast: rules of links, links, and the receiver's inbox."""

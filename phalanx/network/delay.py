@@ -26,7 +26,7 @@ _ROUNDING = 1e-6
 Distribution = Literal["uniform", "normal", "pareto", "paretonormal"]
 
 LONGEST = 4.0
-"""What netem's tables of 16 bits end at."""
+"""The end of netem's tables of 16 bits."""
 _CELLS = 4096
 _SHAPE = 3.0
 """Of the Pareto distribution: netem's, NISTnet's before it."""
@@ -91,7 +91,7 @@ class JitteredDelay:
     time: NonNegative
     """Mean [s]."""
     jitter: NonNegative
-    """What the distribution is scaled with [s]: ± of a uniform one, σ of a normal one."""
+    """Scale of the distribution [s]: ± of a uniform one, σ of a normal one."""
     correlation: Annotated[float, Ge(0), Lt(1)] = 0.0
     """Of the delays of one message and the next."""
     distribution: Distribution = "uniform"
@@ -118,7 +118,7 @@ class DelayFloor:
     asks_distance = True
 
     def treat(self, message: Message) -> Treatment:
-        """Delay what came too early."""
+        """Delay messages that came too early."""
         return delay(max(0.0, self.time + self.per_metre * message.distance - message.waited))
 
 

@@ -87,7 +87,7 @@ def fit(delays: Array) -> FittedLink:
 
 
 def _fitted(arrived: Array, kind: Distribution) -> tuple[float, dict[str, Any]]:
-    """How far a distribution is off, and the time and jitter at which it is least so."""
+    """The distance of a distribution, and the time and jitter at which it is least."""
     places = (np.arange(len(arrived)) + 0.5) / len(arrived)
     scaled = np.array([quantile(kind, u) for u in places.tolist()])
     jitter, time = (max(0.0, float(c)) for c in np.polyfit(scaled, arrived, 1))
@@ -122,7 +122,7 @@ def _loss(lost: Mask) -> float | dict[str, float]:
 
 
 def _delay(cells: Sequence[str], line: int) -> float:
-    """What the first cell says; not a number if there is none, or nothing in it."""
+    """The number in the first cell; not a number if there is none, or nothing in it."""
     text = "".join(cells[:1]).strip()
     if not text:
         return math.nan

@@ -11,7 +11,7 @@ from phalanx.theory.rows.information import ReceivedInput
 
 
 class Claim(msgspec.Struct, array_like=True, frozen=True):
-    """What a broadcast says of its sender's input, true or not."""
+    """A broadcast's statement of its sender's input, true or not."""
 
     t_apply: float
     """Since when it is in force [s]."""
@@ -37,7 +37,7 @@ class Existing(NamedTuple):
 
 
 class Fate(msgspec.Struct, array_like=True, frozen=True):
-    """What the network did to one broadcast on its way to the agent that tells of it."""
+    """The fate of one broadcast on its way to the agent that reports it."""
 
     sender: int
     k: int
@@ -46,7 +46,7 @@ class Fate(msgspec.Struct, array_like=True, frozen=True):
     faults: tuple[int, ...] = ()
     """Which of the faults that the scenario declares had a part in it, by number."""
     claim: Claim | None = None
-    """What it said; nothing if it was lost."""
+    """Its statement; None if it was lost."""
 
 
 class BroadcastInbox:
@@ -83,7 +83,7 @@ class BroadcastInbox:
 
     @property
     def senders(self) -> list[int]:
-        """Whom this inbox listens to."""
+        """The senders that this inbox listens to."""
         return list(self._incoming)
 
     def join_at(self, existing: Mapping[int, Existing]) -> None:
@@ -194,7 +194,7 @@ class BroadcastInbox:
 
 
 class Incoming:
-    """What is here of a sender, what is decided, and what is on its way."""
+    """Broadcasts of one sender: those here, those decided, and those on their way."""
 
     __slots__ = ("_newest", "arrived", "decided", "in_flight", "since")
 

@@ -16,7 +16,7 @@ from phalanx.theory.expressions.asked import MistakenMethodError
 
 LOSS, DELAY = "loss", "delay"
 Kind = Literal["broadcast", "sample", "actuation"]
-"""What a link carries: inputs from peer to peer, or within one robot, states from its sensors and
+"""Cargo of a link: inputs from peer to peer, or within one robot, states from its sensors and
 inputs to its actuators."""
 
 
@@ -29,7 +29,7 @@ class Stage:
     """A rule in its place on a link."""
 
     field: str
-    """What it is called in its table: "loss". Draws go by this name, so an exception to a link
+    """Its name in its table: "loss". Draws go by this name, so an exception to a link
     model draws as the model does."""
     rule: Rule
     declared: int = -1
@@ -38,7 +38,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class LinkModel:
-    """What the network does to the messages on a link: rules, one after the other."""
+    """The rules that act on the messages of a link, one after the other."""
 
     stages: tuple[Stage, ...] = ()
 
@@ -58,7 +58,7 @@ class LinkModel:
         return float(sum(shares))
 
     def described(self, field: str) -> str:
-        """What a field of the model asks for, in words."""
+        """A field of the model in words."""
         return ", ".join(str(stage.rule) for stage in self.stages if stage.field == field) or "none"
 
     def _with(self, new: Stage) -> "LinkModel":
@@ -69,10 +69,10 @@ class LinkModel:
 
 
 class Passage(msgspec.Struct, frozen=True):
-    """What became of one message."""
+    """The fate of one message."""
 
     copies: tuple[Copy, ...]
-    """What arrives of it, each so long after it was sent [s]; nothing if it was lost."""
+    """Copies that arrive, each so long after it was sent [s]; none if it was lost."""
     faults: tuple[int, ...]
     """Which of the declared rules had an effect."""
 
@@ -123,7 +123,7 @@ class Link:
         self.become(self._as_declared.changed(loss, delay))
 
     def fate(self, k: int, sent: float = 0.0, distance: float = math.nan) -> Passage:
-        """What becomes of message k.
+        """The fate of message k.
 
         Args:
             k: sequence numbers come in order, where a rule has a memory.

@@ -26,10 +26,10 @@ class Chance:
 
     probability: Probability
     correlation: Annotated[float, Ge(0), Lt(1)] = 0.0
-    """Of what befalls one message and the next."""
+    """Of one message's fate and the next one's."""
 
-    def befalls(self, message: Message, purpose: str) -> bool:
-        """Whether it befalls this message."""
+    def hits(self, message: Message, purpose: str) -> bool:
+        """Draw whether it hits this message."""
         return message.draw(purpose, kept=self.correlation) < self.probability
 
 
@@ -50,7 +50,7 @@ class RandomLoss:
 
     def treat(self, message: Message) -> Treatment:
         """Drop by chance."""
-        return DROP if self.chance.befalls(message, BASIC) else DELIVER
+        return DROP if self.chance.hits(message, BASIC) else DELIVER
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class GilbertElliott:
         return DROP if message.draw(BASIC) < lost else DELIVER
 
     def _bad(self, message: Message) -> bool:
-        """The link's state at message k, whoever asks and in which order.
+        """The link's state at message k, in whatever order it is asked for.
 
         One draw u moves a good link to bad where u < p, and leaves a bad one bad where u < 1 - r.
         Below both, or above both, the state before has no part in it: the search back ends there.
@@ -159,7 +159,7 @@ class Duplicate:
 
     def treat(self, message: Message) -> Treatment:
         """Duplicate by chance."""
-        return DUPLICATE if self.chance.befalls(message, "duplicate") else DELIVER
+        return DUPLICATE if self.chance.hits(message, "duplicate") else DELIVER
 
 
 @dataclass(frozen=True)
@@ -170,4 +170,4 @@ class Corrupt:
 
     def treat(self, message: Message) -> Treatment:
         """Corrupt by chance."""
-        return CORRUPT if self.chance.befalls(message, "corrupt") else DELIVER
+        return CORRUPT if self.chance.hits(message, "corrupt") else DELIVER

@@ -1,4 +1,4 @@
-"""The seam of the network: a rule says what becomes of one message, and of nothing else.
+"""The protocol of the network: a rule says what becomes of one message, and of nothing else.
 
 A class of your own is a rule if it has the method `treat`; a dozen lines are enough:
 
@@ -34,7 +34,7 @@ class Copy(msgspec.Struct, frozen=True):
 
 
 Treatment = tuple[Copy, ...]
-"""What a rule makes of a message: no copy of it, one, or several."""
+"""Copies of a message that a rule lets through: none, one, or several."""
 
 DELIVER: Treatment = (Copy(),)
 DROP: Treatment = ()
@@ -60,7 +60,7 @@ class Message(msgspec.Struct, frozen=True):
     sent: float
     """When it left its sender [s]."""
     waited: float
-    """How long the rules before this one have delayed it [s]."""
+    """Delay by the rules before this one [s]."""
     distance: float
     """From sender to receiver [m]; not a number where no rule of the link asks for it."""
     copy: int
@@ -103,7 +103,7 @@ class AtLeast(NamedTuple):
 
 
 class Rule(Protocol):
-    """What becomes of messages: a pure function of the message, its link and the seed."""
+    """The fate of messages: a pure function of the message, its link and the seed."""
 
     def treat(self, message: Message) -> Treatment:
         """DELIVER, DROP, DUPLICATE, CORRUPT, delay(after), or any copies."""
@@ -158,7 +158,7 @@ class UsersRule:
         return str(self._rule)
 
     def treat(self, message: Message) -> Treatment:
-        """What the rule makes of the message.
+        """Have the rule treat the message.
 
         Raises:
             MistakenMethodError: it returned something else, raised, or does not return.

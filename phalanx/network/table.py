@@ -202,7 +202,7 @@ class SomeLinks(Strict):
     """Which links something is about. Both ends of a robot's own links are called like it."""
 
     of: Kind = "broadcast"
-    """What the links carry."""
+    """The cargo of the links."""
     sender: Name | Literal["*"] = Field(default="*", alias="from")
     receiver: Name | Literal["*"] = Field(default="*", alias="to")
 

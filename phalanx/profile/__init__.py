@@ -1,1 +1,1 @@
-"""Where a program's wall time goes."""
+"""A stopwatch for programs."""

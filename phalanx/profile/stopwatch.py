@@ -9,7 +9,7 @@ import msgspec
 
 
 class TimeSpent(msgspec.Struct):
-    """How one program of a run spent its wall time."""
+    """The wall time of one program of a run."""
 
     program: str
     wall: float
@@ -56,7 +56,7 @@ class Stopwatch:
         setattr(whose, call, stamped)
 
     def spent(self, program: str) -> TimeSpent:
-        """What was counted so far."""
+        """The count so far."""
         began = self._ended if self._began is None else self._began
         return TimeSpent(program, self._ended - began, dict(self._seconds), dict(self._calls))
 
@@ -67,6 +67,6 @@ class Stopwatch:
 
 
 def read_profile(folder: Path) -> list[TimeSpent]:
-    """What the programs of a run left in a folder; none if it is not there."""
+    """Counts that the programs of a run left in a folder; none if it is not there."""
     files = sorted(folder.glob("*.json"))
     return [msgspec.json.decode(file.read_bytes(), type=TimeSpent) for file in files]

@@ -50,12 +50,12 @@ def compare(
     ] = None,
     trust: Trust = False,
 ) -> int:
-    """Say how runs differ, in their scenarios and in what they came to.
+    """Say how runs differ, in their scenarios and in their results.
 
     Examples:
 
       phalanx compare runs/unicycles-1 runs/unicycles-2
-      phalanx compare runs/unicycles-* --html beside.html
+      phalanx compare runs/unicycles-* --html compared.html
     """
     from rich.console import Console
 

@@ -101,7 +101,7 @@ class AgentGroup(Strict):
 
     @property
     def size(self) -> int:
-        """How many agents."""
+        """The number of agents."""
         return self.count or len(self.names)
 
     @cached_property
@@ -112,7 +112,7 @@ class AgentGroup(Strict):
 
     @property
     def facts(self) -> AgentFacts:
-        """What faults ask of each agent."""
+        """Facts of each agent that faults ask for."""
         dynamics = self._dynamics
         return AgentFacts(self.role == "adversary", dynamics.states, dynamics.inputs)
 

@@ -46,7 +46,7 @@ class Links:
         tables += [(f"network.links.{i}", link) for i, link in enumerate(network.links)]
         fields: list[str] = []
         self._static: list[Callable[[], tuple[Stage, ...]]] = []
-        """What each table asks for at all times, for one more link."""
+        """Makes the rules that each table asks for at all times, for one more link."""
         for where, table in tables:
             stages = partial(_stages, table, len(fields))
             fields += [f"{where}.{stage.field}" for stage in stages()]
@@ -57,7 +57,7 @@ class Links:
             *fields,
             *(f"faults.{place} ({fault.kind})" for place, fault in enumerate(faults)),
         )
-        """What each rule and fault is called in a summary."""
+        """Names of all rules and faults, as a summary has them."""
         in_order = sorted(enumerate(faults), key=lambda each: each[1].order)
         rules = [(f.order, place, f.on_links(run, place)) for place, f in in_order]
         self._before = [(place, found) for order, place, found in rules if order < 0]
@@ -103,14 +103,14 @@ class Links:
                     yield sender, receiver, Link(self._run.seed, sender, receiver, model, of)
 
     def lies(self, name: str) -> Lies:
-        """What an agent makes of the truth before it tells its peers."""
+        """The lies that are declared of an agent."""
         numbered = enumerate(self._faults, self._first_fault)
         lies = {number: fault for number, fault in numbered if isinstance(fault, LieFault)}
         return Lies(self._run.seed, name, lies)
 
     @cached_property
     def occurrences(self) -> tuple[Occurrence, ...]:
-        """Every time that a fault befalls an agent, in the order of the faults."""
+        """Every occurrence of a fault of agents, in the order of the faults."""
         return tuple(
             Occurrence(fault, place, self._first_fault + place, name, t, fault.until(t))
             for place, fault in enumerate(self._faults)

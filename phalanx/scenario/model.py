@@ -88,15 +88,15 @@ class Time(Strict):
 
 
 class Reading(Strict):
-    """How a scenario was read; it has no effect on the run."""
+    """The way a scenario was read; it has no effect on the run."""
 
     source: str
     """The file, or the name of one that ships."""
     overrides: dict[str, str] = Field(default_factory=dict)
-    """What was set over it: TOML by path."""
+    """Fields that were set over it: TOML by path."""
 
     def command(self, seed: int) -> str:
-        """What runs it again from its source."""
+        """The command that runs it again from its source."""
         chosen = [
             part for path, toml in self.overrides.items() for part in ("--set", f"{path}={toml}")
         ]
@@ -252,11 +252,11 @@ class Scenario(Strict):
 
     @property
     def static(self) -> tuple[Static, ...]:
-        """What stands still and agents keep apart from: obstacles, then limits."""
+        """All that stands still and that agents keep apart from: obstacles, then limits."""
         return (*self.obstacles, *(limit.boundary for limit in self.limits))
 
     def programs(self) -> dict[str, tuple[str, ...]]:
-        """The processes beside the plant: every agent, or the controller of several.
+        """The processes but for the plant: every agent, or the controller of several.
 
         With the names of the agents that each decides for.
         """

@@ -46,7 +46,7 @@ class Flows:
         return round(float((self.room * agents) ** (1.0 / axes)), 3)
 
     def draw(self, seed: int, agents: int, axes: int) -> tuple[list[Array], tuple[Sphere, ...]]:
-        """Where each agent starts [m], and the obstacles.
+        """Draw the place where each agent starts [m], and the obstacles.
 
         Args:
             seed: of the scenario.
@@ -71,7 +71,7 @@ class Flows:
         )
 
     def goal(self, i: int, start: Array, t: float) -> Goal:
-        """Where agent i, which started at `start` [m], wants to be at t [s]."""
+        """The goal at t [s] of agent i, which started at `start` [m]."""
         axis, backwards = divmod(i % (2 * len(start)), 2)
         velocity = np.zeros(len(start))
         velocity[axis] = -self.speed if backwards else self.speed

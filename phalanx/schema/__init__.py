@@ -1,1 +1,1 @@
-"""What the tables of a scenario are made of: validated fields, and classes by name."""
+"""Parts of a scenario's tables: validated fields, and classes by name."""

@@ -1,4 +1,4 @@
-"""What the tables of a scenario are made of: names, numbers with bounds, errors with a place."""
+"""Fields of a scenario's tables: names, numbers with bounds, errors with a place."""
 
 import re
 from typing import Annotated, Any
@@ -46,7 +46,7 @@ def number_or_table(value: Any) -> str:
 
 
 class InWords(str):
-    """What a field got, where that is better said than shown."""
+    """Something that a field got, where that is better said than shown."""
 
     __slots__ = ()
 

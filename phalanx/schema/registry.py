@@ -160,7 +160,7 @@ def _subclass(cls: type, attributes: Mapping[str, Any]) -> type:
 
 
 def _attributes(cls: type) -> dict[str, Any]:
-    """What the class keeps itself: neither methods nor other descriptors."""
+    """Attributes that the class keeps itself: neither methods nor other descriptors."""
     every = {name: value for base in reversed(cls.__mro__) for name, value in vars(base).items()}
     return {
         name: value

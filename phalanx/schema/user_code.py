@@ -27,7 +27,7 @@ class UntrustedCodeError(Exception):
 
 @contextlib.contextmanager
 def code_trusted(trust: bool) -> Iterator[None]:
-    """Whether what scenarios name in this block may be imported, unless it was before."""
+    """Say whether names in scenarios may be imported in this block, unless they were before."""
     before = _trusted.set(trust)
     try:
         yield
@@ -36,7 +36,7 @@ def code_trusted(trust: bool) -> Iterator[None]:
 
 
 def import_named(name: str) -> Any:
-    """What "package.module:Name" names; the working directory is looked through too.
+    """Import "package.module:Name"; the working directory is looked through too.
 
     Raises:
         ValueError: it cannot be imported. UntrustedCodeError: it may not be.
@@ -85,7 +85,7 @@ def _imported_now(name: str) -> Any:
 
 
 _LIBRARIES = ("site-packages", "dist-packages")
-"""Folders where packages lie beside others that have nothing to do with them."""
+"""Folders where packages lie among others that have nothing to do with them."""
 NOT_A_USERS = sys.stdlib_module_names | {
     "phalanx",
     "phalanx_agent",
@@ -107,8 +107,8 @@ def sources_of(module: str) -> dict[str, bytes]:
     waiting, seen = [module], {module}
     while root and waiting:
         name = waiting.pop()
-        beside = root.name not in _LIBRARIES or _top(name) == _top(module)
-        if not beside or _top(name) in NOT_A_USERS:
+        related = root.name not in _LIBRARIES or _top(name) == _top(module)
+        if not related or _top(name) in NOT_A_USERS:
             continue
         path = name.replace(".", "/")
         for at, package in ((f"{path}/__init__.py", name), (f"{path}.py", name.rpartition(".")[0])):

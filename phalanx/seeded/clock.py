@@ -22,6 +22,6 @@ class SamplingClock:
     def most_samples(self, duration: float) -> int:
         """More samples than this clock can take in a run of so long [s].
 
-        Twice as many as fit: whoever is frozen and thawed samples at once, out of turn.
+        Twice as many as fit: an agent that is frozen and thawed samples at once, out of turn.
         """
         return 1000 + 2 * math.ceil(duration / (self._period - self._jitter))

@@ -15,7 +15,7 @@ APART = [[1.5 * x, 1.5 * y] for x, y in CLOSE]
 DURATION = 1.5
 """[s]"""
 AGENT, PEER = "2", "1"
-"""The agent that a fault befalls, and a peer of it."""
+"""The agent that has the fault, and a peer of it."""
 JITTER = {"time": 0.02, "jitter": 0.01}
 
 Overrides = Mapping[str, Any]
@@ -57,7 +57,7 @@ def _during(kind: str, **fields: Any) -> Overrides:
     return _timed(0.5, 0.5, kind, **fields)
 
 
-def _befalls(kind: str, span: float | None = 0.5, **fields: Any) -> Overrides:
+def _of_agent(kind: str, span: float | None = 0.5, **fields: Any) -> Overrides:
     """A fault of one agent, as it drives at the others."""
     return _timed(0.2, span, kind, agents=[AGENT], **fields)
 
@@ -122,18 +122,18 @@ LIES: Mapping[str, Overrides] = {
     "silent = true": _told(silent=True),
 }
 AGENTS: Mapping[str, Overrides] = {
-    "kill": _befalls("kill", None),
-    "restart": _befalls("restart"),
-    "pause": _befalls("pause"),
+    "kill": _of_agent("kill", None),
+    "restart": _of_agent("restart"),
+    "pause": _of_agent("pause"),
     "pause, rate = 4.0": {"faults": [{"kind": "pause", "rate": 4.0, "for": 0.1}]},
-    "turn": _befalls("turn", None),
-    "clock, step = 0.2": _befalls("clock", None, step=0.2),
-    "clock, skew = 0.2": _befalls("clock", skew=0.2),
-    "clock, drift = 2.0": _befalls("clock", drift=2.0),
-    "sensor, silent = true": _befalls("sensor", silent=True),
-    "sensor, bias = { x = 0.3, y = -0.6 }": _befalls("sensor", bias={"x": 0.3, "y": -0.6}),
-    "sensor, noise = { x = 0.3, y = 0.3 }": _befalls("sensor", noise={"x": 0.3, "y": 0.3}),
-    "actuator": _befalls("actuator"),
+    "turn": _of_agent("turn", None),
+    "clock, step = 0.2": _of_agent("clock", None, step=0.2),
+    "clock, skew = 0.2": _of_agent("clock", skew=0.2),
+    "clock, drift = 2.0": _of_agent("clock", drift=2.0),
+    "sensor, silent = true": _of_agent("sensor", silent=True),
+    "sensor, bias = { x = 0.3, y = -0.6 }": _of_agent("sensor", bias={"x": 0.3, "y": -0.6}),
+    "sensor, noise = { x = 0.3, y = 0.3 }": _of_agent("sensor", noise={"x": 0.3, "y": 0.3}),
+    "actuator": _of_agent("actuator"),
 }
 GALLERIES: Mapping[str, Gallery] = {
     "links": Gallery(LINKS),

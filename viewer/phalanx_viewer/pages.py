@@ -59,7 +59,7 @@ class ViewerPage:
         if not announced.startswith(_ANNOUNCED):
             raise RuntimeError(self._server.communicate()[1].strip() or "the page is not served")
         self.url = announced.removeprefix(_ANNOUNCED).strip()
-        """Where the page is."""
+        """The page's address."""
 
     def close(self) -> None:
         """End the server."""
@@ -105,7 +105,7 @@ class LivePage:
         """
         port = choose_port("127.0.0.1", port)
         self.url = f"http://127.0.0.1:{port}{token and f'/?token={token}'}"
-        """Where the page will be."""
+        """The page's address, once it is served."""
         self._options = port, command_secret, token
         self._process: BaseProcess | None = None
         self._watch: threading.Thread | None = None

@@ -1,8 +1,19 @@
 """Conditions of agents: which commands have an effect, and on whom."""
 
+from typing import get_args
+
 import pytest
 
-from phalanx.faults.commands import Command, CommandKind, Condition, FaultState, turns
+from phalanx.faults.commands import (
+    EFFECTS,
+    ON_LINKS,
+    Command,
+    CommandKind,
+    Condition,
+    FaultState,
+    turns,
+)
+from phalanx.faults.process import ProcessFault
 
 KILL, RESTART = CommandKind.KILL, CommandKind.RESTART
 FREEZE, THAW, TURN = CommandKind.FREEZE, CommandKind.THAW, CommandKind.TURN
@@ -86,3 +97,17 @@ def test_a_turn_counts_from_when_it_has_an_effect():
         Command(0.6, TURN, "a"),
     ]
     assert turns(("a", "b"), commands) == {"b": 0.3, "a": 0.6}
+
+
+def test_every_command_is_on_an_agent_on_links_or_on_the_pace():
+    pace = {CommandKind.PAUSE, CommandKind.RESUME, CommandKind.STEP, CommandKind.SPEED}
+    assert set(CommandKind) == EFFECTS.keys() | ON_LINKS | pace
+    assert not EFFECTS.keys() & (ON_LINKS | pace)
+
+
+@pytest.mark.parametrize("fault", get_args(ProcessFault))
+def test_a_fault_of_processes_begins_with_a_command_that_harms_and_ends_with_one_that_does_not(
+    fault,
+):
+    assert EFFECTS[fault.begins_with].harms
+    assert fault.ends_with is None or not EFFECTS[fault.ends_with].harms

@@ -15,7 +15,7 @@ def occurrences(seed: int = 0, **fault: object) -> tuple[Occurrence, ...]:
     return load("unicycles", {"faults": faults}, seed=seed).links().occurrences
 
 
-def test_at_random_is_as_often_as_the_rate_says_and_befalls_everybody_as_often():
+def test_at_random_is_as_often_as_the_rate_says_and_hits_everybody_as_often():
     rate, duration = 5.0, 400.0
     found = list(at_random(rate, WHO, duration, Draws(1, "fault", "0", width=2)))
     times = np.array([t for t, _ in found])
@@ -36,7 +36,7 @@ def test_a_longer_run_begins_with_the_same_occurrences():
     assert longer[: len(short)] == short
 
 
-def test_at_a_time_it_befalls_everybody_once_and_for_as_long_as_it_lasts():
+def test_at_a_time_it_hits_everybody_once_and_for_as_long_as_it_lasts():
     _, *others = occurrences(kind="pause", at=2.0, **{"for": 0.5})
     assert [(each.agent, each.begin, each.end) for each in others] == [
         (name, 2.0, 2.5) for name in "12345"
