@@ -5,7 +5,7 @@ import gc
 import logging
 import signal
 from collections.abc import Callable
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -17,7 +17,7 @@ from phalanx.wire import liveliness, pubsub
 from phalanx.wire.keys import PLANT, Keys
 from phalanx.wire.liveliness import PlantPresence
 from phalanx.wire.membership import Membership
-from phalanx.wire.messages import LONGEST_FAILURE, Message, Telemetry
+from phalanx.wire.messages import LONGEST_FAILURE, Telemetry
 from phalanx.wire.seal import Sealer
 from phalanx.wire.session import Session, open_member
 from phalanx.wire.step_report import StepReport
@@ -118,27 +118,21 @@ class _Sender:
         # Declared before the others: the hub has told of its readers when those match.
         self._copies = pubsub.Copies(session, keys, keys.of(step.name))
         self._inputs = len(step.swarm.members[step.i].dynamics.inputs)
-        # A publisher's key expression is made anew each time it is asked for.
-        self._actuation_key, self._telemetry_key = (
-            keys.actuation(step.name),
-            keys.telemetry(step.name),
+        self._actuation, self._telemetry = (
+            pubsub.SealedPublisher(session, sealer, key, copies=self._copies)
+            for key in (keys.actuation(step.name), keys.telemetry(step.name))
         )
-        self._actuation = pubsub.publisher(session, self._actuation_key)
-        self._telemetry = pubsub.publisher(session, self._telemetry_key)
         self._broadcast_key = cache(lambda l: keys.broadcast(step.name, step.swarm.names[l]))
 
     def __call__(self, answer: Answer) -> None:
-        self._put(self._actuation.put, self._actuation_key, answer.actuation)
+        self._actuation.put(answer.actuation)
         broadcasts = self._broadcasts[answer.waits]
         for hearer, broadcast in answer.broadcasts.items():
             key = self._broadcast_key(hearer)
-            self._put(partial(broadcasts.put, key), key, broadcast)
-        self._put(self._telemetry.put, self._telemetry_key, answer.telemetry)
-
-    def _put(self, put: Callable[[bytes], None], key: str, message: Message) -> None:
-        payload = self._sealer.seal(key, message)
-        put(payload)
-        self._copies.put(key, payload)
+            payload = self._sealer.seal(key, broadcast)
+            broadcasts.put(key, payload)
+            self._copies.put(key, payload)
+        self._telemetry.put(answer.telemetry)
 
     def tell_failure(self, error: StepFailedError) -> None:
         """Tell the plant why a sample is not answered."""
@@ -146,10 +140,10 @@ class _Sender:
         report = StepReport(origin=Origin.BACKUP, residual=None, u_nom=nothing, solve_time=0.0)
         failed = str(error)[:LONGEST_FAILURE]
         telemetry = Telemetry(k=error.sample.k, report=report, ages=(), failed=failed)
-        self._put(self._telemetry.put, self._telemetry_key, telemetry)
+        self._telemetry.put(telemetry)
 
     def wait_for_listeners(self, timeout: float, over: Callable[[], bool]) -> None:
         """Return when the hub takes what is put: what comes earlier is lost. Raises HubError."""
-        for publisher in (self._actuation, self._telemetry):
-            pubsub.wait_for_listener(publisher, timeout, over)
+        self._actuation.wait_until_heard(timeout, over)
+        self._telemetry.wait_until_heard(timeout, over)
         self._copies.look_for_readers()

@@ -29,10 +29,14 @@ from phalanx.wire.messages import (
     Telemetry,
 )
 from phalanx.wire.seal import Malformed
-from phalanx_agent.centralised import CentralisedController, CentralisedPart
 from phalanx_agent.clock import LOCKSTEP, VirtualClock, clock_of
-from phalanx_agent.controller import Controller, StepResult
-from phalanx_agent.distributed import DistributedController
+from phalanx_agent.controller import (
+    CentralisedController,
+    CentralisedPart,
+    Controller,
+    DistributedController,
+    StepResult,
+)
 
 _AT_HOME = Membership("in-process", endpoint="")
 """Where nothing is sent, damage is done to what would have been."""

@@ -21,8 +21,8 @@ from typing import Any, get_args
 import numpy as np
 from phalanx_plant import run as plant_run
 from phalanx_plant.judge.judge import Judge
-from phalanx_plant.world.integration import DisturbanceKnot
 from phalanx_plant.world.truth import IntegrationSteps
+from phalanx_plant.world.world import DisturbanceKnot
 
 from phalanx.certify.checker.certify import Certification, certify
 from phalanx.certify.checker.intervals import UncertifiableError

@@ -10,6 +10,8 @@ import zenoh
 
 from phalanx.compat.zenoh_threads import keep_thread_state
 from phalanx.wire.keys import Keys
+from phalanx.wire.messages import Message
+from phalanx.wire.seal import Sealer
 from phalanx.wire.session import HubError
 
 _GLANCE = 0.2
@@ -65,6 +67,39 @@ class Addressed:
         self._session.put(
             known, payload, congestion_control=self._congestion, priority=self._priority
         )
+
+
+class SealedPublisher:
+    """Seals messages, and puts them under one key expression."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        sealer: Sealer,
+        key: str,
+        delivery: Delivery = Delivery.ALL,
+        copies: "Copies | None" = None,
+    ) -> None:
+        """copies: puts each of them once more, for those who look on."""
+        # A publisher's own key expression is made anew each time it is asked for.
+        self._key, self._sealer, self._copies = key, sealer, copies
+        self._publisher = publisher(session, key, delivery)
+
+    def put(self, message: Message) -> None:
+        """Put a message."""
+        payload = self._sealer.seal(self._key, message)
+        self._publisher.put(payload)
+        if self._copies:
+            self._copies.put(self._key, payload)
+
+    @property
+    def heard(self) -> bool:
+        """Whether somebody listens now."""
+        return has_listener(self._publisher)
+
+    def wait_until_heard(self, timeout: float, over: Callable[[], bool] = lambda: False) -> None:
+        """Wait until somebody listens, as wait_for_listener does. Raises HubError."""
+        wait_for_listener(self._publisher, timeout, over)
 
 
 def has_listener(publisher: zenoh.Publisher) -> bool:

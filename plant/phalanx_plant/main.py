@@ -11,7 +11,6 @@ from dataclasses import replace
 from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -123,10 +122,10 @@ def run(
         commands = CommandQueue(policy, rows.swarm.names, stop.check)
         if policy.secret:
             hub.session.listen_for_commands(commands.on_command)
-        viewers = hub.session.open_view(commandable=bool(policy.secret))
+        hub.session.answer_viewers(commandable=bool(policy.secret))
         if stopwatch:
             hub.time(stopwatch)  # the judge keeps one of the hub's calls
-        plant = PlantRun(rows, hub, recording, commands, clock, viewers)
+        plant = PlantRun(rows, hub, recording, commands, clock, hub.session.frames)
         if stopwatch:
             plant.time(stopwatch)
 
@@ -140,7 +139,7 @@ def run(
         if stopwatch and profile:
             stopwatch.write(profile, PLANT)
         write_down(summary, folder / SUMMARY, recording)
-        hub.session.put_verdict(Ended(summary=msgspec.json.encode(summary)))
+        hub.session.verdict.put(Ended(summary=msgspec.json.encode(summary)))
         _say(last_words, summary)
     log.info("%s: %s", summary.outcome, summary.reason)
     return exit_status(summary.outcome)
@@ -148,7 +147,7 @@ def run(
 
 def _clock_for(
     policy: CommandPolicy, real_time: float | None
-) -> tuple[type[Hub], ClockFactory[Any], CommandPolicy]:
+) -> tuple[type[Hub], ClockFactory, CommandPolicy]:
     """The hub and the clock of a run, and the policy with its speed."""
     if real_time is None:
         return LockstepHub, partial(Lockstep, synchronization=look_ahead), policy

@@ -3,7 +3,7 @@
 import logging
 import time
 from collections.abc import Callable, Mapping
-from typing import Protocol, TypeVar
+from typing import Any, Protocol
 
 from phalanx.guarantee.verdict import FaultCount, Outcome, Punctuality, Summary, judge
 from phalanx.profile.stopwatch import Stopwatch
@@ -34,10 +34,6 @@ class ReportingAgents(Protocol):
         """Tell whoever watches how far the run is."""
 
 
-A = TypeVar("A", bound=ReportingAgents)
-A_contra = TypeVar("A_contra", contravariant=True)
-
-
 class Clock(Protocol):
     """Virtual time or real time: when agents sample, and when their inputs take effect."""
 
@@ -54,18 +50,8 @@ class Clock(Protocol):
         """
 
 
-class ClockFactory(Protocol[A_contra]):
-    """Makes the clock of a run, of agents as that clock needs them."""
-
-    def __call__(
-        self,
-        world: World,
-        sampling: Sampling,
-        agents: A_contra,
-        happened: Backlog,
-        commands: CommandQueue,
-    ) -> Clock:
-        """Make it, at time 0."""
+ClockFactory = Callable[[World, Sampling, Any, Backlog, CommandQueue], Clock]
+"""Makes the clock of a run, at time 0, of agents as that clock needs them."""
 
 
 class PlantRun:
@@ -74,10 +60,10 @@ class PlantRun:
     def __init__(
         self,
         rows: SafetyRows,
-        agents: A,
+        agents: ReportingAgents,
         recording: RecordingWriter,
         commands: CommandQueue,
-        clock: ClockFactory[A],
+        clock: ClockFactory,
         audience: FrameAudience | None = None,
     ) -> None:
         """Put a run together.

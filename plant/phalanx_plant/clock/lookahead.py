@@ -16,8 +16,7 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.theory.models.dynamics import Bounded, travelled
 from phalanx_plant.sampling.sensing import sensing_radii
-from phalanx_plant.world.integration import Passage, Piece
-from phalanx_plant.world.world import World
+from phalanx_plant.world.world import Passage, Piece, World
 
 _SLACK = 1e-6
 """More than integration and rounding can be off [m]."""

@@ -11,7 +11,7 @@ from phalanx.swarm.swarm import Swarm
 from phalanx.wire.keys import Keys
 from phalanx.wire.messages import Actuation, Sample, Telemetry
 from phalanx.wire.seal import Malformed, Sealer
-from phalanx_plant.world.actuators import Actuators
+from phalanx_plant.world.world import Actuators
 
 
 class Answers:

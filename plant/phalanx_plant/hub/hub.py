@@ -111,13 +111,14 @@ class Hub:
         """Who has not joined, or does not hear yet."""
         if missing := self._joining.missing():
             return missing
-        heard = self.session.is_heard
-        return tuple(name for i, name in enumerate(self._names) if not heard(i))
+        # At a router it may be known later who gets its samples.
+        each = zip(self._names, self.session.samples, strict=True)
+        return tuple(name for name, samples in each if not samples.heard)
 
     def send_sample(self, i: int, sample: Sample) -> None:
         """Hand agent i its sample."""
         self._answers.expect(i, sample)
-        self.session.put_sample(i, sample)
+        self.session.samples[i].put(sample)
 
     def pause(self, i: int, t: float) -> None:
         """Ask for agent i's process to be stopped; one that decides for others too goes on."""
@@ -136,7 +137,7 @@ class Hub:
             self.resume(i, order.t)
         if i in self._alone:
             self._joining.dismiss(self._names[i])
-            self.session.put_sample(i, order)
+            self.session.samples[i].put(order)
 
     def restart(self, i: int, t: float) -> None:
         """Ask for another process in the dead agent i's place at t [s]."""
@@ -155,7 +156,7 @@ class Hub:
     def publish_status(self, message: Status) -> None:
         """Tell whoever watches how far the run is."""
         self._told = msgspec.structs.replace(message, stopped=tuple(sorted(self._stopped)))
-        self.session.put_status(self._told)
+        self.session.status.put(self._told)
 
     def _await(self, i: int, take: Callable[[], T | None], failed_to: str) -> T:
         deadline = time.monotonic() + self._timeout
@@ -241,7 +242,7 @@ class LockstepHub(Hub):
         while not self._joining.has(name):
             super().restart(i, t)
             self._take_event(deadline, f"agent {name} did not join again")
-        self.session.wait_until_heard(i, self._timeout)
+        self.session.samples[i].wait_until_heard(self._timeout)
 
     def _await_report(self, i: int) -> None:
         self._await(i, lambda: self._answers.complete(i) or None, "did not report on")

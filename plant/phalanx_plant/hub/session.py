@@ -10,17 +10,9 @@ from phalanx.swarm.swarm import Swarm
 from phalanx.wire import liveliness, pubsub
 from phalanx.wire.keys import PLANT, ROUTER
 from phalanx.wire.membership import Membership
-from phalanx.wire.messages import (
-    MAX_BYTES,
-    Ended,
-    Message,
-    Place,
-    PlaceRequest,
-    Sample,
-    Setup,
-    Status,
-)
-from phalanx.wire.seal import Malformed, Refusals, Sealer
+from phalanx.wire.messages import MAX_BYTES, Place, PlaceRequest, Setup
+from phalanx.wire.pubsub import Copies, Delivery, SealedPublisher
+from phalanx.wire.seal import Malformed, Refusals
 from phalanx.wire.session import Session, open_hub, open_member
 
 _MOST = 256
@@ -38,16 +30,18 @@ class PlantSession:
         Raises HubError.
         """
         keys = self._keys = membership.keys
-        self._sealer, self._scenario = membership.sealer, swarm.scenario
-        self._session = _open(swarm, membership, at_router)
-        self._sample_keys = [keys.sample(name) for name in swarm.names]
-        self._samples = [
-            pubsub.publisher(self._session, key, pubsub.Delivery.URGENT)
-            for key in self._sample_keys
+        sealer = self._sealer = membership.sealer
+        self._scenario = swarm.scenario
+        session = self._session = _open(swarm, membership, at_router)
+        copies = Copies(session, keys, keys.sample("*"))
+        self.samples = [
+            SealedPublisher(session, sealer, keys.sample(name), Delivery.URGENT, copies)
+            for name in swarm.names
         ]
-        self._copies = pubsub.Copies(self._session, keys, keys.sample("*"))
-        self._status = pubsub.publisher(self._session, keys.status, pubsub.Delivery.NOTICE)
-        self._verdict = pubsub.publisher(self._session, keys.verdict, pubsub.Delivery.NOTICE)
+        """Of each agent."""
+        self.status = SealedPublisher(session, sealer, keys.status, Delivery.NOTICE)
+        self.verdict = SealedPublisher(session, sealer, keys.verdict, Delivery.NOTICE)
+        self.frames = SealedPublisher(session, sealer, keys.frames, Delivery.VIEW)
 
     def close(self) -> None:
         """Leave the run, which ends it for all others."""
@@ -78,60 +72,15 @@ class PlantSession:
         """Say that the plant is there, with a scenario of this digest."""
         self._token = liveliness.announce(self._session, self._keys.alive(PLANT, digest))
 
-    def is_heard(self, i: int) -> bool:
-        """Whether agent i gets its samples: at a router that may be known later."""
-        return pubsub.has_listener(self._samples[i])
-
-    def wait_until_heard(self, i: int, timeout: float) -> None:
-        """Return when agent i gets its samples."""
-        pubsub.wait_for_listener(self._samples[i], timeout)
-
-    def put_sample(self, i: int, sample: Sample) -> None:
-        """Hand agent i its sample."""
-        key = self._sample_keys[i]
-        payload = self._sealer.seal(key, sample)
-        self._samples[i].put(payload)
-        self._copies.put(key, payload)
-
-    def put_status(self, message: Status) -> None:
-        """Publish how far the run is."""
-        self._put(self._status, message)
-
-    def put_verdict(self, message: Ended) -> None:
-        """Publish how the run ended."""
-        self._put(self._verdict, message)
-
-    def open_view(self, commandable: bool) -> "Viewers":
-        """Answer viewers that ask for the scenario, and be ready to show them frames."""
+    def answer_viewers(self, commandable: bool) -> None:
+        """Answer viewers that ask for the scenario."""
         setup = Setup(scenario=to_json(self._scenario).encode(), commandable=commandable)
         key = self._keys.scenario
         pubsub.answer(self._session, key, self._sealer.seal(key, setup))
-        return Viewers(
-            pubsub.publisher(self._session, self._keys.frames, pubsub.Delivery.VIEW), self._sealer
-        )
 
     def listen_for_commands(self, deliver: pubsub.Deliver) -> None:
         """Deliver commands in a thread of Zenoh's."""
         pubsub.subscribe(self._session, self._keys.command, deliver)
-
-    def _put(self, publisher: pubsub.Publisher, message: Message) -> None:
-        publisher.put(self._sealer.seal(str(publisher.key_expr), message))
-
-
-class Viewers:
-    """Subscribers to the run's frames."""
-
-    def __init__(self, publisher: pubsub.Publisher, sealer: Sealer) -> None:
-        self._publisher, self._sealer = publisher, sealer
-
-    @property
-    def present(self) -> bool:
-        """Whether there is anybody."""
-        return pubsub.has_listener(self._publisher)
-
-    def show(self, frame: Message) -> None:
-        """Put a frame; lost on viewers that are slow."""
-        self._publisher.put(self._sealer.seal(str(self._publisher.key_expr), frame))
 
 
 def _open(swarm: Swarm, membership: Membership, at_router: bool) -> Session:

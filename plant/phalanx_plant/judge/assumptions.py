@@ -15,10 +15,9 @@ from phalanx.swarm.swarm import Swarm
 from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.origin import EMPTY, Origin
 from phalanx.wire.messages import Telemetry
-from phalanx_plant.world.actuators import Actuators
 from phalanx_plant.world.events import InputApplied, InputLost, Sampled, StateReached
-from phalanx_plant.world.integration import DisturbanceKnot
 from phalanx_plant.world.truth import IntegrationSteps
+from phalanx_plant.world.world import Actuators, DisturbanceKnot
 
 _STAYED = "no ψ_1 ... ψ_{q-1} was above 0: from there the safe set cannot be kept for sure"
 _ROUNDING = 1e-9

@@ -35,9 +35,8 @@ from phalanx_plant.world.events import (
     StateReached,
 )
 from phalanx_plant.world.extremes import PairExtremes
-from phalanx_plant.world.integration import DisturbanceKnot
 from phalanx_plant.world.truth import IntegrationSteps, Seen, Truth
-from phalanx_plant.world.world import DivergedError
+from phalanx_plant.world.world import DisturbanceKnot, DivergedError
 
 
 class Judged(NamedTuple):

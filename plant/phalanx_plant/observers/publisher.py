@@ -31,10 +31,10 @@ class FrameAudience(Protocol):
     """Whoever looks."""
 
     @property
-    def present(self) -> bool:
+    def heard(self) -> bool:
         """Whether anybody does."""
 
-    def show(self, frame: Frame) -> None:
+    def put(self, frame: Frame) -> None:
         """Hand everybody a frame; lost on those who are slow."""
 
 
@@ -137,8 +137,8 @@ class Publisher:
         if self._audience is None or not (due or last):
             return
         self._due = now + _EVERY
-        if self._audience.present:
-            self._audience.show(self._frame(now))
+        if self._audience.heard:
+            self._audience.put(self._frame(now))
         self._link_events.clear()
         self._peak = -np.inf
 

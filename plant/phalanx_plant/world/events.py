@@ -5,7 +5,7 @@ from typing import NamedTuple
 from phalanx.arrays import Array
 from phalanx.faults.commands import Command
 from phalanx.wire.messages import Sample
-from phalanx_plant.world.integration import Piece
+from phalanx_plant.world.world import Piece
 
 
 class StateReached(NamedTuple):

@@ -22,8 +22,8 @@ from phalanx.theory.expressions.rounding import outwards
 from phalanx.theory.margins.enclosure import scalars
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.safety.composition import stacked_slices
-from phalanx_plant.world.integration import Passage
 from phalanx_plant.world.motion import alike, weighted_rates
+from phalanx_plant.world.world import Passage
 
 _ROUNDED = 2.0**-50
 """By which share of itself a state may be off after a step, for rounding."""

@@ -8,11 +8,10 @@ import numpy as np
 
 from phalanx.arrays import Array, Index, Mask
 from phalanx.swarm.rows import SafetyRows
-from phalanx_plant.world.composition import LogSumExp
-from phalanx_plant.world.integration import DisturbanceKnot, Passage, Piece
+from phalanx_plant.world.composition import LargestPsi, LogSumExp
 from phalanx_plant.world.near import NearPairs
-from phalanx_plant.world.psi import LargestPsi
 from phalanx_plant.world.resolution import Resolution
+from phalanx_plant.world.world import DisturbanceKnot, Passage, Piece
 
 _STATES_AT_ONCE = 32
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from phalanx_agent.centralised import CentralisedController
+from phalanx_agent.controller import CentralisedController
 
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Outcome

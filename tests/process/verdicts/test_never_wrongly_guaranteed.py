@@ -14,7 +14,7 @@ import pytest
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.lockstep import Lockstep
 from phalanx_plant.run import PlantRun
-from phalanx_plant.world.actuators import Actuators
+from phalanx_plant.world.world import Actuators
 
 from phalanx.certify.checker.certify import certify
 from phalanx.faults.commands import NO_COMMANDS

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from phalanx_plant.world.actuators import Actuators
+from phalanx_plant.world.world import Actuators
 
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm

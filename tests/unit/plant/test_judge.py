@@ -12,9 +12,8 @@ from phalanx_plant.world.events import (
     Sampled,
     StateReached,
 )
-from phalanx_plant.world.integration import DisturbanceKnot
 from phalanx_plant.world.truth import IntegrationSteps
-from phalanx_plant.world.world import DivergedError
+from phalanx_plant.world.world import DisturbanceKnot, DivergedError
 
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Assumption

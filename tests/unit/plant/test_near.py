@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 from phalanx_plant.world import near
-from phalanx_plant.world.composition import LogSumExp
+from phalanx_plant.world.composition import LargestPsi, LogSumExp
 from phalanx_plant.world.near import Near, NearPairs
-from phalanx_plant.world.psi import LargestPsi
 
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import SafetyRows, build_rows

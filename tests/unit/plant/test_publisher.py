@@ -27,12 +27,12 @@ class LateAgents(DirectAgents):
 
 
 class Audience:
-    present = True
+    heard = True
 
     def __init__(self) -> None:
         self.frames: list[Frame] = []
 
-    def show(self, frame: Frame) -> None:
+    def put(self, frame: Frame) -> None:
         self.frames.append(frame)
 
 

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from phalanx_plant.world.integration import Passage
 from phalanx_plant.world.resolution import Resolution
-from phalanx_plant.world.world import World
+from phalanx_plant.world.world import Passage, World
 
 from phalanx.guarantee.certificate import DEFECT
 from phalanx.theory.models.integrators import SingleIntegrator

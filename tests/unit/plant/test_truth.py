@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from phalanx_plant.world.integration import DisturbanceKnot
 from phalanx_plant.world.truth import IntegrationSteps, Seen, Truth
-from phalanx_plant.world.world import World
+from phalanx_plant.world.world import DisturbanceKnot, World
 
 from tests.unit.swarms import rows_of_scenario
 

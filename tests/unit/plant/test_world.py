@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from phalanx_plant.world.disturbance import KnottedDisturbance
-from phalanx_plant.world.integration import DisturbanceKnot
 from phalanx_plant.world.truth import IntegrationSteps, Truth
-from phalanx_plant.world.world import World
+from phalanx_plant.world.world import DisturbanceKnot, World
 from scipy.integrate import solve_ivp
 
 from phalanx.swarm.rows import SafetyRows

@@ -3,8 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
-from phalanx_plant.world.composition import LogSumExp
-from phalanx_plant.world.psi import LargestPsi
+from phalanx_plant.world.composition import LargestPsi, LogSumExp
 
 from phalanx.scenario.load import shipped
 from phalanx.swarm.rows import SafetyRows

@@ -96,11 +96,10 @@ class Live:
 
     def command(self, kind: CommandKind, agent: str = "", value: float = 0.0) -> None:
         """Send the plant a command. Without the command secret it refuses."""
-        key, command = self._keys.command, Command(t=0.0, kind=kind, agent=agent, value=value)
+        command = Command(t=0.0, kind=kind, agent=agent, value=value)
         # The plant refuses a number that is not above the last one. The wall clock numbers the
         # commands of several viewers, and of one that was started anew.
-        message = CommandMessage(number=time.time_ns(), command=command)
-        self._commands.put(self._command_sealer.seal(key, message))
+        self._commands.put(CommandMessage(number=time.time_ns(), command=command))
 
     def __enter__(self) -> Self:
         return self
@@ -121,7 +120,9 @@ class Live:
 
     def _listen(self) -> None:
         """Everything is ready for what comes: Zenoh's threads call from here on."""
-        self._commands = pubsub.publisher(self._session, self._keys.command)
+        self._commands = pubsub.SealedPublisher(
+            self._session, self._command_sealer, self._keys.command
+        )
         pubsub.subscribe(self._session, self._keys.frames, self._on_frame)
         pubsub.subscribe(self._session, self._keys.verdict, self._on_verdict)
         liveliness.watch(self._session, self._keys.alive(PLANT), self._on_plant)

@@ -3,8 +3,8 @@
 import casadi as ca
 import numpy as np
 import pytest
+from phalanx_plant.world.composition import LargestPsi
 from phalanx_plant.world.near import NearPairs
-from phalanx_plant.world.psi import LargestPsi
 
 import phalanx
 from phalanx.guarantee.verdict import Outcome
