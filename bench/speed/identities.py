@@ -19,7 +19,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from unittest.mock import patch
 
-from phalanx_plant.hub import hub
+from phalanx_plant.hub import session
 
 import phalanx
 from phalanx.faults.commands import NO_COMMANDS
@@ -78,7 +78,7 @@ def run(scenario: Scenario, identities: bool) -> Summary:
 def _serve(scenario: Scenario, launcher: Connection, identities: bool) -> None:
     if not identities:
         # In this process and those that it forks alone.
-        patch.object(hub, "admission", lambda *_: None).start()
+        patch.object(session, "admission", lambda *_: None).start()
         patch.object(Membership, "credentials", property(lambda _: None)).start()
         patch.object(Membership, "sealer", property(lambda _: Sealer())).start()
     _, unheard = multiprocessing.Pipe(duplex=False)

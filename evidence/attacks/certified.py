@@ -24,8 +24,8 @@ from phalanx.hosts.authority import Authority, make_certificates, private_pem, w
 from phalanx.recording.records import SUMMARY
 from phalanx.scenario.load import load
 from phalanx.wire import liveliness
+from phalanx.wire.credentials import AUTHORITY, AUTHORITY_KEY, Admission, tls
 from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, VIEWER, Keys
-from phalanx.wire.membership import AUTHORITY, AUTHORITY_KEY, Admission, tls
 from phalanx.wire.messages import CommandMessage
 from phalanx.wire.seal import Sealer
 from phalanx.wire.session import free_endpoint, open_hub

@@ -9,7 +9,7 @@ from typing import Any
 
 import typer
 
-from phalanx.wire.membership import COMMAND_SECRET, SECRET
+from phalanx.wire.credentials import COMMAND_SECRET, SECRET
 
 LARGEST_SEED = 2**63 - 1
 _LONGEST = 1e6

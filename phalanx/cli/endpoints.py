@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from phalanx.extensions.registered import extension
-from phalanx.wire.membership import AUTHORITY, CERTIFICATE, ENDPOINT, PRIVATE_KEY
+from phalanx.wire.credentials import AUTHORITY, CERTIFICATE, ENDPOINT, PRIVATE_KEY
 
 if TYPE_CHECKING:
     from phalanx.launcher.live import LiveRun

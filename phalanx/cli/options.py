@@ -15,7 +15,7 @@ from phalanx.cli.allowed import (
 )
 from phalanx.cli.endpoints import require_endpoint
 from phalanx.launcher.engine import ENGINES, FASTEST, require_engine
-from phalanx.wire.membership import COMMAND_SECRET, SECRET
+from phalanx.wire.credentials import COMMAND_SECRET, SECRET
 
 _REAL_TIME = "--real-time"
 

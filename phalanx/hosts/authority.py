@@ -12,8 +12,8 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
+from phalanx.wire.credentials import AUTHORITY, AUTHORITY_KEY, CERTIFICATE, PRIVATE_KEY
 from phalanx.wire.keys import HUBS, PLANT
-from phalanx.wire.membership import AUTHORITY, AUTHORITY_KEY, CERTIFICATE, PRIVATE_KEY
 
 _CLOCKS_DIFFER = datetime.timedelta(minutes=5)
 

@@ -14,9 +14,10 @@ from pathlib import Path
 
 from phalanx.hosts.authority import new_key, private_pem, public_der, write_certificate
 from phalanx.wire import pubsub
+from phalanx.wire.credentials import AUTHORITY
 from phalanx.wire.keys import PLANT
 from phalanx.wire.liveliness import PlantPresence
-from phalanx.wire.membership import AUTHORITY, Membership
+from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Place, PlaceRequest
 from phalanx.wire.seal import Malformed
 from phalanx.wire.session import HubError, open_member

@@ -83,8 +83,8 @@ def keys(
     from phalanx.hosts.authority import make_certificates
     from phalanx.scenario.load import load
     from phalanx.schema.user_code import code_trusted
+    from phalanx.wire.credentials import ENDPOINT
     from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, ROUTER, VIEWER
-    from phalanx.wire.membership import ENDPOINT
 
     with code_trusted(trust):
         programs = load(scenario, overrides or ()).programs()

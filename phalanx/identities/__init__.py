@@ -1,1 +1,1 @@
-"""Who is who on many hosts: certificates, access rules, claims, and the router."""
+"""Whom a hub lets in, and what each may do there."""

@@ -10,8 +10,9 @@ from itertools import chain
 from typing import Any, Literal
 
 from phalanx.swarm.swarm import Swarm
+from phalanx.wire.credentials import Admission
 from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, ROUTER, VIEWER, Keys
-from phalanx.wire.membership import Admission, Membership
+from phalanx.wire.membership import Membership
 
 Subject = Literal["usernames", "cert_common_names"]
 """By what Zenoh knows a session: the name with its password, or that in its certificate."""

@@ -20,8 +20,9 @@ from phalanx.launcher.libraries import require_handles, start_loading
 from phalanx.launcher.programs import Program
 from phalanx.scenario.load import to_json
 from phalanx.scenario.model import Scenario
+from phalanx.wire.credentials import COMMAND_SECRET, SECRET
 from phalanx.wire.keys import PLANT
-from phalanx.wire.membership import COMMAND_SECRET, SECRET, Membership
+from phalanx.wire.membership import Membership
 
 _LONGEST_STOP = 2.0
 """How long a program may be stopped [s]: the hub gives up a connection that is silent for 10 s, and

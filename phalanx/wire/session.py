@@ -12,9 +12,9 @@ import msgspec
 import zenoh
 
 from phalanx.compat.zenoh_linger import close_at_once
+from phalanx.wire.credentials import Admission, Credentials, tls
 from phalanx.wire.keys import COPIES, NOT_URGENT
 from phalanx.wire.liveliness import is_announced
-from phalanx.wire.membership import Admission, Credentials, tls
 from phalanx.wire.messages import MAX_BYTES
 
 # Three threads instead of seven in a client, and a third less latency. Never in the hub: what

@@ -17,6 +17,7 @@ from phalanx_agent.answering import SampleAnswering
 from phalanx_agent.step import Answer, ControlStep
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.hub.answers import Answers
+from phalanx_plant.hub.joining import Places
 from phalanx_viewer.feeds.live import check_frame
 from phalanx_viewer.feeds.live_history import LiveHistory
 from phalanx_viewer.scene.model import scene_model
@@ -24,7 +25,6 @@ from phalanx_viewer.scene.model import scene_model
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy, Orders
 from phalanx.guarantee.verdict import CertificateSummary, Outcome, Summary, read_summary
 from phalanx.hosts.authority import public_der, read_public
-from phalanx.identities.places import Places
 from phalanx.network.inbox import Claim, Fate
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows

@@ -3,7 +3,7 @@
 Events are sampling instants and the instants at which inputs take effect. The wall clock decides
 nothing: an input counts from the virtual time at which it is due, however late it comes. Samples
 are handed out in the order of their times, and further ones before earlier answers are there, as
-long as these cannot change them; what happened is told in order, once it is known.
+long as these cannot change them; what happened is judged in order, once it is known.
 """
 
 from collections import deque
@@ -168,12 +168,12 @@ class Lockstep:
     def _go_on(self) -> None:
         """Let take effect what has been answered, and tell of most of it."""
         self._apply_answers()
-        self._happened.write_most()
+        self._happened.judge_most()
 
     def _catch_up(self) -> None:
         """Let take effect what has been answered, and tell of all of it."""
         self._apply_answers()
-        self._happened.write_down()
+        self._happened.judge_all()
 
     def _apply_answers(self) -> None:
         while self._moments and self._finish(self._moments[0], wait=False):

@@ -239,7 +239,7 @@ class RealTime:
         """Take in what comes until then [s], and write down what happened while there is time."""
         wait = self._commands.pace.wait
         while self._has_time(wait(until)):
-            self._happened.write_one()
+            self._happened.judge_one()
         self._happened.idle()
         self._agents.listen(wait(until))
         for i in self._computing:

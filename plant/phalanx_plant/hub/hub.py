@@ -14,14 +14,13 @@ import msgspec
 
 from phalanx.arrays import Array
 from phalanx.extensions.registered import extension
-from phalanx.identities.places import Places
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Sample, Status, Telemetry
 from phalanx.wire.seal import Malformed, Refusals
 from phalanx_plant.hub.answers import Answers
-from phalanx_plant.hub.joining import Joining
+from phalanx_plant.hub.joining import Joining, Places
 from phalanx_plant.hub.session import Arrivals, PlantSession
 from phalanx_plant.world.events import SwarmBrokenError
 

@@ -1,4 +1,4 @@
-"""What happened and is still to be judged and told, as soon as there is time."""
+"""What happened and is still to be judged, as soon as there is time."""
 
 import contextlib
 import time
@@ -16,8 +16,8 @@ from phalanx_plant.world.world import DivergedError
 _AT_ONCE = 96
 """So many events may wait, though there is time: what they need is worked out for all at once."""
 _LONGEST = 0.1
-"""Where events are few, all are told every so often [s of wall time], while answers come: somebody
-may look."""
+"""Where events are few, all are judged every so often [s of wall time], while answers come:
+somebody may look."""
 
 
 class EventJudge(Protocol):
@@ -31,7 +31,7 @@ class EventJudge(Protocol):
 
 
 class Backlog:
-    """Events in their order; whatever is left of them at the end of a run is told then."""
+    """Events in their order; those that are left at the end of a run are judged then."""
 
     def __init__(
         self,
@@ -43,7 +43,7 @@ class Backlog:
 
         Args:
             judge: of the run.
-            observers: told of each event, one after the other, once it was judged.
+            observers: take each event, one after the other, once it was judged.
             idle: called when there is time for what waits until then.
         """
         self.idle = idle
@@ -60,31 +60,31 @@ class Backlog:
         """This happened next."""
         self._events.append(event)
 
-    def write_one(self) -> None:
-        """Have the oldest judged, and tell of it. Raises RecordingError, DivergedError."""
+    def judge_one(self) -> None:
+        """Have the oldest judged and observed. Raises RecordingError, DivergedError."""
         if not self._prepared:
             events = list(islice(self._events, _AT_ONCE))
             self._judge.prepare(events)
             self._prepared = len(events)
         self._prepared -= 1
         judged = self._judge.take(self._events.popleft())
-        for tell in self._observers:
-            tell(judged)
+        for observe in self._observers:
+            observe(judged)
 
-    def write_most(self) -> None:
-        """Tell of all but the last few. Raises RecordingError, DivergedError."""
+    def judge_most(self) -> None:
+        """Have all but the last few judged. Raises RecordingError, DivergedError."""
         if time.monotonic() >= self._due:
-            self.write_down()
+            self.judge_all()
             self._due = time.monotonic() + _LONGEST
             return
         while len(self) > _AT_ONCE:
-            self.write_one()
+            self.judge_one()
         self.idle()
 
-    def write_down(self) -> None:
-        """Tell of all. Raises RecordingError, DivergedError."""
+    def judge_all(self) -> None:
+        """Have all judged. Raises RecordingError, DivergedError."""
         while self:
-            self.write_one()
+            self.judge_one()
         self.idle()
 
     def __enter__(self) -> Self:
@@ -97,8 +97,8 @@ class Backlog:
         traceback: TracebackType | None,
     ) -> None:
         if error is None:
-            self.write_down()
+            self.judge_all()
         elif not isinstance(error, RecordingError):
-            # What led to the failure is worth as much as the rest, as far as it can be told.
+            # What led to the failure is worth as much as the rest, as far as it can be judged.
             with contextlib.suppress(RecordingError, DivergedError, SwarmBrokenError, StoppedError):
-                self.write_down()
+                self.judge_all()

@@ -79,7 +79,7 @@ class Judge:
         """Pairs whose h is above zero."""
         self._turned: set[int] = set()
         self._said: set[str] = set()
-        """What is told the first time alone."""
+        """Notices that come the first time alone."""
         self._rejected = [0 for _ in swarm.names]
         self._rejected_before = [0 for _ in swarm.names]
         """By those processes whose place another has taken."""

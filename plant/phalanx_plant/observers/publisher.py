@@ -28,7 +28,7 @@ _STATUS_EVERY = 0.1
 
 
 class FrameAudience(Protocol):
-    """Whoever looks."""
+    """Viewers, if there are any."""
 
     @property
     def heard(self) -> bool:
@@ -55,13 +55,13 @@ class Publisher:
             world: at x(0).
             judge: of the run.
             commands: that the run obeys.
-            publish_status: tells whoever watches how far the run is.
+            publish_status: says to all how far the run is.
             audience: is shown frames.
         """
         names = world.swarm.names
         self._judge, self._commands = judge, commands
         self._publish_status, self._audience = publish_status, audience
-        # Its own: those who obey are ahead of what has been told.
+        # Its own: the clock's is ahead of what was judged.
         self._faults = FaultState(names)
         self._t, self._x, self._settled = 0.0, world.x, True
         self._agents = [AgentStatus() for _ in names]

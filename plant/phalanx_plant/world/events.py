@@ -1,4 +1,4 @@
-"""What happens in a run, in the order in which it is judged and told; and what ends it early."""
+"""What happens in a run, in the order in which it is judged; and what ends it early."""
 
 from typing import NamedTuple
 

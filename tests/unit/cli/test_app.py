@@ -1,5 +1,8 @@
 """The command without a subcommand."""
 
+import subprocess
+import sys
+
 import phalanx
 from phalanx.cli.app import USAGE_ERROR, status
 
@@ -12,3 +15,10 @@ def test_version_is_told(capsys):
 def test_an_unknown_command_is_refused_with_where_to_look(capsys):
     assert status(["walk"]) == USAGE_ERROR
     assert "phalanx --help" in capsys.readouterr().err
+
+
+def test_what_takes_long_to_import_is_imported_by_the_commands_that_need_it():
+    heavy = ("casadi", "cryptography", "numpy", "polars", "pydantic", "scipy", "viser", "zenoh")
+    loaded = f"import sys, phalanx.cli.app; print(sorted(set({heavy}) & set(sys.modules)))"
+    out = subprocess.run([sys.executable, "-c", loaded], capture_output=True, check=True, text=True)
+    assert out.stdout == "[]\n"

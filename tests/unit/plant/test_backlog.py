@@ -89,10 +89,10 @@ def test_while_there_is_time_the_last_few_wait_for_what_comes_and_are_told_when_
     events = [Sampled(0, float(t)) for t in range(300)]
     for event in events:
         happened.add(event)
-        happened.write_most()
+        happened.judge_most()
     assert desk.told == events[: len(desk.told)]
     assert 1 < len(happened) == 300 - len(desk.told) < 150
-    happened.write_down()
+    happened.judge_all()
     assert desk.told == events
 
 
@@ -103,9 +103,9 @@ def test_what_events_need_is_worked_out_for_several_at_once_in_their_order_and_o
     for event in events[:-1]:
         happened.add(event)
     for _ in range(150):
-        happened.write_one()
+        happened.judge_one()
     happened.add(events[-1])
-    happened.write_down()
+    happened.judge_all()
     assert [event for some in desk.prepared for event in some] == desk.told == events
     assert 1 < max(map(len, desk.prepared)) < 150
 
@@ -115,7 +115,7 @@ def test_an_event_waits_no_longer_than_a_moment_for_others(monkeypatch: pytest.M
     desk = Desk()
     happened = backlog_of(desk)
     happened.add(FIRST)
-    happened.write_most()
+    happened.judge_most()
     assert desk.told == [FIRST]
 
 

@@ -6,9 +6,9 @@ import pytest
 from cryptography import x509
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
+from phalanx_plant.hub.joining import Places
 
 from phalanx.hosts.authority import make_certificates, public_der, signer
-from phalanx.identities.places import Places
 from phalanx.wire.keys import PLANT
 from phalanx.wire.messages import PlaceRequest
 
