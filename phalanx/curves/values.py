@@ -73,7 +73,7 @@ class SafetyValues:
     @cached_property
     def _pairs(self) -> Index:
         swarm = self.rows.swarm
-        return swarm.pairs.among(range(len(swarm.members)))
+        return swarm.pairs.every
 
     @cached_property
     def _places(self) -> Index:

@@ -50,7 +50,7 @@ class SwarmCertificates:
     def __init__(self, swarm: Swarm) -> None:
         scenario = swarm.scenario
         self.swarm, self.pairs = swarm, swarm.pairs
-        self.ends: Index = swarm.pairs.among(range(len(swarm.members)))
+        self.ends: Index = swarm.pairs.every
         """Of each pair of the composed set: a, and b or N + k for obstacle k; shape (p, 2)."""
         groups = {id(group): number for number, group in enumerate(scenario.agents)}
         own = [groups[id(group)] for group in swarm.groups]
@@ -216,7 +216,7 @@ def certified_start(swarm: Swarm) -> CertifiedStart:
         if all(number in side for side in sides):
             refused[composed.label(pair)] = sides[0][number]
     begun = {swarm.names[i]: _begins(swarm, i, each, x) for i, each in agents.items()}
-    h = swarm.pairs.choose(swarm.pairs.among(range(len(swarm.members)))).h(x)
+    h = swarm.pairs.choose(swarm.pairs.every).h(x)
     return CertifiedStart(bool((h <= 0.0).all()), refused, begun)
 
 

@@ -32,7 +32,7 @@ def h_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
     """One row for each event: t [s], and every pair's h as "<agent>-<agent>"; safe is h <= 0."""
     composed = swarm.safe_set
     labels = [composed.label(pair) for pair in composed.pairs]
-    every = swarm.pairs.choose(swarm.pairs.among(range(len(swarm.members))))
+    every = swarm.pairs.choose(swarm.pairs.every)
     h = np.empty((len(recording.states), len(labels)))
     if len(h):
         h[:, every.order] = every.h(recording.x)

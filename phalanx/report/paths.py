@@ -36,7 +36,7 @@ class WorstPairs(NamedTuple):
 def worst_pairs(history: RecordedHistory) -> WorstPairs:
     """Which pair was worst at each state; needs a state."""
     pairs = history.swarm.pairs
-    chosen = pairs.choose(pairs.among(range(len(history.swarm.members))))
+    chosen = pairs.choose(pairs.every)
     found = [(h.max(), h.argmax()) for h in map(chosen.h, history.x)]
     h, which = zip(*found, strict=True)
     return WorstPairs(np.array(h), chosen.pairs[list(which)])

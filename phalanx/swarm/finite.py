@@ -74,7 +74,7 @@ def _require_finite(dynamics: Dynamics, method: str, x: Array, value: Array, whe
 
 def require_h(swarm: Swarm, x: Array, where: str) -> None:
     """Of every pair at the stacked x, shape (n̄,). Raises MistakenMethodError."""
-    pairs = swarm.pairs.among(range(len(swarm.members)))
+    pairs = swarm.pairs.every
     for few in np.array_split(pairs, 1 + len(pairs) // _TOGETHER):
         chosen = swarm.pairs.choose(few)
         h = chosen.h(x)

@@ -177,7 +177,7 @@ class SafetyRows:
         sorts = [groups.index(id(group)) for group in swarm.groups]
         return PairFunctions(swarm.pairs, sorts, self._psi)
 
-    def _psi(self, pair: ComposedSet, _: tuple[int, int]) -> MappedFunction:
+    def _psi(self, pair: ComposedSet, _: int) -> MappedFunction:
         return MappedFunction([pair.x, pair.parameters], list(_chain(self.swarm, pair).psi))
 
     def margin(self, i: int) -> Margin:
@@ -204,8 +204,7 @@ class SafetyRows:
         """x -> all ψ_0 ... ψ_{q-1} that are not above 0 in S_I, as this scenario composes them."""
         swarm = self.swarm
         if self.pairwise:
-            every = swarm.pairs.among(range(len(swarm.members)))
-            psi = self.pair_psi.choose(every)
+            psi = self.pair_psi.choose(swarm.pairs.every)
             return lambda x: psi(x).ravel()
         # With limited sensing every agent composes a set of its own.
         views = [

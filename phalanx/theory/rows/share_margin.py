@@ -31,9 +31,8 @@ class ShareMargin:
     def __init__(self, by_derivatives: TermsByDerivatives, horizon: float) -> None:
         """horizon: τ = Γ_i + δ_i^max and the latency [s]."""
         pairs, members = by_derivatives.pairs, by_derivatives.members
-        everybody = range(len(pairs.members))
-        kinds = list(members.by_kind(everybody).items())
-        function, places = by_derivatives.rates(kinds, pairs.choose(pairs.among(everybody)))
+        kinds = list(members.by_kind(range(len(pairs.members))).items())
+        function, places = by_derivatives.rates(kinds, pairs.choose(pairs.every))
         numbers = [by_derivatives.numbers.copy(), *[p.ravel().astype(np.float64) for p in places]]
         sizes = [(members.kinds[k].inputs, own) for k, own in kinds]
         self._inputs, count = by_derivatives.layout(sizes, 0)

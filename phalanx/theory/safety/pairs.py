@@ -4,6 +4,7 @@ A pair is a row (a, b): a normal member a, and another member b or N + k for obs
 """
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -86,6 +87,11 @@ class SwarmPairs:
             for side in (others, near)
         ]
         return np.concatenate([friends, *mixed])
+
+    @cached_property
+    def every(self) -> Index:
+        """All pairs of h_tot, shape (p, 2)."""
+        return self.among(range(len(self.members)))
 
     def choose(self, pairs: Index) -> "ChosenPairs":
         """Pairs that are evaluated together, shape (r, 2)."""
@@ -236,14 +242,14 @@ class PairFunctions:
         self,
         swarm: SwarmPairs,
         sorts: Sequence[int],
-        make: Callable[[ComposedSet, tuple[int, int]], MappedFunction],
+        make: Callable[[ComposedSet, int], MappedFunction],
     ) -> None:
         """Sort pairs by more than their h.
 
         Args:
             swarm: whose pairs they are.
             sorts: of each member.
-            make: the function of a pair alone, such as (a, b) is: of its states and parameters.
+            make: the function of a pair alone, of its states and parameters; and its kind's number.
         """
         self._swarm, self._make = swarm, make
         self._sorts = np.concatenate([sorts, np.full(len(swarm.obstacles), -1)])
@@ -261,7 +267,7 @@ class PairFunctions:
             a, b = own[0].tolist()
             alone = swarm.alone(a, b)
             if key not in self._made:
-                self._made[key] = self._make(alone, (a, b))
+                self._made[key] = self._make(alone, key[-1])
             groups.append((self._made[key], spread(swarm.begin, own, alone.sizes)))
         return ChosenFunctions(swarm, pairs[order], groups)
 

@@ -9,7 +9,6 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.expressions.compiled import MappedFunction
-from phalanx.theory.safety.composition import ComposedSet
 from phalanx.theory.safety.pairs import PairFunctions
 
 _DIGITS = 60.0 * math.log(2.0)
@@ -66,13 +65,10 @@ class LargestPsi:
     """
 
     def __init__(self, rows: SafetyRows) -> None:
-        self._rows = rows
+        self._rows, pairs = rows, rows.swarm.pairs
         sorts = [0 for _ in rows.swarm.members]
-        self.functions = (
-            rows.pair_psi
-            if rows.pairwise
-            else PairFunctions(rows.swarm.pairs, sorts, self._along_drift)
-        )
+        along_drift = PairFunctions(pairs, sorts, lambda _, kind: pairs.kinds[kind].along_drift)
+        self.functions = rows.pair_psi if rows.pairwise else along_drift
         """What it needs of a pair: ψ_0 ... ψ_{q-1}, or h, L_f h, ..., L_f^{q-1} h."""
 
     def __call__(self, pairs: Array, least: Array, composed: Composed) -> Array:
@@ -94,9 +90,3 @@ class LargestPsi:
             each = jets.psi(composed.h_tot, composed.weights[:, some], pairs[:, some])[:, 1:]
         largest: Array = each.max(axis=1)
         return largest
-
-    def _along_drift(self, _: ComposedSet, pair: tuple[int, int]) -> MappedFunction:
-        pairs = self._rows.swarm.pairs
-        (kind,) = pairs.kinds_of(np.array([pair])).tolist()
-        found: MappedFunction = pairs.kinds[kind].along_drift
-        return found

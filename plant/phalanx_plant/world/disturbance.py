@@ -93,7 +93,7 @@ class SwarmGradient:
 
     def __init__(self, rows: SafetyRows) -> None:
         pairs = rows.swarm.pairs
-        self._pairs = pairs.choose(pairs.among(range(len(rows.swarm.members))))
+        self._pairs = pairs.choose(pairs.every)
         self._jets = rows.composed.jets
         self._x = self._found = np.zeros(0)
 

@@ -53,7 +53,7 @@ class NearPairs:
         self._functions = functions
         self._obstacles = scenario.static
         self._normal = np.array([not m.adversary for m in swarm.members])
-        self._every = swarm.pairs.among(range(len(swarm.members)))
+        self._every = swarm.pairs.every
         composed = scenario.safety.composition == "lse"
         few = len(self._every) <= (_FEW if composed else _FEW_ROWS)
         self._function = None if few else proven_reach(function)

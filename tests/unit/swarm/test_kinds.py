@@ -65,7 +65,7 @@ def test_the_truths_largest_psi_is_that_of_the_chains(name):
     """Of h_tot, or of every pair alone."""
     rows = rows_of_scenario(name)
     composed = rows.swarm.safe_set
-    every = rows.swarm.pairs.among(range(len(composed.members)))
+    every = rows.swarm.pairs.every
     x, largest_psi = states(rows, 4), LargestPsi(rows)
     values = largest_psi.functions.choose(every)(x)
     total = LogSumExp(rows.swarm.scenario.safety.rho, len(every))

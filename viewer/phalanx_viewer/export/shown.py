@@ -29,7 +29,7 @@ def near_pairs(swarm: Swarm, x: Array) -> tuple[list[int], Array]:
     Returns:
         The pairs' indices in the composed set, r of them; and h, shape (s, r).
     """
-    pairs = swarm.pairs.among(range(len(swarm.members)))
+    pairs = swarm.pairs.every
     every = swarm.pairs.choose(pairs)
     mine = [np.flatnonzero((every.pairs == i).any(axis=1)) for i in swarm.normal]
     worst: set[int] = set()

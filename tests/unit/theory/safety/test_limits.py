@@ -76,7 +76,7 @@ def test_no_limit_is_left_out_where_distant_pairs_are():
     which, values, _ = NearPairs(swarm, functions)(np.array([x, x]), np.array([p, p]))
     composed = swarm.safe_set
     limits = {k for k, p in enumerate(composed.pairs) if "limit" in composed.label(p)}
-    every = swarm.pairs.choose(swarm.pairs.among(range(len(swarm.members)))).h(x)
+    every = swarm.pairs.choose(swarm.pairs.every).h(x)
     assert len(which) < len(every)
     assert len(limits) == 40
     assert limits <= set(which.tolist())

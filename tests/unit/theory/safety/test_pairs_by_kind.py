@@ -55,7 +55,7 @@ def in_order(composed: ComposedSet, pairs: np.ndarray) -> list[int]:
 def test_every_pairs_numbers_are_those_of_its_own_expression(name, seed):
     composed, pairs, function = swarm(name)
     x = np.random.default_rng(seed).uniform(-3.0, 3.0, composed.x.numel())
-    chosen = pairs.choose(pairs.among(range(len(composed.members))))
+    chosen = pairs.choose(pairs.every)
     order = in_order(composed, chosen.pairs)
     assert sorted(order) == list(range(len(composed.pairs)))
     along, forces, *slopes = [np.array(value)[order] for value in function(x)]
@@ -75,7 +75,7 @@ def test_every_pairs_numbers_are_those_of_its_own_expression(name, seed):
 def test_a_pairs_bits_do_not_depend_on_what_is_evaluated_beside_it(name):
     composed, pairs, _ = swarm(name)
     x = np.random.default_rng(1).uniform(-3.0, 3.0, (5, composed.x.numel()))
-    chosen = pairs.choose(pairs.among(range(len(composed.members))))
+    chosen = pairs.choose(pairs.every)
     h, jets = chosen.h(x), chosen.jets(x)
     assert (h == jets.h[..., 0]).all()
     for k, pair in enumerate(chosen.pairs):
