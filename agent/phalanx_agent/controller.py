@@ -54,7 +54,7 @@ class DistributedController:
         self._goal = swarm.goal(i)
         self._terms = rows.terms(i)
         self._filter = rows.filter(i)
-        self._latency = swarm.scenario.time.latency
+        self._latency = swarm.time.latency
 
     def __call__(
         self, x: Array, seen: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
@@ -84,7 +84,7 @@ class CentralisedController:
         swarm = rows.swarm
         first = swarm.normal[0]
         self.rows, self._normal = rows, swarm.normal
-        self._authority = swarm.scenario.safety.authority
+        self._authority = swarm.safety.authority
         self._nominal = [NominalInput(swarm.law(l), swarm.members[l]) for l in self._normal]
         self._goals = [swarm.goal(l) for l in self._normal]
         self._parts = swarm.safe_set.parts

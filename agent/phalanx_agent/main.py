@@ -51,7 +51,7 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
     # No event: a handler that sets one while this thread begins to wait for it never returns.
     leaving: SimpleQueue[str] = SimpleQueue()
     signal.signal(signal.SIGTERM, lambda *_: leaving.put("told to"))
-    timeout = rows.swarm.scenario.time.timeout
+    timeout = rows.swarm.time.timeout
     with (
         endless_loops(min(timeout, _LONGEST_SILENCE)),
         open_member(

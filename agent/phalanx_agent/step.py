@@ -100,7 +100,7 @@ class ControlStep:
         """The sample that has to come next; None before the first."""
         self._clock: VirtualClock = LOCKSTEP
         self._orders: Orders | None = None
-        self._latency = swarm.scenario.time.latency
+        self._latency = swarm.time.latency
         self._lies = swarm.links.lies(self.name)
         self.most_fates = _most_fates(swarm)
         """In one report."""
@@ -257,7 +257,7 @@ class ControlStep:
     def _link(self, sender: int) -> Link:
         swarm, receiver = self.swarm, self.name
         model = swarm.links.model(swarm.names[sender], receiver)
-        return Link(swarm.scenario.seed, swarm.names[sender], receiver, model)
+        return Link(swarm.seed, swarm.names[sender], receiver, model)
 
     def obey(self, orders: Orders | None) -> None:
         """Do from now on as commands ask."""

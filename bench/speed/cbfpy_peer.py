@@ -27,7 +27,7 @@ class Peer:
         """backend: "qpax" or "elastiqp"."""
         self._problem = Problem(rows, i, backend)
         self._filter = CBF.from_config(self._problem)
-        self._constants = (rows.margin(i).eta, rows.swarm.scenario.safety.xi)
+        self._constants = (rows.margin(i).eta, rows.swarm.safety.xi)
 
     def __call__(self, x: Array, wanted: Array, push: Array, active: Array) -> Array:
         """The nearest input, shape (m_i,).
@@ -49,8 +49,8 @@ class Problem(CBFConfig):  # type: ignore[misc]
         swarm = rows.swarm
         composed, self._i = swarm.safe_set, i
         self._degree = rows.relative_degree
-        self._alphas = [float(a) for a in swarm.scenario.safety.alpha if isinstance(a, float)]
-        self._rho = swarm.scenario.safety.rho
+        self._alphas = [float(a) for a in swarm.safety.alpha if isinstance(a, float)]
+        self._rho = swarm.safety.rho
         self._dynamics = swarm.members[i].dynamics
         self._shape = len(swarm.members), len(self._dynamics.states)
         self._a = np.array([p.a for p in composed.pairs])
@@ -58,7 +58,7 @@ class Problem(CBFConfig):  # type: ignore[misc]
         spheres = [o for o in composed.obstacles if isinstance(o, Sphere)]
         around = [spheres[p.obstacle] for p in composed.pairs if p.obstacle is not None]
         self._centers = np.array([o.center for o in around])
-        apart = float(swarm.scenario.safety.function["radius"])
+        apart = float(swarm.safety.function["radius"])
         self._radii = np.array([apart] * len(self._b) + [o.clearance for o in around])
         limit, _ = _limits(self._dynamics)
         super().__init__(

@@ -76,12 +76,12 @@ def _margins(scenario: Scenario, report: CheckReport) -> list[Asked]:
         return [Asked("margin η, at the start", f"computed{at_start}", "any bound", equation, True)]
     smallest = min(given)
     found = _with_unit(smallest, unit)
-    composed = scenario.safety.composition == "lse"
-    formula = report.formula if composed else report.pair_formula
+    safety = scenario.safety
+    formula = report.pair_formula if safety.pairwise else report.formula
     if formula is None:
         rows = [Asked("margin η, by the formula", found, _MISSING, equation, None)]
     else:
-        needed = formula.corrected if scenario.safety.margin == "corrected" else formula.eta
+        needed = formula.corrected if safety.counts_disturbance else formula.eta
         least = f"at least {_margin(needed, unit)}"
         rows = [Asked("margin η, by the formula", found, least, equation, smallest >= needed)]
     if report.eta_local:
@@ -123,7 +123,7 @@ def _delay(scenario: Scenario, report: CheckReport) -> Asked:
 
 def _theorem(scenario: Scenario, report: CheckReport) -> Asked:
     number = 5 if report.relative_degree > 1 else 2
-    if scenario.safety.control == "centralised":
+    if scenario.safety.centralised:
         number = 1
     open_ = len(report.gaps)
     return Asked(
@@ -132,7 +132,7 @@ def _theorem(scenario: Scenario, report: CheckReport) -> Asked:
 
 
 def _row(scenario: Scenario, report: CheckReport) -> str:
-    if scenario.safety.control == "centralised":
+    if scenario.safety.centralised:
         return "(28)"
     return "(30)" if report.relative_degree == 1 else "(44)"
 

@@ -45,7 +45,7 @@ class SafetyValues:
     def too_large(self) -> bool:
         """Whether all agents' rows together are too much to build for figures and plots."""
         swarm = self.rows.swarm
-        expressions = len(swarm.normal) if self.rows.bounds_whole else 0
+        expressions = len(swarm.normal) if swarm.safety.bounds_one_row else 0
         return expressions * swarm.pairs.count > _MOST_COMPOSED
 
     @property

@@ -6,7 +6,6 @@ from phalanx.faults.lies import LieFault
 from phalanx.guarantee.check_report import CheckReport
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.margins.integrated import STEEPEST, RowPart
-from phalanx.theory.rows.information import Information
 from phalanx.theory.safety.class_k import Linear
 
 _WHOLE = 1e3
@@ -33,7 +32,7 @@ def gaps_in_the_proof(swarm: Swarm) -> list[str]:
 
     What a run can check, such as the sampling gap and the age of û, is not among these.
     """
-    safety = swarm.scenario.safety
+    safety = swarm.safety
     steepest = _steepest(swarm) / _longest(swarm)
     gaps = {
         "the margin η is a given number, not a bound: set safety.margin = 'integrated'": (
@@ -41,24 +40,20 @@ def gaps_in_the_proof(swarm: Swarm) -> list[str]:
         ),
         f"α_q is steeper than what is proven for safety.margin = 'integrated': let the last of "
         f"safety.alpha be at most {steepest:.3g}, or clocks be faster": (
-            safety.margin == "integrated" and _steepness(swarm) > _steepest(swarm)
+            safety.limits_alpha and _steepness(swarm) > _steepest(swarm)
         ),
         "safety.margin_scale is below 1, so the margin is less than its bound": (
             safety.margin_scale < 1.0
         ),
         "agents compute their shares of one row for all pairs from different samples: set "
-        "safety.composition = 'pairs'": (
-            safety.control == "distributed"
-            and safety.composition == "lse"
-            and safety.information is Information.SPLIT
-        ),
+        "safety.composition = 'pairs'": safety.shares_one_row,
         "with safety.neighbourhood, or sensing, each agent's condition changes as others come and "
         "go: leave it out": swarm.limited,
         "one controller needs agents that sample together: one clock.period, no clock.jitter": (
-            safety.control == "centralised" and not swarm.synchronous
+            safety.centralised and not swarm.synchronous
         ),
         "until time.latency is over no certified input is in force: leave it out": (
-            swarm.scenario.time.latency > 0.0
+            swarm.time.latency > 0.0
         ),
     }
     return [gap for gap, open_ in gaps.items() if open_]
@@ -66,7 +61,7 @@ def gaps_in_the_proof(swarm: Swarm) -> list[str]:
 
 def words_on_alpha(swarm: Swarm) -> list[str]:
     """Whether α_q is weaker or steeper than what serves a proof, where one is asked for."""
-    if not swarm.scenario.safety.computes_margin:
+    if not swarm.safety.computes_margin:
         return []
     steepness = _steepness(swarm)
     if steepness < _WEAK:
@@ -88,13 +83,13 @@ def words_on_alpha(swarm: Swarm) -> list[str]:
 
 def _steepness(swarm: Swarm) -> float:
     """κ τ; that of what serves if α_q is not linear."""
-    alpha = swarm.scenario.safety.class_k()[-1]
+    alpha = swarm.safety.class_k[-1]
     return alpha.gain * _longest(swarm) if isinstance(alpha, Linear) else _SERVES
 
 
 def _steepest(swarm: Swarm) -> float:
     """κ τ that is proven with the integrated margin."""
-    halves = swarm.joint and len(swarm.normal) > 1
+    halves = swarm.safety.joint and len(swarm.normal) > 1
     return STEEPEST[RowPart.HALF if halves else RowPart.WHOLE]
 
 
@@ -105,14 +100,12 @@ def _longest(swarm: Swarm) -> float:
 
 def leans_on_the_newest(swarm: Swarm) -> bool:
     """Whether rows count on the last received û, whatever has become of it."""
-    paper = swarm.scenario.safety.information is Information.PAPER
-    return paper and not swarm.joint and len(swarm.normal) > 1
+    return swarm.safety.counts_on_newest and len(swarm.normal) > 1
 
 
 def _believed_liars(swarm: Swarm) -> list[str]:
     """Agents that are declared to lie to those whose rows count on what is said."""
-    believing = Information.PAPER, Information.IN_FLIGHT
-    if swarm.scenario.safety.information not in believing or swarm.joint:
+    if not swarm.safety.counts_on_received:
         return []
     lies = (f for f in swarm.scenario.faults if isinstance(f, LieFault) and not f.silent)
     names = {fault.agent for fault in lies}
@@ -178,7 +171,7 @@ def _words_on_the_start(report: CheckReport) -> list[str]:
 def _words_on_the_theorem(swarm: Swarm, report: CheckReport) -> list[str]:
     """What the theorem lacks, and which settings supply it."""
     words = [f"The paper's theorem proves nothing here: {gap}." for gap in report.gaps]
-    safety = swarm.scenario.safety
+    safety = swarm.safety
     if report.gaps:
         wanted = {
             "control": "distributed",
@@ -206,7 +199,7 @@ def _words_on_what_is_received(swarm: Swarm) -> list[str]:
     if liars := _believed_liars(swarm):
         words.append(
             f"By faults declared here {', '.join(liars)} will say what it does not apply, and "
-            f"safety.information = '{swarm.scenario.safety.information}' counts on what is said: "
+            f"safety.information = '{swarm.safety.information}' counts on what is said: "
             "rows may hold that do not hold jointly. Take 'split', which asks nobody, or "
             "'worst-case', where a member that does not keep its rows harms nobody's either."
         )
@@ -223,7 +216,7 @@ def _words_on_the_margin(swarm: Swarm, report: CheckReport) -> list[str]:
             "that the paper's formula asks for over the workspace: it is a choice, not a bound. "
             "Take safety.margin = 'integrated' or 'local' and safety.eta = 0 for one that is."
         )
-    if report.relative_degree > 1 and swarm.scenario.safety.margin == "paper":
+    if report.relative_degree > 1 and not swarm.safety.counts_disturbance:
         words.append(
             "The relative degree q is above 1, and safety.margin = 'paper' leaves out what the "
             "disturbance does to ψ_1 and those after it. Take 'corrected', 'local' or 'integrated'."

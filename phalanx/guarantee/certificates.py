@@ -101,7 +101,7 @@ class SwarmCertificates:
         swarm, (a, b) = self.swarm, self.ends[pair].tolist()
         involved = [l for l in (a, b) if l < len(swarm.members)]
         bounds = [swarm.disturbance_bounds[swarm.names[l]] + DEFECT for l in involved]
-        tau, alphas = swarm.horizon(involved[own]), swarm.scenario.safety.class_k()
+        tau, alphas = swarm.horizon(involved[own]), swarm.safety.class_k
         alone = self.pairs.alone(a, b)
         highest = highest_within(alone, bounds, MULTIPLES[0] * tau)
         return _Kind(pair_certificate(alone, own, alphas, bounds, tau), highest, alone.sizes)
@@ -222,7 +222,7 @@ def certified_start(swarm: Swarm) -> CertifiedStart:
 
 def _begins(swarm: Swarm, i: int, certificates: AgentCertificates, x: Array) -> bool:
     """Whether zero, or a corner of U_i, is certified: zero alone until a latency is over."""
-    clock, latency = swarm.groups[i].clock, swarm.scenario.time.latency
+    clock, latency = swarm.groups[i].clock, swarm.time.latency
     dynamics = swarm.members[i].dynamics
     zero = np.zeros(len(dynamics.inputs))
     asked = [pair not in certificates.refused for pair in certificates.pairs]

@@ -100,7 +100,7 @@ def _boundary_condition(
         return None
     evaluate = rows.terms_of_all(_largest_margin(rows))
     worst, asked = -math.inf, 0
-    seed = rows.swarm.scenario.seed
+    seed = rows.swarm.seed
     for y in drawn_states(seed, "boundary", low, high, 10 * _SAMPLES):
         if asked == _BOUNDARY_STATES:
             break
@@ -113,13 +113,13 @@ def _boundary_condition(
 
 def _largest_margin(rows: SafetyRows) -> ComposedMargin:
     """Of any normal agent's row for h_tot; 0 where it is computed."""
-    if rows.swarm.scenario.safety.computes_margin:
+    if rows.swarm.safety.computes_margin:
         return ComposedMargin(0.0, 0.0)
     return max(rows.margin(i).given for i in rows.swarm.normal)
 
 
 def _given(rows: SafetyRows) -> dict[str, float | None]:
-    computed = rows.swarm.scenario.safety.computes_margin
+    computed = rows.swarm.safety.computes_margin
     return {
         rows.swarm.names[i]: None if computed else rows.margin(i).given.total(0.0)
         for i in rows.swarm.normal

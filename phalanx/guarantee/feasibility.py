@@ -49,12 +49,12 @@ def _feasible(rows: SafetyRows, i: int, x: Array) -> bool:
     """Whether K_i(x) is non-empty, with nothing received."""
     swarm, seen = rows.swarm, rows.swarm.seen(i, x)
     terms = rows.terms(i)(x, seen)
-    if rows.pairwise:
-        sharing = swarm.normal if swarm.joint else ()
+    if swarm.safety.pairwise:
+        sharing = swarm.normal if swarm.safety.joint else ()
         return _pairs_feasible(rows.pair_terms(i)(x, seen, sharing), terms.polytopes[i])
     if (margin := rows.share_margin(i)) is not None:
         return joint_sum(terms, swarm.normal) + margin(x, terms, swarm.normal) <= 0
-    return joint_sum(terms, swarm.normal if swarm.joint else (i,)) <= 0
+    return joint_sum(terms, swarm.normal if swarm.safety.joint else (i,)) <= 0
 
 
 def _pairs_feasible(terms: PairTerms, inputs: Polytope) -> bool:

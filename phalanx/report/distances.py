@@ -64,7 +64,7 @@ def nearest(
 
 def required_distance(scenario: Scenario) -> float | None:
     """What agents keep apart [m], if the safe-set function has a radius."""
-    radius = getattr(scenario.safety.safe_set_function(), "radius", None)
+    radius = getattr(scenario.safety.safe_set_function, "radius", None)
     return float(radius) if isinstance(radius, int | float) else None
 
 

@@ -55,7 +55,7 @@ def margin_use(history: RecordedHistory, i: int) -> MarginUse | None:
     rows, swarm, steps = history.values.rows, history.swarm, history.steps[i]
     most = _CROWD_INSTANTS if summarises(history.scenario) else _INSTANTS
     places = range(len(steps)) if len(steps) <= most else np.linspace(0, len(steps) - 1, most)
-    sharing = swarm.normal if rows.pairwise and swarm.joint else ()
+    sharing = swarm.normal if swarm.safety.pairwise and swarm.safety.joint else ()
     needing, used = rows.pair_terms_of_input(i), _used(rows, i, sharing)
     found = []
     for step, x in _sampled(history, [steps[int(k)] for k in places]):
@@ -72,7 +72,7 @@ def _used(
     rows: SafetyRows, i: int, sharing: Sequence[int]
 ) -> Callable[[Array, Sequence[int], int], float]:
     """(x, who is seen, the pair's place) -> η of agent i's row."""
-    if rows.pairwise:
+    if rows.swarm.safety.pairwise:
         pairs = rows.pair_terms(i)
         return lambda x, seen, place: float(pairs(x, seen, sharing).margin[place])
     composed = rows.terms(i)
@@ -162,7 +162,7 @@ def _counted(use: MarginUse) -> str:
 def _in_words(rows: SafetyRows, uses: dict[str, MarginUse]) -> str:
     short = sum(int(use.short.sum()) for use in uses.values())
     total = sum(len(use.t) for use in uses.values())
-    row = "a row" if rows.pairwise else "a row for h_tot"
+    row = "a row" if rows.swarm.safety.pairwise else "a row for h_tot"
     return (
         f"Margin used against margin needed: η of {row} beside the least that is proven to last "
         "until the next sample, for the input that was applied and the pair nearest to binding "

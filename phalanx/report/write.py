@@ -17,7 +17,6 @@ from phalanx.report.margins import margins
 from phalanx.report.page import page
 from phalanx.report.paths import paths, worst_pairs
 from phalanx.report.style import FEW, MOST_NAMED, ReportFigure, summarises
-from phalanx.theory.rows.information import Information
 
 REPORT = "report.html"
 _DPI = 110
@@ -187,6 +186,7 @@ def _paths_caption(recording: Recording) -> str:
 
 
 def _ages_caption(recording: Recording) -> str:
-    used = recording.scenario.safety.information is Information.PAPER
-    role = "that the rows used" if used else "received (no row uses them: information is split)"
+    safety = recording.scenario.safety
+    unused = f"received (no row uses them: information is {safety.information})"
+    role = "that rows may use" if safety.counts_on_received else unused
     return f"Age of the inputs û {role}, at each receiver's steps."

@@ -260,7 +260,7 @@ class Scenario(Strict):
 
         With the names of the agents that each decides for.
         """
-        if self.safety.control == "distributed":
+        if not self.safety.centralised:
             return {name: (name,) for name, _, _ in self.roster()}
         normal = tuple(name for name, group, _ in self.roster() if group.role == "normal")
         adversaries = {n: (n,) for n, group, _ in self.roster() if group.role == "adversary"}

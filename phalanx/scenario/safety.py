@@ -91,24 +91,74 @@ class Safety(Strict):
             raise misplaced(("alpha", len(self.alpha) - 1), message, self.alpha[-1])
         return self
 
+    # What follows from the choices. Code outside this room asks these, and no choice by its name.
+
+    @property
+    def pairwise(self) -> bool:
+        """Whether an agent keeps one row for each of its pairs, and not one row for h_tot."""
+        return self.composition == "pairs"
+
+    @property
+    def centralised(self) -> bool:
+        """Whether one controller decides for all normal agents."""
+        return self.control == "centralised"
+
+    @property
+    def joint(self) -> bool:
+        """Whether normal agents count on one another's best effort: by shares, or centralised."""
+        return self.centralised or self.information.shares
+
+    @property
+    def shares_one_row(self) -> bool:
+        """Whether normal agents split the one condition of h_tot between them."""
+        return self.information.shares and not (self.pairwise or self.centralised)
+
     @property
     def needs_all_states(self) -> bool:
-        """Whether normal agents share one condition, and so must see every state.
+        """Whether normal agents share one condition, and so must see every state."""
+        return self.shares_one_row or self.centralised
 
-        One controller does, and agents that split one h_tot between them.
-        """
-        shared = self.information is Information.SPLIT and self.composition == "lse"
-        return shared or self.control == "centralised"
+    @property
+    def counts_on_received(self) -> bool:
+        """Whether rows count on inputs that other agents said they apply."""
+        return self.information.counts_on_received and not self.centralised
+
+    @property
+    def counts_on_newest(self) -> bool:
+        """Whether rows count on the last received input, whatever has become of it."""
+        return self.counts_on_received and self.information is Information.PAPER
 
     @property
     def computes_margin(self) -> bool:
         """Whether the margin is a bound, computed at each sample, and not a given number."""
         return self.margin in ("local", "integrated")
 
+    @property
+    def bounds_one_row(self) -> bool:
+        """Whether the margin is a bound of the one row for h_tot."""
+        return self.computes_margin and not self.pairwise
+
+    @property
+    def limits_alpha(self) -> bool:
+        """Whether the margin is proven only for an α_q that is not too steep."""
+        return self.margin == "integrated"
+
+    @property
+    def counts_disturbance(self) -> bool:
+        """Whether ψ_2 and those after it allow for the disturbance, as the paper's do not."""
+        return self.margin != "paper"
+
+    @property
+    def xi_of_chain(self) -> float | None:
+        """ξ in ψ_1; None where its value at each state takes its place."""
+        return None if self.computes_margin else self.xi
+
+    @property
     def safe_set_function(self) -> SafeSetFunction:
         """The safe-set function that the table describes."""
         return self._function
 
+    @property
     def class_k(self) -> tuple[ClassK, ...]:
         """α_1, ..., α_q as given or described by their tables."""
         return self._alpha

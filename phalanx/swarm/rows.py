@@ -23,7 +23,6 @@ from phalanx.theory.margins.margin import ComposedMargin, Margin
 from phalanx.theory.models.polytope import EmptyPolytopeError
 from phalanx.theory.rows.by_derivatives import TermsByDerivatives
 from phalanx.theory.rows.composed import ComposedTerms, SwarmTerms
-from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.pairs import OwnPair, OwnPairTerms, PairRowFunction
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.safety_filter import (
@@ -56,22 +55,17 @@ class SafetyRows:
         return _chain(self.swarm, self.swarm.safe_set)
 
     @property
-    def pairwise(self) -> bool:
-        """Whether agents keep one row for each pair, and not one for h_tot."""
-        return self.swarm.scenario.safety.composition == "pairs"
-
-    @property
     def relative_degree(self) -> int:
         """q."""
         return self.swarm.pairs.degree
 
     def filter(self, i: int) -> SafetyFilter:
         """What the scenario asks of agent i on its own."""
-        swarm, safety = self.swarm, self.swarm.scenario.safety
+        swarm, safety = self.swarm, self.swarm.safety
         if swarm.members[i].adversary:
             return self.unfiltered(i)
         information = swarm.information()
-        if not self.pairwise:
+        if not safety.pairwise:
             margin = self.share_margin(i)
             return ComposedFilter(i, information, self._qp(i), safety.authority, margin)
         return PairwiseFilter(i, information, self._qp(i), self.pair_terms(i))
@@ -83,19 +77,14 @@ class SafetyRows:
     def terms(self, i: int) -> ComposedTerms:
         """Agent i's h_tot of what it sees, the margin of its row included, if it has one."""
         swarm, radius = self.swarm, self.swarm.sensing(i)
-        if swarm.members[i].adversary or self.pairwise:
+        if swarm.members[i].adversary or swarm.safety.pairwise:
             return self.composed.of(i, radius)
-        margin = self._local(i) if self.bounds_whole else self.margin(i).given
+        margin = self._local(i) if swarm.safety.bounds_one_row else self.margin(i).given
         return self.composed.of(i, radius, margin, self._by_kind)
 
     def terms_of_all(self, margin: ComposedMargin) -> ComposedTerms:
         """h_tot of all pairs, whoever sees them, with this margin."""
         return self.composed.of(self.swarm.normal[0], None, margin, self._by_kind)
-
-    @property
-    def bounds_whole(self) -> bool:
-        """Whether each row's margin is a bound of one expression of all pairs, of `chain`."""
-        return not self.pairwise and self.swarm.scenario.safety.margin == "local"
 
     def _local(self, i: int) -> LocalBound:
         """The local margin of agent i's row for h_tot."""
@@ -109,14 +98,14 @@ class SafetyRows:
     @cached_property
     def _by_derivatives(self) -> TermsByDerivatives:
         """The chain of h_tot from kinds, with those D_k that `chain` has."""
-        safety, bounds = self.swarm.scenario.safety, self.swarm.disturbance_bounds
-        xi = None if safety.computes_margin else safety.xi
-        return self.composed.by_derivatives(xi, list(bounds.values()), safety.margin == "paper")
+        safety, bounds = self.swarm.safety, self.swarm.disturbance_bounds
+        printed = not safety.counts_disturbance
+        return self.composed.by_derivatives(safety.xi_of_chain, list(bounds.values()), printed)
 
     @property
     def _by_kind(self) -> TermsByDerivatives | None:
         """What rows for h_tot are made of where it has a D_k, of q > 1; else None."""
-        printed = self.relative_degree == 1 or self.swarm.scenario.safety.margin == "paper"
+        printed = self.relative_degree == 1 or not self.swarm.safety.counts_disturbance
         return None if printed else self._by_derivatives
 
     def own_pair(self, i: int, other: int) -> OwnPair:
@@ -182,7 +171,7 @@ class SafetyRows:
 
     def margin(self, i: int) -> Margin:
         """How agent i's margins are made."""
-        safety = self.swarm.scenario.safety
+        safety = self.swarm.safety
         return Margin(
             kind=safety.margin,
             eta=self._eta(i),
@@ -193,17 +182,15 @@ class SafetyRows:
 
     def share_margin(self, i: int) -> ShareMargin | None:
         """What agent i's share of h_tot's condition keeps back; None if it keeps no share of it."""
-        safety, margin = self.swarm.scenario.safety, self.margin(i)
-        one = self.pairwise or safety.control == "centralised"
-        if one or safety.information is not Information.SPLIT:
+        if not self.swarm.safety.shares_one_row:
             return None
         # It scales as all that a margin sums.
-        return ShareMargin(self._by_derivatives, margin.scale * self.swarm.horizon(i))
+        return ShareMargin(self._by_derivatives, self.margin(i).scale * self.swarm.horizon(i))
 
     def invariants(self) -> Callable[[Array], Array]:
         """x -> all ψ_0 ... ψ_{q-1} that are not above 0 in S_I, as this scenario composes them."""
         swarm = self.swarm
-        if self.pairwise:
+        if swarm.safety.pairwise:
             psi = self.pair_psi.choose(swarm.pairs.every)
             return lambda x: psi(x).ravel()
         # With limited sensing every agent composes a set of its own.
@@ -215,7 +202,7 @@ class SafetyRows:
 
     def _eta(self, i: int) -> float:
         """η(Γ_i + δ^max) of agent i, given or from constants."""
-        eta = self.swarm.scenario.safety.eta
+        eta = self.swarm.safety.eta
         if not isinstance(eta, MarginConstants):
             return eta
         groups = self.swarm.groups
@@ -247,19 +234,17 @@ def build_rows(swarm: Swarm) -> SafetyRows:
 
     Raises ScenarioError if an input polytope is empty or unbounded.
     """
-    scenario, safety = swarm.scenario, swarm.scenario.safety
-    xi = 0.0 if safety.computes_margin else safety.xi
+    safety = swarm.safety
+    xi = safety.xi_of_chain or 0.0
     try:
-        return SafetyRows(swarm, SwarmTerms(swarm.pairs, safety.rho, safety.class_k(), xi))
+        return SafetyRows(swarm, SwarmTerms(swarm.pairs, safety.rho, safety.class_k, xi))
     except (ValueError, EmptyPolytopeError) as error:
-        raise ScenarioError(f"{scenario.name}: {error}") from error
+        raise ScenarioError(f"{swarm.scenario.name}: {error}") from error
 
 
 def _chain(swarm: Swarm, composed: ComposedSet) -> Chain:
     """The chain with the disturbance terms that the scenario's margin asks for."""
-    safety = swarm.scenario.safety
-    if safety.margin == "paper":
-        return build_chain(composed, safety.class_k(), safety.xi)
+    safety = swarm.safety
     bounds = [swarm.disturbance_bounds[m.name] for m in composed.members]
-    xi = None if safety.computes_margin else safety.xi
-    return build_chain(composed, safety.class_k(), xi, bounds)
+    counted = bounds if safety.counts_disturbance else None
+    return build_chain(composed, safety.class_k, safety.xi_of_chain, counted)

@@ -29,7 +29,7 @@ def require_runnable(swarm: Swarm) -> SafetyRows:
         ScenarioError: the scenario's margin or composition cannot take its expressions; or a class
             returned what is not finite or of the wrong shape, failed, or does not return.
     """
-    with endless_loops(swarm.scenario.time.timeout):
+    with endless_loops(swarm.time.timeout):
         return _runnable(swarm)
 
 
@@ -46,7 +46,7 @@ def _runnable(swarm: Swarm) -> SafetyRows:
         require_h(swarm, x, "at the start")
         # Not all: of a large swarm no agent evaluates so many at once.
         seen = sorted({*swarm.seen(i, x), *[l for ends in swarm.ends for l in ends]})
-        if rows.pairwise:
+        if swarm.safety.pairwise:
             rows.pair_terms(i)(x, seen)
         else:
             terms = rows.terms(i)(x, seen)
@@ -99,7 +99,7 @@ def compile_rows(rows: SafetyRows) -> None:
     ends = sorted({l for both in swarm.ends for l in both})
     for i in ends:
         rows.terms(i)
-    if rows.pairwise:
+    if swarm.safety.pairwise:
         _compile_pairs(rows, ends)
     for first, _ in swarm.ends:
         _rehearse(rows, first)
@@ -121,13 +121,13 @@ def _rehearse(rows: SafetyRows, i: int) -> None:
     """Have agent i see one other, two, and so on: memory is set aside for each number once."""
     swarm, x = rows.swarm, rows.swarm.start()
     terms = rows.terms(i)
-    own = rows.pair_terms(i) if rows.pairwise and i in swarm.normal else None
+    own = rows.pair_terms(i) if swarm.safety.pairwise and i in swarm.normal else None
     others = [l for l in range(len(swarm.members)) if l != i]
     limited, most = swarm.sensing(i) is not None, min(len(others), _REHEARSED)
     for count in range(most + 1) if limited else (len(others),):
         seen = sorted((i, *others[:count]))
         if own is not None:
-            own(x, seen, swarm.normal if swarm.joint else ())
-        elif not rows.pairwise:
+            own(x, seen, swarm.normal if swarm.safety.joint else ())
+        elif not swarm.safety.pairwise:
             found = terms(x, seen)
             found.psi, found.margin  # noqa: B018

@@ -13,7 +13,8 @@ from phalanx.arrays import Array
 from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.declared import Links
 from phalanx.scenario.load import ScenarioError, digest
-from phalanx.scenario.model import Scenario
+from phalanx.scenario.model import Scenario, Time
+from phalanx.scenario.safety import Safety
 from phalanx.seeded.clock import SamplingClock
 from phalanx.seeded.draws import Draws
 from phalanx.theory.expressions.asked import MistakenMethodError, ask
@@ -22,7 +23,7 @@ from phalanx.theory.expressions.exact import added, dot
 from phalanx.theory.laws.formation import Goal, hold
 from phalanx.theory.laws.law import Law, TeamLaw
 from phalanx.theory.models.polytope import EmptyPolytopeError
-from phalanx.theory.rows.information import Information, InformationModel
+from phalanx.theory.rows.information import InformationModel
 from phalanx.theory.safety.composition import ComposedSet, Member, compose
 from phalanx.theory.safety.pairs import SwarmPairs
 
@@ -47,6 +48,21 @@ class Swarm:
     """All pairs, composed."""
     pairs: SwarmPairs
     """The same pairs, to be evaluated kind by kind."""
+
+    @property
+    def safety(self) -> Safety:
+        """The choices of the controller."""
+        return self.scenario.safety
+
+    @property
+    def time(self) -> Time:
+        """The clock of the run."""
+        return self.scenario.time
+
+    @property
+    def seed(self) -> int:
+        """Of everything random."""
+        return self.scenario.seed
 
     @property
     def members(self) -> tuple[Member, ...]:
@@ -78,7 +94,7 @@ class Swarm:
 
     def sensing(self, i: int) -> float | None:
         """How far agent i sees [m]; None if it sees everything."""
-        safety, own = self.scenario.safety, self.groups[i].sensing
+        safety, own = self.safety, self.groups[i].sensing
         if self.members[i].adversary:
             return own
         return None if safety.needs_all_states else own or safety.neighbourhood
@@ -142,7 +158,7 @@ class Swarm:
 
     def heard_by(self, i: int) -> tuple[int, ...]:
         """The agents whose broadcasts count for agent i, wherever they are."""
-        if self.members[i].adversary or self.scenario.safety.control == "centralised":
+        if self.members[i].adversary or self.safety.centralised:
             return ()
         return tuple(j for j in self.normal if j != i)
 
@@ -157,12 +173,6 @@ class Swarm:
             )
             for i in self.normal
         }
-
-    @property
-    def joint(self) -> bool:
-        """Whether normal agents count on one another's best effort: by shares, or centralised."""
-        safety = self.scenario.safety
-        return safety.control == "centralised" or safety.information is Information.SPLIT
 
     @property
     def synchronous(self) -> bool:
@@ -181,16 +191,16 @@ class Swarm:
     def clock(self, i: int) -> SamplingClock:
         """Agent i's perturbed sampling clock."""
         clock = self.groups[i].clock
-        return SamplingClock(self.scenario.seed, self.names[i], clock.period, clock.jitter)
+        return SamplingClock(self.seed, self.names[i], clock.period, clock.jitter)
 
     def horizon(self, i: int) -> float:
         """How long after a sample of agent i its input may still be in force [s]."""
         clock = self.groups[i].clock
-        return clock.period + clock.jitter + self.scenario.time.latency
+        return clock.period + clock.jitter + self.time.latency
 
     def information(self) -> InformationModel:
         """Which received inputs a row may count on."""
-        safety = self.scenario.safety
+        safety = self.safety
         clocks = {l: self.groups[l].clock for l in self.normal}
         unchanged = {l: clock.period - clock.jitter for l, clock in clocks.items()}
         return InformationModel(safety.information, unchanged, safety.silence)
@@ -239,7 +249,7 @@ class Swarm:
             goal = self.goal(i)(0.0, x)
             x[: len(goal.position)] = goal.position
         if group.spread:
-            draw = Draws(self.scenario.seed, "start", self.names[i], width=len(x))[0]
+            draw = Draws(self.seed, "start", self.names[i], width=len(x))[0]
             x += np.array(group.spread) * (2.0 * draw - 1.0)
         return x
 
@@ -265,7 +275,7 @@ def build_swarm(scenario: Scenario) -> Swarm:
         for name, group, _ in scenario.roster()
     ]
     try:
-        function = safety.safe_set_function()
+        function = safety.safe_set_function
         composed = compose(members, scenario.static, function, safety.rho)
         pairs = SwarmPairs(composed.members, composed.obstacles, function, len(safety.alpha))
     except (ValueError, EmptyPolytopeError) as error:
@@ -282,7 +292,7 @@ def unit_of_psi(scenario: Scenario, k: int = 0) -> str:
     A function says it as its attribute `unit`. Pairs and limits may differ in it.
     """
     limits = [limit.boundary.limit for limit in scenario.limits]
-    functions = [scenario.safety.safe_set_function(), *limits]
+    functions = [scenario.safety.safe_set_function, *limits]
     found = {getattr(function, "unit", "") for function in functions}
     of_h = str(found.pop()) if len(found) == 1 else ""
     if not of_h or k == 0:

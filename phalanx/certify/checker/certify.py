@@ -136,7 +136,7 @@ class _Run:
             Member(name, group.dynamics_object(), group.role == "adversary")
             for name, group, _ in scenario.roster()
         ]
-        swarm = compose(members, scenario.static, safety.safe_set_function(), safety.rho)
+        swarm = compose(members, scenario.static, safety.safe_set_function, safety.rho)
         self._swarm, self._parts = swarm, swarm.parts
         self._times, self._x = track(states, swarm.x.numel())
         self._held = inputs_of(members, self._times, steps)

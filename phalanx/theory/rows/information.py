@@ -38,6 +38,16 @@ class Information(StrEnum):
     WORST_CASE = "worst-case"
     """γ_l^max for everybody else. Sound always, feasible least often."""
 
+    @property
+    def shares(self) -> bool:
+        """Whether each agent keeps its share of a joint condition."""
+        return self is Information.SPLIT
+
+    @property
+    def counts_on_received(self) -> bool:
+        """Whether rows count on inputs that were received."""
+        return self in (Information.PAPER, Information.IN_FLIGHT)
+
 
 class ReceivedInput(Protocol):
     """The newest broadcast that an agent has of another one, as a row needs it."""
@@ -63,10 +73,9 @@ class InformationModel:
 
     def usable(self, received: Mapping[int, ReceivedInput], t: float) -> dict[int, Array]:
         """û_l by agent, of those that count for an input that takes effect at t [s]."""
-        kind = self.kind
-        if kind is not Information.PAPER and kind is not Information.IN_FLIGHT:
+        if not self.kind.counts_on_received:
             return {}
-        if kind is Information.IN_FLIGHT:
+        if self.kind is Information.IN_FLIGHT:
             return {
                 l: np.array(h.u)
                 for l, h in received.items()

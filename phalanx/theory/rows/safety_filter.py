@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 
 from phalanx.arrays import Array
 from phalanx.theory.rows.decision import Decision, decide, decide_pairs
-from phalanx.theory.rows.information import Information, InformationModel, ReceivedInput
+from phalanx.theory.rows.information import InformationModel, ReceivedInput
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.pairs import OwnPairTerms, pair_rows
 from phalanx.theory.rows.qp import NearestInput
@@ -92,7 +92,7 @@ class PairwiseFilter:
     ) -> None:
         """terms: of agent i's pairs."""
         self._i, self._information, self._qp, self._terms = i, information, qp, terms
-        self._split = information.kind is Information.SPLIT
+        self._split = information.kind.shares
 
     def __call__(self, now: Situation) -> Filtered:
         """The input to apply."""

@@ -31,7 +31,7 @@ class Answers:
         self._agents = len(swarm.names)
         self._sizes = [len(m.dynamics.inputs) for m in swarm.members]
         self._faults = len(swarm.links.declared)
-        self._latency = swarm.scenario.time.latency
+        self._latency = swarm.time.latency
         self._samples: dict[int, Sample] = {}
         self._inputs: dict[int, Array] = {}
         self._answered = dict.fromkeys(range(self._agents), -1)

@@ -57,7 +57,7 @@ class Hub:
         """
         self.refusals = Refusals(log)
         """Payloads dropped."""
-        self._timeout, self._names = swarm.scenario.time.timeout, swarm.names
+        self._timeout, self._names = swarm.time.timeout, swarm.names
         self._check_stop = check_stop
         programs = swarm.programs
         self._alone = {swarm.names.index(who[0]) for who in programs.values() if len(who) == 1}

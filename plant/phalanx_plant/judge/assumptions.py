@@ -12,7 +12,6 @@ from phalanx.guarantee.certificate import DEFECT
 from phalanx.guarantee.verdict import Assumption
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.origin import EMPTY, Origin
 from phalanx.wire.messages import Telemetry
 from phalanx_plant.world.events import InputApplied, InputLost, Sampled, StateReached
@@ -29,12 +28,6 @@ class Assumptions:
     def __init__(self, rows: SafetyRows, certificates: Assumption, broadcasts: Assumption) -> None:
         """Of one run: certificates says that they covered it, broadcasts that all were true."""
         swarm = self._swarm = rows.swarm
-        safety = swarm.scenario.safety
-        self._centralised = safety.control == "centralised"
-        self._counts_on_received = not self._centralised and safety.information in (
-            Information.PAPER,
-            Information.IN_FLIGHT,
-        )
         self._certificates, self._broadcasts = certificates, broadcasts
         self._start = Assumption("start in S", note="every pair is safe at the start")
         self._start_kept = Assumption(
@@ -72,7 +65,7 @@ class Assumptions:
         )
         self._margin = _proven_margin(swarm)
         self._stayed = Assumption("stayed in S_I", note=_STAYED)
-        self._latency = swarm.scenario.time.latency
+        self._latency = swarm.time.latency
         self._longest_gap = [g.clock.period + g.clock.jitter + _ROUNDING for g in swarm.groups]
         self._bounds = np.array([g.disturbance.bound for g in swarm.groups])
         self._parts = swarm.safe_set.parts
@@ -104,9 +97,13 @@ class Assumptions:
         found = [self._start_kept, self._gap, self._disturbance, self._rows, self._margin]
         found += [self._stayed] if self._stayed.checked else []
         found += [each for each in (self._prompt, self._faithful, self._truthful) if each.failed]
-        if self._centralised:
+        if self._swarm.safety.centralised:
             return [*found, self._synchronous]
-        return [*found, self._fresh, self._broadcasts] if self._counts_on_received else found
+        return (
+            [*found, self._fresh, self._broadcasts]
+            if self._swarm.safety.counts_on_received
+            else found
+        )
 
     def saw(self, piece: IntegrationSteps | DisturbanceKnot) -> None:
         """The world went through this."""

@@ -25,7 +25,7 @@ class Coverage:
         """Compile every kind of pair's certificate."""
         self._composed, pairs = swarm.safe_set, swarm.safe_set.pairs
         certificates = self._certificates = SwarmCertificates(swarm)
-        function = proven_reach(swarm.scenario.safety.safe_set_function())
+        function = proven_reach(swarm.safety.safe_set_function)
         self._boxes = ReachableBoxes(swarm, function) if function else None
         self._agents = {i: certificates.of(i) for i in swarm.normal}
         self._others = {

@@ -70,7 +70,7 @@ class Judge:
         self.origins = {str(o): 0 for o in Origin if o is not Origin.ATTACK}
         """Steps of normal agents by how their input was made."""
         self._names, self._telemetry = swarm.names, telemetry
-        self._latency = swarm.scenario.time.latency
+        self._latency = swarm.time.latency
         self._seen: deque[Seen] = deque()
         """Of the states to come, what the world went through before."""
         self._proven: deque[Array] = deque()

@@ -50,7 +50,7 @@ class Recorder:
     def __init__(self, swarm: Swarm, recording: RecordingWriter) -> None:
         self._names, self._declared = swarm.names, swarm.links.declared
         self._recording = recording
-        self._every = swarm.scenario.time.recording_step
+        self._every = swarm.time.recording_step
         """Least time between two recorded states [s]."""
         self._state_due = 0.0
         self._peak = -np.inf

@@ -46,7 +46,7 @@ class Sampling:
     """The samples of all agents of a run."""
 
     def __init__(self, swarm: Swarm) -> None:
-        latency, occurrences = swarm.scenario.time.latency, swarm.links.occurrences
+        latency, occurrences = swarm.time.latency, swarm.links.occurrences
         self._clocks = [
             # Its input is due before the next sample, whatever the clock says.
             AgentClock(swarm.clock(i), latency, (o for o in occurrences if o.agent == name))
@@ -56,7 +56,7 @@ class Sampling:
         self.schedule = Schedule(self._clocks, latency, self._harness)
         self.sensing = Sensing(swarm)
         states = {member.name: member.dynamics.states for member in swarm.members}
-        self._sensors = Sensors(states, swarm.scenario.seed, occurrences)
+        self._sensors = Sensors(states, swarm.seed, occurrences)
         self._commanded = FaultState(swarm.names)
         self._states = SeenStates(swarm)
         self._contacts = Contacts(len(swarm.members), latency)

@@ -43,7 +43,7 @@ class Harness:
 
 
 def _links(swarm: Swarm, kind: Kind) -> list[Link]:
-    seed, models = swarm.scenario.seed, swarm.links
+    seed, models = swarm.seed, swarm.links
     return [Link(seed, name, name, models.model(name, name, kind), kind) for name in swarm.names]
 
 

@@ -68,7 +68,7 @@ class LargestPsi:
         self._rows, pairs = rows, rows.swarm.pairs
         sorts = [0 for _ in rows.swarm.members]
         along_drift = PairFunctions(pairs, sorts, lambda _, kind: pairs.kinds[kind].along_drift)
-        self.functions = rows.pair_psi if rows.pairwise else along_drift
+        self.functions = rows.pair_psi if rows.swarm.safety.pairwise else along_drift
         """What it needs of a pair: ψ_0 ... ψ_{q-1}, or h, L_f h, ..., L_f^{q-1} h."""
 
     def __call__(self, pairs: Array, least: Array, composed: Composed) -> Array:
@@ -81,7 +81,7 @@ class LargestPsi:
         """
         if self._rows.relative_degree == 1:
             return np.zeros(0)
-        if self._rows.pairwise:
+        if self._rows.swarm.safety.pairwise:
             counting = pairs[..., 0] >= least[:, None]
             each = np.where(counting, pairs[..., 1:].max(axis=2), -np.inf)
         else:

@@ -132,6 +132,6 @@ def _disturbances(rows: SafetyRows) -> list[KnottedDisturbance | AdverseDisturba
             gradient = gradient or SwarmGradient(rows)
             each.append(AdverseDisturbance(gradient, part, model))
         else:
-            seed, states = swarm.scenario.seed, part.stop - part.start
+            seed, states = swarm.seed, part.stop - part.start
             each.append(KnottedDisturbance(seed, swarm.names[i], model, states))
     return each

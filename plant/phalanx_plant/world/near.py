@@ -49,17 +49,16 @@ class NearPairs:
 
         functions: h of a pair, and what else is asked of it.
         """
-        scenario, function = swarm.scenario, swarm.scenario.safety.safe_set_function()
+        scenario, function = swarm.scenario, swarm.safety.safe_set_function
         self._functions = functions
         self._obstacles = scenario.static
         self._normal = np.array([not m.adversary for m in swarm.members])
         self._every = swarm.pairs.every
-        composed = scenario.safety.composition == "lse"
-        few = len(self._every) <= (_FEW if composed else _FEW_ROWS)
+        few = len(self._every) <= (_FEW_ROWS if swarm.safety.pairwise else _FEW)
         self._function = None if few else proven_reach(function)
         if self._function is not None:
             _spatial_index()  # now, and not in the middle of the run
-        self._allowance = allowance(scenario.safety.rho, len(self._every))
+        self._allowance = allowance(swarm.safety.rho, len(self._every))
         members = len(swarm.members)
         self._numbers = np.full((members, members + len(scenario.static)), -1)
         self._numbers[tuple(self._every.T)] = np.arange(len(self._every))

@@ -33,7 +33,7 @@ class Resolution:
     """The defects of a run's integration steps."""
 
     def __init__(self, swarm: Swarm) -> None:
-        members, self._longest = swarm.members, swarm.scenario.time.integration_step
+        members, self._longest = swarm.members, swarm.time.integration_step
         inputs = stacked_slices([len(m.dynamics.inputs) for m in members])
         self._kinds = [
             (

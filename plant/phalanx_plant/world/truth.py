@@ -53,7 +53,7 @@ class Truth:
         self._psi = LargestPsi(rows)
         self._near = NearPairs(swarm, self._psi.functions)
         self._resolution = Resolution(swarm)
-        self._sum = LogSumExp(swarm.scenario.safety.rho, len(swarm.safe_set.pairs))
+        self._sum = LogSumExp(swarm.safety.rho, len(swarm.safe_set.pairs))
 
     def of(self, ways: Sequence[Way]) -> list[Seen]:
         """What each of these ways, one after the other, showed; its knots first."""

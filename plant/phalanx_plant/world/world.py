@@ -82,7 +82,7 @@ class Integration:
         self.inputs = stacked_slices([len(m.dynamics.inputs) for m in swarm.members])
         """Where each agent's lie in the stack."""
         self._u = np.zeros(self.inputs[-1].stop)
-        self._longest = swarm.scenario.time.integration_step
+        self._longest = swarm.time.integration_step
         self._disturbances = SwarmDisturbance(rows)
         self._line = self._disturbances.line(0.0, self.x)
 

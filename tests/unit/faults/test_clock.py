@@ -16,7 +16,7 @@ def ticks(**fault: Any) -> tuple[AgentClock, np.ndarray]:
     """Agent 1's clock, and all its ticks."""
     faults = [{"kind": "clock", "at": AT, "agents": ["1"], **fault}] if fault else []
     swarm = build_swarm(load("unicycles", {"faults": faults}))
-    clock = AgentClock(swarm.clock(0), swarm.scenario.time.latency, swarm.links.occurrences)
+    clock = AgentClock(swarm.clock(0), swarm.time.latency, swarm.links.occurrences)
     times = [0.0]
     while times[-1] < END:
         times.append(clock.after(len(times) - 1, times[-1]))

@@ -13,7 +13,7 @@ def sensors(**fault: object) -> tuple[Sensors, np.ndarray]:
     declared = {"kind": "sensor", "agents": ["2"], "at": 1.0, "for": 1.0, **fault}
     swarm = build_swarm(load("unicycles", {"faults": [declared]}))
     states = {member.name: member.dynamics.states for member in swarm.members}
-    return Sensors(states, swarm.scenario.seed, swarm.links.occurrences), swarm.start()
+    return Sensors(states, swarm.seed, swarm.links.occurrences), swarm.start()
 
 
 def test_a_biased_sensor_is_wrong_about_its_own_robot_while_the_fault_lasts_and_never_else():

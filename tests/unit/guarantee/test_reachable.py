@@ -22,7 +22,7 @@ LARGE = ("agents.0.count=42", "agents.1.count=6")
 def test_whoever_is_left_out_is_certified_for_as_long_as_any_certificate_lasts(name, rng):
     swarm = swarm_of_scenario(name, *(LARGE if name.startswith("swarm") else ()))
     certificates = SwarmCertificates(swarm)
-    around = ReachableBoxes(swarm, swarm.scenario.safety.safe_set_function())
+    around = ReachableBoxes(swarm, swarm.safety.safe_set_function)
     i = swarm.normal[-1]
     agent = certificates.of(i)
     ends = certificates.ends[list(agent.pairs)]
@@ -89,7 +89,7 @@ PUSHED = 0.5
 def test_boxes_reach_as_far_as_the_longest_certificate_asked_for_while_they_are_kept(within, met):
     """It lasts 8 periods of 0.05 s, and boxes are kept for half of one."""
     swarm = three_on_a_line_and_a_sphere()
-    function = swarm.scenario.safety.safe_set_function()
+    function = swarm.safety.safe_set_function
     apart, beside = 1.0 + (2.0 + PUSHED) * within, 3.0 + (1.0 + PUSHED) * within
     for where, other in (([apart, 0.0], 0), ([0.0, 50.0 - beside], 3)):
         x = np.array([0.0, 0.0, -500.0, 0.0, *where])
@@ -99,7 +99,7 @@ def test_boxes_reach_as_far_as_the_longest_certificate_asked_for_while_they_are_
 
 def test_boxes_that_are_too_old_are_made_anew():
     swarm, others = three_on_a_line_and_a_sphere(), np.array([0])
-    boxes = ReachableBoxes(swarm, swarm.scenario.safety.safe_set_function())
+    boxes = ReachableBoxes(swarm, swarm.safety.safe_set_function)
     assert not boxes.near(2, others, 0.0, swarm.start())
     assert boxes.near(2, others, 0.026, np.zeros(6))
 
@@ -114,7 +114,7 @@ class Escaping(SingleIntegrator):
 @pytest.mark.parametrize(("begin", "met"), [(0.0, False), (100.0, True), (-100.0, True)])
 def test_who_is_in_no_certain_box_may_be_met_anywhere(begin, met):
     swarm = three_on_a_line_and_a_sphere("tests.unit.guarantee.test_reachable:Escaping")
-    boxes = ReachableBoxes(swarm, swarm.scenario.safety.safe_set_function())
+    boxes = ReachableBoxes(swarm, swarm.safety.safe_set_function)
     x = np.array([0.0, 0.0, 0.0, -500.0, begin, 500.0])
     assert boxes.near(2, np.array([0]), 0.0, x).tolist() == [met]
 

@@ -18,7 +18,7 @@ def swarm_with(**network: Any) -> Swarm:
 
 def course(swarm: Swarm, end: float = END) -> tuple[Harness, dict[int, list[float]], list[Any]]:
     """The harness, when each agent samples, and each input: (agent, k, due, takes effect)."""
-    latency = swarm.scenario.time.latency
+    latency = swarm.time.latency
     harness = Harness(swarm)
     schedule = Schedule([swarm.clock(i) for i in range(len(swarm.names))], latency, harness)
     samples: dict[int, list[float]] = {i: [] for i in range(len(swarm.names))}

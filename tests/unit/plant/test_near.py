@@ -36,7 +36,7 @@ def test_what_is_left_out_changes_no_digit_of_h_tot_nor_of_psi_nor_who_is_unsafe
     rows = rows_of_scenario(name, *(LARGE if name.startswith("swarm") else ()))
     swarm = rows.swarm
     looking, taking_all = both(rows, monkeypatch)
-    total, largest_psi = LogSumExp(swarm.scenario.safety.rho, 10_000), LargestPsi(rows)
+    total, largest_psi = LogSumExp(swarm.safety.rho, 10_000), LargestPsi(rows)
     walk = np.random.default_rng(0)
     x, fewest = swarm.start(), np.inf
     for step in range(150):

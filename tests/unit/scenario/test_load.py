@@ -121,7 +121,7 @@ def test_set_takes_toml_values():
 def test_set_can_turn_the_margin_into_constants_and_back():
     eta = "safety.eta={c_f=1,c_g=2,c_alpha=3,c_gamma=4,c_h=5,u_max=6,mu=7}"
     rows = rows_of_scenario("unicycles", eta)
-    assert isinstance(rows.swarm.scenario.safety.eta, MarginConstants)
+    assert isinstance(rows.swarm.safety.eta, MarginConstants)
     by_hand = (1 + 2 * 6 + 3 + 4) * 7 * 0.012 + 5 * 5 * 1.73
     assert rows.margin(0).eta == pytest.approx(by_hand)
     assert rows_of_scenario("unicycles", eta, "safety.eta=0").margin(0).eta == 0.0

@@ -39,10 +39,10 @@ def states(rows: SafetyRows, count: int) -> np.ndarray:
 @pytest.mark.parametrize("radius", [None, 6.0])
 def test_terms_from_kinds_are_those_of_the_printed_chain(name, radius):
     rows = rows_of_kinds(name)
-    swarm, safety = rows.swarm, rows.swarm.scenario.safety
+    swarm, safety = rows.swarm, rows.swarm.safety
     composed, i = swarm.safe_set, swarm.normal[0]
     xi = 0.0 if safety.computes_margin else safety.xi
-    chain = build_chain(composed, safety.class_k(), xi)
+    chain = build_chain(composed, safety.class_k, xi)
     active = None if radius is None else composed.within(i, radius)
     reference = TermsFunction(chain, active, 1.5)
     terms = rows.composed.of(i, radius, ComposedMargin(1.5))
@@ -68,13 +68,13 @@ def test_the_truths_largest_psi_is_that_of_the_chains(name):
     every = rows.swarm.pairs.every
     x, largest_psi = states(rows, 4), LargestPsi(rows)
     values = largest_psi.functions.choose(every)(x)
-    total = LogSumExp(rows.swarm.scenario.safety.rho, len(every))
+    total = LogSumExp(rows.swarm.safety.rho, len(every))
     found = largest_psi(values, np.full(4, -np.inf), total(values[..., 0]))
     if rows.relative_degree == 1:
         assert found.shape == (0,)
         return
     chains = [rows.chain]
-    if rows.pairwise:
+    if rows.swarm.safety.pairwise:
         chains = [rows.pair_chain(k) for k in range(len(composed.pairs))]
     largest = []
     for chain in chains:
@@ -103,7 +103,7 @@ def test_forked_programs_have_nothing_left_to_compile(name, monkeypatch):
     rows = SafetyRows(rows_of_kinds(name).swarm, rows_of_kinds(name).composed)
     compile_rows(rows)
     monkeypatch.setattr(rows.__class__, "own_pair", None)
-    if not rows.pairwise:
+    if not rows.swarm.safety.pairwise:
         assert all("shared" in vars(kind) for kind in rows.swarm.pairs.kinds)
         return
     x = rows.swarm.start()

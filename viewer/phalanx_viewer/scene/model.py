@@ -73,7 +73,7 @@ class SceneModel:
         """Which agents are adversaries from the start, shape (N,)."""
         self.flat = bool(swarm.safe_set.positions[0].numel() == 2)
         """Whether the swarm lives in the plane."""
-        function = self.scenario.safety.safe_set_function()
+        function = self.scenario.safety.safe_set_function
         self.radius = float(getattr(function, "radius", 0.0)) / 2.0
         """Radius of a disc around every agent such that two touch where h = 0 [m]."""
         self.body = 0.8 * self.radius if self.radius else 0.3
