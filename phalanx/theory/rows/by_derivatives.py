@@ -9,7 +9,7 @@ the sample: polynomials whose derivatives are those of LSE there, to as high an 
 """
 
 from collections.abc import Sequence
-from functools import cache
+from functools import lru_cache
 from typing import NamedTuple
 
 import casadi as ca
@@ -25,6 +25,8 @@ from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.composition import FAR
 from phalanx.theory.safety.pairs import ChosenPairs, SwarmPairs
 
+_MOST_KEPT = 64
+"""Functions for so many counts of pairs and members: who sees less than all sees ever others."""
 _Counts = tuple[tuple[int, int], ...]
 """(number of a kind, how many there are of it)."""
 
@@ -100,7 +102,8 @@ class TermsByDerivatives(TermsByKind):
         self.numbers = np.concatenate([self.numbers, bounds])
         s = ca.SX.sym("s")
         self._alphas = [portable_function([s], ca.SX(alpha.value(s))) for alpha in alphas]
-        self._made, self._rates = cache(self._make), cache(self._make_rates)
+        self._made = lru_cache(_MOST_KEPT)(self._make)
+        self._rates = lru_cache(_MOST_KEPT)(self._make_rates)
 
     def room(self, count: int) -> int:
         return count
