@@ -26,7 +26,7 @@ from phalanx.theory.safety.composition import FAR
 from phalanx.theory.safety.pairs import ChosenPairs, SwarmPairs
 
 _MOST_KEPT = 64
-"""Functions for so many counts of pairs and members: who sees less than all sees ever others."""
+"""Functions are kept for so many counts of pairs and members, which change with what is seen."""
 _Counts = tuple[tuple[int, int], ...]
 """(number of a kind, how many there are of it)."""
 
