@@ -61,10 +61,8 @@ class LineNodes:
 
     def set_palette(self, palette: Palette) -> None:
         """Wear the colours of a page."""
-        self._palette, self._drops.colors = (
-            palette,
-            np.array(self._of_drops(palette), dtype=np.uint8),
-        )
+        self._palette = palette
+        self._drops.colors = np.array(self._of_drops(palette), dtype=np.uint8)
         self.show_recent_paths(self._past)
 
     def _of_drops(self, palette: Palette) -> Colour:

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from phalanx.arrays import Array
+from phalanx.arrays import Array, Index, Mask
 from phalanx.guarantee.verdict import Violation
 from phalanx.wire.messages import Frame
 from phalanx_viewer.scene.colours import COLOURS, Role, role
@@ -39,9 +39,9 @@ class Picture:
     """The pairs with h > 0, the deepest first."""
     unsafe_ends: Array
     """Where their sides are, shape (v, 2, 3)."""
-    unsafe_agents: NDArray[np.bool_]
+    unsafe_agents: Mask
     """Which agents are in one of them, shape (N,)."""
-    liars: NDArray[np.bool_]
+    liars: Mask
     """Agents that sent false broadcasts, shape (N,)."""
     alarms: list[str]
     """A line for each of them: who, how deep and since when."""
@@ -49,14 +49,14 @@ class Picture:
     """A line for each pair that was unsafe before."""
     links: Array
     """Links that lost or delayed a broadcast, from sender to receiver, shape (l, 2, 3)."""
-    link_agents: NDArray[np.intp]
+    link_agents: Index
     """Their senders and receivers, shape (l, 2)."""
-    lost: NDArray[np.bool_]
+    lost: Mask
     """Which of them lost it, shape (l,)."""
 
-    def links_of(self, i: int | None) -> NDArray[np.bool_]:
+    def links_of(self, i: int | None) -> Mask:
         """Which links agent i sends or receives on, shape (l,)."""
-        found: NDArray[np.bool_] = (self.link_agents == (-1 if i is None else i)).any(axis=1)
+        found: Mask = (self.link_agents == (-1 if i is None else i)).any(axis=1)
         return found
 
     @cached_property
