@@ -41,14 +41,14 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     ],
     ids=" ".join,
 )
-def test_a_command_says_so(command, folders, tmp_path, capfd):
+def test_a_command_says_so(command, folders, tmp_path, capfd, caplog):
     whole, cut = folders
     assert "guaranteed" in (whole / "summary.json").read_text()
     name, *options = (part.format(whole=whole, file=tmp_path / "made") for part in command)
     status([name, *options, str(cut)])
-    said = "".join(capfd.readouterr())
-    for file in (tmp_path / "made", cut / "report.html"):
-        said += file.read_text(errors="replace") if file.is_file() else ""
+    said = "".join(capfd.readouterr()) + caplog.text
+    made = cut / "report.html" if name == "report" else tmp_path / "made"
+    said += made.read_text(errors="replace") if made.is_file() else ""
     assert CUT_SHORT.search(said)
     assert said.lower().count("guaranteed:") == 0
 
