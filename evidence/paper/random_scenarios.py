@@ -31,9 +31,10 @@ from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.engine import RunOptions, execute
 from phalanx.recording.read import read
 from phalanx.scenario.load import ScenarioError, load
-from phalanx.scenario.safety import Composition, Margin
+from phalanx.scenario.safety import Composition
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import SafetyRows
+from phalanx.theory.margins.margin import MarginKind
 from phalanx.theory.rows.information import Information
 from phalanx.wire.messages import Telemetry
 
@@ -209,7 +210,7 @@ def _obstacle(chance: Chance, radius: float, planar: bool) -> dict[str, Any]:
 
 
 def _safety(chance: Chance, q: int, radius: float) -> dict[str, Any]:
-    margin = chance.of(get_args(Margin))
+    margin = chance.of(get_args(MarginKind))
     centralised = chance.happens(0.1)
     table: dict[str, Any] = {
         "function": {"type": "separation", "radius": radius},

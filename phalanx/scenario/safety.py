@@ -18,12 +18,12 @@ from phalanx.schema.fields import (
 )
 from phalanx.theory.expressions.asked import place_of
 from phalanx.theory.margins.constants import MarginConstants
+from phalanx.theory.margins.margin import MarginKind
 from phalanx.theory.rows.information import Information
 from phalanx.theory.safety.class_k import ClassK, Linear, NotClassKError, require_class_k
 from phalanx.theory.safety.function import SafeSetFunction
 
 Composition = Literal["lse", "pairs"]
-Margin = Literal["paper", "corrected", "local", "integrated"]
 ClassKField = Annotated[
     Annotated[Positive, Tag(NUMBER)] | Annotated[Table, Tag(TABLE)],
     Discriminator(number_or_table),
@@ -44,7 +44,7 @@ class Safety(Strict):
     clocks."""
     composition: Composition = "lse"
     """One row for h_tot = LSE of all pairs, as in the paper, or one row for each pair."""
-    margin: Margin = "paper"
+    margin: MarginKind = "paper"
     """How η is made: as in the paper; corrected, with L_φ ψ_k for every k >= 1; or a bound computed
     at each sample, which needs neither eta nor xi: local, of any row, or the smaller integrated, of
     one row for each pair with a linear α_q."""
