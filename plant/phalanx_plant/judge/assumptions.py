@@ -97,13 +97,10 @@ class Assumptions:
         found = [self._start_kept, self._gap, self._disturbance, self._rows, self._margin]
         found += [self._stayed] if self._stayed.checked else []
         found += [each for each in (self._prompt, self._faithful, self._truthful) if each.failed]
-        if self._swarm.safety.centralised:
+        safety = self._swarm.safety
+        if safety.centralised:
             return [*found, self._synchronous]
-        return (
-            [*found, self._fresh, self._broadcasts]
-            if self._swarm.safety.counts_on_received
-            else found
-        )
+        return [*found, self._fresh, self._broadcasts] if safety.counts_on_received else found
 
     def saw(self, piece: IntegrationSteps | DisturbanceKnot) -> None:
         """The world went through this."""
