@@ -170,8 +170,9 @@ def export(
       phalanx export runs/unicycles-1 --parquet tables
     """
     from phalanx.cli.display import doing
+    from phalanx.cli.terminal import warn_of_damage
     from phalanx.launcher.programs import configure_logging
-    from phalanx.recording.read import UnreadableRecordingError, find
+    from phalanx.recording.read import UnreadableRecordingError, find, read
     from phalanx_viewer.export.write import run as write
 
     files = {"html": html, "png": png, "mcap": mcap, "rerun": rerun}
@@ -187,7 +188,10 @@ def export(
         for option, path in files.items():
             require_other(f"--{option}", path, [find(run)])
         with doing("exporting") as show:
-            written = write(run, at=at, trust=trust, progress=show, **wanted)
+            show("reading the recording")
+            recorded = read(run, trust)
+            warn_of_damage(recorded)
+            written = write(recorded, at=at, progress=show, **wanted)
         say(*written)
     except (UnreadableRecordingError, OSError) as error:
         complain(error)

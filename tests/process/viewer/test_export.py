@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from phalanx_viewer.export.write import run
 
+from phalanx.recording.read import read
 from tests.process.runs import wait_for
 from tests.process.viewer.pages import drawn
 
@@ -36,7 +37,7 @@ def test_the_exported_page_plays_its_scene_and_moves_its_plots_offline(
     asked: list[str] = []
     offline.on("request", lambda request: asked.append(request.url))
     html = tmp_path / "run.html"
-    assert run(finished, html=html) == [html]
+    assert run(read(finished), html=html) == [html]
     offline.goto(html.as_uri())
     assert not offline.get_by_text("Smallest distance [m]").is_visible()  # the page is narrow
     offline.get_by_role("button", name="plots").click()
@@ -60,7 +61,7 @@ def test_a_picture_at_a_time_differs_from_one_at_another(finished: Path, tmp_pat
     pictures = []
     for at in (0.5, 3.5):
         png = tmp_path / f"{at}.png"
-        run(finished, png=png, at=at)
+        run(read(finished), png=png, at=at)
         pictures.append(matplotlib.image.imread(png))
     first, second = pictures
     assert first.shape == second.shape

@@ -27,7 +27,7 @@ def finished(tmp_path_factory) -> phalanx.Run:
 @pytest.fixture(scope="module")
 def exported(finished, tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("exported") / "shown.mcap"
-    assert run(finished.folder, mcap=path) == [path]
+    assert run(finished.recording, mcap=path) == [path]
     return path
 
 
@@ -138,7 +138,7 @@ def test_violations_are_errors_and_faults_and_failed_assumptions_warnings(tmp_pa
         out=tmp_path,
         commands=phalanx.CommandPolicy(schedule=(frozen, Command(0.2, CommandKind.THAW, "1"))),
     )
-    (path,) = run(found.folder, mcap=tmp_path / "shown.mcap")
+    (path,) = run(found.recording, mcap=tmp_path / "shown.mcap")
     levels = {line.message: line.Level.Name(line.level) for line in of(path, "/log")}
     assert levels["agent 1 frozen"] == "WARNING"
     assert levels["agent 1 thawed"] == "INFO"
@@ -154,7 +154,7 @@ def for_rerun(finished, tmp_path_factory) -> dict[str, dict[str, list]]:
     """Every column of every entity, as rerun reads them back."""
     reader = pytest.importorskip("rerun.chunk", reason="needs phalanx-swarm[rerun]").RrdReader
     path = tmp_path_factory.mktemp("exported") / "shown.rrd"
-    assert run(finished.folder, rerun=path) == [path]
+    assert run(finished.recording, rerun=path) == [path]
     assert len(reader(str(path)).blueprints()) == 1
     found: dict[str, dict[str, list]] = {}
     for chunk in reader(str(path)).stream().to_chunks():
@@ -208,7 +208,7 @@ def test_rerun_shows_the_log_with_its_levels(for_rerun):
     ("kind", "read"), [("parquet", pl.read_parquet), ("csv", pl.read_csv)], ids=["parquet", "csv"]
 )
 def test_tables_are_read_back_as_they_were(finished, tmp_path, kind, read):
-    written = run(finished.folder, **{kind: tmp_path / "tables"})
+    written = run(finished.recording, **{kind: tmp_path / "tables"})
     assert {path.stem for path in written} == {"states", "h", "inputs", "links", "events"}
     states = read(tmp_path / "tables" / f"states.{kind}")
     assert np.array_equal(states.to_numpy(), finished.states.to_numpy())

@@ -1,12 +1,11 @@
 """Write a recorded run to files that one can share."""
 
-import logging
 from collections.abc import Callable
 from pathlib import Path
 
 import polars as pl
 
-from phalanx.recording.read import Recording, read
+from phalanx.recording.read import Recording
 from phalanx.recording.tables import (
     events_table,
     h_table,
@@ -19,11 +18,9 @@ from phalanx_viewer.export.html import document
 from phalanx_viewer.export.still import draw
 from phalanx_viewer.feeds.replay import Replay
 
-log = logging.getLogger("phalanx.viewer")
-
 
 def run(
-    recording: Path,
+    recorded: Recording,
     *,
     html: Path | None = None,
     png: Path | None = None,
@@ -32,13 +29,12 @@ def run(
     rerun: Path | None = None,
     parquet: Path | None = None,
     csv: Path | None = None,
-    trust: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> list[Path]:
     """Write what is asked for.
 
     Args:
-        recording: a run folder or recording file.
+        recorded: the run.
         html: where a self-contained page goes.
         png: where a picture goes.
         at: time of the picture [s]; by default the worst moment.
@@ -46,20 +42,15 @@ def run(
         rerun: where one for rerun's viewer goes; needs rerun-sdk.
         parquet: folder for the run's tables, one file each.
         csv: likewise.
-        trust: whether code that the scenario names may be imported.
         progress: told what is made next.
 
     Returns:
         The files written.
 
     Raises:
-        UnreadableRecordingError, ValueError: nothing to export, or a time outside the run.
+        ValueError: nothing to export, or a time outside the run.
         OSError: it cannot be written.
     """
-    progress("reading the recording")
-    recorded = read(recording, trust)
-    if recorded.damage:
-        log.warning("%s: %s; no verdict", recorded.path, recorded.damage)
     replay = Replay(recorded)
     if at is not None and not replay.times[0] <= at <= replay.end:
         raise ValueError(f"--at: expected {replay.times[0]:g} to {replay.end:g} s, got {at:g}")
