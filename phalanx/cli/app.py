@@ -3,13 +3,13 @@
 from typing import Annotated
 
 import typer
-from typer.main import get_command
+from typer.main import get_command, get_command_name
 
 from phalanx.cli import check, network, programs, run, runs, tap
 from phalanx.cli.allowed import refuse_secrets, require_values
 from phalanx.cli.options import with_factor
 from phalanx.cli.terminal import complain, say
-from phalanx.extensions.registered import AGAIN, commands
+from phalanx.extensions.registered import AGAIN, Registered, commands
 from phalanx.launcher import interrupt
 
 USAGE_ERROR, STOPPED = 64, 130
@@ -35,16 +35,32 @@ def core() -> typer.Typer:
 
 
 def extended() -> typer.Typer:
-    """The command with that, and what extensions register, in the order of their names."""
-    app, found = core(), dict(commands())
-    if not found:
+    """The command with that, and what extensions register."""
+    app, found = core(), commands()
+    if not any(entry.ours for entry in found):
         complain(f"no commands of extensions are registered: {AGAIN}")
-    for registered, register in found.items():
-        if isinstance(register, Exception):
-            complain(f"commands of {registered} cannot be imported: {register}")
-        else:
-            register(app)
+    for entry in found:
+        try:
+            _extend(app, entry)
+        except (Exception, SystemExit) as error:  # another package's code
+            complain(f"{entry.name} of {entry.package} brings no commands: {error}")
     return app
+
+
+def _extend(app: typer.Typer, entry: Registered) -> None:
+    """Have the app know an extension's commands. Raises ValueError for a name that is taken."""
+    if isinstance(entry.register, BaseException):
+        raise entry.register
+    known = len(app.registered_commands)
+    entry.register(app)
+    names = [
+        each.name or get_command_name(each.callback.__name__)
+        for each in app.registered_commands
+        if each.callback
+    ]
+    if taken := set(names[known:]) & set(names[:known]):
+        del app.registered_commands[known:]
+        raise ValueError(f"there is a command {sorted(taken)[0]!r} already")
 
 
 def _print_version(asked: bool) -> None:

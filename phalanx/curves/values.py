@@ -43,15 +43,15 @@ class SafetyValues:
 
     @cached_property
     def too_large(self) -> bool:
-        """Whether all agents' rows together are too much to build for figures and plots."""
+        """Whether all agents' margins together are too much to build for figures."""
         swarm = self.rows.swarm
         expressions = len(swarm.normal) if swarm.safety.bounds_one_row else 0
         return expressions * swarm.pairs.count > _MOST_COMPOSED
 
     @property
     def psi_levels(self) -> range:
-        """The k of ψ_1 ... ψ_{q-1}, unless they are too large."""
-        return range(1, 1 if self.too_large else self.rows.relative_degree)
+        """The k of ψ_1 ... ψ_{q-1}."""
+        return range(1, self.rows.relative_degree)
 
     def higher_psi(self, x: Array) -> Array:
         """The largest ψ_k over all that normal agents keep, for each of psi_levels."""

@@ -5,11 +5,12 @@ given the typer app; and in `phalanx.extensions`, under the name that the core a
 core can do without: the report, the page, identities. The core imports none of them.
 """
 
-from collections.abc import Callable, Iterator
-from importlib.metadata import entry_points
-from typing import Any
+from collections.abc import Callable
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, NamedTuple
 
 COMMANDS, EXTENSIONS = "phalanx.commands", "phalanx.extensions"
+PACKAGE = "phalanx-swarm"
 AGAIN = "install phalanx-swarm again, in place too: python -m pip install --no-deps --editable ."
 """Advice where an installation is older than the code."""
 
@@ -25,15 +26,29 @@ def extension(name: str) -> Any:
     raise MissingExtensionError(f"no installed package offers {name!r}: {AGAIN}")
 
 
-def commands() -> Iterator[tuple[str, Callable[[Any], None] | Exception]]:
-    """Functions that add commands to the app, in the order of their names, or why there is none.
+class Registered(NamedTuple):
+    """An entry of the group `phalanx.commands`."""
 
-    Each comes with what it is registered as, and by which package.
-    """
-    for found in sorted(entry_points(group=COMMANDS), key=lambda found: found.name):
-        package = found.dist.name if found.dist else "unknown"
-        try:
-            register = found.load()
-        except Exception as error:  # another package's code
-            register = error
-        yield f"{found.name} of {package}", register
+    name: str
+    package: str
+    register: Callable[[Any], None] | BaseException
+    """Adds commands to the app; or why it cannot be imported."""
+
+    @property
+    def ours(self) -> bool:
+        """Whether Phalanx itself brings it."""
+        return self.package == PACKAGE
+
+
+def commands() -> list[Registered]:
+    """What is registered, in the order of names; other packages' after ours."""
+    found = [_loaded(entry) for entry in entry_points(group=COMMANDS)]
+    return sorted(found, key=lambda entry: (not entry.ours, entry.name))
+
+
+def _loaded(entry: EntryPoint) -> Registered:
+    package = entry.dist.name if entry.dist else "unknown"
+    try:
+        return Registered(entry.name, package, entry.load())
+    except (Exception, SystemExit) as error:  # another package's code
+        return Registered(entry.name, package, error)

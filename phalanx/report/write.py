@@ -103,7 +103,7 @@ def notes(recording: Recording) -> list[str]:
     values = recorded_history(recording).values
     if values.too_large:
         found.append(
-            "Margins and ψ_k are not drawn: with this margin the row of each agent is one "
+            "Margins are not drawn: with this margin the row of each agent is one "
             f"expression of all {values.rows.swarm.pairs.count} pairs, which would take hours. "
             'With safety.composition = "pairs" there is a row for each pair.'
         )
@@ -187,6 +187,7 @@ def _paths_caption(recording: Recording) -> str:
 
 def _ages_caption(recording: Recording) -> str:
     safety = recording.scenario.safety
-    unused = f"received (no row uses them: information is {safety.information})"
+    why = "one controller decides" if safety.centralised else f"information is {safety.information}"
+    unused = f"received (no row uses them: {why})"
     role = "that rows may use" if safety.counts_on_received else unused
     return f"Age of the inputs û {role}, at each receiver's steps."

@@ -18,7 +18,8 @@ from phalanx.scenario.model import Reading, Scenario
 from phalanx.schema.fields import ALTERNATIVES
 from phalanx.schema.user_code import UntrustedCodeError
 
-_CHECKOUT = Path(__file__).parents[2]
+_TOP = Path(__file__).parents[2]
+"""Of a checkout."""
 
 
 class ScenarioError(ValueError):
@@ -28,10 +29,13 @@ class ScenarioError(ValueError):
 def shipped() -> dict[str, Traversable]:
     """The scenarios that come with Phalanx, by name; those in a folder have it before theirs.
 
-    A wheel has them inside the package, a checkout at its top.
+    A wheel has them inside the package, a checkout at its top; a copy of the package alone has none.
     """
     inside = files(__package__) / "shipped"
-    return dict(_in_folder(inside if inside.is_dir() else _CHECKOUT / "scenarios", ""))
+    if inside.is_dir():
+        return dict(_in_folder(inside, ""))
+    is_checkout = (_TOP / "plant" / "phalanx_plant").is_dir()
+    return dict(_in_folder(_TOP / "scenarios", "")) if is_checkout else {}
 
 
 def _in_folder(folder: Traversable, above: str) -> Iterator[tuple[str, Traversable]]:

@@ -25,7 +25,6 @@ from phalanx.launcher.programs import (
 )
 from phalanx.launcher.streams import printable
 from phalanx.wire.session import HubError
-from phalanx_viewer.scene.server import choose_port
 
 _ANNOUNCED = "viewer: "
 _LOG = "viewer.log"
@@ -103,6 +102,9 @@ class LivePage:
 
         Raises PortTakenError.
         """
+        # A Run with a page of its own has no use for viser, which takes a second to import.
+        from phalanx_viewer.scene.server import choose_port
+
         port = choose_port("127.0.0.1", port)
         self.url = f"http://127.0.0.1:{port}{token and f'/?token={token}'}"
         """The page's address, once it is served."""

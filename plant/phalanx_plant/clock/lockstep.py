@@ -166,12 +166,12 @@ class Lockstep:
             self._finish(self._moments[0], wait=True)
 
     def _go_on(self) -> None:
-        """Let take effect what has been answered, and tell of most of it."""
+        """Let take effect what has been answered, and have most events judged."""
         self._apply_answers()
         self._happened.judge_most()
 
     def _catch_up(self) -> None:
-        """Let take effect what has been answered, and tell of all of it."""
+        """Let take effect what has been answered, and have all events judged."""
         self._apply_answers()
         self._happened.judge_all()
 

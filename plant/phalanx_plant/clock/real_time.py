@@ -31,9 +31,9 @@ from phalanx_plant.world.world import World
 _PATIENCE = 1.0
 """After so long without an answer an agent is sampled again [s of wall time]."""
 _MOMENT = 5e-4
-"""In less than this before something is due, nothing is written down [s of wall time]."""
+"""In less than this before something is due, nothing is judged [s of wall time]."""
 _MUCH, _MOST = 200, 20_000
-"""So many events are written down even while agents compute, and whatever is due."""
+"""So many events are judged even while agents compute, and even if something is due."""
 
 
 class TimelyAgents(Processes, Protocol):
@@ -250,7 +250,7 @@ class RealTime:
                 self.timekeeping.answered(time.monotonic() - asked.wall)
 
     def _has_time(self, seconds: float) -> bool:
-        """Whether something is to be written down, so long before the next is due [s]."""
+        """Whether something is to be judged, so long before the next is due [s]."""
         many = len(self._happened)
         free = not self._agents.waiting and seconds > _MOMENT
         return many > _MOST or (free and many > (_MUCH if self._computing else 0))

@@ -14,7 +14,8 @@ from phalanx_plant.world.events import Event, StoppedError, SwarmBrokenError
 from phalanx_plant.world.world import DivergedError
 
 _AT_ONCE = 96
-"""So many events may wait, though there is time: what they need is worked out for all at once."""
+"""So many events may wait, though there is time: what they need is worked out for all at once, and
+nothing interrupts that; in real time an input may be due meanwhile."""
 _LONGEST = 0.1
 """Where events are few, all are judged every so often [s of wall time], while answers come:
 somebody may look."""

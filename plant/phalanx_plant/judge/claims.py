@@ -34,7 +34,7 @@ class Claims:
     def __init__(self, swarm: Swarm) -> None:
         self.truthful = Assumption("truthful broadcasts", note=_NOTE)
         self.faults: Counter[int] = Counter()
-        """Messages on which each declared fault had an effect."""
+        """Messages and agents on which each declared fault had an effect."""
         self._names = swarm.names
         self._lies = [swarm.links.lies(name) for name in swarm.names]
         self._given = [_Inputs(len(m.dynamics.inputs)) for m in swarm.members]

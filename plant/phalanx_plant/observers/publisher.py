@@ -32,7 +32,7 @@ class FrameAudience(Protocol):
 
     @property
     def heard(self) -> bool:
-        """Whether anybody does."""
+        """Whether anybody looks."""
 
     def put(self, frame: Frame) -> None:
         """Hand everybody a frame; lost on those who are slow."""

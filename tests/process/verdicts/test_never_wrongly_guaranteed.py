@@ -5,7 +5,7 @@ no h > 0 is ever seen: a judge that believed its eyes, or anybody's word, would 
 """
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import casadi as ca
 import msgspec
@@ -35,7 +35,7 @@ from phalanx.theory.safety.class_k import Linear
 from phalanx.theory.safety.composition import Member, compose
 from phalanx.theory.safety.function import Separation
 from phalanx.theory.safety.obstacles import Wall
-from phalanx.wire.messages import Actuation, Sample, Telemetry
+from phalanx.wire.messages import Sample, Telemetry
 
 OWN = '''
 from dataclasses import dataclass
@@ -116,7 +116,7 @@ class Flying(SingleIntegrator):
         return ca.SX(A), ca.SX(ca.DM([2.0, -1.0, 0.1, 0.1]))
 '''
 
-Inputs = Callable[[str, Sample, Actuation], tuple[float, ...]]
+Inputs = Callable[[str, Sample, np.ndarray], Sequence[float]]
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -132,27 +132,18 @@ class Hijacked(DirectAgents):
     """Agents whose actuators get other inputs than the controllers' answers."""
 
     inputs: Inputs
+    attacked = 0
+    """How many inputs were replaced."""
 
     def send_sample(self, i: int, sample: Sample) -> None:
         super().send_sample(i, sample)
-        self._sample = sample
-
-    def take_actuation(self, i: int) -> Actuation | None:
-        answer = super().take_actuation(i)
-        if answer is None:
-            return None
-        u = type(self).inputs(self._names[i], self._sample, answer)
-        return msgspec.structs.replace(answer, u=u)
+        u = type(self).inputs(self._names[i], sample, self._inputs[i])
+        self._inputs[i] = np.array(u)
+        self.attacked += 1
 
 
 class Liars(Hijacked):
-    """The same, and they say that all is well and lasts long."""
-
-    def take_actuation(self, i: int) -> Actuation | None:
-        answer = super().take_actuation(i)
-        if answer is None:
-            return None
-        return msgspec.structs.replace(answer, t_apply=answer.t_apply + 1e6)
+    """The same, and they say that all is well."""
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:
         said = super().await_telemetry(i, k)
@@ -160,8 +151,8 @@ class Liars(Hijacked):
         return msgspec.structs.replace(said, report=made, ages=(), rejected=0)
 
 
-def as_answered(name: str, sample: Sample, answer: Actuation) -> tuple[float, ...]:
-    return answer.u
+def as_answered(name: str, sample: Sample, answer: np.ndarray) -> Sequence[float]:
+    return answer
 
 
 def ahead(**speeds: float) -> Inputs:
@@ -173,13 +164,13 @@ def judged(table, tmp_path, inputs: Inputs = as_answered, kind=Hijacked):
     """Summary and recording of a run in process."""
     scenario = table if not isinstance(table, dict) else load(table)
     rows = build_rows(build_swarm(scenario))
-    agents = type("Agents", (kind,), {"inputs": staticmethod(inputs)})
+    agents = type("Agents", (kind,), {"inputs": staticmethod(inputs)})(rows, lambda status: None)
     path = tmp_path / RECORDING
     path.unlink(missing_ok=True)
     with RecordingWriter(path, scenario, "attack") as recording:
         plant = PlantRun(
             rows,
-            agents(rows, lambda status: None),
+            agents,
             recording,
             CommandQueue(NO_COMMANDS, rows.swarm.names),
             Lockstep,
@@ -187,7 +178,9 @@ def judged(table, tmp_path, inputs: Inputs = as_answered, kind=Hijacked):
         summary = plant.run()
         recording.finish(summary)
     assert summary.outcome in (Outcome.GUARANTEED, Outcome.SAFE, Outcome.VIOLATED), summary.reason
-    return summary, read(path)
+    recorded = read(path)
+    assert agents.attacked >= len(recorded.steps) > 0, "every input went through the attack"
+    return summary, recorded
 
 
 def failed(summary: Summary) -> set[str]:
@@ -352,7 +345,7 @@ def test_an_alpha_that_is_none_is_refused_and_proves_nothing(alpha, x):
     assert found.times(np.array([x]), np.zeros(2))[0] <= (0.5 - x[0]) / x[2]
 
 
-def nominal(name: str, sample: Sample, answer: Actuation) -> tuple[float, ...]:
+def nominal(name: str, sample: Sample, answer: np.ndarray) -> Sequence[float]:
     """Full speed, straight ahead, and agent 1 round to agent 2."""
     return (4.0, -2.0 * (name == "1")) if name in "123" else (2.0, 0.0)
 
@@ -369,7 +362,7 @@ def test_lies_about_how_inputs_were_made_change_nothing(tmp_path):
     assert lying.outcome is honest.outcome is not Outcome.GUARANTEED
 
 
-def test_a_lie_about_when_an_input_took_effect_lengthens_no_certificate(tmp_path):
+def test_words_that_all_is_well_lengthen_no_certificate(tmp_path):
     obstacle = {"center": [0.1005, 0.0], "clearance": 1e-4}
     table = swarm([[0.0, 0.0]], obstacles=[obstacle])
     summary, recording = judged(table, tmp_path, ahead(agent1=1.0), Liars)
@@ -421,7 +414,7 @@ def test_who_cannot_stand_still_does_so_until_its_first_input(tmp_path):
     single = {"type": "single-integrator", "speed": 1.0}
     table = swarm([[0.0, 0.0], [1.5, 0.0]], None, single, other=flying, duration=0.05)
 
-    def away(name: str, sample: Sample, answer: Actuation) -> tuple[float, ...]:
+    def away(name: str, sample: Sample, answer: np.ndarray) -> Sequence[float]:
         return (1.0, 0.0)
 
     assert judged(table, tmp_path, away)[0].outcome is Outcome.GUARANTEED

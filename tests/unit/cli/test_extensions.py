@@ -1,5 +1,6 @@
 """Commands of other packages, and what the core asks of extensions: found by entry points."""
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.syspath_prepend(str(tmp_path))
 
     def install(package: str, source: str, entries: str) -> None:
+        monkeypatch.delitem(sys.modules, package, raising=False)
         (tmp_path / f"{package}.py").write_text(source)
         metadata = tmp_path / f"{package}-1.0.dist-info"
         metadata.mkdir()
@@ -48,8 +50,27 @@ def test_a_package_that_cannot_be_imported_is_named_and_keeps_no_other_command_f
     install("broken", "import no_such_module", "[phalanx.commands]\nbroken = broken:register\n")
     assert status(["report", str(tmp_path)]) == 3
     said = capsys.readouterr().err
-    assert "commands of broken of broken cannot be imported: No module named" in said
+    assert "broken of broken brings no commands: No module named" in said
     assert "recording" in said, "and the report says why there is none"
+
+
+@pytest.mark.parametrize(
+    ("source", "why"),
+    [
+        ("import sys\nsys.exit(9)", "9"),
+        ("def register(app):\n    raise TypeError('no such option')", "no such option"),
+        (GREET.replace("greet", "report"), "there is a command 'report' already"),
+    ],
+    ids=["exits when imported", "raises", "takes the name of another command"],
+)
+def test_a_package_that_breaks_when_it_registers_keeps_no_other_command_from_running(
+    source, why, install, capsys, tmp_path
+):
+    install("broken", source, "[phalanx.commands]\na = broken:register\n")
+    assert status(["report", str(tmp_path)]) == 3
+    said = capsys.readouterr().err
+    assert f"a of broken brings no commands: {why}" in said
+    assert "recording" in said
 
 
 def test_what_the_core_brings_looks_for_no_extension(install, capsys, tmp_path):

@@ -125,4 +125,4 @@ def test_a_report_says_what_would_take_too_long_to_draw(tmp_path: Path) -> None:
     folder = record(tmp_path, scenario, drift(scenario, states=3, steps=1), summary_of(scenario))
     page = write_report(folder).read_text()
     assert not (folder / "figures" / "margins.png").exists()
-    assert "Margins and ψ_k are not drawn" in page
+    assert "Margins are not drawn" in page
