@@ -29,7 +29,7 @@ class ScenarioError(ValueError):
 def shipped() -> dict[str, Traversable]:
     """The scenarios that come with Phalanx, by name; those in a folder have it before theirs.
 
-    A wheel has them inside the package, a checkout at its top; a copy of the package alone has none.
+    A wheel has them inside the package, a checkout at its top, a copy of the package nowhere.
     """
     inside = files(__package__) / "shipped"
     if inside.is_dir():
