@@ -22,6 +22,7 @@ from phalanx.cli.options import (
 )
 from phalanx.cli.terminal import complain, say
 from phalanx.extensions.registered import extension
+from phalanx.launcher import interrupt
 from phalanx.launcher.engine import DEFAULT_ENGINE, ENGINES, prepare, silent
 
 if TYPE_CHECKING:
@@ -141,6 +142,11 @@ def run(
         except phalanx.EngineError as error:
             complain(f"broken: {error}")
             return 3
+        except ConnectionError as error:
+            # A signal to all ends what starts the programs, often before it is answered here.
+            interrupt.raise_unanswered()
+            complain(f"broken: the process that starts the programs is gone: {error.strerror}")
+            return 3
         except OSError as error:
             raise typer.BadParameter(
                 f"--out: cannot create a folder in {out}: {error.strerror}"
@@ -179,8 +185,6 @@ def _told(finished: "Run", profile: bool, report: bool) -> "Outcome":
 
 def _wait_for(page: Any) -> None:
     """Let the page go on until Ctrl-C."""
-    from phalanx.launcher import interrupt
-
     if interrupt.terminated():
         return
     with contextlib.suppress(KeyboardInterrupt):
