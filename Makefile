@@ -1,5 +1,6 @@
-# `make run` sets up and runs Simulation 1, `make test` sets up and passes the tests, `make docs`
-# builds the pages into build/site. `make locks` and `make base` record what is installed, by hashes.
+# `make run` sets up and runs Simulation 1, `make test` sets up and passes the tests, `make quick`
+# only the fast ones, which start no process. `make check` lints, `make docs` builds the pages into
+# build/site. `make locks` and `make base` record what is installed, by hashes.
 PYTHON ?= python3
 VENV ?= .venv
 READY := $(VENV)/.ready
@@ -8,10 +9,13 @@ BASE := python:3.12-slim
 LOCK := uv pip compile --quiet --universal --python-version 3.11.5 --generate-hashes \
 	--no-annotate --no-header --constraint constraints.txt pyproject.toml -
 
-.PHONY: run test check docs locks base clean
+.PHONY: run quick test check docs locks base clean
 
 run: $(READY)
 	$(VENV)/bin/phalanx run unicycles
+
+quick: $(READY)
+	$(VENV)/bin/python -m pytest -q -n 2 --dist loadscope -m "not slow" tests/unit
 
 test: $(READY)
 	@echo "Testing: about 15 minutes on two cores; the first minute starts no processes."
@@ -22,6 +26,7 @@ check: $(READY)
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/mypy
+	$(VENV)/bin/python .ci/words.py
 
 docs: $(READY)
 	NO_MKDOCS_2_WARNING=1 $(VENV)/bin/mkdocs build --strict --quiet -f docs/site/mkdocs.yml

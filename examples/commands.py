@@ -1,4 +1,4 @@
-"""Break a run on purpose: the network goes bad, an agent is killed, and what the others make of it.
+"""Disturb a run: lose messages, kill an agent, and print how the others react.
 
 python examples/commands.py
 """

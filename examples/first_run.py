@@ -1,4 +1,4 @@
-"""Run Simulation 1 for a few seconds, every agent a process, and look at what came of it.
+"""Run Simulation 1 for a few seconds, every agent a process, and print its result.
 
 python examples/first_run.py
 """

@@ -23,7 +23,7 @@ def key_of(name: str, secret: str) -> bytes:
 
 
 def opened(key: str, payload: bytes, secret: str) -> list | None:
-    """The fields of a sealed broadcast, or None if it was not made with the secret for this key."""
+    """Return the fields of a broadcast, or None if its seal is not valid for the key."""
     content, own = key.encode() + payload[16:], key_of(">".join(key.split("/")[3:]), secret)
     made = payload[:16] == hashlib.blake2b(content, key=own, digest_size=16).digest()
     fields = msgpack.unpackb(payload[16:]) if made else [None]

@@ -1,4 +1,4 @@
-"""A nominal law of one's own: two agents that circle a point at different speeds, kept apart.
+"""Use a nominal law of your own: two agents circle a point at different speeds, kept apart.
 
 python examples/own_law.py
 """
@@ -12,18 +12,18 @@ import phalanx
 
 @dataclass
 class Circle:
-    """Fly around the origin at a given speed; collisions are not its business."""
+    """Fly around the origin at a given speed, without regard to collisions."""
 
     speed: float = 1.0
     """[m/s]"""
 
     def prepare(self, dynamics):
-        """Called once, before the first input; raises ValueError if the law does not fit."""
+        """Check the dynamics before the first input. Raises ValueError if the law does not fit."""
         if len(dynamics.inputs) != 2:
             raise ValueError("Circle: expected an agent in the plane, with two inputs")
 
     def input(self, view):
-        """The velocity that the agent would like [m/s]."""
+        """Return the nominal velocity [m/s]."""
         x, y = view.positions[view.i]
         return self.speed * np.array([-y, x]) / max(np.hypot(x, y), 1e-9)
 

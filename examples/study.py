@@ -1,9 +1,9 @@
-"""A parameter study: how much margin does Simulation 1 need, on how bad a network?
+"""Study the margin that Simulation 1 needs, and how it depends on loss in the network.
 
 python examples/study.py
 
-The in-process engine calls the very control steps that the processes run, so its trajectories are
-theirs, to the last bit.
+The in-process engine calls the same control steps as the processes, so its trajectories are the
+same to the last bit.
 """
 
 import itertools

@@ -56,10 +56,9 @@ _HOMES = {
     "shipped": "phalanx.scenario.load",
     "verify": "phalanx.launcher.run:verify_run",
 }
-"""Where each public name lives. They are imported when first used: the libraries behind some of
-them take a second to load, and most programs need few of them."""
+"""The module of each public name, imported when the name is first used: some take a second."""
 
-__all__ = [  # noqa: RUF022 - in the order in which one meets them
+__all__ = [  # noqa: RUF022 - in the order of the documentation
     "load",
     "check",
     "run",

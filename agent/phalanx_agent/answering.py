@@ -1,4 +1,4 @@
-"""Answers each sample in Zenoh's own thread, the shortest way from a sample to its input."""
+"""Answer samples in Zenoh's own thread, for the least latency."""
 
 import logging
 import os
@@ -15,13 +15,13 @@ from phalanx_agent.step import Accepted, Answer, ControlStep
 log = logging.getLogger("phalanx.agent")
 
 _SHARE = 0.8
-"""Of the plant's patience with an agent: so it hears why before it gives the agent up."""
+"""Share of the plant's timeout after which an agent reports that a broadcast is missing."""
 
 
 class SampleAnswering:
-    """One agent's answers: a sample is answered once every broadcast that it counts is here.
+    """Answers each sample of one agent once every broadcast that the sample counts has come.
 
-    What cannot be a message of this run is dropped and counted.
+    Payloads that are not valid messages of the run are dropped and counted.
     """
 
     def __init__(
@@ -32,38 +32,38 @@ class SampleAnswering:
         give_up: Callable[[], None],
     ) -> None:
         self.error: Exception | None = None
-        """What ended the answering, if a control step did."""
+        """The error of the control step that ended the answering."""
         self.begun = False
         """Whether a sample has come."""
         self._step, self._sealer = step, sealer
         self._send, self._give_up = send, give_up
         self._refusals = Refusals(log)
         self.pending: Accepted | None = None
-        """The sample that waits for a broadcast."""
+        """The sample that waits for broadcasts."""
 
     def time(self, stopwatch: Stopwatch) -> None:
-        """Have the stopwatch tell computing from handling messages; what is left is waiting."""
+        """Time computing and handling of messages; the rest of the wall time is waiting."""
         stopwatch.time(self, "answer", "compute")
         stopwatch.time(self, "on_sample", "message")
         stopwatch.time(self, "on_broadcast", "message")
 
     def on_sample(self, key: str, payload: bytes) -> None:
-        """Take a sample."""
+        """Handle a sample."""
         try:
             accepted = self._step.accept_sample(self._sealer.open(key, payload, Sample))
         except Malformed as reason:
             self._drop(key, reason)
             return
-        orders = accepted.sample.orders
-        if orders and orders.die:
-            # A crash as it would be: no clean-up, no goodbye.
+        commands = accepted.sample.commands
+        if commands and commands.die:
+            # As in a real crash there is no clean-up.
             os.kill(os.getpid(), signal.SIGKILL)
         self.begun = True
         self.pending = accepted
         self._answer_if_complete()
 
     def on_broadcast(self, key: str, payload: bytes) -> None:
-        """Take another agent's broadcast."""
+        """Handle another agent's broadcast."""
         try:
             message = self._sealer.open(key, payload, Broadcast)
             self._step.accept_broadcast(kind_and_name(key)[1], message)
@@ -73,27 +73,27 @@ class SampleAnswering:
             self._answer_if_complete()
 
     def answer(self, accepted: Accepted) -> Answer:
-        """What the agent makes of a sample."""
+        """Compute the answer to a sample; a method of its own to be timed."""
         return self._step(accepted)
 
     def _answer_if_complete(self) -> None:
-        # Broadcasts come from other sessions than samples do: nothing orders the two, so a sample
-        # may be here before a broadcast that it counts.
+        # Broadcasts come from other sessions than samples, in any order: a sample may come before
+        # a broadcast that it counts.
         accepted = self.pending
         if accepted is None or self._step.lacks_broadcasts(accepted):
             return
         self.pending = None
         try:
             self._send(self.answer(accepted))
-        except Exception as error:  # a user's law may raise anything, and Zenoh would swallow it
+        except Exception as error:  # a user's law may raise any, and Zenoh would drop it
             self.error = error
             self._give_up()
 
     def give_up_waiting(self, accepted: Accepted) -> None:
-        """Have a sample fail that waits for a broadcast; any thread may, once it waits too long."""
+        """Fail if a sample is still pending; may be called in any thread."""
         if self.pending is accepted:
             self.pending = None
-            self.error = self._step.withheld(accepted)
+            self.error = self._step.broadcasts_missing(accepted)
             log.error("%s", self.error)
             self._give_up()
 
@@ -102,10 +102,10 @@ class SampleAnswering:
         self._refusals.add(key, reason)
 
 
-def withheld_broadcasts(
+def pending_watchdog(
     timeout: float, answerings: Sequence[SampleAnswering]
 ) -> Watchdog[SampleAnswering, Accepted]:
-    """Has samples fail that wait for broadcasts too long.
+    """Make a watchdog that fails samples which wait too long for broadcasts.
 
     timeout: of the plant's wait for an agent [s].
     """

@@ -1,4 +1,4 @@
-"""What turns one agent's samples into inputs: its own controller, or its part of one for all."""
+"""Controllers: an agent's own, or its part of the centralised one."""
 
 from collections.abc import Mapping
 from typing import NamedTuple, Protocol, Self
@@ -10,12 +10,12 @@ from phalanx.theory.laws.law import NominalInput, View
 from phalanx.theory.rows.centralised import JointInput
 from phalanx.theory.rows.decision import Decision
 from phalanx.theory.rows.information import ReceivedInput
-from phalanx.theory.rows.safety_filter import Situation
+from phalanx.theory.rows.safety_filter import FilterInput
 from phalanx.wire.step_report import StepReport
 
 
 class StepResult(NamedTuple):
-    """What came of a sample."""
+    """The result of a control step."""
 
     decision: Decision
     u_nom: Array
@@ -24,7 +24,7 @@ class StepResult(NamedTuple):
     """The agents whose û_l counted."""
 
     def report(self, solve_time: float) -> StepReport:
-        """All numbers of the decision, and how long it took [s]."""
+        """Make the report of the decision; solve_time: its wall time [s]."""
         made = self.decision._asdict()
         del made["u"]
         return StepReport(u_nom=tuple(self.u_nom.tolist()), solve_time=solve_time, **made)
@@ -36,14 +36,17 @@ class Controller(Protocol):
     def __call__(
         self, x: Array, seen: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
     ) -> StepResult:
-        """Decide on the stacked state x, shape (n̄,), sampled at t [s]: NaN but of those seen."""
+        """Decide on the stacked state x, shape (n̄,), sampled at t [s].
 
-    def turned(self) -> "Controller":
-        """The same agent's as an adversary."""
+        x is NaN for agents that are not in `seen`.
+        """
+
+    def as_adversary(self) -> "Controller":
+        """Return the agent's controller after a command has made it an adversary."""
 
 
 class DistributedController:
-    """An agent's own law, row and QP, as in (QPdistributed), which asks nobody."""
+    """An agent's own law, row and QP, as in (QPdistributed)."""
 
     def __init__(self, rows: SafetyRows, i: int) -> None:
         """Compile agent i's own copy of the theory."""
@@ -59,18 +62,18 @@ class DistributedController:
     def __call__(
         self, x: Array, seen: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
     ) -> StepResult:
-        """Decide on the stacked state x, shape (n̄,), sampled at t [s]: NaN but of those seen."""
+        """Decide, as a Controller does."""
         i, terms = self._i, self._terms(x, seen)
         states = {l: x[self._parts[l]] for l in seen}
         goal = self._goal(t, states[i])
         normal = [l for l in seen if not self._members[l].adversary]
         u_nom = self._nominal(View(i, states, normal, goal, terms))
-        now = Situation(t + self._latency, x, seen, terms, u_nom, received)
+        now = FilterInput(t + self._latency, x, seen, terms, u_nom, received)
         decision, used = self._filter(now)
         return StepResult(decision, u_nom, used)
 
-    def turned(self) -> Self:
-        """It attacks from now on, and keeps no row."""
+    def as_adversary(self) -> Self:
+        """Attack from now on, without a row."""
         self._nominal = NominalInput(WorstCase(), self._members[self._i])
         self._filter = self._rows.unfiltered(self._i)
         return self
@@ -80,7 +83,7 @@ class CentralisedController:
     """The controller of Theorem 1: (QPmultiple), solved once for all normal agents."""
 
     def __init__(self, rows: SafetyRows) -> None:
-        """Compile the theory once for all."""
+        """Compile the theory of all normal agents."""
         swarm = rows.swarm
         first = swarm.normal[0]
         self.rows, self._normal = rows, swarm.normal
@@ -94,10 +97,9 @@ class CentralisedController:
         self._results: dict[int, StepResult] = {}
 
     def at(self, x: Array, t: float) -> dict[int, StepResult]:
-        """Every normal agent's input for the state x, shape (n̄,), sampled at t [s].
+        """Return every normal agent's result for the state x, shape (n̄,), sampled at t [s].
 
-        Agents that sample together share one solution; those that do not, as Theorem 1 would
-        have it, get one each.
+        Agents that sample at the same time, as in Theorem 1, share one solution.
         """
         sampled = t, x.tobytes()
         if sampled != self._sampled:
@@ -127,9 +129,9 @@ class CentralisedPart:
     def __call__(
         self, x: Array, seen: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
     ) -> StepResult:
-        """Decide on the stacked state x, shape (n̄,), sampled at t [s]; the controller sees all."""
+        """Decide, as a Controller does; the centralised one sees all."""
         return self._whole.at(x, t)[self._i]
 
-    def turned(self) -> DistributedController:
-        """It leaves the controller, which goes on counting on it."""
-        return DistributedController(self._whole.rows, self._i).turned()
+    def as_adversary(self) -> DistributedController:
+        """Attack alone; the centralised controller still assumes that the agent cooperates."""
+        return DistributedController(self._whole.rows, self._i).as_adversary()

@@ -1,4 +1,4 @@
-"""The agent's shell: a Zenoh client that answers samples until the hub is gone."""
+"""The agent's program: a Zenoh client that answers samples until the plant leaves."""
 
 import contextlib
 import gc
@@ -21,14 +21,14 @@ from phalanx.wire.messages import LONGEST_FAILURE, Telemetry
 from phalanx.wire.seal import Sealer
 from phalanx.wire.session import Session, open_member
 from phalanx.wire.step_report import StepReport
-from phalanx_agent.answering import SampleAnswering, withheld_broadcasts
+from phalanx_agent.answering import SampleAnswering, pending_watchdog
 from phalanx_agent.clock import clock_of
 from phalanx_agent.step import Answer, ControlStep, StepFailedError, control_steps
 
 log = logging.getLogger("phalanx.agent")
 
 _LONGEST_SILENCE = 16.0
-"""Twice as long as a step may take [s]: Zenoh gives up a hub that it has not read from for 10 s."""
+"""Twice the longest step [s]: Zenoh closes a connection that was not read for 10 s."""
 
 
 def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None) -> int:
@@ -36,21 +36,21 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
 
     Args:
         rows: of the scenario, whose digest must be the plant's.
-        membership: of the run; its identity says which of the scenario's programs to be.
-        profile: folder in which to leave how the time was spent.
+        membership: of the run; its identity is the program's name.
+        profile: folder for the profile of the wall time.
 
     Returns:
         Exit status 0.
 
     Raises:
-        HubError: the hub cannot be reached. Exception: whatever a control step raised.
+        HubError: the hub cannot be reached. Exception: that of a control step.
     """
     keys, sealer = membership.keys, membership.sealer
     steps = control_steps(rows, membership.identity, membership)
     stopwatch = Stopwatch() if profile else None
-    # No event: a handler that sets one while this thread begins to wait for it never returns.
+    # No threading.Event: a signal handler that sets one while this thread enters wait() deadlocks.
     leaving: SimpleQueue[str] = SimpleQueue()
-    signal.signal(signal.SIGTERM, lambda *_: leaving.put("told to"))
+    signal.signal(signal.SIGTERM, lambda *_: leaving.put("SIGTERM"))
     timeout = rows.swarm.time.timeout
     with (
         endless_loops(min(timeout, _LONGEST_SILENCE)),
@@ -62,12 +62,12 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
         senders = [_Sender(session, keys, sealer, step) for step in steps]
 
         def give_up() -> None:
-            """Tell the plant, which waits for the answer, why there is none: it ends the run."""
+            """Report the failure to the plant, which then ends the run; else leave."""
             failed = [(s, a.error) for s, a in zip(senders, answerings, strict=True) if a.error]
             waits = False
             for sender, error in failed:
                 if isinstance(error, StepFailedError):
-                    sender.tell_failure(error)
+                    sender.report_failure(error)
                     waits = clock_of(error.sample).waits
             if not waits:
                 leaving.put("a control step failed")
@@ -76,7 +76,7 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
             SampleAnswering(step, sealer, sender, give_up)
             for step, sender in zip(steps, senders, strict=True)
         ]
-        while_open.enter_context(withheld_broadcasts(timeout, answerings))
+        while_open.enter_context(pending_watchdog(timeout, answerings))
         for step, answering in zip(steps, answerings, strict=True):
             if stopwatch:
                 answering.time(stopwatch)
@@ -89,8 +89,7 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
         PlantPresence(membership.timeout, leaving.put, begun).watch(session, keys)
         for sender in senders:
             sender.wait_for_listeners(membership.timeout, lambda: not leaving.empty())
-        # What was built so far lives as long as the process: the collector need not look at it
-        # again in the middle of a step.
+        # The theory lives as long as the process: the collector must not scan it during a step.
         gc.freeze()
         digest = rows.swarm.digest
         _tokens = [liveliness.announce(session, keys.alive(step.name, digest)) for step in steps]
@@ -106,17 +105,17 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
 
 
 class _Sender:
-    """Puts one agent's answers on the wire, what is waited for most first."""
+    """Sends one agent's answers, the most urgent message first."""
 
     def __init__(self, session: Session, keys: Keys, sealer: Sealer, step: ControlStep) -> None:
         self._sealer = sealer
-        # In real time a peer that takes nothing must not hold up its peers.
+        # In real time a peer that does not read must not block the others.
         self._broadcasts = {
             True: pubsub.Addressed(session),
             False: pubsub.Addressed(session, pubsub.Delivery.NOTICE),
         }
-        # Declared before the others: the hub has told of its readers when those match.
-        self._copies = pubsub.Copies(session, keys, keys.of(step.name))
+        # Declared first: when the others have matched, so has this one if it has subscribers.
+        self._copies = pubsub.ViewerCopies(session, keys, keys.of(step.name))
         self._inputs = len(step.swarm.members[step.i].dynamics.inputs)
         self._actuation, self._telemetry = (
             pubsub.SealedPublisher(session, sealer, key, copies=self._copies)
@@ -134,16 +133,16 @@ class _Sender:
             self._copies.put(key, payload)
         self._telemetry.put(answer.telemetry)
 
-    def tell_failure(self, error: StepFailedError) -> None:
-        """Tell the plant why a sample is not answered."""
-        nothing = (0.0,) * self._inputs
-        report = StepReport(origin=Origin.BACKUP, residual=None, u_nom=nothing, solve_time=0.0)
+    def report_failure(self, error: StepFailedError) -> None:
+        """Report to the plant why a sample is not answered."""
+        zero = (0.0,) * self._inputs
+        report = StepReport(origin=Origin.BACKUP, residual=None, u_nom=zero, solve_time=0.0)
         failed = str(error)[:LONGEST_FAILURE]
         telemetry = Telemetry(k=error.sample.k, report=report, ages=(), failed=failed)
         self._telemetry.put(telemetry)
 
     def wait_for_listeners(self, timeout: float, over: Callable[[], bool]) -> None:
-        """Return when the hub takes what is put: what comes earlier is lost. Raises HubError."""
+        """Wait until the plant has subscribed: messages put earlier are lost. Raises HubError."""
         self._actuation.wait_until_heard(timeout, over)
         self._telemetry.wait_until_heard(timeout, over)
         self._copies.look_for_readers()

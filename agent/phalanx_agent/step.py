@@ -1,4 +1,4 @@
-"""One control step: a sample in, and out what the actuator, the peers and the plant get of it."""
+"""One control step: from a sample to the messages for actuator, peers and plant."""
 
 import time
 from collections import deque
@@ -8,16 +8,16 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.faults.commands import Orders
-from phalanx.network.inbox import BroadcastInbox, Claim, Existing, Fate
+from phalanx.faults.commands import ActiveCommands
+from phalanx.network.inbox import BroadcastInbox, BroadcastRange, Claim, Fate
 from phalanx.network.link import Link, RuleError
 from phalanx.schema.fields import CONTROLLER
 from phalanx.swarm.finite import mistake_at
 from phalanx.swarm.rows import SafetyRows
-from phalanx.swarm.seen import SeenStates
+from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.expressions.asked import MistakenMethodError, in_words
 from phalanx.theory.expressions.exact import LARGEST
+from phalanx.theory.expressions.user_methods import MistakenMethodError, error_line
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import (
@@ -39,36 +39,35 @@ from phalanx_agent.controller import (
 )
 
 _AT_HOME = Membership("in-process", endpoint="")
-"""Where nothing is sent, damage is done to what would have been."""
-
+"""The in-process engine's, which sends nothing but seals what is to be corrupted."""
 
 _FLOAT, _INT, _HEAD = 9, 5, 3
-"""At most so long are a float, an integer and what begins an array, in a message [bytes]."""
+"""Longest encoding of a float, an integer and the beginning of an array in msgpack [bytes]."""
 
 
 class Answer(NamedTuple):
-    """What an agent makes of a sample: for its actuator, its peers and the plant."""
+    """An agent's answer to a sample."""
 
     actuation: Actuation
     broadcasts: Mapping[int, Broadcast]
-    """What each peer that hears the agent is told, by index; a liar tells them different things."""
+    """By index of the peer; a lying agent may send them different ones."""
     telemetry: Telemetry
     waits: bool = True
-    """Whether each of these peers is waited for."""
+    """Whether the run waits for each of these peers."""
 
 
 class Accepted(NamedTuple):
-    """A sample that may be the plant's next, taken apart."""
+    """A validated and decoded sample."""
 
     sample: Sample
     x: Array
-    """Stacked state, shape (n̄,); NaN where it is not seen."""
-    existing: dict[int, Existing]
-    """Which broadcasts it counts, by sender."""
+    """Stacked state, shape (n̄,); NaN for agents that are not seen."""
+    existing: dict[int, BroadcastRange]
+    """The broadcasts that it counts, by sender."""
 
 
 class StepFailedError(RuntimeError):
-    """A sample that an agent cannot answer; the message says whose code failed, where and how."""
+    """A sample cannot be answered; the message names the code that failed, where and how."""
 
     def __init__(self, message: str, sample: Sample) -> None:
         super().__init__(message)
@@ -76,7 +75,7 @@ class StepFailedError(RuntimeError):
 
 
 class ControlStep:
-    """Agent i beside its controller: what may come, what it has received, what it says."""
+    """Agent i's control step: validation of samples and broadcasts, the inbox, and the answer."""
 
     def __init__(
         self,
@@ -85,7 +84,7 @@ class ControlStep:
         controller: Controller | None = None,
         membership: Membership = _AT_HOME,
     ) -> None:
-        """controller: agent i's own unless said otherwise. membership: of its program."""
+        """controller: by default agent i's own. membership: of its program."""
         swarm = rows.swarm
         self.swarm, self._rows = swarm, rows
         self.i = i
@@ -94,32 +93,32 @@ class ControlStep:
         self.inbox = BroadcastInbox(swarm.heard_by(i), self._link)
         self.rejected = 0
         """Payloads dropped so far."""
-        self._states = SeenStates(swarm)
+        self._states = StateCodec(swarm)
         self._keys, self._sealer = membership.keys, membership.sealer
         self._next: int | None = None
-        """The sample that has to come next; None before the first."""
+        """The number of the next sample; None before the first."""
         self._clock: VirtualClock = LOCKSTEP
-        self._orders: Orders | None = None
+        self._commands: ActiveCommands | None = None
         self._latency = swarm.time.latency
         self._lies = swarm.links.lies(self.name)
         self.most_fates = _most_fates(swarm)
-        """In one report."""
-        self._untold: tuple[Fate, ...] = ()
-        """Fates that the plant has not been told of yet."""
-        self._past: deque[tuple[float, ...]] = deque(maxlen=self._lies.reach)
-        """Inputs that lies may look back at, the newest last."""
+        """Most fates in one report."""
+        self._unreported: tuple[Fate, ...] = ()
+        """Fates that are decided and not yet reported to the plant."""
+        self._past: deque[tuple[float, ...]] = deque(maxlen=self._lies.steps_back)
+        """Inputs that lies may repeat, the newest last."""
         self._controller: Controller = controller or DistributedController(rows, i)
 
     def accept_sample(self, sample: Sample) -> Accepted:
-        """Check a sample against what the plant may send next. Raises Malformed.
+        """Validate and decode the next sample. Raises Malformed.
 
-        The first one may have any number: who takes over from an agent that died joins in the
-        middle of a run, with an empty inbox.
+        The first one may have any number: the successor of an agent that died joins in the middle
+        of a run, with an empty inbox.
         """
         if not len(sample.seen) == len(sample.since) == len(sample.latest):
             raise Malformed("wrong size")
         try:
-            states = self._states.of(sample.x, sample.seen)
+            states = self._states.unpack(sample.x, sample.seen)
         except ValueError as error:
             raise Malformed("wrong size") from error
         largest = np.abs(np.frombuffer(sample.x, dtype="<f8")).max(initial=0.0)
@@ -131,7 +130,7 @@ class ControlStep:
         if self.i in sample.hearers or not states.keys() >= set(sample.hearers):
             raise Malformed("wrong agents")
         first, clock = self._next is None, clock_of(sample)
-        # In real time some are lost, with the hub that they were on.
+        # In real time samples may be lost, when a router is.
         skipped = sample.k - (self._next or 0)
         if skipped < 0 or (skipped and not first and clock.waits):
             raise Malformed("out of order")
@@ -139,34 +138,34 @@ class ControlStep:
             self.inbox.join_at(existing)
         self._next = sample.k + 1
         self._clock = clock
-        return Accepted(sample, self._states.stacked(states), existing)
+        return Accepted(sample, self._states.stack(states), existing)
 
     def lacks_broadcasts(self, accepted: Accepted) -> bool:
-        """Whether a broadcast that a sample counts has yet to arrive."""
+        """Return whether a broadcast that a sample counts has yet to arrive."""
         return self._clock.lacks(self.inbox, accepted.existing)
 
-    def withheld(self, accepted: Accepted) -> StepFailedError:
-        """What to say of a sample that counts broadcasts which do not come."""
-        lacking = self.inbox.lacking(accepted.existing).items()
+    def broadcasts_missing(self, accepted: Accepted) -> StepFailedError:
+        """Make the error of a sample that counts broadcasts which do not come."""
+        lacking = self.inbox.missing(accepted.existing).items()
         names, k = self.swarm.names, accepted.sample.k
         whose = ", ".join(f"{numbers[0]} of agent {names[j]}" for j, numbers in lacking)
         words = (
             f"agent {self.name} waits at sample {k} for what others put: broadcast {whose} did not "
-            "come. Its sender withholds it, or does not reach this agent: see the sender's log"
+            "come. Its sender withholds it, or cannot reach this agent: see the sender's log"
         )
         return StepFailedError(words, accepted.sample)
 
     def accept_broadcast(self, sender: str, message: Broadcast) -> None:
         """Put another agent's broadcast into the inbox. Raises Malformed."""
-        speaker = self.swarm.speakers.get(sender)
-        if speaker is None or speaker.i not in self._heard:
+        broadcaster = self.swarm.broadcasters.get(sender)
+        if broadcaster is None or broadcaster.i not in self._heard:
             raise Malformed("unknown sender")
-        if message.k >= speaker.most:
-            # More of them would only fill the memory.
+        if message.k >= broadcaster.most:
+            # Accepting more would fill the memory.
             raise Malformed("from the future")
-        if len(message.u) != speaker.inputs:
+        if len(message.u) != broadcaster.inputs:
             raise Malformed("wrong size")
-        if not self.inbox.put(speaker.i, message, self._clock.now()):
+        if not self.inbox.put(broadcaster.i, message, self._clock.now()):
             raise Malformed("out of order")
 
     def __call__(self, accepted: Accepted) -> Answer:
@@ -178,26 +177,26 @@ class ControlStep:
         try:
             return self._answer(accepted)
         except MistakenMethodError as error:
-            words = error.told(f"agent {error.agent or self.name} at sample {sample.k}")
+            words = error.during_run(f"agent {error.agent or self.name} at sample {sample.k}")
             raise StepFailedError(words, sample) from error
         except Exception as error:
             raise StepFailedError(self._why_failed(accepted, error), sample) from error
 
     def _why_failed(self, accepted: Accepted, error: Exception) -> str:
-        """Whose expression has no value at a sample, if that may be why; else the error."""
+        """Name the expression that has no value at a sample, if one has none; else the error."""
         sample = accepted.sample
         if isinstance(error, ArithmeticError | ValueError):
             mistake = mistake_at(self._rows, self.i, accepted.x, sample.seen)
             if mistake is not None:
-                return mistake.told(f"agent {self.name} at sample {sample.k}")
-        reason = error if isinstance(error, RuleError) else in_words(error)
+                return mistake.during_run(f"agent {self.name} at sample {sample.k}")
+        reason = error if isinstance(error, RuleError) else error_line(error)
         return f"agent {self.name} failed at sample {sample.k}: {reason}"
 
     def _answer(self, accepted: Accepted) -> Answer:
         began, (sample, x, _) = time.perf_counter(), accepted
-        self.obey(sample.orders)
-        self._untold += self._decide_fates(accepted)
-        fates, self._untold = self._untold[: self.most_fates], self._untold[self.most_fates :]
+        self.apply_commands(sample.commands)
+        decided = self._unreported + self._decide_fates(accepted)
+        fates, self._unreported = decided[: self.most_fates], decided[self.most_fates :]
         received = self.inbox.received()
         result = self.decide(x, sample.seen, sample.t, received)
         u, t_apply = tuple(result.decision.u.tolist()), sample.t + self._latency
@@ -218,7 +217,7 @@ class ControlStep:
     def decide(
         self, x: Array, seen: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
     ) -> StepResult:
-        """What the controller makes of the stacked state x, shape (n̄,), sampled at t [s]."""
+        """Call the controller with the stacked state x, shape (n̄,), sampled at t [s]."""
         return self._controller(x, seen, t, received)
 
     def _broadcasts(self, sample: Sample, truth: Claim) -> dict[int, Broadcast]:
@@ -227,7 +226,7 @@ class ControlStep:
             return dict.fromkeys(sample.hearers, same)
         past, names = self._past, self.swarm.names
         told = {
-            l: self._lies.tell(
+            l: self._lies.claim(
                 names[l], sample.k, truth, lambda ago: past[-ago] if ago <= len(past) else None
             )
             for l in sample.hearers
@@ -259,21 +258,21 @@ class ControlStep:
         model = swarm.links.model(swarm.names[sender], receiver)
         return Link(swarm.seed, swarm.names[sender], receiver, model)
 
-    def obey(self, orders: Orders | None) -> None:
-        """Do from now on as commands ask."""
-        if orders is None or orders == self._orders:
+    def apply_commands(self, commands: ActiveCommands | None) -> None:
+        """Apply the commands in force from this sample on."""
+        if commands is None or commands == self._commands:
             return
-        turned = orders.adversary and not (self._orders and self._orders.adversary)
-        self._orders = orders
-        self.inbox.override_links(orders.loss, orders.delay)
+        turned = commands.adversary and not (self._commands and self._commands.adversary)
+        self._commands = commands
+        self.inbox.override_links(commands.loss, commands.delay)
         if turned:
-            self._controller = self._controller.turned()
+            self._controller = self._controller.as_adversary()
 
 
 def control_steps(
     rows: SafetyRows, name: str, membership: Membership = _AT_HOME
 ) -> list[ControlStep]:
-    """The steps of one process: an agent's own, or the controller's for every normal agent."""
+    """Make the steps of one process: an agent's own, or the controller's for all normal agents."""
     if name != CONTROLLER:
         return [ControlStep(rows, rows.swarm.names.index(name), membership=membership)]
     whole = CentralisedController(rows)
@@ -281,17 +280,16 @@ def control_steps(
 
 
 def _most_fates(swarm: Swarm) -> int:
-    """How many fates a report holds beside all else that may be in it: with more it may be too
-    large, and after a pause there may be many."""
+    """Return how many fates fit into a report of MAX_BYTES; after a pause there may be more."""
     u = _HEAD + _FLOAT * max(len(member.dynamics.inputs) for member in swarm.members)
     age, received = _HEAD + _INT + _FLOAT, _HEAD + _INT + _FLOAT + u
-    else_in_it = 200 + LONGEST_FAILURE + u + len(swarm.members) * (age + received)
+    other_fields = 200 + LONGEST_FAILURE + u + len(swarm.members) * (age + received)
     faults = _HEAD + _INT * len(swarm.links.declared)
     fate = _HEAD + _INT + _INT + _FLOAT + faults + _HEAD + _FLOAT + u
-    return max((MAX_BYTES - else_in_it) // fate, 1)
+    return max((MAX_BYTES - other_fields) // fate, 1)
 
 
-def _existing(sample: Sample) -> dict[int, Existing]:
-    """Which broadcasts a sample counts, by sender."""
+def _existing(sample: Sample) -> dict[int, BroadcastRange]:
+    """Return the broadcasts that a sample counts, by sender."""
     counted = zip(sample.seen, sample.since, sample.latest, strict=True)
-    return {j: Existing(since, latest) for j, since, latest in counted if since >= 0}
+    return {j: BroadcastRange(since, latest) for j, since, latest in counted if since >= 0}

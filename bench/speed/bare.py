@@ -1,4 +1,4 @@
-"""Bare programs, which join a hub as those of a run do and then only pass payloads on."""
+"""Programs without any computation, which join a hub as those of a run do and forward payloads."""
 
 import contextlib
 import threading
@@ -13,23 +13,23 @@ from phalanx.wire.session import Session, open_hub, open_member
 
 KEYS = Keys("bench")
 PATIENCE = 120.0
-"""How long one program may wait for another to join [s]."""
+"""Longest wait of one program for another [s]."""
 
 
 class Hub(NamedTuple):
-    """What all have joined."""
+    """A hub that all members have joined."""
 
     samples: list[pubsub.Publisher]
     """To each member, in order."""
     actuations: SimpleQueue[bytes]
-    """What members put, as it comes."""
+    """Payloads from members, in order of arrival."""
 
 
 @contextlib.contextmanager
 def hub(endpoint: str, names: Sequence[str]) -> Iterator[Hub]:
-    """Open a hub, and begin the block once all members have joined; they leave when it is over.
+    """Open a hub and wait for all members, which leave after the block.
 
-    Raises queue.Empty if nobody joins for long.
+    Raises queue.Empty if none joins for PATIENCE.
     """
     joined: SimpleQueue[str] = SimpleQueue()
     actuations: SimpleQueue[bytes] = SimpleQueue()
@@ -48,7 +48,7 @@ def hub(endpoint: str, names: Sequence[str]) -> Iterator[Hub]:
 
 
 def exchange(hub: Hub, payload: bytes, count: int) -> float:
-    """Time from a sample out to an actuation back, one member after the other [s]."""
+    """Measure the time from a sample to its actuation, one member after the other [s]."""
     began = time.perf_counter()
     for k in range(count):
         hub.samples[k % len(hub.samples)].put(payload)
@@ -58,7 +58,7 @@ def exchange(hub: Hub, payload: bytes, count: int) -> float:
 
 @contextlib.contextmanager
 def member(endpoint: str, name: str) -> Iterator[Session]:
-    """Open a session; after the block, which declares things, join, and stay as long as the hub."""
+    """Open a session for the block's declarations; then join, and stay until the hub leaves."""
     with open_member(endpoint, KEYS.alive(PLANT), PATIENCE) as session:
         yield session
         over = threading.Event()

@@ -1,14 +1,14 @@
-"""What it costs to reach the peers in sight: one message to subscribers, or one to each peer.
+"""Measure two ways to reach the peers in sight: one message to subscribers, or one to each peer.
 
     python bench/speed/broadcasts.py --neighbours 12
 
 subscribed  an agent puts once, on a key that its neighbours subscribe to
-addressed   it puts once for each neighbour, on a key of that neighbour's; what Phalanx does
-change      one subscription declared and withdrawn, which a neighbour that comes and goes would
-            cost where messages are subscribed to
+addressed   it puts once for each neighbour, on a key of that neighbour's, as Phalanx does
+change      one subscription declared and undeclared: the cost of a neighbour that comes and goes,
+            if messages are subscribed to
 
-A round is a sample out and an actuation back for one agent after the other, as in lockstep without
-latency, every message sealed and opened; the two kinds take turns in one hub and the same agents.
+A round is a sample and an actuation for one agent after the other, as in lockstep without latency,
+every message sealed and opened. The two ways alternate with the same hub and agents.
 """
 
 import argparse
@@ -32,7 +32,7 @@ WAYS = ("subscribed", "addressed")
 
 
 def main() -> None:
-    """Measure both ways in turns, and print the medians."""
+    """Measure both ways alternately, and print the medians."""
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     arguments.add_argument("--neighbours", type=int, default=12)
     arguments.add_argument("--rounds", type=int, default=20)
@@ -57,7 +57,7 @@ def main() -> None:
 def plant(
     endpoint: str, names: list[str], rounds: int, answers: "Answers[tuple[str, float]]"
 ) -> None:
-    """The hub: rounds of both ways in turn, each of ten samples for every agent."""
+    """Run the hub: alternate rounds of both ways, each of ten samples for every agent."""
     with bare.hub(endpoint, names) as hub:
         for turn in range(2 * rounds):
             way = WAYS[turn % 2]
@@ -67,7 +67,7 @@ def plant(
 def agent(
     endpoint: str, name: str, names: list[str], answers: "Answers[tuple[str, float]]"
 ) -> None:
-    """Answers every sample, tells its neighbours in the way that the sample names, and listens."""
+    """Run an agent: answer each sample, and broadcast in the way that the sample names."""
     peers = [other for other in names if other != name]
     with bare.member(endpoint, name) as session:
         actuation = pubsub.publisher(session, KEYS.actuation(name))

@@ -1,7 +1,7 @@
 """Agent i's problem for cbfpy: the same h_tot, class-K gains, margin and bounds, written in JAX.
 
-cbfpy knows one agent and no adversary. So it is told what everybody else does, which Phalanx has to
-work out for itself: û_l, and the input w_j that attains γ_j^max.
+cbfpy supports one agent and no adversary. So it receives the inputs of all other agents, which
+Phalanx computes itself: û_l, and the input w_j that attains γ_j^max.
 """
 
 from typing import Any
@@ -30,7 +30,7 @@ class Peer:
         self._constants = (rows.margin(i).eta, rows.swarm.safety.xi)
 
     def __call__(self, x: Array, wanted: Array, push: Array, active: Array) -> Array:
-        """The nearest input, shape (m_i,).
+        """Return the nearest input, shape (m_i,).
 
         Args:
             x: stacked state, shape (n̄,).
@@ -43,7 +43,7 @@ class Peer:
 
 
 class Problem(CBFConfig):  # type: ignore[misc]
-    """h = -h_tot of Simulation 1 (q = 1) or 2 (q = 2); safe where it is not below 0."""
+    """h = -h_tot of Simulation 1 (q = 1) or 2 (q = 2), safe at or above 0."""
 
     def __init__(self, rows: SafetyRows, i: int, backend: str) -> None:
         swarm = rows.swarm
@@ -54,9 +54,10 @@ class Problem(CBFConfig):  # type: ignore[misc]
         self._dynamics = swarm.members[i].dynamics
         self._shape = len(swarm.members), len(self._dynamics.states)
         self._a = np.array([p.a for p in composed.pairs])
-        self._b = np.array([p.b for p in composed.pairs if p.b is not None])
+        agents = len(composed.members)
+        self._b = np.array([p.b for p in composed.pairs if p.b < agents])
         spheres = [o for o in composed.obstacles if isinstance(o, Sphere)]
-        around = [spheres[p.obstacle] for p in composed.pairs if p.obstacle is not None]
+        around = [spheres[p.b - agents] for p in composed.pairs if p.b >= agents]
         self._centers = np.array([o.center for o in around])
         apart = float(swarm.safety.function["radius"])
         self._radii = np.array([apart] * len(self._b) + [o.clearance for o in around])
@@ -67,7 +68,7 @@ class Problem(CBFConfig):  # type: ignore[misc]
             u_min=-limit,
             u_max=limit,
             relax_qp=backend == "elastiqp",
-            # elastiqp only knows soft rows; softer, they give way where the row's normal is small.
+            # elastiqp has soft rows only; softer ones are violated if the row's normal is small.
             cbf_relaxation_penalty=1e6,
             control_relaxation_penalty=1e6,
             solver_tol=1e-6,
@@ -76,14 +77,14 @@ class Problem(CBFConfig):  # type: ignore[misc]
         )
 
     def f(self, z: Any, push: Any, *_: Any) -> Any:
-        """Drift, and what everybody else's inputs add."""
+        """Return the drift plus the effect of all other agents' inputs."""
         if isinstance(self._dynamics, Unicycle):
             return jnp.asarray(push)
         v = z.reshape(self._shape)[:, 3:]
         return jnp.hstack([v, -_drag(self._dynamics) * v]).ravel() + push
 
     def g(self, z: Any, *_: Any) -> Any:
-        """Of agent i alone."""
+        """Return the actuation matrix of agent i alone."""
         first = self._i * self._shape[1]
         g = jnp.zeros((self.n, self.m))
         if isinstance(self._dynamics, Unicycle):
@@ -93,27 +94,27 @@ class Problem(CBFConfig):  # type: ignore[misc]
         return g.at[first + 3 : first + 6].set(jnp.eye(3))
 
     def h_1(self, z: Any, push: Any, active: Any, *_: Any) -> Any:
-        """-h_tot where q = 1."""
+        """Return -h_tot if q = 1."""
         return self._h(z, active) if self._degree == 1 else jnp.zeros(0)
 
     def h_2(self, z: Any, push: Any, active: Any, *_: Any) -> Any:
-        """-h_tot where q = 2."""
+        """Return -h_tot if q = 2."""
         return self._h(z, active) if self._degree == 2 else jnp.zeros(0)
 
     def alpha(self, h: Any, push: Any, active: Any, eta: Any, xi: Any) -> Any:
-        """α_q, less the margin."""
+        """Return α_q less the margin."""
         return self._alphas[-1] * h - eta
 
     def alpha_2(self, h_2: Any, push: Any, active: Any, eta: Any, xi: Any) -> Any:
-        """α_1, less ξ."""
+        """Return α_1 less ξ."""
         return self._alphas[0] * h_2 - xi
 
     def P(self, z: Any, u_des: Any, *_: Any) -> Any:  # noqa: N802
-        """The QP's metric."""
+        """Return the QP's metric."""
         return jnp.diag(2.0 * jnp.array(self._dynamics.input_metric()))
 
     def q(self, z: Any, u_des: Any, *_: Any) -> Any:
-        """Towards the nominal input."""
+        """Return the QP's linear term, towards the nominal input."""
         return -2.0 * jnp.array(self._dynamics.input_metric()) * u_des
 
     def _h(self, z: Any, active: Any) -> Any:
@@ -129,10 +130,10 @@ class Problem(CBFConfig):  # type: ignore[misc]
 
 
 def push(swarm: Swarm, i: int, terms: Terms, heard: dict[int, Array], x: Array) -> Array:
-    """Σ_{l≠i} g_l w_l, shape (n̄,): w_l = û_l where heard, else what attains γ_l^max."""
+    """Return Σ_{l≠i} g_l w_l, shape (n̄,): w_l = û_l if received, else attains γ_l^max."""
     total = np.zeros(len(x))
     for l, (member, part) in enumerate(zip(swarm.members, swarm.safe_set.parts, strict=True)):
-        if l == i or l not in terms.c:  # who is not seen pushes nothing that counts
+        if l == i or l not in terms.c:  # agents that are not seen do not count
             continue
         _, actuation = _limits(member.dynamics)
         corners = terms.polytopes[l].corners
@@ -142,7 +143,7 @@ def push(swarm: Swarm, i: int, terms: Terms, heard: dict[int, Array], x: Array) 
 
 
 def _limits(dynamics: Any) -> tuple[Array, Any]:
-    """The box |u| <= limit, and g as a function of the member's state."""
+    """Return the limit of the box |u| <= limit, and g as a function of the member's state."""
     if isinstance(dynamics, Unicycle):
         turn = np.array([0.0, 0.0, 1.0])
         return np.array([dynamics.speed, dynamics.turn_rate]), lambda x: np.column_stack(

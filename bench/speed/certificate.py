@@ -1,9 +1,9 @@
-"""What the proof costs: certificates, and bounds of how far integration steps are off.
+"""Measure the CPU time of certificates and of bounds on integration errors.
 
     python bench/speed/certificate.py [--duration 12] [--rounds 3]
 
-Both are timed inside runs of the in-process engine, around the judge's own calls: CPU time to
-compile them once, and of an agent step beside the whole step. The scenarios take turns; medians.
+Both are timed inside runs of the in-process engine, around the judge's own calls: the time to
+compile them once, and that per agent step, next to the whole step. Medians of alternate rounds.
 """
 
 import argparse
@@ -52,7 +52,7 @@ def main() -> None:
 
 
 def timed(function: Callable[..., Any], spent: dict[str, float], part: str) -> Callable[..., Any]:
-    """The same function, its CPU time added to a part."""
+    """Wrap a function to add its CPU time to a part."""
 
     def timing(*arguments: Any, **named: Any) -> Any:
         began = time.process_time()
@@ -65,7 +65,7 @@ def timed(function: Callable[..., Any], spent: dict[str, float], part: str) -> C
 
 
 def measured(name: str, duration: float, spent: dict[str, float]) -> tuple[float, ...]:
-    """CPU time to compile the proof [s]; then of a step its two parts and the whole [s]."""
+    """Measure the CPU time to compile the proof; then of a step its two parts and the whole [s]."""
     spent.update(dict.fromkeys(spent, 0.0))
     run = phalanx.run(phalanx.load(name, {"duration": duration}), engine="in-process")
     assert run.summary is not None

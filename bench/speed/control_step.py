@@ -1,10 +1,10 @@
-"""One agent's control step, row and QP, at the states of a real run; beside cbfpy.
+"""Compare one agent's control step, row and QP, with cbfpy's at the states of a real run.
 
     pip install -e '.[bench]' && python bench/speed/control_step.py
 
-All get the same sampled states, nominal inputs and û_l, in turn in one process, and must give the
-same input. Only states whose K_i is non-empty count, since cbfpy has no backup. "Beside ours" is
-the median, over all states, of the ratio of times.
+All get the same sampled states, nominal inputs and û_l, alternately in one process, and must
+return the same input. Only states with a non-empty K_i count, since cbfpy has no backup. "Ratio"
+is the median, over all states, of the time in units of ours.
 """
 
 import os
@@ -34,14 +34,14 @@ from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.rows.information import ReceivedInput
 from phalanx.theory.rows.origin import Origin
-from phalanx.theory.rows.safety_filter import Situation
+from phalanx.theory.rows.safety_filter import FilterInput
 
 SIMULATIONS = {"unicycles": "Simulation 1", "formation3d": "Simulation 2"}
 IN_TURN, WARM_UP = 50, 10
 
 
 class Sampled(NamedTuple):
-    """A step of the run, as its agent saw it."""
+    """The data of one agent's step of the run."""
 
     t: float
     x: Array
@@ -56,10 +56,10 @@ class Sampled(NamedTuple):
 def main() -> None:
     """Measure both simulations and print a table."""
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    arguments.add_argument("--steps", type=int, default=2000, help="at most so many states")
+    arguments.add_argument("--steps", type=int, default=2000, help="most states")
     arguments.add_argument("--backends", default="qpax,elastiqp", help="of cbfpy")
     options = arguments.parse_args()
-    print("| | states | all: p50, p99 [µs] | row binds: p50, p99 [µs] | beside ours | largest Δu |")
+    print("| | states | all: p50, p99 [µs] | row binds: p50, p99 [µs] | ratio | largest Δu |")
     print("|---|---|---|---|---|---|")
     for name, title in SIMULATIONS.items():
         rows, steps = prepared(phalanx.run(name, engine="in-process").recording, options.steps)
@@ -71,14 +71,14 @@ def main() -> None:
 
 
 def prepared(recording: Recording, most: int) -> tuple[SafetyRows, list[Sampled]]:
-    """The run's rows, and evenly chosen steps of its first normal agent that had a solution."""
+    """Return the rows, and evenly chosen steps of the first normal agent that had a solution."""
     rows = build_rows(build_swarm(recording.scenario))
     steps = list(sampled(recording, rows.swarm, rows.swarm.normal[0]))
     return rows, steps[:: -(-len(steps) // most)]
 
 
 def sampled(recording: Recording, swarm: Swarm, i: int) -> Iterator[Sampled]:
-    """Agent i's steps with a non-empty K_i, with what it had heard by then."""
+    """Yield agent i's steps with a non-empty K_i, with its received inputs."""
     states = {state.t: np.array(state.x) for state in recording.states}
     steps = sorted(recording.steps, key=lambda step: step.t)
     newest: dict[int, list[ReceivedInput]] = {l: [] for l in swarm.normal if l != i}
@@ -100,13 +100,13 @@ def sampled(recording: Recording, swarm: Swarm, i: int) -> Iterator[Sampled]:
 
 
 def our_step(rows: SafetyRows, i: int) -> Callable[[Sampled], Array]:
-    """Terms, row and QP, as agent i's process has them."""
+    """Make a function for terms, row and QP as in agent i's process."""
     terms, decide = rows.terms(i), rows.filter(i)
 
     def step(now: Sampled) -> Array:
         found = terms(now.x, now.seen)
-        situation = Situation(now.t, now.x, now.seen, found, now.u_nom, now.received)
-        return decide(situation).decision.u
+        arguments = FilterInput(now.t, now.x, now.seen, found, now.u_nom, now.received)
+        return decide(arguments).decision.u
 
     return step
 
@@ -114,13 +114,13 @@ def our_step(rows: SafetyRows, i: int) -> Callable[[Sampled], Array]:
 def cbfpy_step(
     rows: SafetyRows, i: int, steps: list[Sampled], backend: str
 ) -> Callable[[Sampled], Array]:
-    """The same by cbfpy; what it has to be told is worked out beforehand, and not timed."""
+    """Make the same function with cbfpy; the others' inputs are computed before, and not timed."""
     swarm, peer, terms = rows.swarm, Peer(rows, i, backend), rows.terms(i)
     composed, radius = swarm.safe_set, swarm.sensing(i)
     everything = ca.SX.ones(len(composed.pairs))
     chosen = everything if radius is None else composed.within(i, radius)
     near = CompiledFunction([composed.x], [chosen])
-    told = {
+    given = {
         now.t: (
             push(
                 swarm,
@@ -133,11 +133,11 @@ def cbfpy_step(
         )
         for now in steps
     }
-    return lambda now: peer(now.x, now.u_nom, *told[now.t])
+    return lambda now: peer(now.x, now.u_nom, *given[now.t])
 
 
 class Measured(NamedTuple):
-    """One controller's, by state."""
+    """Results of one controller, by state."""
 
     times: Array
     """[s]"""
@@ -148,9 +148,9 @@ class Measured(NamedTuple):
 def measured(
     steps: list[Sampled], controllers: dict[str, Callable[[Sampled], Array]]
 ) -> dict[str, Measured]:
-    """Every controller at every state, a few states each in turn.
+    """Run every controller at every state, alternating after a few states.
 
-    So all see the same load of the machine, and none pays for another's data in the caches.
+    So all have the same load of the machine, and warm caches.
     """
     found = {name: Measured(*np.empty((2, len(steps)))) for name in controllers}
     for first in range(0, len(steps), IN_TURN):

@@ -1,9 +1,9 @@
-"""Agent steps per second of both engines, side by side, for every scenario that ships.
+"""Measure agent steps per second of both engines for every scenario that ships.
 
     python bench/speed/engines.py [unicycles formation3d …] [--rounds 3] [--duration 12]
 
-The engines take turns, so that a machine whose speed drifts is as kind to the one as to the other.
-Each pair of runs must give the same trajectory, to the last bit.
+The engines alternate, so that drifts of the machine's speed affect both. Each pair of runs must
+give the same trajectory, to the last bit.
 """
 
 import argparse
@@ -27,7 +27,7 @@ def main() -> None:
 
 
 def line(name: str, duration: float, rounds: int) -> str:
-    """One line of the table: medians over the rounds."""
+    """Make one line of the table: medians over the rounds."""
     shipped = phalanx.load(name)
     scenario = phalanx.load(name, {"duration": min(duration, shipped.duration)})
     rates: dict[str, list[float]] = {engine: [] for engine in ENGINES}

@@ -1,9 +1,9 @@
-"""What lookahead gains: the same swarm one sample after another, and as many at once as may be.
+"""Measure the gain of lookahead: one sample after another, or as many at once as allowed.
 
     python bench/speed/lookahead.py --agents 64
 
-A real hub and a process for each agent; the plant integrates and keeps the trajectory's hash, but
-judges and records nothing. Both ways take turns; their hashes must agree.
+A real hub and a process for each agent; the plant integrates and hashes the trajectory, but judges
+and records nothing. Both ways alternate; their hashes must agree.
 """
 
 import argparse
@@ -18,7 +18,7 @@ from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.lockstep import Lockstep
 from phalanx_plant.clock.lookahead import look_ahead
 from phalanx_plant.hub.hub import LockstepHub
-from phalanx_plant.judge.backlog import Backlog
+from phalanx_plant.judge.event_queue import EventQueue
 from phalanx_plant.judge.judge import Judged
 from phalanx_plant.observers.recorder import TrajectoryHash
 from phalanx_plant.sampling.sampling import Sampling
@@ -33,7 +33,7 @@ from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
 from phalanx.wire.session import free_endpoint
 
-# Rows that are built in no time: what is measured is the exchange, with a computation in it.
+# Rows that are built quickly: the exchange is to be measured, with some computation in it.
 SIMPLE = {
     "safety.composition": "lse",
     "safety.margin": "paper",
@@ -45,28 +45,28 @@ SIMPLE = {
 
 
 class Keeper:
-    """The hash of what happened, and how many inputs there were."""
+    """Hashes the trajectory, and counts inputs."""
 
     def __init__(self) -> None:
         self.trajectory, self.steps = TrajectoryHash(), 0
         self.began = time.perf_counter()
 
     def prepare(self, events: Sequence[Event]) -> None:
-        """Nothing is worked out ahead."""
+        """Do nothing."""
 
-    def take(self, event: Event) -> Judged:
+    def judge(self, event: Event) -> Judged:
         """Take the next event."""
         judged = Judged(event)
         if isinstance(event, StateReached | InputApplied):
             self.trajectory.add(judged)
             self.steps += isinstance(event, InputApplied)
-            if event.t == 0.0:  # the first samples build what is built at first use
+            if event.t == 0.0:  # the first samples compile what is compiled at first use
                 self.began = time.perf_counter()
         return judged
 
 
 def main() -> None:
-    """Run both ways in turns, and print times and their ratio."""
+    """Run both ways alternately, and print times and their ratio."""
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     arguments.add_argument("--agents", type=int, default=64)
     arguments.add_argument("--duration", type=float, default=0.5, help="virtual time [s]")
@@ -99,7 +99,7 @@ def main() -> None:
 
 
 def measured(rows: SafetyRows) -> tuple[float, str]:
-    """Wall time of a step [s], and the trajectory's hash, of one run."""
+    """Run once; return the wall time of a step [s] and the trajectory's hash."""
     context = multiprocessing.get_context("fork")
     membership = Membership("bench", free_endpoint(), b"bench")
     answers = context.SimpleQueue()
@@ -116,12 +116,12 @@ def measured(rows: SafetyRows) -> tuple[float, str]:
 
 
 def plant(rows: SafetyRows, membership: Membership, answers: "Answers[tuple[float, str]]") -> None:
-    """World, schedule and hub; the time counts from when everybody has answered once."""
+    """Run world, schedule and hub; time counts once every agent has answered once."""
     swarm, keeper = rows.swarm, Keeper()
     with LockstepHub(swarm, membership, lambda: None) as hub:
         world, commands = World(rows), CommandQueue(NO_COMMANDS, swarm.names)
-        happened = Backlog(keeper, ())
-        lockstep = Lockstep(world, Sampling(swarm), hub, happened, commands, look_ahead)
+        events = EventQueue(keeper, ())
+        lockstep = Lockstep(world, Sampling(swarm), hub, events, commands, look_ahead)
         hub.wait_for_agents(lambda _: None)
         lockstep.run(swarm.scenario.duration)
         seconds = (time.perf_counter() - keeper.began) / (keeper.steps - len(swarm.members))

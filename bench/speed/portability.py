@@ -1,10 +1,10 @@
-"""Trajectory hashes of the shipped scenarios under other kernels, CPUs, libms and Pythons.
+"""Compare trajectory hashes of the shipped scenarios under other kernels, CPUs, libms and Pythons.
 
     python bench/speed/portability.py --python 3.12=path/to/python --python 3.13=path/to/python
 
-Each run is a `phalanx run --engine in-process` of its own. The first column is this Python as it
-is; a cell says `same` or shows another hash. Exits with 1 if any differs. The last line says
-whether libm itself gives the same sines.
+Each run is a `phalanx run --engine in-process` of its own. The first column is this Python
+unchanged; other cells are `same` or another hash. Exits with 1 if any differs. The last line
+compares the sines of libm itself.
 """
 
 import argparse
@@ -62,7 +62,7 @@ def main() -> None:
 def trajectory(
     scenario: str, duration: float | None, python: str, setting: Mapping[str, str]
 ) -> str:
-    """The hash of one run's states and inputs."""
+    """Run a scenario; return the hash of its states and inputs."""
     shorter: Sequence[str] = () if duration is None else ("--set", f"duration={duration}")
     with tempfile.TemporaryDirectory(prefix="phalanx-") as parent:
         command = [python, "-m", "phalanx", "run", scenario, *shorter]
@@ -80,7 +80,7 @@ def trajectory(
 
 
 def libm_here() -> str:
-    """A hash of many sines by the C library."""
+    """Return a hash of many sines by the C library."""
     sine = ctypes.CDLL("libm.so.6").sin
     sine.restype, sine.argtypes = ctypes.c_double, [ctypes.c_double]
     values = np.array([sine(x) for x in np.linspace(0.0, 3.0, 100_000).tolist()])
@@ -88,7 +88,7 @@ def libm_here() -> str:
 
 
 def libm_without_fma() -> str:
-    """The same from a process whose libm may not use FMA."""
+    """Return the same from a process whose libm may not use FMA."""
     environment = {**os.environ, **SETTINGS["libm without FMA"]}
     answer = subprocess.run(
         [sys.executable, __file__, "--libm"], env=environment, capture_output=True, check=True

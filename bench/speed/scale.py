@@ -1,18 +1,17 @@
-"""What a swarm costs by its size, beside as many bare processes, measured in one go.
+"""Measure time and memory of a swarm by its size, compared with as many bare processes.
 
     python bench/speed/scale.py [swarm2d] [--agents 8,16,32] [--steps 4000]
 
-build      the theory that all agents inherit, compiled, and one agent's controller, in a process
-           that did neither yet
+build      compile the theory that all agents inherit, and one agent's controller, in a new process
 start-up   from the call until all agents have joined; bare: processes that only open a session and
            announce themselves
-memory     PSS of an agent, and of the plant: what it has alone, and its part of what is shared
+memory     PSS of an agent, and of the plant: private memory, and its share of shared memory
 step       wall time of one agent step of a real run; exchange: the bare processes answer a payload
-           one after the other, and hear from as many peers as an agent does
+           one after the other, and receive messages from as many peers as an agent
 RTF        real-time factor
 
-A run lasts as long as it takes for all agents to make so many steps, and from 2 to 20 s of virtual
-time. A size that fails has its error in the table, and the next one is measured.
+A run lasts until all agents together have made --steps steps, and from 2 to 20 s of virtual time.
+A size that fails has its error in the table, and the next one is measured.
 """
 
 import argparse
@@ -51,7 +50,7 @@ EXCHANGES = 2000
 SHORTEST, LONGEST = 2.0, 20.0
 """Virtual time of a run [s]."""
 LOOKED_AT = 16
-"""As many agents' memory is read: to read it holds an agent up."""
+"""Number of agents whose memory is read: reading it delays an agent."""
 
 COLUMNS = (
     "N | build [s] | start-up [s] | bare [s] | ratio | agent [MB] | plant [MB] | step [µs] | "
@@ -60,7 +59,7 @@ COLUMNS = (
 
 
 class Started(NamedTuple):
-    """What was seen of a run while it went on."""
+    """Measurements during a run."""
 
     seconds: float
     agent: float
@@ -85,7 +84,7 @@ def main() -> None:
 
 
 def measured(name: str, agents: int, steps: int) -> str:
-    """The cells of one line of the table, or what went wrong."""
+    """Make the cells of one line of the table, or the error."""
     try:
         return cells(sized(name, agents, steps))
     except Exception as error:  # the other sizes count too
@@ -93,7 +92,7 @@ def measured(name: str, agents: int, steps: int) -> str:
 
 
 def sized(name: str, agents: int, steps: int) -> phalanx.Scenario:
-    """A swarm of this size, one in eight an adversary, for so many steps of all agents."""
+    """Load a swarm of this size, an eighth adversaries, with `steps` steps of all agents."""
     adversaries = max(1, agents // 8)
     counts = {"agents.0.count": agents - adversaries, "agents.1.count": adversaries}
     period = phalanx.load(name).agents[0].clock.period
@@ -102,7 +101,7 @@ def sized(name: str, agents: int, steps: int) -> phalanx.Scenario:
 
 
 def cells(scenario: phalanx.Scenario) -> str:
-    """One line of the table, but for its size."""
+    """Make one line of the table, without its size."""
     size = sum(group.size for group in scenario.agents)
     build = apart(build_time, to_json(scenario))
     alone, exchange = apart(bare_processes, size, peers(scenario))
@@ -121,14 +120,14 @@ def cells(scenario: phalanx.Scenario) -> str:
 
 
 def apart(function: Callable[..., T], *arguments: object) -> T:
-    """What a function returns in a process of its own."""
+    """Call a function in a new process, and return its result."""
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(1, mp_context=spawn) as pool:
         return pool.submit(function, *arguments).result()
 
 
 def build_time(scenario_json: str) -> float:
-    """How long theory and one agent's controller take [s]."""
+    """Measure the time to build the theory and one agent's controller [s]."""
     scenario = from_json(scenario_json)
     began = time.perf_counter()
     rows = build_rows(build_swarm(scenario))
@@ -138,7 +137,7 @@ def build_time(scenario_json: str) -> float:
 
 
 def peers(scenario: phalanx.Scenario) -> int:
-    """How many others an agent has within its neighbourhood at the start, on average."""
+    """Count the other agents in an agent's neighbourhood at the start, on average."""
     p = np.array([g.start[place][: g.axes] for _, g, place in scenario.roster()])
     apart = np.linalg.norm(p[:, None] - p[None], axis=2)
     radius = scenario.safety.neighbourhood or np.inf
@@ -146,7 +145,7 @@ def peers(scenario: phalanx.Scenario) -> int:
 
 
 def observed(scenario: phalanx.Scenario) -> tuple[Started, phalanx.Summary]:
-    """Run a scenario with real processes, and look at them once all have joined.
+    """Run a scenario with real processes, and measure them once all have joined.
 
     Raises RuntimeError if the run breaks.
     """
@@ -183,9 +182,9 @@ def megabytes(process: psutil.Process) -> float:
 
 
 def bare_processes(count: int, peers: int) -> tuple[float, float]:
-    """How long `count` processes take to start and join [s], and an exchange with one of them.
+    """Measure the time for `count` processes to start and join, and that of an exchange [s].
 
-    To be called in a process that has no session: they are forked from it.
+    Call it in a process without a session: they are forked from it.
     """
     context = multiprocessing.get_context("fork")
     names, endpoint = [str(k) for k in range(count)], free_endpoint()
@@ -212,7 +211,7 @@ def bare_processes(count: int, peers: int) -> tuple[float, float]:
 
 
 def echo(endpoint: str, name: str, peers: list[str]) -> None:
-    """Answer every payload until the hub is gone, and tell as many peers as an agent does."""
+    """Answer every payload until the hub is gone, and send to as many peers as an agent does."""
     with bare.member(endpoint, name) as session:
         publishers = [pubsub.publisher(session, KEYS.actuation(name))]
         publishers += [pubsub.publisher(session, f"bench/to/{peer}/{name}") for peer in peers]

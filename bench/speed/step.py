@@ -1,4 +1,4 @@
-"""Wall time of one agent step of both simulations, beside its parts, measured in turn.
+"""Measure the wall time of one agent step of both simulations, and of its parts.
 
     python bench/speed/step.py
 
@@ -6,8 +6,8 @@ step      a real run: plant, hub and agents, each a process
 exchange  the same processes, hub, subscriptions and message sizes, but nothing computed
 compute   the same run by the in-process engine: nothing sealed or sent
 
-The ratio step / (exchange + compute) is what the design adds; each figure is the median of rounds,
-and the ratio is the median of the rounds' own ratios.
+The ratio step / (exchange + compute) is the overhead of the design. Each figure is the median of
+rounds, and the ratio is the median of the rounds' own ratios.
 """
 
 import argparse
@@ -21,7 +21,7 @@ from phalanx_agent.step import ControlStep
 
 import phalanx
 from phalanx.swarm.rows import build_rows
-from phalanx.swarm.seen import SeenStates
+from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire import pubsub
 from phalanx.wire.messages import Message, Sample
@@ -39,7 +39,7 @@ class Sizes(NamedTuple):
 
 
 SIMULATIONS = {"unicycles": ("Simulation 1", 4.0), "formation3d": ("Simulation 2", 12.0)}
-"""What each is called, and how much virtual time a round takes [s]."""
+"""Title, and virtual time of a round [s]."""
 
 
 class Round(NamedTuple):
@@ -51,12 +51,12 @@ class Round(NamedTuple):
 
     @property
     def ratio(self) -> float:
-        """What the design adds, as a factor."""
+        """Overhead of the design, as a factor."""
         return self.step / (self.exchange + self.compute)
 
 
 def main() -> None:
-    """Measure each part in turn, several times, and print a table of medians."""
+    """Measure each part alternately, several times, and print a table of medians."""
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     arguments.add_argument("--only", choices=list(SIMULATIONS), help="one simulation")
     arguments.add_argument("--rounds", type=int, default=5)
@@ -74,7 +74,7 @@ def main() -> None:
 
 
 def measured(scenario: phalanx.Scenario, sizes: Sizes) -> Round:
-    """One round."""
+    """Measure one round."""
     step, steps = per_step(phalanx.run(scenario))
     exchange = measure_exchange(scenario, steps, sizes)
     compute, _ = per_step(phalanx.run(scenario, engine="in-process"))
@@ -82,17 +82,17 @@ def measured(scenario: phalanx.Scenario, sizes: Sizes) -> Round:
 
 
 def per_step(run: phalanx.Run) -> tuple[float, int]:
-    """Wall time of a step in a run [s], and the number of steps."""
+    """Return the wall time of a step in a run [s], and the number of steps."""
     assert run.summary is not None
     return run.summary.wall_time / run.summary.steps, run.summary.steps
 
 
 def payload_sizes(scenario: phalanx.Scenario) -> Sizes:
-    """Of the first step of the first normal agent."""
+    """Compute the sizes of the messages in the first step of the first normal agent."""
     swarm = build_swarm(scenario)
     step = ControlStep(build_rows(swarm), swarm.normal[0])
     nothing, seen = tuple(-1 for _ in swarm.members), tuple(range(len(swarm.members)))
-    x = SeenStates(swarm).packed(swarm.start(), seen)
+    x = StateCodec(swarm).pack(swarm.start(), seen)
     hearers = swarm.heard_by(step.i)
     sample = Sample(k=0, t=0.0, seen=seen, x=x, since=nothing, latest=nothing, hearers=hearers)
     answer = step(step.accept_sample(sample))
@@ -106,7 +106,7 @@ def _sealed(message: Message) -> int:
 
 
 def measure_exchange(scenario: phalanx.Scenario, steps: int, sizes: Sizes) -> float:
-    """Time from a sample-sized payload out to an answer's three back, through the hub [s]."""
+    """Measure the time from a payload of a sample's size to its answer, through the hub [s]."""
     swarm, endpoint = build_swarm(scenario), free_endpoint()
     context = multiprocessing.get_context("forkserver")
     answer = context.SimpleQueue()
@@ -116,7 +116,12 @@ def measure_exchange(scenario: phalanx.Scenario, steps: int, sizes: Sizes) -> fl
     echoes = [
         context.Process(
             target=echo,
-            args=(endpoint, name, [n for n in normal if name in normal and n != name], sizes),
+            args=(
+                endpoint,
+                name,
+                [n for n in normal if name in normal and n != name],
+                sizes,
+            ),
         )
         for name in swarm.names
     ]
@@ -135,13 +140,13 @@ def exchange(
     sizes: Sizes,
     answer: "multiprocessing.queues.SimpleQueue[float]",
 ) -> None:
-    """The hub of a bare exchange: one agent after the other, as in lockstep without latency."""
+    """Run the hub of a bare exchange: agent after agent, as in lockstep without latency."""
     with bare.hub(endpoint, names) as hub:
         answer.put(bare.exchange(hub, bytes(sizes.sample), steps))
 
 
 def echo(endpoint: str, name: str, peers: list[str], sizes: Sizes) -> None:
-    """An agent of a bare exchange: it answers every payload, and hears what it would hear."""
+    """Run an agent of a bare exchange: answer every payload, with an agent's subscriptions."""
     with bare.member(endpoint, name) as session:
         actuation = pubsub.publisher(session, KEYS.actuation(name))
         telemetry = pubsub.publisher(session, KEYS.telemetry(name))

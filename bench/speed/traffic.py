@@ -1,9 +1,9 @@
-"""What one agent is sent in a step, in a small swarm and in a large one of the same density.
+"""Count the messages that one agent receives in a step, in swarms of one density and two sizes.
 
     python bench/speed/traffic.py --agents 32,256
 
-Counted where it arrives, at the session of each agent's own process: all messages that Zenoh hands
-over, with their lengths. It depends on how many an agent sees, which is printed beside it.
+Counted in each agent's process: all messages that Zenoh delivers, with their lengths. They depend
+on how many agents it sees, which is printed too.
 """
 
 import argparse
@@ -45,7 +45,7 @@ def main() -> None:
 
 
 def received(rows: SafetyRows) -> list[Counter[str]]:
-    """Of each normal agent: samples, whom they held, and all messages with their bytes."""
+    """Count, for each normal agent, samples, agents in them, all messages and their bytes."""
     context = multiprocessing.get_context("fork")
     membership = Membership("bench", free_endpoint(), b"bench", timeout=120.0)
     times, counts = context.SimpleQueue(), context.SimpleQueue()
@@ -65,7 +65,7 @@ def received(rows: SafetyRows) -> list[Counter[str]]:
 def counted_agent(
     rows: SafetyRows, membership: Membership, counts: "Answers[tuple[str, Counter[str]]]"
 ) -> None:
-    """The agent as ever, with a count of what its subscriptions are handed."""
+    """Run the agent, and count what its subscriptions deliver."""
     counted, sealer, subscribe = Counter[str](), membership.sealer, pubsub.subscribe
 
     def subscribe_and_count(session: Session, key: str, deliver: pubsub.Deliver) -> None:

@@ -1,11 +1,11 @@
 """Server CPU of the viewer at 30 updates a second, for a small and for a large swarm.
 
-python bench/speed/viewer_cpu.py              # nobody looks
-python bench/speed/viewer_cpu.py --page       # a headless Chromium looks on, on a core of its own
+python bench/speed/viewer_cpu.py              # without a browser
+python bench/speed/viewer_cpu.py --page       # with a headless Chromium, on a core of its own
 
 Agents drift along circles, and every frame goes through the code of a live run: history, scene,
-texts and plots. CPU is that of the server's process alone, for each update it made, so that other
-work on the machine does not count; times RATE it is a share of one core.
+texts and plots. The CPU time is that of the server's process per update, so that other work on the
+machine does not count; times RATE it is a share of one core.
 """
 
 import argparse
@@ -41,7 +41,7 @@ HOST = "127.0.0.1"
 
 
 def crowd(count: int) -> Scenario:
-    """`count` single integrators on a grid, every tenth an adversary."""
+    """Make a scenario of `count` single integrators on a grid, every tenth an adversary."""
     side = int(np.ceil(np.sqrt(count)))
     groups = []
     for role, law in (("normal", "track-velocity"), ("adversary", "pursue")):
@@ -69,7 +69,7 @@ def _step(u: tuple[float, ...]) -> AppliedStep:
 
 
 class Carousel:
-    """A feed with a new frame at every call."""
+    """A stand-in for a live run, with a new frame at every call."""
 
     def __init__(self, count: int) -> None:
         self.model = scene_model(crowd(count))
@@ -82,11 +82,11 @@ class Carousel:
         self._frames = 0
 
     def recent_paths(self, t: float) -> NDArray[np.float64]:
-        """Positions on the way here."""
+        """Return the positions on the way to the present."""
         return self.history.recent_path
 
     def take(self) -> Frame:
-        """The next frame."""
+        """Return the next frame."""
         self._frames += 1
         t = self._frames / RATE
         velocities = np.cos(t + self._phases)
@@ -102,8 +102,8 @@ class Carousel:
 
 
 def serve(count: int, port: int, ready: Event, over: Event, updates: "Synchronized[int]") -> None:
-    """The server's process: a page fed at RATE."""
-    page = Page(HOST, port, (), Carousel(count))
+    """Run the server's process: a page fed at RATE."""
+    page = Page(HOST, port, (), Carousel(count))  # type: ignore[arg-type]
     page.tick()
     ready.set()
     due = time.monotonic()
@@ -116,7 +116,7 @@ def serve(count: int, port: int, ready: Event, over: Event, updates: "Synchroniz
 
 
 def cpu_share(count: int, seconds: float, watched: bool) -> float:
-    """Share of one core that the server takes at RATE."""
+    """Measure the share of one core that the server takes at RATE."""
     context = multiprocessing.get_context("spawn")
     ready, over, port = context.Event(), context.Event(), choose_port(HOST, None)
     updates = context.Value("q")
@@ -139,7 +139,7 @@ def cpu_share(count: int, seconds: float, watched: bool) -> float:
 
 @contextlib.contextmanager
 def looking_on(url: str) -> Iterator[None]:
-    """A headless Chromium that has the page open."""
+    """Open the page in a headless Chromium."""
     program = shutil.which("chromium")
     if program is None:
         raise RuntimeError("--page needs a chromium on the path")
@@ -170,7 +170,7 @@ def main() -> None:
 
 
 def _few(group: Mapping[str, object]) -> dict[str, object]:
-    """A group cut down to its first two agents."""
+    """Reduce a group to its first two agents."""
     return {k: v[:2] if isinstance(v, list) else v for k, v in group.items()}
 
 

@@ -1,8 +1,9 @@
-"""Attacks on a run with certificates: by who has none, a wrong one, or one of his own.
+"""Attacks on a run with TLS certificates: with none, with a wrong one, or with the attacker's own.
 
-The run's programs are started as on many hosts, each with the folder of its certificate. Who has
-one knows all secrets besides: what he may do is decided at the hub's door alone. Who plays the hub
-is at its endpoint before it, while the agents try to connect, and leaves it to the plant then.
+The run's programs are started as on many hosts, each with the folder of its certificate. An
+attacker with a certificate knows all secrets too: only the hub's access control limits it. One that
+plays the hub listens on its endpoint first, while the agents try to connect, and then leaves it to
+the plant.
 """
 
 import datetime
@@ -20,7 +21,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Summary, read_summary
-from phalanx.hosts.authority import Authority, make_certificates, private_pem, write_certificate
+from phalanx.hosts.authority import Authority, make_identities, private_pem, write_identity
 from phalanx.recording.records import SUMMARY
 from phalanx.scenario.load import load
 from phalanx.wire import liveliness
@@ -58,7 +59,7 @@ _MONTH = datetime.timedelta(days=30)
 
 
 class Shown(NamedTuple):
-    """What an attacker shows at the door."""
+    """The identity with which an attacker connects."""
 
     authority: str
     """OURS, FOREIGN or EXPIRED."""
@@ -144,7 +145,7 @@ CERTIFIED: Mapping[str, Shown] = {
 
 
 def attacked(attack: str) -> tuple[list[str], Summary]:
-    """What the attacker said, and the run's summary."""
+    """Run with an attacker; return its output and the run's summary."""
     endpoint = free_endpoint().replace("tcp/", "tls/")
     agents = [name for name, _, _ in load(SCENARIO, OVERRIDES).roster()]
     with tempfile.TemporaryDirectory() as parent:
@@ -182,7 +183,7 @@ def attacked(attack: str) -> tuple[list[str], Summary]:
 def _make_keys(keys: Path, names: list[str]) -> None:
     """Folders of certificates by who signed them, or how long ago."""
     for authority, valid in ((OURS, _MONTH), (FOREIGN, _MONTH), ("past", -_MONTH)):
-        make_certificates(keys / authority, names, ["127.0.0.1"], valid, claims=True)
+        make_identities(keys / authority, names, ["127.0.0.1"], valid, claims=True)
     # Signed by the run's own authority, and all right but for their dates.
     signing = keys / "past" / PLANT
     (signing / AUTHORITY_KEY).unlink()
@@ -193,7 +194,7 @@ def _make_keys(keys: Path, names: list[str]) -> None:
         (keys / EXPIRED / name).mkdir(parents=True)
         key = ec.generate_private_key(ec.SECP256R1())
         signed = long_ago.sign(name, key.public_key())
-        write_certificate(keys / EXPIRED / name, b"", signed, private_pem(key))
+        write_identity(keys / EXPIRED / name, b"", signed, private_pem(key))
 
 
 def _start(*arguments: str) -> subprocess.Popen[str]:
@@ -205,7 +206,7 @@ def _start(*arguments: str) -> subprocess.Popen[str]:
 
 
 def _connects(program: subprocess.Popen[str]) -> bool:
-    """Whether it has a thread of Zenoh's, which names itself."""
+    """Return whether the program has a thread of Zenoh's, by its name."""
     threads = Path(f"/proc/{program.pid}/task").glob("*/comm")
     return any(thread.read_text().startswith("app-") for thread in threads)
 
@@ -222,7 +223,7 @@ def main() -> None:
         endpoint = endpoint.replace("tls/", "tcp/")
     elif shown.name is not None:
         shows = tls(folder / shown.name, "connect")
-    # Everybody knows the hub's authority, and would be let in by a hub that asked no more.
+    # The hub's authority is public: it would be admitted by a hub that only checked that.
     shows["root_ca_certificate"] = str(Path(keys) / OURS / VICTIM / AUTHORITY)
     at_full_speed = shown.attack in (answers_for_another, floods)
     assail(Attacker(endpoint, RUN, b"", shows), shown.attack, at_full_speed)

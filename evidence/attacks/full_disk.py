@@ -1,10 +1,10 @@
-"""A disk that is full at every 4 kB of a recording: the run is broken, and says in a line why.
+"""A disk that is full at every 4 kB of a recording: the run is broken, with one line of error.
 
     python evidence/attacks/full_disk.py [STEP]
 
-A limit on the size of files is the full disk that needs no root. One line for each size [bytes] at
-which a run came to anything else than exit status 3, a line that names the recording, no summary
-beside it and a recording that is cut short and shows no verdict; exit with 1 if there was any.
+A limit on the size of files acts as a full disk, without root. Expected are exit status 3, a line
+that names the recording, no summary, and a recording that is cut short and has no verdict. Prints
+one line for each size [bytes] with another result, and then exits with 1.
 """
 
 import resource
@@ -33,7 +33,7 @@ def run(folder: Path, size: int) -> subprocess.CompletedProcess[str]:
 
 
 def complaints(ended: subprocess.CompletedProcess[str], folder: Path) -> list[str]:
-    """What is not as it should be after a run on a disk that was too small."""
+    """Return the deviations from the expected end of a run on a disk that is too small."""
     *_, last = ended.stdout.splitlines() or [""]
     found = []
     if ended.returncode != 3 or not last.startswith("broken: ") or RECORDING not in last:

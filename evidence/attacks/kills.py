@@ -98,7 +98,7 @@ def strike(run: Run, target: str, number: signal.Signals, after: float) -> bool:
 
 
 def complaints(run: Run, folder: Path, target: str, number: signal.Signals) -> list[str]:
-    """What is not as it should be once the signal was sent."""
+    """Return the deviations from the expected end after the signal."""
     try:
         said, _ = run.process.communicate(timeout=ENDED)
     except subprocess.TimeoutExpired:
@@ -127,7 +127,7 @@ def complaints(run: Run, folder: Path, target: str, number: signal.Signals) -> l
 
 
 def waited(condition: Callable[[], bool], seconds: float) -> bool:
-    """Whether a condition comes true in time."""
+    """Return whether a condition becomes true in time."""
     deadline = time.monotonic() + seconds
     while not condition():
         if time.monotonic() > deadline:
@@ -137,7 +137,7 @@ def waited(condition: Callable[[], bool], seconds: float) -> bool:
 
 
 def main() -> None:
-    """Strike each run once."""
+    """Send one signal to each run."""
     number, seed = int(sys.argv[1]), int((*sys.argv, "0")[2])
     struck, faults = Counter[str](), 0
     for n in range(number):

@@ -18,7 +18,7 @@ COPIED = ("phalanx", "agent", "plant", "viewer", "tests", "scenarios", "docs")
 
 
 def noticed(mutant: Mutant) -> bool:
-    """Whether a test fails in a copy of the sources with the safeguard broken."""
+    """Return whether a test fails in a copy of the sources with the safeguard broken."""
     with tempfile.TemporaryDirectory() as parent:
         copy = Path(parent)
         for name in COPIED:

@@ -1,4 +1,4 @@
-"""Runs beside readers that stop, and with an agent that withholds a broadcast."""
+"""Runs with readers that stop, and with an agent that withholds a broadcast."""
 
 import os
 import secrets
@@ -22,10 +22,10 @@ _LONG = ("duration=8.0",)
 _LAW = 'agents.0.law={ type = "tests.hostile.withholding:Withholding", gain = 1.0 }'
 _WITHHELD = ("duration=0.5", "time.timeout=10.0", _LAW)
 READERS: dict[str, tuple[int, float | None, tuple[str, ...]]] = {
-    "no reader, in real time": (0, 1.0, _LONG),
-    "viewer: one stops to read": (1, None, _LONG),
+    "viewers: none, in real time": (0, 1.0, _LONG),
+    "viewers: one stops to read": (1, None, _LONG),
     "viewers: three stop to read": (3, None, _LONG),
-    "viewer: one stops to read, in real time": (1, 1.0, _LONG),
+    "viewers: one stops to read, in real time": (1, 1.0, _LONG),
     "viewers: three stop to read, in real time": (3, 1.0, _LONG),
     "insider: withholds a broadcast": (0, None, _WITHHELD),
 }
@@ -38,7 +38,7 @@ def scenario_of(attack: str) -> Scenario:
 
 
 def attacked(attack: str) -> tuple[list[str], Summary]:
-    """What each reader said before it stopped, and what the run comes to."""
+    """Return the readers' output before they stopped, and the run's summary."""
     count, real_time, _ = READERS[attack]
     secret, endpoint = secrets.token_bytes(16), free_endpoint()
     with tempfile.TemporaryDirectory() as parent:

@@ -1,7 +1,7 @@
 """Run every attack against a run of real processes and write the table of docs/security.md.
 
-python evidence/attacks/table.py            all of them, each beside a run of its own
-python evidence/attacks/table.py stranger   those whose name contains the word; the other rows stay
+python evidence/attacks/table.py            all of them, each on a run of its own
+python evidence/attacks/table.py stranger   those whose name contains the word; the others stay
 """
 
 import secrets
@@ -9,7 +9,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-import time
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,13 +26,13 @@ from tests.hostile.attacker import ATTACKS, OVERRIDES, READ, SCENARIO, UNDER_WAY
 ROOT = Path(__file__).parents[2]
 BEGIN, END = "<!-- made by evidence/attacks/table.py -->", "<!-- end -->"
 PAGE = ROOT / "docs" / "security.md"
-HEAD = ("| who and what | outcome | refused | wall time [s] |", "|---|---|---|---|")
+HEAD = ("| who | attacks | outcome | refused |", "|---|---|---|---|")
 SPEED = 0.1
 """Virtual seconds for each of wall time: every attack gets some five seconds of the run."""
 
 
 class Outcome(NamedTuple):
-    """What an attack came to."""
+    """The result of an attack."""
 
     let_in: bool
     read: int
@@ -40,7 +40,7 @@ class Outcome(NamedTuple):
 
 
 def attacked(attack: str, scenario: phalanx.Scenario) -> Outcome:
-    """A run beside an attacker who waits for its hub to listen."""
+    """Run with an attacker, which waits for the hub to listen."""
     secret, endpoint = secrets.token_bytes(16), free_endpoint()
     with tempfile.TemporaryDirectory() as parent:
         folder = Path(parent) / "assailed"
@@ -67,7 +67,7 @@ def attacked(attack: str, scenario: phalanx.Scenario) -> Outcome:
 
 
 def attacked_with_certificates(attack: str) -> Outcome:
-    """A run whose hub asks for certificates, beside such an attacker."""
+    """Run such an attack on a hub that requires certificates."""
     return _outcome(*certified.attacked(attack))
 
 
@@ -76,45 +76,59 @@ def _outcome(said: list[str], summary: Summary) -> Outcome:
     return Outcome(UNDER_WAY in lines, lines.count(READ), summary)
 
 
-def row(attack: str, outcome: Outcome, calm: Summary, wall_time: float) -> str:
-    """A row of the table."""
+def result(outcome: Outcome, calm: Summary) -> str:
+    """The last two cells of an attack's row."""
     summary = outcome.summary
-    same = "same trajectory" if summary.trajectory == calm.trajectory else "another trajectory"
+    same = summary.trajectory == calm.trajectory
+    found = f"{summary.outcome}, {'same' if same else 'another'} trajectory"
+    if same and summary.outcome == calm.outcome:
+        found = "unchanged"
     if summary.punctuality is not None:
         kept = summary.punctuality
-        same = f"{kept.missed} of {kept.samples + kept.missed} samples missed"
+        found = f"{summary.outcome}, {kept.missed} of {kept.samples + kept.missed} samples missed"
     refused = ", ".join(f"{n} {reason}" for reason, n in summary.rejected.items())
     if not outcome.let_in:
-        refused = "at the door"
+        refused = "not admitted"
     if outcome.read:
         refused = f"{refused}; it read {outcome.read} messages"
-    cells = (
-        attack,
-        f"{summary.outcome}, {same}",
-        refused or "nothing came through",
-        f"{wall_time:.1f}",
-    )
-    return f"| {' | '.join(cells)} |"
+    return f"{found} | {refused or 'none'}"
+
+
+def read_table(lines: Iterable[str]) -> dict[str, str]:
+    """The result of each attack in a table that was printed before."""
+    found = {}
+    for line in lines:
+        who, attacks, last = line.strip("| ").split(" | ", 2)
+        found.update({f"{who}: {attack}": last for attack in attacks.split("; ")})
+    return found
+
+
+def table_of(results: Mapping[str, str]) -> list[str]:
+    """Rows of the table: attacks of one attacker with one result share a row."""
+    rows: dict[tuple[str, str], list[str]] = {}
+    for name, last in results.items():
+        who, _, attack = name.partition(": ")
+        rows.setdefault((who, last), []).append(attack)
+    return [f"| {who} | {'; '.join(attacks)} | {last} |" for (who, last), attacks in rows.items()]
 
 
 def calm_run(scenario: phalanx.Scenario) -> Summary:
-    """What a run comes to that nobody attacks."""
+    """Return the summary of a run without an attack."""
     summary = phalanx.run(scenario, engine="in-process").summary
     assert summary is not None
     return summary
 
 
 def main() -> None:
-    """Print rows as they come, and put them into the page's table."""
+    """Print each result as it comes, and write the page's table."""
     every = (*ATTACKS, *readers.READERS, *certified.CERTIFIED, *certified.HUBS)
     chosen = [name for name in every if all(word in name for word in sys.argv[1:])]
     scenario = phalanx.load(SCENARIO, OVERRIDES)
     undisturbed = calm_run(scenario)
     before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
     old, _, after = rest.partition(END)
-    rows = {line.split(" | ")[0].strip("| "): line for line in old.splitlines()}
+    results = read_table(old.strip().splitlines()[len(HEAD) :])
     for attack in chosen:
-        began = time.monotonic()
         calm = undisturbed
         if attack in ATTACKS:
             outcome = attacked(attack, scenario)
@@ -124,11 +138,12 @@ def main() -> None:
             calm = calm_run(readers.scenario_of(attack))
         else:
             outcome = attacked_with_certificates(attack)
-        rows[attack] = row(attack, outcome, calm, time.monotonic() - began)
-        print(rows[attack], flush=True)
+        results[attack] = result(outcome, calm)
+        print(attack, results[attack], sep=" | ", flush=True)
         if outcome.summary.outcome == "broken":
             print(outcome.summary.reason)
-    table = "\n".join([BEGIN, *HEAD, *[rows[name] for name in every if name in rows], END])
+    kept = {name: results[name] for name in every if name in results}
+    table = "\n".join([BEGIN, *HEAD, *table_of(kept), END])
     PAGE.write_text(f"{before}{table}{after}", encoding="utf-8")
 
 

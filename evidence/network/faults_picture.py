@@ -44,7 +44,7 @@ def main() -> None:
 
 
 def picture(gallery: Gallery, left: "Panel") -> Figure:
-    """For each fault what one agent gets of it, and beside that what becomes of the swarm."""
+    """Draw each fault's effect on one agent, and next to it the effect on the swarm."""
     rows = -(-len(gallery.faults) // ACROSS)
     size = (12.0, 1.25 * rows + 0.5)
     figure = Figure(figsize=size, layout="constrained", facecolor="white")
@@ -100,7 +100,7 @@ Panel = Callable[[Axes, phalanx.Run, phalanx.Run], None]
 
 
 def draw_closest(axes: Axes, faulty: phalanx.Run, without: phalanx.Run) -> None:
-    """How far the two agents are apart that are closest [m]."""
+    """Draw the distance of the two closest agents [m]."""
     for each, colour in ((without, MUTED), (faulty, LIMIT)):
         apart = np.sqrt(
             SAFE**2 - each.h.drop("run", "scenario", "seed", "t").to_numpy().max(axis=1)
@@ -111,7 +111,7 @@ def draw_closest(axes: Axes, faulty: phalanx.Run, without: phalanx.Run) -> None:
 
 
 def draw_delays(axes: Axes, faulty: phalanx.Run, without: phalanx.Run) -> None:
-    """How long each broadcast to the peer took [ms]; red, above: those that were lost."""
+    """Draw the delay of each broadcast to the peer [ms]; red, above: lost ones."""
     for each, colour in ((without, MUTED), (faulty, LIMIT)):
         links = heard(each)
         came = links.filter(~links["lost"])
@@ -131,7 +131,7 @@ def draw_lost(axes: Axes, faulty: phalanx.Run) -> None:
 
 
 def heard(run: phalanx.Run) -> pl.DataFrame:
-    """What became of the agent's broadcasts to its peer."""
+    """The agent's broadcasts to its peer, as received."""
     return run.links.filter(sender=AGENT, receiver=PEER)
 
 
@@ -146,14 +146,14 @@ def draw_path(axes: Axes, faulty: phalanx.Run, without: phalanx.Run) -> None:
 
 
 def position(run: phalanx.Run) -> tuple[Array, Array]:
-    """When a state was recorded [s], and the agent's second coordinate then [m]."""
+    """Times of the recorded states [s], and the agent's second coordinate [m]."""
     states = run.recording.states
     place = 2 * [name for name, _, _ in run.scenario.roster()].index(AGENT) + 1
     return np.array([state.t for state in states]), np.array([state.x[place] for state in states])
 
 
 def draw_told(axes: Axes, faulty: phalanx.Run, _: phalanx.Run) -> None:
-    """What the agent applies [m/s]; red: what it tells its peer instead, or does not tell."""
+    """Draw the inputs that the agent applies [m/s]; red: those that it broadcasts instead."""
     steps = [step for step in faulty.recording.steps if step.agent == AGENT]
     applied = [step.t_apply for step in steps], [step.u[1] for step in steps]
     axes.step(*applied, where="post", color=LIMIT, linewidth=0.7)

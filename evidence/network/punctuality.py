@@ -1,4 +1,4 @@
-"""How well runs in real time keep their times: both simulations, by the wall clock.
+"""Punctuality of both simulations in real time.
 
 python evidence/network/punctuality.py
 """

@@ -1,4 +1,4 @@
-"""Broadcasts over real TCP and UDP beside the injected model: losses, delays and ages.
+"""Broadcasts over real TCP and UDP, and by the injected model: losses, delays and ages.
 
 python evidence/network/real_networks.py
 """

@@ -84,7 +84,7 @@ def others(run: phalanx.Run, agent: str) -> Sequence[Step]:
 
 
 def old(step: Step, agent: str, unchanged: float) -> bool:
-    """Whether a step used an input of this agent that may have been replaced since."""
+    """Return whether a step used an input of this agent that may have been replaced."""
     return dict(step.ages).get(agent, 0.0) > unchanged
 
 

@@ -3,7 +3,7 @@
     python evidence/paper/compositions.py [--seeds 20] [--out docs/compositions.md]
 
 First the margin that can be proven, by the paper's formula over the workspace and locally at the
-states of a run; then what the runs come to.
+states of a run; then the outcomes of runs.
 """
 
 import argparse
@@ -36,10 +36,11 @@ VARIANTS = {
 """Overrides by name; η is the paper's number unless said."""
 
 NOTES = (
-    "*η by formula*: Eq. (mainetadef) or (etaprimedef), corrected, with constants over the "
-    "workspace; for pairs, of the pair that needs most. *η local*: what is proven at each sample "
-    "of the first normal agent in a run of seed 0; for pairs, of its closest pair. *Cost*: mean "
-    "‖u - u_nom‖².",
+    "- *η by formula*: Eq. (mainetadef) or (etaprimedef), corrected, with constants over the "
+    "workspace. For pairs it is that of the pair that needs most.",
+    "- *η local*: the bound proven at each sample of the first normal agent in a run of seed 0. "
+    "For pairs it is that of its closest pair.",
+    "- *Cost*: mean ‖u - u_nom‖².",
 )
 
 
@@ -61,8 +62,10 @@ def lines(chosen: Sequence[str], seeds: int) -> Iterator[str]:
     yield "# One row for each pair, against one row for h_tot"
     yield ""
     yield (
-        f"Seeds 0 to {seeds - 1}; `python evidence/paper/compositions.py` writes this page. Words "
-        "and symbols are in the [glossary](glossary.md)."
+        "This page compares one row for all pairs with one row for each pair: the margins that "
+        f"can be proven, and runs of seeds 0 to {seeds - 1}. "
+        "`python evidence/paper/compositions.py` writes it; terms are in the "
+        "[glossary](glossary.md)."
     )
     yield from ["", *NOTES]
     for title, name in SIMULATIONS.items():

@@ -1,9 +1,9 @@
-"""How far `guaranteed` reaches: α, φ, Γ, loss and delay, one at a time, as a table and a picture.
+"""Limits of `guaranteed` in α, φ, Γ, loss and delay, one at a time, as a table and a picture.
 
     python evidence/paper/frontier.py [--seeds 2] [--duration 8] [--out docs/images/frontier.png]
 
 Around the shipped scenario (φ^max 1.73, α = 20, 10 ± 2 ms, 30 % loss, delays to 0.1 s), with the
-`local` margin beside the `integrated` one. Only the last metres of its path, slowly, in a formation
+`local` and with the `integrated` margin. Only the last metres of its path, slowly, in a formation
 of 3 m radius: the pursuers are at the normal agents from the third second on. Cost is the mean of
 ‖u - u_nom‖² over the normal agents' steps, in the QP's metric; the line to compare it with is the
 same scenario with the paper's η and α, which prove nothing.
@@ -119,7 +119,7 @@ def _grid() -> Iterator[tuple[Axis, float, str]]:
 
 
 def summed(runs: list[Measured]) -> Point:
-    """What the runs of one point came to."""
+    """Summarize the runs of one point."""
     guaranteed = sum(run.outcome == Outcome.GUARANTEED for run in runs)
     empty, cost = np.mean([(run.backup, run.cost) for run in runs], axis=0).tolist()
     return Point(guaranteed, len(runs), empty, cost)

@@ -2,7 +2,7 @@
 
     python evidence/paper/lies.py                                          # two agents
     python evidence/paper/lies.py --scenario unicycles --duration 5        # Simulation 1
-    python evidence/paper/lies.py --turns 0.3                              # it attacks besides
+    python evidence/paper/lies.py --turns 0.3                              # it attacks too
 
 Judged like evidence/paper/stale_input.py: an update is a false certificate if its row held and J,
 the joint sum with the inputs that really are in force, is above 0. The liar keeps its own rows, and

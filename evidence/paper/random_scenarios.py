@@ -21,7 +21,7 @@ from typing import Any, get_args
 import numpy as np
 from phalanx_plant import run as plant_run
 from phalanx_plant.judge.judge import Judge
-from phalanx_plant.world.truth import IntegrationSteps
+from phalanx_plant.world.evaluation import EvaluatedSteps
 from phalanx_plant.world.world import DisturbanceKnot
 
 from phalanx.certify.checker.certify import Certification, certify
@@ -32,9 +32,10 @@ from phalanx.launcher.engine import RunOptions, execute
 from phalanx.recording.read import read
 from phalanx.scenario.load import ScenarioError, load
 from phalanx.scenario.safety import Composition
+from phalanx.schema.registry import BUILT_IN
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import SafetyRows
-from phalanx.theory.margins.margin import MarginKind
+from phalanx.theory.margins.kinds import Margin
 from phalanx.theory.rows.information import Information
 from phalanx.wire.messages import Telemetry
 
@@ -210,7 +211,7 @@ def _obstacle(chance: Chance, radius: float, planar: bool) -> dict[str, Any]:
 
 
 def _safety(chance: Chance, q: int, radius: float) -> dict[str, Any]:
-    margin = chance.of(get_args(MarginKind))
+    margin = chance.of(list(BUILT_IN[Margin]))
     centralised = chance.happens(0.1)
     table: dict[str, Any] = {
         "function": {"type": "separation", "radius": radius},
@@ -261,15 +262,15 @@ class WatchingJudge(Judge):
         """(t, pair, h) with h > 0 while certified."""
         WatchingJudge.latest = self
 
-    def saw(self, seen: list[IntegrationSteps | DisturbanceKnot]) -> None:
-        for piece in seen:
-            if isinstance(piece, IntegrationSteps):
+    def add(self, history: list[EvaluatedSteps | DisturbanceKnot]) -> None:
+        for piece in history:
+            if isinstance(piece, EvaluatedSteps):
                 certified = self.coverage.ends[piece.pairs] >= piece.times[:, None]
                 self.compared += int(certified.sum())
                 for step, place in np.argwhere(certified & ~(piece.h <= 0.0)):
                     at, h = float(piece.times[step]), float(piece.h[step, place])
                     self.wrong.append((at, self.extremes.label(int(piece.pairs[place])), h))
-        super().saw(seen)
+        super().add(history)
 
 
 @dataclass
@@ -289,7 +290,7 @@ class Seen:
 
     @property
     def agreement(self) -> str:
-        """Whether judge and checker say the same; if not, who was left without a certificate."""
+        """Compare judge and checker; on a difference, name the pair without a certificate."""
         judged = self.summary.certificates.uncovered is None
         if isinstance(self.checked, str):
             return f"checker refuses ({self.checked}), judge {'yes' if judged else 'no'}"
@@ -323,7 +324,7 @@ def run(index: int, folder: Path) -> Seen:
 
 
 def main() -> None:
-    """Run scenario after scenario and print what they came to."""
+    """Run scenario after scenario and print the results."""
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     arguments.add_argument("--first", type=int, default=0, help="index of the first scenario")
     arguments.add_argument("--count", type=int, default=2000)

@@ -35,15 +35,15 @@ class Variant(NamedTuple):
 
 
 class Result(msgspec.Struct):
-    """What one run came to."""
+    """The result of one run."""
 
     summary: Summary
     uncertified: float | None
-    """From when on an input was applied that was not certified for τ [s]; the first of them."""
+    """Time of the first applied input that was not certified for τ [s]."""
 
     @property
     def warning(self) -> float | None:
-        """From the first such input to the violation [s]; None without either."""
+        """Time between the first such input and the violation [s]; None without either."""
         if self.summary.outcome is not Outcome.VIOLATED or self.uncertified is None:
             return None
         return min(v.first for v in self.summary.violations) - self.uncertified
@@ -83,7 +83,7 @@ def command(name: str, variants: Mapping[str, Variant], page: Callable[[Results]
 
 
 def kept(folder: Path, variant: str, seed: int) -> Path:
-    """Where a result is."""
+    """File of a result."""
     return folder / f"{variant}-{seed}.json"
 
 
@@ -111,7 +111,7 @@ def known(folder: Path, variants: Iterable[str], seeds: Iterable[int]) -> Result
 
 
 def result(scenario: str, overrides: Sequence[str] = (), seed: int | None = None) -> Result:
-    """What a run of a shipped scenario came to."""
+    """Run a shipped scenario and return its result."""
     run = phalanx.run(phalanx.load(scenario, overrides, seed), engine="in-process")
     assert run.summary is not None
     swarm = build_swarm(run.recording.scenario)
@@ -131,17 +131,16 @@ def outcome(scenario: str, overrides: Sequence[str] = (), seed: int | None = Non
 
 CERTIFICATES = (
     "| variant | seeds | verdicts | samples certified for τ | shortest [τ] "
-    "| from the first uncertified sample to the violation [ms]: least, median, greatest "
-    "| violations without a warning |",
+    "| first uncertified sample to violation [ms]: least, median, greatest "
+    "| violations without warning |",
     "|---|---|---|---|---|---|---|",
 )
 """Head of the table of certificates()."""
 
 CERTIFICATES_NOTE = (
-    "*Certified for τ*: inputs of normal agents which the [certificate](certificate.md), from the "
-    "true state and the input alone, proves safe until that agent's next sample at the latest, "
-    "whatever the others do. *Shortest*: the shortest time that an input was proven for, in such "
-    "times; nothing is tried beyond 8."
+    "*Certified for τ*: inputs of normal agents that the [certificate](certificate.md) proves safe "
+    "until that agent's next sample. *Shortest*: the shortest proven time of an input, in τ; at "
+    "most 8 are tried."
 )
 
 

@@ -3,10 +3,10 @@
     python evidence/paper/shares.py --seeds 20
     python evidence/paper/shares.py --only formation3d --seeds 2
 
-`split` beside `paper` on the paper's simulations, and beside shares that keep nothing back for the
-different samples they are computed from. Cost is as in variants.py, its ratio to `paper` the mean
-over seeds. J is the joint sum with the inputs in force, at every recorded instant while every row
-held: as inputs take effect, and just before the next ones do.
+Compares `split` with `paper` on the paper's simulations, and with shares that keep no reserve for
+the different samples they are computed from. Cost is as in variants.py; its ratio to `paper` is the
+mean over seeds. J is the joint sum with the inputs in force, at every recorded instant at which all
+rows held: as inputs take effect, and just before the next ones do.
 """
 
 import argparse

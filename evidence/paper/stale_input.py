@@ -37,7 +37,7 @@ ROUNDING = 1e-4
 
 
 class Certificates(NamedTuple):
-    """What steps were worth."""
+    """Counts of certified and false steps."""
 
     steps: int
     certified: int
@@ -50,7 +50,7 @@ class Certificates(NamedTuple):
     """Largest J at a certified update."""
 
     def joined(self, other: "Certificates") -> "Certificates":
-        """Those of both."""
+        """Add the counts of both."""
         return Certificates(
             self.steps + other.steps,
             self.certified + other.certified,
@@ -129,7 +129,7 @@ class JointSum(NamedTuple):
 def joint_sums(recording: Recording) -> Iterator[JointSum]:
     """J at every recorded instant, from the first input of every normal agent on.
 
-    Each instant comes twice: with the inputs until then, when nobody has updated, and with those
+    Each instant comes twice: with the inputs until then, before any update, and with those
     from then on.
     """
     rows = build_rows(build_swarm(recording.scenario))

@@ -97,7 +97,7 @@ def simulated(name: str, overrides: Sequence[str] = (), seed: int | None = None)
 
 
 def measure(run: phalanx.Run) -> Measured:
-    """What a run came to."""
+    """Measure a run."""
     recording, summary = run.recording, run.summary
     assert summary is not None
     swarm = build_swarm(recording.scenario)

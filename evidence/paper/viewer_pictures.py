@@ -87,7 +87,7 @@ def main() -> None:
 
 
 def is_wanted(name: str) -> bool:
-    """Whether the command line asks for a picture."""
+    """Return whether the command line asks for a picture."""
     return not sys.argv[1:] or any(part in name for part in sys.argv[1:])
 
 
@@ -116,7 +116,7 @@ def take_live(browser: "Browser", name: str, size: tuple[int, int]) -> None:
     """Take a picture of a run that goes on, a few seconds after its start."""
     port = choose_port(HOST, None)
     with tempfile.TemporaryDirectory() as out:
-        # At real time a browser without a graphics card would lag behind what it is told.
+        # In real time a browser without a graphics card would lag behind.
         pace = ["--view", "--speed", "0.1", "--port", str(port)]
         command = ["run", "unicycles", *pace, "--out", out]
         run = subprocess.Popen([sys.executable, "-m", "phalanx", *command])

@@ -1,10 +1,9 @@
-"""Types of arrays that all rooms share."""
+"""Array types for every room."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Array", "Index", "Mask"]
-
 Array = NDArray[np.float64]
+"""An array of float64."""
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]

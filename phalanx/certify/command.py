@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from phalanx.cli.options import RunArgument, Trust
-from phalanx.cli.terminal import complain, say
+from phalanx.cli.terminal import echo, echo_error
 
 if TYPE_CHECKING:
     from phalanx.certify.checker.certify import Certification
@@ -18,7 +18,10 @@ def register(app: typer.Typer) -> None:
 
 
 def certify(run: RunArgument, trust: Trust = False) -> int:
-    """Prove from its recording that no pair of a run could leave its safe set.
+    """After a run: prove from its recording, by independent code, that no pair could become unsafe.
+
+    To check a scenario before a run use `phalanx check`; to test that a run can be repeated bit by
+    bit, `phalanx verify`.
 
     At every input of a normal agent, h of its pairs is bounded until the next one, whatever the
     other agents and the disturbances do within their bounds, and between integration steps too.
@@ -38,20 +41,16 @@ def certify(run: RunArgument, trust: Trust = False) -> int:
 
     from phalanx.certify.checker.certify import certify as certify_run
     from phalanx.certify.checker.intervals import UncertifiableError, UndecidedError
-    from phalanx.cli.display import doing
+    from phalanx.cli.display import spinner
     from phalanx.cli.terminal import warn_of_damage
     from phalanx.faults.commands import turns
-    from phalanx.recording.read import UnreadableRecordingError, read
+    from phalanx.recording.read import read
 
-    try:
-        with doing("reading"):
-            recording = read(run, trust)
-    except (UnreadableRecordingError, OSError) as error:
-        complain(error)
-        return 3
+    with spinner("reading"):
+        recording = read(run, trust)
     warn_of_damage(recording)
     if not recording.states:
-        complain(f"{recording.path}: the recording holds no state")
+        echo_error(f"{recording.path}: the recording holds no state")
         return 3
     names = [name for name, _, _ in recording.scenario.roster()]
     with Progress(console=Console(stderr=True), transient=True) as bar:
@@ -65,10 +64,10 @@ def certify(run: RunArgument, trust: Trust = False) -> int:
                 turned := turns(names, recording.commands),
             )
         except UndecidedError as error:
-            say(f"not decided: {error}")
+            echo(f"not decided: {error}")
             return 4
         except UncertifiableError as error:
-            say(f"not certified: {error}")
+            echo(f"not certified: {error}")
             return 1
     _show(found, recording, turned)
     return 0 if found and not recording.damage else 1

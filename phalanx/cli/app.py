@@ -6,13 +6,13 @@ import typer
 from typer.main import get_command, get_command_name
 
 from phalanx.cli import check, network, programs, run, runs, tap
-from phalanx.cli.allowed import refuse_secrets, require_values
+from phalanx.cli.option_checks import refuse_secrets, require_values
 from phalanx.cli.options import with_factor
-from phalanx.cli.terminal import complain, say
-from phalanx.extensions.registered import AGAIN, Registered, commands
+from phalanx.cli.terminal import echo, echo_error
+from phalanx.extensions.registered import REINSTALL, Registered, commands
 from phalanx.launcher import interrupt
 
-USAGE_ERROR, STOPPED = 64, 130
+FAILED, USAGE_ERROR, STOPPED = 3, 64, 130
 _HELP = """Robot swarms that stay safe over a bad network while some of their members attack.
 
     [bold]phalanx run unicycles[/bold] runs a scenario: every agent, every adversary and the plant
@@ -24,7 +24,7 @@ _HELP = """Robot swarms that stay safe over a bad network while some of their me
 
 
 def core() -> typer.Typer:
-    """The command with what the core brings."""
+    """Make the command with the core's subcommands."""
     app = typer.Typer(
         no_args_is_help=True, add_completion=False, rich_markup_mode="rich", help=_HELP
     )
@@ -35,20 +35,20 @@ def core() -> typer.Typer:
 
 
 def extended() -> typer.Typer:
-    """The command with that, and what extensions register."""
+    """Make the command with the core's subcommands and those of extensions."""
     app, found = core(), commands()
     if not any(entry.ours for entry in found):
-        complain(f"no commands of extensions are registered: {AGAIN}")
+        echo_error(f"no commands of extensions are registered: {REINSTALL}")
     for entry in found:
         try:
             _extend(app, entry)
         except (Exception, SystemExit) as error:  # another package's code
-            complain(f"{entry.name} of {entry.package} brings no commands: {error}")
+            echo_error(f"cannot load the commands {entry.name!r} of {entry.package}: {error}")
     return app
 
 
 def _extend(app: typer.Typer, entry: Registered) -> None:
-    """Have the app know an extension's commands. Raises ValueError for a name that is taken."""
+    """Add an extension's commands to the app. Raises ValueError for a name that is taken."""
     if isinstance(entry.register, BaseException):
         raise entry.register
     known = len(app.registered_commands)
@@ -67,7 +67,7 @@ def _print_version(asked: bool) -> None:
     if asked:
         from phalanx import __version__
 
-        say(f"phalanx {__version__}")
+        echo(f"phalanx {__version__}")
         raise typer.Exit
 
 
@@ -79,47 +79,59 @@ def options(
         ),
     ] = False,
 ) -> None:
-    """What holds for every command."""
+    """Handle the options of the command itself."""
 
 
 def status(arguments: list[str]) -> int:
-    """Run the command and return its exit status; errors are one readable message."""
+    """Run the command, print errors as one message, and return its exit status."""
     try:
         require_values(arguments)
         refuse_secrets(arguments)
         app = core()
-        # What the core brings does not wait for extensions to be looked for, nor break by them.
-        if arguments[:1] != ["--version"] and not _brings(app, arguments):
+        # The core's commands need not wait for extensions, and work if an extension is broken.
+        if arguments[:1] != ["--version"] and not _has_command(app, arguments):
             app = extended()
         found = int(app(with_factor(arguments), standalone_mode=False) or 0)
         if found == STOPPED:
-            interrupt.raise_unanswered()  # typer made an exit status of it
+            interrupt.raise_pending()  # typer turned the KeyboardInterrupt into a status
         return found
-    except typer.TyperException as error:
-        complain(error.format_message())
-        complain("See phalanx --help, or phalanx COMMAND --help.")
-        return USAGE_ERROR
-    except ValueError as error:
-        # It takes long to import, and a run has better use for the time.
-        from phalanx.scenario.load import ScenarioError
-
-        if not isinstance(error, ScenarioError):
-            raise
-        complain(error)
-        return USAGE_ERROR
-    except (MemoryError, ImportError, SystemError) as error:
-        # Under a tight limit it is often a library's file that cannot be mapped; now and then
-        # CPython fails without saying that it was memory.
-        complain(f"too little memory, or a broken installation: {error}")
-        return 3
-    except OSError as error:  # of the reader of what is printed: a full disk, say
-        complain(error)
-        return 3
-    except (KeyboardInterrupt, typer.Abort):
-        complain("stopped")
+    except (KeyboardInterrupt, typer.Abort):  # an Abort is a RuntimeError
+        echo_error("stopped")
         return STOPPED
+    except typer.TyperException as error:
+        echo_error(error.format_message())
+        echo_error("See phalanx --help, or phalanx COMMAND --help.")
+        return USAGE_ERROR
+    except (ValueError, RuntimeError) as error:
+        expected = _status_of(error)
+        if expected is None:
+            raise
+        echo_error(error)
+        return expected
+    except (MemoryError, ImportError, SystemError) as error:
+        # Under a tight limit often a library's file cannot be mapped, or CPython raises a
+        # SystemError in place of a MemoryError.
+        echo_error(f"too little memory, or a broken installation: {error}")
+        return FAILED
+    except OSError as error:  # also if the output cannot be written: the disk may be full
+        echo_error(error)
+        return FAILED
 
 
-def _brings(app: typer.Typer, arguments: list[str]) -> bool:
-    """Whether the first argument is one of the app's commands."""
+def _status_of(error: Exception) -> int | None:
+    """Return the exit status for an error that a user can cause; None for any other."""
+    # Imported here, because it takes long and most commands do not need it.
+    from phalanx.launcher.engine import EngineError
+    from phalanx.recording.read import UnreadableRecordingError
+    from phalanx.scenario.load import ScenarioError
+    from phalanx.wire.session import HubError
+
+    if isinstance(error, ScenarioError):
+        return USAGE_ERROR
+    failed = isinstance(error, EngineError | HubError | UnreadableRecordingError)
+    return FAILED if failed else None
+
+
+def _has_command(app: typer.Typer, arguments: list[str]) -> bool:
+    """Return whether the first argument is one of the app's commands."""
     return bool(arguments) and arguments[0] in get_command(app).commands  # type: ignore[attr-defined]

@@ -1,4 +1,4 @@
-"""phalanx check: what a scenario guarantees, before any run."""
+"""phalanx check: the guarantees of a scenario, before any run."""
 
 import textwrap
 from pathlib import Path
@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from phalanx.cli.allowed import require_png
+from phalanx.cli.option_checks import require_png
 from phalanx.cli.options import Overrides, ScenarioArgument, Seed, Trust
-from phalanx.cli.terminal import say
+from phalanx.cli.terminal import echo
 from phalanx.extensions.registered import extension
 from phalanx.launcher.streams import printable
 
@@ -30,7 +30,7 @@ def check(
         Path | None,
         typer.Option(
             callback=require_png,
-            help="Save a picture of where the backup still suffices (PNG).",
+            help="Save a picture of the states from which the backup keeps safe (PNG).",
         ),
     ] = None,
     strict: Annotated[
@@ -38,7 +38,10 @@ def check(
     ] = False,
     trust: Trust = False,
 ) -> int:
-    """Say what a scenario guarantees and what it does not, and what to change.
+    """Before a run: print what a scenario guarantees, what it does not, and what to change.
+
+    To compare a finished run with its repetition use `phalanx verify`; to prove a recording safe
+    with independent code, `phalanx certify`.
 
     Examples:
 
@@ -56,31 +59,27 @@ def check(
     _show(resolved, report)
     if plot is not None:
         if extension("backup-picture")(resolved, plot):
-            say(f"picture: {plot}")
+            echo(f"picture: {plot}")
         else:
-            say("no picture: it needs two agents with states x and y; this scenario has others")
+            echo("no picture: it needs two agents with states x and y; this scenario has others")
     return 1 if strict and not report.may_be_guaranteed else 0
 
 
 def _show(scenario: "Scenario", report: "CheckReport") -> None:
     from rich.console import Console
 
-    from phalanx.cli.check_table import asked
+    from phalanx.cli.check_table import requirements
     from phalanx.cli.display import TextTable, styled
 
-    say(f"{scenario.name}: {report.answer}")
-    table = TextTable("what is asked", "found", "allowed", "paper")
-    for row in asked(scenario, report):
+    echo(f"{scenario.name}: {report.answer}")
+    table = TextTable("requirement", "found", "allowed", "paper")
+    for row in requirements(scenario, report):
         found = styled(row.found, "" if row.holds else "yellow")
-        table.add_row(row.what, found, row.allowed, row.equation)
+        table.add_row(row.name, found, row.allowed, row.equation)
     console = Console()
     console.print(table)
-    for words in report.words:
-        say(*_wrapped(printable(words), console.width))
-
-
-def _wrapped(words: str, width: int) -> list[str]:
-    """A line of a list, in lines of the terminal."""
-    return textwrap.wrap(
-        f"- {words}", width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
+    bullet = textwrap.TextWrapper(
+        console.width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
     )
+    for advice in report.words:
+        echo(*bullet.wrap(f"- {printable(advice)}"))

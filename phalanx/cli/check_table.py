@@ -1,40 +1,41 @@
-"""The table of a check: found and allowed, row by row, with the paper's equations.
+"""The table of a check: what each requirement needs and what was found, with the equation.
 
-Equations and theorems have the numbers that the paper's source gives them: see docs/theory.md.
+Equations and theorems are numbered as in the paper's source: see docs/theory.md.
 """
 
 import math
 from typing import NamedTuple
 
-from phalanx.guarantee.advice import in_words
+from phalanx.guarantee.advice import rounded
 from phalanx.guarantee.check_report import CheckReport
 from phalanx.network.link import DELAY
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import unit_of_psi
 
 _BEYOND_INPUTS = 1e9
-"""A margin from here on is no number to compare with."""
+"""Margins from here on are shown in words."""
+_MISSING = "set [workspace]"
 
 
-class Asked(NamedTuple):
-    """One question of a check."""
+class Requirement(NamedTuple):
+    """A row of the table."""
 
-    what: str
+    name: str
     found: str
     allowed: str
-    """Or, where nothing was found, the setting that is missing."""
+    """The setting that is missing, if nothing was found."""
     equation: str
     """In the paper."""
     holds: bool | None
-    """None if it is unknown, or there is nothing to hold."""
+    """None if unknown."""
 
 
-def asked(scenario: Scenario, report: CheckReport) -> list[Asked]:
-    """Every question that a check asks of a scenario, in the order of the paper."""
+def requirements(scenario: Scenario, report: CheckReport) -> list[Requirement]:
+    """Return every requirement of a scenario's guarantee, in the order of the paper."""
     return [
         *_start(scenario, report),
-        _of_every_agent("agents certified at the start", report.certified.agents, ""),
-        _of_every_agent(
+        _for_all_agents("agents certified at the start", report.certified.agents, ""),
+        _for_all_agents(
             "agents with an input in K_i", report.rows_at_start, _row(scenario, report)
         ),
         *_margins(scenario, report),
@@ -45,10 +46,10 @@ def asked(scenario: Scenario, report: CheckReport) -> list[Asked]:
     ]
 
 
-def _start(scenario: Scenario, report: CheckReport) -> list[Asked]:
+def _start(scenario: Scenario, report: CheckReport) -> list[Requirement]:
     names = ["h", *(f"ψ_{k}" for k in range(1, report.relative_degree))]
     return [
-        Asked(
+        Requirement(
             f"largest {name} at the start",
             _with_unit(psi, unit_of_psi(scenario, k)),
             "at most 0",
@@ -59,75 +60,79 @@ def _start(scenario: Scenario, report: CheckReport) -> list[Asked]:
     ]
 
 
-def _of_every_agent(what: str, holds: dict[str, bool], equation: str) -> Asked:
-    lacking = [agent for agent, each in holds.items() if not each]
-    but = f", not {', '.join(lacking)}" if lacking else ""
-    found = f"{len(holds) - len(lacking)}{but}"
-    return Asked(what, found, f"all {len(holds)}", equation, not lacking)
+def _for_all_agents(name: str, holds: dict[str, bool], equation: str) -> Requirement:
+    failed = [agent for agent, each in holds.items() if not each]
+    exceptions = f", not {', '.join(failed)}" if failed else ""
+    found = f"{len(holds) - len(failed)}{exceptions}"
+    return Requirement(name, found, f"all {len(holds)}", equation, not failed)
 
 
-def _margins(scenario: Scenario, report: CheckReport) -> list[Asked]:
+def _margins(scenario: Scenario, report: CheckReport) -> list[Requirement]:
     unit = unit_of_psi(scenario, report.relative_degree)
     equation = "(24)" if report.relative_degree == 1 else "(42)"
     given = [eta for eta in report.eta_paper.values() if eta is not None]
+    if scenario.safety.own_margin:
+        by = f"by {scenario.safety.margin_name}"
+        return [Requirement("margin η, at the start", by, "not proven", equation, None)]
     if not given:
         largest = max(report.eta_local.values(), default=math.nan)
         at_start = "" if math.isnan(largest) else f", {_margin(largest, unit)}"
-        return [Asked("margin η, at the start", f"computed{at_start}", "any bound", equation, True)]
+        return [
+            Requirement(
+                "margin η, at the start", f"computed{at_start}", "any bound", equation, True
+            )
+        ]
     smallest = min(given)
     found = _with_unit(smallest, unit)
     safety = scenario.safety
     formula = report.pair_formula if safety.pairwise else report.formula
     if formula is None:
-        rows = [Asked("margin η, by the formula", found, _MISSING, equation, None)]
+        rows = [Requirement("margin η, by the formula", found, _MISSING, equation, None)]
     else:
         needed = formula.corrected if safety.counts_disturbance else formula.eta
         least = f"at least {_margin(needed, unit)}"
-        rows = [Asked("margin η, by the formula", found, least, equation, smallest >= needed)]
+        rows = [Requirement("margin η, by the formula", found, least, equation, smallest >= needed)]
     if report.eta_local:
         local = max(report.eta_local.values())
         least = f"at least {_margin(local, unit)}"
-        rows.append(Asked("margin η, as a bound", found, least, "", smallest >= local))
+        rows.append(Requirement("margin η, as a bound", found, least, "", smallest >= local))
     return rows
 
 
-_MISSING = "set [workspace]"
-
-
-def _boundary(scenario: Scenario, report: CheckReport) -> Asked:
-    what, equation = "effort left on the boundary", "Th. 3 (33)"
+def _boundary(scenario: Scenario, report: CheckReport) -> Requirement:
+    name, equation = "effort left on the boundary", "Th. 3 (33)"
     found = report.boundary
     if found is None:
         missing = _MISSING if report.worst_at_start <= 0.0 else "start inside S_I"
-        return Asked(what, "not asked", missing, equation, None)
+        return Requirement(name, "not computed", missing, equation, None)
     worst = _with_unit(found.worst, unit_of_psi(scenario, report.relative_degree))
-    return Asked(what, worst, "at most 0", equation, found.holds is not False)
+    return Requirement(name, worst, "at most 0", equation, found.holds is not False)
 
 
-def _gap(report: CheckReport) -> Asked:
-    found = f"{in_words(1e3 * report.horizon)} ms"
+def _gap(report: CheckReport) -> Requirement:
+    found = f"{rounded(1e3 * report.horizon)} ms"
     if report.largest_gap is None:
-        return Asked("an input is in force for", found, "no time is proven", "(29)", False)
-    allowed = f"at most {in_words(1e3 * report.largest_gap)} ms"
-    return Asked(
+        return Requirement("an input is in force for", found, "no time is proven", "(29)", False)
+    allowed = f"at most {rounded(1e3 * report.largest_gap)} ms"
+    return Requirement(
         "an input is in force for", found, allowed, "(29)", report.horizon <= report.largest_gap
     )
 
 
-def _delay(scenario: Scenario, report: CheckReport) -> Asked:
+def _delay(scenario: Scenario, report: CheckReport) -> Requirement:
     declared = [str(rule) for field, rule in scenario.network.fields() if field == DELAY]
     found, any_ = ", ".join(declared) or "none", math.isinf(report.largest_delay)
-    allowed = "any" if any_ else f"at most {in_words(1e3 * report.largest_delay)} ms"
-    return Asked("delay of broadcasts", found, allowed, "", any_ or not declared)
+    allowed = "any" if any_ else f"at most {rounded(1e3 * report.largest_delay)} ms"
+    return Requirement("delay of broadcasts", found, allowed, "", any_ or not declared)
 
 
-def _theorem(scenario: Scenario, report: CheckReport) -> Asked:
+def _theorem(scenario: Scenario, report: CheckReport) -> Requirement:
     number = 5 if report.relative_degree > 1 else 2
     if scenario.safety.centralised:
         number = 1
-    open_ = len(report.gaps)
-    return Asked(
-        "gaps in the theorem's proof", str(open_ or "none"), "none", f"Th. {number}", not open_
+    gaps = len(report.gaps)
+    return Requirement(
+        "gaps in the theorem's proof", str(gaps or "none"), "none", f"Th. {number}", not gaps
     )
 
 
@@ -144,4 +149,4 @@ def _margin(value: float, unit: str) -> str:
 
 
 def _with_unit(value: float, unit: str) -> str:
-    return f"{in_words(value)} {unit}".rstrip()
+    return f"{rounded(value)} {unit}".rstrip()

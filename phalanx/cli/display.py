@@ -1,4 +1,4 @@
-"""Progress, tables and key figures of a run, as commands show them in a terminal."""
+"""Progress bar, tables and key figures of a run in a terminal."""
 
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
@@ -9,11 +9,11 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Column, Table
 from rich.text import Text
 
-from phalanx.guarantee.verdict import Outcome, Summary, certified, timing_in_words
+from phalanx.guarantee.verdict import Outcome, Summary, certified, timing_rows
 from phalanx.launcher.run import Run
 from phalanx.launcher.streams import printable
 from phalanx.scenario.model import Scenario
-from phalanx.theory.rows.origin import words_of
+from phalanx.theory.rows.origin import origin_label
 from phalanx.wire.messages import Status
 
 COLOUR = {
@@ -25,14 +25,11 @@ COLOUR = {
 }
 
 _MOST_NAMES = 8
-"""Of agents that a progress line waits for."""
+"""Most names of agents or pairs in one line."""
 
 
 class TextTable(Table):
-    """A table whose cells are text: rich's markup has no part in it.
-
-    It shows str as printable; a cell of another style is made by styled.
-    """
+    """A table of plain text without rich's markup; `styled` makes a cell in a style."""
 
     def __init__(self, *headers: str, **options: Any) -> None:
         super().__init__(*headers, box=None, pad_edge=False, **options)
@@ -47,7 +44,7 @@ class TextTable(Table):
 
 
 def styled(text: str, style: str) -> Text:
-    """A cell in a style of rich's."""
+    """Return text in a style of rich's."""
     return Text(printable(text), style)
 
 
@@ -57,10 +54,7 @@ def _as_text(cell: Any) -> Any:
 
 @contextlib.contextmanager
 def progress(scenario: Scenario) -> Iterator[Callable[[Status], None]]:
-    """Show a progress bar from the first status on; gives the function to call with each.
-
-    It fits 80 columns: the bar takes what the texts leave.
-    """
+    """Show a progress bar of 80 columns; yields the function to call with each status."""
     columns = (
         _text("{task.description}", overflow="ellipsis"),
         BarColumn(bar_width=None, table_column=Column(ratio=1, min_width=4)),
@@ -91,14 +85,14 @@ def progress(scenario: Scenario) -> Iterator[Callable[[Status], None]]:
     try:
         yield show
     finally:
-        # One that never began would leave an empty line above what is said instead.
+        # To stop a bar that was never shown would print an empty line.
         if bar.live.is_started:
             bar.stop()
 
 
 @contextlib.contextmanager
-def doing(what: str) -> Iterator[Callable[[str], None]]:
-    """Show what a command is doing, in a terminal; gives the function to call with each part."""
+def spinner(what: str) -> Iterator[Callable[[str], None]]:
+    """Show an activity while the block runs; yields the function to call with each part of it."""
     with Console(stderr=True).status(styled(what, "")) as status:
         yield lambda part: status.update(styled(f"{what}: {part}", ""))
 
@@ -108,13 +102,13 @@ def _text(words: str, **options: Any) -> TextColumn:
 
 
 def _waiting(missing: Sequence[str], agents: int) -> str:
-    """The number of agents that have joined, and some of those that have not."""
+    """Describe how many agents have joined, and which have not."""
     named = ", ".join(missing[:_MOST_NAMES]) + (", ..." if len(missing) > _MOST_NAMES else "")
     return f"{agents - len(missing)} of {agents} agents have joined, waiting for {named}"
 
 
 def last_line(summary: Summary) -> str:
-    """The verdict and its reason; of a run that ended early, who was unsafe until then."""
+    """Return the verdict and its reason, and the unsafe pairs of a run that ended early."""
     words = f"{summary.outcome}: {summary.reason}"
     if summary.outcome is Outcome.VIOLATED or not summary.violations:
         return words
@@ -158,13 +152,13 @@ def print_summary(summary: Summary) -> None:
         table.add_row(f"fault: {fault.name}", hit)
     table.add_row("trajectory", summary.trajectory[:16])
     if summary.punctuality:
-        for name, value in timing_in_words(summary.punctuality):
+        for name, value in timing_rows(summary.punctuality):
             table.add_row(f"real time: {name}", value)
     Console().print(table)
 
 
 def print_profile(run: Run) -> None:
-    """Print where the wall time of the plant, and of each group's agents on average, went."""
+    """Print the phases of the plant's wall time, and of each group's agents on average."""
     groups = {name: ", ".join(group.names) for name, group, _ in run.scenario.roster()}
     by_phase: dict[tuple[str, str], list[tuple[float, float]]] = {}
     for program, phase, _, share, per_step in run.profile.iter_rows():
@@ -180,7 +174,9 @@ def print_profile(run: Run) -> None:
 def _steps(summary: Summary) -> str:
     total = sum(summary.origins.values())
     shares = [
-        f"{words_of(name)} {count / total:.1%}" for name, count in summary.origins.items() if total
+        f"{origin_label(name)} {count / total:.1%}"
+        for name, count in summary.origins.items()
+        if total
     ]
     return f"{summary.steps}; of normal agents: {', '.join(shares)}"
 

@@ -1,4 +1,4 @@
-"""Zenoh endpoints on the command line: which there are, and which may leave this host."""
+"""Zenoh endpoints on the command line: their syntax, and a check before leaving this host."""
 
 import ipaddress
 import re
@@ -19,7 +19,7 @@ _ON_THIS_HOST = "unixsock"
 
 
 def require_endpoint(endpoint: str | None) -> str | None:
-    """Refuse what is no endpoint, or names a port that there is not; of a file there is none."""
+    """Reject what is not a Zenoh endpoint with a port from 1 to 65535; files are accepted."""
     if endpoint and not endpoint.startswith(_ON_THIS_HOST):
         found = _AT_A_PORT.fullmatch(_without_settings(endpoint))
         if not found or not 1 <= int(found["port"]) <= 65535:
@@ -28,36 +28,37 @@ def require_endpoint(endpoint: str | None) -> str | None:
 
 
 def require_here(endpoint: str, insecure: bool, expected: str) -> None:
-    """Refuse an endpoint beyond this host, and say what is expected, unless that is asked for."""
+    """Reject an endpoint beyond this host unless --insecure; expected: the options to use."""
     if not insecure and not on_loopback(endpoint):
         raise typer.BadParameter(f"{endpoint} is not for this host alone: expected {expected}")
 
 
 def live_run(folder: Path, insecure: bool) -> "LiveRun | None":
-    """The run that goes on in this folder; who made the folder says where it is to be met."""
+    """Return the address of the run that is running in this folder, or None."""
     from phalanx.launcher.live import find_live
 
     found = find_live(folder)
     if found is not None:
+        # The file may come from another user.
         require_here(found.endpoint, insecure, "--insecure")
     return found
 
 
-def certificates_for(folder: Path | None, endpoint: str, insecure: bool) -> Path | None:
-    """The folder, if it has a program's certificate and the endpoint asks for one.
+def identity_for(folder: Path | None, endpoint: str, insecure: bool) -> Path | None:
+    """Return the folder of a program's TLS identity; require one for exactly the tls endpoints.
 
-    Without one nothing leaves this host, unless that is asked for.
+    Without one endpoints beyond this host are rejected, unless --insecure.
     """
     if folder is None:
         require_here(endpoint, insecure, "--keys DIR (see phalanx keys), or --insecure")
     if (folder is not None) != endpoint.startswith(("tls/", "quic/")):
         raise typer.BadParameter(f"--keys: expected with a tls/ endpoint alone, got {endpoint}")
     if folder is not None:
-        _require_certificate(folder)
+        _require_identity(folder)
     return folder
 
 
-def _require_certificate(folder: Path) -> None:
+def _require_identity(folder: Path) -> None:
     for name in (AUTHORITY, CERTIFICATE, PRIVATE_KEY):
         if not (folder / name).is_file():
             raise typer.BadParameter(f"--keys: expected {name} in {folder}; see phalanx keys")
@@ -70,14 +71,14 @@ def _require_certificate(folder: Path) -> None:
 
 
 def endpoint_for(connect: str, keys: Path | None) -> str:
-    """The endpoint of the option or the environment, of the keys' folder, or of this host."""
+    """Return the endpoint of the option, else that in the keys' folder, else this host's."""
     if not connect and keys is not None and (keys / ENDPOINT).is_file():
         return (keys / ENDPOINT).read_text(encoding="utf-8").strip()
     return connect or "tcp/127.0.0.1:7447"
 
 
 def on_loopback(endpoint: str) -> bool:
-    """Whether a Zenoh endpoint is reached from its own host alone."""
+    """Return whether a Zenoh endpoint is reachable from its own host alone."""
     if endpoint.startswith(_ON_THIS_HOST):
         return True
     host = _without_settings(endpoint).partition("/")[2].rpartition(":")[0].strip("[]")

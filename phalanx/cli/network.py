@@ -1,11 +1,11 @@
-"""phalanx network: link models by name, and from what was measured."""
+"""phalanx network: link models by name, and fits to measured delays."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 
-from phalanx.cli.terminal import say
+from phalanx.cli.terminal import echo
 
 commands = typer.Typer(no_args_is_help=True, help="Link models: presets, and fits to a capture.")
 
@@ -21,7 +21,7 @@ def presets() -> int:
     from phalanx.network.presets import PRESETS
 
     for name, preset in PRESETS.items():
-        say(f"# {name}: {preset.source}", *_toml(preset.table))
+        echo(f"# {name}: {preset.source}", *_toml(preset.table))
     return 0
 
 
@@ -33,12 +33,12 @@ def fit(
     ],
     unit: Annotated[
         Literal["s", "ms", "us"] | None,
-        typer.Option(help="Of the delays; seconds by default, if they can be.", show_default=False),
+        typer.Option(help="Unit of the delays; by default s if plausible.", show_default=False),
     ] = None,
 ) -> int:
     """Print the network table that fits measured delays and losses best.
 
-    One line for each message, in the order in which they were sent: losses in a row make bursts.
+    The CSV has one line for each message, in the order of sending, so that bursts can be found.
 
     Examples:
 
@@ -53,10 +53,10 @@ def fit(
     except (CaptureError, OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise typer.BadParameter(f"{capture}: {reason}") from error
-    say(f"# {found.messages} messages, {found.lost} lost")
-    say(f"# half of the delays are below {1e3 * found.median:.4g} ms; those of the model are")
-    say(f"# off by {found.distance:.3g} at most (Kolmogorov and Smirnov's distance)")
-    say(*_toml(found.table))
+    echo(f"# {found.messages} messages, {found.lost} lost")
+    echo(f"# half of the delays are below {1e3 * found.median:.4g} ms; those of the model are")
+    echo(f"# off by {found.distance:.3g} at most (Kolmogorov and Smirnov's distance)")
+    echo(*_toml(found.table))
     return 0
 
 

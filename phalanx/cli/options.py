@@ -1,4 +1,4 @@
-"""Options that several commands share; --real-time may stand without its factor."""
+"""Options that several commands share."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,14 +6,14 @@ from typing import Annotated
 
 import typer
 
-from phalanx.cli.allowed import (
+from phalanx.cli.endpoints import require_endpoint
+from phalanx.cli.option_checks import (
     require_number,
     require_run,
     require_speed,
     require_timeout,
     secret_from,
 )
-from phalanx.cli.endpoints import require_endpoint
 from phalanx.launcher.engine import ENGINES, FASTEST, require_engine
 from phalanx.wire.credentials import COMMAND_SECRET, SECRET
 
@@ -74,8 +74,8 @@ Secret = Annotated[
         envvar="PHALANX_SECRET_FILE",
         metavar="FILE",
         callback=secret_from(SECRET),
-        help="With the secret that the run's programs share, which seals their messages; or "
-        "PHALANX_SECRET has it. `run` draws one unless it is given.",
+        help="File with the secret that the run's programs share, which seals their messages. "
+        "Default: PHALANX_SECRET, and in `run` a random one.",
         show_default=False,
     ),
 ]
@@ -86,8 +86,8 @@ CommandSecret = Annotated[
         envvar="PHALANX_COMMAND_SECRET_FILE",
         metavar="FILE",
         callback=secret_from(COMMAND_SECRET),
-        help="With the command secret, or PHALANX_COMMAND_SECRET has it: who knows it may pause "
-        "the run, kill agents and so on; without one nobody may.",
+        help="File with the command secret, which allows a viewer to pause the run, kill agents "
+        "and so on. Default: PHALANX_COMMAND_SECRET; without one commands are off.",
         show_default=False,
     ),
 ]
@@ -97,8 +97,18 @@ KeysFolder = Annotated[
         "--keys",
         envvar="PHALANX_KEYS",
         metavar="DIR",
-        help="This program's folder of those that `phalanx keys` makes; the endpoint is then "
-        "tls/HOST:PORT.",
+        help="This program's folder, made by `phalanx keys`; the endpoint is then tls/HOST:PORT.",
+        show_default=False,
+    ),
+]
+Connect = Annotated[
+    str,
+    typer.Option(
+        "--connect",
+        envvar="PHALANX_CONNECT",
+        callback=require_endpoint,
+        help="Zenoh endpoint of the run's hub; of `agent` and `viewer` by default that in the "
+        "file `endpoint` in --keys, or tcp/127.0.0.1:7447.",
         show_default=False,
     ),
 ]
@@ -113,14 +123,12 @@ Insecure = Annotated[
     typer.Option(
         "--insecure",
         envvar="PHALANX_INSECURE",
-        help="Leave this host without --keys: everybody on the network can read the run.",
+        help="Communicate beyond this host without --keys: others on the network can read the run.",
     ),
 ]
 Trust = Annotated[
     bool,
-    typer.Option(
-        "--trust", help="Import and so run the modules that its scenario names, if it names any."
-    ),
+    typer.Option("--trust", help="Import, and so run, the Python modules that the scenario names."),
 ]
 Engine = Annotated[
     str,
@@ -151,18 +159,15 @@ RealTimeFactor = Annotated[
         callback=require_number(
             f"more than 0 and at most {FASTEST:g}", lambda factor: 0.0 < factor <= FASTEST
         ),
-        help="The wall clock decides, and nobody waits: so many seconds of virtual time per "
-        "second; 1 if it is left out.",
+        help="Run by the wall clock, without waiting for agents: seconds of virtual time per "
+        "second; 1 if the factor is left out.",
         show_default=False,
     ),
 ]
 
 
 def with_factor(arguments: Sequence[str]) -> list[str]:
-    """The arguments, with a 1 after every --real-time that no number follows.
-
-    Typer knows no option whose value may be left out.
-    """
+    """Insert a 1 after every --real-time without a number: typer has no optional values."""
     completed: list[str] = []
     for argument, following in zip(arguments, [*arguments[1:], ""], strict=True):
         completed.append(argument)

@@ -1,4 +1,4 @@
-"""phalanx plant and agent: one program of a run, by itself, for containers and many hosts."""
+"""phalanx plant and agent: a single program of a run, for containers and many hosts."""
 
 from contextlib import nullcontext
 from pathlib import Path
@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from phalanx.cli.allowed import require_folder
-from phalanx.cli.endpoints import certificates_for, endpoint_for, require_endpoint
+from phalanx.cli.endpoints import endpoint_for, identity_for, require_endpoint
+from phalanx.cli.option_checks import require_folder
 from phalanx.cli.options import (
     CommandSecret,
+    Connect,
     Insecure,
     KeysFolder,
     Listen,
@@ -22,23 +23,10 @@ from phalanx.cli.options import (
     Speed,
     Timeout,
 )
-from phalanx.cli.terminal import complain
 
 if TYPE_CHECKING:
     from phalanx.scenario.model import Scenario
     from phalanx.wire.membership import Membership
-
-Endpoint = Annotated[
-    str,
-    typer.Option(
-        "--connect",
-        envvar="PHALANX_CONNECT",
-        callback=require_endpoint,
-        help="Zenoh endpoint of the plant or a router; by default what the file endpoint in --keys "
-        "says, or tcp/127.0.0.1:7447.",
-        show_default=False,
-    ),
-]
 
 
 def register(app: typer.Typer) -> None:
@@ -78,7 +66,7 @@ def plant(
 ) -> int:
     """Run the plant alone: the world, the clock, the hub and the verdict.
 
-    It waits for the scenario's agents, which may run anywhere that reaches its endpoint:
+    It waits for the scenario's agents, which may run on any host that can reach its endpoint:
 
       phalanx plant --scenario unicycles --run r1 --keys keys/plant --listen tls/0.0.0.0:7447
     """
@@ -90,8 +78,8 @@ def plant(
 
     policy = CommandPolicy(secret=command_secret.encode(), speed=speed or 0.0)
     endpoint = connect or listen
-    certificates = certificates_for(keys, endpoint, insecure)
-    membership = Membership(run, endpoint, secret.encode(), PLANT, certificates=certificates)
+    own = identity_for(keys, endpoint, insecure)
+    membership = Membership(run, endpoint, secret.encode(), PLANT, identity_folder=own)
     options = {
         "folder": out,
         "policy": policy,
@@ -102,19 +90,19 @@ def plant(
     if (out / RECORDING).exists():
         raise typer.BadParameter(f"--out: expected a folder without a recording, got {out}")
     out.mkdir(parents=True, exist_ok=True)
-    return _run_here("plant", loaded, membership, options)
+    return _run_here(loaded, membership, options)
 
 
 def agent(
     scenario: ScenarioOption,
     run: RunId,
     name: Annotated[
-        str | None, typer.Argument(help="Which of the scenario's agents to be.", show_default=False)
+        str | None, typer.Argument(help="The name of the agent to run.", show_default=False)
     ] = None,
     claim: Annotated[
-        bool, typer.Option("--claim", help="Be any of them whose place is free, or becomes free.")
+        bool, typer.Option("--claim", help="Run the first agent whose place is free, or gets free.")
     ] = False,
-    connect: Endpoint = "",
+    connect: Connect = "",
     timeout: Timeout = 60.0,
     seed: Seed = None,
     overrides: Overrides = None,
@@ -122,9 +110,9 @@ def agent(
     keys: KeysFolder = None,
     insecure: Insecure = False,
 ) -> int:
-    """Run one agent alone, normal or adversary as the scenario says.
+    """Run one agent alone, normal or adversary by the scenario.
 
-    Scenario, seed and overrides must be the plant's; it refuses an agent whose scenario differs.
+    Scenario, seed and overrides must be the plant's; it rejects an agent whose scenario differs.
     Under centralised control one process, named controller, decides for all normal agents.
 
       phalanx agent 4 --scenario unicycles --run r1 --connect tcp/127.0.0.1:7447
@@ -140,30 +128,23 @@ def agent(
         got = f"got {name or 'neither'}" + (" with --claim" if claim else "")
         raise typer.BadParameter(f"agent: expected one of {', '.join(names)}, or --claim, {got}")
     endpoint = endpoint_for(connect, keys)
-    certificates = certificates_for(keys, endpoint, insecure)
-    identity = name or CLAIMANT
-    membership = Membership(run, endpoint, secret.encode(), identity, timeout, certificates)
-    return _run_here("agent", resolved, membership, {})
+    own = identity_for(keys, endpoint, insecure)
+    membership = Membership(run, endpoint, secret.encode(), name or CLAIMANT, timeout, own)
+    return _run_here(resolved, membership, {})
 
 
-def _run_here(
-    program: str, scenario: "Scenario", membership: "Membership", options: dict[str, Any]
-) -> int:
+def _run_here(scenario: "Scenario", membership: "Membership", options: dict[str, Any]) -> int:
     from phalanx.extensions.registered import extension
     from phalanx.launcher.programs import configure_logging, run_program
     from phalanx.scenario.load import digest
     from phalanx.swarm.rows import build_rows
     from phalanx.swarm.swarm import build_swarm
     from phalanx.wire.keys import CLAIMANT
-    from phalanx.wire.session import HubError
 
     configure_logging()
-    claimed = extension("claimed") if membership.identity == CLAIMANT else None
-    try:
-        rows = build_rows(build_swarm(scenario))
-        # Last: a place is kept for who was given it only for a while.
-        with claimed(membership, digest(scenario)) if claimed else nullcontext(membership) as own:
-            return run_program(program, rows, own, options) if own else 0
-    except (HubError, OSError) as error:
-        complain(error)
-        return 3
+    claimant = membership.identity == CLAIMANT
+    request_place = extension("request-place") if claimant else lambda *_: nullcontext(membership)
+    rows = build_rows(build_swarm(scenario))
+    # Last: the plant keeps a place for its agent for a short time only.
+    with request_place(membership, digest(scenario)) as own:
+        return run_program(rows, own, options) if own else 0

@@ -1,4 +1,4 @@
-"""phalanx run: a scenario from its file to its verdict, on this machine."""
+"""phalanx run: run a scenario on this machine, to its verdict."""
 
 import contextlib
 import resource
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from phalanx.cli.allowed import require_folder, require_port
 from phalanx.cli.endpoints import require_endpoint, require_here
+from phalanx.cli.option_checks import require_folder, require_port
 from phalanx.cli.options import (
     Engine,
     Insecure,
@@ -20,7 +20,7 @@ from phalanx.cli.options import (
     Seed,
     Speed,
 )
-from phalanx.cli.terminal import complain, say
+from phalanx.cli.terminal import echo, echo_error
 from phalanx.extensions.registered import extension
 from phalanx.launcher import interrupt
 from phalanx.launcher.engine import DEFAULT_ENGINE, ENGINES, prepare, silent
@@ -28,7 +28,7 @@ from phalanx.launcher.engine import DEFAULT_ENGINE, ENGINES, prepare, silent
 if TYPE_CHECKING:
     from phalanx import Outcome, Run
 
-Out = Annotated[Path, typer.Option(callback=require_folder, help="Folder for the folders of runs.")]
+Out = Annotated[Path, typer.Option(callback=require_folder, help="Parent of the runs' folders.")]
 Listen = Annotated[
     str | None,
     typer.Option(
@@ -39,12 +39,12 @@ Listen = Annotated[
 Report = Annotated[bool, typer.Option(help="Make the report when the run is over.")]
 Strict = Annotated[bool, typer.Option(help="Exit with 1 if the run was safe but not guaranteed.")]
 Profile = Annotated[
-    bool, typer.Option("--profile", help="Say where every program's wall time went.")
+    bool, typer.Option("--profile", help="Measure the phases of every program's wall time.")
 ]
 View = Annotated[
     bool,
     typer.Option(
-        "--view", help="Show the run on a page at real time, and replay it when it is over."
+        "--view", help="Show the run on a page in real time, and replay it when it is over."
     ),
 ]
 Commands = Annotated[
@@ -58,7 +58,7 @@ Port = Annotated[
     int | None,
     typer.Option(
         callback=require_port,
-        help="With --view: of the page; by default 8080 or the next free one.",
+        help="With --view: port of the page; by default 8080 or the next free one.",
     ),
 ]
 
@@ -106,14 +106,14 @@ def run(
         raise typer.BadParameter(f"--engine {engine}: expected no {names}")
     if listen is not None:
         require_here(listen, insecure, "--insecure; phalanx plant has --keys")
-    # Libraries that find no memory die in words of their own: there this process loads them first.
+    # Under a limit of memory this process loads the libraries first, to report their failure.
     if resource.getrlimit(resource.RLIMIT_AS)[0] == resource.RLIM_INFINITY:
-        with contextlib.suppress(OSError):  # said when the run begins
+        with contextlib.suppress(OSError):  # reported when the run begins
             prepare(engine)
     import phalanx
-    from phalanx.launcher.streams import outlive_readers
+    from phalanx.launcher.streams import ignore_closed_pipes
 
-    outlive_readers()
+    ignore_closed_pipes()
     resolved = phalanx.load(scenario, overrides or (), seed)
     from phalanx.cli.display import progress
     from phalanx.guarantee.verdict import exit_status
@@ -140,35 +140,35 @@ def run(
                     real_time=real_time,
                 )
         except phalanx.EngineError as error:
-            complain(f"broken: {error}")
+            echo_error(f"broken: {error}")
             return 3
         except ConnectionError as error:
-            # A signal to all ends what starts the programs, often before it is answered here.
-            interrupt.raise_unanswered()
-            complain(f"broken: the process that starts the programs is gone: {error.strerror}")
+            # A signal to the process group also ends the fork server, often before this process.
+            interrupt.raise_pending()
+            echo_error(f"broken: the process that starts the programs is gone: {error.strerror}")
             return 3
         except OSError as error:
             raise typer.BadParameter(
                 f"--out: cannot create a folder in {out}: {error.strerror}"
             ) from error
-        outcome = _told(finished, profile, report)
+        outcome = _show(finished, profile, report)
         if page:
             _wait_for(page)
     return exit_status(outcome, strict)
 
 
 def _page(port: int | None, command_secret: bytes) -> Any:
-    """The page of a run, at a port that is chosen before anything is started."""
+    """Make the page of a run, and choose its port before anything is started."""
     token = secrets.token_urlsafe(16) if command_secret else ""
     try:
         page = extension("live-page")(port, command_secret, token)
     except OSError as error:
         raise typer.BadParameter(f"--port: {error}") from error
-    say(f"viewer: {page.url}")
+    echo(f"viewer: {page.url}")
     return page
 
 
-def _told(finished: "Run", profile: bool, report: bool) -> "Outcome":
+def _show(finished: "Run", profile: bool, report: bool) -> "Outcome":
     """Print the key figures of the run, the verdict last."""
     from phalanx.cli.display import last_line, print_profile, print_summary
 
@@ -179,27 +179,27 @@ def _told(finished: "Run", profile: bool, report: bool) -> "Outcome":
         print_profile(finished)
     if report:
         _write_report(finished)
-    say(f"{last_line(summary)} ({finished.folder})")
+    echo(f"{last_line(summary)} ({finished.folder})")
     return summary.outcome
 
 
 def _wait_for(page: Any) -> None:
-    """Let the page go on until Ctrl-C."""
-    if interrupt.terminated():
+    """Serve the page until Ctrl-C."""
+    if interrupt.sigterm_received():
         return
     with contextlib.suppress(KeyboardInterrupt):
         if page.served:
-            say("the page replays the run; Ctrl-C ends it")
+            echo("the page replays the run; press Ctrl-C to end it")
         page.wait()
 
 
 def _write_report(finished: "Run") -> None:
     from phalanx import UnreadableRecordingError
-    from phalanx.cli.display import doing
+    from phalanx.cli.display import spinner
 
     try:
-        with doing("drawing the report") as show:
+        with spinner("drawing the report") as show:
             written = finished.report(show)
-        say(f"report: {written}")
+        echo(f"report: {written}")
     except (UnreadableRecordingError, OSError) as error:
-        complain(f"no report: {error}")
+        echo_error(f"no report: {error}")

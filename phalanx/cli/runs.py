@@ -1,13 +1,13 @@
-"""phalanx scenarios, runs and verify: what ships, what was run, and the same run again."""
+"""phalanx scenarios, runs and verify: list scenarios, list runs, and repeat a run."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from phalanx.cli.allowed import LARGEST_SEED
+from phalanx.cli.option_checks import LARGEST_SEED
 from phalanx.cli.options import Engine, RunArgument, Trust
-from phalanx.cli.terminal import complain, say
+from phalanx.cli.terminal import echo, echo_error
 from phalanx.launcher.engine import DEFAULT_ENGINE
 
 if TYPE_CHECKING:
@@ -35,14 +35,14 @@ def scenarios() -> int:
         agents = f"{roles.count('normal')} + {roles.count('adversary')}"
         table.add_row(name, agents, f"{scenario.duration:g} s", scenario.description)
     Console().print(table)
-    say("agents: normal + adversary. Run one with: phalanx run NAME")
+    echo("agents: normal + adversary. Run one with: phalanx run NAME")
     return 0
 
 
 def runs(
     folder: Annotated[
         Path,
-        typer.Argument(metavar="FOLDER", help="Where runs are, as `phalanx run --out` has it."),
+        typer.Argument(metavar="FOLDER", help="The folder of runs, as for `phalanx run --out`."),
     ] = Path("runs"),
 ) -> int:
     """List the runs of a folder, the newest last, and how each ended.
@@ -60,7 +60,7 @@ def runs(
 
     recordings = sorted(folder.glob(f"*/{RECORDING}"), key=lambda path: path.stat().st_mtime)
     if not recordings:
-        complain(f"{folder}: no runs there; make one with: phalanx run unicycles")
+        echo_error(f"{folder}: no runs in this folder; make one with: phalanx run unicycles")
         return 3
     table = TextTable("run", "verdict", "time", "seed", "worst h_tot", "certified")
     for run in (recording.parent for recording in recordings):
@@ -86,16 +86,19 @@ def verify(
     seed: Annotated[
         int | None,
         typer.Option(
-            min=0, max=LARGEST_SEED, help="Run again with another seed, to see where it departs."
+            min=0, max=LARGEST_SEED, help="Use another seed, to see where the two runs depart."
         ),
     ] = None,
     engine: Engine = DEFAULT_ENGINE,
     trust: Trust = False,
 ) -> int:
-    """Run a recording's scenario again and say whether the trajectory is bit-identical.
+    """After a run: repeat it and compare the trajectories bit by bit, to test reproducibility.
 
-    Exit status 0 if it is, 1 if it is not, 3 if the recording cannot be read or run, 130
-    if it was stopped.
+    To check a scenario before a run use `phalanx check`; to prove a recording safe, `phalanx
+    certify`.
+
+    Exit status 0 if the trajectories are identical, 1 if not, 3 if the recording cannot be read
+    or run, 130 if it was stopped.
     """
     import phalanx
     from phalanx.cli.display import progress
@@ -106,17 +109,14 @@ def verify(
         recorded = phalanx.open(run, trust=trust)
         with progress(recorded.scenario) as show:
             verification = recorded.verify(engine=engine, seed=seed, progress=show)
-    except (phalanx.UnreadableRecordingError, phalanx.EngineError, OSError) as error:
-        complain(error)
-        return 3
     except KeyboardInterrupt:
-        complain("stopped")
+        echo_error("stopped")
         return exit_status(Outcome.STOPPED)
     if cut_short(recorded.recording):
         summary = recorded.summary
         why = recorded.recording.damage or (summary and summary.reason) or "no summary"
-        say(f"{recorded.recording.path}: {why}; comparing what there is")
-    say(verification)
+        echo(f"{recorded.recording.path}: {why}; comparing up to its end")
+    echo(verification)
     return 0 if verification else 1
 
 

@@ -1,4 +1,4 @@
-"""Workarounds of other libraries, one a file: which version, what upstream says, when it may go.
+"""Workarounds for other libraries, one a file, with the version and the state of the issue.
 
 tests/unit/compat/test_workarounds.py fails for each that is no longer needed.
 """

@@ -1,11 +1,11 @@
 """Start multiprocessing's fork server with this process's import path, and without its script.
 
 `importing_as_here`: before Python 3.12.8 and 3.13.1 the server ignores sys.path while it preloads
-(python/cpython#117378), and looks in the working directory first, where another phalanx may lie.
-It may go when `requires-python` excludes those.
+(python/cpython#117378), and searches the working directory first, where another phalanx may be.
+It can be removed when `requires-python` excludes those.
 
 `without_main`: multiprocessing imports the caller's `__main__` in each process that it starts, and
-has no option against it. Upstream has no issue yet. It would say: "A Process whose target is in an
+has no option against it. Upstream has no issue yet. Its text: "A Process whose target is in an
 importable module should be able to refuse the import of `__main__`; scripts without a main guard
 run again in it."
 """
@@ -33,8 +33,8 @@ def without_main() -> Iterator[None]:
 
 @contextlib.contextmanager
 def importing_as_here() -> Iterator[None]:
-    """Have a Python that is started in the block import from where this one does."""
-    # An entry that is no text is ignored by import too.
+    """Let a Python that is started in the block import from the same path as this one."""
+    # import, too, ignores entries that are not texts.
     path = os.pathsep.join(os.path.abspath(entry) for entry in sys.path if isinstance(entry, str))
     with _changing_environment:
         before = {name: os.environ.pop(name, None) for name in ("PYTHONPATH", "PYTHONSAFEPATH")}

@@ -1,9 +1,9 @@
-"""Do with viser's server what it has no option for: check origins, and replace scripts by name.
+"""Add to viser's server what it has no option for: check origins, and replace scripts by name.
 
 viser 1.1 calls websockets' serve() in a thread of its own, without `origins` and with one handler
-for all paths; every script that it is given is kept and run again by later visitors.
+for all paths. It keeps every script, and every later visitor runs it again.
 
-Upstream has no issue yet. It would say: "ViserServer should take `origins` for websockets.serve():
+Upstream has no issue yet. Its text: "ViserServer should take `origins` for websockets.serve():
 without it any page that a user visits can connect to the server on his machine and command it.
 RunJavascriptMessage should take a key by which a later script replaces an earlier one."
 """
@@ -24,10 +24,10 @@ Handler = Callable[[ServerConnection], Awaitable[None]]
 def serving(
     let_in: Callable[[Handler, ServerConnection], Awaitable[None]], origins: tuple[str, ...]
 ) -> Iterator[None]:
-    """Have servers that are started in the block check origins, and let_in handle connections.
+    """Make servers that are started in the block check origins, and let_in handle connections.
 
-    A browser lets any page that its user visits connect to a port of his machine, and only tells
-    where the page came from: without the check, a foreign page could watch a run and command it.
+    A browser lets any page that its user visits connect to a port of the user's machine, and only
+    sends the page's origin. Without the check a foreign page could watch and command a run.
     """
     # viser's constructor returns when its thread listens: the block lasts long enough.
     module = websockets.asyncio.server
@@ -47,7 +47,7 @@ def serving(
 
 
 def named_script(name: str, source: str) -> RunJavascriptMessage:
-    """JavaScript that replaces the last of its name for visitors to come."""
+    """Make a script that replaces the last one of its name for later visitors."""
     message = RunJavascriptMessage(source)
     message.redundancy_key = lambda: f"phalanx-{name}"  # type: ignore[method-assign]
     return message

@@ -1,12 +1,12 @@
-"""Close connections at once, even to a peer that takes nothing any more.
+"""Close connections without lingering, even to a peer that does not read any more.
 
-Zenoh 1.10 has the kernel linger for ten seconds at the close of a TCP or TLS connection until the
-peer took everything, and closes in one of the few threads that serve all the others: a hub that
-gave up a stopped listener would hear nobody for so long. What was sent is delivered without that
-as well.
+Zenoh 1.10 lets the kernel linger for up to ten seconds at the close of a TCP or TLS connection
+until the peer has read everything. It closes in one of the few threads that serve all connections:
+a hub that closes the connection of a stopped listener would block for that time. Messages sent
+before are delivered without lingering too.
 
 Upstream: eclipse-zenoh/zenoh#2349 keeps `set_linger` although tokio-rs/tokio#7751 deprecates it,
-because the close may block. An option of the link for it would replace this file.
+because the close may block. An option of the link would replace this file.
 """
 
 import contextlib
@@ -18,12 +18,12 @@ import threading
 import zenoh
 
 _DO_NOT_LINGER = struct.pack("ii", 0, 0)
-_TOGETHER = 0.1
-"""Connections that are made within this time are changed at once [s]."""
+_DELAY = 0.1
+"""Connections that are made within this time are changed together [s]."""
 
 
-def close_at_once(session: zenoh.Session) -> None:
-    """Have this process's connections not linger, soon after each is made."""
+def disable_linger(session: zenoh.Session) -> None:
+    """Disable lingering of this process's connections, soon after each is made."""
     scheduled = threading.Event()
 
     def change() -> None:
@@ -32,23 +32,23 @@ def close_at_once(session: zenoh.Session) -> None:
 
     def on_event(event: zenoh.TransportEvent) -> None:
         if event.kind == zenoh.SampleKind.PUT and not scheduled.is_set():
-            timer = threading.Timer(_TOGETHER, change)
+            timer = threading.Timer(_DELAY, change)
             timer.daemon = True
             scheduled.set()
             try:
                 timer.start()
-            except RuntimeError:  # there may be no more threads
+            except RuntimeError:  # the process may have no more threads
                 change()
 
     session.info.declare_transport_events_listener(on_event, history=True)
 
 
 def _linger_nowhere() -> None:
-    """Change every socket of the process: Zenoh does not say which descriptor is whose."""
+    """Change every socket of the process: Zenoh does not expose its descriptors."""
     for descriptor in map(int, os.listdir("/proc/self/fd")):
         with contextlib.suppress(OSError):  # closed by now, or not a socket
             connection = socket.socket(fileno=descriptor)
             try:
                 connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _DO_NOT_LINGER)
             finally:
-                connection.detach()  # it is Zenoh's to close
+                connection.detach()  # Zenoh closes it

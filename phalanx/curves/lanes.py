@@ -1,4 +1,4 @@
-"""The space-time diagram: a lane for each agent, and what became of the broadcasts between them."""
+"""The space-time diagram: a lane for each agent, with the fates of the broadcasts to it."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -20,9 +20,9 @@ class Lanes(NamedTuple):
     late: Array
     """Share of the broadcasts to it that came too late for its next step."""
     lost: Array
-    """Likewise of those that were lost."""
+    """Share of the broadcasts to it that were lost."""
     state: Index
-    """How it did: a place in LANE_STATES."""
+    """Its gravest state, as a place in LANE_STATES."""
     false: Array
     """1 where it sent a false broadcast, else 0."""
 
@@ -31,14 +31,14 @@ def lanes(
     history: History, steps: Sequence[AgentSeries], taus: Sequence[float],
     span: tuple[float, float], now: float, most: int,
 ) -> Lanes:  # fmt: skip
-    """Every agent's lane.
+    """Compute every agent's lane.
 
     Args:
         history: of the run.
         steps: of every agent.
-        taus: for how long each may be without a step before it counts as silent [s].
+        taus: longest time without a step before each agent counts as silent [s].
         span: begin and end of the diagram [s].
-        now: how far the run has come [s].
+        now: the latest time known of the run [s].
         most: intervals at most.
     """
     intervals = int(np.clip(max(len(s.t) for s in steps), 1, most))
@@ -54,23 +54,23 @@ def lanes(
     sent, late, lost = (
         counted(fates.receiver, fates.t, counts) for counts in (fates.sent, fates.late, fates.lost)
     )
-    lies = np.array([(b.sender, b.sent, 1.0) for b in history.broadcasts if b.false])
+    false = history.broadcasts[history.broadcasts.false]
     edges = np.linspace(begin, end, intervals + 1)
     return Lanes(
         late / np.maximum(sent, 1.0),
         lost / np.maximum(sent, 1.0),
         np.array([_states(s, tau, edges, now) for s, tau in zip(steps, taus, strict=True)]),
-        np.minimum(counted(*lies.reshape(-1, 3).T), 1.0),
+        np.minimum(counted(false.sender, false.sent, np.ones(len(false))), 1.0),
     )
 
 
 def zoom_window(steps: Sequence[AgentSeries], worst: float, end: float) -> tuple[float, float]:
-    """From when to when a few control steps around the worst moment of a run are shown [s]."""
+    """Begin and end of a few control steps around the worst moment of a run [s]."""
     return window(worst, end, [s.sampled.tolist() for s in steps])
 
 
 def _states(steps: AgentSeries, tau: float, edges: Array, now: float) -> Index:
-    """The gravest state in each interval, as a place in LANE_STATES."""
+    """Find the gravest state in each interval, as a place in LANE_STATES."""
     found = np.zeros(len(edges) - 1, dtype=np.intp)
     until = np.append(steps.sampled[1:], now)
     for k in np.flatnonzero((steps.empty > 0.0) | (until - steps.sampled > 1.5 * tau)):

@@ -1,4 +1,4 @@
-"""Time series thinned to what can be seen, and what many of them have in common."""
+"""Time series, thinned to what can be seen, and the envelope of many."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from phalanx.arrays import Array, Index
 QUANTILES = (0.0, 0.1, 0.5, 0.9, 1.0)
 _MOST_POINTS = 1600
 _MOST_INTERVALS = 300
-"""More than the eye tells apart in a figure."""
+"""More than can be distinguished in a figure."""
 
 
 class Series(NamedTuple):
@@ -20,17 +20,17 @@ class Series(NamedTuple):
     y: Array
 
     def known(self) -> "Series":
-        """Without those that are not known."""
+        """The values that are not NaN."""
         found = np.isfinite(self.y)
         return Series(self.t[found], self.y[found])
 
 
 def kept(y: Array, most: int = _MOST_POINTS, *, highest: bool = True, lowest: bool = True) -> Index:
-    """Indices of at most so many values through which y, shape (s,), is drawn.
+    """Choose the values, by index, through which y, shape (s,), is drawn.
 
     Args:
         y: values; NaN is a gap.
-        most: how many are kept.
+        most: number of values kept.
         highest: whether the largest value of every block is kept, so that each peak is seen.
         lowest: likewise the smallest.
     """
@@ -53,11 +53,11 @@ class Envelope(NamedTuple):
     edges: Array
     """Where the intervals begin and end [s], shape (b, 2)."""
     values: Array
-    """By QUANTILES, shape (5, b); each is a value that there is."""
+    """By QUANTILES, shape (5, b); each is one of the values, not interpolated."""
 
 
 def envelope(curves: Sequence[Series], most: int = _MOST_INTERVALS) -> Envelope:
-    """The envelope of many curves in at most so many intervals.
+    """Compute the envelope of many curves in at most `most` intervals.
 
     An interval holds two values of each curve, about: with one, clocks that jitter would leave a
     curve out of some.
@@ -77,7 +77,7 @@ def envelope(curves: Sequence[Series], most: int = _MOST_INTERVALS) -> Envelope:
 
 
 def _ranked(values: Array) -> Array:
-    """The values at QUANTILES, the nearest ones."""
+    """Select the values nearest to QUANTILES."""
     ranks = np.round(np.array(QUANTILES) * (len(values) - 1)).astype(int)
     ranked: Array = np.partition(values, ranks)[ranks]
     return ranked

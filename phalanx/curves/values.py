@@ -22,20 +22,19 @@ class SafetyValues:
 
     def h(self, pair: int, x: Array) -> float:
         """One pair's h at a state, shape (n̄,)."""
-        return float(self._alone(pair).h(x)[0])
+        return float(self._single(pair).h(x)[0])
 
     def unsafe(self, x: Array) -> Index:
-        """The pairs with h > 0, the deepest first."""
+        """Pairs with h > 0, the largest h first."""
         h = self._every.h(x)
         # What is not a number is not safe either.
         found = np.flatnonzero(~(h <= 0.0))
-        deepest: Index = self._every.order[found[np.argsort(-h[found], kind="stable")]]
-        return deepest
+        largest_first: Index = self._every.order[found[np.argsort(-h[found], kind="stable")]]
+        return largest_first
 
     def every_h(self, x: Array) -> Array:
         """h of the composed set's pairs at states (n̄,) or (s, n̄); shape (p,) or (s, p)."""
-        found = self._every.h(x)
-        return found[..., self._places]
+        return self._every.h(x)[..., self._places]
 
     def worst_pair(self, x: Array) -> int:
         """The pair whose h is largest."""
@@ -43,7 +42,7 @@ class SafetyValues:
 
     @cached_property
     def too_large(self) -> bool:
-        """Whether all agents' margins together are too much to build for figures."""
+        """True if all agents' margins together are too much to build for figures."""
         swarm = self.rows.swarm
         expressions = len(swarm.normal) if swarm.safety.bounds_one_row else 0
         return expressions * swarm.pairs.count > _MOST_COMPOSED
@@ -54,7 +53,7 @@ class SafetyValues:
         return range(1, self.rows.relative_degree)
 
     def higher_psi(self, x: Array) -> Array:
-        """The largest ψ_k over all that normal agents keep, for each of psi_levels."""
+        """Largest ψ_k over all that normal agents keep, for each of psi_levels."""
         if not self.psi_levels:
             return np.zeros(0)
         largest: Array = self._invariants(x).reshape(-1, self.rows.relative_degree).max(axis=0)
@@ -65,21 +64,18 @@ class SafetyValues:
         return self.rows.invariants()
 
     @cached_property
-    def _alone(self) -> Callable[[int], ChosenPairs]:
-        """One pair; the worst one is asked for again and again."""
-        choose, pairs = self.rows.swarm.pairs.choose, self._pairs
-        return lru_cache(maxsize=32)(lambda pair: choose(pairs[pair : pair + 1]))
-
-    @cached_property
-    def _pairs(self) -> Index:
-        swarm = self.rows.swarm
-        return swarm.pairs.every
-
-    @cached_property
-    def _places(self) -> Index:
-        """Where the values of `_every` have those of the composed set's pairs."""
-        return np.argsort(self._every.order)
+    def _single(self) -> Callable[[int], ChosenPairs]:
+        pairs = self.rows.swarm.pairs
+        every = pairs.every
+        # The worst pair is needed again and again.
+        return lru_cache(maxsize=32)(lambda pair: pairs.choose(every[pair : pair + 1]))
 
     @cached_property
     def _every(self) -> ChosenPairs:
-        return self.rows.swarm.pairs.choose(self._pairs)
+        pairs = self.rows.swarm.pairs
+        return pairs.choose(pairs.every)
+
+    @cached_property
+    def _places(self) -> Index:
+        """Places of the composed set's pairs in the values of `_every`."""
+        return np.argsort(self._every.order)

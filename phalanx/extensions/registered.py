@@ -1,8 +1,8 @@
 """Extensions, found by the entry points of installed packages.
 
-A package registers commands of `phalanx` in the group `phalanx.commands`, each a function that is
-given the typer app; and in `phalanx.extensions`, under the name that the core asks for, what the
-core can do without: the report, the page, identities. The core imports none of them.
+A package registers commands of `phalanx` in the group `phalanx.commands`, each a function that
+takes the typer app. In `phalanx.extensions` it registers optional functions by the names that the
+core uses: the report, the page, identities. The core imports none of them.
 """
 
 from collections.abc import Callable
@@ -11,19 +11,21 @@ from typing import Any, NamedTuple
 
 COMMANDS, EXTENSIONS = "phalanx.commands", "phalanx.extensions"
 PACKAGE = "phalanx-swarm"
-AGAIN = "install phalanx-swarm again, in place too: python -m pip install --no-deps --editable ."
+REINSTALL = (
+    "install phalanx-swarm again, in place too: python -m pip install --no-deps --editable ."
+)
 """Advice where an installation is older than the code."""
 
 
 class MissingExtensionError(ImportError):
-    """No installed package offers what was asked for; the message names it."""
+    """No installed package offers the extension that the message names."""
 
 
 def extension(name: str) -> Any:
-    """Load what is registered under a name. Raises MissingExtensionError, or as its import does."""
+    """Load the extension of this name. Raises MissingExtensionError, or as its import does."""
     for found in entry_points(group=EXTENSIONS, name=name):
         return found.load()
-    raise MissingExtensionError(f"no installed package offers {name!r}: {AGAIN}")
+    raise MissingExtensionError(f"no installed package offers {name!r}: {REINSTALL}")
 
 
 class Registered(NamedTuple):
@@ -32,16 +34,16 @@ class Registered(NamedTuple):
     name: str
     package: str
     register: Callable[[Any], None] | BaseException
-    """Adds commands to the app; or why it cannot be imported."""
+    """The function that adds commands to the app, or the error of its import."""
 
     @property
     def ours(self) -> bool:
-        """Whether Phalanx itself brings it."""
+        """True for an entry of Phalanx itself."""
         return self.package == PACKAGE
 
 
 def commands() -> list[Registered]:
-    """What is registered, in the order of names; other packages' after ours."""
+    """Return all entries in the order of names, other packages' after ours."""
     found = [_loaded(entry) for entry in entry_points(group=COMMANDS)]
     return sorted(found, key=lambda entry: (not entry.ours, entry.name))
 

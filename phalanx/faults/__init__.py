@@ -1,1 +1,1 @@
-"""Faults of a run: a family of [[faults]] in each file, and commands."""
+"""Faults of a run: one family of [[faults]] per file, and commands."""

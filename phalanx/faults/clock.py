@@ -1,4 +1,4 @@
-"""Faults of clocks: an agent's clock is perturbed, and wrong while a fault lasts."""
+"""Clock faults: steps, skew and drift of an agent's perturbed clock."""
 
 import math
 from collections import Counter
@@ -8,34 +8,33 @@ from typing import Annotated, Literal, NamedTuple, Self
 from pydantic import Field, model_validator
 
 from phalanx.faults.fault import AgentFault, Occurrence
-from phalanx.schema.fields import Finite, Positive, misplaced
+from phalanx.schema.fields import Finite, Positive, field_error
 from phalanx.seeded.clock import SamplingClock
 
 
 class ClockFault(AgentFault):
-    """Clocks are wrong: they sample too late or too early."""
+    """Clocks trigger samples too late or too early."""
 
     kind: Literal["clock"]
     step: Finite | None = None
-    """The clock is set back, for good: samples come so much later [s]; negative: sooner, at once at
-    the soonest."""
+    """Permanent delay of all later samples [s]; negative: earlier, at most by the time left to
+    the next one."""
     skew: Finite | None = None
-    """The same, until the fault is over [s]."""
+    """The same for the fault's duration [s]."""
     drift: Annotated[Finite, Field(gt=-0.5, le=10.0)] | None = None
-    """Meanwhile the time from one sample to the next is so much longer, as a share."""
+    """Relative lengthening of the time between samples, for the fault's duration."""
     lasts: Positive | None = Field(default=None, alias="for")
-    """For how long [s]."""
+    """Duration [s]."""
 
     @model_validator(mode="after")
     def _one_of_them(self) -> Self:
         if [self.step, self.skew, self.drift].count(None) != 2:
             raise ValueError("expected one of step, skew and drift")
         if (self.lasts is None) != (self.step is not None):
-            raise misplaced(("for",), "expected with skew and drift alone", self.lasts)
+            raise field_error(("for",), "expected with skew and drift alone", self.lasts)
         return self
 
     def until(self, t: float) -> float:
-        """When it is over if it begins at t [s]."""
         return math.inf if self.lasts is None else t + self.lasts
 
 
@@ -48,20 +47,20 @@ class _Jump(NamedTuple):
 
 
 class AgentClock:
-    """When one agent samples: a pure function of its last sample."""
+    """One agent's clock with its faults: the next sample is a pure function of the last one."""
 
     def __init__(
         self, clock: SamplingClock, least: float, occurrences: Iterable[Occurrence] = ()
     ) -> None:
-        """Go as a clock does, but for faults.
+        """Apply faults to a clock.
 
         Args:
-            clock: without faults.
-            least: between two samples [s], whatever the clock says.
-            occurrences: of faults of this agent; only those of clocks count.
+            clock: the clock without faults.
+            least: lower bound on the time between two samples [s].
+            occurrences: faults of this agent; those not of clocks are ignored.
         """
         self.faults: Counter[int] = Counter()
-        """Samples that each declared fault put off, or brought forward."""
+        """Number of samples that each declared fault moved."""
         self._clock, self._least = clock, least
         self._drifts: list[tuple[float, Occurrence]] = []
         jumps: list[_Jump] = []
@@ -78,10 +77,10 @@ class AgentClock:
         self._jumps = sorted(jumps)
 
     def after(self, k: int, t: float) -> float:
-        """When its tick after tick k is, which was at t [s]."""
+        """Return the time of tick k + 1 [s], given that tick k was at t [s]."""
         due = right = self._clock.after(k, t)
         for drift, occurrence in self._drifts:
-            if occurrence.holds(t):
+            if occurrence.in_force(t):
                 due += drift * (right - t)
                 self.faults[occurrence.number] += 1
         for jump in self._jumps:

@@ -1,7 +1,7 @@
-"""Commands, of a person or of a declared fault, to a run while it runs; the state they leave.
+"""Commands to a running run, from a user or a declared fault, and the state that results.
 
-A command on an agent is one line of EFFECTS: what becomes of the agent and of its process. Clocks,
-judge, event log and page ask there, so that another one is added there.
+A command on an agent is one line of EFFECTS: its effect on the agent and on its process. Clocks,
+judge, event log and page use that table, so a new command is added there.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,13 +13,13 @@ import msgspec
 
 
 class CommandKind(StrEnum):
-    """One kind of command; `value` and `agent` mean what its text says."""
+    """One kind of command, with the meaning of `value` and `agent`."""
 
     PAUSE = "pause"
     """Virtual time stands still."""
     RESUME = "resume"
     STEP = "step"
-    """Go on for `value` seconds of virtual time, then stand still."""
+    """Advance by `value` seconds of virtual time, then pause."""
     SPEED = "speed"
     """At most `value` seconds of virtual time per second; 0: as fast as the machine allows."""
     LOSS = "loss"
@@ -29,7 +29,7 @@ class CommandKind(StrEnum):
     KILL = "kill"
     """`agent`'s process dies; its actuator holds the last input."""
     RESTART = "restart"
-    """Another process takes the place of the dead `agent`, knows nothing, and samples at once."""
+    """A new process replaces the dead `agent`, with nothing received, and samples at once."""
     FREEZE = "freeze"
     """`agent` neither samples nor answers; its actuator holds the last input."""
     THAW = "thaw"
@@ -49,7 +49,7 @@ class Condition(StrEnum):
 
     @property
     def silent(self) -> bool:
-        """Whether it neither samples nor answers."""
+        """Return whether it neither samples nor answers."""
         return self in (Condition.FROZEN, Condition.DEAD)
 
 
@@ -60,20 +60,21 @@ class ProcessChange(StrEnum):
     GOES_ON = "goes on"
     DIES = "dies"
     STARTS = "starts"
-    """Anew, knowing nothing."""
+    """A new process, with nothing received."""
 
 
 class Effect(NamedTuple):
-    """The effect of a command on its agent, in those conditions in which it has any."""
+    """The effect of a command on its agent."""
 
-    in_words: str
-    """As the event log has it, after the agent's name."""
+    text: str
+    """The event log's, after the agent's name."""
     leads_from: frozenset[Condition]
+    """Conditions in which the command has an effect."""
     leads_to: Condition | None
-    """None: what it was before it failed."""
+    """None: the condition before the failure."""
     process: ProcessChange | None = None
     harms: bool = True
-    """Whether the agent fails; else a failure ends."""
+    """True if the agent fails, False if a failure ends."""
 
 
 _RUNS = frozenset({Condition.FINE, Condition.TURNED})
@@ -94,41 +95,41 @@ EFFECTS: Mapping[str, Effect] = {
     ),
     CommandKind.TURN: Effect("turned adversary", frozenset({Condition.FINE}), Condition.TURNED),
 }
-"""Of every command on an agent."""
-ON_LINKS = frozenset({CommandKind.LOSS, CommandKind.DELAY})
+"""Effects of all commands on agents."""
+LINK_COMMANDS = frozenset({CommandKind.LOSS, CommandKind.DELAY})
 
 
 class Command(msgspec.Struct, frozen=True):
-    """One command, obeyed at t; recorded under the topic /command."""
+    """One command, executed at t; recorded under the topic /command."""
 
     t: float
     """[s]"""
     kind: str
-    """One of CommandKind; a text here, so that what a stranger sends can be refused in words."""
+    """One of CommandKind; a text, so that an unknown kind gets an error message."""
     agent: str = ""
     value: float = 0.0
     fault: int = -1
-    """Which of the scenario's declared faults it is, by number; -1: by hand."""
+    """Number of the declared fault that it executes; -1: sent by a user."""
 
     @property
     def effect(self) -> Effect | None:
-        """Its effect on its agent; None if it is on none."""
+        """Its effect on its agent; None if it does not concern an agent."""
         return EFFECTS.get(self.kind)
 
     @property
     def changes_trajectory(self) -> bool:
-        """Whether agents or links are affected; the other commands only change the pace."""
-        return self.effect is not None or self.kind in ON_LINKS
+        """True if agents or links are affected; the other commands only change the pace."""
+        return self.effect is not None or self.kind in LINK_COMMANDS
 
     @property
     def harms(self) -> bool:
-        """Whether it makes an agent fail, or changes what links do."""
-        return self.kind in ON_LINKS or (self.effect is not None and self.effect.harms)
+        """True if it makes an agent fail, or changes links."""
+        return self.kind in LINK_COMMANDS or (self.effect is not None and self.effect.harms)
 
     def __str__(self) -> str:
-        """The command as a line of the event log."""
+        """Return the command as a line of the event log."""
         if self.effect is not None:
-            return f"agent {self.agent} {self.effect.in_words}"
+            return f"agent {self.agent} {self.effect.text}"
         match self.kind:
             case CommandKind.LOSS:
                 return f"every link loses {self.value:.0%}"
@@ -143,22 +144,21 @@ class Command(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class CommandPolicy:
-    """The right to command a run, and scheduled commands. By default nobody's, and none."""
+    """The right to command a run, and scheduled commands. By default neither exists."""
 
     schedule: tuple[Command, ...] = ()
-    """Commands at their virtual times: those by hand of a recording make the same run again."""
+    """Commands at their virtual times; with those sent by users, a recorded run is repeated."""
     secret: bytes = field(default=b"", repr=False)
-    """Its holders may command the run; empty: nobody may."""
+    """Programs that have it may command the run; empty: none may."""
     speed: float = 0.0
-    """As CommandKind.SPEED, from the start."""
+    """Initial speed, as for CommandKind.SPEED."""
 
 
 NO_COMMANDS = CommandPolicy()
-"""Nobody may command the run, and nothing is scheduled."""
 
 
 def refusal(command: Command, names: tuple[str, ...]) -> str | None:
-    """Why a command cannot be obeyed in a swarm of these agents, in words; None if it can."""
+    """Return why a command is invalid in a swarm of these agents; None if it is valid."""
     if command.kind not in set(CommandKind):
         return f"kind: expected one of {', '.join(CommandKind)}, got {command.kind!r}"
     if command.effect is not None and command.agent not in names:
@@ -169,8 +169,8 @@ def refusal(command: Command, names: tuple[str, ...]) -> str | None:
     return None
 
 
-class Orders(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
-    """Orders of commands to an agent, in every sample from then on."""
+class ActiveCommands(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """Commands in force for one agent, repeated in each of its samples."""
 
     loss: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] | None = None
     """Replaces the scenario's loss on every link to this agent."""
@@ -183,22 +183,18 @@ class Orders(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
 
 
 class FaultState:
-    """Every agent's condition, and what commands made of the links."""
+    """Every agent's condition, and loss and delay of all links as commands set them."""
 
     def __init__(self, names: tuple[str, ...]) -> None:
-        """names: of all agents, in the scenario's order."""
+        """names: all agents, in the scenario's order."""
         self.condition = [Condition.FINE for _ in names]
         self.loss: float | None = None
         self.delay: float | None = None
         self._names = names
         self._turned: set[int] = set()
 
-    def silent(self, i: int) -> bool:
-        """Whether agent i neither samples nor answers."""
-        return self.condition[i].silent
-
-    def obey(self, command: Command) -> int | None:
-        """Take a command in. Returns the agent whose condition it changed, if it did."""
+    def apply(self, command: Command) -> int | None:
+        """Update the state by a command. Return the agent whose condition changed, if any."""
         if command.kind == CommandKind.LOSS:
             self.loss = command.value
         if command.kind == CommandKind.DELAY:
@@ -214,18 +210,18 @@ class FaultState:
         self.condition[i] = effect.leads_to or before
         return i
 
-    def orders(self, i: int) -> Orders | None:
-        """Orders that agent i's samples carry; None while no command concerns it."""
+    def active_commands(self, i: int) -> ActiveCommands | None:
+        """Return the commands that agent i's samples carry; None if none concerns it."""
         if self.loss is None and self.delay is None and i not in self._turned:
             return None
-        return Orders(loss=self.loss, delay=self.delay, adversary=i in self._turned)
+        return ActiveCommands(loss=self.loss, delay=self.delay, adversary=i in self._turned)
 
 
 def turns(names: Sequence[str], commands: Iterable[Command]) -> dict[str, float]:
-    """Which agents became adversaries by these commands, in order, and when [s]."""
+    """Return the time [s] at which each agent became an adversary by these commands, in order."""
     state, found = FaultState(tuple(names)), dict[str, float]()
     for command in commands:
-        changed = state.obey(command)
+        changed = state.apply(command)
         if changed is not None and state.condition[changed] is Condition.TURNED:
             found.setdefault(names[changed], command.t)
     return found

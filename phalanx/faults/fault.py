@@ -1,12 +1,12 @@
-"""The protocol of [[faults]]: one fault is its table, and its effects on links and agents.
+"""Base classes of [[faults]]: a fault is its table, and its effects on links and agents.
 
-A family of faults is one file. To add a fault, write its table there, a Fault with a `kind` of its
-own, and enter it in that file's union. The rest follows: what links, agents and clocks make of it
-is asked of its methods, and what it does is counted under its number.
+Each family of faults is one file. To add a fault, write its table there, a Fault with its own
+`kind`, and add it to that file's union. Links, agents and clocks call its methods, and its effects
+are counted under its number.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Annotated, ClassVar, NamedTuple, Self
 
 from pydantic import Field, model_validator
@@ -14,20 +14,20 @@ from pydantic import Field, model_validator
 from phalanx.faults.commands import CommandKind
 from phalanx.network.link import Kind
 from phalanx.network.rule import During, Rule
-from phalanx.schema.fields import Name, NonNegative, Positive, Strict, misplaced
+from phalanx.schema.fields import Name, NonNegative, Positive, Strict, field_error
 from phalanx.seeded.draws import Draws
 
-Where = tuple[str | int, ...]
-"""A place in the scenario, for the message of an error."""
+FieldPath = tuple[str | int, ...]
+"""Location of a field in the scenario, for error messages."""
 
-_GRAIN = 1e-3
-"""Occurrences at random begin at multiples of it [s]."""
-_HIGHEST_RATE = 0.1 / _GRAIN
-"""[1/s]: one occurrence in a grain has to be as good as any number of them."""
+_GRID = 1e-3
+"""Random occurrences begin at multiples of it [s]."""
+_HIGHEST_RATE = 0.1 / _GRID
+"""[1/s]: more than one occurrence per grid step must be so rare that it can be neglected."""
 
 
 class AgentFacts(NamedTuple):
-    """One agent, as far as faults ask."""
+    """Properties of an agent that faults need."""
 
     adversary: bool
     states: tuple[str, ...]
@@ -35,17 +35,17 @@ class AgentFacts(NamedTuple):
 
 
 class RunFacts(NamedTuple):
-    """A run, as far as faults ask."""
+    """Properties of a run that faults need."""
 
     names: tuple[str, ...]
-    """Of all agents, in the scenario's order."""
+    """All agents, in the scenario's order."""
     duration: float
     """[s]"""
     seed: int
 
 
 class LinkEnds(NamedTuple):
-    """A link. Both ends of a robot's own, of samples and actuations, are called like it."""
+    """A link. A link within a robot has the robot's name at both ends."""
 
     sender: str
     receiver: str
@@ -57,21 +57,21 @@ LinkRules = Callable[[LinkEnds], Iterable[Rule]]
 
 
 class Occurrence(NamedTuple):
-    """A fault of one agent, once."""
+    """One occurrence of a fault at one agent, in force in [begin, end)."""
 
     fault: "AgentFault"
     place: int
-    """Of the fault in the scenario's list."""
+    """Index in the scenario's list of faults."""
     number: int
-    """Of the fault among all that the scenario declares."""
+    """Index in phalanx.scenario.declared.Links.declared."""
     agent: str
     begin: float
     """[s]"""
     end: float
-    """[s]; no longer in force at this instant."""
+    """[s]"""
 
-    def holds(self, t: float) -> bool:
-        """Whether it is in force at t [s]."""
+    def in_force(self, t: float) -> bool:
+        """Return whether it is in force at t [s]."""
         return self.begin <= t < self.end
 
 
@@ -80,48 +80,48 @@ class Fault(Strict):
 
     kind: str
     order: ClassVar[int] = -1
-    """When its rules act on a message: those of [network] do at 0."""
+    """Position of its rules on a link; those of [network] are at 0."""
 
-    def check(self, agents: Mapping[str, AgentFacts], where: Where) -> None:
+    def check(self, agents: Mapping[str, AgentFacts], where: FieldPath) -> None:
         """Raise ValidationError unless it fits the scenario's agents, by name."""
 
     def on_links(self, run: RunFacts, place: int) -> LinkRules:
-        """Its effect on the links of a run, as entry number `place` of the list."""
+        """Return its effect on the links of a run, as entry number `place` of the list."""
         return lambda link: ()
 
 
 class TimedFault(Fault):
-    """A fault from one time to another."""
+    """A fault in force from one time to another."""
 
     at: NonNegative = 0.0
-    """From when on [s]."""
+    """Begin [s]."""
     lasts: Positive = Field(alias="for")
-    """For how long [s]."""
+    """Duration [s]."""
 
     @property
     def end(self) -> float:
-        """When it is over [s]."""
+        """End [s]."""
         return self.at + self.lasts
 
     def during(self, rule: Rule) -> Rule:
-        """The rule, in force in this fault's time."""
+        """Restrict a rule to the time of this fault."""
         return During(self.at, self.end, rule)
 
 
 class AgentFault(Fault):
-    """A fault of agents: of all of them once at a time, or of one at a time at random."""
+    """A fault of agents: of all of them at a given time, or of one at each random time."""
 
     at: NonNegative | None = None
-    """When it happens to all of them [s]."""
+    """Time at which it happens to all of them [s]."""
     rate: Annotated[Positive, Field(le=_HIGHEST_RATE)] | None = None
-    """Instead: how often it happens to one of them, drawn each time [1/s]."""
+    """Instead: mean rate of occurrences [1/s], each at an agent drawn from them."""
     agents: tuple[Name, ...] = ()
-    """Their names; by default everybody's."""
+    """Names; default: all agents."""
 
     begins_with: ClassVar[CommandKind | None] = None
-    """The command that a person would give to have it happen, if there is one."""
+    """The command with the same effect, if there is one."""
     ends_with: ClassVar[CommandKind | None] = None
-    """The same for its end."""
+    """The command with the same effect as its end."""
 
     @model_validator(mode="after")
     def _at_or_rate(self) -> Self:
@@ -129,44 +129,48 @@ class AgentFault(Fault):
             raise ValueError("expected at, or a rate")
         return self
 
-    def check(self, agents: Mapping[str, AgentFacts], where: Where) -> None:
-        """Raise ValidationError for a name that nobody has."""
-        for name in self.agents:
-            if name not in agents:
-                raise misplaced((*where, "agents"), f"expected agents' names, of {[*agents]}", name)
+    def check(self, agents: Mapping[str, AgentFacts], where: FieldPath) -> None:
+        require_names(self.agents, agents, (*where, "agents"))
 
     def until(self, t: float) -> float:
-        """When it is over if it begins at t [s]."""
+        """Return the end of an occurrence that begins at t [s]."""
         return math.inf
 
     def times(self, run: RunFacts, place: int) -> Iterator[tuple[float, str]]:
-        """The times of its occurrences [s], each with the agent's name."""
+        """Return the times of its occurrences [s], each with the agent's name."""
         agents = self.agents or run.names
         if self.rate is None:
             return ((self.at or 0.0, name) for name in agents)
         draws = Draws(run.seed, "fault", str(place), width=2)
-        return at_random(self.rate, agents, run.duration, draws)
+        return random_times(self.rate, agents, run.duration, draws)
 
 
-class AgentFaultForATime(AgentFault):
-    """A fault of agents that is over after a time."""
+class TemporaryAgentFault(AgentFault):
+    """A fault of agents with a duration."""
 
     lasts: Positive = Field(alias="for")
-    """For how long [s]."""
+    """Duration [s]."""
 
     def until(self, t: float) -> float:
-        """When it is over if it begins at t [s]."""
         return t + self.lasts
 
 
-def at_random(
+def require_names(names: Iterable[str], known: Collection[str], where: FieldPath) -> None:
+    """Raise ValidationError for a name that is not known."""
+    for name in names:
+        if name not in known:
+            raise field_error(where, f"expected an agent's name, one of {[*known]}", name)
+
+
+def random_times(
     rate: float, agents: Sequence[str], duration: float, draws: Draws
 ) -> Iterator[tuple[float, str]]:
-    """Times up to `duration` [s], `rate` of them in a second on average, each with one agent.
+    """Yield times up to `duration` [s], `rate` per second on average, each with one agent.
 
-    draws: of width 2. Compared alone, never put through a logarithm: the same times on every CPU.
+    draws: of width 2. They are only compared, never put through a logarithm, so that times are the
+    same on every CPU.
     """
-    for n in range(math.ceil(duration / _GRAIN)):
+    for n in range(math.ceil(duration / _GRID)):
         happens, which = draws[n].tolist()
-        if happens < rate * _GRAIN:
-            yield n * _GRAIN, agents[int(which * len(agents))]
+        if happens < rate * _GRID:
+            yield n * _GRID, agents[int(which * len(agents))]

@@ -1,4 +1,4 @@
-"""Faults of links for a time: partitions, links that hold what they carry, worse link models."""
+"""Temporary link faults: partitions, links that hold messages back, worse link models."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -7,14 +7,21 @@ from typing import ClassVar, Literal, Self
 
 from pydantic import model_validator
 
-from phalanx.faults.fault import AgentFacts, LinkRules, RunFacts, TimedFault, Where
+from phalanx.faults.fault import (
+    AgentFacts,
+    FieldPath,
+    LinkRules,
+    RunFacts,
+    TimedFault,
+    require_names,
+)
 from phalanx.network.rule import Cut, Message, Treatment, delay
-from phalanx.network.table import LinkTable, SomeLinks, require_in_time
-from phalanx.schema.fields import Name, misplaced
+from phalanx.network.table import LinkOverride, SomeLinks
+from phalanx.schema.fields import Name, field_error
 from phalanx.seeded.draws import Draws
 
 Shape = Literal["majority", "ring", "isolate"]
-"""Jepsen's."""
+"""Names as in Jepsen."""
 Ends = tuple[str, str]
 """Sender and receiver."""
 
@@ -24,11 +31,11 @@ class Partition(TimedFault):
 
     kind: Literal["partition"]
     groups: tuple[tuple[Name, ...], ...] = ()
-    """Agents that are together; all that are in none make a group of their own."""
+    """Agents that stay connected; all agents in no group form one more group."""
     shape: Shape | None = None
-    """Instead of groups: those that are together are drawn at random."""
+    """Instead of groups: agents that stay connected are drawn at random."""
     one_way: bool = False
-    """Only what leaves the first group is lost."""
+    """Cut only the links out of the first group."""
 
     @model_validator(mode="after")
     def _groups_or_shape(self) -> Self:
@@ -37,27 +44,24 @@ class Partition(TimedFault):
         members = [name for group in self.groups for name in group]
         for name in members:
             if members.count(name) > 1:
-                raise misplaced(("groups",), f"expected {name!r} in one group", members)
+                raise field_error(("groups",), f"expected {name!r} in one group", members)
         if self.shape and self.one_way:
-            raise misplaced(("one_way",), "expected groups, of which the first is meant", True)
+            raise field_error(("one_way",), "expected groups: it cuts links out of the first", True)
         return self
 
-    def check(self, agents: Mapping[str, AgentFacts], where: Where) -> None:
-        """Raise ValidationError for a name that nobody has, or if nobody is apart."""
-        for name in itertools.chain(*self.groups):
-            if name not in agents:
-                raise misplaced((*where, "groups"), f"expected agents' names, of {[*agents]}", name)
+    def check(self, agents: Mapping[str, AgentFacts], where: FieldPath) -> None:
+        """Raise ValidationError for an unknown name, or if all agents stay connected."""
+        place = (*where, "groups")
+        require_names(itertools.chain(*self.groups), agents, place)
         if len(self._complete(tuple(agents))) < 2 and not self.shape:
-            raise misplaced(
-                (*where, "groups"), "expected two groups, or somebody in none", self.groups
-            )
+            raise field_error(place, "expected two groups, or an agent in no group", self.groups)
 
     def on_links(self, run: RunFacts, place: int) -> LinkRules:
-        """Nothing comes through links between the groups."""
+        """Cut the links between the groups."""
         if self.shape:
-            cut = shaped(self.shape, run.names, Draws(run.seed, "partition", str(place)))
+            cut = links_cut(self.shape, run.names, Draws(run.seed, "partition", str(place)))
         else:
-            cut = between(self._complete(run.names), self.one_way)
+            cut = links_between(self._complete(run.names), self.one_way)
         dropped = (self.during(Cut()),)
         return lambda link: dropped if link.of == "broadcast" and link[:2] in cut else ()
 
@@ -68,13 +72,12 @@ class Partition(TimedFault):
 
 
 class _FaultOfSomeLinks(TimedFault, SomeLinks):
-    def check(self, agents: Mapping[str, AgentFacts], where: Where) -> None:
-        """Raise ValidationError for a name that nobody has."""
+    def check(self, agents: Mapping[str, AgentFacts], where: FieldPath) -> None:
         self.check_names(list(agents), where)
 
 
 class HoldFault(_FaultOfSomeLinks):
-    """Links keep what they carry, and deliver all of it at once when it is over."""
+    """Links hold messages back, and deliver all of them at once at the end of the fault."""
 
     kind: Literal["hold"]
     order: ClassVar[int] = 1
@@ -82,49 +85,41 @@ class HoldFault(_FaultOfSomeLinks):
     @model_validator(mode="after")
     def _in_time(self) -> Self:
         if self.of == "sample":
-            raise misplaced(
-                ("of",), "expected broadcast or actuation: samples are not late", self.of
-            )
+            message = "expected broadcast or actuation: samples cannot be delayed"
+            raise field_error(("of",), message, self.of)
         return self
 
     def on_links(self, run: RunFacts, place: int) -> LinkRules:
-        """Whatever would arrive before the end arrives then."""
-        held = (self.during(Hold(self.end)),)
+        """Delay every message that would arrive before the end until the end."""
+        held = (self.during(HoldUntil(self.end)),)
         return lambda link: held if self.concerns(*link) else ()
 
 
-class LinkFault(_FaultOfSomeLinks, LinkTable):
-    """Fields of a link model that act before those of [network], for what is sent meanwhile."""
+class LinkFault(_FaultOfSomeLinks, LinkOverride):
+    """A link model that acts before that of [network], on messages sent during the fault."""
 
     kind: Literal["link"]
 
-    @model_validator(mode="after")
-    def _in_time(self) -> Self:
-        if self.of == "sample":
-            require_in_time(self, ())
-        return self
-
     def on_links(self, run: RunFacts, place: int) -> LinkRules:
-        """The table's, built anew for each link: a user's may keep what they were asked."""
+        """Build the table's rules for each link: a user's rules may have a state."""
         return lambda link: (
             [self.during(rule) for _, rule in self.fields()] if self.concerns(*link) else ()
         )
 
 
 @dataclass(frozen=True)
-class Hold:
-    """Whatever would arrive before a time arrives at that time: a full socket, then a flood."""
+class HoldUntil:
+    """Messages that would arrive before a time arrive at that time, as from a blocked socket."""
 
-    until: float
+    release: float
     """[s]"""
 
     def treat(self, message: Message) -> Treatment:
-        """Delay to the release."""
-        return delay(max(0.0, self.until - message.t))
+        return delay(max(0.0, self.release - message.t))
 
 
-def between(groups: Sequence[Sequence[str]], one_way: bool = False) -> frozenset[Ends]:
-    """Links between different groups; one way: only those out of the first group."""
+def links_between(groups: Sequence[Sequence[str]], one_way: bool = False) -> frozenset[Ends]:
+    """Return the links between different groups; one way: only those out of the first group."""
     return frozenset(
         (sender, receiver)
         for place, (a, b) in enumerate(itertools.permutations(groups, 2))
@@ -134,18 +129,18 @@ def between(groups: Sequence[Sequence[str]], one_way: bool = False) -> frozenset
     )
 
 
-def shaped(shape: Shape, names: Sequence[str], draws: Draws) -> frozenset[Ends]:
-    """The links that a shape cuts, its agents drawn at random.
+def links_cut(shape: Shape, names: Sequence[str], draws: Draws) -> frozenset[Ends]:
+    """Return the links that a shape cuts, its agents drawn at random.
 
-    majority: two halves, the first larger by one or two. ring: everybody hears a majority, and no
-    two the same one. isolate: one agent alone.
+    majority: two halves, the first larger by one or two. ring: every agent receives from a
+    majority, and no two from the same one. isolate: one agent alone.
     """
     order = sorted(names, key=lambda name: float(draws[names.index(name)][0]))
     majority = len(order) // 2 + 1
     if shape == "majority":
-        return between([order[:majority], order[majority:]])
+        return links_between([order[:majority], order[majority:]])
     if shape == "isolate":
-        return between([order[:1], order[1:]])
+        return links_between([order[:1], order[1:]])
     heard = {
         (order[(place + ahead) % len(order)], receiver)
         for place, receiver in enumerate(order)
@@ -154,4 +149,4 @@ def shaped(shape: Shape, names: Sequence[str], draws: Draws) -> frozenset[Ends]:
     return frozenset(link for link in itertools.permutations(order, 2) if link not in heard)
 
 
-OfLinks = Partition | HoldFault | LinkFault
+AnyLinkFault = Partition | HoldFault | LinkFault

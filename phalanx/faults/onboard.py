@@ -1,4 +1,4 @@
-"""Faults within a robot: its sensors are silent or wrong, its actuators are stuck."""
+"""Onboard faults: sensors are silent or wrong, actuators are stuck."""
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping
@@ -10,32 +10,32 @@ from pydantic import Field, model_validator
 from phalanx.arrays import Array
 from phalanx.faults.fault import (
     AgentFacts,
-    AgentFaultForATime,
+    FieldPath,
     LinkEnds,
     LinkRules,
     Occurrence,
     RunFacts,
-    Where,
+    TemporaryAgentFault,
 )
 from phalanx.network.delay import quantile
 from phalanx.network.link import Kind
 from phalanx.network.rule import Cut, During
-from phalanx.schema.fields import Finite, NonNegative, misplaced
+from phalanx.schema.fields import Finite, NonNegative, field_error
 from phalanx.seeded.draws import Draws
 
 
-class OnboardFault(AgentFaultForATime):
-    """A fault that may cut one of a robot's own links."""
+class OnboardFault(TemporaryAgentFault):
+    """A fault that may cut one of the links within a robot."""
 
     order: ClassVar[int] = -2
 
     @property
     def cuts(self) -> Kind | None:
-        """Which of the links carries nothing meanwhile, if one does."""
+        """The link that it cuts, if any."""
         return None
 
     def on_links(self, run: RunFacts, place: int) -> LinkRules:
-        """Nothing comes through the link in each occurrence of the fault."""
+        """Cut the link during each occurrence of the fault."""
         if self.cuts is None:
             return super().on_links(run, place)
         cuts: defaultdict[LinkEnds, list[During]] = defaultdict(list)
@@ -46,14 +46,14 @@ class OnboardFault(AgentFaultForATime):
 
 
 class SensorFault(OnboardFault):
-    """Sensors bring no samples, or are wrong about their own robot's state."""
+    """Sensors deliver no samples, or measure their own robot's state with an error."""
 
     kind: Literal["sensor"]
     silent: bool = False
     bias: dict[str, Finite] = Field(default_factory=dict)
-    """Errors added to states, by name: { px = 0.5 } [SI]."""
+    """Constant errors by state: { px = 0.5 } [SI]."""
     noise: dict[str, NonNegative] = Field(default_factory=dict)
-    """Standard deviation of what is added to states at each sample, by name [SI]."""
+    """Standard deviations of normal errors, drawn at each sample, by state [SI]."""
 
     @model_validator(mode="after")
     def _wrong_or_silent(self) -> Self:
@@ -61,7 +61,7 @@ class SensorFault(OnboardFault):
             raise ValueError("expected silent = true, or bias and noise")
         return self
 
-    def check(self, agents: Mapping[str, AgentFacts], where: Where) -> None:
+    def check(self, agents: Mapping[str, AgentFacts], where: FieldPath) -> None:
         """Raise ValidationError for a state that one of the agents does not have."""
         super().check(agents, where)
         for name in self.agents or agents:
@@ -69,11 +69,10 @@ class SensorFault(OnboardFault):
             for field, table in (("bias", self.bias), ("noise", self.noise)):
                 for state in table.keys() - set(states):
                     message = f"expected states of agent {name}, of {list(states)}"
-                    raise misplaced((*where, field), message, state)
+                    raise field_error((*where, field), message, state)
 
     @property
     def cuts(self) -> Kind | None:
-        """The link from its sensors."""
         return "sample" if self.silent else None
 
 
@@ -84,12 +83,11 @@ class ActuatorFault(OnboardFault):
 
     @property
     def cuts(self) -> Kind | None:
-        """The link to its actuators."""
         return "actuation"
 
 
 class _Error(NamedTuple):
-    """The error that a wrong sensor adds to its robot's state, for a time."""
+    """The measurement error of one robot's own state in one occurrence of a fault."""
 
     occurrence: Occurrence
     bias: Array
@@ -98,14 +96,14 @@ class _Error(NamedTuple):
     draws: Draws
 
     def at(self, k: int) -> Array:
-        """At sample k, shape (n_i,)."""
+        """Return the error of sample k, shape (n_i,)."""
         drawn = [quantile("normal", float(u)) for u in self.draws[k]]
         error: Array = self.bias + self.noise * np.array(drawn)
         return error
 
 
 class Sensors:
-    """The sensors of all agents: each may be wrong about its own robot's state."""
+    """The sensors of all agents: each measures its own robot's state, with an error if faulty."""
 
     def __init__(
         self,
@@ -113,9 +111,9 @@ class Sensors:
         seed: int,
         occurrences: Iterable[Occurrence] = (),
     ) -> None:
-        """states: names of each agent's, by agent. occurrences: only those of sensors count."""
+        """states: names by agent. occurrences: those not of sensors are ignored."""
         self.faults: Counter[int] = Counter()
-        """Samples in which each declared fault had a part."""
+        """Number of samples that each declared fault falsified."""
         ends = np.cumsum([len(own) for own in states.values()]).tolist()
         self._parts = [slice(a, b) for a, b in zip([0, *ends], ends, strict=False)]
         self._errors: defaultdict[int, list[_Error]] = defaultdict(list)
@@ -130,13 +128,13 @@ class Sensors:
                 error = _Error(each, bias, noise, draws)
                 self._errors[names.index(each.agent)].append(error)
 
-    def told(self, i: int, k: int, t: float, x: Array) -> Array:
-        """The stacked state x, shape (n̄,), as agent i's sample k at t [s] shows it.
+    def measured(self, i: int, k: int, t: float, x: Array) -> Array:
+        """Return the stacked state x, shape (n̄,), as measured in agent i's sample k at t [s].
 
-        x itself, if that is the truth.
+        The object x itself, if agent i's sensors have no error.
         """
         for error in self._errors[i]:
-            if error.occurrence.holds(t):
+            if error.occurrence.in_force(t):
                 x = x.copy()
                 x[self._parts[i]] += error.at(k)
                 self.faults[error.occurrence.number] += 1

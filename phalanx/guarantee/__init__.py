@@ -1,1 +1,1 @@
-"""What is proven before a run, and what a run's end may claim."""
+"""Certificates, the check of a scenario before a run, and the verdict on a run."""

@@ -1,4 +1,4 @@
-"""What a check of a scenario found, in words, and what to change."""
+"""Sentences on what a check of a scenario found, and what to change."""
 
 import math
 
@@ -10,27 +10,28 @@ from phalanx.theory.safety.class_k import Linear
 
 _WHOLE = 1e3
 _BEYOND = 1e9
-"""From here on a number only says that nothing compares with it."""
+"""Larger numbers are not written out."""
 
 
-def in_words(value: float) -> str:
-    """A number with three significant figures, such as 0.0123, 8.06 or 36 900."""
+def rounded(value: float) -> str:
+    """Return a number with three significant figures, such as 0.0123, 8.06 or 36 900."""
     if not math.isfinite(value):
         return "unlimited"
     if abs(value) >= _BEYOND:
-        return "more than a thousand million"
-    rounded = float(f"{value:.3g}")
-    return f"{rounded:,.0f}".replace(",", " ") if abs(rounded) >= _WHOLE else f"{rounded:g}"
+        return "more than 10⁹"
+    number = float(f"{value:.3g}")
+    return f"{number:,.0f}".replace(",", " ") if abs(number) >= _WHOLE else f"{number:g}"
 
 
-_SERVES, _WEAK = 0.25, 0.15
-"""κ τ of an α_q that serves a proof, and below which it is weak; evidence/paper/frontier.py."""
+_RECOMMENDED, _WEAK = 0.25, 0.15
+"""κ τ of α_q recommended for a proof, and the value below which it is too weak; see
+evidence/paper/frontier.py."""
 
 
-def gaps_in_the_proof(swarm: Swarm) -> list[str]:
-    """What is missing for a proof, in words; empty if nothing is.
+def proof_gaps(swarm: Swarm) -> list[str]:
+    """Return the requirements of a proof that the scenario does not meet; empty if none.
 
-    What a run can check, such as the sampling gap and the age of û, is not among these.
+    Those checked in a run, such as the sampling gap and the age of û, are not included.
     """
     safety = swarm.safety
     steepest = _steepest(swarm) / _longest(swarm)
@@ -38,6 +39,8 @@ def gaps_in_the_proof(swarm: Swarm) -> list[str]:
         "the margin η is a given number, not a bound: set safety.margin = 'integrated'": (
             not safety.computes_margin
         ),
+        f"nothing proves that the margin {safety.margin_name} is a bound: set safety.margin = "
+        "'integrated'": safety.own_margin,
         f"α_q is steeper than what is proven for safety.margin = 'integrated': let the last of "
         f"safety.alpha be at most {steepest:.3g}, or clocks be faster": (
             safety.limits_alpha and _steepness(swarm) > _steepest(swarm)
@@ -56,55 +59,55 @@ def gaps_in_the_proof(swarm: Swarm) -> list[str]:
             swarm.time.latency > 0.0
         ),
     }
-    return [gap for gap, open_ in gaps.items() if open_]
+    return [gap for gap, exists in gaps.items() if exists]
 
 
-def words_on_alpha(swarm: Swarm) -> list[str]:
-    """Whether α_q is weaker or steeper than what serves a proof, where one is asked for."""
-    if not swarm.safety.computes_margin:
+def alpha_advice(swarm: Swarm) -> list[str]:
+    """Recommend a gain of α_q if it is too weak or too steep for a computed margin."""
+    if not swarm.safety.bounds_margin:
         return []
     steepness = _steepness(swarm)
     if steepness < _WEAK:
         found = (
-            "weak: far from every conflict the margin grows with the distance, and α_q has to pay "
-            "for it, or K_i is empty"
+            "weak: far from every conflict the margin grows with the distance, and K_i is empty "
+            "unless α_q grows faster"
         )
     elif steepness > STEEPEST[RowPart.HALF]:
-        found = "steep: what α_q lets h gain on its limit is spent before the agent samples again"
+        found = "steep: it lets h reach its limit before the agent samples again"
     else:
         return []
     longest = _longest(swarm)
     return [
         f"The last of safety.alpha, {steepness / longest:.3g}, is {found}. Where an input is in "
         f"force for up to τ = {longest * 1e3:.3g} ms, "
-        f"about 0.25/τ = {_SERVES / longest:.3g} serves."
+        f"take about 0.25/τ = {_RECOMMENDED / longest:.3g}."
     ]
 
 
 def _steepness(swarm: Swarm) -> float:
-    """κ τ; that of what serves if α_q is not linear."""
+    """Return κ τ; the recommended one if α_q is not linear."""
     alpha = swarm.safety.class_k[-1]
-    return alpha.gain * _longest(swarm) if isinstance(alpha, Linear) else _SERVES
+    return alpha.gain * _longest(swarm) if isinstance(alpha, Linear) else _RECOMMENDED
 
 
 def _steepest(swarm: Swarm) -> float:
-    """κ τ that is proven with the integrated margin."""
+    """Return the largest κ τ that is proven with the integrated margin."""
     halves = swarm.safety.joint and len(swarm.normal) > 1
     return STEEPEST[RowPart.HALF if halves else RowPart.WHOLE]
 
 
 def _longest(swarm: Swarm) -> float:
-    """τ of the normal agent that holds its inputs longest [s]."""
+    """Return the largest τ of all normal agents [s]."""
     return max(swarm.horizon(i) for i in swarm.normal)
 
 
-def leans_on_the_newest(swarm: Swarm) -> bool:
-    """Whether rows count on the last received û, whatever has become of it."""
+def uses_newest_inputs(swarm: Swarm) -> bool:
+    """Return whether rows use the last received û even if it may no longer be in force."""
     return swarm.safety.counts_on_newest and len(swarm.normal) > 1
 
 
 def _believed_liars(swarm: Swarm) -> list[str]:
-    """Agents that are declared to lie to those whose rows count on what is said."""
+    """Return the normal agents with declared lies, if rows use received inputs."""
     if not swarm.safety.counts_on_received:
         return []
     lies = (f for f in swarm.scenario.faults if isinstance(f, LieFault) and not f.silent)
@@ -113,26 +116,29 @@ def _believed_liars(swarm: Swarm) -> list[str]:
 
 
 def advice(swarm: Swarm, report: CheckReport, unknown: list[str]) -> list[str]:
-    """What a check found, what it lacks, and which setting supplies it; unknown: in words."""
-    words = _words_on_certificates(report)
+    """Return the findings of a check with the settings to change.
+
+    unknown: sentences on what could not be computed.
+    """
+    words = _certificate_advice(report)
     if not words:
         words.append(
-            "A run can end guaranteed: it begins under certificates, and is judged by those of "
-            "every input that is applied, whatever it was made from."
+            "A run can end guaranteed: certificates cover every pair at the start, and the verdict "
+            "rests on the certificates of all inputs that are applied."
         )
     return [
         *words,
-        *_words_on_the_start(report),
-        *_words_on_the_theorem(swarm, report),
-        *_words_on_what_is_received(swarm),
-        *_words_on_the_margin(swarm, report),
+        *_start_advice(report),
+        *_theorem_advice(swarm, report),
+        *_received_input_advice(swarm),
+        *_margin_advice(swarm, report),
         *unknown,
-        *words_on_alpha(swarm),
+        *alpha_advice(swarm),
     ]
 
 
-def _words_on_certificates(report: CheckReport) -> list[str]:
-    """What keeps every run from a guarantee."""
+def _certificate_advice(report: CheckReport) -> list[str]:
+    """Return the reasons why no run can end guaranteed."""
     certified, words = report.certified, []
     if not certified.safe:
         words.append("No guarantee: some pair is unsafe at the start. Let agents start apart.")
@@ -148,17 +154,17 @@ def _words_on_certificates(report: CheckReport) -> list[str]:
     return words
 
 
-def _words_on_the_start(report: CheckReport) -> list[str]:
-    """What the rows lack at the start, which certificates do not ask for."""
+def _start_advice(report: CheckReport) -> list[str]:
+    """Return what rows, unlike certificates, lack at the start."""
     words = []
     if report.worst_at_start > 0:
         words.append(
             "The start is outside S_I, the states from which the safe set can be kept: ψ is up to "
-            f"{in_words(report.worst_at_start)}, where 0 is allowed. Let agents start farther "
+            f"{rounded(report.worst_at_start)}, where 0 is allowed. Let agents start farther "
             "apart or slower, or raise safety.alpha."
         )
     if stuck := [name for name, holds in report.rows_at_start.items() if not holds]:
-        # A margin that is given stays what it is.
+        # A given margin does not depend on the disturbance or the clock.
         computed = any(eta is None for eta in report.eta_paper.values())
         large = "lower what makes the margin large: disturbance.bound and clock.period"
         words.append(
@@ -168,8 +174,8 @@ def _words_on_the_start(report: CheckReport) -> list[str]:
     return words
 
 
-def _words_on_the_theorem(swarm: Swarm, report: CheckReport) -> list[str]:
-    """What the theorem lacks, and which settings supply it."""
+def _theorem_advice(swarm: Swarm, report: CheckReport) -> list[str]:
+    """Return the unmet requirements of the paper's theorem, and the settings that meet them."""
     words = [f"The paper's theorem proves nothing here: {gap}." for gap in report.gaps]
     safety = swarm.safety
     if report.gaps:
@@ -182,49 +188,49 @@ def _words_on_the_theorem(swarm: Swarm, report: CheckReport) -> list[str]:
         lacking = [f"{k} = '{v}'" for k, v in wanted.items() if getattr(safety, k) != v]
         lacking += [] if safety.computes_margin else ["eta = 0"]
         if lacking:
-            words.append(f"For rows that are proven set, of safety, {', '.join(lacking)}.")
+            words.append(f"For proven rows set in [safety]: {', '.join(lacking)}.")
     return words
 
 
-def _words_on_what_is_received(swarm: Swarm) -> list[str]:
-    """Where rows count on what others said, and should not."""
+def _received_input_advice(swarm: Swarm) -> list[str]:
+    """Return why rows should not use received inputs, if they do."""
     words = []
-    if leans_on_the_newest(swarm):
+    if uses_newest_inputs(swarm):
         words.append(
-            "safety.information = 'paper' counts on the last received input of each neighbour. "
-            "With any delay or loss, or where two agents sample at one instant, the neighbour may "
-            "apply another one, and rows may hold that do not hold jointly. Take 'in-flight' or "
-            "'split'."
+            "safety.information = 'paper' assumes that each neighbour applies the last input "
+            "received of it. With any delay or loss, or if two agents sample at one instant, the "
+            "neighbour may apply another one: each agent's row holds, but not the joint condition. "
+            "Take 'in-flight' or 'split'."
         )
     if liars := _believed_liars(swarm):
         words.append(
-            f"By faults declared here {', '.join(liars)} will say what it does not apply, and "
-            f"safety.information = '{swarm.safety.information}' counts on what is said: "
-            "rows may hold that do not hold jointly. Take 'split', which asks nobody, or "
-            "'worst-case', where a member that does not keep its rows harms nobody's either."
+            f"Declared faults make broadcasts of {', '.join(liars)} claim inputs that are not "
+            f"applied, and safety.information = '{swarm.safety.information}' uses these claims: "
+            "each agent's row holds, but not the joint condition. Take 'split', which uses no "
+            "received inputs, or 'worst-case', where rows hold even if other agents violate theirs."
         )
     return words
 
 
-def _words_on_the_margin(swarm: Swarm, report: CheckReport) -> list[str]:
-    """Where the margin is less than a bound, and where no margin would do."""
+def _margin_advice(swarm: Swarm, report: CheckReport) -> list[str]:
+    """Return where the margin is not a bound, and where no margin would suffice."""
     words = []
     given = [eta for eta in report.eta_paper.values() if eta is not None]
     if given and report.formula and max(given) < report.formula.eta:
         words.append(
-            f"The margin η = {in_words(max(given))} is below the {in_words(report.formula.eta)} "
-            "that the paper's formula asks for over the workspace: it is a choice, not a bound. "
-            "Take safety.margin = 'integrated' or 'local' and safety.eta = 0 for one that is."
+            f"The margin η = {rounded(max(given))} is below the {rounded(report.formula.eta)} "
+            "of the paper's formula over the workspace: it is a choice, not a bound. For a bound "
+            "take safety.margin = 'integrated' or 'local' and safety.eta = 0."
         )
     if report.relative_degree > 1 and not swarm.safety.counts_disturbance:
         words.append(
-            "The relative degree q is above 1, and safety.margin = 'paper' leaves out what the "
-            "disturbance does to ψ_1 and those after it. Take 'corrected', 'local' or 'integrated'."
+            "The relative degree q is above 1, and safety.margin = 'paper' leaves out the effect "
+            "of the disturbance on ψ_1 and later ones. Take 'corrected', 'local' or 'integrated'."
         )
     if report.boundary and report.boundary.holds is False:
         words.append(
             "Theorem 3 does not apply: at some state on the boundary the best joint effort of the "
-            f"normal agents leaves {in_words(report.boundary.worst)}, where 0 is allowed, so the "
+            f"normal agents leaves {rounded(report.boundary.worst)}, where 0 is allowed, so the "
             "backup alone cannot keep the safe set. Give normal agents more authority, or "
             "adversaries and the disturbance less."
         )

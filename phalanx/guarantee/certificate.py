@@ -1,9 +1,8 @@
-"""How long no pair of an agent can become unsafe, whatever anybody does, if it holds its input.
+"""A pair's certificate: the time for which it stays safe if an agent holds its input.
 
-From the true state and the input that is applied alone: who made the input, and from what, has no
-part in it. A pair's certificate is the best of three bounds, each over several horizons: of h over
-the box that can be reached, of h integrated (q > 1), and of ψ_{q-1} integrated. Every number in it
-is rounded outwards.
+It holds for all inputs of the other agents, and is computed from the true state and the applied
+input alone. It is the best of three bounds, each over several horizons: of h over the reachable
+box, of h integrated (q > 1), and of ψ_{q-1} integrated. Every number is rounded outwards.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,32 +31,32 @@ from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.composition import ComposedSet, Member
 
 MULTIPLES = (8.0, 4.0, 2.0, 1.0 + 1e-9)
-"""The horizons that are tried, in τ: over a longer one the box is larger. The last is above τ, for
-sums of sampling periods round, and a certificate that is over before the next input is none."""
+"""Horizons to try, in τ: a longer one has a larger box. The last is above τ, since sums of sampling
+periods are rounded, and a certificate must last until the next input."""
 
 
 DEFECT = 1e-4
-"""How far the plant's motion may be off the equation [1/s]: it counts as disturbance."""
+"""Bound on the integration error of the plant's motion, as a disturbance [1/s]."""
 
 
 @dataclass(frozen=True)
 class PairCertificate:
-    """Of pairs of one kind, for agent i in them."""
+    """Compiled certificate of pairs of one kind, for agent i in them."""
 
     horizons: tuple[float, ...]
-    """What is tried, the longest first [s]."""
+    """Horizons to try, the longest first [s]."""
     proven: MappedFunction | None
-    """(x and the obstacle's numbers, u_i, T) -> how much of [0, T] is proven safe [s]; None if
-    nothing ever is."""
+    """(x and the obstacle's numbers, u_i, T) -> the part of [0, T] that is proven safe [s]; None if
+    no bound exists."""
     refused: str = ""
-    """What could not be bounded, in words."""
+    """Reasons for missing bounds."""
 
     def times(self, pairs: Array, u: Array) -> Array:
-        """How long h <= 0 is proven from now on [s], shape (r,); 0 if not at all.
+        """Return the times for which h <= 0 is proven from now on [s], shape (r,); 0 if not proven.
 
         Args:
-            pairs: each one's state, its members' in order, and numbers of its obstacle; (r, n).
-            u: the input that agent i holds, of each pair or of all, shape (r, m_i) or (m_i,).
+            pairs: states of each pair's members in order, and its obstacle's numbers; (r, n).
+            u: the input that agent i holds, for each pair or for all, shape (r, m_i) or (m_i,).
         """
         best, u = np.zeros(len(pairs)), np.broadcast_to(u, (len(pairs), u.shape[-1]))
         if self.proven is None:
@@ -83,9 +82,9 @@ def pair_certificate(
     """Compile one pair's certificate.
 
     Args:
-        pair: one pair alone; its obstacle may be one of symbols.
+        pair: one pair alone; its obstacle's numbers may be symbols.
         own: agent i's place in it.
-        alphas: α_1 ... α_q; the last has no part in it.
+        alphas: α_1 ... α_q; the last is not used.
         bounds: φ_l^max of each member.
         longest: τ = Γ_i + δ_i^max and the latency [s].
     """
@@ -135,7 +134,7 @@ def pair_certificate(
 def highest_within(
     pair: ComposedSet, bounds: Sequence[float], horizon: float
 ) -> MappedFunction | None:
-    """(x, parameters) -> the highest that h can be within the horizon; None if unknown."""
+    """Compile (x, parameters) -> upper bound of h within the horizon; None if there is none."""
     try:
         reach = [
             reach_within(member, pair.x[part], bound, horizon)
@@ -147,18 +146,18 @@ def highest_within(
 
 
 class Reach(NamedTuple):
-    """Where one agent's state can be within a horizon."""
+    """Box of one agent's reachable states within a horizon."""
 
     x: ca.SX
     states: list[Interval]
     certain: ca.SX
-    """1 if the state is proven to stay there."""
+    """1 if the state is proven to stay in the box."""
 
 
 def reach_within(member: Member, x: ca.SX, bound: float, horizon: float) -> Reach:
-    """Where a member's state can be within a horizon [s], whatever it does.
+    """Bound a member's states within a horizon [s] for all its inputs.
 
-    Raises ValueError if that has no bound.
+    Raises ValueError if there is no bound.
     """
     inputs = admissible_inputs(member)
     rates = fastest(member, inputs, bound)
@@ -169,7 +168,7 @@ def reach_within(member: Member, x: ca.SX, bound: float, horizon: float) -> Reac
 
 
 def _highest(pair: ComposedSet, reach: Sequence[Reach | Enclosure]) -> ca.SX:
-    """sup of h over the boxes, which needs no continuity; inf where it is unknown."""
+    """Bound h over the boxes, without continuity; inf if the boxes are uncertain."""
     numbers = scalars([pair.parameters])
     boxes = [*[interval for r in reach for interval in r.states], *map(point, numbers)]
     (found,) = extend([pair.h_tot], scalars([r.x for r in reach]) + numbers, boxes)

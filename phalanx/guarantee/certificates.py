@@ -1,4 +1,4 @@
-"""The certificates of a swarm: compiled once for each kind of pair, and asked for inputs."""
+"""The certificates of a swarm: compiled once for each kind of pair, evaluated for inputs."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -29,19 +29,19 @@ class Held(NamedTuple):
     u: Array
     """shape (m_i,)"""
     near: Array | None = None
-    """Which of the agent's pairs may become unsafe within the longest horizon at all, shape (p,);
+    """True for the agent's pairs that may become unsafe within the longest horizon, shape (p,);
     None if that is not known."""
 
 
 class _Kind(NamedTuple):
-    """What pairs with the same expressions and bounds have in common."""
+    """Functions shared by pairs with the same expressions and bounds."""
 
     certificate: PairCertificate
     highest: MappedFunction | None
-    """(x and the obstacle's numbers) -> the highest that h can be within the longest horizon,
-    whatever all agents do, agent i too; None if unknown. It has few operations."""
+    """(x and the obstacle's numbers) -> upper bound of h within the longest horizon for all inputs
+    of all agents; None if there is none. It is cheap."""
     sizes: list[int]
-    """How many numbers each side has."""
+    """Number of variables of each side."""
 
 
 class SwarmCertificates:
@@ -51,33 +51,33 @@ class SwarmCertificates:
         scenario = swarm.scenario
         self.swarm, self.pairs = swarm, swarm.pairs
         self.ends: Index = swarm.pairs.every
-        """Of each pair of the composed set: a, and b or N + k for obstacle k; shape (p, 2)."""
+        """Sides of each pair of the safe set: a, and b or N + k for obstacle k; shape (p, 2)."""
         groups = {id(group): number for number, group in enumerate(scenario.agents)}
         own = [groups[id(group)] for group in swarm.groups]
         number_of: Index = np.array([*own, *[-1 for _ in scenario.static]])
         sorts = np.column_stack([number_of[self.ends], self.pairs.kinds_of(self.ends)])
-        self.alike: Index = np.unique(sorts, axis=0, return_inverse=True)[1].ravel()
-        """The same number for pairs whose groups and expressions are the same, shape (p,)."""
+        self.sorts: Index = np.unique(sorts, axis=0, return_inverse=True)[1].ravel()
+        """The same number for pairs with the same groups and expressions, shape (p,)."""
         self.kinds: list[_Kind] = []
-        """In the order in which they were first needed."""
+        """In the order of first use."""
         self._number: dict[tuple[int, int], int] = {}
 
     def of(self, i: int) -> "AgentCertificates":
-        """Those of normal agent i."""
+        """Return the certificates of normal agent i."""
         return AgentCertificates(self, i)
 
     def kind(self, pair: int, own: int) -> int:
-        """The number of the kind of a pair, for the agent whose place in it is `own`."""
-        key = own, int(self.alike[pair])
+        """Return the number of a pair's kind, for the agent whose place in it is `own`."""
+        key = own, int(self.sorts[pair])
         if key not in self._number:
             self._number[key] = len(self.kinds)
             self.kinds.append(self._compiled(pair, own))
         return self._number[key]
 
     def proven(self, held: Sequence[Held]) -> list[Array]:
-        """How long each pair's h <= 0 is proven from now on [s], in the order of its agent's pairs.
+        """Return for each input the times for which its agent's pairs are proven safe [s].
 
-        Of several inputs, each with its own now: a call costs more than what it says of one.
+        Inputs at different times are evaluated in one call, since a call has a large overhead.
         """
         numbers = self.pairs.numbers(np.stack([each.x for each in held]))
         rows = _rows(held, numbers.shape[1])
@@ -86,14 +86,14 @@ class SwarmCertificates:
             kind, which = self.kinds[number], np.flatnonzero(rows.kinds == number)
             places = rows.places[which, : sum(kind.sizes)]
             if kind.highest is not None:
-                # Most of them are too far apart to meet.
+                # Most pairs are too far apart to meet.
                 may_meet = ~(kind.highest(numbers.ravel(), places)[:, 0] <= 0.0)
                 which, places = which[may_meet], places[may_meet]
             if len(which):
                 u = np.stack([held[k].u for k in rows.held[which].tolist()])
                 found[which] = kind.certificate.times(numbers.ravel()[places], u)
         times = [np.full(len(each.agent.pairs), each.agent.longest) for each in held]
-        for own, some, of_some in zip(times, rows.asked, np.split(found, rows.ends), strict=True):
+        for own, some, of_some in zip(times, rows.chosen, np.split(found, rows.ends), strict=True):
             own[some] = of_some
         return times
 
@@ -108,36 +108,36 @@ class SwarmCertificates:
 
 
 class _Rows(NamedTuple):
-    """All pairs of which something is asked, one after the other."""
+    """The pairs to evaluate, those of one input after those of another."""
 
-    asked: list[Index]
-    """Which they are among their agent's pairs, for each input."""
+    chosen: list[Index]
+    """Indices among the agent's pairs, for each input."""
     held: Index
-    """Number of the input that each is asked for, shape (r,)."""
+    """Number of the input of each row, shape (r,)."""
     kinds: Index
     """shape (r,)"""
     places: Index
-    """Where each one's numbers lie, shape (r, n), as AgentCertificates has them."""
+    """Positions of each row's variables, shape (r, n), as in AgentCertificates."""
     longest: Array
-    """The most that is said of each [s], shape (r,)."""
+    """Upper bound of each result [s], shape (r,)."""
 
     @property
     def ends(self) -> Index:
-        """Where those of an input end, but for the last."""
-        return np.cumsum([len(some) for some in self.asked[:-1]], dtype=np.intp)
+        """End of each input's rows, except the last's."""
+        return np.cumsum([len(some) for some in self.chosen[:-1]], dtype=np.intp)
 
 
 def _rows(held: Sequence[Held], width: int) -> _Rows:
-    """width: how many numbers a state and the obstacles have."""
+    """width: number of variables of a stacked state and the obstacles."""
     agents = [each.agent for each in held]
-    asked = [
+    chosen = [
         np.arange(len(agent.pairs)) if near is None else np.flatnonzero(near)
         for agent, _, _, near in held
     ]
-    each = list(zip(agents, asked, strict=True))
-    numbers = np.repeat(np.arange(len(held)), [len(some) for some in asked])
+    each = list(zip(agents, chosen, strict=True))
+    numbers = np.repeat(np.arange(len(held)), [len(some) for some in chosen])
     return _Rows(
-        asked,
+        chosen,
         numbers,
         np.concatenate([agent.kinds[some] for agent, some in each]),
         np.concatenate([agent.places[some] for agent, some in each]) + numbers[:, None] * width,
@@ -146,35 +146,35 @@ def _rows(held: Sequence[Held], width: int) -> _Rows:
 
 
 class AgentCertificates:
-    """Of all pairs of normal agent i."""
+    """The certificates of all pairs of normal agent i."""
 
     def __init__(self, swarm: SwarmCertificates, i: int) -> None:
         self._swarm = swarm
         first, second = swarm.ends.T
         mine = np.flatnonzero((first == i) | (second == i))
         self.pairs = tuple(mine.tolist())
-        """Indices of agent i's pairs in the composed set."""
+        """Indices of agent i's pairs in the safe set."""
         self.tau = swarm.swarm.horizon(i)
         """τ = Γ_i + δ_i^max and the latency [s]."""
         self.longest = MULTIPLES[0] * self.tau
-        """What is said of a pair that cannot become unsafe for longer [s]."""
+        """The longest horizon: the result for pairs that stay safe for longer [s]."""
         sides = (swarm.ends[mine, 0] != i).astype(np.intp)
         self.kinds: Index = np.empty(len(mine), dtype=np.intp)
-        """Of each pair, by number, shape (p,)."""
+        """Number of each pair's kind, shape (p,)."""
         width = max(sum(kind.kind.sizes) for kind in swarm.pairs.kinds)
         self.places: Index = np.zeros((len(mine), width), dtype=np.intp)
-        """Where each pair's numbers lie, shape (p, n), zeros after those that it has."""
-        differ = 2 * swarm.alike[mine] + sides
-        for alike in np.unique(differ).tolist():
-            which = np.flatnonzero(differ == alike)
-            number = swarm.kind(self.pairs[which[0]], alike % 2)
+        """Positions of each pair's variables, shape (p, n), padded with zeros."""
+        sorts = 2 * swarm.sorts[mine] + sides
+        for sort in np.unique(sorts).tolist():
+            which = np.flatnonzero(sorts == sort)
+            number = swarm.kind(self.pairs[which[0]], sort % 2)
             places = spread(swarm.pairs.begin, swarm.ends[mine[which]], swarm.kinds[number].sizes)
             self.kinds[which] = number
             self.places[which, : places.shape[1]] = places
 
     @property
     def refused(self) -> dict[int, str]:
-        """Pairs that no input of the agent's can ever certify, by index, and why."""
+        """Reasons, by index, of pairs that no input of the agent can certify."""
         each = [self._swarm.kinds[number].certificate for number in self.kinds.tolist()]
         return {
             pair: certificate.refused
@@ -183,30 +183,30 @@ class AgentCertificates:
         }
 
     def __call__(self, x: Array, u: Array, near: Array | None = None) -> Array:
-        """How long each pair is proven safe with one input, as SwarmCertificates.proven has it."""
+        """Return the time for which each pair is proven safe with one input [s]."""
         (times,) = self._swarm.proven([Held(self, x, u, near)])
         return times
 
 
 class CertifiedStart(NamedTuple):
-    """What certificates can say of a scenario before any run."""
+    """Certificates at x(0)."""
 
     safe: bool
-    """Whether every pair's h <= 0 at x(0)."""
+    """True if every pair's h <= 0 at x(0)."""
     refused: dict[str, str]
-    """Pairs that can never be certified, by label, and why."""
+    """Reasons, by label, of pairs that no input can certify."""
     agents: dict[str, bool]
-    """By normal agent: whether some input was found at x(0) with which all its pairs are proven
-    safe until its next sample may come."""
+    """By normal agent: True if an input was found at x(0) with which all its pairs are proven safe
+    until its next sample."""
 
     @property
     def holds(self) -> bool:
-        """Whether a run can begin under certificates."""
+        """True if certificates can cover every pair from the start of a run."""
         return self.safe and not self.refused and all(self.agents.values())
 
 
 def certified_start(swarm: Swarm) -> CertifiedStart:
-    """Ask the certificates that a run is judged by, at x(0)."""
+    """Evaluate the certificates of the verdict at x(0)."""
     certificates = SwarmCertificates(swarm)
     agents = {i: certificates.of(i) for i in swarm.normal}
     composed, x = swarm.safe_set, swarm.start()
@@ -221,15 +221,15 @@ def certified_start(swarm: Swarm) -> CertifiedStart:
 
 
 def _begins(swarm: Swarm, i: int, certificates: AgentCertificates, x: Array) -> bool:
-    """Whether zero, or a corner of U_i, is certified: zero alone until a latency is over."""
+    """Return whether zero or a corner of U_i is certified; with a latency, zero alone."""
     clock, latency = swarm.groups[i].clock, swarm.time.latency
     dynamics = swarm.members[i].dynamics
     zero = np.zeros(len(dynamics.inputs))
-    asked = [pair not in certificates.refused for pair in certificates.pairs]
+    possible = [pair not in certificates.refused for pair in certificates.pairs]
     inputs, needed = [zero], latency
     if not latency:
         state = ca.SX.sym("x", len(dynamics.states))
         known = constant_polytope(*dynamics.input_polytope(state))
         inputs += [] if known is None else list(known.corners)
         needed = clock.period - clock.jitter
-    return any(bool((certificates(x, u)[asked] >= needed).all()) for u in inputs)
+    return any(bool((certificates(x, u)[possible] >= needed).all()) for u in inputs)

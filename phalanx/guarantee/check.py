@@ -1,9 +1,9 @@
-"""What a scenario guarantees, before any run: q, S_I, constants, margins, Theorem 3, limits."""
+"""The check of a scenario before any run: q, S_I, constants, margins, Theorem 3, certificates."""
 
 import math
 
 from phalanx.arrays import Array
-from phalanx.guarantee.advice import advice, gaps_in_the_proof, leans_on_the_newest
+from phalanx.guarantee.advice import advice, proof_gaps, uses_newest_inputs
 from phalanx.guarantee.certificates import certified_start
 from phalanx.guarantee.check_report import BoundaryCondition, CheckReport
 from phalanx.guarantee.feasibility import ProvenRows, largest_gap, rigorous, rows_at_start
@@ -19,19 +19,18 @@ from phalanx.guarantee.formula import (
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import require_runnable
-from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.margins.margin import ComposedMargin
 from phalanx.theory.rows.row import joint_sum
 
 _SAMPLES = 2000
 _BOUNDARY_STATES = 200
 _MOST_PAIRS = 500
-"""Of more h_tot is not made into one expression, which takes minutes; with Theorem 3 it is the many
-states that do."""
+"""With more, h_tot as one expression and the states of Theorem 3 take minutes."""
 
 
 def check(scenario: Scenario) -> CheckReport:
-    """Everything that can be said about a scenario without running it.
+    """Check a scenario without running it.
 
     Raises:
         ScenarioError: the safe set cannot be built, as when relative degrees are mixed.
@@ -43,9 +42,9 @@ def check(scenario: Scenario) -> CheckReport:
     proven: dict[int, ProvenRows] = {}
     if len(swarm.safe_set.pairs) > _MOST_PAIRS:
         unknown.append(
-            "The constants of the paper's formula and Theorem 3 are unknown: with so many pairs "
-            f"they take minutes, and {len(swarm.safe_set.pairs)} are more than the {_MOST_PAIRS} "
-            "that this is done for. Ask of fewer agents at the same density."
+            "The constants of the paper's formula and Theorem 3 are not computed for more than "
+            f"{_MOST_PAIRS} pairs, since they take minutes; here are {len(swarm.safe_set.pairs)}. "
+            "Check fewer agents at the same density."
         )
         box = []
     elif isinstance(box, tuple):
@@ -77,8 +76,8 @@ def check(scenario: Scenario) -> CheckReport:
         boundary=boundary_condition,
         horizon=max(swarm.horizon(i) for i in swarm.normal),
         largest_gap=largest_gap(list(proven.values())) if proven else None,
-        largest_delay=_largest_delay(swarm),
-        gaps=gaps_in_the_proof(swarm),
+        largest_delay=0.0 if uses_newest_inputs(swarm) else math.inf,
+        gaps=proof_gaps(swarm),
         certified=certified_start(swarm),
     )
     report.words.extend(advice(swarm, report, unknown))
@@ -86,7 +85,7 @@ def check(scenario: Scenario) -> CheckReport:
 
 
 def _psi(rows: SafetyRows, x: Array) -> tuple[float, ...]:
-    """The largest ψ_0, ..., ψ_{q-1} of all rows at a state, shape (n̄,)."""
+    """Return the largest ψ_0, ..., ψ_{q-1} of all rows at a state, shape (n̄,)."""
     each = rows.invariants()(x).reshape(-1, rows.relative_degree)
     return tuple(each.max(axis=0).tolist())
 
@@ -94,25 +93,25 @@ def _psi(rows: SafetyRows, x: Array) -> tuple[float, ...]:
 def _boundary_condition(
     rows: SafetyRows, x: Array, low: Array, high: Array
 ) -> BoundaryCondition | None:
-    """Σ γ_min + Σ γ_max + α + η at states on the boundary of S_I."""
+    """Evaluate Σ γ_min + Σ γ_max + α + η at states on the boundary of S_I."""
     inside = rows.invariants()
     if (inside(x) > 0).any():
         return None
     evaluate = rows.terms_of_all(_largest_margin(rows))
-    worst, asked = -math.inf, 0
+    worst, states = -math.inf, 0
     seed = rows.swarm.seed
     for y in drawn_states(seed, "boundary", low, high, 10 * _SAMPLES):
-        if asked == _BOUNDARY_STATES:
+        if states == _BOUNDARY_STATES:
             break
         if (inside(y) <= 0).all():
             continue
         total = joint_sum(evaluate(boundary(inside, x, y)), rows.swarm.normal)
-        worst, asked = max(worst, total), asked + 1
-    return BoundaryCondition(asked, worst) if asked else None
+        worst, states = max(worst, total), states + 1
+    return BoundaryCondition(states, worst) if states else None
 
 
 def _largest_margin(rows: SafetyRows) -> ComposedMargin:
-    """Of any normal agent's row for h_tot; 0 where it is computed."""
+    """Return the largest margin of the normal agents' rows for h_tot; 0 if computed in the run."""
     if rows.swarm.safety.computes_margin:
         return ComposedMargin(0.0, 0.0)
     return max(rows.margin(i).given for i in rows.swarm.normal)
@@ -124,7 +123,3 @@ def _given(rows: SafetyRows) -> dict[str, float | None]:
         rows.swarm.names[i]: None if computed else rows.margin(i).given.total(0.0)
         for i in rows.swarm.normal
     }
-
-
-def _largest_delay(swarm: Swarm) -> float:
-    return 0.0 if leans_on_the_newest(swarm) else math.inf

@@ -1,4 +1,4 @@
-"""What a check of a scenario answers."""
+"""The report of a check of a scenario."""
 
 from dataclasses import dataclass, field
 
@@ -8,60 +8,60 @@ from phalanx.guarantee.formula import Formula
 
 @dataclass(frozen=True)
 class BoundaryCondition:
-    """Theorem 3's Eq. (asyncminmaxcondition), asked of sampled states on the boundary of S_I.
+    """Theorem 3's Eq. (asyncminmaxcondition) at sampled states on the boundary of S_I.
 
-    With a margin that is computed η counts as 0, so that what is refuted here is refuted for any
-    margin.
+    A margin computed in the run counts as 0, so that a violation holds for any margin.
     """
 
     states: int
-    """How many were asked."""
+    """Number of states."""
     worst: float
     """Largest Σ γ_min + Σ γ_max + α + η; above 0 the condition fails there."""
 
     @property
     def holds(self) -> bool | None:
-        """False if refuted, None if not: samples cannot prove it."""
+        """False if violated, else None: samples cannot prove it."""
         return False if self.worst > 0 else None
 
 
 @dataclass(frozen=True)
 class CheckReport:
-    """The answers, and in words what they mean."""
+    """The results of a check."""
 
     relative_degree: int
     """q."""
     psi_at_start: tuple[float, ...]
     """Largest ψ_0, ..., ψ_{q-1} at x(0); above 0 the start is outside S_I."""
     eta_paper: dict[str, float | None]
-    """By normal agent: η(Γ + δ^max) in force with margin = "paper"; None if none is given."""
+    """By normal agent: η(Γ + δ^max) with margin = "paper"; None for other margins."""
     formula: Formula | None
-    """Of h_tot over the workspace; None if the workspace is not known."""
+    """η of h_tot over the workspace; None if the workspace is not known."""
     pair_formula: Formula | None
-    """Likewise of the pair that needs most."""
+    """The same for the pair with the largest η."""
     eta_local: dict[str, float]
     """By normal agent: the largest local margin of its rows at x(0)."""
     rows_at_start: dict[str, bool]
-    """By normal agent: whether K_i(x(0)) is non-empty, with nothing received yet."""
+    """By normal agent: True if K_i(x(0)) is non-empty, with nothing received yet."""
     boundary: BoundaryCondition | None
-    """None if it was not asked: there is no workspace, or the start is outside S_I."""
+    """None if not computed: there is no workspace, or the start is outside S_I."""
     horizon: float
-    """How long a normal agent's input may be in force, Γ + δ^max and the latency [s]."""
+    """Longest time for which a normal agent's input is in force, Γ + δ^max and the latency [s]."""
     largest_gap: float | None
     """The horizon up to which every proven K_i(x(0)) (half rows for each pair, local
-    margin) is non-empty [s]; None if none is."""
+    margin) is non-empty [s]; None if there is none."""
     largest_delay: float
-    """Longest delay for which what the rows count on is in force [s]; inf for any."""
+    """Longest delay of broadcasts for which received inputs in the rows are in force [s]; may be
+    inf."""
     gaps: list[str]
-    """What the paper's theorem, or the margin's, lacks whatever the run does; empty if nothing."""
+    """Requirements of the paper's theorem, or the margin's proof, that no run can meet."""
     certified: CertifiedStart
-    """What the certificates say that a run is judged by."""
+    """Certificates at the start, on which the verdict rests."""
     words: list[str] = field(default_factory=list)
-    """What all this means, and what to change."""
+    """Sentences on the results, and what to change."""
 
     @property
     def answer(self) -> str:
-        """Whether a run can end guaranteed, in words."""
+        """Sentence on whether a run can end guaranteed."""
         can = "can" if self.may_be_guaranteed else "cannot"
         return f"a run {can} end guaranteed (relative degree q = {self.relative_degree})"
 
@@ -70,10 +70,10 @@ class CheckReport:
 
     @property
     def worst_at_start(self) -> float:
-        """The largest ψ of all at x(0)."""
+        """The largest ψ at x(0)."""
         return max(self.psi_at_start)
 
     @property
     def may_be_guaranteed(self) -> bool:
-        """Whether a run can end guaranteed: it begins under certificates. Gaps do not count."""
+        """True if a run can end guaranteed: certificates cover its start. Gaps do not matter."""
         return self.certified.holds

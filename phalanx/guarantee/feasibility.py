@@ -1,4 +1,4 @@
-"""Which K_i(x(0)) are non-empty, as the scenario has them and as they can be proven."""
+"""Feasibility of rows at x(0): of the scenario's rows, and of rows that can be proven."""
 
 import math
 from collections.abc import Sequence
@@ -17,21 +17,21 @@ from phalanx.theory.rows.pairs import PairTerms, pair_rows
 from phalanx.theory.rows.row import Rows, joint_sum
 
 _FEW_ROWS = 8
-"""So many are solved exactly, by looking at every vertex, in 2 ms for three inputs; of 32 it would
-be 230 ms, where a linear program takes 2."""
+"""Up to so many rows all vertices are enumerated: 2 ms for three inputs. For 32 rows that takes
+230 ms, and a linear program 2 ms."""
 _SHORTEST, _LONGEST, _BISECTIONS = 1e-6, 10.0, 20
-"""The sampling gaps that are looked among [s], and how closely."""
+"""Range of sampling gaps [s], and steps of the search."""
 
 
 def rows_at_start(rows: SafetyRows) -> dict[str, bool]:
-    """By normal agent: whether K_i(x(0)) is non-empty, with nothing received yet."""
+    """Return for each normal agent whether K_i(x(0)) is non-empty, with nothing received yet."""
     swarm = rows.swarm
     x = swarm.start()
     return {swarm.names[i]: _feasible(rows, i, x) for i in swarm.normal}
 
 
 def rigorous(swarm: Swarm) -> SafetyRows:
-    """The same scenario's rows as a proof needs them: half rows for each pair, local margin."""
+    """Build the rows that can be proven: half rows for each pair, local margin."""
     scenario = swarm.scenario
     proven = {
         "composition": "pairs",
@@ -46,7 +46,7 @@ def rigorous(swarm: Swarm) -> SafetyRows:
 
 
 def _feasible(rows: SafetyRows, i: int, x: Array) -> bool:
-    """Whether K_i(x) is non-empty, with nothing received."""
+    """Return whether K_i(x) is non-empty, with nothing received."""
     swarm, seen = rows.swarm, rows.swarm.seen(i, x)
     terms = rows.terms(i)(x, seen)
     if swarm.safety.pairwise:
@@ -59,7 +59,7 @@ def _feasible(rows: SafetyRows, i: int, x: Array) -> bool:
 
 def _pairs_feasible(terms: PairTerms, inputs: Polytope) -> bool:
     every = pair_rows(terms, {})
-    # Rows of who is far away hold for every input.
+    # Rows of pairs far apart hold for every input.
     binding = ~(dot(every.a[:, None], inputs.corners).max(axis=1, initial=-np.inf) <= every.bound)
     rows = Rows(every.a[binding], every.bound[binding])
     if not len(rows.bound) or not np.isfinite(rows.bound).all():
@@ -71,7 +71,7 @@ def _pairs_feasible(terms: PairTerms, inputs: Polytope) -> bool:
 
 
 def _solvable(inputs: Polytope, rows: Rows) -> bool:
-    """Whether some input satisfies many rows: a linear program, to the solver's 1e-7."""
+    """Return whether some input satisfies the rows, by a linear program, to the solver's 1e-7."""
     A, b = np.concatenate([inputs.A, rows.a]), np.concatenate([inputs.b, rows.bound])
     found = linprog(np.zeros(A.shape[1]), A_ub=A, b_ub=b, bounds=(None, None))
     return bool(found.status == 0)
@@ -81,17 +81,17 @@ class ProvenRows:
     """One agent's half rows for each pair with the local margin, at x(0), for any sampling gap."""
 
     def __init__(self, rows: SafetyRows, i: int, x: Array) -> None:
-        """rows: as rigorous() has them."""
+        """rows: from rigorous()."""
         self._x, self._seen, self._sharing = x, rows.swarm.seen(i, x), rows.swarm.normal
         self._terms = rows.pair_terms_of_gap(i)
         self._inputs = rows.terms(i)(x, self._seen).polytopes[i]
 
     def margin(self, gap: float) -> float:
-        """The largest margin of any row."""
+        """Return the largest margin of any row."""
         return float(self._at(gap).margin.max(initial=0.0))
 
     def feasible(self, gap: float) -> bool:
-        """Whether K_i(x(0)) is non-empty."""
+        """Return whether K_i(x(0)) is non-empty."""
         return _pairs_feasible(self._at(gap), self._inputs)
 
     def _at(self, gap: float) -> PairTerms:
@@ -99,7 +99,7 @@ class ProvenRows:
 
 
 def largest_gap(rows: Sequence[ProvenRows]) -> float | None:
-    """By bisection; the margin grows with the gap."""
+    """Return the largest feasible gap [s], by bisection, since the margin grows with the gap."""
 
     def holds(gap: float) -> bool:
         return all(row.feasible(gap) for row in rows)

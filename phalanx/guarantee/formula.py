@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.scenario.model import Scenario
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
@@ -17,18 +16,19 @@ from phalanx.theory.safety.obstacles import Sphere
 
 _BISECTIONS = 40
 _AROUND = 10.0
-"""How far the default workspace goes beyond starts, obstacles and path [m]."""
+"""Width of the default workspace around starts, obstacles and path [m]."""
 _ANGLES = {"theta", "phi", "psi", "heading", "yaw"}
 
 
 def workspace(swarm: Swarm) -> tuple[Array, Array] | list[str]:
-    """The box, or the names of states that it lacks."""
+    """Return the box's least and largest states, or the names of states without bounds."""
     given, scenario = swarm.scenario.workspace, swarm.scenario
     points = [swarm.positions(swarm.start())]
     points += [np.array([o.center]) for o in scenario.obstacles if isinstance(o, Sphere)]
     if scenario.formation:
         reach = scenario.formation.radius
-        path = np.array([scenario.formation.center(t).position for t in _times(scenario)])
+        times = np.linspace(0.0, scenario.duration, 50)
+        path = np.array([scenario.formation.center(t).position for t in times])
         points += [path - reach, path + reach]
     everywhere = np.concatenate(points)
     axes = dict(zip("xyz", zip(everywhere.min(0), everywhere.max(0), strict=True), strict=False))
@@ -49,24 +49,20 @@ def workspace(swarm: Swarm) -> tuple[Array, Array] | list[str]:
     return sorted(set(missing)) if missing else (np.array(low), np.array(high))
 
 
-def _times(scenario: Scenario) -> Array:
-    return np.linspace(0.0, scenario.duration, 50)
-
-
 def drawn_states(seed: int, purpose: str, low: Array, high: Array, count: int) -> Iterator[Array]:
-    """States of the box, each of shape (n̄,), evenly drawn: others for each seed and purpose."""
+    """Draw states of the box uniformly, each of shape (n̄,), by seed and purpose."""
     draws = Draws(seed, "check", purpose, width=len(low))
     return (low + (high - low) * draws[index] for index in range(count))
 
 
 def states_inside(inside: Callable[[Array], Array], x: Array, drawn: Iterable[Array]) -> Array:
-    """x(0) and drawn states, those outside S_I moved to its boundary; shape (s, n̄)."""
+    """Return x(0) and drawn states, moved to the boundary of S_I if outside; shape (s, n̄)."""
     found = (y if (inside(y) <= 0).all() else boundary(inside, x, y) for y in drawn)
     return np.array([x, *found])
 
 
 def boundary(inside: Callable[[Array], Array], start: Array, outside: Array) -> Array:
-    """The last state in S_I found between one inside and one outside, by bisection."""
+    """Return a state at the boundary of S_I between one inside and one outside, by bisection."""
     a, b = 0.0, 1.0
     for _ in range(_BISECTIONS):
         middle = (a + b) / 2
@@ -78,17 +74,17 @@ def boundary(inside: Callable[[Array], Array], start: Array, outside: Array) -> 
 
 
 class Region(NamedTuple):
-    """Where the constants are to hold."""
+    """Box in which the constants hold."""
 
     low: Array
     """shape (n̄,)"""
     high: Array
     samples: Array
-    """States in S_I, shape (s, n̄), for constants that interval arithmetic does not bound."""
+    """States in S_I, shape (s, n̄), for constants without a bound by interval arithmetic."""
 
 
 class Formula(NamedTuple):
-    """The margin of one row for as long as any agent's input may be in force."""
+    """The margin of one row for the longest time that any agent's input may be in force."""
 
     constants: dict[str, Constant]
     eta: float
@@ -98,12 +94,12 @@ class Formula(NamedTuple):
 
     @property
     def proven(self) -> bool:
-        """Whether every constant is a bound."""
+        """True if every constant is a bound."""
         return all(constant.how == "interval" for constant in self.constants.values())
 
 
 def formula(rows: SafetyRows, chain: Chain, region: Region) -> Formula:
-    """η from the constants of one chain: of h_tot, or of a pair.
+    """Compute η from the constants of one chain: of h_tot, or of a pair.
 
     Raises:
         ValueError: a member's input polytope depends on its state.
@@ -121,15 +117,14 @@ def formula(rows: SafetyRows, chain: Chain, region: Region) -> Formula:
 
 
 def worst_pair(rows: SafetyRows, region: Region) -> Formula:
-    """The pair that needs the largest margin, of those that normal agents keep rows for.
+    """Return the largest η of all pairs with a normal agent.
 
-    Pairs of members of the same two groups differ in nothing that counts.
+    Pairs of members of the same two groups have the same η.
     """
     swarm, found = rows.swarm, {}
     for number, pair in enumerate(swarm.safe_set.pairs):
-        groups = [id(swarm.groups[l]) for l in (pair.a, pair.b) if l is not None]
-        alike = (*groups, pair.obstacle)
-        normal = any(l in swarm.normal for l in (pair.a, pair.b))
-        if normal and alike not in found:
-            found[alike] = formula(rows, rows.pair_chain(number), region)
+        key = tuple(id(swarm.groups[l]) if l < len(swarm.groups) else l for l in pair)
+        normal = any(l in swarm.normal for l in pair)
+        if normal and key not in found:
+            found[key] = formula(rows, rows.pair_chain(number), region)
     return max(found.values(), key=lambda f: f.corrected)

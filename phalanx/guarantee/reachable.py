@@ -1,6 +1,6 @@
-"""Who is too far away to meet, whatever all agents do: boxes around where each of them can be.
+"""Reachable boxes of all agents, which show the pairs that are too far apart to meet.
 
-For swarms of hundreds: an agent's certificates then ask for its neighbours alone.
+In swarms of hundreds, an agent's certificates are then evaluated for its neighbours alone.
 """
 
 from typing import NamedTuple
@@ -22,21 +22,21 @@ from phalanx.theory.safety.limits import static_reach
 from phalanx.theory.safety.obstacles import Sphere
 
 _LASTING = 0.5
-"""For how many τ boxes are kept: they are made for so much longer than a certificate lasts."""
+"""Time for which boxes are reused, in τ; they cover a certificate's longest horizon after it."""
 
 
-class _Alike(NamedTuple):
+class _Group(NamedTuple):
     """Agents of one group."""
 
     members: Index
     states: Index
-    """Where their states lie, shape (r, n)."""
+    """Positions of their states in x, shape (r, n)."""
     box: MappedFunction | None
     """x -> least and largest of each component of p; None if unknown."""
 
 
 class ReachableBoxes:
-    """The boxes of all agents, made anew when they are too old, and the obstacles beside them."""
+    """The boxes of all agents and obstacles, recomputed when they are too old."""
 
     def __init__(self, swarm: Swarm, function: Reaching) -> None:
         scenario, members = swarm.scenario, swarm.members
@@ -51,45 +51,45 @@ class ReachableBoxes:
             self._reach[k] = static_reach(function, 0.0, obstacle)
             if isinstance(obstacle, Sphere):
                 self._low[k] = self._high[k] = obstacle.center
-        self._alike = []
+        self._groups = []
         for group in scenario.agents:
             own = np.array([i for i, other in enumerate(swarm.groups) if other is group])
             horizon = MULTIPLES[0] * tau + self._lasting
             states = np.array([np.r_[swarm.safe_set.parts[i]] for i in own])
             box = _box(swarm, int(own[0]), group.disturbance.bound + DEFECT, horizon)
-            self._alike.append(_Alike(own, states, box))
+            self._groups.append(_Group(own, states, box))
 
     def near(self, i: int, others: Index, t: float, x: Array) -> Array:
-        """Which others agent i may meet within the longest horizon of a certificate from t [s] on.
+        """Return which others agent i may meet within a certificate's longest horizon, shape (r,).
 
         Args:
             i: an agent.
             others: members, or N + k for obstacle k, shape (r,).
-            t: now, not before it was asked last.
+            t: now [s], not before the last call.
             x: the true stacked state, shape (n̄,).
         """
         if t > self._until:
             self._until = t + self._lasting
-            for alike in self._alike:
-                if alike.box is not None:
-                    low, high = np.split(alike.box(x, alike.states), 2, axis=1)
-                    self._low[alike.members], self._high[alike.members] = low, high
+            for group in self._groups:
+                if group.box is not None:
+                    low, high = np.split(group.box(x, group.states), 2, axis=1)
+                    self._low[group.members], self._high[group.members] = low, high
             self._near = self._pairwise()
         near: Array = self._near[i, others]
         return near
 
     def _pairwise(self) -> Mask:
-        """Whether a member, by row, may meet another or an obstacle, shape (N, N + K)."""
+        """Return whether each member may meet each other one or obstacle, shape (N, N + K)."""
         low, high = self._low[: self._members, None], self._high[: self._members, None]
         gap = np.maximum(0.0, np.maximum(self._low - high, low - self._high))
-        # What is not a number is near.
+        # NaN counts as near.
         near: Mask = ~(dot(gap, gap) > self._reach * self._reach)
         return near
 
 
 @outwards()
 def _box(swarm: Swarm, i: int, bound: float, horizon: float) -> MappedFunction | None:
-    """x_i -> least and largest of each component of p_i within the horizon; None if unknown."""
+    """Compile x_i -> least and largest p_i within the horizon; None if there is no bound."""
     member = swarm.members[i]
     x = ca.SX.sym("x", len(member.dynamics.states))
     try:

@@ -1,4 +1,4 @@
-"""The end of a run: was the safe set kept, did the assumptions hold, and was it on time."""
+"""The verdict on a run, its assumptions, violations, certificates and timing."""
 
 from collections.abc import Sequence
 from enum import StrEnum
@@ -8,7 +8,7 @@ import numpy as np
 
 
 class Percentiles(msgspec.Struct):
-    """Of a time that was measured again and again, all in seconds."""
+    """Percentiles of repeated measurements of one time [s]."""
 
     name: str
     count: int
@@ -18,23 +18,23 @@ class Percentiles(msgspec.Struct):
 
 
 class Punctuality(msgspec.Struct):
-    """Of one run in real time."""
+    """Timing of one run in real time."""
 
     samples: int
-    """Handed out."""
+    """Samples sent to agents."""
     missed: int
-    """Ticks of an agent's clock at which it still owed the answer to its sample before."""
+    """Ticks of an agent's clock at which its answer to the sample before was still missing."""
     unanswered: int
-    """Samples that were given up: no answer came."""
+    """Samples without an answer until the timeout."""
     late: int
-    """Inputs that came to their actuator after they were due."""
+    """Inputs that arrived at their actuator after they were due."""
     measured: list[Percentiles]
 
 
-def timing_in_words(found: Punctuality) -> list[tuple[str, str]]:
-    """Each figure with its name."""
+def timing_rows(found: Punctuality) -> list[tuple[str, str]]:
+    """Return each figure as a text with its name."""
     return [
-        ("samples missed", f"{found.missed} beside {found.samples} taken"),
+        ("samples missed", f"{found.missed}; {found.samples} taken"),
         ("samples unanswered", str(found.unanswered)),
         ("inputs late", str(found.late)),
         *(
@@ -48,18 +48,18 @@ def timing_in_words(found: Punctuality) -> list[tuple[str, str]]:
 
 
 def percentiles(name: str, seconds: Sequence[float]) -> Percentiles:
-    """What a list of times comes to; zeros if it is empty."""
+    """Summarize a list of times; zeros if it is empty."""
     found = np.percentile(seconds, [50, 99, 100]).tolist() if len(seconds) else [0.0] * 3
     return Percentiles(name, len(seconds), *found)
 
 
 class Outcome(StrEnum):
-    """How a run ended."""
+    """The outcome of a run."""
 
     GUARANTEED = "guaranteed"
-    """Safe throughout, and proven so at every instant, whatever the others had done."""
+    """Safe, and proven so at every instant for all inputs of the other agents."""
     SAFE = "safe"
-    """Not unsafe at any integration step, but not proven so, nor between them: safe by luck."""
+    """Not unsafe at any integration step, but not proven so, nor known between steps."""
     VIOLATED = "violated"
     """Some pair's h was above zero."""
     BROKEN = "broken"
@@ -69,7 +69,7 @@ class Outcome(StrEnum):
 
 
 class Assumption(msgspec.Struct):
-    """One thing that a proof needs, and how often a run broke it."""
+    """One assumption of a proof, and how often it failed in a run."""
 
     name: str
     failed: int = 0
@@ -79,7 +79,7 @@ class Assumption(msgspec.Struct):
     first: float | None = None
     """Time of the first failure [s]."""
     note: str = ""
-    """What it says, in words."""
+    """The assumption as a sentence."""
 
     def check(self, holds: bool, t: float) -> None:
         """Count one check at t [s]."""
@@ -90,21 +90,21 @@ class Assumption(msgspec.Struct):
 
 
 class CertificateSummary(msgspec.Struct):
-    """What the certificates of a run came to; see docs/certificate.md."""
+    """Counts of the certificates of a run; see docs/certificate.md."""
 
     samples: int = 0
     """Inputs that normal agents applied."""
     certified: int = 0
-    """Of these, those with every pair proven safe until the agent's next sample at the latest."""
+    """Inputs with which every pair was proven safe until the agent's next sample."""
     shortest: float | None = None
-    """The shortest time for which an input was proven safe, in multiples of that time."""
+    """The shortest time for which an input was proven safe, in multiples of τ."""
     uncovered: str | None = None
-    """The first pair that was under no certificate."""
+    """The first pair without a certificate."""
     uncovered_at: float | None = None
-    """From when on [s]."""
+    """Time from which it had none [s]."""
 
     def count(self, proven: float, longest: float) -> None:
-        """Count an input that is proven safe for so long, when it may be held this long [s]."""
+        """Count an input: it is proven safe for one time, and held for at most another [s]."""
         self.samples += 1
         self.certified += proven >= longest
         ratio = proven / longest
@@ -112,12 +112,12 @@ class CertificateSummary(msgspec.Struct):
 
 
 class FaultCount(msgspec.Struct):
-    """A fault that the scenario declares, and what came of it."""
+    """A fault that the scenario declares, and the number of its effects."""
 
     name: str
     """Its field: "network.links.0.loss", "faults.2 (partition)"."""
     count: int = 0
-    """How often it had an effect: on messages, samples or agents."""
+    """Number of messages, samples or agents affected."""
 
 
 class Violation(msgspec.Struct):
@@ -135,7 +135,7 @@ class Violation(msgspec.Struct):
 
 
 class Summary(msgspec.Struct):
-    """What a run comes to; written as summary.json and into the recording."""
+    """The results of a run; written as summary.json and into the recording."""
 
     outcome: Outcome
     reason: str
@@ -152,11 +152,11 @@ class Summary(msgspec.Struct):
     """The pair whose h was largest."""
     steps: int
     origins: dict[str, int]
-    """Steps of normal agents by how their input was made."""
+    """Steps of normal agents by the origin of their input."""
     assumptions: list[Assumption]
-    """What `guaranteed` rests on."""
+    """Assumptions of the outcome `guaranteed`."""
     theorem: list[Assumption]
-    """What the paper's theorem would have needed."""
+    """Assumptions of the paper's theorem, which have no effect on the outcome."""
     certificates: CertificateSummary
     violations: list[Violation]
     rejected: dict[str, int]
@@ -166,9 +166,9 @@ class Summary(msgspec.Struct):
     faults: list[FaultCount] = []
     """Every fault that the scenario declares."""
     punctuality: Punctuality | None = None
-    """Of a run in real time."""
+    """None unless the run was in real time."""
     apart: list[Violation] = []
-    """Pairs that left the safe set when no normal agent was in them any more: agents had turned."""
+    """Pairs that left the safe set after all their normal agents had turned adversary."""
 
     def __repr__(self) -> str:
         worst = f"worst h_tot {self.worst_h_tot:.4g} at t = {self.worst_at:.3f} s"
@@ -176,7 +176,7 @@ class Summary(msgspec.Struct):
 
     @property
     def notes(self) -> list[str]:
-        """What a reader of the verdict should know: faults that never had an effect."""
+        """Remarks on the verdict: faults that never had an effect."""
         return [f"{f.name} never had an effect" for f in self.faults if not f.count]
 
     @property
@@ -186,26 +186,26 @@ class Summary(msgspec.Struct):
 
 
 def read_summary(written: bytes) -> Summary:
-    """A summary from its JSON. Raises ValueError if it is none."""
+    """Read a summary from its JSON. Raises ValueError if it is malformed."""
     try:
         return msgspec.json.decode(written, type=Summary)
-    except msgspec.DecodeError as error:  # besides UnicodeDecodeError, which is a ValueError
+    except msgspec.DecodeError as error:  # not a ValueError, as UnicodeDecodeError is
         raise ValueError(str(error)) from error
 
 
 def certified(summary: Summary) -> str:
-    """What the certificates of a run came to, in words."""
+    """Return the counts of certificates as a text."""
     found = summary.certificates
     if found.shortest is None:
         return "no input was applied"
     share = f"{found.certified} of {found.samples} inputs, the shortest for {found.shortest:.2f} τ"
     if found.uncovered is None or found.uncovered_at is None:
         return share
-    return f"{share}; {found.uncovered} under none from t = {found.uncovered_at:.3f} s on"
+    return f"{share}; {found.uncovered} without one from t = {found.uncovered_at:.3f} s on"
 
 
 def exit_status(outcome: Outcome, strict: bool = False) -> int:
-    """0 guaranteed or safe (1 for safe with strict), 2 violated, 3 broken, 130 stopped."""
+    """Return 0: guaranteed or safe (1: safe, if strict), 2: violated, 3: broken, 130: stopped."""
     return {
         Outcome.GUARANTEED: 0,
         Outcome.SAFE: 1 if strict else 0,
@@ -221,19 +221,19 @@ def judge(
     theorem: list[Assumption],
     apart: Sequence[Violation] = (),
 ) -> tuple[Outcome, str]:
-    """The verdict on a run that reached its end. Safe by luck is never called guaranteed.
+    """Return the outcome of a run that reached its end, and the reason in a sentence.
 
     Args:
         violations: pairs that left the safe set, the deepest first.
-        assumptions: what `guaranteed` rests on.
-        theorem: what the paper's theorem would have needed; it has no part in the outcome.
-        apart: pairs without a normal agent that left the safe set; they have none either.
+        assumptions: those of the outcome `guaranteed`.
+        theorem: those of the paper's theorem, which have no effect on the outcome.
+        apart: violations of pairs without a normal agent, which have no effect either.
     """
     outcome, reason = _judged(violations, assumptions, theorem)
     if not apart:
         return outcome, reason
     pairs = ", ".join(f"{v.pair} (from t = {v.first:.3f} s)" for v in apart)
-    return outcome, f"{reason}; not counted, for their agents had turned adversary: {pairs}"
+    return outcome, f"{reason}; not counted, since their agents had turned adversary: {pairs}"
 
 
 def _judged(
@@ -254,15 +254,15 @@ def _judged(
         )
     if failed:
         return Outcome.SAFE, (
-            "no pair was outside the safe set at any integration step, but not guaranteed, nor "
-            "known between them; assumptions that failed: "
-            f"{_counts(failed)}"
+            "no pair was outside the safe set at any integration step, but this is not guaranteed, "
+            f"nor known between the steps; assumptions that failed: {_counts(failed)}"
         )
     missing = [a for a in theorem if a.failed]
-    needed = f"it was short of: {_counts(missing)}" if missing else "all that it needs held"
+    theorems = "assumptions of the paper's theorem"
+    note = f"{theorems} that failed: {_counts(missing)}" if missing else f"all {theorems} held"
     return Outcome.GUARANTEED, (
-        "no pair left the safe set, and at every instant every pair was proven safe whatever the "
-        f"others had done (of the paper's theorem, {needed})"
+        "no pair left the safe set, and at every instant every pair was proven safe for all inputs "
+        f"of the other agents ({note})"
     )
 
 

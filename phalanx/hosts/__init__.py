@@ -1,1 +1,1 @@
-"""Running over many hosts: identities, claims of free places, and routers."""
+"""Running over many hosts: TLS identities, requests of free places, and routers."""

@@ -1,4 +1,7 @@
-"""One certificate for each program of a run, by an authority of the run's own."""
+"""TLS identities of a run's programs, signed by an authority of the run's own.
+
+An identity is an X.509 certificate of a program's name, and its private key.
+"""
 
 import datetime
 import ipaddress
@@ -18,35 +21,35 @@ from phalanx.wire.keys import HUBS, PLANT
 _CLOCKS_DIFFER = datetime.timedelta(minutes=5)
 
 
-def signer(certificates: Path) -> Callable[[str, bytes], bytes]:
-    """Makes the certificate of a name for a public key, by the authority's key in a plant's folder.
+def signer(identity_folder: Path) -> Callable[[str, bytes], bytes]:
+    """Make a function that signs a name and public key with the authority's key of a plant.
 
-    It raises ValueError where there is none. Raises OSError, ValueError: the key cannot be read.
+    It raises ValueError if there is no key. Raises OSError, ValueError: the key cannot be read.
     """
-    authority = Authority.read(certificates)
+    authority = Authority.read(identity_folder)
 
     def sign(name: str, public_key: bytes) -> bytes:
         if authority is None:
-            raise ValueError("the plant's certificate was made without `phalanx keys --claims`")
+            raise ValueError("the plant's identity was made without `phalanx keys --claims`")
         return authority.sign(name, read_public(public_key))
 
     return sign
 
 
 class Authority:
-    """Says which public key is whose."""
+    """Signs the identities of a run's programs."""
 
     def __init__(self, certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey) -> None:
         self._certificate, self._key = certificate, key
 
     @classmethod
     def new(cls, valid: datetime.timedelta) -> Self:
-        """One that nobody knows yet; all that it signs ends with it."""
+        """Make an authority; the identities that it signs expire with it."""
         key = new_key()
         name = _named("phalanx run")
         now = datetime.datetime.now(datetime.UTC)
         certificate = (
-            _begun(name, name, key.public_key())
+            _builder(name, name, key.public_key())
             .not_valid_before(now + min(valid, datetime.timedelta()) - _CLOCKS_DIFFER)
             .not_valid_after(now + valid)
             .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
@@ -57,7 +60,7 @@ class Authority:
 
     @classmethod
     def read(cls, folder: Path) -> Self | None:
-        """The one whose key is in a plant's folder, if it is. Raises OSError, ValueError."""
+        """Read the authority from a plant's folder, if it is there. Raises OSError, ValueError."""
         if not (folder / AUTHORITY_KEY).exists():
             return None
         key = serialization.load_pem_private_key((folder / AUTHORITY_KEY).read_bytes(), None)
@@ -75,59 +78,59 @@ class Authority:
         return private_pem(self._key)
 
     def sign(self, name: str, key: ec.EllipticCurvePublicKey, hosts: Iterable[str] = ()) -> bytes:
-        """A certificate, PEM: who has the key's other half is `name`; a hub is reached at `hosts`.
+        """Sign a name and a public key; return an X.509 certificate, PEM.
 
-        With no hosts it is good for connecting alone, and its owner cannot pass for a hub.
+        hosts: names and addresses of a hub; without them the identity cannot be used by a hub.
         """
         own = self._certificate
         builder = (
-            _begun(_named(name), own.subject, key)
+            _builder(_named(name), own.subject, key)
             .not_valid_before(own.not_valid_before_utc)
             .not_valid_after(own.not_valid_after_utc)
             .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
             .add_extension(_usage(signs_certificates=False), critical=True)
         )
         usage = [ExtendedKeyUsageOID.CLIENT_AUTH]
-        if reached_as := [_host(host) for host in hosts]:
+        if names := [_host(host) for host in hosts]:
             usage.append(ExtendedKeyUsageOID.SERVER_AUTH)
-            alternatives = x509.SubjectAlternativeName(reached_as)
+            alternatives = x509.SubjectAlternativeName(names)
             builder = builder.add_extension(alternatives, critical=False)
         builder = builder.add_extension(x509.ExtendedKeyUsage(usage), critical=False)
         signed = builder.sign(self._key, hashes.SHA256())
         return signed.public_bytes(serialization.Encoding.PEM)
 
 
-def make_certificates(
+def make_identities(
     folder: Path,
     names: Iterable[str],
     hosts: Iterable[str],
     valid: datetime.timedelta,
     claims: bool = False,
 ) -> None:
-    """Make an authority, and a folder with a certificate and its private key for each name.
+    """Make an authority, and a folder with the identity of each name.
 
     Args:
-        folder: of these folders; new, or empty; only its owner may look into it.
-        names: of the programs; each becomes the common name of its certificate.
-        hosts: names and addresses under which the hub is reached.
-        valid: for how long.
-        claims: whether the plant keeps the authority's key, to sign for who claims a place. Else
-            nobody does, and nobody can add a name later.
+        folder: parent of these folders; new or empty; its owner alone can read it.
+        names: of the programs, the common names of their identities.
+        hosts: names and addresses of the hub.
+        valid: time until they expire.
+        claims: keep the authority's key in the plant's folder, to sign for agents that request a
+            place. Otherwise the key is lost, and no identity can be added later.
 
     Raises:
-        FileExistsError: there is something in the folder. OSError: it cannot be written.
+        FileExistsError: the folder is not empty. OSError: it cannot be written.
     """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if any(folder.iterdir()):
         raise FileExistsError(f"{folder}: expected a folder that is new or empty")
-    authority, reached_as = Authority.new(valid), tuple(hosts)
+    authority, hub_hosts = Authority.new(valid), tuple(hosts)
     for name in names:
         (own := folder / name).mkdir(mode=0o700)
         key = new_key()
-        write_certificate(
+        write_identity(
             own,
             authority.certificate,
-            authority.sign(name, key.public_key(), reached_as if name in HUBS else ()),
+            authority.sign(name, key.public_key(), hub_hosts if name in HUBS else ()),
             private_pem(key),
         )
         if claims and name == PLANT:
@@ -135,9 +138,9 @@ def make_certificates(
 
 
 def require_current(folder: Path) -> None:
-    """Refuse keys that older versions made: there each member's certificate served as a hub's.
+    """Reject identities that older versions made: with those any program can pass for the hub.
 
-    Raises ValueError: they are such, or no certificate. OSError: it cannot be read.
+    Raises ValueError: it is such, or not an identity. OSError: it cannot be read.
     """
     certificate = x509.load_pem_x509_certificate((folder / CERTIFICATE).read_bytes())
     try:
@@ -147,20 +150,20 @@ def require_current(folder: Path) -> None:
         raise ValueError(why) from error
 
 
-def write_certificate(folder: Path, authority: bytes, certificate: bytes, key: bytes) -> None:
-    """Write one program's three files, PEM, for their owner alone. Raises OSError."""
+def write_identity(folder: Path, authority: bytes, certificate: bytes, key: bytes) -> None:
+    """Write the three files of an identity, PEM, readable by their owner alone. Raises OSError."""
     _write(folder / AUTHORITY, authority)
     _write(folder / CERTIFICATE, certificate)
     _write(folder / PRIVATE_KEY, key)
 
 
 def new_key() -> ec.EllipticCurvePrivateKey:
-    """Another private key; its public half is what an authority signs."""
+    """Make a private key on the curve P-256."""
     return ec.generate_private_key(ec.SECP256R1())
 
 
 def private_pem(key: ec.EllipticCurvePrivateKey) -> bytes:
-    """A private key as a file has it."""
+    """Encode a private key for a file."""
     return key.private_bytes(
         serialization.Encoding.PEM,
         serialization.PrivateFormat.PKCS8,
@@ -169,24 +172,24 @@ def private_pem(key: ec.EllipticCurvePrivateKey) -> bytes:
 
 
 def public_der(key: ec.EllipticCurvePrivateKey) -> bytes:
-    """Its public half as a message has it."""
+    """Encode the public half of a key for a message."""
     return key.public_key().public_bytes(
         serialization.Encoding.DER, serialization.PublicFormat.SubjectPublicKeyInfo
     )
 
 
 def read_public(der: bytes) -> ec.EllipticCurvePublicKey:
-    """The public key in a message. Raises ValueError: it is none on the curve P-256."""
+    """Decode a public key of a message. Raises ValueError: it is none on the curve P-256."""
     try:
         key = serialization.load_der_public_key(der)
-    except Exception as error:  # the library's parsers raise of many kinds
+    except Exception as error:  # the library's parsers raise many kinds
         raise ValueError("not a public key") from error
     if not isinstance(key, ec.EllipticCurvePublicKey) or not isinstance(key.curve, ec.SECP256R1):
         raise ValueError("not a public key on the curve P-256")
     return key
 
 
-def _begun(
+def _builder(
     subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePublicKey
 ) -> x509.CertificateBuilder:
     return (
@@ -199,7 +202,7 @@ def _begun(
 
 
 def _usage(*, signs_certificates: bool) -> x509.KeyUsage:
-    """What a key is for; require_current knows certificates of before by its absence."""
+    """Make the extension for a key's usage; require_current looks for it."""
     return x509.KeyUsage(
         digital_signature=not signs_certificates,
         key_cert_sign=signs_certificates,

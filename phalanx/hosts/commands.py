@@ -1,4 +1,4 @@
-"""phalanx keys and router: certificates for the programs of a run, and a hub of its own."""
+"""phalanx keys and router: TLS identities for the programs of a run, and a separate hub."""
 
 import datetime
 from pathlib import Path
@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from phalanx.cli.allowed import require_hosts, require_number
-from phalanx.cli.endpoints import certificates_for, require_endpoint
+from phalanx.cli.endpoints import identity_for, require_endpoint
+from phalanx.cli.option_checks import require_hosts, require_number
 from phalanx.cli.options import (
     Insecure,
     KeysFolder,
@@ -19,7 +19,7 @@ from phalanx.cli.options import (
     Seed,
     Trust,
 )
-from phalanx.cli.terminal import complain, say
+from phalanx.cli.terminal import echo
 
 
 def register(app: typer.Typer) -> None:
@@ -29,16 +29,14 @@ def register(app: typer.Typer) -> None:
 
 
 def _require_endpoints(endpoints: list[str] | None) -> list[str] | None:
-    """Refuse a list if one of it is to be refused."""
+    """Reject a list with a text that is not an endpoint."""
     for endpoint in endpoints or ():
         require_endpoint(endpoint)
     return endpoints
 
 
 def keys(
-    folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="A new folder for the certificates.")
-    ],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A new folder for the identities.")],
     scenario: ScenarioOption,
     overrides: Overrides = None,
     hosts: Annotated[
@@ -46,16 +44,16 @@ def keys(
         typer.Option(
             "--host",
             callback=require_hosts,
-            help="Name or address under which the plant is reached, or a router. Repeatable; the "
-            "first, at port 7447, is where programs connect unless they are told otherwise.",
+            help="Name or address of the plant's or a router's host. Repeatable; programs connect "
+            "to the first, at port 7447, unless --connect names another.",
         ),
     ] = None,
     claims: Annotated[
         bool,
         typer.Option(
             "--claims",
-            help="Let agents claim free places with DIR/claimant: the plant keeps the authority's "
-            "key, to sign for them.",
+            help="Let agents take free places (phalanx agent --claim) with DIR/claimant: the plant "
+            "keeps the authority's key, to sign identities for them.",
         ),
     ] = False,
     days: Annotated[
@@ -64,12 +62,12 @@ def keys(
             callback=require_number(
                 "more than 0 and at most 36500", lambda days: 0.0 < days <= 36500.0
             ),
-            help="For how long they are valid.",
+            help="Days until they expire.",
         ),
     ] = 30.0,
     trust: Trust = False,
 ) -> int:
-    """Make a certificate for each program: links are encrypted, and both ends know each other.
+    """Make a TLS identity for each program, so that links are encrypted and authenticated.
 
     DIR/NAME is one program's: give each host the folders of its own programs, and no others.
 
@@ -80,7 +78,7 @@ def keys(
       phalanx agent 1 --keys keys/1 --scenario unicycles --run r1
       phalanx agent --claim --keys keys/claimant --scenario unicycles --run r1
     """
-    from phalanx.hosts.authority import make_certificates
+    from phalanx.hosts.authority import make_identities
     from phalanx.scenario.load import load
     from phalanx.schema.user_code import code_trusted
     from phalanx.wire.credentials import ENDPOINT
@@ -89,16 +87,16 @@ def keys(
     with code_trusted(trust):
         programs = load(scenario, overrides or ()).programs()
     names = [PLANT, ROUTER, VIEWER, OPERATOR, *([CLAIMANT] if claims else []), *programs]
-    reached_as = ["localhost", "127.0.0.1", *(hosts or ())]
+    hub_hosts = ["localhost", "127.0.0.1", *(hosts or ())]
     try:
-        make_certificates(folder, names, reached_as, datetime.timedelta(days=days), claims)
+        make_identities(folder, names, hub_hosts, datetime.timedelta(days=days), claims)
         for host in (hosts or ())[:1]:
             at = f"[{host}]" if ":" in host else host  # an IPv6 address
             for name in names:
                 (folder / name / ENDPOINT).write_text(f"tls/{at}:7447\n", encoding="utf-8")
     except OSError as error:
         raise typer.BadParameter(f"DIR: {error}") from error
-    say(f"{folder}: certificates of {', '.join(names)}")
+    echo(f"{folder}: identities of {', '.join(names)}")
     return 0
 
 
@@ -121,10 +119,10 @@ def router(
     insecure: Insecure = False,
     trust: Trust = False,
 ) -> int:
-    """Run a hub alone, for a plant that is started with --connect; Ctrl-C ends it.
+    """Run a hub alone, for a plant that is started with --connect; press Ctrl-C to end it.
 
-    It may be restarted in the middle of a run in real time. A run may have several, each near its
-    own agents, which connect to one another.
+    It may be restarted in the middle of a run in real time. A run may have several routers that
+    connect to one another, each near some of the agents.
 
       phalanx router --scenario unicycles --run r1 --keys keys/router --listen tls/0.0.0.0:7447
       phalanx router --listen tls/0.0.0.0:7447 --connect tls/router.example.org:7447 ...
@@ -136,16 +134,11 @@ def router(
     from phalanx.swarm.swarm import build_swarm
     from phalanx.wire.keys import ROUTER
     from phalanx.wire.membership import Membership
-    from phalanx.wire.session import HubError
 
     for endpoint in (listen, *(connect or ())):
-        certificates = certificates_for(keys, endpoint, insecure)
-    membership = Membership(run, listen, secret.encode(), ROUTER, certificates=certificates)
+        identity_folder = identity_for(keys, endpoint, insecure)
+    membership = Membership(run, listen, secret.encode(), ROUTER, identity_folder=identity_folder)
     configure_logging()
-    try:
-        with code_trusted(trust):
-            swarm = build_swarm(load(scenario, overrides or (), seed))
-        return run_router(swarm, membership, connect or ())
-    except (HubError, OSError) as error:
-        complain(error)
-        return 3
+    with code_trusted(trust):
+        swarm = build_swarm(load(scenario, overrides or (), seed))
+    return run_router(swarm, membership, connect or ())

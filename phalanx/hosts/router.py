@@ -1,6 +1,6 @@
-"""The router: a hub that is nobody's but its own, so that it may die and come back in a run.
+"""The router: a hub in a process of its own, which may die and be restarted during a run.
 
-A run may have several, each near its own agents: what comes in at one goes out at all.
+A run may have several, each near some of the agents; each forwards messages to the others.
 """
 
 import logging
@@ -18,31 +18,28 @@ from phalanx.wire.session import open_hub
 log = logging.getLogger("phalanx.router")
 
 
-def run(swarm: Swarm, membership: Membership, beyond: Sequence[str] = ()) -> int:
-    """Pass on what the programs of a run tell one another, until SIGTERM or Ctrl-C.
+def run(swarm: Swarm, membership: Membership, other_hubs: Sequence[str] = ()) -> int:
+    """Forward the messages of a run until SIGTERM or Ctrl-C; return exit status 0.
 
     Args:
-        swarm: of the scenario, which says who may come in.
-        membership: of the run, with its secret or certificates; the router listens on its endpoint.
-        beyond: endpoints of the run's other hubs that this one connects to.
-
-    Returns:
-        Exit status 0.
+        swarm: of the scenario, for the names of the programs to admit.
+        membership: of the run, with its secret or identity; the router listens on its endpoint.
+        other_hubs: endpoints of the run's other hubs that this one connects to.
 
     Raises:
         HubError: the endpoint cannot be listened on.
     """
-    # No event: a handler that sets one while this thread begins to wait for it never returns.
-    told_to_stop: SimpleQueue[int] = SimpleQueue()
+    # No threading.Event: a signal handler that sets one while this thread enters wait() deadlocks.
+    stop_signal: SimpleQueue[int] = SimpleQueue()
     for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda number, _: told_to_stop.put(number))
-    shown = membership.credentials if beyond else None
+        signal.signal(number, lambda number, _: stop_signal.put(number))
+    credentials = membership.credentials if other_hubs else None
     allowed = admission(swarm, membership)
-    with open_hub(membership.endpoint, allowed, beyond, shown) as session:
-        # Who sees it knows that the hub may come back after it was lost.
+    with open_hub(membership.endpoint, allowed, other_hubs, credentials) as session:
+        # Clients that have seen this token wait for the hub to come back after it was lost.
         _token = liveliness.announce(
             session, membership.keys.alive(ROUTER, str(session.info.zid()))
         )
         log.info("run %s meets at %s", membership.run, membership.endpoint)
-        told_to_stop.get()
+        stop_signal.get()
     return 0

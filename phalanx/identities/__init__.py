@@ -1,1 +1,1 @@
-"""Whom a hub lets in, and what each may do there."""
+"""Admission of programs by a hub, and their permissions."""

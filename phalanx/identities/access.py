@@ -1,8 +1,8 @@
-"""Whom the hub of a run lets in, and by which rules it passes a message on, or does not.
+"""Admission of programs by the hub of a run, and its access-control rules.
 
-What no rule allows is denied. The rules hold for sessions, each of which has shown at the hub's
-door who it is: so nobody can put, declare or withdraw anything in another's name, whatever he
-knows. Zenoh tells a denied sender nothing.
+What no rule allows is denied. Each session has authenticated itself by a password or a TLS
+identity, and rules are by session. So no program can put, declare or withdraw anything in
+another's name, even if it has another's keys. Zenoh does not notify a denied sender.
 """
 
 from collections.abc import Container, Iterator, Mapping
@@ -15,20 +15,20 @@ from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, ROUTER, VIEWER, Keys
 from phalanx.wire.membership import Membership
 
 Subject = Literal["usernames", "cert_common_names"]
-"""By what Zenoh knows a session: the name with its password, or that in its certificate."""
+"""Zenoh's name of a session: that with its password, or that in its TLS identity."""
 
 
 def admission(swarm: Swarm, membership: Membership) -> Admission:
-    """What the hub asks for and allows; membership is its own: the plant's, or a router's."""
+    """Make the admission for a hub; membership: its own, the plant's or a router's."""
     at_router = membership.identity == ROUTER
     programs = swarm.programs
     names = (VIEWER, ROUTER, CLAIMANT, *programs, *([PLANT] if at_router else []))
     heard = {swarm.names[j] for i in range(len(swarm.names)) for j in swarm.heard_by(i)}
-    subject: Subject = "cert_common_names" if membership.certificates else "usernames"
+    subject: Subject = "cert_common_names" if membership.identity_folder else "usernames"
     return Admission(
         {name: membership.password_of(name) for name in names},
         access_control(membership.keys, programs, heard, subject, with_plant=at_router),
-        membership.certificates,
+        membership.identity_folder,
     )
 
 
@@ -39,22 +39,22 @@ def access_control(
     subject: Subject = "usernames",
     with_plant: bool = False,
 ) -> dict[str, Any]:
-    """Zenoh's `access_control` of one run's hub.
+    """Make Zenoh's `access_control` table for the hub of a run.
 
     Args:
         keys: the run's.
-        agents: the programs that decide for agents, each with the names of those.
-        heard: those of them whose broadcasts count for somebody; the others may send none.
-        subject: by what sessions are known.
-        with_plant: whether the plant comes in as the others do, and is not the hub itself.
+        agents: the programs that decide for agents, each with the names of those agents.
+        heard: agents whose broadcasts have a receiver; the others may not send any.
+        subject: how sessions are named.
+        with_plant: whether the plant connects as a client, because the hub is a router.
     """
-    # Passwords know no operator: there the command secret alone says who may command.
+    # With passwords there is no operator: any viewer with the command secret may command.
     may_command = {VIEWER: subject == "usernames", OPERATOR: True}
     programs = {name: _viewer(keys, may) for name, may in may_command.items()}
     programs |= {name: _agent(keys, own, heard) for name, own in agents.items()}
     programs |= {PLANT: _plant(keys)} if with_plant else {}
     programs |= {ROUTER: _router(keys), CLAIMANT: _claimant(keys)}
-    # The hub copies its rules for every connection: what many programs may do is one rule.
+    # The hub copies its rules for every connection, so equal rules of programs are one.
     ids = {rule: str(n) for n, rule in enumerate(dict.fromkeys(chain(*programs.values())))}
     return {
         "enabled": True,
@@ -104,7 +104,7 @@ def _plant(keys: Keys) -> list[_Rule]:
 
 
 def _viewer(keys: Keys, may_command: bool) -> list[_Rule]:
-    """A viewer may see what nobody waits for it to take; a command needs its secret besides."""
+    """Allow a viewer what the hub drops if it is slow; a command also needs its secret."""
     return [
         *([("ingress", ("put",), (keys.command,))] if may_command else []),
         ("ingress", ("query",), (keys.scenario,)),
@@ -114,7 +114,7 @@ def _viewer(keys: Keys, may_command: bool) -> list[_Rule]:
 
 
 def _claimant(keys: Keys) -> list[_Rule]:
-    """Whoever asks for a place may ask, and see whether there is anybody to ask; nothing else."""
+    """Allow a claimant to query for a place, and to see the plant's and routers' tokens."""
     return [
         ("ingress", ("query",), (keys.place,)),
         ("egress", ("reply", "declare_queryable"), (keys.place,)),
@@ -123,7 +123,7 @@ def _claimant(keys: Keys) -> list[_Rule]:
 
 
 def _router(keys: Keys) -> list[_Rule]:
-    """Another hub of the run: it has held what comes from it against these same rules."""
+    """Allow another hub all messages of the run: it has applied the same rules to them."""
     messages = (
         "put", "query", "reply", "declare_subscriber", "declare_queryable",
         "liveliness_token", "liveliness_query", "declare_liveliness_subscriber",
@@ -136,7 +136,7 @@ def _listening(keys: Keys, seen: tuple[str, ...], *tokens: str) -> Iterator[_Rul
     yield "ingress", ("declare_subscriber",), seen
     yield "egress", ("put",), seen
     yield from _watching(*tokens)
-    # Without it a publisher believes that nobody listens, and sends nothing, silently.
+    # Without it a publisher has no subscribers, and silently sends nothing.
     yield "egress", ("declare_subscriber",), (keys.everything,)
 
 

@@ -34,12 +34,12 @@ class Engine(Protocol):
     def __call__(
         self, scenario: "Scenario", make_folder: Callable[[], Path], options: "RunOptions"
     ) -> "Summary":
-        """Run, and leave the recording and the summary in the run's folder.
+        """Run, and write the recording and the summary into the run's folder.
 
         Args:
             scenario: resolved.
-            make_folder: makes the folder, once the scenario is known to be one that can run.
-            options: what the engine's entry says that it does not take is at its default.
+            make_folder: makes the folder; called once the scenario is known to be runnable.
+            options: those that this engine does not support are at their defaults.
 
         Raises:
             ScenarioError: the scenario cannot be run.
@@ -55,10 +55,9 @@ class EngineEntry(NamedTuple):
     description: str
     """For users, in the help of a command."""
     hub: bool = False
-    """Whether its programs meet at a hub, where a run is watched and commanded, and may go on in
-    real time."""
+    """Whether its programs meet at a hub: such runs can be watched, commanded, or in real time."""
     prepare: str = ""
-    """A function that begins to load its libraries, as module:name, if it has one."""
+    """The function that begins to load its libraries, as module:name; may be empty."""
 
 
 ENGINES = {
@@ -83,15 +82,15 @@ class EngineError(RuntimeError):
 
 
 def silent(_: object) -> None:
-    """A callback that says nothing."""
+    """Do nothing: the default callback."""
 
 
 @dataclass(frozen=True)
 class RunOptions:
-    """The options of a run, as phalanx.run describes them; valid once they are made.
+    """The options of a run, as phalanx.run describes them.
 
-    Raises ValueError: there is no such engine, it does not take one of the others, or there is no
-    function where one is to be called.
+    Raises ValueError: there is no such engine, it does not support one of the other options, or
+    a callback cannot be called.
     """
 
     engine: str = DEFAULT_ENGINE
@@ -124,7 +123,7 @@ def execute(
 ) -> "Summary":
     """Run a scenario to its summary. Raises as an Engine.
 
-    folder: of the run; or what makes it, once the scenario is known to be one that can run.
+    folder: of the run, or a function that makes it, called once the scenario is runnable.
     """
     open_closed_streams()
     run: Engine = pkgutil.resolve_name(ENGINES[options.engine].function)
@@ -132,23 +131,20 @@ def execute(
 
 
 def prepare(engine: str) -> None:
-    """Have an engine begin to load its libraries while the caller goes on, if it can do so.
-
-    Raises OSError where it cannot begin.
-    """
+    """Begin to load an engine's libraries in the background, if it has any. Raises OSError."""
     if function := require_engine(engine).prepare:
         pkgutil.resolve_name(function)()
 
 
 def require_engine(engine: str) -> EngineEntry:
-    """The entry of the engine of this name. Raises ValueError if there is none."""
+    """Return the entry of the engine of this name. Raises ValueError if there is none."""
     if engine not in ENGINES:
         raise ValueError(f"engine: expected {_either(ENGINES)}, got {engine!r}")
     return ENGINES[engine]
 
 
 def require_functions(**options: object) -> None:
-    """Raise ValueError unless each option, by its name, can be called."""
+    """Raise ValueError unless each option, given by name, is callable."""
     for name, option in options.items():
         if not callable(option):
             raise ValueError(f"{name}: expected a function to call, got {option!r}")

@@ -1,6 +1,6 @@
-"""The process that starts a run's programs: it builds their theory once, and all inherit it.
+"""The process that forks a run's programs: it builds their theory once, and all inherit it.
 
-It never opens a session: a process that has opened one must not fork.
+It never opens a Zenoh session: a process that has opened one must not fork.
 """
 
 import gc
@@ -31,18 +31,16 @@ from phalanx.swarm.swarm import build_swarm
 from phalanx.wire.membership import Membership
 
 LOG = "programs.log"
-"""What the fork server itself prints, in the folder of the logs."""
-_LOADED = 60
-"""The programs' libraries are loaded by then [s], on the slowest machine."""
+"""The file of the fork server's own output, in the folder of the logs."""
+_LOADING_TIMEOUT = 60
+"""Time to load the programs' libraries [s], enough on the slowest machine."""
 
 
-class Order(NamedTuple):
-    """What is to be started."""
+class StartRequest(NamedTuple):
+    """The programs of a run to start, the plant first."""
 
     membership: Membership
-    """Of the run."""
     programs: Sequence[Program]
-    """In the order in which they are to start, the plant first."""
     logs: Path
     """Folder of the logs."""
 
@@ -57,56 +55,58 @@ class Report(NamedTuple):
 
 
 class _StopError(Exception):
-    """The launcher waits no longer."""
+    """The launcher asks for the end by SIGUSR1."""
 
 
 def serve(
-    scenario: str, environment: Mapping[str, str], launcher: Connection, last_words: Connection
+    scenario: str, environment: Mapping[str, str], launcher: Connection, result_pipe: Connection
 ) -> None:
     """Fork every program, and report on each until all have ended; on SIGUSR1 kill them.
 
-    SIGTERM is blocked: a service manager sends it to all, and only the plant decides what it means.
+    SIGTERM is blocked: a service manager sends it to all processes, and the plant alone reacts.
+
+    Over `launcher` this process sends None once the scenario can run, or the exception if it
+    cannot. It then receives a StartRequest, and sends a Report whenever a program starts or
+    ends. An identity that it receives names a program to start again.
 
     Args:
         scenario: resolved, as JSON.
         environment: the launcher's; the libraries were loaded in another one.
-        launcher: takes None once the scenario is known to be one that can run, or the exception
-            that says why it is not; has then the Order; takes a Report when a program was started,
-            and when it has ended; whose identity comes from there is started again.
-        last_words: the plant's.
+        launcher: a connection to the launcher.
+        result_pipe: the connection over which the plant sends its result.
     """
     show_as("phalanx-forks")
     os.environ.clear()
     os.environ.update(environment)
     try:
-        rows = _runnable(scenario)
+        rows = _build_rows(scenario)
     except Exception as error:
-        launcher.send(_told(error))
+        launcher.send(_sendable(error))
         return
     try:
         launcher.send(None)
-        order: Order = launcher.recv()
+        request: StartRequest = launcher.recv()
     except (ConnectionError, EOFError):
-        return  # nobody waits for the run
-    redirect_output(order.logs / LOG)
+        return  # the launcher has ended
+    redirect_output(request.logs / LOG)
     configure_logging()
-    forks = _Forks(rows, order, launcher)
+    forked = _ForkedPrograms(rows, request, launcher)
     try:
-        signal.signal(signal.SIGUSR1, _stop)
-        forks.start_all(last_words)
-        forks.watch()
+        signal.signal(signal.SIGUSR1, _raise_stop)
+        forked.start_all(result_pipe)
+        forked.watch()
     except (_StopError, ConnectionError, EOFError) as ended:
-        # Without a launcher nobody would let those go on that it has stopped.
-        forks.signal(signal.SIGKILL if isinstance(ended, _StopError) else signal.SIGCONT)
+        # A launcher that has died cannot resume the programs that it has suspended.
+        forked.signal(signal.SIGKILL if isinstance(ended, _StopError) else signal.SIGCONT)
     except BaseException:
-        forks.signal(signal.SIGKILL)
+        forked.signal(signal.SIGKILL)
         raise
 
 
-def _told(error: Exception) -> Exception:
-    """What the launcher raises of it, with the traceback as a note.
+def _sendable(error: Exception) -> Exception:
+    """Return the error for the launcher to raise, with the traceback as a note.
 
-    An exception of a user's own may not survive to be sent.
+    A class that a user's code defines may not be importable in the launcher.
     """
     if not isinstance(error, ScenarioError | MemoryError | ImportError):
         error = EngineError(f"the theory cannot be built: {type(error).__name__}: {error}")
@@ -114,100 +114,101 @@ def _told(error: Exception) -> Exception:
     return error
 
 
-def _runnable(scenario: str) -> SafetyRows:
-    """The rows of the scenario. Raises as require_runnable does."""
-    # Out of memory, a library may wait for ever while it is loaded.
-    signal.alarm(_LOADED)
+def _build_rows(scenario: str) -> SafetyRows:
+    """Build the rows of the scenario. Raises as require_runnable does."""
+    # Out of memory, a library may hang while it is loaded.
+    signal.alarm(_LOADING_TIMEOUT)
     load_programs()
     signal.alarm(0)
-    # None of it is ever garbage: while the theory is built, the collector need not look at it.
+    # The libraries are never garbage: the collector need not scan them.
     gc.freeze()
     return require_runnable(build_swarm(from_json(scenario)))
 
 
-class _Forks:
+class _ForkedPrograms:
     """The programs, forked from this process."""
 
-    def __init__(self, rows: SafetyRows, order: Order, launcher: Connection) -> None:
-        self._rows, self._order, self._launcher = rows, order, launcher
-        self._programs = {program.identity: program for program in order.programs}
+    def __init__(self, rows: SafetyRows, request: StartRequest, launcher: Connection) -> None:
+        self._rows, self._request, self._launcher = rows, request, launcher
+        self._programs = {program.identity: program for program in request.programs}
         self._running: dict[int, Report] = {}
-        """By a file descriptor of the process."""
+        """By the pidfd of the process."""
 
-    def start_all(self, last_words: Connection) -> None:
-        """Start the plant, which has a theory of its own to build, then all that share theirs."""
-        plant, *others = self._order.programs
+    def start_all(self, result_pipe: Connection) -> None:
+        """Start the plant, which builds its own theory, then compile that of the agents and start
+        them.
+        """
+        plant, *others = self._request.programs
         begun, begin = multiprocessing.Pipe(duplex=False)
-        self._start(plant, {"last_words": last_words, "agents_start": begun}, begin)
+        self._start(plant, {"result_pipe": result_pipe, "agents_start": begun}, begin)
         compile_rows(self._rows)
-        # What programs inherit stays shared as long as nobody writes to it, as a collector would.
+        # Inherited pages stay shared until they are written to, as the collector would do.
         gc.collect()
         gc.freeze()
         begin.send(None)
         launcher = multiprocessing.parent_process()
         assert launcher is not None
-        # Made once: what is written to between two forks has its page copied.
+        # Made once: a page that is written to between two forks is copied.
         death = select.poll()
         death.register(launcher.sentinel, select.POLLIN)
         for program in others:
-            if death.poll(0) or _one_ended():
-                break  # there is no run
+            if death.poll(0) or _child_ended():
+                break  # the run is over
             self._start(program)
 
     def watch(self) -> None:
-        """Report on each program until all have ended, and start again whom the launcher names."""
+        """Report on each program until all have ended, and restart those the launcher names."""
         while self._running:
             for ready in wait([self._launcher, *self._running]):
                 if isinstance(ready, int):
-                    self._launcher.send(_ended(self._running.pop(ready)))
+                    self._launcher.send(_reap(self._running.pop(ready)))
                     os.close(ready)
                 else:
                     self._start(self._programs[self._launcher.recv()])
 
     def signal(self, number: signal.Signals) -> None:
-        """Send a signal to all that run."""
+        """Send a signal to all running programs."""
         for report in self._running.values():
             os.kill(report.pid, number)
 
     def _start(
         self, program: Program, options: Mapping[str, Any] = {}, kept: Connection | None = None
     ) -> None:
-        """kept: this process's own end of a pipe, so that the other end sees it die."""
-        # Until the child is known here it must not be missed, and it must not take what is
-        # meant for this process.
+        """Fork one program. kept: the end of a pipe that the child must close."""
+        # A SIGUSR1 between fork and registration would miss the child, or reach it alone.
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
         if not (pid := os.fork()):
             if kept is not None:
                 kept.close()
             program = program._replace(options={**program.options, **options})
-            _become(program, self._rows, self._order)
+            _run_child(program, self._rows, self._request)
         started = self._running[os.pidfd_open(pid)] = Report(program.identity, pid)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGUSR1})
         self._launcher.send(started)
 
 
-def _one_ended() -> bool:
-    """Whether one of the programs has ended; the same work, however many there are."""
+def _child_ended() -> bool:
+    """Return whether any child has ended, in constant time and without reaping it."""
     return os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
 
 
-def _ended(report: Report) -> Report:
-    """Of a program that has ended."""
+def _reap(report: Report) -> Report:
+    """Return the report with the exit code of a program that has ended."""
     _, status = os.waitpid(report.pid, 0)
     return report._replace(exit_code=os.waitstatus_to_exitcode(status))
 
 
-def _stop(*_: object) -> None:
+def _raise_stop(*_: object) -> None:
     raise _StopError
 
 
-def _become(program: Program, rows: SafetyRows, order: Order) -> NoReturn:
-    """Be one program in this process, a forked one, until it ends."""
+def _run_child(program: Program, rows: SafetyRows, request: StartRequest) -> NoReturn:
+    """Run one program in this forked process, and exit with its status."""
     status = 1
     try:
         signal.signal(signal.SIGUSR1, signal.SIG_DFL)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGUSR1})
-        status = start_program(program, rows, order.membership, order.logs)
+        status = start_program(program, rows, request.membership, request.logs)
     except BaseException:
         traceback.print_exc()
     finally:

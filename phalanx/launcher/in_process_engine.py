@@ -1,7 +1,7 @@
-"""The in-process engine: the same control steps called directly, nothing sealed or sent.
+"""The in-process engine: the same control steps called directly, for studies of many runs.
 
-For studies of thousands of runs. World, clock, judge, inbox and control steps are those of the
-processes engine, so a trajectory is the same to the last bit.
+World, clock, judge, inbox and control steps are those of the processes engine, so a trajectory
+is the same to the last bit. Nothing is sealed or sent.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ from phalanx.launcher import interrupt
 from phalanx.launcher.engine import Progress, RunOptions
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.records import PROFILE, RECORDING, SUMMARY
-from phalanx.recording.write import RecordingWriter, write_down
+from phalanx.recording.write import RecordingWriter, write_summary
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import compile_rows, require_runnable
@@ -32,14 +32,14 @@ from phalanx.wire.seal import Malformed
 def run_in_process(
     scenario: Scenario, make_folder: Callable[[], Path], options: RunOptions
 ) -> Summary:
-    """Run a scenario to its verdict in this process, as an Engine; its progress in this thread."""
+    """Run a scenario to its verdict, as an Engine; progress is called in this thread."""
     rows = require_runnable(build_swarm(scenario))
-    interrupt.raise_unanswered()
+    interrupt.raise_pending()
     return _run(rows, make_folder(), options)
 
 
-# A Ctrl-C must not break into what is being written down: it ends the run at the next sample.
-@interrupt.held_back()
+# A Ctrl-C must not interrupt writing: it ends the run at the next sample.
+@interrupt.deferred()
 def _run(rows: SafetyRows, folder: Path, options: RunOptions) -> Summary:
     with RecordingWriter(folder / RECORDING, rows.swarm.scenario, folder.name) as recording:
         agents = DirectAgents(rows, options.progress)
@@ -49,11 +49,11 @@ def _run(rows: SafetyRows, folder: Path, options: RunOptions) -> Summary:
         if options.profile:
             plant.time(stopwatch)
             stopwatch.time(agents, "send_sample", "compute")
-        summary = plant.run(prepare=interrupt.let_in()(lambda: compile_rows(rows)))
-        interrupt.answer()
+        summary = plant.run(prepare=interrupt.not_deferred()(lambda: compile_rows(rows)))
+        interrupt.clear()
         if options.profile:
             stopwatch.write(folder / PROFILE, "in-process")
-        write_down(summary, folder / SUMMARY, recording)
+        write_summary(summary, folder / SUMMARY, recording)
     return summary
 
 
@@ -73,7 +73,7 @@ class DirectAgents:
         """Have agent i answer its sample. Raises SwarmBrokenError if its control step fails."""
         step, name = self._steps[i], self._names[i]
         try:
-            with interrupt.let_in():  # a law may never return
+            with interrupt.not_deferred():  # a law may never return
                 answer = step(step.accept_sample(sample))
         except (StepFailedError, Malformed) as error:
             raise SwarmBrokenError(str(error)) from error
@@ -83,31 +83,31 @@ class DirectAgents:
             self._steps[hearer].accept_broadcast(name, broadcast)
 
     def await_input(self, i: int) -> Array:
-        """The input that agent i's actuator gets for its last sample, shape (m_i,)."""
+        """Return agent i's input for its last sample, shape (m_i,)."""
         return self._inputs.pop(i)
 
     def take_input(self, i: int) -> Array | None:
-        """The same, if it was not taken yet."""
+        """Return the same, or None if it was taken."""
         return self._inputs.pop(i, None)
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:
-        """Agent i's report on sample k."""
+        """Return agent i's report on sample k."""
         return self._telemetry.pop((i, k))
 
     def pause(self, i: int, t: float) -> None:
-        """There is no process that could stand still: agent i is not asked any more."""
+        """Do nothing: there is no process to stop, and the plant sends no samples meanwhile."""
 
     def resume(self, i: int, t: float) -> None:
-        """Agent i is asked again."""
+        """Do nothing, as pause."""
 
     def kill(self, i: int, order: Sample) -> None:
-        """There is no process that could die: agent i is not asked any more."""
+        """Do nothing, as pause."""
 
     def restart(self, i: int, t: float) -> None:
-        """Put a new control step in agent i's place, unless the controller of several decides."""
+        """Replace agent i's control step by a new one, unless a controller decides for several."""
         if self._names[i] in self._rows.swarm.programs:
             (self._steps[i],) = control_steps(self._rows, self._names[i])
 
     def publish_status(self, message: Status) -> None:
-        """Show how far the run is."""
+        """Call the run's progress callback."""
         self._progress(message)

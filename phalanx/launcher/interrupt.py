@@ -1,68 +1,68 @@
-"""Ctrl-C and SIGTERM, remembered until somebody answers them.
+"""Ctrl-C and SIGTERM, remembered until the program has reacted to them.
 
-Python raises KeyboardInterrupt in whatever runs just then. Where that is a callback, as at the end
-of an import's lock, the exception is printed and dropped, and the program goes on.
+Python raises KeyboardInterrupt in the code that happens to run. If that is a callback, as at the
+end of an import's lock, the exception is printed and dropped, and the program goes on.
 """
 
 import contextlib
 import signal
 from collections.abc import Iterator
 
-_unanswered = False
-_held_back = False
-_terminated = False
+_pending = False
+_deferred = False
+_sigterm = False
 
 
-def remember() -> None:
-    """From now on take a SIGTERM as a Ctrl-C, and remember both; call it in the main thread."""
+def install() -> None:
+    """Handle SIGTERM as Ctrl-C, and remember both; call it in the main thread."""
     for number in (signal.SIGINT, signal.SIGTERM):
-        # Of a program that a shell started in the background: a Ctrl-C is meant for others.
+        # A shell that starts a program in the background has it ignore SIGINT: leave that.
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _on_interrupt)
 
 
-def terminated() -> bool:
-    """Whether there was a SIGTERM: nobody is there to send a second one."""
-    return _terminated
+def sigterm_received() -> bool:
+    """Return whether a SIGTERM came: then no user is there to press Ctrl-C."""
+    return _sigterm
 
 
-def raise_unanswered() -> None:
-    """Raise KeyboardInterrupt if there was a Ctrl-C that nobody has answered."""
-    if _unanswered:
+def raise_pending() -> None:
+    """Raise KeyboardInterrupt if a Ctrl-C came since the last call of clear."""
+    if _pending:
         raise KeyboardInterrupt
 
 
-def answer() -> None:
-    """Whoever calls this does what there is to do about it."""
-    global _unanswered
-    _unanswered = False
+def clear() -> None:
+    """Forget the Ctrl-C that came: the caller reacts to it."""
+    global _pending
+    _pending = False
 
 
 @contextlib.contextmanager
-def held_back() -> Iterator[None]:
-    """Meanwhile a Ctrl-C breaks into nothing: raise_unanswered alone raises it."""
-    global _held_back
-    _held_back = True
+def deferred() -> Iterator[None]:
+    """Let no Ctrl-C raise during the block, except in raise_pending."""
+    global _deferred
+    _deferred = True
     try:
         yield
     finally:
-        _held_back = False
+        _deferred = False
 
 
 @contextlib.contextmanager
-def let_in() -> Iterator[None]:
-    """Within held_back: meanwhile a Ctrl-C does break in, also one that came before."""
-    global _held_back
-    before, _held_back = _held_back, False
+def not_deferred() -> Iterator[None]:
+    """Within deferred: let a Ctrl-C raise during the block, and one that came before at once."""
+    global _deferred
+    before, _deferred = _deferred, False
     try:
-        raise_unanswered()
+        raise_pending()
         yield
     finally:
-        _held_back = before
+        _deferred = before
 
 
 def _on_interrupt(number: int, _: object) -> None:
-    global _unanswered, _terminated
-    _unanswered, _terminated = True, _terminated or number == signal.SIGTERM
-    if not _held_back:
+    global _pending, _sigterm
+    _pending, _sigterm = True, _sigterm or number == signal.SIGTERM
+    if not _deferred:
         raise KeyboardInterrupt

@@ -1,6 +1,6 @@
-"""Starting the process that loads what programs are, and the file handles that they will need.
+"""Load the programs' libraries in a process of their own, and raise the limit of file handles.
 
-Nothing here takes long to import, so that it can be asked for before anything else.
+Nothing here takes long to import, so that loading can begin before anything else.
 """
 
 import contextlib
@@ -22,31 +22,30 @@ _PROGRAMS = ["phalanx.launcher.fork_server", "phalanx_plant.main", "phalanx_agen
 _ENOUGH_HANDLES = 4096
 """File handles for the largest swarm and its viewers: the plant has one for each connection."""
 _OWN_HANDLES = 40
-"""Of the plant without agents: 29 were counted."""
+"""File handles of the plant without agents: 29 were counted."""
 
 
 def start_loading() -> ForkServerContext:
-    """Start the process that loads the libraries, unless it runs already.
+    """Start the process that loads the libraries, unless it runs already; return at once.
 
-    It does so while the caller goes on, so the sooner it is asked for the better. Raises OSError
-    where no folder for temporary files can be written to.
+    Raises OSError if no folder for temporary files is writable.
     """
     _raise_limit()
     context = multiprocessing.get_context("forkserver")
-    # A Python that heeds no environment would take them from elsewhere: see importing_as_here.
+    # A Python that ignores its environment would import others: see importing_as_here.
     context.set_forkserver_preload([] if sys.flags.ignore_environment else _PROGRAMS)
-    # Where it has to be started, it unblocks SIGINT for whatever comes after it.
+    # Starting it later would unblock SIGINT again.
     multiprocessing.resource_tracker.ensure_running()
-    with _interrupts_held_back(), importing_as_here():
-        # Programs inherit the mask: a Ctrl-C that comes before they are ready for it would end each
-        # of them in a traceback; a SIGTERM to all of a group or a service, without a verdict.
+    with _signals_blocked(), importing_as_here():
+        # Programs inherit the mask: a Ctrl-C before their handlers are set would end each of them
+        # in a traceback, and a SIGTERM to the whole group or service without a verdict.
         multiprocessing.forkserver.ensure_running()
     return context
 
 
 @contextlib.contextmanager
-def _interrupts_held_back() -> Iterator[None]:
-    """Block SIGINT and SIGTERM for this thread and for whatever it starts meanwhile."""
+def _signals_blocked() -> Iterator[None]:
+    """Block SIGINT and SIGTERM in this thread, and in processes that the block starts."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
         yield
@@ -55,7 +54,7 @@ def _interrupts_held_back() -> Iterator[None]:
 
 
 def _raise_limit() -> None:
-    """Let this process, and what it starts, have as many handles as are enough, if it may."""
+    """Raise the limit of file handles of this process and its children, if the system allows."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = _ENOUGH_HANDLES if hard == resource.RLIM_INFINITY else min(hard, _ENOUGH_HANDLES)
     if resource.RLIM_INFINITY != soft < wanted:
@@ -64,7 +63,7 @@ def _raise_limit() -> None:
 
 
 def require_handles(programs: int) -> None:
-    """Raise OSError if the plant would run out of handles with so many agents' programs."""
+    """Raise OSError if the plant would run out of file handles with this many agent programs."""
     allowed, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     needed = _OWN_HANDLES + programs
     if resource.RLIM_INFINITY != allowed < needed:

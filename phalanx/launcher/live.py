@@ -1,4 +1,4 @@
-"""The address of a run that goes on: a small file in its folder, there as long as it runs."""
+"""The address of a running run: a small file in its folder, removed at the end."""
 
 import contextlib
 import fcntl
@@ -16,7 +16,7 @@ LIVE = "live.json"
 
 
 class LiveRun(msgspec.Struct):
-    """The address of a run: all that a viewer may know, for those who may read the file."""
+    """The address of a run and a viewer's keys."""
 
     run: str
     endpoint: str
@@ -25,22 +25,22 @@ class LiveRun(msgspec.Struct):
 
     @property
     def membership(self) -> Membership:
-        """A viewer's."""
+        """The membership of a viewer."""
         return Membership(self.run, self.endpoint, held=self.held)
 
 
 @contextlib.contextmanager
 def announced(folder: Path, membership: Membership) -> Iterator[None]:
-    """Say in the run's folder where it can be met, while the block runs. Raises EngineError.
+    """Write the address of the run into its folder for the time of the block. Raises EngineError.
 
-    The file is locked as long as this process lives: one that a killed launcher left is not.
+    The file is locked as long as this process lives: a file left by a killed launcher is not.
     """
     file = folder / LIVE
     viewer = membership.of(VIEWER)
     found = LiveRun(viewer.run, viewer.endpoint, dict(viewer.held or {}))
     try:
         out = os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb", 0)
-        with contextlib.suppress(OSError):  # not every file system knows locks
+        with contextlib.suppress(OSError):  # not every file system has locks
             fcntl.flock(out, fcntl.LOCK_EX)
         out.write(msgspec.json.encode(found))
     except OSError as error:
@@ -54,11 +54,11 @@ def announced(folder: Path, membership: Membership) -> Iterator[None]:
 
 
 def find_live(folder: Path) -> LiveRun | None:
-    """The address of the run of this folder; None if it or its launcher is gone."""
+    """Return the address of the run of this folder; None if it or its launcher has ended."""
     with contextlib.suppress(OSError, msgspec.DecodeError), (folder / LIVE).open("rb") as file:
         found = msgspec.json.decode(file.read(), type=LiveRun)
         try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except OSError:  # its launcher holds the lock, or nobody can
+        except OSError:  # its launcher holds the lock, or the file system has none
             return found
     return None

@@ -1,7 +1,8 @@
 """The processes engine: the plant and every agent, each a process of its own, over Zenoh.
 
-The launcher only starts and watches. Programs talk to each other over Zenoh alone, and each stops
-by itself: agents when the hub is gone, the plant when it is done, told to, or left alone.
+The launcher only starts and watches them. Programs communicate over Zenoh alone, and each stops
+by itself: agents when the hub is gone, the plant when it is done, on SIGTERM, or when the
+launcher dies.
 """
 
 import contextlib
@@ -16,7 +17,6 @@ from phalanx.launcher.processes import Processes
 from phalanx.launcher.programs import Program
 from phalanx.recording.records import PROFILE, SUMMARY
 from phalanx.scenario.model import Scenario
-from phalanx.schema.fields import CONTROLLER
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Status
@@ -28,7 +28,7 @@ from phalanx.wire.session import HubError, open_client, reserved_endpoint
 def run_processes(
     scenario: Scenario, make_folder: Callable[[], Path], options: RunOptions
 ) -> Summary:
-    """Run a scenario to its verdict, as an Engine; its progress in a thread of Zenoh's."""
+    """Run a scenario to its verdict, as an Engine; progress is called in a thread of Zenoh's."""
     with Processes(scenario) as processes, reserved_endpoint() as endpoint:
         processes.require_runnable()
         folder = make_folder()
@@ -55,7 +55,7 @@ def _run(
     try:
         with (
             announced(folder, membership),
-            _listening(scenario, membership, processes, options.progress),
+            _status_handled(scenario, membership, processes, options.progress),
         ):
             options.announce(folder)
             processes.wait_for_plant()
@@ -74,35 +74,33 @@ def _run(
 
 def _programs(scenario: Scenario, folder: Path, options: RunOptions) -> list[Program]:
     timed = {"profile": folder / PROFILE} if options.profile else {}
-    of_plant = {"folder": folder, "policy": options.commands, "real_time": options.real_time}
-    programs = [Program(PLANT, PLANT, {**of_plant, **timed})]
-    for name in scenario.programs():
-        programs.append(Program(CONTROLLER if name == CONTROLLER else "agent", name, timed))
-    return programs
+    plant = {"folder": folder, "policy": options.commands, "real_time": options.real_time}
+    agents = [Program(name, timed) for name in scenario.programs()]
+    return [Program(PLANT, {**plant, **timed}), *agents]
 
 
 def _verdict(folder: Path, processes: Processes) -> Summary | None:
-    """The plant's summary, which is a file unless the disk is full."""
+    """Return the plant's summary from its file, or from its pipe if the disk is full."""
     with contextlib.suppress(OSError, ValueError):
         return read_summary((folder / SUMMARY).read_bytes())
-    return processes.last_words if isinstance(processes.last_words, Summary) else None
+    return processes.result if isinstance(processes.result, Summary) else None
 
 
 @contextlib.contextmanager
-def _listening(
+def _status_handled(
     scenario: Scenario,
     membership: Membership,
     processes: Processes,
     progress: Progress,
 ) -> Iterator[None]:
-    """Hand the plant's progress on, and start, stop and resume whom it asks for, meanwhile."""
+    """During the block report progress, and restart, suspend and resume as the status requests."""
     keys, sealer = membership.keys, membership.sealer
     program_of = {name: p for p, names in scenario.programs().items() for name in names}
 
     def on_status(key: str, payload: bytes) -> None:
         with contextlib.suppress(Malformed):
             status = sealer.open(key, payload, Status)
-            processes.hold({program_of[name] for name in status.stopped})
+            processes.suspend({program_of[name] for name in status.stopped})
             for name in status.waiting_for if status.restart else ():
                 processes.restart(program_of[name])
             progress(status)

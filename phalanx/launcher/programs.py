@@ -1,4 +1,4 @@
-"""The programs of a run, by name, and how each is run in a process of its own."""
+"""The programs of a run by name, and how to run one in this process."""
 
 import contextlib
 import faulthandler
@@ -18,78 +18,69 @@ from typing import Any, NamedTuple
 from phalanx.launcher.streams import PrintableFormatter
 from phalanx.schema.fields import CONTROLLER
 from phalanx.swarm.rows import SafetyRows
+from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
 
 log = logging.getLogger("phalanx.launcher")
 
-PROGRAMS = {
-    "plant": "phalanx_plant.main:run",
-    "agent": "phalanx_agent.main:run",
-    CONTROLLER: "phalanx_agent.main:run",
-}
-"""The programs by name; resolved where they run, so that nothing here imports them."""
-
+PROGRAMS = _PLANT, _AGENT = "phalanx_plant.main:run", "phalanx_agent.main:run"
+"""The programs, imported where they run, and not here."""
 
 _GRACE, _GRACE_OF_PLANT = 2.5, 4.0
-"""How long programs may live without their launcher [s]: the plant writes a recording down."""
+"""Time for programs to end without their launcher [s]: the plant finishes its recording."""
 
 
 class Program(NamedTuple):
-    """One program of a run, to be started."""
+    """A program of a run to start."""
 
-    kind: str
-    """One of PROGRAMS."""
     identity: str
     """Its name in the run; its log is <identity>.log."""
     options: Mapping[str, Any] = {}
 
     @property
     def title(self) -> str:
-        """What ps and top show."""
-        name = self.kind if self.kind == self.identity else f"{self.kind}-{self.identity}"
-        return f"phx-{name}"
+        """Its name in ps and top."""
+        prefix = "phx" if self.identity in (PLANT, CONTROLLER) else "phx-agent"
+        return f"{prefix}-{self.identity}"
 
 
 def load_programs() -> None:
-    """Import what the programs are."""
-    for program in PROGRAMS.values():
+    """Import all programs."""
+    for program in PROGRAMS:
         pkgutil.resolve_name(program)
 
 
 def start_program(program: Program, rows: SafetyRows, membership: Membership, logs: Path) -> int:
-    """Run one program in this process, where logging is set up, until it ends.
-
-    Everything it prints goes to its log. Returns its exit status.
-    """
+    """Run one program in this process, its output in its log, and return its exit status."""
     multiprocessing.current_process().name = program.title
     show_as(program.title)
     redirect_output(logs / f"{program.identity}.log")
-    faulthandler.enable()  # of a crash the log says where it was
-    if program.kind != "plant":
-        # Ctrl-C reaches the whole terminal, SIGTERM may reach a whole service, and is left blocked:
-        # only the plant decides what they mean.
+    faulthandler.enable()  # the log of a crash has its traceback
+    plant = program.identity == PLANT
+    if not plant:
+        # Ctrl-C reaches the whole terminal, SIGTERM may reach a whole service, and stays blocked:
+        # the plant alone reacts to them.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-    end_with_launcher(_GRACE_OF_PLANT if program.kind == "plant" else _GRACE)
+    end_with_launcher(_GRACE_OF_PLANT if plant else _GRACE)
     decides_for = rows.swarm.programs.get(program.identity, ())
     own = membership.of(program.identity, decides_for, rows.swarm.names)
-    return run_program(program.kind, rows, own, program.options)
+    return run_program(rows, own, program.options)
 
 
-def run_program(
-    kind: str, rows: SafetyRows, membership: Membership, options: Mapping[str, Any]
-) -> int:
-    """Run one program in this process; its exit status."""
-    status: int = pkgutil.resolve_name(PROGRAMS[kind])(rows, membership, **options)
+def run_program(rows: SafetyRows, membership: Membership, options: Mapping[str, Any]) -> int:
+    """Run the membership's program in this process, and return its exit status."""
+    program = _PLANT if membership.identity == PLANT else _AGENT
+    status: int = pkgutil.resolve_name(program)(rows, membership, **options)
     return status
 
 
 def end_with_launcher(grace: float) -> None:
-    """End this process at most `grace` seconds after its launcher, whatever it is doing then."""
+    """End this process at most `grace` seconds after its launcher, in any state."""
     launcher = multiprocessing.parent_process()
     if launcher is None:
         return
-    # Not multiprocessing's own wait: see show_as.
+    # Not multiprocessing's own wait, for the reason in show_as.
     death = select.poll()
     death.register(launcher.sentinel, select.POLLIN)
 
@@ -103,8 +94,8 @@ def end_with_launcher(grace: float) -> None:
 
 
 def show_as(title: str) -> None:
-    """Have ps and top show this title; the kernel keeps 15 bytes."""
-    # Not open(): a forked program has its first pages to copy for what that goes through.
+    """Set the title that ps and top show; the kernel keeps 15 bytes."""
+    # Not open(): it writes to more memory, and a forked process copies each page it writes to.
     with contextlib.suppress(OSError):
         name = os.open("/proc/self/comm", os.O_WRONLY)
         os.write(name, title.encode())
@@ -112,7 +103,7 @@ def show_as(title: str) -> None:
 
 
 def redirect_output(log: Path) -> None:
-    """Append all that this process prints to a file."""
+    """Append this process's output and errors to a file."""
     file = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
     os.dup2(file, sys.stdout.fileno())
     os.dup2(file, sys.stderr.fileno())

@@ -1,4 +1,4 @@
-"""A run that has ended: its verdict, its tables, its report, its page, and the same run again."""
+"""A finished run: its verdict, tables, report and page, and how to repeat it."""
 
 import tempfile
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from phalanx.recording.records import PROFILE
 from phalanx.scenario.load import ScenarioError
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import Swarm, build_swarm
-from phalanx.theory.rows.origin import words_of
+from phalanx.theory.rows.origin import origin_label
 
 if TYPE_CHECKING:
     import polars as pl
@@ -26,13 +26,12 @@ if TYPE_CHECKING:
 
 
 class Page(Protocol):
-    """A page that is served; close it, or leave its `with` block, to end that."""
+    """A page that is served until it is closed, or its `with` block is left."""
 
     url: str
-    """Its address."""
 
     def close(self) -> None:
-        """End the server."""
+        """Stop the server."""
 
     def __enter__(self) -> Self: ...
 
@@ -45,7 +44,7 @@ class Page(Protocol):
 
 
 class Run:
-    """One finished run; tables are read from its recording when they are first asked for."""
+    """A finished run; its recording is read, and its tables are made, when they are first used."""
 
     def __init__(
         self,
@@ -54,23 +53,23 @@ class Run:
         temporary: "tempfile.TemporaryDirectory[str] | None" = None,
         recording: Recording | None = None,
     ) -> None:
-        """temporary: removes the folder when this object is gone. recording: if read already."""
+        """temporary: removes the folder with this object. recording: if it was read already."""
         self.folder = folder
-        """Recording, summary, logs and report lie here."""
+        """The folder of the recording, the summary, the logs and the report."""
         self.summary = summary
         """The plant's key figures; None if its recording is damaged, or ends without them."""
         self._temporary = temporary
         self._recording = recording
         self._opened = recording.path if recording else folder
-        """What to read again: one may have opened a file that is not called recording.mcap."""
+        """The path to read again: an opened file may have another name than recording.mcap."""
         self._made = recording is None
-        """Whether it is a run of this program's or of its worker's, and its code was asked for."""
+        """Whether this program or its worker made the run, and so chose its code."""
         self._trust = False
 
     def __getstate__(self) -> dict[str, Any]:
-        """The state for another process: with a temporary folder all that lies there."""
-        lie = self.folder.rglob("*") if self._temporary else ()
-        files = {p.relative_to(self.folder): p.read_bytes() for p in lie if p.is_file()}
+        """Return the state for another process, with all files of a temporary folder."""
+        paths = self.folder.rglob("*") if self._temporary else ()
+        files = {p.relative_to(self.folder): p.read_bytes() for p in paths if p.is_file()}
         kept = ("folder", "summary", "_opened", "_made")
         return {"files": files, **{name: getattr(self, name) for name in kept}}
 
@@ -92,14 +91,14 @@ class Run:
 
     @property
     def recording(self) -> Recording:
-        """Everything that was recorded. Raises UnreadableRecordingError."""
+        """The recording. Raises UnreadableRecordingError."""
         if self._recording is None:
             self._recording = read(self._opened, self._trust)
         return self._recording
 
     @property
     def scenario(self) -> Scenario:
-        """The scenario as it ran, every default spelled out."""
+        """The resolved scenario, with every default spelled out."""
         return self.recording.scenario
 
     @cached_property
@@ -142,27 +141,23 @@ class Run:
         """Shares of every program's wall time, if the run was made with profile=True; else empty.
 
         One row for each program and phase: seconds, share of the program's wall time, and
-        per_step [s]: of an agent's own steps; of the plant's, which are all agents'.
+        per_step [s]. An agent's steps are its own, the plant's are those of all agents.
         """
         from phalanx.recording.tables import profile_table
 
         return profile_table(read_profile(self.folder / PROFILE), self.summary)
 
     def report(self, progress: Callable[[str], None] | None = None) -> Path:
-        """Write report.html and its figures into the run's folder; the path of report.html.
+        """Write report.html and its figures into the run's folder; return the path of report.html.
 
-        progress is told the name of each figure before it is drawn.
+        progress: called with the name of each figure before it is drawn.
         """
         require_functions(progress=progress or silent)
         written: Path = extension("report")(self._opened, progress)
         return written
 
     def view(self, port: int | None = None) -> Page:
-        """Replay the run on a page; it is served until the returned object is closed.
-
-        Args:
-            port: of the page; by default 8080 or the next free one.
-        """
+        """Replay the run on a page; port: by default 8080 or the next free one."""
         page: Page = extension("page")(self._opened, port)
         return page
 
@@ -173,11 +168,11 @@ class Run:
         seed: int | None = None,
         progress: Progress = silent,
     ) -> "Verification":
-        """Run it again and compare the trajectories, bit by bit.
+        """Run it again and compare the trajectories bit by bit.
 
         Args:
-            engine: which engine to run it on.
-            seed: another one, to see where the trajectories depart.
+            engine: the engine to run it on.
+            seed: another seed, to see where the trajectories depart.
             progress: as run takes it.
 
         Raises:
@@ -200,7 +195,7 @@ class Run:
         return f"Run({str(self.folder)!r}, verdict={str(verdict)!r})"
 
     def _repr_html_(self) -> str:
-        """The key figures, as a notebook shows them."""
+        """Return the key figures for a notebook."""
         if self.summary is None:
             why = escape(self.recording.unfinished)
             return f"<p>{escape(str(self.folder))}: no verdict, {why}</p>"
@@ -212,11 +207,11 @@ class Run:
 
 
 def open_run(folder: str | Path, *, trust: bool = False) -> Run:
-    """A run from its folder or its recording file, whole or cut short.
+    """Open a run from its folder or its recording file, whole or cut short.
 
     Args:
         folder: of the run, or its recording.
-        trust: whether code that its scenario names may be imported, which runs it.
+        trust: allow importing, and so running, the code that its scenario names.
 
     Raises:
         UnreadableRecordingError: there is no recording, or none that can be read.
@@ -232,11 +227,11 @@ def verify_run(
     progress: Progress = silent,
     trust: bool = False,
 ) -> "Verification":
-    """Run a recording's scenario again and compare the trajectories, bit by bit.
+    """Run a recording's scenario again and compare the trajectories bit by bit.
 
     Args:
         run: a finished run, or its folder.
-        engine: which engine to run it on.
+        engine: the engine to run it on.
         progress: as run takes it.
         trust: as open takes it.
 
@@ -250,7 +245,7 @@ def verify_run(
 
 
 def _key_figures(summary: Summary) -> list[tuple[str, str]]:
-    steps = ", ".join(f"{count} {words_of(name)}" for name, count in summary.origins.items())
+    steps = ", ".join(f"{count} {origin_label(name)}" for name, count in summary.origins.items())
     failed = ", ".join(a.name for a in summary.assumptions if a.failed) or "none"
     return [
         ("verdict", str(summary.outcome)),

@@ -1,4 +1,4 @@
-"""Run a scenario, and hand back the finished run."""
+"""phalanx.run: run a scenario, and return the finished run."""
 
 import tempfile
 from pathlib import Path
@@ -33,19 +33,19 @@ def run(
     """Run a scenario to its verdict.
 
     Args:
-        scenario: as load gives it, or what load takes.
+        scenario: as load returns it, or a file or name that load takes.
         engine: "processes", every program a process of its own over Zenoh, or "in-process", the
             same control steps called directly; both give the same trajectory to the last bit.
-        out: folder in which the run gets a folder of its own; by default one that goes away with
-            the returned object; to another process that takes its files along.
-        progress: called a few times a second with how far the run is, perhaps in another thread.
-        commands: who may command the run while it goes on, and what is scheduled.
+        out: folder in which the run gets a folder of its own. By default a temporary one, removed
+            with the returned object; pickling the object copies its files.
+        progress: called a few times a second with the run's status, perhaps in another thread.
+        commands: the secret of those who may command the run, its speed, and scheduled commands.
         listen: Zenoh endpoint of the hub; by default a free port on 127.0.0.1.
-        secret: seals the run's messages; drawn at random unless given.
-        announce: called with the run's folder when it can be met there, as `phalanx view` does.
+        secret: seals the run's messages; by default random.
+        announce: called with the run's folder when viewers can connect.
         profile: measure where every program's wall time goes; see Run.profile.
-        real_time: the wall clock decides, and nobody waits: so many seconds of virtual time per
-            second. Summary.punctuality has what was missed and late.
+        real_time: seconds of virtual time per second of wall time; the plant then waits for no
+            agent, and Summary.punctuality counts what was missed or late. By default lockstep.
 
     Returns:
         The finished run, also if it was stopped by Ctrl-C or broke on the way: see its verdict.
@@ -53,8 +53,8 @@ def run(
     Raises:
         ScenarioError: the scenario cannot be run.
         EngineError: the run could not begin, or ended without a verdict.
-        ValueError: there is no such engine, an option that it does not take, or no function where
-            one is to be called.
+        ValueError: there is no such engine, it does not support an option, or a callback cannot
+            be called.
         OSError: no folder can be made.
     """
     options = RunOptions(

@@ -1,4 +1,4 @@
-"""Standard input, output and error: open where they were closed, and fit for a terminal."""
+"""Standard streams: reopen closed ones, survive closed pipes, and escape text for terminals."""
 
 import io
 import logging
@@ -11,24 +11,24 @@ if TYPE_CHECKING:
 
 
 def open_closed_streams() -> None:
-    """Open what is closed of the three: else a pipe or a file takes its number, and its prints."""
+    """Open closed standard streams on /dev/null: else another file gets their numbers."""
     for number in range(3):
         try:
             os.fstat(number)
         except OSError:
-            # The lowest number that is free, which is this one.
+            # open takes the lowest free number, which is this one.
             os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
 
 
-def outlive_readers() -> None:
-    """From now on drop what is printed to a pipe that nobody reads any more."""
+def ignore_closed_pipes() -> None:
+    """Drop output to a pipe once its reader has closed it, in place of a BrokenPipeError."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None or stream is not getattr(sys, f"__{name}__"):
-            continue  # closed, or somebody else's
+            continue  # closed or replaced
         pipe = _Pipe(stream.fileno(), "w", closefd=False)
         text = io.TextIOWrapper(
-            # As Python does where PYTHONUNBUFFERED asks for it.
+            # As Python does under PYTHONUNBUFFERED.
             pipe if stream.write_through else io.BufferedWriter(pipe),
             stream.encoding,
             stream.errors,
@@ -43,24 +43,24 @@ class _Pipe(io.FileIO):
         try:
             return super().write(data)
         except BrokenPipeError:
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, self.fileno())
-            os.close(nowhere)
+            null = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(null, self.fileno())
+            os.close(null)
             return super().write(data)
 
 
 def printable(text: object) -> str:
-    """A text on one line, with characters that a terminal obeys or does not show as escapes.
+    """Return a text on one line, with control characters and the like as escapes.
 
-    Those are control characters, line breaks and marks of the reading direction: what a run or a
-    recording says stays text, whatever it holds.
+    Escaped are control characters, line breaks and marks of the reading direction: a text from a
+    run or a recording cannot control the terminal.
     """
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in str(text))
 
 
 class PrintableFormatter(logging.Formatter):
-    """Writes messages as printable; tracebacks keep their lines."""
+    """Escapes messages by `printable`; tracebacks keep their lines."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's name
-        """The line without its traceback."""
+        """Format the line without its traceback."""
         return printable(super().formatMessage(record))

@@ -1,4 +1,4 @@
-"""Run a recording's scenario again, and find the first place where two trajectories differ."""
+"""Repeat a recorded run, and find the first difference between the two trajectories."""
 
 import tempfile
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 from phalanx_agent.step import ControlStep, control_steps
 
-from phalanx.faults.commands import CommandPolicy, Orders
+from phalanx.faults.commands import ActiveCommands, CommandPolicy
 from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher.engine import (
     DEFAULT_ENGINE,
@@ -20,27 +20,27 @@ from phalanx.launcher.engine import (
 )
 from phalanx.network.inbox import Claim
 from phalanx.recording.read import Recording, read
-from phalanx.recording.records import Shown, State, Step
+from phalanx.recording.records import State, Step, StepData
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import build_rows
-from phalanx.swarm.seen import SeenStates
+from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import build_swarm
-from phalanx.theory.expressions.asked import MistakenMethodError
+from phalanx.theory.expressions.user_methods import MistakenMethodError
 
 _INSTANT = 1e-9
-"""What makes an event at the very end happen again [s]."""
+"""Added to the duration so that an event at the very end happens again [s]."""
 
 
 @dataclass(frozen=True)
 class Verification:
-    """What came of running a recording's scenario again; true if the trajectory is the same."""
+    """The result of repeating a recorded run; true if the trajectory is bit-identical."""
 
     difference: str | None
-    """Where the two first differ, in words; None if they are bit-identical."""
+    """The first difference, in words; None if the two are bit-identical."""
     steps: int
     """Control steps compared."""
     states: int
-    """States compared; none of a run in real time."""
+    """States compared; 0 for a run in real time."""
 
     def __bool__(self) -> bool:
         return self.difference is None
@@ -60,17 +60,17 @@ def verify(
     seed: int | None = None,
     progress: Progress = silent,
 ) -> Verification:
-    """Run a recording's scenario and commands again, as far as it goes, and compare.
+    """Run a recording's scenario and commands again up to its last state, and compare.
 
-    Of a run in real time every agent's decisions are made again, and nothing else.
+    Of a run in real time only the agents' decisions are computed again.
 
     Raises:
-        EngineError: it cannot be run again, breaks though it did not when it was recorded, or
-            there is nothing to compare.
-        KeyboardInterrupt: it was stopped.
+        EngineError: the recording cannot be run again, its run breaks though it did not when it
+            was recorded, or there is nothing to compare.
+        KeyboardInterrupt: the run was stopped.
         ValueError: there is no such engine.
     """
-    # What the scenario declares happens again by itself.
+    # Faults that the scenario declares happen again without a command.
     commands = CommandPolicy(schedule=tuple(c for c in recorded.commands if c.fault < 0))
     options = RunOptions(engine, progress=progress, commands=commands)
     if not recorded.states and not recorded.shown:
@@ -83,10 +83,12 @@ def verify(
         try:
             decided = _decided_again(recorded)
         except MistakenMethodError as error:
-            raise EngineError(f"decided again: {error.told(f'agent {error.agent}')}") from error
+            raise EngineError(
+                f"decided again: {error.during_run(f'agent {error.agent}')}"
+            ) from error
         difference = first_difference(recorded, decided)
         return Verification(difference, len(recorded.shown), 0)
-    scenario = as_far_as(recorded).model_copy(update={} if seed is None else {"seed": seed})
+    scenario = _until_its_end(recorded).model_copy(update={} if seed is None else {"seed": seed})
     with tempfile.TemporaryDirectory(prefix="phalanx-") as folder:
         made = execute(scenario, Path(folder), options)
         if made.outcome is Outcome.STOPPED:
@@ -99,14 +101,14 @@ def verify(
 
 
 def cut_short(recorded: Recording) -> bool:
-    """Whether a recording ends before its scenario does: damaged, stopped or broken."""
+    """Return whether a recording ends before its scenario: damaged, stopped or broken."""
     summary = recorded.summary
     ended = summary is not None and summary.outcome not in (Outcome.STOPPED, Outcome.BROKEN)
     return recorded.damage is not None or not ended
 
 
-def as_far_as(recorded: Recording) -> Scenario:
-    """The recording's scenario, no longer than it lasted."""
+def _until_its_end(recorded: Recording) -> Scenario:
+    """Return the recording's scenario, shortened to the time of its last state."""
     scenario = recorded.scenario
     if not (cut_short(recorded) and recorded.states):
         return scenario
@@ -115,13 +117,13 @@ def as_far_as(recorded: Recording) -> Scenario:
 
 
 def _decided_again(recorded: Recording) -> Recording:
-    """The recording of a run in real time with every step as it is decided now.
+    """Return the recording of a run in real time with every step decided again.
 
-    The wall clock does not come back, so the run is not run again. What each agent made of a sample
-    and of the inputs that it had received is a function of both, whatever the clock.
+    The wall clock cannot be repeated, so the run cannot either. But each decision is a function of
+    the sample and of the received inputs, which are recorded.
     """
     swarm = build_swarm(recorded.scenario)
-    rows, states = build_rows(swarm), SeenStates(swarm)
+    rows, states = build_rows(swarm), StateCodec(swarm)
     steps = {s.name: s for name in recorded.scenario.programs() for s in control_steps(rows, name)}
     found = {(step.agent, step.k): place for place, step in enumerate(recorded.steps)}
     again = list(recorded.steps)
@@ -132,12 +134,12 @@ def _decided_again(recorded: Recording) -> Recording:
     return Recording(recorded.path, recorded.scenario, recorded.metadata, recorded.states, again)
 
 
-def _decided(step: ControlStep, shown: Shown, recorded: Step, states: SeenStates) -> Step:
+def _decided(step: ControlStep, shown: StepData, recorded: Step, states: StateCodec) -> Step:
     if shown.adversary:
-        step.obey(Orders(adversary=True))
+        step.apply_commands(ActiveCommands(adversary=True))
     names = step.swarm.names
     seen = tuple(map(names.index, shown.seen))
-    x = states.stacked(states.of(np.array(shown.x, dtype="<f8").tobytes(), seen))
+    x = states.stack(states.unpack(np.array(shown.x, dtype="<f8").tobytes(), seen))
     received = {names.index(sender): Claim(since, tuple(u)) for sender, since, u in shown.received}
     result = step.decide(x, seen, shown.t, received)
     return msgspec.structs.replace(
@@ -149,10 +151,10 @@ def _decided(step: ControlStep, shown: Shown, recorded: Step, states: SeenStates
 
 
 def first_difference(recorded: Recording, again: Recording) -> str | None:
-    """Where two runs first differ, in words; None if they are bit-identical.
+    """Describe the first difference of two runs; None if they are bit-identical.
 
-    What does not belong to the trajectory (solve times, run names) is not compared. A recording
-    that was cut short is compared as far as it goes.
+    Solve times and run names are not compared: they are not part of the trajectory. A recording
+    that was cut short is compared up to its end.
     """
     compared = (_state_difference(recorded, again), _step_difference(recorded, again))
     candidates = [found for found in compared if found]
@@ -196,7 +198,7 @@ def _component_names(scenario: Scenario) -> list[str]:
 
 
 def _first_field(a: State | Step, b: State | Step, components: dict[str, list[str]]) -> str:
-    """The first field of two records that differs, with both values and how far they are apart."""
+    """Describe the first field in which two records differ, with both values."""
     for field in a.__struct_fields__:
         old, new = getattr(a, field), getattr(b, field)
         if old == new:
@@ -205,7 +207,7 @@ def _first_field(a: State | Step, b: State | Step, components: dict[str, list[st
             at = next(i for i, (p, q) in enumerate(zip(old, new, strict=True)) if p != q)
             return f"{components[field][at]} recorded {_versus(old[at], new[at])}"
         return f"{field} recorded {_versus(old, new)}"
-    return "equal"  # unreachable: the caller saw a difference
+    raise AssertionError("the records are equal")
 
 
 def _versus(old: object, new: object) -> str:
@@ -216,7 +218,7 @@ def _versus(old: object, new: object) -> str:
 
 
 def _ulps(a: float, b: float) -> int:
-    """How many float64 numbers lie between a and b, plus one."""
+    """Return the distance of a and b in steps of float64."""
 
     def rank(value: float) -> int:
         bits = int(np.float64(value).view(np.int64))

@@ -1,1 +1,1 @@
-"""The way of a broadcast: rules of links, links, and the receiver's inbox."""
+"""The simulated network: link rules, links, and the receiver's inbox."""

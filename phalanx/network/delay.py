@@ -1,7 +1,7 @@
-"""Delays of messages: netem's `delay`, `reorder`, `rate` and `slot`, and a floor by distance.
+"""Delays of messages: netem's `delay`, `reorder`, `rate` and `slot`, and a least one by distance.
 
-Distributions are quantiles of mean 0 and unit scale. Like netem's they are tables, cut off at ±4,
-and the tables are the same bits on every CPU.
+Distributions have mean 0 and unit scale. Like netem's they are tables of quantiles, cut off at ±4;
+the tables are bit-identical on every CPU.
 """
 
 import math
@@ -21,15 +21,15 @@ from phalanx.theory.expressions import exponential
 Positive = Annotated[float, Gt(0)]
 
 _ROUNDING = 1e-6
-"""Of a wait, as a share of the time that a message takes."""
+"""Tolerance of a queue's length, in messages."""
 
 Distribution = Literal["uniform", "normal", "pareto", "paretonormal"]
 
 LONGEST = 4.0
-"""The end of netem's tables of 16 bits."""
+"""Largest quantile: that of netem's tables of 16 bits."""
 _CELLS = 4096
 _SHAPE = 3.0
-"""Of the Pareto distribution: netem's, NISTnet's before it."""
+"""Shape of the Pareto distribution: netem's, from NISTnet."""
 
 # Wichura's algorithm AS 241 for the quantiles of the normal distribution, PPND16.
 _CENTRE = (
@@ -50,7 +50,7 @@ _TAIL = (
 
 @dataclass(frozen=True)
 class ConstantDelay:
-    """Every message takes as long."""
+    """The same delay for every message."""
 
     time: NonNegative
     """[s]"""
@@ -59,13 +59,12 @@ class ConstantDelay:
         return f"{1e3 * self.time:.4g} ms"
 
     def treat(self, message: Message) -> Treatment:
-        """Delay."""
         return delay(self.time)
 
 
 @dataclass(frozen=True)
 class UniformDelay:
-    """A delay drawn anew for every message, uniformly between two bounds."""
+    """A delay drawn for every message, uniformly between two bounds."""
 
     low: NonNegative
     """[s]"""
@@ -80,7 +79,6 @@ class UniformDelay:
         return f"{1e3 * self.low:g} to {1e3 * self.high:.4g} ms, uniform"
 
     def treat(self, message: Message) -> Treatment:
-        """Delay."""
         return delay(self.low + message.draw(BASIC, 1) * (self.high - self.low))
 
 
@@ -93,7 +91,7 @@ class JitteredDelay:
     jitter: NonNegative
     """Scale of the distribution [s]: ± of a uniform one, σ of a normal one."""
     correlation: Annotated[float, Ge(0), Lt(1)] = 0.0
-    """Of the delays of one message and the next."""
+    """Correlation of the delays of consecutive messages."""
     distribution: Distribution = "uniform"
 
     def __str__(self) -> str:
@@ -101,24 +99,22 @@ class JitteredDelay:
         return f"{1e3 * self.time:g} ± {1e3 * self.jitter:g} ms, {self.distribution}{kept}"
 
     def treat(self, message: Message) -> Treatment:
-        """Delay."""
         place = message.draw(BASIC, 1, kept=self.correlation)
         return delay(max(0.0, self.time + self.jitter * quantile(self.distribution, place)))
 
 
 @dataclass(frozen=True)
 class DelayFloor:
-    """No message takes less than its way does."""
+    """A least delay that grows with the distance."""
 
     time: NonNegative = 0.0
-    """At no distance [s]."""
+    """Least delay at distance 0 [s]."""
     per_metre: NonNegative = 0.0
     """[s/m]"""
 
     asks_distance = True
 
     def treat(self, message: Message) -> Treatment:
-        """Delay messages that came too early."""
         return delay(max(0.0, self.time + self.per_metre * message.distance - message.waited))
 
 
@@ -132,7 +128,6 @@ class Reorder:
     """Only every gap-th message is a candidate."""
 
     def treat(self, message: Message) -> Treatment:
-        """Take back the delay of a message that goes first."""
         if (message.k + 1) % self.gap or message.waited == 0.0:
             return DELIVER
         hit = message.draw("reorder", kept=self.correlation) < self.probability
@@ -141,23 +136,22 @@ class Reorder:
 
 @dataclass(frozen=True)
 class Rate:
-    """netem's `rate` and `limit`: one message after the other, as fast as the link is.
+    """netem's `rate` and `limit`: a queue that transmits one message after the other.
 
-    The only rule with a memory: of when the message before was through. A receiver decides a
-    link's messages in the order of their numbers, so even this depends on nothing else.
+    The only rule with a memory: the time at which the message before was transmitted. A receiver
+    computes a link's messages in the order of their numbers, so the result is still deterministic.
     """
 
     bits_per_second: Positive
     size: Positive = 128.0
-    """Of every message, with all that the link adds to it [bytes]."""
+    """Size of every message, headers included [bytes]."""
     limit: Annotated[int, Ge(1)] = 1000
-    """Most messages in the queue, with the one being carried; to a full one nothing is added."""
+    """Most messages in the queue, with the one in transmission; a full queue drops new ones."""
 
     def treat(self, message: Message) -> Treatment:
-        """Delay until the link has carried it."""
         takes = 8.0 * self.size / self.bits_per_second
         begins = max(message.t, message.previous)
-        # One that waits longer finds `limit` before it, the one being carried among them.
+        # A longer wait means that `limit` messages are before it, with the one in transmission.
         if begins - message.t > (self.limit - 1 + _ROUNDING) * takes:
             return DROP
         return delay(begins + takes - message.t)
@@ -165,22 +159,21 @@ class Rate:
 
 @dataclass(frozen=True)
 class Slot:
-    """netem's `slot`: what has come is delivered at the end of each slot, all at once."""
+    """netem's `slot`: messages are delivered together at the end of each slot."""
 
     every: Positive
     """[s]"""
 
     def treat(self, message: Message) -> Treatment:
-        """Delay to the end of the slot."""
         slots = message.t / self.every
         if not math.isfinite(slots):
-            # Who lies about when it sent may name a time that no slot has a number for.
+            # A lie about the time of sending may be too large for any slot's number.
             return DELIVER
         return delay(max(0.0, math.ceil(slots) * self.every - message.t))
 
 
 def quantile(distribution: Distribution, u: float) -> float:
-    """The value that a share u in [0, 1) of all values lies below."""
+    """Return the value that a share u in [0, 1) of all values lies below."""
     if distribution == "uniform":
         return 2.0 * u - 1.0
     place = u * _CELLS
@@ -192,29 +185,29 @@ def quantile(distribution: Distribution, u: float) -> float:
 
 @cache
 def _table(distribution: Distribution) -> Array:
-    """Quantiles at 0, 1/4096, ..., 1, shape (4097,)."""
+    """Return the quantiles at 0, 1/4096, ..., 1, shape (4097,)."""
     shares = np.arange(_CELLS + 1) / _CELLS
     normal = np.clip(_normal(shares), -LONGEST, LONGEST)
     if distribution == "normal":
         return normal
     pareto = np.minimum(_pareto(1.0 - shares), LONGEST)
-    # A quarter normal and three quarters Pareto, of the same draw: as iproute2's table has it.
+    # A quarter normal and three quarters Pareto of the same draw, as in iproute2's table.
     return pareto if distribution == "pareto" else 0.25 * normal + 0.75 * pareto
 
 
 def _normal(shares: Array) -> Array:
-    """Φ⁻¹."""
+    """Return Φ⁻¹ at these shares."""
     q = shares - 0.5
     near = 0.180625 - q * q
     centre = q * _ratio(_CENTRE, near)
-    # No tail of the table is thinner than 1/4096, for which this branch of the algorithm is made.
+    # The table needs no tail thinner than 1/4096, and this branch covers that.
     tail = np.maximum(np.minimum(shares, 1.0 - shares), 0.25 / _CELLS)
     r = np.sqrt(-_log(tail)) - 1.6
     return np.where(np.abs(q) <= 0.425, centre, np.sign(q) * _ratio(_TAIL, r))
 
 
 def _pareto(above: Array) -> Array:
-    """The values that shares `above` lie above: (x - 3/2) 4/3 of a Pareto x >= 1."""
+    """Return the values that shares `above` lie above: (x - 3/2) 4/3 of a Pareto x >= 1."""
     x = np.array(exponential.exp(ca.DM(-_log(np.maximum(above, 1e-9)) / _SHAPE))).ravel()
     scaled: Array = (x - 1.5) * (4.0 / 3.0)
     return scaled

@@ -1,4 +1,4 @@
-"""A link model from what was measured: delays of messages in their order, and which were lost."""
+"""Fit of a link model to measured delays and losses."""
 
 import csv
 import math
@@ -14,43 +14,43 @@ from phalanx.network.delay import Distribution, quantile
 Unit = Literal["s", "ms", "us"]
 _SECONDS: Mapping[Unit, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 _IMPLAUSIBLE = 1.0
-"""Networks of robots are faster: a median delay above it [s] is most likely in another unit."""
+"""Networks of robots are faster: a median delay above it [s] is probably in another unit."""
 _FEW = 30
-"""Messages that are too few to fit anything to."""
+"""Least number of messages for a fit."""
 _SIGNIFICANT = 3.0
-"""Standard deviations from which on something is not chance."""
+"""Standard deviations from which on an effect is significant."""
 _CONSTANT = 1e-3
-"""A spread below this share of the mean is none."""
+"""A delay with a smaller relative spread counts as constant."""
 
 
 class CaptureError(ValueError):
-    """A capture that cannot be fitted; the message says which line, and what was expected."""
+    """A capture that cannot be fitted; the message has the line and the expected content."""
 
 
 @dataclass(frozen=True)
 class FittedLink:
-    """A link model, and how well it fits."""
+    """A link model and the quality of its fit."""
 
     table: Mapping[str, Any]
     """Fields of [network]."""
     messages: int
     lost: int
     median: float
-    """Of the delays [s]."""
+    """Median delay [s]."""
     distance: float
-    """Kolmogorov and Smirnov's, of the measured delays and the model's."""
+    """Kolmogorov-Smirnov distance of the measured delays and the model's."""
 
 
 def read_capture(lines: Iterable[str], unit: Unit | None = None) -> Array:
-    """Delays [s] of a CSV's column `delay`; not a number where it is empty: lost.
+    """Read the delays [s] of a CSV's column `delay`; an empty field (NaN) is a lost message.
 
     Args:
-        lines: of the file. Where `delay` is the only column, an empty line is a lost message.
-        unit: of the delays; seconds by default, if they can be.
+        lines: of the file. If `delay` is the only column, an empty line is a lost message.
+        unit: of the delays; default: seconds, if plausible.
 
     Raises:
-        CaptureError: no such column, too few lines, a delay that is none, or delays so long that
-            they are hardly in seconds.
+        CaptureError: no such column, too few lines, a malformed delay, or delays too long to be in
+            seconds.
     """
     reader = csv.reader(lines)
     head = next(reader, [])
@@ -64,13 +64,13 @@ def read_capture(lines: Iterable[str], unit: Unit | None = None) -> Array:
     median = np.nanmedian(delays)
     if unit is None and median > _IMPLAUSIBLE:
         raise CaptureError(
-            f"half of the delays are above {median:.4g} s: say what they are in, --unit ms or s"
+            f"half of the delays are above {median:.4g} s: give their unit, --unit ms or s"
         )
     return delays
 
 
 def fit(delays: Array) -> FittedLink:
-    """The model of [network] that fits delays [s] best; those not a number were lost."""
+    """Fit the fields of [network] to delays [s], with NaN for lost messages."""
     lost = np.isnan(delays)
     arrived = np.sort(delays[~lost])
     table: dict[str, Any] = {}
@@ -87,18 +87,18 @@ def fit(delays: Array) -> FittedLink:
 
 
 def _fitted(arrived: Array, kind: Distribution) -> tuple[float, dict[str, Any]]:
-    """The distance of a distribution, and the time and jitter at which it is least."""
+    """Fit time and jitter of one distribution; return the distance and the fields of `delay`."""
     places = (np.arange(len(arrived)) + 0.5) / len(arrived)
     scaled = np.array([quantile(kind, u) for u in places.tolist()])
     jitter, time = (max(0.0, float(c)) for c in np.polyfit(scaled, arrived, 1))
-    # The share of the model's delays below each measured one, against that of the measured.
+    # The model's share of delays below each measured one, compared with the measured share.
     below = np.searchsorted(np.maximum(0.0, time + jitter * scaled), arrived) / len(arrived)
     distance = float(np.abs(below - places).max())
     return distance, {"time": _rounded(time), "jitter": _rounded(jitter), "distribution": kind}
 
 
 def _correlation(delays: Array) -> float:
-    """Of one message's delay and the next one's, where both arrived; 0 if it may be chance."""
+    """Return the correlation of consecutive delays; 0 if it is not significant."""
     one, next_one = delays[:-1], delays[1:]
     both = np.isfinite(one) & np.isfinite(next_one)
     if np.count_nonzero(both) < _FEW:
@@ -109,7 +109,7 @@ def _correlation(delays: Array) -> float:
 
 
 def _loss(lost: Mask) -> float | dict[str, float]:
-    """The share lost; with the mean burst, if bursts are longer than chance would have them."""
+    """Return the share lost; with the mean burst, if it is longer than by chance."""
     mean = float(lost.mean())
     bursts = np.count_nonzero(lost[1:] & ~lost[:-1]) + int(lost[0])
     burst = lost.sum() / bursts
@@ -122,7 +122,7 @@ def _loss(lost: Mask) -> float | dict[str, float]:
 
 
 def _delay(cells: Sequence[str], line: int) -> float:
-    """The number in the first cell; not a number if there is none, or nothing in it."""
+    """Return the number in the first cell; NaN if the cell is empty or missing."""
     text = "".join(cells[:1]).strip()
     if not text:
         return math.nan

@@ -1,4 +1,4 @@
-"""An agent's inbox for broadcasts: all that were sent arrive; the link rule says what it got."""
+"""An agent's inbox: all broadcasts arrive; the link rules decide which of them it has received."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Set
@@ -14,59 +14,59 @@ class Claim(msgspec.Struct, array_like=True, frozen=True):
     """A broadcast's statement of its sender's input, true or not."""
 
     t_apply: float
-    """Since when it is in force [s]."""
+    """Time from which the input is in force [s]."""
     u: tuple[float, ...]
     """Native input, shape (m_i,)."""
 
 
 class SentInput(ReceivedInput, Protocol):
-    """A broadcast as the inbox needs it; it leaves when its input takes effect."""
+    """A broadcast as the inbox needs it; it is sent when its input takes effect."""
 
     @property
     def k(self) -> int:
         """Its sequence number."""
 
 
-class Existing(NamedTuple):
-    """Which broadcasts of one sender exist for a receiver, as its sample counts them."""
+class BroadcastRange(NamedTuple):
+    """Sequence numbers of the broadcasts of one sender that a receiver's sample counts."""
 
     since: int
-    """The first that counts."""
+    """The first."""
     latest: int
     """The last."""
 
 
 class Fate(msgspec.Struct, array_like=True, frozen=True):
-    """The fate of one broadcast on its way to the agent that reports it."""
+    """A receiver's report on one broadcast: received or lost."""
 
     sender: int
     k: int
     delay: float
-    """Of the first copy that can be read [s]; negative if there is none: lost."""
+    """Delay of the first intact copy [s]; negative if there is none: lost."""
     faults: tuple[int, ...] = ()
-    """Which of the faults that the scenario declares had a part in it, by number."""
+    """Numbers of the declared faults that had an effect on it."""
     claim: Claim | None = None
-    """Its statement; None if it was lost."""
+    """Its claim; None if it was lost."""
 
 
 class BroadcastInbox:
     """Broadcasts of the other agents, in the order of their sequence numbers.
 
-    Real messages come as the transport brings them, after or before the sample that counts them.
-    What the agent may know at t is decided here, by the link rule alone, so that delay and loss
-    are exact and the machine's load has no part in them.
+    The transport delivers the real messages at any time, after or before the sample that counts
+    them. The link rules alone decide what the agent has received at t, so that delay and loss are
+    exact and independent of the machine's load.
 
-    A sender whose broadcasts a sample does not count is out of sight: nothing is known of its input
-    any more, until broadcasts count that were sent since it came back.
+    A sender whose broadcasts a sample does not count is out of sight: its earlier inputs are
+    discarded, and only broadcasts that it sends after its return count.
     """
 
     def __init__(self, senders: Iterable[int], link: Callable[[int], Link]) -> None:
-        """Listen to some senders, and to nobody else.
+        """Accept broadcasts of some senders only.
 
         Args:
             senders: their indices.
-            link: from a sender; made when its first broadcast is decided, since of a large swarm
-                most stay out of sight.
+            link: creates the link from a sender, at its first broadcast: in a large swarm most
+                senders stay out of sight.
         """
         self._incoming = {sender: Incoming() for sender in senders}
         self._make, self._links = link, dict[int, Link]()
@@ -81,62 +81,53 @@ class BroadcastInbox:
         for link in self._links.values():
             link.override(loss, delay)
 
-    @property
-    def senders(self) -> list[int]:
-        """The senders that this inbox listens to."""
-        return list(self._incoming)
-
-    def join_at(self, existing: Mapping[int, Existing]) -> None:
-        """Begin in the middle of a run: what exists by now will not come any more."""
-        for sender, (since, latest) in existing.items():
+    def join_at(self, counted: Mapping[int, BroadcastRange]) -> None:
+        """Begin in the middle of a run: broadcasts sent so far, by sender, will not arrive."""
+        for sender, (since, latest) in counted.items():
             incoming = self._incoming[sender]
             incoming.since = since
             incoming.skip_to(latest)
-        self._in_sight = existing.keys()
+        self._in_sight = counted.keys()
 
     def put(self, sender: int, message: SentInput, at: float = -math.inf) -> bool:
-        """Keep a broadcast. False if it is from the past or already here: a replay.
+        """Store a broadcast. Return False if it was decided or stored before: a replay.
 
-        at: when it came [s of virtual time]; in lockstep before all that counts.
+        at: virtual time of its arrival [s]; -inf in lockstep.
         """
         return self._incoming[sender].put(message, at)
 
-    def missing(self, existing: Mapping[int, Existing]) -> bool:
-        """Whether a broadcast that exists by now, by sender, has yet to arrive."""
-        return any(self._incoming[sender].lacks(*counted) for sender, counted in existing.items())
-
-    def lacking(self, existing: Mapping[int, Existing]) -> dict[int, list[int]]:
-        """The numbers of these, by sender."""
-        found = {sender: self._incoming[sender].lacking(*n) for sender, n in existing.items()}
+    def missing(self, counted: Mapping[int, BroadcastRange]) -> dict[int, list[int]]:
+        """Return by sender the counted broadcasts that have yet to arrive."""
+        found = {sender: self._incoming[sender].missing(*n) for sender, n in counted.items()}
         return {sender: numbers for sender, numbers in found.items() if numbers}
 
-    def here(self, existing: Mapping[int, Existing]) -> dict[int, Existing]:
-        """Of the broadcasts that exist by now, by sender, those up to the newest that is here.
+    def up_to_newest(self, counted: Mapping[int, BroadcastRange]) -> dict[int, BroadcastRange]:
+        """Cut the ranges at the newest broadcast that has arrived, by sender.
 
-        What is not here by then, in real time, is lost.
+        In real time, a broadcast that arrives after a later one is lost.
         """
         return {
-            sender: Existing(since, self._incoming[sender].newest_here())
-            for sender, (since, _) in existing.items()
+            sender: BroadcastRange(since, self._incoming[sender].newest_arrived())
+            for sender, (since, _) in counted.items()
         }
 
     def advance(
         self,
-        existing: Mapping[int, Existing],
+        counted: Mapping[int, BroadcastRange],
         t: float,
         distance: Callable[[int], float] = lambda _: math.nan,
     ) -> tuple[Fate, ...]:
-        """Decide every broadcast that exists by now, by sender, and deliver those due by t [s].
+        """Decide every counted broadcast, by sender, and deliver those due by t [s].
 
-        Returns the fates of those decided now. Of several delivered, the newest counts.
+        Returns reports on those decided now. If several are delivered, the newest is kept.
         distance: to a sender, at the sample that first counts its broadcast [m].
         """
-        for sender in self._in_sight - existing.keys():
+        for sender in self._in_sight - counted.keys():
             self._incoming[sender].forget()
             self._received.pop(sender, None)
-        self._in_sight = existing.keys()
+        self._in_sight = counted.keys()
         fates: list[Fate] = []
-        for sender, (since, latest) in existing.items():
+        for sender, (since, latest) in counted.items():
             incoming = self._incoming[sender]
             if incoming.since != since:
                 incoming.begin(since)
@@ -148,18 +139,18 @@ class BroadcastInbox:
         return tuple(fates)
 
     def take_corrupt(self) -> list[tuple[int, SentInput]]:
-        """Senders and broadcasts of which a copy with a flipped byte has come since last asked."""
+        """Return the corrupt copies since the last call: their senders, and the intact messages."""
         taken, self._corrupt = self._corrupt, []
         return taken
 
     def received(self) -> Mapping[int, SentInput]:
-        """The newest broadcast by sender; one never heard since it came into sight is absent."""
+        """Return the newest broadcast by sender, of those received since it came into sight."""
         return self._received
 
     def _decide(
         self, sender: int, latest: int, t: float, distance: Callable[[int], float]
     ) -> list[Fate]:
-        """Have the sender's link decide its broadcasts up to the latest, in order, at t [s]."""
+        """Decide a sender's broadcasts up to the latest, in order, at t [s]."""
         fates, incoming = [], self._incoming[sender]
         link = self._links.get(sender) or self._new_link(sender)
         apart = distance(sender) if link.asks_distance else math.nan
@@ -169,22 +160,22 @@ class BroadcastInbox:
                 continue
             message, at = incoming.arrived.pop(k)
             # It is sent when the input takes effect, and delays count from then; in real time
-            # they come on top of what it took to be here.
+            # they are added to the real delay.
             begins = message.t_apply
             sent = max(begins, min(at, t))
-            passage = link.fate(k, sent, apart)
+            delivery = link.fate(k, sent, apart)
             after = math.inf
-            for copy in passage.copies:
+            for copy in delivery.copies:
                 if copy.corrupt:
                     self._corrupt.append((sender, message))
                 else:
                     after = min(after, copy.after)
                     incoming.in_flight.append((sent + copy.after, message))
             if after == math.inf:
-                fates.append(Fate(sender, k, -1.0, passage.faults))
+                fates.append(Fate(sender, k, -1.0, delivery.faults))
             else:
                 claim = Claim(begins, message.u)
-                fates.append(Fate(sender, k, sent - begins + after, passage.faults, claim))
+                fates.append(Fate(sender, k, sent - begins + after, delivery.faults, claim))
         return fates
 
     def _new_link(self, sender: int) -> Link:
@@ -194,7 +185,7 @@ class BroadcastInbox:
 
 
 class Incoming:
-    """Broadcasts of one sender: those here, those decided, and those on their way."""
+    """Broadcasts of one sender: those arrived, those decided, and those in flight."""
 
     __slots__ = ("_newest", "arrived", "decided", "in_flight", "since")
 
@@ -202,55 +193,49 @@ class Incoming:
         self.since: int | None = None
         """The first broadcast that counts; None while the sender is out of sight."""
         self.decided = -1
-        """The last one whose fate is decided."""
+        """The last broadcast that the link has decided."""
         self.arrived: dict[int, tuple[SentInput, float]] = {}
-        """By number those that are here and not decided, and when each came [s]."""
+        """By number: broadcasts not decided yet, each with its time of arrival [s]."""
         self.in_flight: list[tuple[float, SentInput]] = []
-        """Copies not landed, each with when it arrives [s]."""
+        """Copies not delivered yet, each with its time of delivery [s]."""
         self._newest = -1
 
     def put(self, message: SentInput, at: float) -> bool:
-        """Keep a broadcast. False if it is from the past or already here."""
+        """Store a broadcast. Return False if it was decided or stored before."""
         k = message.k
         if k <= self.decided or k in self.arrived:
             return False
         self.arrived[k] = message, at
         return True
 
-    def lacks(self, since: int, latest: int) -> bool:
-        """Whether one that is to be decided has yet to arrive."""
-        first = max(self.decided + 1, since)
-        return not all(map(self.arrived.__contains__, range(first, latest + 1)))
-
-    def lacking(self, since: int, latest: int) -> list[int]:
-        """The numbers of these."""
+    def missing(self, since: int, latest: int) -> list[int]:
+        """Return the numbers in this range that are neither decided nor stored."""
         first = max(self.decided + 1, since)
         return [k for k in range(first, latest + 1) if k not in self.arrived]
 
-    def newest_here(self) -> int:
-        """The last one that is here or decided."""
+    def newest_arrived(self) -> int:
         return max(self.arrived, default=self.decided)
 
     def begin(self, since: int) -> None:
-        """From now on those from `since` on count, and no others."""
+        """Count broadcasts from `since` on, and no others."""
         self.forget()
         self.since = since
         self.skip_to(since - 1)
 
     def skip_to(self, k: int) -> None:
-        """Broadcasts up to k are of the past."""
+        """Discard broadcasts up to k."""
         self.decided = k
         self.arrived = {n: message for n, message in self.arrived.items() if n > k}
 
     def forget(self) -> None:
-        """Nothing that was sent so far counts any more."""
+        """Discard all that was sent so far: the sender is out of sight."""
         self.since = None
         self.in_flight = []
 
     def land(self, t: float) -> SentInput | None:
-        """Of those that have arrived by t [s] the newest, if it is newer than all before.
+        """Return the newest broadcast delivered by t [s], if it is newer than all before.
 
-        A slow broadcast may arrive after one that was sent later: the newest counts.
+        A slow broadcast may be delivered after one that was sent later.
         """
         newest, still = None, []
         for flying in self.in_flight:

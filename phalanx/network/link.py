@@ -1,4 +1,4 @@
-"""Links: the fate of every message, a pure function of (seed, link, number, time, distance)."""
+"""Links: delivery of messages, a pure function of (seed, link, number, time, distance)."""
 
 import math
 from collections.abc import Callable
@@ -12,28 +12,28 @@ from phalanx.network.delay import ConstantDelay
 from phalanx.network.loss import Chance, RandomLoss
 from phalanx.network.rule import DELIVER, Copy, Message, Rule, Treatment, asks_distance
 from phalanx.seeded.draws import Draws
-from phalanx.theory.expressions.asked import MistakenMethodError
+from phalanx.theory.expressions.user_methods import MistakenMethodError
 
 LOSS, DELAY = "loss", "delay"
 Kind = Literal["broadcast", "sample", "actuation"]
-"""Cargo of a link: inputs from peer to peer, or within one robot, states from its sensors and
-inputs to its actuators."""
+"""Messages of a link: broadcasts between agents, or, within one robot, states from its sensors
+and inputs to its actuators."""
 
 
 class RuleError(RuntimeError):
-    """A rule failed, or said what cannot be; the message names it."""
+    """A rule failed, or returned an impossible treatment; the message names it."""
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A rule in its place on a link."""
+    """One rule of a link."""
 
     field: str
-    """Its name in its table: "loss". Draws go by this name, so an exception to a link
-    model draws as the model does."""
+    """Its name in its table: "loss". It is part of the key of draws, so a link with a model of its
+    own has the draws of the general model."""
     rule: Rule
     declared: int = -1
-    """Its place among all that the scenario declares; -1: by command."""
+    """Its index in phalanx.scenario.declared.Links.declared; -1: set by a command."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class LinkModel:
     stages: tuple[Stage, ...] = ()
 
     def changed(self, loss: float | None, delay: float | None) -> "LinkModel":
-        """The same model with loss and delay [s] replaced where given."""
+        """Return the model with loss and delay [s] replaced where given."""
         model = self
         if delay is not None:
             model = model._with(Stage(DELAY, ConstantDelay(delay)))
@@ -53,12 +53,12 @@ class LinkModel:
 
     @property
     def loss(self) -> float:
-        """The share of messages that its field `loss` asks for."""
+        """Mean share of messages lost by its field `loss`."""
         shares = [getattr(s.rule, "mean", 0.0) for s in self.stages if s.field == LOSS]
         return float(sum(shares))
 
     def described(self, field: str) -> str:
-        """A field of the model in words."""
+        """Return the rules of one field as a text."""
         return ", ".join(str(stage.rule) for stage in self.stages if stage.field == field) or "none"
 
     def _with(self, new: Stage) -> "LinkModel":
@@ -68,34 +68,34 @@ class LinkModel:
         return LinkModel(tuple(new if s.field == new.field else s for s in self.stages))
 
 
-class Passage(msgspec.Struct, frozen=True):
-    """The fate of one message."""
+class Delivery(msgspec.Struct, frozen=True):
+    """The result of sending one message over a link."""
 
     copies: tuple[Copy, ...]
-    """Copies that arrive, each so long after it was sent [s]; none if it was lost."""
+    """Copies that arrive, with their delays since sending; empty if it was lost."""
     faults: tuple[int, ...]
-    """Which of the declared rules had an effect."""
+    """Numbers of the declared rules that had an effect."""
 
     @property
     def delay(self) -> float | None:
-        """Of the first copy that can be read [s]; None if there is none."""
-        readable = [copy.after for copy in self.copies if not copy.corrupt]
-        return min(readable) if readable else None
+        """Delay of the first intact copy [s]; None if there is none."""
+        intact = [copy.after for copy in self.copies if not copy.corrupt]
+        return min(intact) if intact else None
 
 
-class _Place:
-    """A stage's place on one link."""
+class _LinkStage:
+    """A stage of one link, with its draws and its memory."""
 
     __slots__ = ("left", "stage", "table")
 
     def __init__(self, stage: Stage, table: Callable[[str], Draws]) -> None:
         self.stage, self.table = stage, table
         self.left = -math.inf
-        """When the last message left it [s]."""
+        """Time at which the last message left it [s]."""
 
 
 class Link:
-    """One direction between two agents, as its receiver decides it, or a robot's own."""
+    """One direction between two agents, simulated by the receiver, or a link within a robot."""
 
     def __init__(
         self,
@@ -105,46 +105,46 @@ class Link:
         model: LinkModel,
         kind: Kind = "broadcast",
     ) -> None:
-        """Draws are keyed by seed, names and kind, so no link's fates depend on another's."""
+        """Draws are keyed by seed, names and kind, so that links are independent."""
         self._as_declared = model
         self._ends = sender, receiver
         purpose = () if kind == "broadcast" else (kind,)
         self._table = cache(partial(_table, seed, "link", sender, receiver, *purpose))
-        self.become(model)
-
-    def become(self, model: LinkModel) -> None:
-        """Follow another model for the broadcasts not decided yet."""
-        self._places = [_Place(stage, self._of_stage(stage.field)) for stage in model.stages]
-        self.asks_distance = any(asks_distance(stage.rule) for stage in model.stages)
-        """Whether a fate depends on the distance between the two."""
+        self.override(None, None)
 
     def override(self, loss: float | None, delay: float | None) -> None:
-        """Follow the model as declared, with loss and delay [s] replaced where given."""
-        self.become(self._as_declared.changed(loss, delay))
+        """Use the declared model with loss and delay [s] replaced where given.
 
-    def fate(self, k: int, sent: float = 0.0, distance: float = math.nan) -> Passage:
-        """The fate of message k.
+        Rules lose their memory.
+        """
+        stages = self._as_declared.changed(loss, delay).stages
+        self._stages = [_LinkStage(stage, self._draws_of(stage.field)) for stage in stages]
+        self.asks_distance = any(asks_distance(stage.rule) for stage in stages)
+        """True if the delivery depends on the distance between the ends."""
+
+    def fate(self, k: int, sent: float = 0.0, distance: float = math.nan) -> Delivery:
+        """Compute the delivery of message k.
 
         Args:
-            k: sequence numbers come in order, where a rule has a memory.
-            sent: when it leaves its sender [s].
-            distance: between the two [m].
+            k: sequence number; in increasing order if a rule has a memory.
+            sent: time of sending [s].
+            distance: between the ends [m].
 
         Raises:
             RuleError: a rule raised, or lets a message arrive before it was sent.
         """
         copies: Treatment = DELIVER
         faults: tuple[int, ...] = ()
-        for place in self._places:
-            came, copies, stage = copies, (), place.stage
+        for own in self._stages:
+            came, copies, stage = copies, (), own.stage
             try:
                 for number, copy in enumerate(came):
                     message = Message(
-                        *self._ends, k, sent, copy.after, distance, number, place.left, place.table
+                        *self._ends, k, sent, copy.after, distance, number, own.left, own.table
                     )
                     treatment, t = stage.rule.treat(message), sent + copy.after
                     if treatment == DELIVER:
-                        place.left = t
+                        own.left = t
                         copies += (copy,)
                         continue
                     if 0 <= stage.declared not in faults:
@@ -153,17 +153,17 @@ class Link:
                         after = copy.after + new.after
                         if not 0.0 <= after < math.inf:
                             raise ValueError(f"expected an arrival after sending, got {treatment}")
-                        place.left = t + new.after
+                        own.left = t + new.after
                         copies += (Copy(after, copy.corrupt or new.corrupt),)
             except Exception as error:  # a user's rule may raise anything
                 problem = f"{type(error).__name__}: {error}"
                 if isinstance(error, MistakenMethodError):
-                    problem = error.told("the link from {} to {}".format(*self._ends))
+                    problem = error.during_run("the link from {} to {}".format(*self._ends))
                 raise RuleError(f"rule {stage.field} failed at message {k}: {problem}") from error
-        return Passage(copies, faults)
+        return Delivery(copies, faults)
 
-    def _of_stage(self, field: str) -> Callable[[str], Draws]:
-        # What fields of a link model draw for differs by purpose; rules of one's own may not know.
+    def _draws_of(self, field: str) -> Callable[[str], Draws]:
+        # Built-in rules have different purposes; users' rules may not, so their place is added.
         return (lambda purpose: self._table(f"{field} {purpose}")) if "." in field else self._table
 
 

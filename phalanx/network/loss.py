@@ -1,4 +1,4 @@
-"""Which messages are lost, doubled or damaged: by chance, in bursts, by distance."""
+"""Rules that drop, duplicate or corrupt messages: by chance, in bursts, by distance."""
 
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
@@ -26,10 +26,10 @@ class Chance:
 
     probability: Probability
     correlation: Annotated[float, Ge(0), Lt(1)] = 0.0
-    """Of one message's fate and the next one's."""
+    """Correlation of consecutive messages."""
 
     def hits(self, message: Message, purpose: str) -> bool:
-        """Draw whether it hits this message."""
+        """Return whether it happens to this message."""
         return message.draw(purpose, kept=self.correlation) < self.probability
 
 
@@ -41,7 +41,7 @@ class RandomLoss:
 
     @property
     def mean(self) -> float:
-        """The share that is lost."""
+        """Share of messages lost."""
         return self.chance.probability
 
     def __str__(self) -> str:
@@ -49,18 +49,17 @@ class RandomLoss:
         return f"{100 * self.chance.probability:g} %" + (f", correlation {kept:g}" if kept else "")
 
     def treat(self, message: Message) -> Treatment:
-        """Drop by chance."""
         return DROP if self.chance.hits(message, BASIC) else DELIVER
 
 
 @dataclass(frozen=True)
 class GilbertElliott:
-    """netem's `loss gemodel p r 1-h 1-k`: a link that is good or bad, and changes between."""
+    """netem's `loss gemodel p r 1-h 1-k`: a link with two states, good and bad."""
 
     p: Probability
-    """Of a good link to be bad at the next message."""
+    """Probability that a good link is bad at the next message."""
     r: Probability
-    """Of a bad link to be good at the next message."""
+    """Probability that a bad link is good at the next message."""
     lost_if_bad: Probability = 1.0
     """1-h."""
     lost_if_good: Probability = 0.0
@@ -68,39 +67,38 @@ class GilbertElliott:
 
     def __post_init__(self) -> None:
         if self.p + self.r == 0.0:
-            raise ValueError("expected p or r above 0, for a link that is ever good or bad")
+            raise ValueError("expected p or r above 0: else the link never changes its state")
 
     def __str__(self) -> str:
         return f"{100 * self.mean:.4g} % in bursts"
 
     @property
     def mean(self) -> float:
-        """The share that is lost in the long run."""
+        """Share of messages lost in the long run."""
         bad = self.p / (self.p + self.r)
         return bad * self.lost_if_bad + (1.0 - bad) * self.lost_if_good
 
     def treat(self, message: Message) -> Treatment:
-        """Drop by the state of the link."""
         lost = self.lost_if_bad if self._bad(message) else self.lost_if_good
         return DROP if message.draw(BASIC) < lost else DELIVER
 
     def _bad(self, message: Message) -> bool:
-        """The link's state at message k, in whatever order it is asked for.
+        """Return whether the link is bad at message k, for messages in any order.
 
-        One draw u moves a good link to bad where u < p, and leaves a bad one bad where u < 1 - r.
-        Below both, or above both, the state before has no part in it: the search back ends there.
+        One draw u turns a good link bad if u < p, and keeps a bad one bad if u < 1 - r. If u is
+        below both or above both, the state before has no effect: the search back ends there.
         """
         both, either = sorted((self.p, 1.0 - self.r))
         draws = message.table("state of the link")
         k = draws.last(message.k, Outside(both, either))
-        # The first message finds the link as it is in the long run.
+        # The first message has the long-run distribution of the state.
         bad = draws.value(k) < (both if k else self.p / (self.p + self.r))
-        # Between both the state stays, or, where p > 1 - r, turns into the other each time.
+        # Between both the state stays, or, if p > 1 - r, changes at each message.
         return bad ^ (self.p > 1.0 - self.r and (message.k - k) % 2 == 1)
 
 
 class Outside(NamedTuple):
-    """Of rows of draws: those whose first draw lies outside [low, high)."""
+    """Rows of draws whose first draw lies outside [low, high)."""
 
     low: float
     high: float
@@ -110,14 +108,14 @@ class Outside(NamedTuple):
 
 
 def bursts(mean: float, burst: float) -> GilbertElliott:
-    """The simple Gilbert model by what one sees of it.
+    """Build the simple Gilbert model from measurable quantities.
 
     Args:
         mean: share of messages lost, below 1.
         burst: mean number of messages lost in a row, at least 1.
 
     Raises:
-        ValueError: no such link: bursts as short as that cannot make up so large a share.
+        ValueError: the bursts are too short for this share.
     """
     r = 1.0 / burst
     p = mean * r / (1.0 - mean)
@@ -129,7 +127,7 @@ def bursts(mean: float, burst: float) -> GilbertElliott:
 
 @dataclass(frozen=True)
 class DistanceLoss:
-    """Loss by distance: none near, all far, and linear between."""
+    """Loss by distance: none within one distance, all beyond another, linear between."""
 
     none_within: NonNegative
     """[m]"""
@@ -144,7 +142,6 @@ class DistanceLoss:
             raise ValueError(f"{message}, got {self.none_within} > {self.all_beyond}")
 
     def treat(self, message: Message) -> Treatment:
-        """Drop the farther the likelier."""
         over, width = message.distance - self.none_within, self.all_beyond - self.none_within
         if over <= 0.0:
             return DELIVER
@@ -153,21 +150,19 @@ class DistanceLoss:
 
 @dataclass(frozen=True)
 class Duplicate:
-    """A second copy of some messages, which goes its own way: netem's `duplicate`."""
+    """netem's `duplicate`: a second copy of some messages, treated separately by later rules."""
 
     chance: Chance
 
     def treat(self, message: Message) -> Treatment:
-        """Duplicate by chance."""
         return DUPLICATE if self.chance.hits(message, "duplicate") else DELIVER
 
 
 @dataclass(frozen=True)
 class Corrupt:
-    """A flipped byte in some messages: netem's `corrupt`."""
+    """netem's `corrupt`: a flipped byte in some messages."""
 
     chance: Chance
 
     def treat(self, message: Message) -> Treatment:
-        """Corrupt by chance."""
         return CORRUPT if self.chance.hits(message, "corrupt") else DELIVER

@@ -1,4 +1,4 @@
-"""Link models by name, each with where its numbers are from."""
+"""Link models by name, each with the source of its numbers."""
 
 from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
@@ -7,11 +7,10 @@ Preset = Literal["lan", "wifi", "lossy-wifi", "lte", "satellite", "jammed"]
 
 
 class LinkPreset(NamedTuple):
-    """Fields of a link model."""
+    """A link model's fields, as in a scenario file, and their source."""
 
     source: str
     table: Mapping[str, Any]
-    """As a scenario would write them."""
 
 
 PRESETS: Mapping[str, LinkPreset] = {

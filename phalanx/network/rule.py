@@ -1,10 +1,10 @@
-"""The protocol of the network: a rule says what becomes of one message, and of nothing else.
+"""The protocol of link rules: a rule drops, delays, duplicates or corrupts single messages.
 
 A class of your own is a rule if it has the method `treat`; a dozen lines are enough:
 
     @dataclass(frozen=True)
     class Rain:
-        \"\"\"The farther apart, the more is lost.\"\"\"
+        \"\"\"Loss in proportion to the distance.\"\"\"
 
         per_metre: float
 
@@ -21,69 +21,72 @@ import msgspec
 
 from phalanx.arrays import Array, Mask
 from phalanx.seeded.draws import Draws
-from phalanx.theory.expressions.asked import MistakenMethodError, ask
+from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user
 
 
 class Copy(msgspec.Struct, frozen=True):
     """One copy of a message that a rule lets through."""
 
     after: float = 0.0
-    """Later than it came to the rule [s]."""
+    """Delay since it arrived at the rule [s]."""
     corrupt: bool = False
-    """With a flipped byte, which the receiver's seal refuses."""
+    """True for a flipped byte, which the receiver's seal detects."""
 
 
 Treatment = tuple[Copy, ...]
 """Copies of a message that a rule lets through: none, one, or several."""
 
 DELIVER: Treatment = (Copy(),)
+"""The message as it is."""
 DROP: Treatment = ()
+"""No copy: the message is lost."""
 DUPLICATE: Treatment = (Copy(), Copy())
+"""The message twice."""
 CORRUPT: Treatment = (Copy(corrupt=True),)
+"""The message with a flipped byte, which its receiver refuses."""
 
 BASIC = ""
 """The purpose of the two draws that each message has on each link: for loss, and for delay."""
 
 
 def delay(after: float) -> Treatment:
-    """Deliver the message so much later [s]."""
+    """Deliver the message with a delay [s]."""
     return (Copy(after),)
 
 
 class Message(msgspec.Struct, frozen=True):
-    """One message on its way over one link, as it comes to a rule."""
+    """One message on one link, as it arrives at a rule."""
 
     sender: str
     receiver: str
     k: int
     """Its sequence number on the link."""
     sent: float
-    """When it left its sender [s]."""
+    """Time of sending [s]."""
     waited: float
     """Delay by the rules before this one [s]."""
     distance: float
-    """From sender to receiver [m]; not a number where no rule of the link asks for it."""
+    """From sender to receiver [m]; NaN unless a rule of the link asks for distances."""
     copy: int
-    """0; a duplicate made by a rule before this one: 1, 2, ..."""
+    """0; 1, 2, ... for a duplicate made by a rule before this one."""
     previous: float
-    """When the message before it left this rule [s]; -inf if there was none."""
+    """Time at which the message before it left this rule [s]; -inf if there was none."""
     table: Callable[[str], Draws]
-    """Tables of draws that belong to this link and this rule, by their purpose."""
+    """Tables of draws of this link and this rule, by purpose."""
 
     @property
     def t(self) -> float:
-        """When it comes to this rule [s]."""
+        """Time of arrival at this rule [s]."""
         return self.sent + self.waited
 
     def draw(self, purpose: str, column: int = 0, kept: float = 0.0) -> float:
-        """A uniform draw in [0, 1) of this message's own: the same whenever it is asked for.
+        """Return a uniform draw in [0, 1) for this message, the same at every call.
 
         Args:
             purpose: draws of different purposes are independent.
             column: 0 or 1: each purpose has two draws for every message.
-            kept: with this probability the draw is that of the message before. So whatever is
-                made of draws has exactly this correlation from one message to the next, and the
-                distribution that it has without.
+            kept: probability that the draw is that of the message before. This is the correlation
+                of consecutive messages; the distribution does not change.
         """
         name = purpose if self.copy == 0 else f"{purpose} of copy {self.copy}"
         k = self.k
@@ -93,7 +96,7 @@ class Message(msgspec.Struct, frozen=True):
 
 
 class AtLeast(NamedTuple):
-    """Of rows of draws: those whose draw in a column is as large as that."""
+    """Rows of draws with a draw of at least this size in a column."""
 
     column: int
     least: float
@@ -103,43 +106,40 @@ class AtLeast(NamedTuple):
 
 
 class Rule(Protocol):
-    """The fate of messages: a pure function of the message, its link and the seed."""
+    """The treatment of messages: a pure function of the message, its link and the seed."""
 
     def treat(self, message: Message) -> Treatment:
-        """DELIVER, DROP, DUPLICATE, CORRUPT, delay(after), or any copies."""
+        """Return DELIVER, DROP, DUPLICATE, CORRUPT, delay(after), or any copies."""
 
 
 def asks_distance(rule: Rule) -> bool:
-    """Whether a rule looks at distances: those that do say so."""
+    """Return a rule's attribute asks_distance: True if it needs Message.distance."""
     return bool(getattr(rule, "asks_distance", False))
 
 
 @dataclass(frozen=True)
 class During:
-    """A rule that is in force for messages that come to it in a span of time."""
+    """A rule in force for messages that arrive at it in [begin, end)."""
 
     begin: float
     """[s]"""
     end: float
-    """[s]; no longer in force at this instant."""
+    """[s]"""
     rule: Rule
 
     @property
     def asks_distance(self) -> bool:
-        """As the rule does."""
         return asks_distance(self.rule)
 
     def treat(self, message: Message) -> Treatment:
-        """As the rule does, in its time."""
         return self.rule.treat(message) if self.begin <= message.t < self.end else DELIVER
 
 
 @dataclass(frozen=True)
 class Cut:
-    """A link without a way: nothing comes through."""
+    """Loss of every message."""
 
     def treat(self, message: Message) -> Treatment:
-        """Drop."""
         return DROP
 
 
@@ -147,23 +147,23 @@ _EXPECTED = "DELIVER, DROP, or a tuple of copies that arrive after sending"
 
 
 class UsersRule:
-    """A rule of a user's own: what it returns is a treatment, or a mistake that names it."""
+    """A user's rule with its results checked."""
 
     def __init__(self, rule: Rule) -> None:
         self._rule = rule
         self.asks_distance = bool(getattr(rule, "asks_distance", True))
-        """A user's is taken to look at distances."""
+        """A user's rule needs distances unless it says otherwise."""
 
     def __str__(self) -> str:
         return str(self._rule)
 
     def treat(self, message: Message) -> Treatment:
-        """Have the rule treat the message.
+        """Return the rule's treatment.
 
         Raises:
             MistakenMethodError: it returned something else, raised, or does not return.
         """
-        found = ask(self._rule, "treat", _EXPECTED, message)
+        found = call_user(self._rule, "treat", _EXPECTED, message)
         if isinstance(found, tuple | list) and all(_arrives(copy, message) for copy in found):
             return tuple(found)
         raise MistakenMethodError(self._rule, "treat", _EXPECTED, repr(found))

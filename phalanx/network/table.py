@@ -1,4 +1,4 @@
-"""The [network] table: what happens to messages on each link."""
+"""The [network] table: link models and their rules."""
 
 from collections.abc import Callable, Iterator
 from typing import Annotated, Any, Literal, Self
@@ -40,7 +40,7 @@ from phalanx.schema.fields import (
     Strict,
     Table,
     built,
-    misplaced,
+    field_error,
     number_or_table,
 )
 
@@ -50,18 +50,17 @@ class GilbertElliottTable(Strict):
 
     p: Probability
     r: Probability | None = None
-    """If left out, 1 - p: losses that do not know of one another."""
+    """Default: 1 - p, for independent losses."""
     lost_if_bad: Probability = Field(default=1.0, alias="1-h")
     lost_if_good: Probability = Field(default=0.0, alias="1-k")
 
     def rule(self) -> GilbertElliott:
-        """The rule that the table describes."""
         r = 1.0 - self.p if self.r is None else self.r
         return GilbertElliott(self.p, r, self.lost_if_bad, self.lost_if_good)
 
 
 class BurstTable(Strict):
-    """Gilbert's model as one sees it: { mean, burst }."""
+    """Gilbert's model by measurable quantities: { mean, burst }."""
 
     mean: Annotated[Probability, Field(lt=1)]
     """Share of messages lost."""
@@ -69,7 +68,6 @@ class BurstTable(Strict):
     """Mean number of messages lost in a row."""
 
     def rule(self) -> GilbertElliott:
-        """The rule that the table describes. Raises ValueError."""
         return bursts(self.mean, self.burst)
 
     @model_validator(mode="after")
@@ -85,22 +83,21 @@ class RandomTable(Strict):
     correlation: Annotated[Probability, Field(lt=1)] = 0.0
 
     def rule(self) -> RandomLoss:
-        """The rule that the table describes."""
         return RandomLoss(Chance(self.random, self.correlation))
 
 
 def _alternative(**by_field: str) -> Callable[[Any], str]:
-    """Which alternative a value is meant as: by a field that only it has, the first if none."""
+    """Make a discriminator that knows each alternative by a field that no other one has."""
 
-    def which(value: Any) -> str:
+    def tag_of(value: Any) -> str:
         if number_or_table(value) == NUMBER:
             return NUMBER
-        # A date or a list is none of them, which the first that is tried says in words.
+        # A date or a list fits no alternative: the error message of the first one says so.
         named = value if isinstance(value, dict) else getattr(value, "__dict__", ())
         return next((tag for field, tag in by_field.items() if field in named), default)
 
     default = next(iter(by_field.values()))
-    return which
+    return tag_of
 
 
 Delay = Annotated[
@@ -123,15 +120,15 @@ ChanceField = Annotated[
 
 
 class LinkTable(Strict):
-    """A link model as a scenario writes it: names and parameters are netem's."""
+    """A link model in a scenario file, with netem's names and parameters."""
 
     preset: Preset | None = None
-    """A link model by name; fields that are given replace the preset's."""
+    """A link model by name; fields in the table replace the preset's."""
     delay: Delay = 0.0
     """Constant [s]; { low, high } for a uniform draw; or { time, jitter, correlation,
     distribution }, of uniform, normal, pareto and paretonormal."""
     delay_floor: DelayFloor | None = None
-    """{ time, per_metre }: the least that a message takes, by distance."""
+    """{ time, per_metre }: a least delay that grows with the distance."""
     loss: Loss = 0.0
     """Probability that a message is lost, independently of the others; { random, correlation };
     { mean, burst }; or { p, r, 1-h, 1-k }."""
@@ -142,11 +139,11 @@ class LinkTable(Strict):
     corrupt: ChanceField = 0.0
     """Probability of a flipped byte, or { probability, correlation }."""
     reorder: Reorder | None = None
-    """{ probability, correlation, gap }: what is not delayed."""
+    """{ probability, correlation, gap }: messages that are not delayed."""
     rate: Rate | None = None
-    """{ bits_per_second, size, limit }: messages wait for one another."""
+    """{ bits_per_second, size, limit }: a queue."""
     slot: Positive | None = None
-    """Delivery at the end of slots as long as this [s]."""
+    """Delivery at the end of slots of this duration [s]."""
     rules: tuple[Table, ...] = ()
     """Rules of your own, each { type = "package.module:Name", ... }, after all others."""
 
@@ -163,9 +160,10 @@ class LinkTable(Strict):
         return self
 
     def fields(self) -> Iterator[tuple[str, Rule]]:
-        """The rules that the table asks for, by field, in the order in which they act."""
+        """Build the table's rules, with their fields, in the order in which they act."""
         if self.loss != 0.0:
-            yield LOSS, _loss(self.loss)
+            loss = self.loss
+            yield LOSS, RandomLoss(Chance(loss)) if isinstance(loss, float | int) else loss.rule()
         if self.loss_by_distance:
             yield "loss_by_distance", self.loss_by_distance
         if self.duplicate != 0.0:
@@ -175,7 +173,8 @@ class LinkTable(Strict):
         if self.rate:
             yield "rate", self.rate
         if self.delay != 0.0:
-            yield DELAY, _delay(self.delay)
+            delay = self.delay
+            yield DELAY, ConstantDelay(delay) if isinstance(delay, float | int) else delay
         if self.reorder:
             yield "reorder", self.reorder
         if self.delay_floor:
@@ -186,40 +185,32 @@ class LinkTable(Strict):
             yield f"rules.{place}", UsersRule(built(f"rules.{place}", Rule, table))
 
 
-def _loss(loss: "float | RandomTable | BurstTable | GilbertElliottTable") -> Rule:
-    return RandomLoss(Chance(loss)) if isinstance(loss, float | int) else loss.rule()
-
-
-def _delay(delay: "float | UniformDelay | JitteredDelay") -> Rule:
-    return ConstantDelay(delay) if isinstance(delay, float | int) else delay
-
-
 def _chance(chance: float | Chance) -> Chance:
     return Chance(chance) if isinstance(chance, float | int) else chance
 
 
 class SomeLinks(Strict):
-    """Which links something is about. Both ends of a robot's own links are called like it."""
+    """A set of links. A link within a robot has the robot's name at both ends."""
 
     of: Kind = "broadcast"
-    """The cargo of the links."""
+    """The messages of the links."""
     sender: Name | Literal["*"] = Field(default="*", alias="from")
     receiver: Name | Literal["*"] = Field(default="*", alias="to")
 
     def concerns(self, sender: str, receiver: str, of: Kind) -> bool:
-        """Whether it is about this link."""
+        """Return whether a link is one of the set."""
         return self.of == of and self.sender in ("*", sender) and self.receiver in ("*", receiver)
 
     def check_names(self, names: list[str], where: tuple[str | int, ...]) -> None:
-        """Raise ValidationError for a name that nobody has."""
+        """Raise ValidationError for an unknown name."""
         for field, name in (("from", self.sender), ("to", self.receiver)):
             if name != "*" and name not in names:
                 message = f"expected an agent's name or '*', one of {names}"
-                raise misplaced((*where, field), message, name)
+                raise field_error((*where, field), message, name)
 
 
 class LinkOverride(SomeLinks, LinkTable):
-    """A link model for some links only; of several that match, the last counts."""
+    """A link model for some links; if several match a link, the last one applies."""
 
     @model_validator(mode="after")
     def _in_time(self) -> Self:
@@ -229,12 +220,12 @@ class LinkOverride(SomeLinks, LinkTable):
 
 
 class Network(LinkTable):
-    """The model of every agent-to-agent link, those within the robots, and exceptions to them."""
+    """The link models: of all agent-to-agent links, of links within robots, and of single links."""
 
     sample: LinkTable = LinkTable()
-    """From each robot's sensors: a sample that is lost is missed."""
+    """Links from each robot's sensors: the agent skips a sample that is lost."""
     actuation: LinkTable = LinkTable()
-    """To each robot's actuators: they hold what they have until another input comes."""
+    """Links to each robot's actuators: they hold their input until the next one arrives."""
     links: tuple[LinkOverride, ...] = ()
 
     @model_validator(mode="after")
@@ -244,8 +235,8 @@ class Network(LinkTable):
 
 
 def require_in_time(table: LinkTable, where: tuple[str, ...]) -> None:
-    """Raise ValidationError if a table for samples delays them."""
+    """Raise ValidationError if a table of links for samples delays them."""
     for field, _ in table.fields():
         if field not in (LOSS, "corrupt") and not field.startswith("rules"):
-            message = "expected loss and corrupt alone: samples are not late, see time.latency"
-            raise misplaced((*where, field), message, getattr(table, field))
+            message = "expected loss and corrupt alone: for delayed samples use time.latency"
+            raise field_error((*where, field), message, getattr(table, field))

@@ -15,29 +15,29 @@ class TimeSpent(msgspec.Struct):
     wall: float
     """From its first timed call to the end of its last [s]."""
     phases: dict[str, float]
-    """Time in each phase [s]; what is left of the wall time is in none."""
+    """Time in each phase [s]; the rest of the wall time is in none."""
     calls: dict[str, int]
     """Timed calls of each phase."""
 
 
 class Stopwatch:
-    """Counts the time of chosen calls; a timed call within another is taken out of that one.
+    """Adds up the time of chosen calls; that of nested timed calls counts for the inner ones alone.
 
-    Nothing is stamped but what was chosen, so an object that nobody times costs nothing. All timed
-    calls of one stopwatch must come from one thread at a time.
+    Chosen methods are wrapped, and others cost nothing. All timed calls of one stopwatch must come
+    from one thread at a time.
     """
 
     def __init__(self) -> None:
         self._seconds: dict[str, float] = defaultdict(float)
         self._calls: dict[str, int] = defaultdict(int)
         self._inner = 0.0
-        """Time in timed calls within the one that is going on [s]."""
+        """Time in timed calls within the present one [s]."""
         self._began: float | None = None
         self._ended = 0.0
 
-    def time(self, whose: object, call: str, phase: str) -> None:
-        """Count calls of one object's method to a phase from now on."""
-        timed = getattr(whose, call)
+    def time(self, owner: object, call: str, phase: str) -> None:
+        """Add the time of an object's method to a phase from now on."""
+        timed = getattr(owner, call)
 
         def stamped(*arguments: Any, **named: Any) -> Any:
             outer, self._inner = self._inner, 0.0
@@ -53,20 +53,20 @@ class Stopwatch:
                 self._calls[phase] += 1
                 self._inner = outer + took
 
-        setattr(whose, call, stamped)
+        setattr(owner, call, stamped)
 
     def spent(self, program: str) -> TimeSpent:
-        """The count so far."""
+        """Return the times so far."""
         began = self._ended if self._began is None else self._began
         return TimeSpent(program, self._ended - began, dict(self._seconds), dict(self._calls))
 
     def write(self, folder: Path, program: str) -> None:
-        """Leave what was counted in a folder. Raises OSError."""
+        """Write the times into a folder. Raises OSError."""
         folder.mkdir(exist_ok=True)
         (folder / f"{program}.json").write_bytes(msgspec.json.encode(self.spent(program)))
 
 
 def read_profile(folder: Path) -> list[TimeSpent]:
-    """Counts that the programs of a run left in a folder; none if it is not there."""
+    """Read the times of a run's programs from a folder; none if it does not exist."""
     files = sorted(folder.glob("*.json"))
     return [msgspec.json.decode(file.read_bytes(), type=TimeSpent) for file in files]

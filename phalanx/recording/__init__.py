@@ -1,1 +1,1 @@
-"""The recording of a run: one MCAP file, readable after a crash up to its last chunk."""
+"""The recording of a run: one MCAP file, readable up to its last chunk after a crash."""

@@ -1,4 +1,4 @@
-"""What became of every broadcast on its way: in time, late or lost."""
+"""The fate of every broadcast: in time, late or lost."""
 
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Sequence
@@ -10,7 +10,7 @@ from phalanx.recording.read import Recording, steps_by_agent
 
 IN_TIME, LATE, LOST = FATES = ("in time", "late", "lost")
 _WINDOW_STEPS = 8
-"""How many control steps of an agent a window shows."""
+"""Control steps of an agent in a window."""
 
 
 class Broadcast(NamedTuple):
@@ -21,7 +21,7 @@ class Broadcast(NamedTuple):
     sent: float
     """[s]"""
     arrival: float
-    """[s]; when it was sent, if it was lost."""
+    """[s]; equal to `sent` if it was lost."""
     fate: str
     """IN_TIME for the receiver's next step after it was sent, LATE or LOST."""
     false: bool = False
@@ -29,12 +29,12 @@ class Broadcast(NamedTuple):
 
 
 def broadcasts(recording: Recording) -> Iterator[Broadcast]:
-    """Every broadcast whose fate a receiver decided, and whose sender's step is recorded."""
+    """Yield every broadcast whose fate a receiver decided, and whose sender's step is recorded."""
     names = [name for name, _, _ in recording.scenario.roster()]
     place = {name: i for i, name in enumerate(names)}
     sent = {(step.agent, step.k): step.t for step in recording.steps}
     of_agents = steps_by_agent(recording).items()
-    # In lists: for one number at a time bisect takes a fifth of what NumPy does.
+    # In lists: for a single number bisect takes a fifth of NumPy's time.
     samples = {name: [*(s.t for s in steps), np.inf] for name, steps in of_agents}
     for step in recording.steps:
         false = {(sender, k) for sender, k, *_ in step.false}
@@ -50,12 +50,12 @@ def broadcasts(recording: Recording) -> Iterator[Broadcast]:
 
 
 def window(moment: float, end: float, samples: Iterable[Sequence[float]]) -> tuple[float, float]:
-    """A few control steps around a moment, from when to when [s].
+    """Return the interval of a few control steps around a moment [s].
 
     Args:
-        moment: what to look at [s].
+        moment: its centre, unless the run is over before the interval [s].
         end: of the run [s].
-        samples: when each agent had its steps [s].
+        samples: times of each agent's steps [s].
     """
     gaps = [float(np.median(np.diff(t))) for t in samples if len(t) > 1]
     width = _WINDOW_STEPS * max(gaps, default=1.0)

@@ -1,7 +1,7 @@
-"""A user's modules in a recording: which may be in it, and how they are put to use again.
+"""A user's Python modules in a recording: validate them, and make them importable again.
 
-Whoever sends a recording chooses what is in it. Nothing is written outside a temporary folder, and
-nothing at all unless the recording is trusted.
+A recording may come from an attacker. Its modules are written to a temporary folder alone, and only
+if the recording is trusted.
 """
 
 import hashlib
@@ -19,34 +19,35 @@ log = logging.getLogger("phalanx.recording")
 MODULES = "modules"
 """Metadata: SHA-256 by path. Each path is that of an attachment."""
 MEDIA_TYPE = "text/x-python"
-_MOST = 2**20
-"""All sources together [bytes]."""
+_MOST_BYTES = 2**20
+"""Of all sources together."""
 
 
 class ModulesError(ValueError):
-    """Modules that are not recorded, or not taken from a recording; the message says why."""
+    """Modules cannot be recorded, or taken from a recording; the message has the reason."""
 
 
 def hashes(modules: Mapping[str, bytes]) -> dict[str, str]:
-    """SHA-256 of each source, by path. Raises ModulesError unless they may be in a recording."""
+    """Return the SHA-256 of each source, by path. Raises ModulesError if a module is not valid."""
     total = sum(map(len, modules.values()))
-    if total > _MOST:
-        raise ModulesError(f"modules: expected at most {_MOST} bytes of source, got {total}")
+    if total > _MOST_BYTES:
+        raise ModulesError(f"modules: expected at most {_MOST_BYTES} bytes of source, got {total}")
     for path, source in modules.items():
         _require_module(path, source)
     return {path: hashlib.sha256(source).hexdigest() for path, source in modules.items()}
 
 
-def put_to_use(modules: Mapping[str, bytes], recorded: Mapping[str, str], trust: bool) -> None:
-    """Have the modules of a recording imported, unless those that are found here are the same.
+def make_importable(modules: Mapping[str, bytes], recorded: Mapping[str, str], trust: bool) -> None:
+    """Make imports find the modules of a recording, unless they find the same ones already.
 
     Args:
         modules: source by path.
         recorded: SHA-256 by path.
-        trust: whether they may be imported; if not, they are only compared with what was.
+        trust: whether they may be imported; if not, they are only compared with imported ones.
 
     Raises:
-        ModulesError: they are not what a recording holds, or others of their names were imported.
+        ModulesError: they differ from their hashes, are not valid, or other modules of their
+            names were imported before.
     """
     found = hashes(modules)
     for path in sorted(found.keys() | recorded.keys()):
@@ -59,7 +60,7 @@ def put_to_use(modules: Mapping[str, bytes], recorded: Mapping[str, str], trust:
         changed = [path for path in replaced if _name(path) in sys.modules]
         if replaced and not changed:
             _place(modules)
-            log.warning("as recorded, and not as found here: %s", ", ".join(replaced))
+            log.warning("imported from the recording: %s", ", ".join(replaced))
     if changed:
         raise ModulesError(
             f"another {', '.join(changed)} was imported before: open it in a program of its own"
@@ -68,7 +69,7 @@ def put_to_use(modules: Mapping[str, bytes], recorded: Mapping[str, str], trust:
 
 def _require_module(path: str, source: bytes) -> None:
     parts = path.removesuffix(".py").split("/")
-    # Identifiers alone: neither "..", nor a drive, nor anything else that leads out of a folder.
+    # Identifiers alone: no ".." or drive that would lead out of the folder.
     if not path.endswith(".py") or not all(map(str.isidentifier, parts)):
         raise ModulesError(f"module {path!r}: expected the path of a module, package/module.py")
     if parts[0] in NOT_A_USERS:
@@ -80,7 +81,7 @@ def _require_module(path: str, source: bytes) -> None:
 
 
 def _found_here(path: str) -> bytes | None:
-    """Source of the module that an import finds at present."""
+    """Return the source of the module that an import finds."""
     for folder in (*sys.path, "."):
         file = Path(folder, path)
         if file.is_file():
@@ -89,8 +90,8 @@ def _found_here(path: str) -> bytes | None:
 
 
 def _place(modules: Mapping[str, bytes]) -> None:
-    """Write all of them where imports look first: a package lies in one folder."""
-    # In a folder of their own: the modules of another recording stay what they are.
+    """Write all of them, since a package lies in one folder, where imports look first."""
+    # In a folder of their own, apart from the modules of other recordings.
     folder = Path(tempfile.mkdtemp(dir=_folder().name))
     try:
         for path, source in modules.items():
@@ -99,13 +100,13 @@ def _place(modules: Mapping[str, bytes]) -> None:
             file.write_bytes(source)
     except OSError as error:
         raise ModulesError(f"modules cannot be written: {error.strerror}") from error
-    # Processes of a run that is made again get this path from multiprocessing.
+    # Processes of a repeated run get this path from multiprocessing.
     sys.path.insert(0, str(folder))
 
 
 @cache
 def _folder() -> "tempfile.TemporaryDirectory[str]":
-    """It goes away with this process."""
+    """Make a temporary folder that is removed with this process."""
     return tempfile.TemporaryDirectory(prefix="phalanx-modules-")
 
 

@@ -1,8 +1,8 @@
 """Read a recording, whole or cut short.
 
-Its sender is not trusted: chunks are unpacked within bounds, and records that are not of the
-recorded scenario refused. A few kilobytes of zstd can stand for terabytes, and the file's own word
-for how many is not to be believed.
+A recording may come from an attacker: chunks are unpacked within bounds, and records that do not
+fit the recorded scenario rejected. A few kilobytes of zstd can unpack to terabytes, and the sizes
+in the file may be false.
 """
 
 import re
@@ -23,21 +23,21 @@ from zstandard import ZstdError, frame_content_size
 from phalanx.arrays import Array
 from phalanx.faults.commands import Command
 from phalanx.guarantee.verdict import Summary, read_summary
-from phalanx.recording.modules import MEDIA_TYPE, MODULES, ModulesError, put_to_use
-from phalanx.recording.records import RECORDING, TOPICS, Log, Shown, State, Step
+from phalanx.recording.modules import MEDIA_TYPE, MODULES, ModulesError, make_importable
+from phalanx.recording.records import RECORDING, TOPICS, Log, State, Step, StepData
 from phalanx.scenario.load import ScenarioError, from_json
 from phalanx.scenario.model import Scenario
 from phalanx.schema.user_code import code_trusted
 from phalanx.theory.expressions.exact import LARGEST_SUM
 
-_MOST_OF_A_CHUNK = 4 * 2**20
-"""A chunk is written when it holds 64 kB: one record more makes it longer, and none is so long."""
+_LARGEST_CHUNK = 4 * 2**20
+"""[bytes]; a chunk is written once it has 64 kB and one record more, which is far smaller."""
 _LEAST_ALLOWED, _DENSEST = 16 * 2**20, 100
-"""All chunks together hold so many bytes, or so many times the file, if that is more."""
+"""All chunks together may have this many bytes, or this many times the file's, if that is more."""
 
 
 class UnreadableRecordingError(ValueError):
-    """Not a recording, or damaged before its first chunk ended; the message names the file."""
+    """The file is not a recording, or damaged in its first chunk; the message names the file."""
 
 
 @dataclass
@@ -55,14 +55,14 @@ class Recording:
     """The verdict; None of a recording with damage, wherever that is."""
     damage: str | None = None
     """Why the recording ends early, in words; None if it is whole."""
-    shown: list[Shown] = field(default_factory=list)
-    """Of a run in real time: beside each step, what it was made of."""
+    shown: list[StepData] = field(default_factory=list)
+    """Of a run in real time: the data of each step's decision."""
     modules: dict[str, str] = field(default_factory=dict)
-    """SHA-256 of the user's modules recorded with it, by path."""
+    """SHA-256 of the recorded modules of the user, by path."""
 
     @property
     def unfinished(self) -> str:
-        """Why there is no verdict, in words; empty if there is one."""
+        """The reason why there is no verdict; empty if there is one."""
         return "" if self.summary else self.damage or "it holds no summary"
 
     @property
@@ -82,7 +82,7 @@ class Recording:
 
 
 def find(run: Path) -> Path:
-    """The recording file of a run folder, or the file itself. Raises UnreadableRecordingError."""
+    """Find the recording file of a run folder or file. Raises UnreadableRecordingError."""
     path = run / RECORDING if run.is_dir() else run
     if not path.is_file():
         raise UnreadableRecordingError(f"{path}: no such recording")
@@ -92,19 +92,19 @@ def find(run: Path) -> Path:
 def read(run: Path, trust: bool = False) -> Recording:
     """Read a run folder or a recording file.
 
-    A file that was cut short gives all records up to its last whole chunk, says so, and has no
-    verdict: that is of the whole run, and stands before the last records.
+    A file that was cut short gives all records up to its last whole chunk, their damage in words,
+    and no verdict, which is of the whole run.
 
     Args:
         run: the folder or the file.
-        trust: whether modules that the recorded scenario names may be imported, which runs them;
-            those that this program has imported for a scenario before are, anyway. Those that
-            are not here, or differ, are then taken from the recording.
+        trust: allow importing, and so running, the modules that the recorded scenario names; they
+            come from the recording if none are found, or others. Modules that this program has
+            imported for a scenario before need no trust.
 
     Raises:
-        UnreadableRecordingError: no such file, not MCAP, without a scenario, with one that
-            names code that is not trusted, with modules that are not as recorded, or with
-            records that are not of its scenario.
+        UnreadableRecordingError: the file does not exist, is not MCAP, has no scenario or one
+            that names code that is not trusted, modules that differ from their hashes, or records
+            that do not fit its scenario.
     """
     path = find(run)
     contents = _Contents()
@@ -112,7 +112,7 @@ def read(run: Path, trust: bool = False) -> Recording:
     if contents.scenario is None:
         raise UnreadableRecordingError(f"{path}: not a recording of a run ({damage or 'empty'})")
     try:
-        put_to_use(contents.modules, contents.hashes, trust)
+        make_importable(contents.modules, contents.hashes, trust)
         with code_trusted(trust):
             scenario = from_json(contents.scenario)
     except ModulesError as error:
@@ -123,7 +123,7 @@ def read(run: Path, trust: bool = False) -> Recording:
     by_kind: dict[type, list[Any]] = contents.records
     recording = Recording(
         path, scenario, contents.metadata, by_kind[State], by_kind[Step], by_kind[Log],
-        by_kind[Command], None if damage else contents.summary, damage, by_kind[Shown],
+        by_kind[Command], None if damage else contents.summary, damage, by_kind[StepData],
         contents.hashes,
     )  # fmt: skip
     if unfit := misfit(recording):
@@ -132,7 +132,7 @@ def read(run: Path, trust: bool = False) -> Recording:
 
 
 def steps_by_agent(recording: Recording) -> dict[str, list[Step]]:
-    """Each agent's steps in order, by name, in the scenario's order."""
+    """Return each agent's steps in order, by name, in the scenario's order."""
     found: dict[str, list[Step]] = {name: [] for name, _, _ in recording.scenario.roster()}
     for step in recording.steps:
         found[step.agent].append(step)
@@ -140,7 +140,7 @@ def steps_by_agent(recording: Recording) -> dict[str, list[Step]]:
 
 
 def size_in_words(recording: Recording) -> str:
-    """Such as "2.6 MB, 5.1 kB for each agent and second of virtual time"."""
+    """Describe a size, as "2.6 MB, 5.1 kB for each agent and second of virtual time"."""
     size = recording.path.stat().st_size
     agents = sum(group.size for group in recording.scenario.agents)
     seconds = recording.states[-1].t if recording.states else 0.0
@@ -152,10 +152,7 @@ def size_in_words(recording: Recording) -> str:
 
 
 def misfit(recording: Recording) -> str | None:
-    """The first record that is none of its scenario's, in words: readers rely on sizes and names.
-
-    None if all are.
-    """
+    """Describe the first record whose sizes or names do not fit the scenario; None if all do."""
     roster = recording.scenario.roster()
     dynamics = {name: group.dynamics_object() for name, group, _ in roster}
     width = sum(len(found.states) for found in dynamics.values())
@@ -178,16 +175,16 @@ def misfit(recording: Recording) -> str | None:
 
 def _fits(step: Step, inputs: dict[str, int]) -> bool:
     size = inputs.get(step.agent)
-    told = [sender for sender, *_ in (*step.ages, *step.fates, *step.faults, *step.false)]
+    senders = [sender for sender, *_ in (*step.ages, *step.fates, *step.faults, *step.false)]
     return (
         len(step.u) == size
         and len(step.u_nom) in (0, size)
-        and inputs.keys() >= set(told)
+        and inputs.keys() >= set(senders)
         and all(len(u) == inputs[sender] for sender, _, _, u in step.false)
     )
 
 
-def _could_be_shown(shown: Shown, sizes: dict[str, int], inputs: dict[str, int]) -> bool:
+def _could_be_shown(shown: StepData, sizes: dict[str, int], inputs: dict[str, int]) -> bool:
     in_order = [name for name in sizes if name in shown.seen]
     return (
         shown.agent in in_order
@@ -207,7 +204,7 @@ class _Contents:
         self.records: dict[type, list[Any]] = {kind: [] for kind in TOPICS}
 
     def collect(self, records: Iterator[McapRecord]) -> str | None:
-        """Take every record there is; the damage in words, if there is any."""
+        """Collect all records; return the damage in words, if there is any."""
         kinds = {topic: kind for kind, topic in TOPICS.items()}
         decoders: dict[int, msgspec.json.Decoder[Any]] = {}
         try:
@@ -228,8 +225,8 @@ class _Contents:
             return f"cut short after {self._extent()}"
         except (McapError, CRCValidationError, ZstdError, msgspec.DecodeError, ValueError) as error:
             return f"damaged after {self._extent()}: {error}"
-        except (MemoryError, OverflowError):  # lengths that nothing has
-            return f"damaged after {self._extent()}: a length that nothing has"
+        except (MemoryError, OverflowError):
+            return f"damaged after {self._extent()}: an impossible length"
         return None
 
     def _attach(self, record: Attachment) -> None:
@@ -246,11 +243,11 @@ class _Contents:
 
 
 _ENORMOUS = re.compile(rb"e\+?0*3\d\d|\d{300}", re.IGNORECASE)
-"""What a number of 1e300 or more has in JSON."""
+"""A part of every JSON number of 1e300 or more."""
 
 
 def _require_bounded(record: bytes) -> None:
-    """Raise ValueError if a number of a JSON record is too large for figures of it."""
+    """Raise ValueError if a number of a JSON record is too large to compute with."""
     if _ENORMOUS.search(record) and _beyond(msgspec.json.decode(record)):
         raise ValueError(f"a number above {LARGEST_SUM:g}, which no run has")
 
@@ -267,12 +264,12 @@ def _beyond(value: Any) -> bool:
 
 
 def _records_of(file: bytes) -> Iterator[McapRecord]:
-    """Every record in order, chunks unpacked and checksums compared.
+    """Yield every record in order, chunks unpacked and checksums compared.
 
-    Raises what mcap, zstandard and struct do.
+    Raises the errors of mcap, zstandard and struct.
     """
     left = max(_LEAST_ALLOWED, _DENSEST * len(file))
-    # In memory: where a flipped bit makes a length a terabyte, a file would set that much aside.
+    # From memory: reading a damaged length of a terabyte from a file would allocate as much.
     for record in StreamReader(BytesIO(file), emit_chunks=True, validate_crcs=True).records:
         if not isinstance(record, Chunk):
             yield record
@@ -284,11 +281,11 @@ def _records_of(file: bytes) -> Iterator[McapRecord]:
 
 
 def _unpacked(chunk: Chunk) -> int:
-    """How many bytes a chunk unpacks to at most. Raises McapError."""
+    """Return the most bytes that a chunk unpacks to. Raises McapError."""
     sizes = [chunk.uncompressed_size]
     if chunk.compression == "zstd":
-        # The frame's own word counts for zstd, whatever the chunk says; -1 where it says nothing.
+        # zstd goes by the size in its frame, which is -1 if unknown.
         sizes.append(frame_content_size(chunk.data))
-    if max(sizes) > _MOST_OF_A_CHUNK:
+    if max(sizes) > _LARGEST_CHUNK:
         raise McapError(f"a chunk that unpacks to {max(sizes)} bytes")
     return max(sizes)

@@ -1,4 +1,4 @@
-"""What a recording holds: JSON messages that Foxglove and other MCAP tools read as they are."""
+"""Records of a recording: JSON messages that Foxglove and other MCAP tools can read."""
 
 from enum import StrEnum
 from typing import Annotated
@@ -11,9 +11,9 @@ from phalanx.wire.step_report import AppliedStep
 RECORDING = "recording.mcap"
 SUMMARY = "summary.json"
 PROFILE = "profile"
-"""A folder, in a run whose programs were timed."""
+"""The folder of wall times, in a run whose programs were timed."""
 SequenceNumber = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
-"""Of a sample or a broadcast; a column of a table holds 64 bits."""
+"""Of a sample or a broadcast; fits into a table's column of 64 bits."""
 
 
 class State(msgspec.Struct):
@@ -42,22 +42,22 @@ class Step(AppliedStep, array_like=False, forbid_unknown_fields=False, kw_only=T
     ages: list[tuple[str, float]]
     """(sender, age [s]) of each û_l used."""
     fates: list[tuple[str, SequenceNumber, float]]
-    """(sender, sequence number, delay [s]) of broadcasts decided now, or at a step before whose
+    """(sender, sequence number, delay [s]) of broadcasts decided now, or at an earlier step whose
     input was lost; delay < 0: lost."""
     faults: list[tuple[str, SequenceNumber, list[str]]] = msgspec.field(default_factory=list)
-    """(sender, sequence number, names) of those of `fates` in which declared faults had a part."""
+    """(sender, sequence number, names) of those of `fates` that declared faults affected."""
     false: list[tuple[str, SequenceNumber, float, list[float]]] = msgspec.field(
         default_factory=list
     )
-    """(sender, sequence number, t_apply [s], u) as told, where that is not the truth."""
+    """(sender, sequence number, t_apply [s], u) of false claims."""
 
     def __post_init__(self) -> None:
-        """Older recordings have the ages alone."""
+        """Compute the oldest age, which older recordings do not have."""
         self.oldest_input = max((age for _, age in self.ages), default=None)
 
 
-class Shown(msgspec.Struct):
-    """What an agent was shown, and what it knew, at a step in real time. Topic /shown."""
+class StepData(msgspec.Struct):
+    """The data of an agent's decision at a step in real time. Topic /shown."""
 
     agent: str
     k: SequenceNumber
@@ -68,13 +68,13 @@ class Shown(msgspec.Struct):
     x: list[float]
     """Their states, stacked in that order."""
     received: list[tuple[str, float, list[float]]]
-    """(sender, since when it is held [s], u) of every û_l."""
+    """(sender, t_apply [s], u) of every û_l."""
     adversary: bool = False
-    """Whether a command had turned it."""
+    """Whether a command had made it an adversary."""
 
 
 class Level(StrEnum):
-    """How grave an event is."""
+    """The severity of an event."""
 
     INFO = "info"
     WARNING = "warning"
@@ -84,7 +84,7 @@ class Level(StrEnum):
 
 
 class Log(msgspec.Struct):
-    """An event in words. Topic /log."""
+    """A line of the event log. Topic /log."""
 
     t: float
     """[s]"""
@@ -95,13 +95,19 @@ class Log(msgspec.Struct):
 TOPICS: dict[type, str] = {
     State: "/state",
     Step: "/step",
-    Shown: "/shown",
+    StepData: "/shown",
     Log: "/log",
     Command: "/command",
 }
 
 
 def json_schema(kind: type) -> bytes:
-    """The JSON Schema of a record, its root inlined as MCAP readers expect."""
+    """Return the JSON Schema of a record, its root inlined as MCAP readers expect."""
     _, components = msgspec.json.schema_components([kind])
-    return msgspec.json.encode({"type": "object", **components[kind.__name__]})
+    root = components[kind.__name__] | {"title": schema_name(kind)}
+    return msgspec.json.encode({"type": "object", **root})
+
+
+def schema_name(kind: type) -> str:
+    """Return the name of a record's schema, which follows from its topic."""
+    return TOPICS[kind].removeprefix("/").capitalize()

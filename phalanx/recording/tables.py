@@ -1,6 +1,6 @@
-"""A recording as data frames with named columns, one for each question one asks of a run.
+"""A recording as data frames with named columns.
 
-Each begins with run, scenario and seed, so that tables of several runs can be put together.
+Each begins with run, scenario and seed, so that tables of several runs can be concatenated.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from phalanx.wire.step_report import QUANTITIES
 
 
 def states_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
-    """One row for each event: t [s], h_tot, and every agent's states as "<agent>.<state>"."""
+    """Make a row for each event: t [s], h_tot, and every agent's states as "<agent>.<state>"."""
     names = [f"{m.name}.{state}" for m in swarm.members for state in m.dynamics.states]
     x = recording.x.reshape(len(recording.states), len(names))
     table = pl.DataFrame(
@@ -29,7 +29,7 @@ def states_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
 
 
 def h_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
-    """One row for each event: t [s], and every pair's h as "<agent>-<agent>"; safe is h <= 0."""
+    """Make a row for each event: t [s], and every pair's h as "<agent>-<agent>"; safe is h <= 0."""
     composed = swarm.safe_set
     labels = [composed.label(pair) for pair in composed.pairs]
     every = swarm.pairs.choose(swarm.pairs.every)
@@ -44,10 +44,10 @@ def h_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
 
 
 def inputs_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
-    """One row for each control step of each agent.
+    """Make a row for each control step of each agent.
 
     Columns: agent, k, t and t_apply [s], origin and the numbers of an AppliedStep, null where there
-    is none; then "u.<input>" as applied and "nominal.<input>" as its law would have it, null where
+    is none; then the applied inputs "u.<input>" and those of the law "nominal.<input>", null where
     the agent's dynamics have no such input.
     """
     names = list(dict.fromkeys(n for m in swarm.members for n in m.dynamics.inputs))
@@ -72,21 +72,21 @@ def inputs_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
 
 
 def links_table(recording: Recording) -> pl.DataFrame:
-    """One row for each broadcast whose fate a receiver decided.
+    """Make a row for each broadcast whose fate a receiver decided.
 
-    Columns: sender, receiver, k (the broadcast's number), t (when it was decided [s]), lost, and
-    delay [s], null if it was lost; faults, the names of the declared faults that had a part in it;
-    lied, whether it said what its sender did not apply.
+    Columns: sender, receiver, k (the broadcast's number), t (time of the decision [s]), lost,
+    delay [s], null if it was lost; faults, the names of declared faults that affected it; and
+    lied, whether its claim was false.
     """
     rows = []
     for step in recording.steps:
-        hit = {(sender, k): names for sender, k, names in step.faults}
+        faults = {(sender, k): names for sender, k, names in step.faults}
         lied = {(sender, k) for sender, k, *_ in step.false}
         for sender, k, delay in step.fates:
-            lost, of = delay < 0.0, (sender, k)
+            lost, key = delay < 0.0, (sender, k)
             known = None if lost else delay
-            faults = hit.get(of, [])
-            rows.append((sender, step.agent, k, step.t, lost, known, faults, of in lied))
+            names = faults.get(key, [])
+            rows.append((sender, step.agent, k, step.t, lost, known, names, key in lied))
     schema: dict[str, pl.DataType | type[pl.DataType]] = {
         "sender": pl.String,
         "receiver": pl.String,
@@ -101,7 +101,7 @@ def links_table(recording: Recording) -> pl.DataFrame:
 
 
 def events_table(recording: Recording) -> pl.DataFrame:
-    """One row for each line of the event log: t [s] and the text."""
+    """Make a row for each line of the event log: t [s] and the text."""
     rows = [(line.t, line.text) for line in recording.log]
     table = pl.DataFrame(rows, schema={"t": pl.Float64, "text": pl.String}, orient="row")
     return _of_run(recording, table)
@@ -117,15 +117,15 @@ def _of_run(recording: Recording, table: pl.DataFrame) -> pl.DataFrame:
 
 
 def _component(values: Sequence[float], names: Sequence[str], name: str) -> float | None:
-    """The component of that name, or None if the agent has none."""
+    """Return the component of that name, or None if the agent has none."""
     return values[names.index(name)] if name in names and values else None
 
 
 def profile_table(programs: Sequence[TimeSpent], summary: Summary | None) -> pl.DataFrame:
-    """One row for each program and phase: seconds, share of its wall time, and per_step [s].
+    """Make a row for each program and phase: seconds, share of its wall time, and per_step [s].
 
-    A program that computes has so many steps; the plant has those of all agents. What is in no
-    phase is an agent's waiting, and the rest of the plant.
+    An agent has its own steps, the plant those of all agents. Time in no phase is waiting of an
+    agent, or the rest of the plant.
     """
     rows = []
     for spent in programs:

@@ -1,4 +1,4 @@
-"""Write a recording as the run goes."""
+"""Write a recording during the run."""
 
 import contextlib
 import json
@@ -16,7 +16,7 @@ from mcap.writer import Writer
 from phalanx.faults.commands import Command
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.recording.modules import MEDIA_TYPE, MODULES, ModulesError, hashes
-from phalanx.recording.records import TOPICS, Log, Shown, State, Step, json_schema
+from phalanx.recording.records import TOPICS, Log, State, Step, StepData, json_schema, schema_name
 from phalanx.scenario.load import digest, to_json
 from phalanx.scenario.model import Scenario
 from phalanx.schema.user_code import imported_sources
@@ -24,15 +24,15 @@ from phalanx.schema.user_code import imported_sources
 _CHUNK_BYTES = 64 * 1024
 _VERSIONS = ("eclipse-zenoh", "osqp", "casadi", "numpy")
 
-Record = State | Step | Shown | Log | Command
+Record = State | Step | StepData | Log | Command
 
 
 class RecordingError(OSError):
-    """The recording cannot go on: the disk is full, or the file is gone."""
+    """The recording cannot be written: the disk is full, or the file is gone."""
 
 
 class RecordingWriter:
-    """One MCAP file; every finished chunk is on the disk, whole, before the next begins."""
+    """One MCAP file; every chunk is written completely before the next begins."""
 
     def __init__(self, path: Path, scenario: Scenario, run_id: str) -> None:
         """Create the file, with versions, the user's modules and the resolved scenario first."""
@@ -58,7 +58,7 @@ class RecordingWriter:
         self._channels = {}
         for kind, topic in TOPICS.items():
             schema = self._writer.register_schema(
-                f"phalanx.{kind.__name__}", "jsonschema", json_schema(kind)
+                f"phalanx.{schema_name(kind)}", "jsonschema", json_schema(kind)
             )
             self._channels[kind] = self._writer.register_channel(topic, "json", schema)
         if without_modules:
@@ -77,7 +77,7 @@ class RecordingWriter:
         self._writer.finish()  # type: ignore[no-untyped-call]
 
     def _add_modules(self, modules: Mapping[str, bytes]) -> str:
-        """Attach a user's modules, all or none; why none, in words."""
+        """Attach all of a user's modules; if that fails none, and return the reason."""
         try:
             found = hashes(modules)
         except ModulesError as error:
@@ -89,7 +89,7 @@ class RecordingWriter:
         return ""
 
     def close(self) -> None:
-        """Close the file; what is in it stays readable."""
+        """Close the file, which is readable even without `finish`."""
         self._file.close()
 
     def __enter__(self) -> Self:
@@ -99,12 +99,12 @@ class RecordingWriter:
         self.close()
 
 
-def write_down(summary: Summary, file: Path, recording: RecordingWriter) -> None:
-    """Write the summary to its file, and end the recording with it.
+def write_summary(summary: Summary, file: Path, recording: RecordingWriter) -> None:
+    """Write the summary to its file and into the recording, which it finishes.
 
-    If it cannot be done there is no whole record of the run: the summary says so, and has no file.
+    On failure the summary's outcome becomes BROKEN, and the file is removed.
     """
-    # Whoever sees the file may count on the recording, and to rename it takes no room.
+    # Renamed last, which needs no space: if the file exists, the recording is complete.
     part = file.with_name(f"{file.name}.part")
     try:
         with contextlib.closing(_WholeWrites(part)) as written:
@@ -119,7 +119,7 @@ def write_down(summary: Summary, file: Path, recording: RecordingWriter) -> None
 
 
 class _WholeWrites:
-    """A file that takes each write whole or not at all, and nothing behind one that failed."""
+    """A file that writes all of each block of data or nothing, and nothing after a failure."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

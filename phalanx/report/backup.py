@@ -1,4 +1,4 @@
-"""Where the backup still suffices: a slice of the state space of two agents."""
+"""The region where the backup suffices, as a slice of the state space of two agents."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from phalanx.arrays import Array
-from phalanx.report.style import ReportFigure, style_axes
+from phalanx.report.style import style_axes
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
@@ -26,13 +26,13 @@ _LOOKS = {
 
 
 class Slice(NamedTuple):
-    """Answers on a grid of the other agent's place relative to the normal one."""
+    """Results on a grid of positions of the other agent relative to the normal one."""
 
     normal: str
     other: str
     axes: tuple[Array, Array]
     """Δx and Δy [m], shapes (c,)."""
-    answers: Array
+    results: Array
     """_UNSAFE, _TOO_LATE or _SUFFICES, shape (c, c), rows by Δy."""
 
 
@@ -41,15 +41,15 @@ def save_backup_picture(scenario: Scenario, file: Path) -> bool:
     found = backup_slice(build_rows(build_swarm(scenario)))
     if found is None:
         return False
-    backup_plate(found).figure.savefig(file, dpi=110)
+    backup_figure(found).savefig(file, dpi=110)
     return True
 
 
 def backup_slice(rows: SafetyRows, reach: float | None = None) -> Slice | None:
-    """Move one agent around another and ask whether Σ γ_min + Σ γ_max + α_q + η <= 0.
+    """Test Σ γ_min + Σ γ_max + α_q + η <= 0 with one agent moved around another.
 
-    The other agent is the nearest adversary, or the nearest normal agent if there is none; all
-    else, headings and velocities among it, is as at the start.
+    The other agent is the nearest adversary, or the nearest normal agent if there is none.
+    Headings, velocities and all other states are as at the start.
 
     Args:
         rows: of the scenario.
@@ -63,41 +63,36 @@ def backup_slice(rows: SafetyRows, reach: float | None = None) -> Slice | None:
     pair = _nearest_pair(swarm)
     if pair is None:
         return None
-    a, b = swarm.safe_set.pairs[pair].a, swarm.safe_set.pairs[pair].b
-    assert b is not None
+    a, b = swarm.safe_set.pairs[pair]
     moved = _Moved(rows, pair, (a, b))
     half = reach or 4.0 * _required_distance(moved)
     offsets = np.linspace(-half, half, _CELLS)
     dy, dx = np.meshgrid(offsets, offsets, indexing="ij")
     psi, left = moved(np.column_stack([dx.ravel(), dy.ravel()]))
     inside = np.where(left <= 0, _SUFFICES, _TOO_LATE)
-    answers = np.where((psi > 0).any(axis=1), _UNSAFE, inside).reshape(dx.shape)
-    return Slice(swarm.names[a], swarm.names[b], (offsets, offsets), answers)
+    results = np.where((psi > 0).any(axis=1), _UNSAFE, inside).reshape(dx.shape)
+    return Slice(swarm.names[a], swarm.names[b], (offsets, offsets), results)
 
 
-def backup_plate(found: Slice) -> ReportFigure:
-    """The slice as a figure."""
+def backup_figure(found: Slice) -> Figure:
+    """Draw the slice."""
     figure = Figure(figsize=(6.4, 5.2), layout="constrained", facecolor="white")
     axes = figure.subplots()
     style_axes(axes)
     colours = [_LOOKS[k][0] for k in sorted(_LOOKS)]
-    axes.pcolormesh(*found.axes, found.answers, cmap=ListedColormap(colours), vmin=0, vmax=2)
+    axes.pcolormesh(*found.axes, found.results, cmap=ListedColormap(colours), vmin=0, vmax=2)
     axes.plot(0, 0, marker="o", color="#1f5fbf")
     axes.annotate(found.normal, (0, 0), textcoords="offset points", xytext=(6, 4))
     axes.set_aspect("equal")
-    axes.set_xlabel(f"place of agent {found.other} beside {found.normal}: Δx [m]")
+    axes.set_xlabel(f"position of agent {found.other} relative to {found.normal}: Δx [m]")
     axes.set_ylabel("Δy [m]")
     handles = [Patch(color=colour, label=label) for colour, label in _LOOKS.values()]
     figure.legend(handles=handles, loc="outside lower center", ncols=1, frameon=False)
-    caption = (
-        f"Where the backup of agent {found.normal} still suffices against agent "
-        f"{found.other}, the two of them alone; headings and velocities as at the start."
-    )
-    return ReportFigure("backup", caption, figure)
+    return figure
 
 
 class _Moved:
-    """A pair's ψ and what the backup leaves, with the second member moved."""
+    """ψ of a pair and the condition of its backup, with the second member moved."""
 
     def __init__(self, rows: SafetyRows, pair: int, ends: tuple[int, int]) -> None:
         swarm, chain = rows.swarm, rows.pair_chain(pair)
@@ -112,13 +107,13 @@ class _Moved:
             [chain.set.x], [*chain.psi, unforced + margin, *chain.actuation]
         )
 
-    def __call__(self, apart: Array) -> tuple[Array, Array]:
+    def __call__(self, offsets: Array) -> tuple[Array, Array]:
         """ψ_0 ... ψ_{q-1}, shape (s, q), and Σ γ_min + Σ γ_max + α_q + η, (s,).
 
-        apart: the second from the first [m], shape (s, 2).
+        offsets: the second member's position from the first's [m], shape (s, 2).
         """
-        x = np.tile(self._start, (len(apart), 1))
-        x[:, self._place] = self._start[:2] + apart
+        x = np.tile(self._start, (len(offsets), 1))
+        x[:, self._place] = self._start[:2] + offsets
         found = self._evaluate(x.ravel(), np.arange(x.size).reshape(x.shape))
         psi, left, *c = np.split(found, self._columns, axis=1)
         total = left[:, 0]
@@ -132,19 +127,19 @@ def _nearest_pair(swarm: Swarm) -> int | None:
     composed, start = swarm.safe_set, swarm.start()
     candidates = []
     for index, pair in enumerate(composed.pairs):
-        if pair.b is None:
+        if pair.b >= len(swarm.members):
             continue
-        both = [swarm.members[l].dynamics.states for l in (pair.a, pair.b)]
+        both = [swarm.members[l].dynamics.states for l in pair]
         if any(states[:2] != ("x", "y") for states in both):
             continue
-        here, there = (start[composed.parts[l]][:2] for l in (pair.a, pair.b))
+        here, there = (start[composed.parts[l]][:2] for l in pair)
         friend = not swarm.members[pair.b].adversary
         candidates.append((friend, float(np.linalg.norm(here - there)), index))
     return min(candidates)[2] if candidates else None
 
 
 def _required_distance(moved: _Moved) -> float:
-    """Distance at which h turns negative when the other agent walks away along x [m]."""
+    """Distance at which h turns negative when the other agent is moved away along x [m]."""
     distances = np.geomspace(0.05, 500.0, 200)
     psi, _ = moved(np.column_stack([distances, np.zeros_like(distances)]))
     safe = distances[psi[:, 0] <= 0]

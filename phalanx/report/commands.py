@@ -5,13 +5,12 @@ from typing import Annotated
 
 import typer
 
-from phalanx.cli.allowed import require_file, require_other
+from phalanx.cli.option_checks import require_file, require_other
 from phalanx.cli.options import RunArgument, Trust
-from phalanx.cli.terminal import complain, say
+from phalanx.cli.terminal import echo
 
 
 def register(app: typer.Typer) -> None:
-    """Add the commands."""
     app.command()(report)
     app.command()(compare)
 
@@ -19,24 +18,20 @@ def register(app: typer.Typer) -> None:
 def report(run: RunArgument, trust: Trust = False) -> int:
     """Make the report of a run: one HTML file, and the figures as PNG.
 
-    A recording that was cut short gives a report of what there is. Prints where the report is, and
-    how large the recording.
+    A recording that was cut short gives a report of what it holds. Prints the report's path and
+    the size of the recording.
     """
     import phalanx
-    from phalanx.cli.display import doing
+    from phalanx.cli.display import spinner
     from phalanx.cli.terminal import warn_of_damage
     from phalanx.recording.read import size_in_words
 
-    try:
-        recorded = phalanx.open(run, trust=trust)
-        warn_of_damage(recorded.recording)
-        with doing("drawing the report") as show:
-            written = recorded.report(show)
-        say(written)
-        say(f"recording: {size_in_words(recorded.recording)}")
-    except (phalanx.UnreadableRecordingError, OSError) as error:
-        complain(error)
-        return 3
+    recorded = phalanx.open(run, trust=trust)
+    warn_of_damage(recorded.recording)
+    with spinner("drawing the report") as show:
+        written = recorded.report(show)
+    echo(written)
+    echo(f"recording: {size_in_words(recorded.recording)}")
     return 0
 
 
@@ -50,7 +45,7 @@ def compare(
     ] = None,
     trust: Trust = False,
 ) -> int:
-    """Say how runs differ, in their scenarios and in their results.
+    """List the differences of runs, in their scenarios and in their results.
 
     Examples:
 
@@ -60,30 +55,20 @@ def compare(
     from rich.console import Console
 
     from phalanx.cli.display import TextTable
-    from phalanx.recording.read import UnreadableRecordingError, find
-    from phalanx.report.compare import (
-        compared_run,
-        differences,
-        results,
-        titles,
-        write_comparison,
-    )
+    from phalanx.recording.read import find
+    from phalanx.report.compare import compared_run, differences, results, titles, write_comparison
 
     if len(runs) < 2:
         raise typer.BadParameter("expected two runs or more")
-    try:
-        require_other("--html", html, [find(run) for run in runs])
-        compared = [compared_run(run, drawn=html is not None, trust=trust) for run in runs]
-        table = TextTable("", *titles(compared))
-        for row in differences(compared):
-            table.add_row(*row)
-        table.add_section()
-        for row in results(compared):
-            table.add_row(*row)
-        Console().print(table)
-        if html is not None:
-            say(write_comparison(compared, html))
-    except (UnreadableRecordingError, OSError) as error:
-        complain(error)
-        return 3
+    require_other("--html", html, [find(run) for run in runs])
+    compared = [compared_run(run, drawn=html is not None, trust=trust) for run in runs]
+    table = TextTable("", *titles(compared))
+    for row in differences(compared):
+        table.add_row(*row)
+    table.add_section()
+    for row in results(compared):
+        table.add_row(*row)
+    Console().print(table)
+    if html is not None:
+        echo(write_comparison(compared, html))
     return 0

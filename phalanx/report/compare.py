@@ -1,4 +1,4 @@
-"""Several runs side by side: what differs in their scenarios, what they came to, their figures."""
+"""Several runs side by side: differences of their scenarios, their results, their figures."""
 
 import json
 import multiprocessing
@@ -9,19 +9,20 @@ from pathlib import Path
 from typing import Any
 
 from phalanx.recording.read import Recording, read
+from phalanx.report.history import ReportHistory
 from phalanx.report.html import document, figure, note, section, table
 from phalanx.report.links import link_statistics
 from phalanx.report.page import key_figures
-from phalanx.report.write import image_of, plates
+from phalanx.report.write import draw_figures, image_of
 
 _SAME = ("name", "description", "reading")
-"""Of a scenario, what has no effect."""
+"""Fields of a scenario without effect on the run."""
 _ABSENT = "–"
 
 
 @dataclass(frozen=True)
 class ComparedRun:
-    """What a comparison shows of one run."""
+    """Settings, results and figures of one run."""
 
     folder: str
     """Its name."""
@@ -36,8 +37,8 @@ class ComparedRun:
 def compared_run(run: Path, *, drawn: bool, trust: bool = False) -> ComparedRun:
     """Read one run, and draw its figures if they are asked for.
 
-    Two recordings may have other modules under the same name. Code that is trusted is therefore
-    run in a process that ends with the recording it is of.
+    Two recordings may have different modules under the same name. Trusted code of each recording
+    is therefore run in a process of its own.
 
     Raises UnreadableRecordingError as read does.
     """
@@ -56,12 +57,12 @@ def _compared(run: Recording, drawn: bool) -> ComparedRun:
     scenario = json.loads(run.scenario.model_dump_json(by_alias=True))
     settings = dict(_leaves({k: v for k, v in scenario.items() if k not in _SAME}))
     verdict = str(run.summary.outcome) if run.summary else f"unfinished: {run.unfinished}"
-    images = plates(run, link_statistics(run)) if drawn else ()
+    figures = draw_figures(ReportHistory(run), link_statistics(run)) if drawn else ()
     return ComparedRun(
         run.path.resolve().parent.name,
         settings | {path: digest[:12] for path, digest in run.modules.items()},
         {"Verdict": verdict, **dict(key_figures(run))},
-        {plate.name: image_of(plate) for plate in images},
+        {each.name: image_of(each) for each in figures},
     )
 
 
@@ -74,8 +75,8 @@ def write_comparison(runs: Sequence[ComparedRun], path: Path) -> Path:
     title, head = f"{len(runs)} runs", ("", *names)
     parts = [
         f"<h1>{title}</h1>",
-        section("What differs", table(head, differences(runs))),
-        section("What they came to", table(head, results(runs))),
+        section("Differences", table(head, differences(runs))),
+        section("Results", table(head, results(runs))),
     ]
     for drawn in dict.fromkeys(name for run in runs for name in run.figures):
         shown = "".join(
@@ -84,7 +85,7 @@ def write_comparison(runs: Sequence[ComparedRun], path: Path) -> Path:
             else note(f"{name}: nothing to draw")
             for name, run in zip(names, runs, strict=True)
         )
-        parts.append(section(drawn, f'<div class="beside">{shown}</div>'))
+        parts.append(section(drawn, f'<div class="side-by-side">{shown}</div>'))
     path.write_text(document(title, parts, "none"), encoding="utf-8")
     return path
 
@@ -122,7 +123,7 @@ def _rounded(value: Any) -> Any:
 
 
 def _leaves(value: Any, path: str = "") -> list[tuple[str, str]]:
-    """Every number or text in a table, with its path as --set has it."""
+    """Every number or text in a table, with its path as in --set."""
     if isinstance(value, Mapping):
         steps = value.items()
     elif isinstance(value, list) and any(isinstance(each, Mapping) for each in value):

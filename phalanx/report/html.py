@@ -6,7 +6,7 @@ from html import escape
 from string import Template
 
 MOST_ROWS = 60
-"""Of a table."""
+"""Most rows of a table."""
 
 _PAGE = Template("""<!doctype html>
 <html lang="en">
@@ -41,7 +41,8 @@ tbody tr:nth-child(even) { background: var(--stripe); }
 .guaranteed { --badge: #1a7f46; } .safe { --badge: #a86a00; } .violated { --badge: #c1121f; }
 .broken, .stopped, .unfinished { --badge: #5d6570; }
 figure { margin: 1.2rem 0; }
-.beside { display: grid; gap: 1rem; grid-template-columns: repeat(auto-fit, minmax(24rem, 1fr)); }
+.side-by-side { display: grid; gap: 1rem;
+  grid-template-columns: repeat(auto-fit, minmax(24rem, 1fr)); }
 figure img { background: #fff; border: 1px solid var(--line); border-radius: .3rem;
   max-width: 100%; display: block; }
 figcaption { font-size: .9rem; margin-top: .3rem; }
@@ -66,7 +67,7 @@ def section(title: str, content: str) -> str:
 
 
 def table(head: Iterable[str], rows: Sequence[Sequence[str]], total: int | None = None) -> str:
-    """A table of the first rows; total: how many there are where the worst alone were given."""
+    """A table of the first rows; total: number of rows, if only the worst are given."""
     if not rows:
         return note("None.")
     left = (total or len(rows)) - min(len(rows), MOST_ROWS)
@@ -83,30 +84,29 @@ def table(head: Iterable[str], rows: Sequence[Sequence[str]], total: int | None 
 
 
 def figure(caption: str, png: bytes) -> str:
-    """A picture that is in the page itself."""
-    data = base64.b64encode(png).decode()
-    words = escape(caption)
+    """A picture, embedded in the page, with its caption."""
+    data, caption = base64.b64encode(png).decode(), escape(caption)
     return (
-        f'<figure><img alt="{words}" src="data:image/png;base64,{data}">'
-        f"<figcaption>{words}</figcaption></figure>"
+        f'<figure><img alt="{caption}" src="data:image/png;base64,{data}">'
+        f"<figcaption>{caption}</figcaption></figure>"
     )
 
 
 def note(text: str) -> str:
-    """A paragraph that says what is not there."""
+    """A paragraph about something that is missing."""
     return f'<p class="none">{escape(text)}</p>'
 
 
 def seconds(t: float | None) -> str:
-    """A time [s] in words; None if it never came."""
+    """A time [s] as text; None: never."""
     return "never" if t is None else f"{t:.3f} s"
 
 
 def milliseconds(seconds: float) -> str:
-    """A time [s] in ms."""
+    """A time [s] as text, in ms."""
     return f"{1e3 * seconds:.4g} ms"
 
 
 def percent(part: int, whole: int) -> str:
-    """A share in words; 0 of nothing."""
+    """A share as text; 0 of nothing."""
     return f"{100 * part / whole:.2f} %" if whole else "0 %"

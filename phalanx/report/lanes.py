@@ -1,6 +1,7 @@
-"""The space-time diagram: a lane for each agent, and what became of the broadcasts between them."""
+"""The space-time diagram: a lane for each agent, with the fates of broadcasts between them."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,9 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from phalanx.arrays import Array
-from phalanx.curves.history import RecordedHistory
 from phalanx.curves.lanes import LANE_STATES, lanes, zoom_window
-from phalanx.recording.broadcasts import FATES, IN_TIME, LATE, LOST, Broadcast
+from phalanx.recording.broadcasts import FATES, IN_TIME, LATE, LOST
+from phalanx.report.history import ReportHistory
 from phalanx.report.style import MOST_NAMED, legend
 from phalanx.theory.rows.origin import Origin
 
@@ -25,16 +26,16 @@ _COLOURS = {
     "silent": "#475569",
 }
 _MOST_INTERVALS = 400
-"""Of the whole run."""
+"""Most intervals of the whole run."""
 _MOST_LANES = 24
-"""Of three rows each, and most names beside them."""
+"""Most lanes of three rows each, and most agents' names on the axis."""
 _WIDTH, _LANE, _MOST_HIGH = 9.0, 0.34, 7.0
 """[inch]"""
 
 
-def space_time(history: RecordedHistory) -> Figure | None:
-    """The whole run, and its worst moment in detail; None if nobody broadcast anything."""
-    if not history.broadcasts:
+def space_time(history: ReportHistory) -> Figure | None:
+    """Draw the whole run, and its worst moment in detail; None without any broadcast."""
+    if not len(history.broadcasts):
         return None
     names, shown = history.swarm.names, _shown(history)
     heights = [min(_LANE * len(names), _MOST_HIGH), _LANE * len(shown)]
@@ -49,18 +50,17 @@ def space_time(history: RecordedHistory) -> Figure | None:
     return figure
 
 
-def _draw_whole(axes: Axes, history: RecordedHistory) -> None:
-    """Each lane has three rows: broadcasts to it that were late, those lost, and how it did.
+def _draw_whole(axes: Axes, history: ReportHistory) -> None:
+    """Draw each lane as three rows: broadcasts to it that were late, those lost, its state.
 
-    Of many agents each has one row, with the gravest of the three.
+    With many agents each has one row, with the gravest of the three.
     """
-    swarm, found = history.swarm, history.broadcasts
-    count = len(swarm.names)
+    swarm, count = history.swarm, len(history.swarm.names)
     end = max(history.times[-1], max(step.t for step in history.recording.steps))
     steps, taus = zip(*((history.agent(i), swarm.horizon(i)) for i in range(count)), strict=True)
     late, lost, state, _ = lanes(history, steps, taus, (0.0, end), end, _MOST_INTERVALS)
     intervals = late.shape[1]
-    image = np.ones((count, 4, intervals, 3))  # the fourth row parts the lanes
+    image = np.ones((count, 4, intervals, 3))  # the fourth row separates the lanes
     image[:, 0], image[:, 1] = _blend(_COLOURS[LATE], late), _blend(_COLOURS[LOST], lost)
     image[:, 2] = np.array([(1.0, 1.0, 1.0), *(to_rgb(_COLOURS[s]) for s in LANE_STATES[1:])])[
         state
@@ -79,8 +79,9 @@ def _draw_whole(axes: Axes, history: RecordedHistory) -> None:
     axes.set_ylabel("agent")
     axes.set_xlabel("t [s]")
     axes.spines[["top", "right"]].set_visible(False)
-    told = ", ".join(f"{sum(b.fate == fate for b in found)} {fate}" for fate in FATES)
-    axes.set_title(f"{len(found)} broadcasts on all links: {told}", loc="right", fontsize=10)
+    found = np.bincount(history.broadcasts.fate, minlength=len(FATES))
+    counts = ", ".join(f"{count} {fate}" for count, fate in zip(found, FATES, strict=True))
+    axes.set_title(f"{found.sum()} broadcasts on all links: {counts}", loc="right", fontsize=10)
     handles = [Patch(color=c, label=name) for name, c in _COLOURS.items() if name != IN_TIME]
     axes.legend(
         handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.02), fontsize=8, frameon=False
@@ -88,27 +89,29 @@ def _draw_whole(axes: Axes, history: RecordedHistory) -> None:
 
 
 def _draw_zoom(
-    axes: Axes, history: RecordedHistory, shown: Sequence[int], begin: float, end: float
+    axes: Axes, history: ReportHistory, shown: Sequence[int], begin: float, end: float
 ) -> None:
-    """Every control step as a dot, every broadcast as a line from its sender to its receiver."""
-    names, place = history.swarm.names, {agent: lane for lane, agent in enumerate(shown)}
-    for i, steps in enumerate(history.steps):
-        if i in place:
-            axes.axhline(place[i], color="#000000", alpha=0.25, linewidth=0.8, zorder=1)
-            for colour, marker, origins in _DOTS:
-                t = [s.t for s in steps if begin <= s.t <= end and s.origin in origins]
-                axes.plot(t, [place[i]] * len(t), marker, color=colour, markersize=4, zorder=4)
-    seen = [
-        b for b in history.broadcasts
-        if b.sender in place and b.receiver in place and begin <= b.sent <= end
-    ]  # fmt: skip
-    for fate in FATES:
-        of_kind = [b for b in seen if b.fate == fate]
-        lines = [[(b.sent, place[b.sender]), _arrival(b, place)] for b in of_kind]
-        looks = {"colors": _COLOURS[fate], "linestyles": "--" if fate == LOST else "-"}
-        axes.add_collection(LineCollection(lines, label=fate, linewidths=0.8, zorder=2, **looks))
-    lost = [_arrival(b, place) for b in seen if b.fate == LOST]
-    axes.plot(*zip(*lost, strict=True) if lost else ([], []), "x", color="#d62728", markersize=4)
+    """Draw every control step as a dot, every broadcast as a line from sender to receiver."""
+    names = history.swarm.names
+    lane_of = np.zeros(len(names))
+    for lane, i in enumerate(shown):
+        lane_of[i] = lane
+        axes.axhline(lane, color="#000000", alpha=0.25, linewidth=0.8, zorder=1)
+        for colour, marker, origins in _DOTS:
+            t = [s.t for s in history.steps[i] if begin <= s.t <= end and s.origin in origins]
+            axes.plot(t, [lane] * len(t), marker, color=colour, markersize=4, zorder=4)
+    sent = history.broadcasts[(begin <= history.broadcasts.sent) & (history.broadcasts.sent <= end)]
+    sent = sent[np.isin(sent.sender, shown) & np.isin(sent.receiver, shown)]
+    for code, fate in enumerate(FATES):
+        of_fate = sent[sent.fate == code]
+        begins, ends, style = lane_of[of_fate.sender], lane_of[of_fate.receiver], "-"
+        if fate == LOST:  # a line half way to its receiver
+            ends, style = (begins + ends) / 2.0, "--"
+            axes.plot(of_fate.arrival, ends, "x", color=_COLOURS[LOST], markersize=4)
+        tails, heads = (of_fate.sent, begins), (of_fate.arrival, ends)
+        segments = np.stack([np.column_stack(tails), np.column_stack(heads)], axis=1)
+        looks: dict[str, Any] = {"colors": _COLOURS[fate], "linestyles": style, "label": fate}
+        axes.add_collection(LineCollection(list(segments), linewidths=0.8, zorder=2, **looks))
     axes.set_xlim(begin, end)
     axes.set_ylim(len(shown) - 0.5, -0.5)
     axes.set_yticks(range(len(shown)), [names[i] for i in shown], fontsize=8)
@@ -128,29 +131,22 @@ _DOTS = (
 )
 
 
-def _arrival(broadcast: Broadcast, place: dict[int, int]) -> tuple[float, float]:
-    """Where its line ends: with its receiver, or half way there if it was lost."""
-    begin, end = place[broadcast.sender], place[broadcast.receiver]
-    return broadcast.arrival, (begin + end) / 2.0 if broadcast.fate == LOST else end
-
-
-def _shown(history: RecordedHistory) -> list[int]:
-    """Agents in the zoom: all; of many those of the worst pair, then whom most was kept from."""
+def _shown(history: ReportHistory) -> list[int]:
+    """Agents in the zoom: all; of many the worst pair's, then those that missed most broadcasts."""
     safe_set, summary = history.swarm.safe_set, history.recording.summary
     count = len(history.swarm.names)
     if count <= MOST_NAMED:
         return list(range(count))
-    kept = np.bincount(
-        [b.receiver for b in history.broadcasts if b.fate != IN_TIME], minlength=count
-    )
+    sent = history.broadcasts
+    missed = np.bincount(sent.receiver[sent.fate != FATES.index(IN_TIME)], minlength=count)
     label = summary.worst_pair if summary else ""
     pair = next((p for p in safe_set.pairs if safe_set.label(p) == label), None)
-    first = [] if pair is None else [i for i in (pair.a, pair.b) if i is not None]
-    others = [i for i in np.argsort(-kept, kind="stable").tolist() if i not in first]
+    first = [] if pair is None else [i for i in pair if i < count]
+    others = [i for i in np.argsort(-missed, kind="stable").tolist() if i not in first]
     return sorted([*first, *others][:MOST_NAMED])
 
 
 def _blend(colour: str, share: Array) -> Array:
-    """From white to a colour, with one axis more; a small share is still seen."""
+    """Blend white with a colour, with one axis more; a small share is still visible."""
     strength = np.where(share > 0.0, 0.25 + 0.75 * share, 0.0)[..., None]
     return np.asarray((1.0 - strength) + strength * np.array(to_rgb(colour)))

@@ -1,8 +1,8 @@
-"""Links: what became of the broadcasts on each, beside what the scenario asks for."""
+"""Statistics of links: losses and delays on each, with those of the scenario's link model."""
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,15 +17,15 @@ _MOST_LINKS = 40
 
 @dataclass
 class LinkStatistics:
-    """What became of the broadcasts on one link, next to what was asked for."""
+    """Fates of the broadcasts on one link, with the link's model."""
 
     sender: str
     receiver: str
     model: LinkModel
     sent: int
     """Broadcasts of the sender."""
-    lost: int = 0
-    delays: list[float] = field(default_factory=list)
+    lost: int
+    delays: list[float]
     """Of those not lost [s]."""
 
     @property
@@ -35,12 +35,12 @@ class LinkStatistics:
 
     @property
     def loss(self) -> float:
-        """Lost share of the decided."""
+        """Share of the decided broadcasts that were lost."""
         return self.lost / self.decided
 
     @property
     def excess(self) -> float:
-        """By how many standard deviations of independent losses it lost more than its model."""
+        """Losses above the model's, in standard deviations of independent losses."""
         p, n = self.model.loss, self.decided
         return float((self.lost - n * p) / np.sqrt(n * p * (1.0 - p) + 1.0))
 
@@ -63,9 +63,9 @@ def link_statistics(recording: Recording) -> list[LinkStatistics]:
 
 
 def losses(recording: Recording, links: Sequence[LinkStatistics]) -> Figure:
-    """Lost share of links next to the link model's; needs a link.
+    """Draw the lost share of links with the link model's; needs a link.
 
-    Of many agents, of every link beside how many broadcasts were decided on it.
+    With many agents, of every link over the number of broadcasts decided on it.
     """
     many = summarises(recording.scenario)
     figure, (axes,) = panels(1, 3.0 if many else 2.6)

@@ -1,4 +1,4 @@
-"""The margin that rows used beside the margin they needed, from recorded states and inputs."""
+"""The margin that rows used and the margin they needed, from recorded states and inputs."""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
@@ -7,45 +7,36 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from phalanx.arrays import Array, Mask
-from phalanx.curves.history import RecordedHistory
 from phalanx.curves.thinning import Series
 from phalanx.recording.records import Step
-from phalanx.report.style import (
-    LIMIT,
-    PEAK,
-    colours,
-    draw_crowd,
-    legend,
-    logarithmic,
-    panels,
-    summarises,
-)
+from phalanx.report import style
+from phalanx.report.history import ReportHistory
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import unit_of_psi
 from phalanx.theory.margins.integrated import RowPart
 from phalanx.theory.rows.pairs import PairTerms
 
-_INSTANTS, _CROWD_INSTANTS = 300, 24
+_INSTANTS, _MANY_INSTANTS = 300, 24
 """Most steps of each agent at which margins are computed again."""
 
 
 class MarginUse(NamedTuple):
-    """Margins of the pair that was nearest to binding, at some steps of one agent; shapes (s,)."""
+    """Margins of the pair nearest to binding, at some steps of one agent; shapes (s,)."""
 
     t: Array
-    """When the steps' inputs took effect [s]."""
+    """Times at which the steps' inputs took effect [s]."""
     used: Array
-    """η of the agent's row, with all that it adds at the sampled state."""
+    """η of the agent's row at the sampled state."""
     needed: Array
-    """The least that is proven of the input that was applied; inf where nothing is."""
+    """Least η that is proven to suffice for the input that was applied; inf if none is."""
 
     @property
     def short(self) -> Mask:
-        """Where less was used than is proven to be enough."""
+        """True at steps that used less than is proven to suffice."""
         return self.used < self.needed
 
 
-def margin_use(history: RecordedHistory, i: int) -> MarginUse | None:
+def margin_use(history: ReportHistory, i: int) -> MarginUse | None:
     """Normal agent i's margins at evenly chosen steps; None if it had no pair at any.
 
     Raises:
@@ -53,7 +44,7 @@ def margin_use(history: RecordedHistory, i: int) -> MarginUse | None:
         UnboundedOperationError: an expression has no interval extension.
     """
     rows, swarm, steps = history.values.rows, history.swarm, history.steps[i]
-    most = _CROWD_INSTANTS if summarises(history.scenario) else _INSTANTS
+    most = _MANY_INSTANTS if style.summarises(history.scenario) else _INSTANTS
     places = range(len(steps)) if len(steps) <= most else np.linspace(0, len(steps) - 1, most)
     sharing = swarm.normal if swarm.safety.pairwise and swarm.safety.joint else ()
     needing, used = rows.pair_terms_of_input(i), _used(rows, i, sharing)
@@ -63,7 +54,7 @@ def margin_use(history: RecordedHistory, i: int) -> MarginUse | None:
         needed = needing(x, seen, sharing, step.u)
         if not needed.others:
             continue
-        nearest = int(_left(needed, np.array(step.u)).argmax())
+        nearest = int(_without_margin(needed, np.array(step.u)).argmax())
         found.append((step.t_apply, used(x, seen, nearest), needed.margin[nearest]))
     return MarginUse(*np.array(found).T) if found else None
 
@@ -71,7 +62,7 @@ def margin_use(history: RecordedHistory, i: int) -> MarginUse | None:
 def _used(
     rows: SafetyRows, i: int, sharing: Sequence[int]
 ) -> Callable[[Array, Sequence[int], int], float]:
-    """(x, who is seen, the pair's place) -> η of agent i's row."""
+    """Return a function (x, agents seen, the pair's place) -> η of agent i's row."""
     if rows.swarm.safety.pairwise:
         pairs = rows.pair_terms(i)
         return lambda x, seen, place: float(pairs(x, seen, sharing).margin[place])
@@ -79,22 +70,21 @@ def _used(
     return lambda x, seen, _: composed(x, seen).margin
 
 
-def _sampled(history: RecordedHistory, steps: list[Step]) -> Iterator[tuple[Step, Array]]:
-    """Each step with the newest state that was recorded by its sample."""
+def _sampled(history: ReportHistory, steps: list[Step]) -> Iterator[tuple[Step, Array]]:
+    """Pair each step with the newest state that was recorded up to its sample."""
     for step in steps:
         yield step, history.x[max(0, int(np.searchsorted(history.times, step.t, side="right")) - 1)]
 
 
-def _left(terms: PairTerms, u: Array) -> Array:
+def _without_margin(terms: PairTerms, u: Array) -> Array:
     """Each pair's condition without its margin; at -η a row binds, shape (r,)."""
-    alone = terms.half
-    shares = np.where(alone, RowPart.HALF.value, RowPart.WHOLE.value)
-    left: Array = shares * terms.unforced + np.where(alone, 0.0, terms.most) + terms.a @ u
+    shares = np.where(terms.half, RowPart.HALF.value, RowPart.WHOLE.value)
+    left: Array = shares * terms.unforced + np.where(terms.half, 0.0, terms.most) + terms.a @ u
     return left
 
 
-def margins(history: RecordedHistory) -> tuple[Figure, str] | None:
-    """The figure of all normal agents and what it says in a sentence; None without any pair."""
+def margins(history: ReportHistory) -> tuple[Figure, str] | None:
+    """The figure of all normal agents and its caption; None without any pair."""
     swarm = history.swarm
     try:
         each = {swarm.names[i]: margin_use(history, i) for i in swarm.normal}
@@ -103,54 +93,50 @@ def margins(history: RecordedHistory) -> tuple[Figure, str] | None:
     uses = {name: use for name, use in each.items() if use is not None}
     if not uses:
         return None
-    drawn = _of_many(uses) if summarises(history.scenario) else _of_each(history, uses)
-    return drawn, _in_words(history.values.rows, uses)
+    many = style.summarises(history.scenario)
+    drawn = _many_figure(uses) if many else _each_figure(history, uses)
+    return drawn, _caption(history.values.rows, uses)
 
 
-def _of_each(history: RecordedHistory, uses: dict[str, MarginUse]) -> Figure:
+def _each_figure(history: ReportHistory, uses: dict[str, MarginUse]) -> Figure:
     """A panel for each agent: both margins over time."""
-    figure, panes = panels(len(uses), 1.9)
+    figure, rows = style.panels(len(uses), 1.9)
     unit = unit_of_psi(history.scenario, history.swarm.pairs.degree) or "SI"
-    palette = colours(history.scenario)
-    for (name, use), axes in zip(uses.items(), panes, strict=True):
+    palette = style.colours(history.scenario)
+    for (name, use), axes in zip(uses.items(), rows, strict=True):
         proven = np.where(np.isfinite(use.needed), use.needed, np.nan)
-        axes.plot(use.t, use.used, color=LIMIT, linewidth=1.2, label="used")
+        axes.plot(use.t, use.used, color=style.LIMIT, linewidth=1.2, label="used")
         axes.plot(use.t, proven, color=palette[name], linewidth=1.2, label="needed")
+        label = "short" if use.short.any() else None
         axes.fill_between(
-            use.t,
-            use.used,
-            proven,
-            where=use.short,
-            color=PEAK,
-            alpha=0.15,
-            label="short" if use.short.any() else None,
+            use.t, use.used, proven, where=use.short, color=style.PEAK, alpha=0.15, label=label
         )
-        logarithmic(axes)
+        style.logarithmic(axes)
         axes.margins(x=0.01, y=0.15)
         axes.set_ylabel(f"margin [{unit}]")
         axes.set_title(_counted(use), loc="right", fontsize=9)
-        legend(axes, f"agent {name}")
-    panes[-1].set_xlabel("t [s]")
+        style.legend(axes, f"agent {name}")
+    rows[-1].set_xlabel("t [s]")
     return figure
 
 
-def _of_many(uses: dict[str, MarginUse]) -> Figure:
-    """How many times the needed margin was used, over all agents."""
+def _many_figure(uses: dict[str, MarginUse]) -> Figure:
+    """Margin used over margin needed, of all agents."""
     curves = {name: Series(use.t, use.used / use.needed) for name, use in uses.items()}
-    figure, (axes,) = panels(1, 3.0)
+    figure, (axes,) = style.panels(1, 3.0)
     worst = sorted(curves, key=lambda name: float(curves[name].y.min()))
-    draw_crowd(axes, curves, worst, "normal agents", " times")
-    axes.axhline(1.0, color=LIMIT, linewidth=1.2)
-    logarithmic(axes)
+    style.draw_many(axes, curves, worst, "normal agents", " times")
+    axes.axhline(1.0, color=style.LIMIT, linewidth=1.2)
+    style.logarithmic(axes)
     axes.set_ylabel("margin used / needed")
     axes.set_xlabel("t [s]")
     return figure
 
 
 def _unknown() -> Figure:
-    figure, (axes,) = panels(1, 0.4)
+    figure, (axes,) = style.panels(1, 0.4)
     axes.set_axis_off()
-    axes.text(0.0, 0.5, "margin used: as the scenario has it; margin needed: unknown", va="center")
+    axes.text(0.0, 0.5, "margin used: the scenario's; margin needed: unknown", va="center")
     return figure
 
 
@@ -159,13 +145,13 @@ def _counted(use: MarginUse) -> str:
     return f"at least {least:.3g} of it used, short at {use.short.sum()} of {len(use.t)} steps"
 
 
-def _in_words(rows: SafetyRows, uses: dict[str, MarginUse]) -> str:
+def _caption(rows: SafetyRows, uses: dict[str, MarginUse]) -> str:
     short = sum(int(use.short.sum()) for use in uses.values())
     total = sum(len(use.t) for use in uses.values())
     row = "a row" if rows.swarm.safety.pairwise else "a row for h_tot"
     return (
-        f"Margin used against margin needed: η of {row} beside the least that is proven to last "
+        f"Margin used and margin needed: η of {row}, and the least η that is proven to suffice "
         "until the next sample, for the input that was applied and the pair nearest to binding "
-        f"alone; the row used less than that at {short} of {total} steps. A run may be guaranteed "
-        "all the same: its certificates are of the inputs that were applied, not of the rows."
+        f"alone; the row used less than that at {short} of {total} steps. A run may still be "
+        "guaranteed, since its certificates are of the inputs that were applied, not of the rows."
     )

@@ -1,10 +1,10 @@
-"""The report's page: what the recording of one run holds, in words and tables."""
+"""The report's page: text and tables about one recorded run."""
 
 from collections.abc import Sequence
 from html import escape
 from itertools import starmap
 
-from phalanx.guarantee.verdict import Outcome, Punctuality, Summary, certified, timing_in_words
+from phalanx.guarantee.verdict import Outcome, Summary, certified, timing_rows
 from phalanx.network.link import DELAY, LOSS
 from phalanx.recording.read import Recording, size_in_words
 from phalanx.report.html import (
@@ -20,16 +20,17 @@ from phalanx.report.html import (
 )
 from phalanx.report.links import LinkStatistics
 from phalanx.report.safety import worst
-from phalanx.theory.rows.origin import EMPTY, Origin, words_of
+from phalanx.theory.rows.origin import EMPTY, Origin, origin_label
 
 _NO_VERSION = ("run", "seed", "scenario_digest")
-"""What a recording says of itself beside versions."""
+"""Entries of a recording's metadata that are no library's version."""
 _VIOLATIONS = ("pair", "first", "worst h", "worst at", "time with h > 0")
-_APART = "Not counted: of agents that had turned adversary"
-_ASSUMPTIONS = ("assumption", "in words", "failed", "first failure")
+_PUNCTUALITY = ("quantity", "of this run")
+_NOT_COUNTED = "Not counted: of agents that had turned adversary"
+_ASSUMPTIONS = ("assumption", "meaning", "failed", "first failure")
 
 _MEANING = {
-    Outcome.GUARANTEED: "Safe, and proven so at every instant, whatever the others had done.",
+    Outcome.GUARANTEED: "Safe, and proven so at every instant for all inputs of the other agents.",
     Outcome.SAFE: "Not unsafe at any integration step, but not proven throughout: safe by luck.",
     Outcome.VIOLATED: "Some pair left the safe set.",
     Outcome.BROKEN: "The run did not reach its end.",
@@ -54,21 +55,21 @@ def page(
         *_judgement(recording.summary),
         section("Links", _links(links)),
         section("Figures", "\n".join([*starmap(figure, figures), *map(note, notes)])),
-        section("Events", _events(recording)),
+        section("Events", table(("t", "event"), [(seconds(e.t), e.text) for e in recording.log])),
         _details(recording),
     ]
     return document(title, parts, "64rem")
 
 
 def _origin(recording: Recording) -> list[str]:
-    """The command that makes this run again, when it was made, and with what."""
+    """The command that repeats this run, its date, and the versions of the libraries."""
     scenario, made = recording.scenario, dict(recording.metadata)
     command = scenario.reading.command(scenario.seed) if scenario.reading else None
     parts = [made.pop("date", ""), f"phalanx {made.pop('phalanx', 'of unknown version')}"]
     of_others = [f"{name} {made[name]}" for name in made if name not in _NO_VERSION]
-    words = ", ".join(filter(None, [*parts, *of_others]))
+    versions = ", ".join(filter(None, [*parts, *of_others]))
     shown = [f"<pre>{escape(command)}</pre>"] if command else []
-    return [*shown, f'<p class="quiet">{escape(words)}</p>']
+    return [*shown, f'<p class="quiet">{escape(versions)}</p>']
 
 
 def _verdict(recording: Recording) -> str:
@@ -85,13 +86,13 @@ def _verdict(recording: Recording) -> str:
 
 
 def key_figures(recording: Recording) -> list[tuple[str, str]]:
-    """What a run came to, each with its name."""
+    """Key figures of a run, each with its name."""
     summary, peak = recording.summary, worst(recording)
     counts = origins(recording)
     steps, normal = len(recording.steps), sum(counts.values())
     empty = sum(counts[o] for o in EMPTY)
     share = f"{empty} of {normal} normal steps ({percent(empty, normal)}): " if normal else ""
-    kinds = ", ".join(f"{counts[o]} {words_of(o)}" for o in EMPTY)
+    kinds = ", ".join(f"{counts[o]} {origin_label(o)}" for o in EMPTY)
     reached = recording.states[-1].t if recording.states else 0.0
     rows = [
         ("Run", recording.metadata.get("run", "unknown")),
@@ -113,7 +114,7 @@ def key_figures(recording: Recording) -> list[tuple[str, str]]:
 
 
 def origins(recording: Recording) -> dict[str, int]:
-    """Recorded steps of normal agents, by how their input was made."""
+    """Count recorded steps of normal agents by the origin of their input."""
     counts = {str(origin): 0 for origin in Origin if origin is not Origin.ATTACK}
     for step in recording.steps:
         if step.origin in counts:
@@ -136,23 +137,18 @@ def _judgement(summary: Summary | None) -> list[str]:
         ]
         for found in (summary.violations, summary.apart)
     )
+    t = summary.punctuality
     rejected = [(reason, str(count)) for reason, count in summary.rejected.items()]
     faults = [(f.name, str(f.count) if f.count else "never had an effect") for f in summary.faults]
     return [
-        section("What a guarantee rests on", table(_ASSUMPTIONS, guarantee)),
-        section("What the paper's theorem would have needed", table(_ASSUMPTIONS, theorem)),
+        section("Assumptions of the guarantee", table(_ASSUMPTIONS, guarantee)),
+        section("Assumptions of the paper's theorem", table(_ASSUMPTIONS, theorem)),
         section("Violations", table(_VIOLATIONS, violations)),
-        *([section(_APART, table(_VIOLATIONS, apart))] if apart else []),
-        *_punctuality(summary.punctuality),
+        *([section(_NOT_COUNTED, table(_VIOLATIONS, apart))] if apart else []),
+        *([section("Real time", table(_PUNCTUALITY, timing_rows(t)))] if t else []),
         section("Declared faults", table(("fault", "times it had an effect"), faults)),
-        section("Rejected payloads", table(("by whom or why", "payloads"), rejected)),
+        section("Rejected payloads", table(("receiver or reason", "payloads"), rejected)),
     ]
-
-
-def _punctuality(found: Punctuality | None) -> list[str]:
-    if found is None:
-        return []
-    return [section("Real time", table(("what", "of this run"), timing_in_words(found)))]
 
 
 def _links(links: Sequence[LinkStatistics]) -> str:
@@ -182,11 +178,7 @@ def _delays(delays: Sequence[float]) -> tuple[str, str, str]:
     return milliseconds(mean), milliseconds(min(delays)), milliseconds(max(delays))
 
 
-def _events(recording: Recording) -> str:
-    return table(("t", "event"), [(seconds(event.t), event.text) for event in recording.log])
-
-
 def _details(recording: Recording) -> str:
     text = escape(recording.scenario.model_dump_json(by_alias=True, indent=2))
-    title = "The scenario, every default spelled out"
+    title = "The scenario, with every default"
     return f"<details><summary>{title}</summary><pre>{text}</pre></details>"

@@ -1,4 +1,4 @@
-"""Figures of where agents were: their paths, seen from above and from the side."""
+"""Figures of the agents' paths, seen from above and from the side."""
 
 from typing import NamedTuple
 
@@ -13,14 +13,13 @@ from phalanx.curves.history import RecordedHistory
 from phalanx.report.distances import required_distance
 from phalanx.report.style import MUTED, PEAK, WORST, colours, legend, style_axes
 from phalanx.scenario.model import Scenario
-from phalanx.theory.safety.composition import static_label
-from phalanx.theory.safety.limits import Line, Outlined
+from phalanx.theory.safety.limits import Drawable, Line
 from phalanx.theory.safety.obstacles import Wall
 
 _PATH_POINTS = 3000
-_CROWD_POINTS = 400
-_CROWD = {"normal": "#8fb3e6", "adversary": "#e8938f"}
-"""A colour for each role where agents are too many for one each."""
+_MANY_POINTS = 400
+_OF_ROLE = {"normal": "#8fb3e6", "adversary": "#e8938f"}
+"""A colour for each role, where there are too many agents for a colour each."""
 _WIDTH, _MARGIN = 9.0, 1.3
 
 
@@ -34,7 +33,7 @@ class WorstPairs(NamedTuple):
 
 
 def worst_pairs(history: RecordedHistory) -> WorstPairs:
-    """Which pair was worst at each state; needs a state."""
+    """Find the worst pair at each state; needs a state."""
     pairs = history.swarm.pairs
     chosen = pairs.choose(pairs.every)
     found = [(h.max(), h.argmax()) for h in map(chosen.h, history.x)]
@@ -43,9 +42,9 @@ def worst_pairs(history: RecordedHistory) -> WorstPairs:
 
 
 def paths(history: RecordedHistory, worst: WorstPairs | None = None) -> Figure:
-    """Paths in the plane; for 3-D positions, seen from above and from the side.
+    """Draw paths in the plane; for 3-D positions, seen from above and from the side.
 
-    worst: with it, agents are drawn by role, and of the worst pair alone by name.
+    worst: if given, agents are drawn by role, and only the worst pair's by name.
     """
     planes = [(0, 1)] if history.positions.shape[2] == 2 else [(0, 1), (0, 2)]
     points = _outline(history)
@@ -63,7 +62,7 @@ def paths(history: RecordedHistory, worst: WorstPairs | None = None) -> Figure:
         if worst is None:
             _draw_agents(axes, history, plane)
         else:
-            _draw_crowd(axes, history, plane, worst)
+            _draw_roles(axes, history, plane, worst)
         axes.set_aspect("equal")
         axes.set_xlim(low[plane[0]], high[plane[0]])
         axes.set_ylim(low[plane[1]], high[plane[1]])
@@ -87,14 +86,19 @@ def _outline(history: RecordedHistory) -> Array:
 
 
 def _outlines(scenario: Scenario) -> list[Line]:
-    """The lines of limits that can be drawn."""
+    """Lines of the limits that can be drawn."""
     limits = [field.boundary.limit for field in scenario.limits]
-    return [line for limit in limits if isinstance(limit, Outlined) for line in limit.outline()]
+    return [line for limit in limits if isinstance(limit, Drawable) for line in limit.outline()]
+
+
+def _kept_states(history: RecordedHistory, most: int) -> Index:
+    count = len(history.times)
+    return np.linspace(0, count - 1, min(count, most)).astype(int)
 
 
 def _draw_agents(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) -> None:
     scenario = history.scenario
-    keep = np.linspace(0, len(history.times) - 1, min(len(history.times), _PATH_POINTS)).astype(int)
+    keep = _kept_states(history, _PATH_POINTS)
     radius = required_distance(scenario)
     palette = colours(scenario)
     at_worst = history.positions[history.worst][:, plane]
@@ -112,16 +116,14 @@ def _draw_agents(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) -
             _add_circle(axes, p[history.worst], radius / 2, (0, (3, 1.5)), palette[name])
 
 
-def _draw_crowd(
+def _draw_roles(
     axes: Axes, history: RecordedHistory, plane: tuple[int, int], worst: WorstPairs
 ) -> None:
-    """Every path in its role's colour, and the two of the worst pair where h was largest."""
+    """Draw every path in its role's colour, and the two of the worst pair where h was largest."""
     roster = list(history.scenario.roster())
-    keep = np.linspace(0, len(history.times) - 1, min(len(history.times), _CROWD_POINTS)).astype(
-        int
-    )
+    keep = _kept_states(history, _MANY_POINTS)
     paths = history.positions[keep][:, :, plane].swapaxes(0, 1)
-    for role, colour in _CROWD.items():
+    for role, colour in _OF_ROLE.items():
         of_role = [i for i, (_, group, _) in enumerate(roster) if group.role == role]
         if of_role:
             label = f"{len(of_role)} × {role}"
@@ -135,12 +137,12 @@ def _draw_crowd(
             axes.plot(*p[at], "x", color=PEAK, markersize=6, zorder=3)
             axes.annotate(name, p[at], xytext=(5, 4), textcoords="offset points", color=colour)
         else:
-            other = static_label(history.scenario.static, i - len(roster))
+            other = history.swarm.safe_set.labels[i]
             axes.plot([], [], " ", label=f"{other}, of the worst pair")
 
 
 def _draw_scene(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) -> None:
-    """Obstacles, and the path of the formation's centre as far as time went."""
+    """Draw obstacles, and the path of the formation's centre up to the last state."""
     scenario = history.scenario
     for k, obstacle in enumerate(scenario.obstacles):
         if isinstance(obstacle, Wall):
@@ -165,7 +167,7 @@ def _add_circle(axes: Axes, center: Array, radius: float, style: object, colour:
 
 
 def _draw_wall(axes: Axes, wall: Wall, plane: tuple[int, int]) -> None:
-    """The wall's trace in the plane, unless it is parallel to it."""
+    """Draw the wall's trace in the plane, unless it is parallel to it."""
     n = wall.unit_normal[list(plane)]
     if n.any():
         x, y = (wall.offset * n / float(n @ n)).tolist()

@@ -9,11 +9,12 @@ from phalanx.arrays import Array
 from phalanx.curves.history import RecordedHistory
 from phalanx.curves.thinning import kept
 from phalanx.recording.read import Recording
+from phalanx.report.history import ReportHistory
 from phalanx.report.style import LIMIT, NORMAL, PEAK, legend, panels, summarises
 from phalanx.swarm.swarm import unit_of_psi
 
-_PSI_POINTS, _CROWD_PSI_POINTS = 600, 100
-"""Most states at which ψ_k is evaluated; of many agents it takes longer."""
+_PSI_POINTS, _MANY_PSI_POINTS = 600, 100
+"""Most states at which ψ_k is evaluated; with many agents it takes longer."""
 
 
 class Worst(NamedTuple):
@@ -25,7 +26,7 @@ class Worst(NamedTuple):
 
 
 def worst(recording: Recording) -> Worst | None:
-    """The largest h_tot and when; None if there is no state. Without a summary, to an event."""
+    """The largest h_tot and its time; None if no state was recorded."""
     if not recording.states:
         return None
     if recording.summary:
@@ -34,10 +35,10 @@ def worst(recording: Recording) -> Worst | None:
     return Worst(state.h_tot, state.t)
 
 
-def safety(history: RecordedHistory, largest: Array | None = None) -> Figure:
-    """h_tot over time with the zero line, and a closer look if it was crossed; needs a state.
+def safety(history: ReportHistory, largest: Array | None = None) -> Figure:
+    """Draw h_tot over time, and a second panel around zero if that was crossed; needs a state.
 
-    largest: the largest h of a pair at each state, to be drawn as well.
+    largest: the largest h of a pair at each state, drawn too if given.
     """
     peak = worst(history.recording)
     assert peak is not None
@@ -57,8 +58,8 @@ def safety(history: RecordedHistory, largest: Array | None = None) -> Figure:
     rows[0].set_ylim(top=max(rows[0].get_ylim()[1], 0.06 * np.ptp(h), 0.1))
     if peak.h_tot > 0.0:
         rows[1].set_ylim(-2.0 * peak.h_tot, 1.3 * peak.h_tot)
-    words = f"worst {peak.h_tot:.4g} at {peak.t:.3f} s"
-    rows[0].set_title(words, loc="right", color=PEAK, fontsize=10)
+    title = f"worst {peak.h_tot:.4g} at {peak.t:.3f} s"
+    rows[0].set_title(title, loc="right", color=PEAK, fontsize=10)
     rows[-1].set_xlabel("t [s]")
     if largest is not None:
         legend(rows[0])
@@ -66,16 +67,16 @@ def safety(history: RecordedHistory, largest: Array | None = None) -> Figure:
 
 
 def psi(history: RecordedHistory) -> Figure | None:
-    """The largest ψ_1 ... ψ_{q-1} over time, at or below 0 in S_I; None where there is none."""
+    """Draw the largest ψ_1 ... ψ_{q-1} over time, at or below 0 in S_I; None where q = 1."""
     levels = history.values.psi_levels
     if not levels:
         return None
-    points = _CROWD_PSI_POINTS if summarises(history.scenario) else _PSI_POINTS
+    points = _MANY_PSI_POINTS if summarises(history.scenario) else _PSI_POINTS
     chosen = np.unique(np.linspace(0, len(history.times) - 1, points).astype(int))
     t = history.times[chosen]
     largest = np.array([history.values.higher_psi(x) for x in history.x[chosen]])
-    figure, panes = panels(len(levels), 2.4)
-    for k, values, axes in zip(levels, largest.T, panes, strict=True):
+    figure, rows = panels(len(levels), 2.4)
+    for k, values, axes in zip(levels, largest.T, rows, strict=True):
         axes.plot(t, values, color=NORMAL, linewidth=1.2)
         axes.axhline(0.0, color=LIMIT, linewidth=1.2)
         axes.fill_between(t, values, 0.0, where=values > 0.0, color=PEAK, alpha=0.5)
@@ -83,7 +84,7 @@ def psi(history: RecordedHistory) -> Figure | None:
         axes.set_ylabel(f"largest $\\psi_{k}$ [{unit}]")
         axes.margins(x=0.01)
         at = int(values.argmax())
-        words = f"largest {values[at]:.4g} at {t[at]:.3f} s"
-        axes.set_title(words, loc="right", color=PEAK if values[at] > 0.0 else LIMIT, fontsize=10)
-    panes[-1].set_xlabel("t [s]")
+        title = f"largest {values[at]:.4g} at {t[at]:.3f} s"
+        axes.set_title(title, loc="right", color=PEAK if values[at] > 0.0 else LIMIT, fontsize=10)
+    rows[-1].set_xlabel("t [s]")
     return figure

@@ -1,6 +1,6 @@
 """Figures of control steps: inputs, certified times, ages of received inputs, wall times.
 
-Up to 12 agents are drawn one by one; of more, an envelope of all and the worst few by name.
+Up to 12 agents are drawn one by one; more agents as an envelope, and the worst few by name.
 """
 
 from collections.abc import Sequence
@@ -11,26 +11,11 @@ from matplotlib.figure import Figure
 
 from phalanx.arrays import Array
 from phalanx.curves.history import EMPTY_CODES, AgentSeries, RecordedHistory
-from phalanx.curves.quantities import InputCurve, input_bounds, input_curves, of_steps
+from phalanx.curves.quantities import InputCurve, input_curves, input_polytope, step_series
 from phalanx.curves.thinning import Series
-from phalanx.recording.records import Step
-from phalanx.report.style import (
-    ADVERSARY,
-    FEW,
-    LIMIT,
-    MUTED,
-    NORMAL,
-    PEAK,
-    WORST,
-    colours,
-    draw_crowd,
-    draw_line,
-    legend,
-    logarithmic,
-    panels,
-    summarises,
-)
-from phalanx.theory.rows.origin import EMPTY, Origin, words_of
+from phalanx.report import style
+from phalanx.report.history import ReportHistory
+from phalanx.theory.rows.origin import EMPTY, Origin, origin_label
 
 _TIME_POINTS = 600
 _EMPTY_INTERVALS = 100
@@ -38,23 +23,23 @@ _LIGHT = "#f2a7a0"
 
 
 def certified(history: RecordedHistory) -> Figure | None:
-    """Certified time of each normal agent's inputs, in its τ; None where none was recorded."""
+    """Draw certified times of each normal agent's inputs, in its τ; None without any."""
     swarm = history.swarm
-    every = of_steps(swarm, "certified", {i: history.agent(i) for i in swarm.normal})
+    every = step_series(swarm, "certified", {i: history.agent(i) for i in swarm.normal})
     curves = {swarm.names[i]: known for i, s in every.items() if len((known := s.known()).t)}
     if not curves:
         return None
-    figure, (axes,) = panels(1, 3.0)
-    if summarises(history.scenario):
+    figure, (axes,) = style.panels(1, 3.0)
+    if style.summarises(history.scenario):
         worst = sorted(curves, key=lambda n: (curves[n].y.min(), curves[n].y.mean()))
-        draw_crowd(axes, curves, worst, "normal agents", " τ")
+        style.draw_many(axes, curves, worst, "normal agents", " τ")
         ratios = np.concatenate([ratio for _, ratio in curves.values()])
         below = f"{(ratios < 1.0).sum()} of {len(ratios)} inputs below τ"
         axes.set_title(below, loc="right", fontsize=10)
     else:
         _draw_certified(axes, history, curves)
-    axes.axhline(1.0, color=LIMIT, linewidth=1.2)
-    logarithmic(axes)
+    axes.axhline(1.0, color=style.LIMIT, linewidth=1.2)
+    style.logarithmic(axes)
     axes.margins(x=0.01)
     axes.set_ylabel("certified time [τ]")
     axes.set_xlabel("t [s]")
@@ -62,106 +47,110 @@ def certified(history: RecordedHistory) -> Figure | None:
 
 
 def _draw_certified(axes: Axes, history: RecordedHistory, curves: dict[str, Series]) -> None:
-    palette, swarm = colours(history.scenario), history.swarm
+    palette, swarm = style.colours(history.scenario), history.swarm
     for name, (t, ratio) in curves.items():
         i, below = swarm.names.index(name), ratio < 1.0
         shortest = np.nanmin(history.agent(i).numbers["certified"]) / swarm.horizon(i)
         label = f"{name}: shortest {shortest:.3g} τ"
-        draw_line(axes, Series(t, ratio), colour=palette[name], label=label)
+        style.draw_line(axes, Series(t, ratio), colour=palette[name], label=label)
         if below.any():
             label = f"{name}: below τ ({below.sum()} of {len(below)})"
-            axes.scatter(t[below], ratio[below], marker="x", s=22, color=PEAK, label=label)
-    legend(axes, "agent")
+            axes.scatter(t[below], ratio[below], marker="x", s=22, color=style.PEAK, label=label)
+    style.legend(axes, "agent")
 
 
-def ages(history: RecordedHistory) -> Figure | None:
-    """Ages of the û_l that each receiver had at its steps; None if nobody received anything.
+def ages(history: ReportHistory) -> Figure | None:
+    """Draw ages of the û_l that each receiver used at its steps; None without any.
 
-    Of many agents, of the oldest one that each had.
+    With many agents, only of each one's oldest û_l.
     """
     names = history.swarm.names
     steps = {i: history.agent(i) for i in range(len(names))}
-    every = of_steps(history.swarm, "oldest_input", steps)
+    every = step_series(history.swarm, "oldest_input", steps)
     curves = {names[i]: series for i, series in every.items() if len(series.known().t)}
     if not curves:
         return None
-    if not summarises(history.scenario):
+    if not style.summarises(history.scenario):
         return _ages_of_each(history, list(curves))
-    figure, (axes,) = panels(1, 3.0)
+    figure, (axes,) = style.panels(1, 3.0)
     worst = sorted(curves, key=lambda name: -np.nanmax(curves[name].y))
-    draw_crowd(axes, curves, worst, "receivers", " ms")
+    style.draw_many(axes, curves, worst, "receivers", " ms")
     axes.set_ylim(bottom=0.0)
     axes.set_ylabel("age of the oldest û [ms]")
     axes.set_xlabel("t [s]")
     return figure
 
 
-def _ages_of_each(history: RecordedHistory, receivers: Sequence[str]) -> Figure:
-    names, palette = history.swarm.names, colours(history.scenario)
-    figure, rows = panels(len(receivers), 1.7)
+def _ages_of_each(history: ReportHistory, receivers: Sequence[str]) -> Figure:
+    names, palette = history.swarm.names, style.colours(history.scenario)
+    figure, rows = style.panels(len(receivers), 1.7)
     for receiver, axes in zip(receivers, rows, strict=True):
         i = names.index(receiver)
-        of_steps = [dict(step.ages) for step in history.steps[i]]
-        age = 1e3 * np.array([[each.get(name, np.nan) for name in names] for each in of_steps])
+        ages_by_step = [dict(step.ages) for step in history.steps[i]]
+        age = 1e3 * np.array([[each.get(name, np.nan) for name in names] for each in ages_by_step])
         senders = np.flatnonzero(np.isfinite(age).any(axis=0))
         for l in sorted(senders, key=lambda l: -np.nanmax(age[:, l])):
             label = f"from {names[l]}, oldest {np.nanmax(age[:, l]):.3g} ms"
             series = Series(history.agent(i).t, age[:, l])
-            draw_line(axes, series, colour=palette[names[l]], width=0.7, alpha=0.85, label=label)
+            colour = palette[names[l]]
+            style.draw_line(axes, series, colour=colour, width=0.7, alpha=0.85, label=label)
         axes.set_ylim(bottom=0.0)
         axes.margins(x=0.01)
         axes.set_ylabel("age of û [ms]")
-        legend(axes, f"received by {receiver}", most=7)
+        style.legend(axes, f"received by {receiver}", most=7)
     rows[-1].set_xlabel("t [s]")
     return figure
 
 
 def inputs(history: RecordedHistory, i: int) -> Figure:
-    """Agent i's inputs beside the nominal ones, their bounds, and a mark where K_i was empty."""
+    """Draw agent i's inputs, the nominal ones, their bounds, and a mark where K_i was empty."""
     steps, name = history.agent(i), history.swarm.names[i]
-    curves, colour = _with_norm(input_curves(history.swarm, i, steps)), colours(history.scenario)
-    figure, rows = panels(len(curves), 1.9)
+    curves, colour = input_curves(history.swarm, i, steps), style.colours(history.scenario)
+    curves = [*_norm(history, i, curves), *curves]
+    figure, rows = style.panels(len(curves), 1.9)
     held_until = max(history.times[-1], steps.t[-1])
-    wanted = bool(np.isfinite(steps.u_nom).all())
+    known = bool(np.isfinite(steps.u_nom).all())
     for curve, axes in zip(curves, rows, strict=True):
         applied = curve.applied
-        if wanted:
-            draw_line(axes, curve.nominal, colour=MUTED, width=0.7, held=True)
+        if known:
+            style.draw_line(axes, curve.nominal, colour=style.MUTED, width=0.7, held=True)
         held = Series(np.append(applied.t, held_until), np.append(applied.y, applied.y[-1]))
-        draw_line(axes, held, colour=colour[name], width=0.9, held=True)
+        style.draw_line(axes, held, colour=colour[name], width=0.9, held=True)
         bounds = [bound for bound in curve.bounds if bound is not None]
         for bound in bounds:
-            axes.axhline(bound, color=LIMIT, linestyle=":", linewidth=1.2)
+            axes.axhline(bound, color=style.LIMIT, linestyle=":", linewidth=1.2)
         _mark_empty(axes, steps, applied.y)
         axes.set_ylabel(f"{curve.name} [{curve.unit or 'SI'}]")
         axes.margins(x=0.01)
-        # A nominal input may lie far outside.
+        # A nominal input may lie far outside, and is cut off.
         low, high = (f([*bounds, *applied.y]) for f in (min, max))
         margin = 0.12 * (high - low) or 1.0
         axes.set_ylim(low - margin, high + margin)
     rows[-1].set_xlabel("t [s]")
     rows[0].plot([], [], color=colour[name], label="applied")
-    if wanted:
-        rows[0].plot([], [], color=MUTED, label="nominal")
-    legend(rows[0], f"agent {name}")
+    if known:
+        rows[0].plot([], [], color=style.MUTED, label="nominal")
+    style.legend(rows[0], f"agent {name}")
     return figure
 
 
-def _with_norm(curves: list[InputCurve]) -> list[InputCurve]:
-    """Before them ‖u‖_∞ if U_i is its ball: what the paper plots of Simulation 2."""
-    (low, high), first = curves[0].bounds, curves[0]
-    alike = all(curve.bounds == (low, high) for curve in curves)
-    if len(curves) < 2 or not alike or high is None or low != -high:
-        return curves
+def _norm(history: RecordedHistory, i: int, curves: list[InputCurve]) -> list[InputCurve]:
+    """The curve of ‖u‖_∞, as in the paper's Simulation 2, if U_i is a ball of that norm."""
+    U, first = input_polytope(history.swarm, i), curves[0]
+    if len(curves) < 2 or U is None or U.box is None:
+        return []
+    bounds = {*(-U.box.low).tolist(), *U.box.high.tolist()}
+    if len(bounds) > 1:
+        return []
     norm = np.max([np.abs(curve.applied.y) for curve in curves], axis=0)
     applied, unknown = Series(first.applied.t, norm), Series(norm[:0], norm[:0])
-    return [InputCurve("‖u‖∞", first.unit, applied, unknown, (None, high)), *curves]
+    return [InputCurve("‖u‖∞", first.unit, applied, unknown, (None, *bounds))]
 
 
 def _mark_empty(axes: Axes, steps: AgentSeries, values: Array) -> None:
     for origin, colour, size in ((Origin.NO_AUTHORITY, _LIGHT, 14), (Origin.BACKUP, "#e00000", 26)):
         marked = steps.empty == EMPTY_CODES[origin]
-        label = f"{words_of(origin)} ({marked.sum()} steps)"
+        label = f"{origin_label(origin)} ({marked.sum()} steps)"
         places = steps.t[marked], values[marked]
         axes.scatter(
             *places, marker="x", s=size, linewidths=1.0, color=colour, label=label, zorder=3
@@ -169,20 +158,24 @@ def _mark_empty(axes: Axes, steps: AgentSeries, values: Array) -> None:
 
 
 def inputs_of_all(history: RecordedHistory) -> Figure:
-    """How much of their bounds normal agents use; and the steps with empty K_i, if there are."""
+    """Draw the share of their bounds that normal agents use, and the steps with empty K_i.
+
+    Only where U_i is a box: other polytopes have no bound of one input alone.
+    """
     swarm, curves = history.swarm, {}
     made = [history.agent(i) for i in swarm.normal]
     any_empty = any(steps.empty.any() for steps in made)
-    figure, rows = panels(2 if any_empty else 1, 2.6)
+    figure, rows = style.panels(2 if any_empty else 1, 2.6)
     for i, steps in zip(swarm.normal, made, strict=True):
-        if len(steps.t) and (bounds := input_bounds(swarm, i)):
-            low, high = bounds
+        U = input_polytope(swarm, i)
+        if len(steps.t) and U and U.box:
+            low, high = U.box.low, U.box.high
             share = np.abs(steps.u - (high + low) / 2.0) / ((high - low) / 2.0)
             curves[swarm.names[i]] = Series(steps.t, share.max(axis=1))
     if curves:
         worst = sorted(curves, key=lambda name: -curves[name].y.mean())
-        draw_crowd(rows[0], curves, worst, "normal agents", "")
-        rows[0].axhline(1.0, color=LIMIT, linestyle=":", linewidth=1.2)
+        style.draw_many(rows[0], curves, worst, "normal agents", "")
+        rows[0].axhline(1.0, color=style.LIMIT, linestyle=":", linewidth=1.2)
     rows[0].set_ylabel("largest share\nof an input's bound")
     for axes in rows[1:]:
         _draw_empty(axes, made)
@@ -191,61 +184,58 @@ def inputs_of_all(history: RecordedHistory) -> Figure:
 
 
 def _draw_empty(axes: Axes, made: Sequence[AgentSeries]) -> None:
-    """Share of the steps of each interval whose K_i was empty, by what became of it."""
+    """Draw the share of each interval's steps whose K_i was empty, by the input's origin."""
     t, empty = (np.concatenate([getattr(s, name) for s in made]) for name in ("sampled", "empty"))
     edges = np.linspace(0.0, t.max(), _EMPTY_INTERVALS + 1)
     total = np.maximum(np.histogram(t, edges)[0], 1)
     below = np.zeros(_EMPTY_INTERVALS)
-    for origin, colour in zip(EMPTY, (PEAK, _LIGHT), strict=True):
+    for origin, colour in zip(EMPTY, (style.PEAK, _LIGHT), strict=True):
         count = np.histogram(t[empty == EMPTY_CODES[origin]], edges)[0]
-        above, label = below + 100.0 * count / total, f"{words_of(origin)} ({count.sum()} steps)"
+        above = below + 100.0 * count / total
+        label = f"{origin_label(origin)} ({count.sum()} steps)"
         axes.stairs(above, edges, baseline=below, fill=True, color=colour, label=label)
         below = above
     axes.set_ylabel("steps with\nempty $K_i$ [%]")
-    legend(axes, f"of {len(t)} steps")
+    style.legend(axes, f"of {len(t)} steps")
 
 
 def solve_times(history: RecordedHistory) -> Figure:
-    """Share of each agent's steps that took longer than a wall time; needs a step.
+    """Draw the share of each agent's steps that took longer than a wall time; needs a step.
 
-    Of many agents, of all steps of a role, and of the slowest agents'.
+    With many agents, of all steps of a role, and of the slowest agents' steps.
     """
-    names, every = history.swarm.names, history.steps
-    figure, (axes,) = panels(1, 3.2)
-    if not summarises(history.scenario):
-        palette = colours(history.scenario)
-        for name, steps in zip(names, every, strict=True):
-            _draw_time_shares(axes, steps, palette[name], name, 1.3)
-        legend(axes, "agent")
+    names = history.swarm.names
+    every = [1e3 * history.agent(i).numbers["solve_time"] for i in range(len(names))]
+    figure, (axes,) = style.panels(1, 3.2)
+    if not style.summarises(history.scenario):
+        palette = style.colours(history.scenario)
+        for name, taken in zip(names, every, strict=True):
+            _draw_time_shares(axes, taken, palette[name], name, 1.3)
+        style.legend(axes, "agent")
         return figure
     normal = set(history.swarm.normal)
     for role, colour, is_normal in (
-        ("normal agents", NORMAL, True), ("adversaries", ADVERSARY, False)
+        ("normal agents", style.NORMAL, True), ("adversaries", style.ADVERSARY, False)
     ):  # fmt: skip
-        of_role = [s for i, steps in enumerate(every) if (i in normal) == is_normal for s in steps]
-        _draw_time_shares(axes, of_role, colour, role, 2.2)
-    late = {
-        i: np.percentile([s.solve_time for s in found], 99)
-        for i, found in enumerate(every)
-        if found
-    }
-    for i, colour in zip(sorted(late, key=lambda i: -late[i])[:FEW], WORST, strict=False):
+        of_role = [taken for i, taken in enumerate(every) if (i in normal) == is_normal]
+        _draw_time_shares(axes, np.concatenate([*of_role, []]), colour, role, 2.2)
+    late = {i: np.percentile(taken, 99) for i, taken in enumerate(every) if len(taken)}
+    slowest = sorted(late, key=lambda i: -late[i])[: style.FEW]
+    for i, colour in zip(slowest, style.WORST, strict=False):
         _draw_time_shares(axes, every[i], colour, names[i], 0.8)
-    legend(axes)
+    style.legend(axes)
     return figure
 
 
-def _draw_time_shares(
-    axes: Axes, steps: Sequence[Step], colour: str, name: str, width: float
-) -> None:
-    """Draw what share of these steps, if there are any, took longer than a wall time."""
-    if not steps:
+def _draw_time_shares(axes: Axes, taken: Array, colour: str, name: str, width: float) -> None:
+    """Draw the share of steps that took at least a wall time; taken: of each [ms], shape (s,)."""
+    if not len(taken):
         return
-    taken = np.sort([1e3 * s.solve_time for s in steps])
+    taken = np.sort(taken)
     longer = 1.0 - np.arange(len(taken)) / len(taken)
     middle, late = np.percentile(taken, [50, 99])
     label = f"{name}: median {middle:.3g}, 99 % {late:.3g} ms"
-    # The slowest step, and ever fewer of those that are ever faster: the axis is logarithmic.
+    # Every slow step, and fewer and fewer of the faster ones: the axis is logarithmic.
     shown = np.unique(len(taken) - np.geomspace(1, len(taken), _TIME_POINTS).astype(int))
     axes.plot(taken[shown], longer[shown], color=colour, linewidth=width, label=label)
     axes.set_xscale("log")

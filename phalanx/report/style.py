@@ -1,4 +1,4 @@
-"""How every figure looks: size, axes, legends, and one colour for each agent throughout."""
+"""The style of every figure: size, axes, legends, and one colour for each agent throughout."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -15,14 +15,14 @@ _NORMAL = ("#1f5fbf", "#13a3b5", "#6a4fc4", "#0b3c6f", "#4aa8f0", "#1c8a6b")
 _ADVERSARY = ("#d62728", "#8f0f2a", "#f2684a", "#e0559a")
 DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)), (0, (9, 3)))
 WORST = ("#c1121f", "#e07b00", "#8f2fb3", "#111111")
-"""Of the worst few over an envelope."""
+"""Colours of the worst few, drawn over an envelope."""
 NORMAL, ADVERSARY = "#1f5fbf", "#d62728"
-"""Of a role as a whole."""
+"""Colours of a role as a whole."""
 LIMIT, PEAK, MUTED = "#333333", "#c1121f", "#8a8f98"
 MOST_NAMED = 12
 """Most entries of a legend, and most agents that are drawn one by one."""
 FEW = 4
-"""How many of the worst are drawn by name where there are more agents than that."""
+"""Number of the worst agents drawn by name where there are more than MOST_NAMED."""
 _WIDTH = 9.0
 
 
@@ -30,7 +30,7 @@ class ReportFigure(NamedTuple):
     """One figure of the report."""
 
     name: str
-    """Of its file, without the ending."""
+    """Its file's name, without the ending."""
     caption: str
     figure: Figure
 
@@ -45,12 +45,12 @@ def colours(scenario: Scenario) -> dict[str, str]:
 
 
 def summarises(scenario: Scenario) -> bool:
-    """Whether the report shows envelopes and the worst few instead of every agent."""
+    """True if the report shows envelopes and the worst few instead of every agent."""
     return sum(group.size for group in scenario.agents) > MOST_NAMED
 
 
 def panels(rows: int, height: float) -> tuple[Figure, list[Axes]]:
-    """A figure with one column of panels of this height [inch] that share their x axis."""
+    """Make a figure with a column of panels of this height [inch] that share their x axis."""
     figure = Figure(figsize=(_WIDTH, rows * height + 0.3), layout="constrained", facecolor="white")
     axes = list(figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0])
     for each in axes:
@@ -59,14 +59,14 @@ def panels(rows: int, height: float) -> tuple[Figure, list[Axes]]:
 
 
 def style_axes(axes: Axes) -> None:
-    """A light grid behind, no frame above and to the right."""
+    """Draw a light grid behind, and no frame above and to the right."""
     axes.grid(color="#000000", alpha=0.12, linewidth=0.6)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
 
 
 def logarithmic(axes: Axes) -> None:
-    """A logarithmic y axis with plain numbers at 1, 2 and 5."""
+    """Make the y axis logarithmic, with plain numbers at 1, 2 and 5."""
     axes.set_yscale("log")
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
@@ -74,26 +74,20 @@ def logarithmic(axes: Axes) -> None:
 
 
 def legend(axes: Axes, title: str | None = None, most: int = MOST_NAMED) -> None:
-    """Name the first lines beside the panel, as many as fit."""
+    """Name the first lines to the right of the panel, as many as fit."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
         axes.legend(
-            handles[:most],
-            labels[:most],
-            title=title,
-            loc="upper left",
-            bbox_to_anchor=(1.0, 1.02),
-            fontsize=8,
-            title_fontsize=8,
-            frameon=False,
-        )
+            handles[:most], labels[:most], title=title, loc="upper left",
+            bbox_to_anchor=(1.0, 1.02), fontsize=8, title_fontsize=8, frameon=False,
+        )  # fmt: skip
 
 
 def draw_line(
     axes: Axes, series: Series, *, colour: str, width: float = 0.8, held: bool = False,
     **looks: Any,
 ) -> None:  # fmt: skip
-    """Draw a series through its extremes; held: each value until the next."""
+    """Draw a series through its extremes; held: as steps, each value until the next."""
     shown = kept(series.y)
     style = "steps-post" if held else "default"
     axes.plot(
@@ -102,20 +96,20 @@ def draw_line(
 
 
 def draw_envelope(axes: Axes, found: Envelope, colour: str, of: str) -> None:
-    """Draw it as two bands, pale from least to largest, and the median as a line."""
+    """Draw an envelope as two bands, the wider one pale, and its median as a line."""
     t = found.edges.ravel()
     least, low, middle, high, largest = np.repeat(found.values, 2, axis=1)
     bands = (least, largest, 0.15, "least to largest"), (low, high, 0.3, "10 to 90 %")
-    for below, above, alpha, words in bands:
-        label = f"{of}: {words}"
+    for below, above, alpha, text in bands:
+        label = f"{of}: {text}"
         axes.fill_between(t, below, above, color=colour, alpha=alpha, linewidth=0.0, label=label)
     axes.plot(t, middle, color=colour, linewidth=1.4, label=f"{of}: median")
 
 
-def draw_crowd(
+def draw_many(
     axes: Axes, curves: Mapping[str, Series], worst: Sequence[str], of: str, unit: str
 ) -> None:
-    """Draw the envelope of all curves, and the worst few over it."""
+    """Draw the envelope of all agents' curves, and the worst few over it."""
     draw_envelope(axes, envelope(list(curves.values())), NORMAL, of)
     for name, colour in zip(worst[:FEW], WORST, strict=False):
         y = curves[name].y

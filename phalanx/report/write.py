@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from phalanx.curves.history import RecordedHistory, recorded_history
 from phalanx.recording.read import Recording, read
 from phalanx.report import safety, steps
 from phalanx.report.distances import distances, required_distance
+from phalanx.report.history import ReportHistory
 from phalanx.report.lanes import space_time
 from phalanx.report.links import LinkStatistics, link_statistics, losses
 from phalanx.report.margins import margins
@@ -21,7 +21,7 @@ from phalanx.report.style import FEW, MOST_NAMED, ReportFigure, summarises
 REPORT = "report.html"
 _DPI = 110
 _MARGIN = 0.1
-"""Around what is drawn on a figure [inch]."""
+"""Margin around the drawn part of a figure [inch]."""
 
 
 def write_report(run: Path, progress: Callable[[str], None] | None = None) -> Path:
@@ -29,36 +29,32 @@ def write_report(run: Path, progress: Callable[[str], None] | None = None) -> Pa
 
     Args:
         run: a run's folder, or its recording.
-        progress: told the name of each figure before it is drawn.
+        progress: called with the name of each figure before it is drawn.
 
-    Returns:
-        The path of report.html.
-
-    Raises:
-        UnreadableRecordingError: there is no recording to report on. OSError: cannot write.
+    Returns the path of report.html. Raises UnreadableRecordingError, OSError.
     """
     recording = read(run)
     folder = recording.path.parent
     (folder / "figures").mkdir(exist_ok=True)
-    links = link_statistics(recording)
+    history, links = ReportHistory(recording), link_statistics(recording)
     drawn = []
-    for plate in plates(recording, links):
+    for figure in draw_figures(history, links):
         if progress:
-            progress(plate.name)
-        image = image_of(plate)
-        (folder / "figures" / f"{plate.name}.png").write_bytes(image)
-        drawn.append((plate.caption, image))
+            progress(figure.name)
+        image = image_of(figure)
+        (folder / "figures" / f"{figure.name}.png").write_bytes(image)
+        drawn.append((figure.caption, image))
     report = folder / REPORT
-    report.write_text(page(recording, links, drawn, notes(recording)), encoding="utf-8")
+    report.write_text(page(recording, links, drawn, notes(history)), encoding="utf-8")
     return report
 
 
-def image_of(plate: ReportFigure) -> bytes:
-    """A figure as PNG, laid out and then cut to what is drawn on it.
+def image_of(drawn: ReportFigure) -> bytes:
+    """A figure as PNG, laid out and then cut to its drawn part.
 
     savefig alone can do both, but draws the whole figure once more to lay it out.
     """
-    figure, image = plate.figure, io.BytesIO()
+    figure, image = drawn.figure, io.BytesIO()
     figure.dpi = _DPI
     renderer = FigureCanvasAgg(figure).get_renderer()
     if (layout := figure.get_layout_engine()) is not None:
@@ -69,10 +65,9 @@ def image_of(plate: ReportFigure) -> bytes:
     return image.getvalue()
 
 
-def plates(recording: Recording, links: list[LinkStatistics]) -> Iterator[ReportFigure]:
-    """The figures that the recording has data for, in the report's order."""
-    history, many = recorded_history(recording), summarises(recording.scenario)
-    too_large = history.values.too_large
+def draw_figures(history: ReportHistory, links: list[LinkStatistics]) -> Iterator[ReportFigure]:
+    """Draw the figures that the recording has data for, in the report's order."""
+    recording, many = history.recording, summarises(history.scenario)
     if recording.states:
         pairs = worst_pairs(history) if many else None
         yield ReportFigure("h_tot", _SAFETY, safety.safety(history, pairs.h if pairs else None))
@@ -81,8 +76,8 @@ def plates(recording: Recording, links: list[LinkStatistics]) -> Iterator[Report
         yield ReportFigure("paths", _paths_caption(recording), paths(history, pairs))
         yield ReportFigure("distances", _NEAREST if many else _DISTANCES, distances(history))
     if recording.states and recording.steps:
-        yield from _of_steps(history)
-        if not too_large and (compared := margins(history)):
+        yield from _step_figures(history)
+        if not history.values.too_large and (compared := margins(history)):
             yield ReportFigure("margins", compared[1], compared[0])
         if lanes := space_time(history):
             yield ReportFigure("space-time", _SPACE_TIME, lanes)
@@ -90,27 +85,26 @@ def plates(recording: Recording, links: list[LinkStatistics]) -> Iterator[Report
         yield ReportFigure("losses", _LOSSES, losses(recording, links))
 
 
-def notes(recording: Recording) -> list[str]:
-    """What is not drawn, and why."""
-    if not recording.states:
+def notes(history: ReportHistory) -> list[str]:
+    """Notes about figures that are not drawn, and why."""
+    if not history.recording.states:
         return ["The recording holds no state: there is nothing to draw."]
     found = []
-    if summarises(recording.scenario):
+    if summarises(history.scenario):
         found.append(
             f"More than {MOST_NAMED} agents: figures show the least, median, largest and the band "
             "of 10 to 90 % of all agents, and the worst few of them by name."
         )
-    values = recorded_history(recording).values
-    if values.too_large:
+    if history.values.too_large:
         found.append(
             "Margins are not drawn: with this margin the row of each agent is one "
-            f"expression of all {values.rows.swarm.pairs.count} pairs, which would take hours. "
+            f"expression of all {history.swarm.pairs.count} pairs, which would take hours. "
             'With safety.composition = "pairs" there is a row for each pair.'
         )
     return found
 
 
-def _of_steps(history: RecordedHistory) -> Iterator[ReportFigure]:
+def _step_figures(history: ReportHistory) -> Iterator[ReportFigure]:
     normal = {i: history.agent(i) for i in history.swarm.normal if history.steps[i]}
     if summarises(history.scenario):
         yield ReportFigure("inputs", _ALL_INPUTS, steps.inputs_of_all(history))
@@ -121,9 +115,8 @@ def _of_steps(history: RecordedHistory) -> Iterator[ReportFigure]:
     for i in shown:
         name = history.swarm.names[i]
         caption = (
-            f"Inputs of agent {name}; the nominal input in grey, bounds dotted. A cross marks "
-            "each step whose K_i was empty: dark if the backup was applied, light if it had no "
-            "authority."
+            f"Inputs of agent {name}; nominal input in grey, bounds dotted. A cross marks a step "
+            "whose K_i was empty: dark if the backup was applied, light if it had no authority."
         )
         yield ReportFigure(f"inputs-{name}", caption, steps.inputs(history, i))
     if horizons := steps.certified(history):
@@ -139,30 +132,30 @@ _SAFETY = (
 )
 _PSI = (
     "The largest ψ_k of the chain over all that normal agents keep, as the scenario composes it. "
-    "The theorem begins in S_I, where every ψ_k is at or below zero, and proves that a run stays "
-    "there."
+    "The theorem assumes a start in S_I, where every ψ_k is at or below zero, and proves that the "
+    "run stays there."
 )
 _DISTANCES = (
     "Distances between the output points of all pairs, and to obstacles' centres; dotted: the "
     "distance required. The closest pairs come first."
 )
 _NEAREST = (
-    "How far each normal agent is from the nearest other agent, adversary and obstacle's centre; "
+    "Distance of each normal agent from the nearest other agent, adversary and obstacle's centre; "
     "dotted: the distance required. The closest pairs are drawn by name."
 )
 _ALL_INPUTS = (
-    "How much of their bounds the inputs of normal agents use, the component that uses most; and "
-    "the share of steps whose K_i was empty. The agents with most of those follow one by one."
+    "Share of their bounds that the inputs of normal agents use, of the component that uses most; "
+    "and the share of steps whose K_i was empty. The agents with most of those follow one by one."
 )
 _CERTIFIED = (
-    "How long each normal agent's input is proven to keep all its pairs safe, whatever the others "
-    "do, in multiples of τ, the longest time until its next sample: at or above the line at 1 the "
-    "proof lasts until then. A cross marks every input below it. The scale is logarithmic; what is "
-    "proven for no time at all is drawn at the bottom."
+    "Time for which each normal agent's input is proven to keep all its pairs safe, whatever the "
+    "others do, in multiples of τ, the longest time until its next sample: at or above the line at "
+    "1 the proof lasts until then. A cross marks every input below it. The scale is logarithmic; "
+    "an input that is proven for no time at all is drawn at the bottom."
 )
 _SOLVE_TIMES = (
     "Wall time of control steps, from sample to input: the share of steps that took as long or "
-    "longer. It has no part in the trajectory."
+    "longer. It does not affect the trajectory."
 )
 _SPACE_TIME = (
     "Space-time diagram. Above, the whole run: in each agent's lane the share of broadcasts to it "
@@ -172,13 +165,13 @@ _SPACE_TIME = (
     "above): a dot is a control step, a square one whose K_i was empty; a line is a broadcast from "
     "its sender to its receiver, a cross one that was lost."
 )
-_LOSSES = "Share of broadcasts lost on each link, next to what the scenario asks for."
+_LOSSES = "Share of broadcasts lost on each link, with the loss that the scenario sets."
 
 
 def _paths_caption(recording: Recording) -> str:
     circles = (
-        " Circles have half the required distance as radius, so that two which overlap are too "
-        "close: solid at the end, dashed when h_tot was worst."
+        " Circles have half the required distance as radius, so two that overlap are too close: "
+        "solid at the end, dashed when h_tot was worst."
         if required_distance(recording.scenario)
         else ""
     )

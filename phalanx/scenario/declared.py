@@ -1,4 +1,4 @@
-"""All that a scenario declares to go wrong: numbered, and put together for each link and agent."""
+"""Link models and faults that a scenario declares: numbered, and combined for each link."""
 
 from collections.abc import Callable, Iterator
 from functools import cached_property, partial
@@ -9,7 +9,7 @@ from pydantic import Field
 from phalanx.faults.clock import ClockFault
 from phalanx.faults.fault import AgentFault, LinkEnds, Occurrence, RunFacts
 from phalanx.faults.lies import LieFault, Lies
-from phalanx.faults.links import LinkFault, OfLinks
+from phalanx.faults.links import AnyLinkFault, LinkFault
 from phalanx.faults.onboard import ActuatorFault, SensorFault
 from phalanx.faults.process import ProcessFault
 from phalanx.network.link import Kind, Link, LinkModel, Stage
@@ -17,7 +17,7 @@ from phalanx.network.rule import UsersRule
 from phalanx.network.table import LinkTable, Network
 
 AnyFault = Annotated[
-    OfLinks | LieFault | ProcessFault | ClockFault | SensorFault | ActuatorFault,
+    AnyLinkFault | LieFault | ProcessFault | ClockFault | SensorFault | ActuatorFault,
     Field(discriminator="kind"),
 ]
 KINDS = frozenset(
@@ -25,7 +25,7 @@ KINDS = frozenset(
     for model in get_args(get_args(AnyFault)[0])
     for kind in get_args(model.model_fields["kind"].annotation)
 )
-"""Of every fault that a scenario may declare."""
+"""Kinds of all faults."""
 
 _BASE: tuple[Kind, ...] = ("broadcast", "sample", "actuation")
 
@@ -33,7 +33,7 @@ _BASE: tuple[Kind, ...] = ("broadcast", "sample", "actuation")
 class Links:
     """The models of a run's links, and its faults of agents.
 
-    A rule's or fault's number is its place in `declared`.
+    The number of a rule or fault is its index in `declared`.
     """
 
     def __init__(self, network: Network, faults: tuple[AnyFault, ...], run: RunFacts) -> None:
@@ -46,28 +46,28 @@ class Links:
         tables += [(f"network.links.{i}", link) for i, link in enumerate(network.links)]
         fields: list[str] = []
         self._static: list[Callable[[], tuple[Stage, ...]]] = []
-        """Makes the rules that each table asks for at all times, for one more link."""
+        """Builds each table's permanent rules for one more link."""
         for where, table in tables:
             stages = partial(_stages, table, len(fields))
             fields += [f"{where}.{stage.field}" for stage in stages()]
-            # Those built in remember nothing, and serve any number of links.
+            # Built-in rules have no state, so all links share them.
             self._static.append(stages if table.rules else partial(tuple, stages()))
         self._first_fault = len(fields)
         self.declared = (
             *fields,
             *(f"faults.{place} ({fault.kind})" for place, fault in enumerate(faults)),
         )
-        """Names of all rules and faults, as a summary has them."""
+        """Names of all rules and faults, as in a summary."""
         in_order = sorted(enumerate(faults), key=lambda each: each[1].order)
         rules = [(f.order, place, f.on_links(run, place)) for place, f in in_order]
         self._before = [(place, found) for order, place, found in rules if order < 0]
         self._after = [(place, found) for order, place, found in rules if order > 0]
 
     def model(self, sender: str, receiver: str, of: Kind = "broadcast") -> LinkModel:
-        """The model of one link: faults, what the link always does, and faults that come last.
+        """Return the model of one link: faults, the link's own rules, and faults that act last.
 
-        A user's rules are this link's own: they may keep what they were asked. Both ends of a
-        robot's own links, of samples and actuations, are called like it.
+        A user's rules may have a state, so they are built for each link. A link within a robot has
+        the robot's name at both ends.
         """
         static = self._static[_BASE.index(of)]
         for place, exception in enumerate(self._network.links):
@@ -85,7 +85,7 @@ class Links:
         return LinkModel((*before, *static(), *after))
 
     def users_rules(self) -> Iterator[tuple[str, str, Link]]:
-        """Each rule of a user's anew, alone on a link that may have it, with its two ends."""
+        """Yield each user's rule, alone on a new link that it applies to, with the two ends."""
         network, first, last = self._network, self._run.names[0], self._run.names[-1]
         bases = zip((network, network.sample, network.actuation), _BASE, strict=True)
         tables: list[tuple[LinkTable, Kind, str, str]] = [(t, of, "*", "*") for t, of in bases]
@@ -103,14 +103,14 @@ class Links:
                     yield sender, receiver, Link(self._run.seed, sender, receiver, model, of)
 
     def lies(self, name: str) -> Lies:
-        """The lies that are declared of an agent."""
+        """Return the declared lies of an agent."""
         numbered = enumerate(self._faults, self._first_fault)
         lies = {number: fault for number, fault in numbered if isinstance(fault, LieFault)}
         return Lies(self._run.seed, name, lies)
 
     @cached_property
     def occurrences(self) -> tuple[Occurrence, ...]:
-        """Every occurrence of a fault of agents, in the order of the faults."""
+        """All occurrences of faults of agents, in the order of the faults."""
         return tuple(
             Occurrence(fault, place, self._first_fault + place, name, t, fault.until(t))
             for place, fault in enumerate(self._faults)
@@ -120,5 +120,5 @@ class Links:
 
 
 def _stages(table: LinkTable, first: int) -> tuple[Stage, ...]:
-    """A table's rules, built anew, with their numbers."""
+    """Build a table's rules, with their numbers."""
     return tuple(Stage(*rule, first + n) for n, rule in enumerate(table.fields()))

@@ -1,4 +1,4 @@
-"""Read a scenario: a file or the name of one that ships, plus --set overrides."""
+"""Reading of scenarios: a file or the name of one that ships, plus --set overrides."""
 
 import copy
 import difflib
@@ -18,8 +18,7 @@ from phalanx.scenario.model import Reading, Scenario
 from phalanx.schema.fields import ALTERNATIVES
 from phalanx.schema.user_code import UntrustedCodeError
 
-_TOP = Path(__file__).parents[2]
-"""Of a checkout."""
+_CHECKOUT = Path(__file__).parents[2]
 
 
 class ScenarioError(ValueError):
@@ -27,15 +26,15 @@ class ScenarioError(ValueError):
 
 
 def shipped() -> dict[str, Traversable]:
-    """The scenarios that come with Phalanx, by name; those in a folder have it before theirs.
+    """Return the scenarios that ship with Phalanx, by name; a folder's name precedes theirs.
 
     A wheel has them inside the package, a checkout at its top, a copy of the package nowhere.
     """
     inside = files(__package__) / "shipped"
     if inside.is_dir():
         return dict(_in_folder(inside, ""))
-    is_checkout = (_TOP / "plant" / "phalanx_plant").is_dir()
-    return dict(_in_folder(_TOP / "scenarios", "")) if is_checkout else {}
+    is_checkout = (_CHECKOUT / "plant" / "phalanx_plant").is_dir()
+    return dict(_in_folder(_CHECKOUT / "scenarios", "")) if is_checkout else {}
 
 
 def _in_folder(folder: Traversable, above: str) -> Iterator[tuple[str, Traversable]]:
@@ -79,7 +78,7 @@ def load(
 
 
 def validate(table: Mapping[str, Any], source: str) -> Scenario:
-    """A scenario from its table. Raises ScenarioError that lists every problem found."""
+    """Build a scenario from its table. Raises ScenarioError that lists every problem found."""
     try:
         return Scenario.model_validate(table).resolved()
     except ValidationError as error:
@@ -96,39 +95,40 @@ def validate(table: Mapping[str, Any], source: str) -> Scenario:
 
 
 def digest(scenario: Scenario) -> str:
-    """A short fingerprint of the resolved scenario: two programs with the same one agree."""
-    however_read = scenario.model_copy(update={"reading": None})
-    return hashlib.blake2b(to_json(however_read).encode(), digest_size=8).hexdigest()
+    """Return a hash of the resolved scenario, by which programs check that they have the same."""
+    content = scenario.model_copy(update={"reading": None})
+    return hashlib.blake2b(to_json(content).encode(), digest_size=8).hexdigest()
 
 
 def to_json(scenario: Scenario) -> str:
-    """The resolved scenario, every default spelled out."""
+    """Return the resolved scenario with all defaults."""
     return scenario.model_dump_json(by_alias=True)
 
 
 def from_json(text: str) -> Scenario:
-    """Inverse of to_json. Raises ScenarioError as load does."""
+    """Invert to_json. Raises ScenarioError as load does."""
     try:
         return Scenario.model_validate_json(text)
-    except ValidationError as error:
-        raise ScenarioError(f"recorded scenario: {error}") from error
-    except UntrustedCodeError as error:
+    except (ValidationError, UntrustedCodeError) as error:
         raise ScenarioError(f"recorded scenario: {error}") from error
 
 
 def field_and_value(override: str) -> tuple[str, Any]:
-    """Of a text such as "network.loss=0.3" or "agents.0.clock.period=0.02".
+    """Parse an override such as "network.loss=0.3" or "agents.0.clock.period=0.02".
 
-    Raises ScenarioError unless it has both.
+    Raises ScenarioError if it has no "=".
     """
     path, separator, text = override.partition("=")
     if not separator:
         raise ScenarioError(f"--set {override}: expected path.to.field=value")
-    return path.strip(), _value(text)
+    try:
+        return path.strip(), tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return path.strip(), text
 
 
 def set_field(table: dict[str, Any], path: str, value: Any) -> None:
-    """Set one field in place by its path. Raises ScenarioError if the path leads nowhere."""
+    """Set one field in place by its path. Raises ScenarioError if there is no such path."""
     keys = path.split(".")
     if not all(keys):
         raise ScenarioError(f"--set {path}: expected path.to.field")
@@ -158,19 +158,12 @@ def _index(node: list[Any], key: str, override: str) -> int:
 
 
 def _toml(value: Any) -> str:
-    """Inverse of _value."""
+    """Format a value as TOML."""
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{key} = {_toml(each)}" for key, each in value.items()) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(_toml, value)) + "]"
     return json.dumps(value) if isinstance(value, str | bool) else str(value)
-
-
-def _value(text: str) -> Any:
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        return text
 
 
 def _parsed(source: str) -> dict[str, Any]:
@@ -181,12 +174,12 @@ def _parsed(source: str) -> dict[str, Any]:
 
 
 def _read(source: str) -> str:
-    path = Path(source)
-    if source in shipped():
-        return shipped()[source].read_text(encoding="utf-8")
+    path, known = Path(source), shipped()
+    if source in known:
+        return known[source].read_text(encoding="utf-8")
     looks_like_path = path.suffix == ".toml" or "/" in source
     if not looks_like_path and not path.exists():
-        close = difflib.get_close_matches(source, shipped(), n=1)
+        close = difflib.get_close_matches(source, known, n=1)
         listed = "`phalanx scenarios` lists those that ship"
         hint = f"did you mean {close[0]!r}?" if close else listed
         raise ScenarioError(f"{source}: no such scenario; {hint}")
@@ -199,7 +192,7 @@ def _read(source: str) -> str:
 
 
 def _is_below(place: tuple[int | str, ...], other: tuple[int | str, ...]) -> bool:
-    """Whether a problem is the reason of another: a list without its broken items is too short."""
+    """Return whether a location is inside another: a list with invalid items is too short."""
     return len(place) > len(other) and place[: len(other)] == other
 
 

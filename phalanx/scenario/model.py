@@ -1,4 +1,4 @@
-"""The scenario as a whole: SI units, defaults, and errors that name the field."""
+"""The scenario as a whole, in SI units."""
 
 import shlex
 from collections.abc import Iterator
@@ -35,7 +35,7 @@ from phalanx.schema.fields import (
     Strict,
     Table,
     built,
-    misplaced,
+    field_error,
 )
 from phalanx.theory.laws.formation import Formation
 from phalanx.theory.safety.limits import Boundary, Limit, Static
@@ -55,7 +55,7 @@ ObstacleField = Annotated[
 
 
 class LimitField(RootModel[Table]):
-    """A [[limits]] table, with the limit that it describes."""
+    """A [[limits]] table and its Limit."""
 
     model_config = ConfigDict(frozen=True)
     _limit: Limit = PrivateAttr()
@@ -67,7 +67,7 @@ class LimitField(RootModel[Table]):
 
     @property
     def boundary(self) -> Boundary:
-        """The limit as the other side of pairs."""
+        """The limit as the second member of pairs."""
         return Boundary(self._limit)
 
 
@@ -75,28 +75,28 @@ class Time(Strict):
     """The clock of the run."""
 
     latency: NonNegative = 0.0
-    """From an agent's sample to its input being applied and broadcast [s]."""
+    """Time from an agent's sample until its input is applied and broadcast [s]."""
     integration_step: Annotated[Positive, Field(le=1e-3)] = 1e-3
     """Longest step of the plant's fourth-order Runge-Kutta [s]."""
     recording_step: NonNegative = 0.0
     """Least time between two states in the recording [s]; 0 records one at every event."""
     lookahead: bool = True
-    """Whether agents that cannot see each other before both have answered compute at once, in a
-    swarm most of which has a limited sight; the trajectory is the same."""
+    """In a swarm with limited sensing: let agents compute in parallel that cannot see each other
+    before both have answered. The trajectory is the same."""
     timeout: Positive = 30.0
-    """How long the plant waits for an agent, in wall time [s]."""
+    """Longest wait of the plant for an agent, in wall time [s]."""
 
 
 class Reading(Strict):
-    """The way a scenario was read; it has no effect on the run."""
+    """Source and overrides of a scenario; they have no effect on the run."""
 
     source: str
-    """The file, or the name of one that ships."""
+    """The file, or the name of a shipped scenario."""
     overrides: dict[str, str] = Field(default_factory=dict)
-    """Fields that were set over it: TOML by path."""
+    """Values of overridden fields by path, as TOML."""
 
     def command(self, seed: int) -> str:
-        """The command that runs it again from its source."""
+        """Return the command that repeats the run from its source."""
         chosen = [
             part for path, toml in self.overrides.items() for part in ("--set", f"{path}={toml}")
         ]
@@ -104,7 +104,7 @@ class Reading(Strict):
 
 
 class Scenario(Strict):
-    """A whole run, reproducible from this and nothing else."""
+    """A whole run, reproducible from this alone."""
 
     name: Name
     description: str = ""
@@ -117,39 +117,41 @@ class Scenario(Strict):
     faults: tuple[AnyFault, ...] = ()
     formation: Formation | None = None
     flows: Flows | None = None
-    """Where agents without a slot go, and start unless their start is given."""
+    """Goals of agents without a slot, and their starts unless given."""
     obstacles: tuple[ObstacleField, ...] = ()
     limits: tuple[LimitField, ...] = ()
-    """What every normal agent keeps by itself, such as { type = "fence", center, radius }."""
+    """Conditions of every normal agent alone, such as { type = "fence", center, radius }."""
     scatter: Scatter | None = None
-    """Obstacles to draw; a resolved scenario has them among its obstacles instead."""
+    """Obstacles drawn at random; a resolved scenario has them in `obstacles` instead."""
     agents: Annotated[tuple[AgentGroup, ...], Field(min_length=1)]
     workspace: dict[str, tuple[Finite, Finite]] = Field(default_factory=dict)
     """Least and largest value of states by name, for the constants of `phalanx check`; positions
     and angles have defaults."""
 
     reading: Reading | None = None
-    """None if it was not read by load."""
+    """None if the scenario was not read by load."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         names = [name for group in self.named() for name in group.names]
         for name in names:
             if names.count(name) > 1:
-                raise misplaced(("agents",), f"expected every name once, got {name!r} twice", names)
+                raise field_error(
+                    ("agents",), f"expected every name once, got {name!r} twice", names
+                )
         if len(names) > MAX_AGENTS:
-            raise misplaced(("agents",), f"expected at most {MAX_AGENTS} agents", len(names))
+            raise field_error(("agents",), f"expected at most {MAX_AGENTS} agents", len(names))
         if all(group.role == "adversary" for group in self.agents):
-            raise misplaced(("agents",), "expected at least one normal agent", "adversaries only")
+            raise field_error(("agents",), "expected at least one normal agent", "adversaries only")
         for index, group in enumerate(self.agents):
             self._check_places(index, group)
             if group.role == "normal" and group.sensing and self.safety.needs_all_states:
                 message = "expected no value: with this safety.control and information all is seen"
-                raise misplaced(("agents", index, "sensing"), message, group.sensing)
+                raise field_error(("agents", index, "sensing"), message, group.sensing)
             gap = group.clock.period - group.clock.jitter
             if self.time.latency >= gap:
                 message = f"expected less than {gap:g} s, the shortest time between two samples"
-                raise misplaced(("time", "latency"), message, self.time.latency)
+                raise field_error(("time", "latency"), message, self.time.latency)
         for index, link in enumerate(self.network.links):
             link.check_names(names, ("network", "links", index))
         agents = {name: group.facts for group in self.named() for name in group.names}
@@ -160,26 +162,26 @@ class Scenario(Strict):
     def _check_places(self, index: int, group: AgentGroup) -> None:
         where = ("agents", index, "slots")
         if group.slots and self.formation is None:
-            raise misplaced(where, "expected a [formation] that has slots", group.slots)
+            raise field_error(where, "expected a [formation] that has slots", group.slots)
         if self.formation and any(slot >= self.formation.slots for slot in group.slots):
             highest = self.formation.slots - 1
-            raise misplaced(where, f"expected slots 0 to {highest}", group.slots)
+            raise field_error(where, f"expected slots 0 to {highest}", group.slots)
         if not (group.slots or group.start or self.flows):
             message = "expected slots or start, or [flows] in which it starts"
-            raise misplaced(where[:2], message, "none of them")
+            raise field_error(where[:2], message, "none of them")
         if self.flows and group.axes != self.agents[0].axes:
             message = f"expected {self.agents[0].axes} axes, as the group before it has in [flows]"
-            raise misplaced((*where[:2], "dynamics"), message, group.axes)
+            raise field_error((*where[:2], "dynamics"), message, group.axes)
 
     def resolved(self) -> "Scenario":
-        """This scenario with names for counts, and what is drawn at random drawn.
+        """Return the scenario with names instead of counts, and random starts and obstacles drawn.
 
         Raises ValidationError if there is no room.
         """
         return self.model_copy(update={"agents": self.named()})._placed()._scattered()
 
     def named(self) -> tuple[AgentGroup, ...]:
-        """Every group with names; instead of a count, numbers from 1 on that nobody has."""
+        """Return every group with names; a count becomes unused numbers from 1 on."""
         taken = {name for group in self.agents for name in group.names}
         free = (str(n) for n in count(1) if str(n) not in taken)
         return tuple(
@@ -190,14 +192,14 @@ class Scenario(Strict):
         )
 
     def _placed(self) -> "Scenario":
-        """With starts and obstacles for all that [flows] gives one."""
+        """Return the scenario with the starts and obstacles of [flows]."""
         if self.flows is None:
             return self
         roster, groups, axes = list(self.roster()), [], self.agents[0].axes
         try:
             places, drawn = self.flows.draw(self.seed, len(roster), axes)
         except ValueError as error:
-            raise misplaced(("flows",), str(error), self.flows) from error
+            raise field_error(("flows",), str(error), self.flows) from error
         free = iter(places)
         for group in self.agents:
             own = np.zeros((group.size, len(group.dynamics_object().states)))
@@ -213,11 +215,11 @@ class Scenario(Strict):
         return self.model_copy(update=update)
 
     def _scattered(self) -> "Scenario":
-        """With obstacles for [scatter]."""
+        """Return the scenario with the obstacles of [scatter]."""
         if self.scatter is None:
             return self
         if self.formation is None:
-            raise misplaced(("scatter",), "expected a [formation] to lie around", None)
+            raise field_error(("scatter",), "expected a [formation] to lie around", None)
         axes = len(self.formation.path[0])
         starts = [
             np.array(group.start[place][:axes])
@@ -228,7 +230,7 @@ class Scenario(Strict):
         try:
             drawn = self.scatter.draw(self.seed, self.formation, starts)
         except ValueError as error:
-            raise misplaced(("scatter",), str(error), self.scatter) from error
+            raise field_error(("scatter",), str(error), self.scatter) from error
         return self.model_copy(update={"obstacles": self.obstacles + drawn, "scatter": None})
 
     def __repr__(self) -> str:
@@ -240,26 +242,23 @@ class Scenario(Strict):
     __str__ = __repr__
 
     def roster(self) -> Iterator[tuple[str, AgentGroup, int]]:
-        """Every agent in order: name, its group, its place in the group."""
+        """Yield every agent in order: name, group, place in the group."""
         for group in self.agents:
             for place, name in enumerate(group.names):
                 yield name, group, place
 
     def links(self) -> Links:
-        """All that it declares to go wrong, put together for each link and agent."""
+        """Build the link models and faults of a run."""
         names = tuple(name for name, _, _ in self.roster())
         return Links(self.network, self.faults, RunFacts(names, self.duration, self.seed))
 
     @property
     def static(self) -> tuple[Static, ...]:
-        """All that stands still and that agents keep apart from: obstacles, then limits."""
+        """Everything static that agents keep away from: obstacles, then limits."""
         return (*self.obstacles, *(limit.boundary for limit in self.limits))
 
     def programs(self) -> dict[str, tuple[str, ...]]:
-        """The processes but for the plant: every agent, or the controller of several.
-
-        With the names of the agents that each decides for.
-        """
+        """Return the processes except the plant, each with the agents whose inputs it computes."""
         if not self.safety.centralised:
             return {name: (name,) for name, _, _ in self.roster()}
         normal = tuple(name for name, group, _ in self.roster() if group.role == "normal")

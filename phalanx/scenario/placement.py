@@ -1,4 +1,4 @@
-"""Places drawn at random: where the agents of crossing flows start, and obstacles on a path."""
+"""Random placement: starts of agents in crossing flows, and obstacles on a path."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,36 +22,31 @@ _ATTEMPTS = 10_000
 
 @dataclass(frozen=True)
 class Flows:
-    """As many flows as the box has faces, each along an axis and through all the others.
+    """Flows along the axes, in both directions of each, that cross in a box.
 
     The box is a square or a cube around the origin; its side grows with the number of agents, so
-    that an agent's neighbours do not. A flow moves as a whole: its agents keep apart by themselves,
-    and meet those of the others.
+    that the density of agents is constant. Agents of one flow move in parallel, and meet those of
+    the others.
     """
 
     room: Positive
-    """Of the box, for each agent: its area [m²] in the plane, its volume [m³] in space."""
+    """Area [m²] or volume [m³] of the box per agent."""
     apart: Positive
-    """Least distance between places where agents start, and between those and obstacles [m]."""
+    """Least distance between starts, and from starts to obstacles [m]."""
     speed: Positive
-    """Of every flow [m/s]."""
-    obstacles: Annotated[float, Ge(0)] = 0.0
-    """Spheres or discs in the box, for each agent; a resolved scenario has them drawn."""
+    """Speed of every flow [m/s]."""
+    obstacles: NonNegative = 0.0
+    """Number of spheres or discs in the box per agent; a resolved scenario has them drawn."""
     clearance: Positive = 1.0
-    """Of each [m]."""
+    """Clearance of each [m]."""
 
     def side(self, agents: int, axes: int) -> float:
-        """The box's side [m]."""
-        # To the millimetre: the last digits of a root are the library's.
+        """Return the box's side [m]."""
+        # To the millimetre: the last digits of a root depend on the library.
         return round(float((self.room * agents) ** (1.0 / axes)), 3)
 
     def draw(self, seed: int, agents: int, axes: int) -> tuple[list[Array], tuple[Sphere, ...]]:
-        """Draw the place where each agent starts [m], and the obstacles.
-
-        Args:
-            seed: of the scenario.
-            agents: how many.
-            axes: 2 or 3.
+        """Draw the start of each agent [m], and the obstacles.
 
         Raises:
             ValueError: there is no room for all of them.
@@ -71,7 +66,7 @@ class Flows:
         )
 
     def goal(self, i: int, start: Array, t: float) -> Goal:
-        """The goal at t [s] of agent i, which started at `start` [m]."""
+        """Return the goal at t [s] of agent i, which started at `start` [m]."""
         axis, backwards = divmod(i % (2 * len(start)), 2)
         velocity = np.zeros(len(start))
         velocity[axis] = -self.speed if backwards else self.speed
@@ -87,8 +82,8 @@ class Scatter:
     """Spheres around the second half of a path, as in Simulation 2."""
 
     count: Annotated[int, Ge(1)]
-    clearance: Annotated[float, Gt(0)]
-    """Of each [m]."""
+    clearance: Positive
+    """Clearance of each [m]."""
     spread: tuple[NonNegative, ...]
     """Half-widths of the box around the path's point [m], one for each axis."""
     along: tuple[NonNegative, NonNegative] = (0.0, 1.0)
@@ -99,12 +94,7 @@ class Scatter:
     """Least distance of a center from every agent's start [m]."""
 
     def draw(self, seed: int, formation: Formation, starts: Sequence[Array]) -> tuple[Sphere, ...]:
-        """The obstacles.
-
-        Args:
-            seed: of the scenario.
-            formation: whose path they lie around.
-            starts: positions that they keep clear of [m].
+        """Draw the obstacles around the formation's path, away from the agents' starts [m].
 
         Raises:
             ValueError: the spread does not fit the path, or there is no room.

@@ -1,24 +1,26 @@
-"""The [safety] table: the safe set and the controller's choices."""
+"""The [safety] table: the safe set and the controller's options."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Discriminator, Field, PrivateAttr, Tag, model_validator
+from pydantic import Discriminator, Field, PrivateAttr, Tag, field_validator, model_validator
 
 from phalanx.schema.fields import (
     NUMBER,
     TABLE,
-    InWords,
+    WORD,
     NonNegative,
     Positive,
     Strict,
     Table,
+    Unquoted,
     built,
-    misplaced,
+    field_error,
     number_or_table,
 )
-from phalanx.theory.expressions.asked import place_of
+from phalanx.schema.registry import is_users
+from phalanx.theory.expressions.user_methods import located_method
 from phalanx.theory.margins.constants import MarginConstants
-from phalanx.theory.margins.margin import MarginKind
+from phalanx.theory.margins.kinds import Margin, UsersMargin
 from phalanx.theory.rows.information import Information
 from phalanx.theory.safety.class_k import ClassK, Linear, NotClassKError, require_class_k
 from phalanx.theory.safety.function import SafeSetFunction
@@ -28,10 +30,15 @@ ClassKField = Annotated[
     Annotated[Positive, Tag(NUMBER)] | Annotated[Table, Tag(TABLE)],
     Discriminator(number_or_table),
 ]
+MarginField = Annotated[
+    Annotated[str, Tag(WORD)] | Annotated[Table, Tag(TABLE)],
+    Discriminator(lambda value: TABLE if isinstance(value, dict) else WORD),
+]
+_OF_ANY_ROW = ("paper", "corrected", "local")
 
 
 class Safety(Strict):
-    """The safe set and the controller's choices."""
+    """The safe set and the controller's options."""
 
     function: Table
     """h of pairs, for example { type = "separation", radius = 1.0 }."""
@@ -40,143 +47,176 @@ class Safety(Strict):
     alpha: Annotated[tuple[ClassKField, ...], Field(min_length=1)]
     """α_1, ..., α_q: the gain of a linear one [1/s], or { type = "power", gain, exponent }."""
     control: Literal["distributed", "centralised"] = "distributed"
-    """Each agent its own QP, or one controller the QP of Theorem 1, which needs synchronous
+    """One QP per agent, or one controller with the QP of Theorem 1, which needs synchronous
     clocks."""
     composition: Composition = "lse"
     """One row for h_tot = LSE of all pairs, as in the paper, or one row for each pair."""
-    margin: MarginKind = "paper"
-    """How η is made: as in the paper; corrected, with L_φ ψ_k for every k >= 1; or a bound computed
-    at each sample, which needs neither eta nor xi: local, of any row, or the smaller integrated, of
-    one row for each pair with a linear α_q."""
+    margin: MarginField = "paper"
+    """The margin η: paper; corrected, with L_φ ψ_k for every k >= 1; or a bound computed at each
+    sample, without eta and xi: local for any row, or the smaller integrated for one row for each
+    pair with a linear α_q. Or a user's own for one row for each pair,
+    { type = "package.module:Name", ... }."""
     margin_scale: Positive = 1.0
-    """What the margin is multiplied with; below 1 nothing is proven."""
+    """Factor of the margin; below 1 nothing is proven."""
     eta: Annotated[
         Annotated[NonNegative, Tag(NUMBER)] | Annotated[MarginConstants, Tag(TABLE)],
         Discriminator(number_or_table),
     ] = 0.0
-    """The margin η: a number as given, or the constants of Lemma (constants) to compute it."""
+    """The margin η as a number, or the constants of Lemma (constants) to compute it from."""
     xi: NonNegative = 0.0
-    """ξ of Eq. (xi); used when q > 1 and the margin is neither local nor integrated."""
+    """ξ of Eq. (xi); used if q > 1 and the margin is paper or corrected."""
     information: Information = Information.PAPER
-    """What an agent assumes of the other normal agents' inputs."""
+    """Assumption about the other normal agents' inputs."""
     silence: Positive = 1.0
-    """A normal agent not heard of for longer counts at γ_l^max, like an adversary [s]."""
+    """A normal agent without a received broadcast for longer counts as an adversary [s]."""
     neighbourhood: Positive | None = None
-    """How far normal agents see whose group does not say it [m]: an agent composes what it sees;
-    default: everything, as a centralised controller always does, and agents that split one
-    condition between them."""
+    """Sensing radius of normal agents whose group has none [m]: an agent composes the pairs that
+    it sees. Default: no limit. A centralised controller sees everything, and so do agents that
+    share one condition."""
     authority: NonNegative = 0.01
-    """Below this span max c_i u - min c_i u of the composed row an agent's backup is futile."""
+    """Least span max c_i u - min c_i u of the composed row with which an agent applies a backup."""
 
     _function: SafeSetFunction = PrivateAttr()
     _alpha: tuple[ClassK, ...] = PrivateAttr()
+
+    @field_validator("margin", mode="before")
+    @classmethod
+    def _by_name(cls, given: Any) -> Any:
+        """Write { type = "local" } as "local"."""
+        only_named = isinstance(given, dict) and list(given) == ["type"] and not is_users(given)
+        return given["type"] if only_named else given
 
     @model_validator(mode="after")
     def _resolve(self) -> Self:
         if self.control == "centralised" and self.composition == "pairs":
             message = "expected 'lse' where safety.control is 'centralised'"
-            raise misplaced(("composition",), message, self.composition)
+            raise field_error(("composition",), message, self.composition)
+        self.margin_kind  # noqa: B018 - its mistakes are said here
         if self.computes_margin and self.eta:
-            message = f"expected no value, or 0: margin = '{self.margin}' computes it"
-            raise misplaced(("eta",), message, self.eta)
+            message = f"expected no value, or 0: margin = '{self.margin_name}' computes it"
+            raise field_error(("eta",), message, self.eta)
         if not self.computes_margin and "eta" not in self.model_fields_set:
-            raise misplaced(("eta",), "expected a value, or margin = 'local' or 'integrated'", None)
-        if self.margin == "integrated" and self.composition == "lse":
-            message = "expected composition = 'pairs', or another margin: it bounds a pair's row"
-            raise misplaced(("margin",), message, self.margin)
+            raise field_error(
+                ("eta",), "expected a value, or margin = 'local' or 'integrated'", None
+            )
+        if self.margin_name not in _OF_ANY_ROW and self.composition == "lse":
+            message = "expected composition = 'pairs', or another margin: it is of a pair's row"
+            raise field_error(("margin",), message, self.margin)
         self._function = built("function", SafeSetFunction, self.function)
         self._alpha = tuple(_class_k(place, given) for place, given in enumerate(self.alpha))
-        if self.margin == "integrated" and not isinstance(self._alpha[-1], Linear):
+        if self.limits_alpha and not isinstance(self._alpha[-1], Linear):
             message = "expected a number, or another margin: 'integrated' needs a linear α_q"
-            raise misplaced(("alpha", len(self.alpha) - 1), message, self.alpha[-1])
+            raise field_error(("alpha", len(self.alpha) - 1), message, self.alpha[-1])
         return self
 
-    # What follows from the choices. Code outside this room asks these, and no choice by its name.
+    # Properties that follow from the options. Other rooms use these, not the options' values.
 
     @property
     def pairwise(self) -> bool:
-        """Whether an agent keeps one row for each of its pairs, and not one row for h_tot."""
+        """True for one row for each of an agent's pairs, False for one row for h_tot."""
         return self.composition == "pairs"
 
     @property
     def centralised(self) -> bool:
-        """Whether one controller decides for all normal agents."""
+        """True if one controller computes the inputs of all normal agents."""
         return self.control == "centralised"
 
     @property
     def joint(self) -> bool:
-        """Whether normal agents count on one another's best effort: by shares, or centralised."""
+        """True if rows assume the best effort of all normal agents: by shares, or centralised."""
         return self.centralised or self.information.shares
 
     @property
     def shares_one_row(self) -> bool:
-        """Whether normal agents split the one condition of h_tot between them."""
+        """True if normal agents share the one condition on h_tot."""
         return self.information.shares and not (self.pairwise or self.centralised)
 
     @property
     def needs_all_states(self) -> bool:
-        """Whether normal agents share one condition, and so must see every state."""
+        """True if normal agents must see every state, since they share one condition."""
         return self.shares_one_row or self.centralised
 
     @property
     def counts_on_received(self) -> bool:
-        """Whether rows count on inputs that other agents said they apply."""
+        """True if rows use inputs that other agents claim to apply."""
         return self.information.counts_on_received and not self.centralised
 
     @property
     def counts_on_newest(self) -> bool:
-        """Whether rows count on the last received input, whatever has become of it."""
+        """True if rows use the last received input even if it may no longer be in force."""
         return self.counts_on_received and self.information is Information.PAPER
 
     @property
+    def margin_name(self) -> str:
+        """The built-in name of the margin, or "package.module:Name"."""
+        return self.margin if isinstance(self.margin, str) else str(self.margin.get("type"))
+
+    @property
+    def margin_kind(self) -> Margin:
+        """The margin of a pair's row that the field describes."""
+        table = {"type": self.margin} if isinstance(self.margin, str) else self.margin
+        made: Margin = built("margin", Margin, table)
+        return UsersMargin(made) if self.own_margin else made
+
+    @property
+    def own_margin(self) -> bool:
+        """True if the margin is a user's own, of which nothing is proven."""
+        return is_users({"type": self.margin_name})
+
+    @property
     def computes_margin(self) -> bool:
-        """Whether the margin is a bound, computed at each sample, and not a given number."""
-        return self.margin in ("local", "integrated")
+        """True if the margin is computed at each sample, not a given number."""
+        return self.bounds_margin or self.own_margin
+
+    @property
+    def bounds_margin(self) -> bool:
+        """True if the margin is a proven bound, computed at each sample."""
+        return self.margin_name in ("local", "integrated")
 
     @property
     def bounds_one_row(self) -> bool:
-        """Whether the margin is a bound of the one row for h_tot."""
+        """True if the margin is a bound of the one row for h_tot."""
         return self.computes_margin and not self.pairwise
 
     @property
     def limits_alpha(self) -> bool:
-        """Whether the margin is proven only for an α_q that is not too steep."""
-        return self.margin == "integrated"
+        """True if the margin is proven only up to a certain gain of α_q."""
+        return self.margin_name == "integrated"
 
     @property
     def counts_disturbance(self) -> bool:
-        """Whether ψ_2 and those after it allow for the disturbance, as the paper's do not."""
-        return self.margin != "paper"
+        """True if ψ_2 and later ones include the disturbance, which the paper leaves out."""
+        return self.margin_name != "paper"
 
     @property
     def xi_of_chain(self) -> float | None:
-        """ξ in ψ_1; None where its value at each state takes its place."""
+        """ξ in ψ_1; None if its value at each state is used instead."""
         return None if self.computes_margin else self.xi
 
     @property
     def safe_set_function(self) -> SafeSetFunction:
-        """The safe-set function that the table describes."""
+        """The function that the table `function` describes."""
         return self._function
 
     @property
     def class_k(self) -> tuple[ClassK, ...]:
-        """α_1, ..., α_q as given or described by their tables."""
+        """α_1, ..., α_q as functions."""
         return self._alpha
 
 
 def _class_k(place: int, given: float | Table) -> ClassK:
-    """α of one place; one that is not class K is an error of its field."""
+    """Build one α; a function that is not class K is an error of its field."""
     if not isinstance(given, dict):
         return Linear(given)
     alpha: ClassK = built("alpha", ClassK, given)
     try:
         require_class_k(alpha)
     except NotClassKError as error:
-        got = InWords(f"{error.got!r}: {place_of(alpha, 'value')}")
-        raise misplaced(("alpha", place), str(error), got) from error
-    except Exception as error:  # of a user's own expression
+        got = Unquoted(f"{error.got!r}: {located_method(alpha, 'value')}")
+        raise field_error(("alpha", place), str(error), got) from error
+    except Exception as error:  # a user's expression may raise anything
         reason = str(error).strip().splitlines()[-1]
         message = f"expected an expression that can be checked to be class K ({reason})"
-        got = InWords(f"{given.get('type')!r}: {place_of(alpha, 'value', error)}")
-        raise misplaced(("alpha", place), message, got) from error
+        got = Unquoted(f"{given.get('type')!r}: {located_method(alpha, 'value', error)}")
+        raise field_error(("alpha", place), message, got) from error
     return alpha

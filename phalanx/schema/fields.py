@@ -1,17 +1,18 @@
-"""Fields of a scenario's tables: names, numbers with bounds, errors with a place."""
+"""Field types of a scenario's tables: names, bounded numbers, errors that locate their field."""
 
+import dataclasses
 import re
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from phalanx.schema.registry import construct
+from phalanx.schema.registry import construct, is_users, lookup
 from phalanx.schema.user_code import UntrustedCodeError
-from phalanx.theory.expressions.asked import in_words
+from phalanx.theory.expressions.user_methods import error_line, located_class
 
 CONTROLLER = "controller"
-"""The process that decides for all normal agents where safety.control is "centralised"."""
+"""Process name of the controller of all normal agents, for safety.control = "centralised"."""
 _PROGRAMS = frozenset({"ca", "plant", "viewer", "operator", "router", "claimant", CONTROLLER})
 _NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,31}")
 
@@ -20,7 +21,7 @@ def _check_name(name: str) -> str:
     if not _NAME.fullmatch(name):
         raise ValueError("expected 1 to 32 of a-z 0-9 _ - (it becomes part of a key expression)")
     if name in _PROGRAMS:
-        raise ValueError(f"expected another name: this one is the {name}'s")
+        raise ValueError(f"expected another name: {name} is the name of a program")
     return name
 
 
@@ -37,16 +38,16 @@ WORD, INPUT, LIMIT = "word", "input", "limit"
 ALTERNATIVES = frozenset(
     (NUMBER, TABLE, SPHERE, WALL, BOUNDS, JITTER, CHANCE, BURST, GEMODEL, WORD, INPUT, LIMIT)
 )
-"""Names of alternatives in an error's place, where fields are not called so."""
+"""Tags of unions: pydantic puts them into an error's location, but no field has such a name."""
 
 
 def number_or_table(value: Any) -> str:
-    """Which alternative a value is meant as."""
+    """Return the tag of the alternative that a value belongs to."""
     return NUMBER if isinstance(value, int | float | str | None) else TABLE
 
 
-class InWords(str):
-    """Something that a field got, where that is better said than shown."""
+class Unquoted(str):
+    """Text that an error message shows without quotes, in place of the value that a field got."""
 
     __slots__ = ()
 
@@ -54,7 +55,7 @@ class InWords(str):
 
 
 class Strict(BaseModel):
-    """Unknown fields and infinite numbers are errors; a scenario does not change once read."""
+    """Base of all tables: immutable; unknown fields and infinite numbers are errors."""
 
     model_config = ConfigDict(
         extra="forbid", frozen=True, arbitrary_types_allowed=True, allow_inf_nan=False
@@ -68,7 +69,9 @@ def built(field: str | int, kind: type, table: Table) -> Any:
     except ValidationError as error:
         lines = [
             InitErrorDetails(
-                type=PydanticCustomError("value", "{msg}", {"msg": e["msg"]}),
+                type=PydanticCustomError(
+                    "value", "{msg}", {"msg": _message(e["msg"], kind, table)}
+                ),
                 loc=(field, *e["loc"]),
                 input=e["input"],
             )
@@ -76,16 +79,25 @@ def built(field: str | int, kind: type, table: Table) -> Any:
         ]
         raise ValidationError.from_exception_data(str(field), lines) from error
     except ValueError as error:
-        raise misplaced((field,), str(error), table.get("type")) from error
+        raise field_error((field,), str(error), table.get("type")) from error
     except UntrustedCodeError:
         raise
-    except Exception as error:  # of a user's own, while it is made
+    except Exception as error:  # a user's class may raise anything while it is constructed
         message = f"expected {table.get('type')} to be made of its fields"
-        raise misplaced((field,), message, InWords(in_words(error))) from error
+        raise field_error((field,), message, Unquoted(error_line(error))) from error
 
 
-def misplaced(where: tuple[str | int, ...], message: str, value: Any) -> ValidationError:
-    """A validation error at a place below the model that raises it."""
+def _message(message: str, kind: type, table: Table) -> str:
+    """Return pydantic's message, with the fields of a user's class for one that it has not."""
+    if message != "Unexpected keyword argument" or not is_users(table):
+        return message
+    cls = lookup(kind, str(table["type"]))
+    names = ", ".join(field.name for field in dataclasses.fields(cls))
+    return f"unknown field: {located_class(cls)} has {names or 'none'}"
+
+
+def field_error(where: tuple[str | int, ...], message: str, value: Any) -> ValidationError:
+    """Return a validation error located at a field below the model that raises it."""
     problem = PydanticCustomError("value", "{msg}", {"msg": message})
     return ValidationError.from_exception_data(
         "scenario", [InitErrorDetails(type=problem, loc=where, input=value)]

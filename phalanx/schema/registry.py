@@ -1,19 +1,27 @@
-"""Names in a scenario to classes: built-in short names, or a user's "package.module:Name"."""
+"""Registry of classes that a scenario names: built-in, or a user's "package.module:Name"."""
 
 import copy
 import dataclasses
 import functools
 import inspect
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from typing import Any
 
 import pydantic
 
 from phalanx.schema.user_code import import_named
+from phalanx.theory.expressions.user_methods import located_class
 from phalanx.theory.laws.attacks import Chase, WorstCase
 from phalanx.theory.laws.law import Law
 from phalanx.theory.laws.tracking import Pursue, Track, TrackVelocity
+from phalanx.theory.margins.kinds import (
+    CorrectedMargin,
+    IntegratedMargin,
+    LocalMargin,
+    Margin,
+    PaperMargin,
+)
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
 from phalanx.theory.models.wheeled import KinematicBicycle, Unicycle
@@ -36,6 +44,12 @@ BUILT_IN: Mapping[type, Mapping[str, type]] = {
         "heading-aware": HeadingAware,
     },
     Limit: {"fence": Fence, "band": Band},
+    Margin: {
+        "paper": PaperMargin,
+        "corrected": CorrectedMargin,
+        "local": LocalMargin,
+        "integrated": IntegratedMargin,
+    },
     Law: {
         "track-velocity": TrackVelocity,
         "track": Track,
@@ -45,20 +59,20 @@ BUILT_IN: Mapping[type, Mapping[str, type]] = {
     },
 }
 
-_EXPRESSIONS = {Dynamics, ClassK, SafeSetFunction, Limit}
-"""Kinds whose methods return expressions: how often they were asked for must not matter."""
+_EXPRESSIONS = {Dynamics, ClassK, SafeSetFunction, Limit, Margin}
+"""Kinds whose methods return expressions, which must not depend on earlier calls."""
 
 
 def lookup(kind: type, name: str) -> type:
-    """The class that a scenario names.
+    """Return the class that a scenario names.
 
     Args:
-        kind: Dynamics, SafeSetFunction, Limit, ClassK, Law or Rule: a protocol.
-        name: a built-in name, or "package.module:Name" of a dataclass, looked for in the
-            working directory too.
+        kind: Dynamics, SafeSetFunction, Limit, ClassK, Margin, Law or Rule: a protocol.
+        name: a built-in name, or "package.module:Name" of a dataclass. The working directory is
+            searched too.
 
     Raises:
-        ValueError: unknown name, module that does not import, or a class that is not of the kind.
+        ValueError: unknown name, failed import, or a class that is not of the kind.
         UntrustedCodeError: the class may not be imported.
     """
     known = BUILT_IN.get(kind, {})
@@ -66,19 +80,50 @@ def lookup(kind: type, name: str) -> type:
         return known[name]
     if ":" not in name:
         raise ValueError(f"expected {_choices(kind)}")
-    found = import_named(name)
-    missing = [m for m in _members(kind) if not hasattr(found, m) and m not in _fields(found)]
-    if not inspect.isclass(found) or not dataclasses.is_dataclass(found) or missing:
-        lacks = f"; it lacks {', '.join(missing)}" if missing else ""
-        raise ValueError(f"expected a dataclass that is a {kind.__name__}{lacks}")
+    found: type = import_named(name)
+    if mistake := _mistake_in(kind, found):
+        raise ValueError(f"expected a dataclass that is a {kind.__name__}{mistake}")
     return found
+
+
+def _mistake_in(kind: type, found: Any) -> str:
+    """Return what keeps a user's object from being a dataclass of a kind; empty if nothing."""
+    if not inspect.isclass(found):
+        return f", not a {type(found).__name__}"
+    place, members = located_class(found), _members(kind)
+    missing = [m for m in members if not hasattr(found, m) and m not in _fields(found)]
+    if missing:
+        return f": {place} lacks {', '.join(_call(vars(kind)[m], m) for m in missing)}"
+    if not dataclasses.is_dataclass(found):
+        return f": write @dataclass above {place}"
+    for name in members:
+        wanted, own = vars(kind)[name], inspect.getattr_static(found, name, None)
+        if inspect.isfunction(wanted) and inspect.isfunction(own) and not _accepts(own, wanted):
+            return f": {place} has {_call(own, name)}, write {_call(wanted, name)}"
+    return ""
+
+
+def _accepts(method: Callable[..., Any], wanted: Callable[..., Any]) -> bool:
+    """Return whether a method can be called with the arguments of another."""
+    try:
+        inspect.signature(method).bind(*inspect.signature(wanted).parameters)
+    except TypeError:
+        return False
+    return True
+
+
+def _call(method: Any, name: str) -> str:
+    """Return a method's name and parameters; of a property the name alone."""
+    if not inspect.isfunction(method):
+        return name
+    return f"{name}({', '.join(inspect.signature(method).parameters)})"
 
 
 def construct(kind: type, table: Mapping[str, Any]) -> Any:
     """Build an object from its scenario table {type = "name", field = value, ...}.
 
-    One of a user's class shares no memory with any other: what an agent, a link or an expression
-    gets must depend neither on who asked before nor on the process.
+    Objects of a user's class share no memory: results must not depend on earlier calls or on the
+    process.
 
     Raises:
         ValueError: as lookup. pydantic.ValidationError: a field is unknown, missing or wrong.
@@ -90,12 +135,12 @@ def construct(kind: type, table: Mapping[str, Any]) -> Any:
     if not is_users(table):
         return checked(**fields)
     if kind in _EXPRESSIONS:
-        return _asked_anew(checked, tuple(_members(kind)), fields)
+        return _stateless(checked, tuple(_members(kind)), fields)
     return _separate(checked, fields)
 
 
 def is_users(table: Mapping[str, Any]) -> bool:
-    """Whether a table names a user's class."""
+    """Return whether a table names a user's class."""
     return ":" in str(table.get("type"))
 
 
@@ -106,7 +151,7 @@ def _choices(kind: type) -> str:
 
 @cache
 def _validated(cls: type) -> Any:
-    """The same dataclass, its fields checked on construction."""
+    """Return the dataclass with its fields validated on construction."""
     forbid = pydantic.ConfigDict(extra="forbid")
     frozen = cls.__dataclass_params__.frozen  # type: ignore[attr-defined]
     return pydantic.dataclasses.dataclass(cls, config=forbid, frozen=frozen)
@@ -121,7 +166,7 @@ def _fields(cls: Any) -> set[str]:
 
 
 def _separate(cls: type, fields: Mapping[str, Any]) -> Any:
-    """Make an object whose fields, defaults and attributes of the class no other object has."""
+    """Construct an object with copies of its fields, of their defaults and of class attributes."""
     defaults = {
         f.name: f.default
         for f in (dataclasses.fields(cls) if dataclasses.is_dataclass(cls) else ())
@@ -131,27 +176,29 @@ def _separate(cls: type, fields: Mapping[str, Any]) -> Any:
     return _subclass(cls, dict(_copied(_attributes(cls))))(**given)
 
 
-def _asked_anew(cls: type, methods: tuple[str, ...], fields: Mapping[str, Any]) -> Any:
-    """Make an object that puts each call of these methods to a new object of its class."""
-    made = _asking_anew(cls, methods)(**copy.deepcopy(dict(fields)))
+def _stateless(cls: type, methods: tuple[str, ...], fields: Mapping[str, Any]) -> Any:
+    """Construct an object that runs each call of these methods on a new object of its class."""
+    made = _stateless_class(cls, methods)(**copy.deepcopy(dict(fields)))
     object.__setattr__(made, "_given", fields)
     return made
 
 
 @cache
-def _asking_anew(cls: type, methods: tuple[str, ...]) -> type:
+def _stateless_class(cls: type, methods: tuple[str, ...]) -> type:
     calls = {name: getattr(cls, name, None) for name in methods}
-    return _subclass(cls, {n: _anew(cls, n, call) for n, call in calls.items() if callable(call)})
+    return _subclass(
+        cls, {n: _on_new_object(cls, n, call) for n, call in calls.items() if callable(call)}
+    )
 
 
-def _anew(cls: type, name: str, call: Any) -> Any:
+def _on_new_object(cls: type, name: str, call: Any) -> Any:
     @functools.wraps(call)
-    def ask(self: Any, *arguments: Any) -> Any:
-        # While it is made it has not been given anything yet.
-        asked = _separate(cls, self._given) if "_given" in vars(self) else super(type(self), self)
-        return getattr(asked, name)(*arguments)
+    def run(self: Any, *arguments: Any) -> Any:
+        # The constructor may call the method before `_given` is set.
+        target = _separate(cls, self._given) if "_given" in vars(self) else super(type(self), self)
+        return getattr(target, name)(*arguments)
 
-    return ask
+    return run
 
 
 def _subclass(cls: type, attributes: Mapping[str, Any]) -> type:
@@ -160,7 +207,7 @@ def _subclass(cls: type, attributes: Mapping[str, Any]) -> type:
 
 
 def _attributes(cls: type) -> dict[str, Any]:
-    """Attributes that the class keeps itself: neither methods nor other descriptors."""
+    """Return the class's attributes that are neither methods nor other descriptors."""
     every = {name: value for base in reversed(cls.__mro__) for name, value in vars(base).items()}
     return {
         name: value
@@ -170,11 +217,11 @@ def _attributes(cls: type) -> dict[str, Any]:
 
 
 def _copied(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Those that can change, copied; what cannot be copied stays one for all."""
+    """Yield copies of mutable values; values that cannot be copied stay shared."""
     for name, value in values.items():
         try:
             copied = copy.deepcopy(value)
-        except Exception:  # a lock, a module, whatever a user's own copying raises
+        except Exception:  # a lock, a module, anything that a user's own copying raises
             continue
         if copied is not value:
             yield name, copied

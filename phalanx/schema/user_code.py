@@ -1,11 +1,12 @@
-"""Classes that a scenario names by "package.module:Name", and whether they may be imported.
+"""Import of classes that a scenario names by "package.module:Name", if it may be imported.
 
-To import a module is to run it. Who writes a scenario and runs it asks for that; who opens a
-recording that came from elsewhere does not, and a file may name any module there is.
+Importing a module runs it. The author of a scenario wants that; the reader of a recording from
+elsewhere does not, and such a file may name any module.
 """
 
 import ast
 import contextlib
+import difflib
 import importlib
 import importlib.util
 import sys
@@ -16,18 +17,21 @@ from typing import Any
 
 _trusted: ContextVar[bool] = ContextVar("trusted", default=True)
 _imported: dict[str, Any] = {}
-"""By name; what was imported once because somebody asked for it is used again without asking."""
+"""Classes by name; a class that was imported once is used again without trust."""
 _sources: dict[str, dict[str, bytes]] = {}
-"""By module: its source and what belongs to it, by path, as they were when it was imported."""
+"""By module: source files by path, of it and of its imports, as they were when imported."""
 
 
 class UntrustedCodeError(Exception):
-    """A file from elsewhere names code that nobody asked to run; the message names it."""
+    """A file names user code that may not be imported without trust; the message names it."""
 
 
 @contextlib.contextmanager
 def code_trusted(trust: bool) -> Iterator[None]:
-    """Say whether names in scenarios may be imported in this block, unless they were before."""
+    """Allow or forbid importing classes that scenarios name within this block.
+
+    Classes that were imported before stay available.
+    """
     before = _trusted.set(trust)
     try:
         yield
@@ -36,10 +40,10 @@ def code_trusted(trust: bool) -> Iterator[None]:
 
 
 def import_named(name: str) -> Any:
-    """Import "package.module:Name"; the working directory is looked through too.
+    """Import "package.module:Name"; the working directory is searched too.
 
     Raises:
-        ValueError: it cannot be imported. UntrustedCodeError: it may not be.
+        ValueError: the import fails. UntrustedCodeError: it may not be imported.
     """
     if name not in _imported:
         if not _trusted.get():
@@ -47,20 +51,41 @@ def import_named(name: str) -> Any:
                 f"names code of its own, {name}, which is not run unless you trust it: "
                 "--trust, or trust=True"
             )
-        _imported[name] = _imported_now(name)
-        module = _module(name)
+        module, _, attribute = name.partition(":")
+        here = str(Path.cwd())
+        if here not in sys.path:
+            sys.path.append(here)
+        try:
+            _imported[name] = getattr(importlib.import_module(module), attribute)
+        except Exception as error:  # a user's module may raise anything while it is imported
+            reason, hint = f"{type(error).__name__}: {error}", _hint(module, attribute)
+            raise ValueError(f"cannot be imported ({reason}){hint}") from error
         _sources.setdefault(module, sources_of(module))
     return _imported[name]
 
 
+def _hint(module: str, attribute: str) -> str:
+    """Return the module or name that was probably meant, in words; empty if none is similar."""
+    found = sys.modules.get(module)
+    known = [file.stem for file in Path.cwd().glob("*.py")] if found is None else list(vars(found))
+    wanted = module if found is None else attribute
+    close = [] if wanted in known else difflib.get_close_matches(wanted, known, n=1)
+    if not close:
+        return ""
+    meant = f"{close[0]}:{attribute}" if found is None else f"{module}:{close[0]}"
+    file = getattr(found, "__file__", None) or f"{close[0]}.py"
+    return f"; did you mean {meant} ({Path(file).name})?"
+
+
 def imported_sources(table: Any = None) -> dict[str, bytes]:
-    """Source by path of what was imported for the names in a scenario's table, or for any."""
-    modules = _sources if table is None else sorted(set(map(_module, _names(table))))
+    """Return sources by path, imported for the names in a scenario's table; all by default."""
+    named = {name.partition(":")[0] for name in _names(table)}
+    modules = list(_sources) if table is None else sorted(named)
     return {path: text for module in modules for path, text in _sources.get(module, {}).items()}
 
 
 def _names(table: Any) -> Iterator[str]:
-    """Whatever stands as a type in a table, at any depth."""
+    """Yield every value of a field `type` in a table, at any depth."""
     if isinstance(table, dict):
         if isinstance(table.get("type"), str):
             yield table["type"]
@@ -69,38 +94,23 @@ def _names(table: Any) -> Iterator[str]:
         yield from _names(each)
 
 
-def _module(name: str) -> str:
-    return name.partition(":")[0]
-
-
-def _imported_now(name: str) -> Any:
-    module, _, attribute = name.partition(":")
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.append(here)
-    try:
-        return getattr(importlib.import_module(module), attribute)
-    except Exception as error:  # a user's module may raise anything while it is imported
-        raise ValueError(f"cannot be imported ({type(error).__name__}: {error})") from error
-
-
 _LIBRARIES = ("site-packages", "dist-packages")
-"""Folders where packages lie among others that have nothing to do with them."""
+"""Folders that hold unrelated packages next to one another."""
 NOT_A_USERS = sys.stdlib_module_names | {
     "phalanx",
     "phalanx_agent",
     "phalanx_plant",
     "phalanx_viewer",
 }
-"""Top-level modules that are wherever Phalanx is."""
+"""Top-level modules that every installation of Phalanx has."""
 
 
 def sources_of(module: str) -> dict[str, bytes]:
-    """Source by path of an imported module, and of those of the same folder that it may import.
+    """Return sources by path: an imported module and the modules of its folder that it may import.
 
-    Paths begin at the folder that imports begin in, as "package/module.py". Imports are read off
-    the syntax. Of an installed package only the package is taken; what is not Python source, or
-    cannot be read, is left out.
+    Paths begin at the import root, as "package/module.py". Imports are found in the syntax. Of
+    installed packages only the module's own is included; files that are not Python source, or
+    cannot be read, are left out.
     """
     root = _root(module)
     found: dict[str, bytes] = {}
@@ -122,7 +132,7 @@ def sources_of(module: str) -> dict[str, bytes]:
 
 
 def _root(module: str) -> Path | None:
-    """The folder that an imported module was found from; None if it has no file."""
+    """Return the import root of an imported module; None if it has no file."""
     file = getattr(sys.modules.get(module), "__file__", None)
     if file is None:
         return None
@@ -131,7 +141,7 @@ def _root(module: str) -> Path | None:
 
 
 def _imported_by(source: bytes, package: str) -> Iterator[str]:
-    """Every module that a source may import; names that it takes from modules are among them."""
+    """Yield every module that a source may import, names taken from modules included."""
     try:
         tree = ast.parse(source)
     except (SyntaxError, ValueError):  # the file was changed since it was imported
@@ -152,7 +162,7 @@ def _imported_by(source: bytes, package: str) -> Iterator[str]:
 
 
 def _above(name: str) -> Iterator[str]:
-    """The packages that a module is in."""
+    """Yield the packages that contain a module."""
     while name := name.rpartition(".")[0]:
         yield name
 

@@ -1,1 +1,1 @@
-"""Everything random: counter-based draws, each with a key of its own, and perturbed clocks."""
+"""Randomness: counter-based draws, each keyed by its purpose, and perturbed clocks."""

@@ -6,7 +6,7 @@ from phalanx.seeded.draws import Draws
 
 
 class SamplingClock:
-    """One agent's perturbed clock; the same in the plant and in the agent."""
+    """One agent's perturbed clock, identical in the plant and in the agent."""
 
     def __init__(self, seed: int, agent: str, period: float, jitter: float) -> None:
         """Γ_i = period [s]; δ_i(k) uniform in ±jitter, with jitter = δ_i^max < period [s]."""
@@ -15,13 +15,13 @@ class SamplingClock:
         self._draws = Draws(seed, "clock", agent)
 
     def after(self, k: int, t: float) -> float:
-        """t_i^{k+1}, given that sample k was at t_i^k = t [s]."""
+        """Return t_i^{k+1} [s], given that sample k was at t_i^k = t [s]."""
         delta = self._jitter * (2.0 * self._draws.value(k) - 1.0)
         return t + self._period + delta
 
     def most_samples(self, duration: float) -> int:
-        """More samples than this clock can take in a run of so long [s].
+        """Bound the number of samples in a run of this duration [s].
 
-        Twice as many as fit: an agent that is frozen and thawed samples at once, out of turn.
+        Twice as many as fit: an agent that is thawed samples at once, out of turn.
         """
         return 1000 + 2 * math.ceil(duration / (self._period - self._jitter))

@@ -1,7 +1,7 @@
 """Counter-based randomness: every draw is a pure function of (seed, purpose, index).
 
-Neither call order nor time nor the process that asks matters: the plant, an agent and a report
-that ask for the same draw get the same bits.
+Call order, time and process do not matter: plant, agent and report get the same bits for the same
+draw.
 """
 
 import hashlib
@@ -18,10 +18,10 @@ _BLOCK = 256
 
 
 class Condition(Hashable, Protocol):
-    """Something that holds of some rows; what is found serves all of its class that are equal."""
+    """A predicate on rows; results are cached, and serve equal conditions of the same class."""
 
     def __call__(self, rows: Array, /) -> Mask:
-        """Of which of these rows, shape (r, width), it holds, shape (r,)."""
+        """Return whether it holds for each row: shape (r, width) to (r,)."""
 
 
 class Draws:
@@ -33,23 +33,23 @@ class Draws:
         self._key = int.from_bytes(hashlib.blake2b(name, digest_size=16).digest(), "little")
         self._width = width
         self._drawn: tuple[int, Array] = -1, np.empty((0, width))
-        """The block that was last asked for, and its number."""
+        """Number and rows of the block that was generated last."""
         # Named tuples of two kinds are equal if their numbers are.
         self._latest = lru_cache(maxsize=8, typed=True)(self._latest_in)
 
     def __getitem__(self, index: int) -> Array:
-        """Row `index` >= 0, shape (width,). Do not write to it."""
+        """Return row `index` >= 0, shape (width,). Do not write to it."""
         block, row = divmod(index, _BLOCK)
         draws: Array = self._rows(block)[row]
         return draws
 
     def value(self, index: int, column: int = 0) -> float:
-        """One draw of row `index` >= 0."""
+        """Return one draw of row `index` >= 0."""
         block, row = divmod(index, _BLOCK)
         return self._rows(block).item(row, column)
 
     def last(self, index: int, holds: Condition) -> int:
-        """The last row up to `index` of which something holds; 0 if it holds of none."""
+        """Return the last row up to `index` for which a condition holds; 0 if there is none."""
         block, row = divmod(index, _BLOCK)
         found = self._latest(block, holds)[row]
         while found < 0 and block:
@@ -67,6 +67,6 @@ class Draws:
         return rows
 
     def _latest_in(self, block: int, holds: Condition) -> list[int]:
-        """For each row of a block the last one up to it of which something holds; -1 if none."""
+        """Return for each row of a block the last row up to it that meets a condition, or -1."""
         rows = np.where(holds(self._rows(block)), np.arange(_BLOCK), -1)
         return [int(row) for row in np.maximum.accumulate(rows)]

@@ -1,7 +1,7 @@
-"""The builder of an agent's rows: chains, margins, polytopes and filters, each assembled here once.
+"""The builder of an agent's rows: chains, margins, polytopes and filters.
 
-Agents, the check before a run, reports and proofs all build from it, so that what is checked is
-what is run.
+Agents, the check before a run, reports and proofs all use it, so that the rows checked are the rows
+applied.
 """
 
 from collections.abc import Callable
@@ -18,8 +18,9 @@ from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import added
 from phalanx.theory.margins.constants import MarginConstants
 from phalanx.theory.margins.integrated import RowPart
-from phalanx.theory.margins.local import LocalBound
-from phalanx.theory.margins.margin import ComposedMargin, Margin
+from phalanx.theory.margins.kinds import MarginOfInput
+from phalanx.theory.margins.local import LocalBound, local_margin
+from phalanx.theory.margins.margin import AgentMargin, ComposedMargin
 from phalanx.theory.models.polytope import EmptyPolytopeError
 from phalanx.theory.rows.by_derivatives import TermsByDerivatives
 from phalanx.theory.rows.composed import ComposedTerms, SwarmTerms
@@ -39,7 +40,7 @@ from phalanx.theory.safety.pairs import PairFunctions
 
 @dataclass(frozen=True)
 class SafetyRows:
-    """What every row of a swarm is made of."""
+    """The rows of a swarm."""
 
     swarm: Swarm
     composed: SwarmTerms
@@ -47,10 +48,10 @@ class SafetyRows:
 
     @cached_property
     def chain(self) -> Chain:
-        """Of h_tot as one expression of all states, which grows with the square of the swarm.
+        """Chain of h_tot as one expression of all states, which grows with the swarm's square.
 
-        Bounds over a box are made of it: the margin `local` of a row for h_tot, and the constants
-        of the paper's formula. All numbers come from kinds of pairs.
+        Used for bounds over a box: the margin `local` of a row for h_tot, and the constants of the
+        paper's formula. Values at a state are computed from pairs instead.
         """
         return _chain(self.swarm, self.swarm.safe_set)
 
@@ -60,7 +61,7 @@ class SafetyRows:
         return self.swarm.pairs.degree
 
     def filter(self, i: int) -> SafetyFilter:
-        """What the scenario asks of agent i on its own."""
+        """Return the safety filter of agent i under distributed control."""
         swarm, safety = self.swarm, self.swarm.safety
         if swarm.members[i].adversary:
             return self.unfiltered(i)
@@ -71,11 +72,11 @@ class SafetyRows:
         return PairwiseFilter(i, information, self._qp(i), self.pair_terms(i))
 
     def unfiltered(self, i: int) -> SafetyFilter:
-        """An adversary's, or a normal agent's that turned into one."""
+        """Return the filter of an adversary, or of a normal agent that turned into one."""
         return Unfiltered(i, self._qp(i))
 
     def terms(self, i: int) -> ComposedTerms:
-        """Agent i's h_tot of what it sees, the margin of its row included, if it has one."""
+        """Return the terms of h_tot of what agent i sees, with the margin of its row if any."""
         swarm, radius = self.swarm, self.swarm.sensing(i)
         if swarm.members[i].adversary or swarm.safety.pairwise:
             return self.composed.of(i, radius)
@@ -83,79 +84,85 @@ class SafetyRows:
         return self.composed.of(i, radius, margin, self._by_kind)
 
     def terms_of_all(self, margin: ComposedMargin) -> ComposedTerms:
-        """h_tot of all pairs, whoever sees them, with this margin."""
+        """Return the terms of h_tot of all pairs, with this margin."""
         return self.composed.of(self.swarm.normal[0], None, margin, self._by_kind)
 
     def _local(self, i: int) -> LocalBound:
-        """The local margin of agent i's row for h_tot."""
+        """Return the local margin of agent i's row for h_tot."""
         if i not in self._bounds:
             composed, radius = self.swarm.safe_set, self.swarm.sensing(i)
             active = None if radius is None else composed.within(i, radius)
-            margin = self.margin(i).of(self.chain, i, active=active)
-            self._bounds[i] = LocalBound(composed, margin)
+            margin = self.margin(i)
+            bounds = margin.bounds_of(self.chain)
+            bound = local_margin(self.chain, i, margin.horizon, bounds, RowPart.WHOLE, active)
+            self._bounds[i] = LocalBound(composed, margin.given.total(bound))
         return self._bounds[i]
 
     @cached_property
     def _by_derivatives(self) -> TermsByDerivatives:
-        """The chain of h_tot from kinds, with those D_k that `chain` has."""
+        """Chain of h_tot from pairs of each kind, with the same D_k as `chain`."""
         safety, bounds = self.swarm.safety, self.swarm.disturbance_bounds
         printed = not safety.counts_disturbance
         return self.composed.by_derivatives(safety.xi_of_chain, list(bounds.values()), printed)
 
     @property
     def _by_kind(self) -> TermsByDerivatives | None:
-        """What rows for h_tot are made of where it has a D_k, of q > 1; else None."""
+        """The chain that rows for h_tot use if it has a D_k, for q > 1; else None."""
         printed = self.relative_degree == 1 or not self.swarm.safety.counts_disturbance
         return None if printed else self._by_derivatives
 
     def own_pair(self, i: int, other: int) -> OwnPair:
-        """The pair of normal agent i and another member, or N + k for obstacle k.
+        """Return the pair of normal agent i and another member, or N + k for obstacle k.
 
-        The same expressions serve all pairs of members of the same two groups.
+        Pairs of members of the same two groups have the same expressions.
         """
         pairs = self.swarm.pairs
         a, b = pairs.ordered(i, other)
         return OwnPair(_chain(self.swarm, pairs.alone(a, b)), 0 if a == i else 1)
 
     def pair_terms(self, i: int) -> OwnPairTerms:
-        """Agent i's pairs, their margins included."""
+        """Return the terms of agent i's pairs, with their margins."""
         return self._pair_terms(i, self.margin(i))
 
     def pair_terms_of_gap(self, i: int) -> OwnPairTerms:
-        """The same with a number to give at each call for how long an input may be in force [s]."""
-        return self._pair_terms(i, replace(self.margin(i), horizon=self._gap))
+        """Return pair_terms as a function of the time for which an input may be in force [s]."""
+        gap = ca.SX.sym("gap")
+        return self._pair_terms(i, replace(self.margin(i), horizon=gap, symbols=(gap,)))
 
     def pair_terms_of_input(self, i: int) -> OwnPairTerms:
-        """The same with agent i's input to give at each call, and the least margin proven of it.
+        """Return pair_terms as a function of agent i's input, with the least margin proven for it.
 
-        Whatever the scenario's margin is, this one is integrated, and not scaled.
+        That margin is integrated and not scaled, for any safety.margin.
         """
         held = ca.SX.sym("held", len(self.swarm.members[i].dynamics.inputs))
-        margin = replace(self.margin(i), kind="integrated", eta=0.0, scale=1.0, held=held)
+        kind = MarginOfInput(held)
+        margin = replace(self.margin(i), kind=kind, eta=0.0, scale=1.0, symbols=(held,))
         return self._pair_terms(i, margin)
 
-    def _pair_terms(self, i: int, margin: Margin) -> OwnPairTerms:
+    def _pair_terms(self, i: int, margin: AgentMargin) -> OwnPairTerms:
         swarm, radius = self.swarm, self.swarm.sensing(i)
         near = self.composed.in_sight.of(swarm.members[i].dynamics, radius)
         return OwnPairTerms(
             swarm.pairs, i, lambda other, part: self.row_function(i, other, part, margin), near
         )
 
-    def row_function(self, i: int, other: int, part: RowPart, margin: Margin) -> PairRowFunction:
-        """Agent i's row for the pair that own_pair has of it and another; shared as that is."""
+    def row_function(
+        self, i: int, other: int, part: RowPart, margin: AgentMargin
+    ) -> PairRowFunction:
+        """Return agent i's row for own_pair(i, other), compiled once for equal expressions."""
         swarm = self.swarm
         a, b = swarm.pairs.ordered(i, other)
         (kind,) = swarm.pairs.kinds_of(np.array([[a, b]])).tolist()
         sides = [l for l in (i, other) if l < len(swarm.members)]
-        alike = kind, a == i, *[id(swarm.groups[l]) for l in sides], part, str(margin.symbols)
-        if alike not in self._row_functions:
+        key = kind, a == i, *[id(swarm.groups[l]) for l in sides], part, str(margin.symbols)
+        if key not in self._row_functions:
             pair = self.own_pair(i, other)
             known = margin.of(pair.chain, pair.own, part)
-            self._row_functions[alike] = PairRowFunction(pair, part, known, margin.symbols)
-        return self._row_functions[alike]
+            self._row_functions[key] = PairRowFunction(pair, part, known, margin.symbols)
+        return self._row_functions[key]
 
     def pair_chain(self, pair: int) -> Chain:
-        """The chain of one pair of h_tot alone, by the pair's index."""
+        """Return the chain of one pair alone, by its index in the safe set."""
         return _chain(self.swarm, self.swarm.safe_set.alone(pair))
 
     @cached_property
@@ -169,11 +176,11 @@ class SafetyRows:
     def _psi(self, pair: ComposedSet, _: int) -> MappedFunction:
         return MappedFunction([pair.x, pair.parameters], list(_chain(self.swarm, pair).psi))
 
-    def margin(self, i: int) -> Margin:
-        """How agent i's margins are made."""
+    def margin(self, i: int) -> AgentMargin:
+        """Return the scenario's choice of agent i's margins."""
         safety = self.swarm.safety
-        return Margin(
-            kind=safety.margin,
+        return AgentMargin(
+            kind=safety.margin_kind,
             eta=self._eta(i),
             scale=safety.margin_scale,
             horizon=self.swarm.horizon(i),
@@ -181,19 +188,19 @@ class SafetyRows:
         )
 
     def share_margin(self, i: int) -> ShareMargin | None:
-        """What agent i's share of h_tot's condition keeps back; None if it keeps no share of it."""
+        """Return the margin of agent i's share of h_tot's condition; None if it has no share."""
         if not self.swarm.safety.shares_one_row:
             return None
-        # It scales as all that a margin sums.
+        # margin_scale applies to it as to every margin.
         return ShareMargin(self._by_derivatives, self.margin(i).scale * self.swarm.horizon(i))
 
     def invariants(self) -> Callable[[Array], Array]:
-        """x -> all ψ_0 ... ψ_{q-1} that are not above 0 in S_I, as this scenario composes them."""
+        """Return x -> all ψ_0 ... ψ_{q-1}, which are <= 0 in S_I, as the scenario composes them."""
         swarm = self.swarm
         if swarm.safety.pairwise:
             psi = self.pair_psi.choose(swarm.pairs.every)
             return lambda x: psi(x).ravel()
-        # With limited sensing every agent composes a set of its own.
+        # With limited sensing every agent composes its own set.
         views = [
             (i, self.composed.of(i, swarm.sensing(i), by_kind=self._by_kind))
             for i in (swarm.normal if swarm.limited else swarm.normal[:1])
@@ -201,39 +208,31 @@ class SafetyRows:
         return lambda x: np.concatenate([terms.psi(x, swarm.seen(i, x)) for i, terms in views])
 
     def _eta(self, i: int) -> float:
-        """η(Γ_i + δ^max) of agent i, given or from constants."""
+        """Return η(Γ_i + δ^max) of agent i, given or from constants."""
         eta = self.swarm.safety.eta
         if not isinstance(eta, MarginConstants):
             return eta
         groups = self.swarm.groups
         longest = groups[i].clock.period + max(group.clock.jitter for group in groups)
         disturbances = added(group.disturbance.bound for group in groups)
-        # For q > 1 Eq. (etaprimedef) has no term of theirs; corrected, D_q is added at each state.
+        # For q > 1 Eq. (etaprimedef) has no disturbance term; `corrected` adds D_q at each state.
         return eta.eta(longest, disturbances if self.relative_degree == 1 else 0.0)
 
     @cached_property
     def _row_functions(self) -> dict[tuple[object, ...], PairRowFunction]:
-        """By kind of pair, whose row it is, and the groups, whose bounds and clocks count."""
+        """Rows by kind of pair, side, groups (with bounds and clocks), part of the row, symbols."""
         return {}
 
     @cached_property
     def _bounds(self) -> dict[int, LocalBound]:
-        """By agent."""
         return {}
-
-    @cached_property
-    def _gap(self) -> ca.SX:
-        return ca.SX.sym("gap")
 
     def _qp(self, i: int) -> NearestInput:
         return NearestInput(self.swarm.members[i].dynamics.input_metric())
 
 
 def build_rows(swarm: Swarm) -> SafetyRows:
-    """What the rows of all agents have in common.
-
-    Raises ScenarioError if an input polytope is empty or unbounded.
-    """
+    """Build a swarm's rows. Raises ScenarioError if an input polytope is empty or unbounded."""
     safety = swarm.safety
     xi = safety.xi_of_chain or 0.0
     try:
@@ -243,7 +242,7 @@ def build_rows(swarm: Swarm) -> SafetyRows:
 
 
 def _chain(swarm: Swarm, composed: ComposedSet) -> Chain:
-    """The chain with the disturbance terms that the scenario's margin asks for."""
+    """Build a chain with the disturbance terms of the scenario's margin."""
     safety = swarm.safety
     bounds = [swarm.disturbance_bounds[m.name] for m in composed.members]
     counted = bounds if safety.counts_disturbance else None

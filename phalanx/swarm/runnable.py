@@ -1,6 +1,6 @@
-"""Everything evaluated once at x(0), so that a mistake is said before any process starts.
+"""Evaluation of dynamics, rows, laws and rules at x(0), so that mistakes end a run at once.
 
-And everything compiled that agents have in common, before the first sample.
+Also compilation of the functions that agents share, before the first sample.
 """
 
 import math
@@ -9,25 +9,25 @@ from collections.abc import Sequence
 from phalanx.arrays import Array
 from phalanx.network.link import RuleError
 from phalanx.scenario.load import ScenarioError
-from phalanx.swarm.finite import require_dynamics, require_h
+from phalanx.swarm.finite import require_dynamics, require_h, require_margin
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm
 from phalanx.swarm.watchdog import endless_loops
-from phalanx.theory.expressions.asked import MistakenMethodError
+from phalanx.theory.expressions.user_methods import MistakenMethodError
 from phalanx.theory.laws.law import NominalInput, View
 from phalanx.theory.margins.integrated import RowPart
 from phalanx.theory.models.dynamics import Bounded, travelled
 
-_SOON = 0.1
-"""How far ahead `travel` is asked for [s]."""
+_AHEAD = 0.1
+"""Time for which `travel` is evaluated [s]."""
 
 
 def require_runnable(swarm: Swarm) -> SafetyRows:
     """Build the rows of a run and evaluate dynamics, h, rows and laws at x(0).
 
     Raises:
-        ScenarioError: the scenario's margin or composition cannot take its expressions; or a class
-            returned what is not finite or of the wrong shape, failed, or does not return.
+        ScenarioError: margin or composition do not fit the expressions; or a user's class returned
+            values that are not finite or of the wrong shape, raised, or does not return.
     """
     with endless_loops(swarm.time.timeout):
         return _runnable(swarm)
@@ -42,12 +42,14 @@ def _runnable(swarm: Swarm) -> SafetyRows:
             require_dynamics(dynamics, starts, "the start ")
             if isinstance(dynamics, Bounded):
                 for start in starts:
-                    travelled(dynamics, start, _SOON, 0.0)
+                    travelled(dynamics, start, _AHEAD, 0.0)
         require_h(swarm, x, "at the start")
-        # Not all: of a large swarm no agent evaluates so many at once.
+        # Not all agents: in a large swarm no agent evaluates so many at once.
         seen = sorted({*swarm.seen(i, x), *[l for ends in swarm.ends for l in ends]})
         if swarm.safety.pairwise:
             rows.pair_terms(i)(x, seen)
+            for l in set(first) & set(swarm.normal):
+                require_margin(rows, l, x, swarm.seen(l, x), " at the start")
         else:
             terms = rows.terms(i)(x, seen)
             terms.psi, terms.margin  # noqa: B018
@@ -64,13 +66,13 @@ def _runnable(swarm: Swarm) -> SafetyRows:
 
 
 def _starts(swarm: Swarm, l: int, x: Array) -> list[Array]:
-    """x(0) of each agent of agent l's group, out of the stacked one."""
+    """Return the states of the agents in agent l's group, from the stacked state x."""
     parts = zip(swarm.groups, swarm.safe_set.parts, strict=True)
     return [x[part] for group, part in parts if group is swarm.groups[l]]
 
 
 def _require_rules(swarm: Swarm, x: Array) -> None:
-    """Of a user's own: the treatment of a first message. Raises RuleError."""
+    """Treat a first message by each user's rule. Raises RuleError."""
     points = swarm.positions(x)
     for sender, receiver, link in swarm.links.users_rules():
         ends = [points[swarm.names.index(name)] for name in (sender, receiver)]
@@ -78,7 +80,7 @@ def _require_rules(swarm: Swarm, x: Array) -> None:
 
 
 def _require_law(rows: SafetyRows, i: int, x: Array) -> None:
-    """Agent i's first input; of a law of its own, since a law may remember what it was asked."""
+    """Compute agent i's first input by a new law, since a law may have a state."""
     swarm = rows.swarm
     law, seen = swarm.law(i), swarm.seen(i, x)
     terms = rows.terms(i)(x, seen)
@@ -88,21 +90,21 @@ def _require_law(rows: SafetyRows, i: int, x: Array) -> None:
     NominalInput(law, swarm.members[i])(view)
 
 
-_REHEARSED = 40
-"""As many others in sight as an agent of a large swarm is made ready for."""
+_MOST_IN_SIGHT = 40
+"""Largest number of others in sight for which an agent's rows are evaluated beforehand."""
 
 
 def compile_rows(rows: SafetyRows) -> None:
-    """Compile the rows of all agents, for processes that are forked to inherit them."""
+    """Compile the rows of all agents, which forked processes inherit."""
     swarm = rows.swarm
-    swarm.speakers  # noqa: B018
+    swarm.broadcasters  # noqa: B018
     ends = sorted({l for both in swarm.ends for l in both})
     for i in ends:
         rows.terms(i)
     if swarm.safety.pairwise:
         _compile_pairs(rows, ends)
     for first, _ in swarm.ends:
-        _rehearse(rows, first)
+        _evaluate_rows(rows, first)
     swarm.links, swarm.programs, swarm.digest  # noqa: B018
 
 
@@ -117,13 +119,13 @@ def _compile_pairs(rows: SafetyRows, ends: Sequence[int]) -> None:
                         rows.row_function(i, other, part, rows.margin(i))
 
 
-def _rehearse(rows: SafetyRows, i: int) -> None:
-    """Have agent i see one other, two, and so on: memory is set aside for each number once."""
+def _evaluate_rows(rows: SafetyRows, i: int) -> None:
+    """Evaluate agent i's rows with 0, 1, 2, ... others in sight: each number allocates memory."""
     swarm, x = rows.swarm, rows.swarm.start()
     terms = rows.terms(i)
     own = rows.pair_terms(i) if swarm.safety.pairwise and i in swarm.normal else None
     others = [l for l in range(len(swarm.members)) if l != i]
-    limited, most = swarm.sensing(i) is not None, min(len(others), _REHEARSED)
+    limited, most = swarm.sensing(i) is not None, min(len(others), _MOST_IN_SIGHT)
     for count in range(most + 1) if limited else (len(others),):
         seen = sorted((i, *others[:count]))
         if own is not None:

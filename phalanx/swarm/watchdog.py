@@ -1,4 +1,4 @@
-"""A watchdog for what waits too long, such as for a user's method that does not return."""
+"""A watchdog for items that wait too long, such as calls of a user's method in a loop."""
 
 import ctypes
 import logging
@@ -7,22 +7,22 @@ import threading
 from collections.abc import Callable, Mapping
 from typing import Generic, Self, TypeVar
 
-from phalanx.theory.expressions.asked import EndlessLoopError, questions
+from phalanx.theory.expressions.user_methods import EndlessLoopError, running_calls
 
 log = logging.getLogger("phalanx.swarm")
 K = TypeVar("K")
 T = TypeVar("T")
 
 _SHARE = 0.5
-"""Of the plant's patience with an agent: so it hears why before it gives the agent up."""
-_LOOKS = 20
-"""Something that waits so many looks in a row is stalled."""
+"""Share of the plant's timeout, so that the agent reports the reason before the plant stops it."""
+_POLLS = 20
+"""An item that waits for so many polls in a row is stalled."""
 
 
 class Watchdog(Generic[K, T]):
-    """Calls a function for whatever waits too long, from a thread of its own, while a block runs.
+    """A context manager that calls a function, in its own thread, for items that wait too long.
 
-    It counts looks, not seconds: a process that stood still is looked at no more often for that.
+    It counts polls, not seconds, so that a suspended process does not look stalled.
     """
 
     def __init__(
@@ -31,15 +31,15 @@ class Watchdog(Generic[K, T]):
         waiting: Callable[[], Mapping[K, T]],
         stalled: Callable[[K, T, bool], None],
     ) -> None:
-        """Watch nothing yet.
+        """Prepare the thread.
 
         Args:
-            patience: how long something may wait [s].
-            waiting: what waits now, and for what.
-            stalled: called each time that something has waited so long; its last argument says
-                whether it was called before.
+            patience: longest wait [s].
+            waiting: returns the items that wait now.
+            stalled: called each time that an item has waited so long; its last argument is True
+                if it was called for this item before.
         """
-        self._pause, self._waiting, self._stalled = patience / _LOOKS, waiting, stalled
+        self._pause, self._waiting, self._stalled = patience / _POLLS, waiting, stalled
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._watch, daemon=True)
 
@@ -56,30 +56,30 @@ class Watchdog(Generic[K, T]):
         while not self._over.wait(self._pause):
             before, seen = seen, {}
             for key, item in self._waiting().items():
-                last, looks = before.get(key, (None, 0))
-                looks = looks + 1 if item is last else 0
-                seen[key] = item, looks
-                if looks and looks % _LOOKS == 0:
-                    self._stalled(key, item, looks > _LOOKS)
+                last, polls = before.get(key, (None, 0))
+                polls = polls + 1 if item is last else 0
+                seen[key] = item, polls
+                if polls and polls % _POLLS == 0:
+                    self._stalled(key, item, polls > _POLLS)
 
 
 def endless_loops(timeout: float) -> Watchdog[int, object]:
-    """Raises EndlessLoopError in any thread that waits too long for a user's method.
+    """Raise EndlessLoopError in any thread that waits too long for a user's method.
 
-    timeout: of the plant's wait for an agent [s].
+    timeout: the plant's for an agent [s].
     """
-    return Watchdog(_SHARE * timeout, questions.copy, _end)
+    return Watchdog(_SHARE * timeout, running_calls.copy, _interrupt)
 
 
-def _end(thread: int, _: object, again: bool) -> None:
-    """Raise in a thread, unless somebody debugs it; say where it stands if it was raised before."""
-    frame = standing = sys._current_frames().get(thread)
+def _interrupt(thread: int, _: object, again: bool) -> None:
+    """Raise in a thread, unless a debugger runs it; log its line if it did not end before."""
+    frame = current = sys._current_frames().get(thread)
     while frame is not None:
         if frame.f_globals.get("__name__") == "bdb":
             return
         frame = frame.f_back
-    if again and standing is not None:
-        where = f"{standing.f_code.co_filename}, line {standing.f_lineno}"
-        log.error("no answer, and no end to it: %s in %s", standing.f_code.co_name, where)
+    if again and current is not None:
+        where = f"{current.f_code.co_filename}, line {current.f_lineno}"
+        log.error("still in an endless loop: %s in %s", current.f_code.co_name, where)
     raised = ctypes.py_object(EndlessLoopError)
     ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), raised)

@@ -1,1 +1,1 @@
-"""Keys, messages, seal and sessions: the only place that imports zenoh."""
+"""Keys, messages, seal and sessions: the only package that imports zenoh."""

@@ -1,7 +1,7 @@
-"""How a program shows the hub who it is: a password, or a certificate.
+"""Credentials that a program shows the hub: a password, or a TLS identity.
 
-A certificate is three files in a folder, whose names are those of a Kubernetes TLS secret: it can
-be mounted as it is.
+An identity is three files in a folder: an X.509 certificate, its private key, and the authority's
+certificate. They are named as in a Kubernetes TLS secret, which can be mounted as it is.
 """
 
 from collections.abc import Mapping
@@ -10,18 +10,18 @@ from pathlib import Path
 from typing import Any, Literal
 
 SECRET, COMMAND_SECRET = "PHALANX_SECRET", "PHALANX_COMMAND_SECRET"
-"""Variables of the environment that have the run's secrets; no agent of a launcher's gets them."""
+"""Environment variables of the run's secrets; a launcher's agents do not get them."""
 AUTHORITY, CERTIFICATE, PRIVATE_KEY = "ca.crt", "tls.crt", "tls.key"
 AUTHORITY_KEY = "ca.key"
-"""Beside them in the plant's folder, where agents may claim places."""
+"""A fourth file in the plant's folder, if agents may request free places."""
 ENDPOINT = "endpoint"
-"""Beside them where the hub's host was known: where to connect to."""
+"""Another one, if the hub's host was known: the endpoint to connect to."""
 
 
 def tls(folder: Path, role: Literal["listen", "connect"]) -> dict[str, Any]:
-    """Zenoh's `tls` of one program: both ends show a certificate of the run's authority.
+    """Return Zenoh's `tls` table of one program, with mutual authentication.
 
-    Who connects goes on only if the hub's is good for the host that it connected to.
+    A client also verifies that the hub's identity is valid for the host that it connects to.
     """
     return {
         "enable_mtls": True,
@@ -35,29 +35,29 @@ def tls(folder: Path, role: Literal["listen", "connect"]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Credentials:
-    """How a program shows the hub who it is."""
+    """The name of a program, and its password or TLS identity."""
 
     name: str
     password: str = field(repr=False)
-    """Never sent: it proves itself by its answer to what the hub asks."""
-    certificates: Path | None = None
-    """The folder of its own certificate, which takes the password's place."""
+    """Never sent: it is proven by the answer to a challenge of the hub."""
+    identity_folder: Path | None = None
+    """The folder of its TLS identity, in place of the password."""
 
     def to_connect(self) -> dict[str, Any]:
-        """A client's part of Zenoh's `transport`."""
-        if self.certificates is None:
+        """Return a client's part of Zenoh's `transport`."""
+        if self.identity_folder is None:
             return {"auth": {"usrpwd": {"user": self.name, "password": self.password}}}
-        return {"link": {"tls": tls(self.certificates, "connect")}}
+        return {"link": {"tls": tls(self.identity_folder, "connect")}}
 
 
 @dataclass(frozen=True)
 class Admission:
-    """Whom a hub lets in, and what each may do there."""
+    """The programs that a hub admits, and their permissions."""
 
     passwords: Mapping[str, str] = field(repr=False)
     """By name."""
     access_control: Mapping[str, Any]
     """As phalanx.identities.access makes it."""
-    certificates: Path | None = None
-    """The folder of the hub's certificate; whoever has one of the same authority is let in, and
-    no password is asked for."""
+    identity_folder: Path | None = None
+    """The folder of the hub's TLS identity; it then admits identities of the same authority in
+    place of passwords."""

@@ -1,36 +1,34 @@
 """Key expressions: phalanx/<run>/<kind>/<name>, every chunk at a fixed depth.
 
-A broadcast's has its receiver's name behind its sender's, a token's the digest of its scenario, and
-a copy's the kind and name of what it is a copy of.
+A broadcast's key continues with its receiver's name, a token's with the digest of its scenario. A
+copy's key continues, in place of a name, with the kind and name of the original.
 """
 
 from dataclasses import dataclass
 
 PLANT = "plant"
-"""The plant's name where an agent's would stand; scenarios cannot use it."""
 VIEWER = "viewer"
-"""Whoever looks at a run without taking part; scenarios cannot use the name."""
+"""A program that watches a run without taking part."""
 OPERATOR = "operator"
-"""A viewer that may command, where certificates say who is who; scenarios cannot use the name."""
+"""A viewer that may command, where programs have TLS identities."""
 ROUTER = "router"
-"""The program that all others meet in where the plant is not it; scenarios cannot use the name."""
+"""A hub apart from the plant."""
 CLAIMANT = "claimant"
-"""Who asks for an agent's place and is nobody yet; scenarios cannot use the name."""
+"""A program that requests the place of an agent, and has no other name yet."""
 HUBS = (PLANT, ROUTER)
-"""Whom the others connect to; nobody else may be taken for it."""
-EVERYBODY = ""
-"""The name of no program: of what all of a run have."""
+"""The programs that others connect to; no other may pass for one."""
+SHARED = ""
+"""In place of a name: the key that all programs of a run have."""
 
 NOT_URGENT = tuple(
     f"phalanx/*/{kind}/**" for kind in ("actuation", "broadcast", "telemetry", "command")
 )
-"""What members of any run may put."""
-
+"""Messages of programs other than the plant, in any run."""
 
 _SEEN_BY_ALL = ("status", "frame", "verdict")
 _COPY = "copy"
 COPIES = f"phalanx/*/{_COPY}/**"
-"""Of what members of any run put, for those who look on."""
+"""Copies of messages for viewers, in any run."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +49,7 @@ class Keys:
         return self._key("actuation", agent)
 
     def broadcast(self, sender: str, receiver: str) -> str:
-        """One agent to one of its peers: the input it says it applies."""
+        """One agent to one of its peers: the input that it claims to apply."""
         return f"{self._key('broadcast', sender)}/{receiver}"
 
     def telemetry(self, agent: str) -> str:
@@ -59,7 +57,7 @@ class Keys:
         return self._key("telemetry", agent)
 
     def alive(self, name: str, digest: str = "*") -> str:
-        """Liveliness token of a program, with the digest of the scenario it runs."""
+        """Liveliness token of a program, with the digest of its scenario."""
         return f"{self._key('alive', name)}/{digest}"
 
     @property
@@ -69,22 +67,22 @@ class Keys:
 
     @property
     def frames(self) -> str:
-        """Plant to viewers: the run as it goes."""
+        """Plant to viewers: the state of the run."""
         return self._key("frame")
 
     @property
     def scenario(self) -> str:
-        """Asked of the plant: the resolved scenario."""
+        """Query to the plant: the resolved scenario."""
         return self._key("scenario")
 
     @property
     def place(self) -> str:
-        """Asked of the plant by a claimant: a free agent's place."""
+        """Query of a claimant to the plant: the place of an agent that is free."""
         return self._key("place")
 
     @property
     def command(self) -> str:
-        """Whoever has the command secret to the plant: a command."""
+        """Viewer with the command secret to the plant: a command."""
         return self._key("command")
 
     @property
@@ -94,35 +92,35 @@ class Keys:
 
     @property
     def from_plant(self) -> tuple[str, ...]:
-        """Whatever the plant puts."""
+        """All that the plant puts."""
         sample = self.sample("*")
         return sample, self.copy(sample), self.status, self.frames, self.verdict
 
     @property
     def to_viewers(self) -> tuple[str, ...]:
-        """Whatever is dropped where it is not taken."""
+        """All that viewers may subscribe to: the hub drops what they do not read in time."""
         return self.copies, self.status, self.frames, self.verdict
 
     @property
     def to_plant(self) -> tuple[str, ...]:
-        """Whatever is put for the plant."""
+        """All that the plant subscribes to."""
         return self.actuation("*"), self.telemetry("*"), self.command
 
     def of(self, name: str) -> str:
-        """Whatever one program puts."""
+        """All that one program puts."""
         return f"{self._key('*', name)}/**"
 
     def seen(self, kind: str) -> str:
-        """Where those who look on find messages of a kind."""
+        """Messages of one kind, for viewers."""
         every = f"phalanx/{self.run}/{kind}/**"
         return every if kind in _SEEN_BY_ALL else self.copy(every)
 
     def copy(self, key: str) -> str:
-        """Whoever puts on a key to those who look on: the same, put once more."""
+        """The key of the copies, for viewers, of what is put on a key."""
         return self._key(_COPY, key.removeprefix(f"phalanx/{self.run}/"))
 
     def original(self, copy: str) -> str:
-        """What a key was before it was a copy's; any other stays as it is."""
+        """The inverse of copy; any other key stays as it is."""
         return copy.replace(self.copy(""), f"phalanx/{self.run}/", 1)
 
     @property
@@ -132,14 +130,14 @@ class Keys:
 
     @property
     def everything(self) -> str:
-        """Whatever is put in the run."""
+        """All messages of the run."""
         return f"phalanx/{self.run}/**"
 
 
 def kind_and_name(key: str) -> tuple[str, str]:
-    """The kind of a run's key expression and the name in it; two empty texts if it is no such.
+    """Return the kind and the name in a run's key; two empty texts if it is no such key.
 
-    Somebody may put on a wildcard: that is no key of a run.
+    A key with a wildcard, on which an attacker may put, is not one.
     """
     chunks = key.split("/")
     if len(chunks) not in (4, 5) or chunks[0] != "phalanx" or "*" in key:
@@ -147,23 +145,23 @@ def kind_and_name(key: str) -> tuple[str, str]:
     return chunks[2], chunks[3]
 
 
-_ONES_OWN = {"sample", "actuation", "telemetry"}
+_AGENT_KINDS = {"sample", "actuation", "telemetry"}
 
 
 def link(sender: str, receiver: str) -> str:
-    """The name of what two agents have alone, in this direction; no program's."""
+    """Return the name of the secret key that two agents share for one direction."""
     return f"{sender}>{receiver}"
 
 
 def owner(key: str) -> str:
-    """Whose key seals what is put on a key expression.
+    """Return the name of the secret key that seals messages on a key expression.
 
-    The agent's own between it and the plant, a link's between two agents, a claimant's where it
-    asks for a place; else everybody's.
+    It is the agent's between it and the plant, the link's between two agents, the claimant's for
+    requests of places, and else the shared one.
     """
     kind, name = kind_and_name(key)
     if kind == "place":
         return CLAIMANT
     if kind == "broadcast":
         return link(name, key.rsplit("/", 1)[-1])
-    return name if kind in _ONES_OWN else EVERYBODY
+    return name if kind in _AGENT_KINDS else SHARED

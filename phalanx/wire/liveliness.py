@@ -1,6 +1,6 @@
-"""Who is there: tokens that disappear with the session that declared them.
+"""Liveliness: tokens that disappear with the session that declared them.
 
-From those of plant and router a member knows when it has to leave.
+From the tokens of plant and router a program knows when it has to leave the run.
 """
 
 import math
@@ -12,32 +12,32 @@ import zenoh
 
 from phalanx.wire.keys import PLANT, ROUTER, Keys
 
-_BEFORE_IT_BEGINS = 3.0
-"""How long a plant that is its own hub may be lost before the first sample [s]: Zenoh closes a
-connection to whom it can tell nothing for a while, as when a join meets a flood."""
+_RECONNECT_TIME = 3.0
+"""Time for a plant that is its own hub to come back before the first sample [s]: Zenoh closes a
+connection that takes nothing for a while, as when a join meets a flood."""
 _MOMENT = 0.5
-"""Within this after a token of the plant's is gone it is known whether the hub was lost [s]."""
+"""Longest time between the loss of the plant's token and that of the hub, if both are lost [s]."""
 
 
 def announce(session: zenoh.Session, key: str) -> zenoh.LivelinessToken:
-    """Declare a liveliness token; it disappears with the session, whatever ends it."""
+    """Declare a liveliness token; it disappears with the session, for any reason."""
     return session.liveliness().declare_token(key)
 
 
 def is_announced(session: zenoh.Session, token: str, timeout: float) -> bool:
-    """Whether a liveliness token is there, or appears within `timeout` seconds."""
+    """Return whether a liveliness token is there, or appears within `timeout` seconds."""
     deadline = time.monotonic() + timeout
     while (left := deadline - time.monotonic()) > 0:
         if any(reply.ok is not None for reply in session.liveliness().get(token, timeout=left)):
             return True
-        time.sleep(0.05)  # nobody has announced himself yet, so the query ended at once
+        time.sleep(0.05)  # without any token the query ends at once
     return False
 
 
 def watch(session: zenoh.Session, key: str, changed: Callable[[str, bool], None]) -> None:
     """Call changed(key, alive) whenever a liveliness token appears or disappears.
 
-    It is called in Zenoh's own thread, so it must neither close nor wait.
+    It is called in Zenoh's own thread, so it must neither close the session nor wait.
     """
 
     def on_token(sample: zenoh.Sample) -> None:
@@ -47,31 +47,31 @@ def watch(session: zenoh.Session, key: str, changed: Callable[[str, bool], None]
     session.liveliness().declare_subscriber(key, callback, history=True)
 
 
-def on_parting(session: zenoh.Session, parted: Callable[[], None]) -> None:
-    """Call parted() when the hub is gone, at once if it is gone already.
+def on_disconnect(session: zenoh.Session, disconnected: Callable[[], None]) -> None:
+    """Call disconnected() when the connection to the hub is lost, at once if it is lost already.
 
-    A liveliness token says so too, but only to who had seen it before.
+    A program that never received the hub's token would not get its removal.
     """
 
     def on_event(event: zenoh.TransportEvent) -> None:
         if event.kind == zenoh.SampleKind.DELETE:
-            parted()
+            disconnected()
 
     session.info.declare_transport_events_listener(
         zenoh.handlers.Callback(on_event, indirect=False)
     )
     if not session.info.transports():
-        parted()
+        disconnected()
 
 
 class PlantPresence:
-    """Whether the plant is there, as one of its clients sees it.
+    """Presence of the plant, as one of its clients sees it.
 
-    Where the hub is the plant, both are lost at once. A router may be restarted: Zenoh's clients
-    connect again by themselves and declare again what they had declared, and the plant is given
-    time to do so; so it is before the first sample, when nothing can be missed. That the hub is
-    lost is told before or after the tokens that were there go. Where a run has several routers, the
-    plant is lost with the one that it is at, too, whose token goes about when the plant's does.
+    If the plant is the hub, both are lost at once. A router may be restarted: Zenoh's clients then
+    reconnect and declare their tokens again, and the plant gets time to do so. It also gets time
+    before the first sample, when nothing can be missed. The loss of the hub may be reported before
+    or after the loss of its tokens. If a run has several routers, the plant is also lost with its
+    own router, whose token disappears at about the same time as the plant's.
     """
 
     def __init__(
@@ -80,12 +80,12 @@ class PlantPresence:
         leave: Callable[[str], None],
         begun: Callable[[], bool] = lambda: True,
     ) -> None:
-        """Begin without a router.
+        """Assume a plant and no router.
 
         Args:
-            patience: how long a router may be lost [s].
-            leave: told why; perhaps again.
-            begun: whether the first sample has come.
+            patience: time for a router to come back [s].
+            leave: called with the reason, perhaps more than once.
+            begun: returns whether the first sample has come.
         """
         self._patience, self._leave, self._begun = patience, leave, begun
         self._at_router, self._plant_is_there = False, True
@@ -94,23 +94,23 @@ class PlantPresence:
         self._leaving: threading.Timer | None = None
 
     def watch(self, session: zenoh.Session, keys: Keys) -> None:
-        """Begin to look; the plant is there."""
+        """Watch tokens and connection of a session from now on."""
         watch(session, keys.alive(ROUTER), self.on_router)
         watch(session, keys.alive(PLANT), self.on_plant)
-        on_parting(session, self.on_parting)
+        on_disconnect(session, self.on_disconnect)
 
-    def on_parting(self) -> None:
-        """The connection to the hub was lost."""
+    def on_disconnect(self) -> None:
+        """Handle the loss of the connection to the hub."""
         if self._at_router:
             self._await_plant()
         elif self._begun():
             self._leave("the connection to the hub was lost")
         else:
-            self._put_off()
-            self._leave_after(_BEFORE_IT_BEGINS, "the plant is not back")
+            self._stay()
+            self._leave_after(_RECONNECT_TIME, "the plant is not back")
 
     def on_router(self, _: str, alive: bool) -> None:
-        """A router's token appeared or disappeared."""
+        """Handle a router's token that appeared or disappeared."""
         self._at_router = self._at_router or alive
         if not alive:
             self._router_lost = time.monotonic()
@@ -118,10 +118,10 @@ class PlantPresence:
                 self._await_plant()
 
     def on_plant(self, _: str, alive: bool) -> None:
-        """The plant's token appeared or disappeared."""
+        """Handle the plant's token, which appeared or disappeared."""
         self._plant_is_there = alive
         if alive:
-            self._put_off()
+            self._stay()
         elif time.monotonic() < self._router_lost + _MOMENT:
             self._await_plant()
         elif self._at_router or not self._begun():
@@ -130,18 +130,18 @@ class PlantPresence:
             self._leave("the plant left")
 
     def _await_plant(self) -> None:
-        self._put_off()
+        self._stay()
         self._leave_after(self._patience, "the plant is not back at its router")
 
     def _leave_after(self, seconds: float, why: str) -> None:
-        """Leave, unless it is put off before; what was decided before counts."""
+        """Leave after a time, unless another time was set before or _stay is called."""
         with self._lock:
             if self._leaving is None:
                 self._leaving = threading.Timer(seconds, self._leave, [why])
                 self._leaving.daemon = True
                 self._leaving.start()
 
-    def _put_off(self) -> None:
+    def _stay(self) -> None:
         with self._lock:
             if self._leaving is not None:
                 self._leaving.cancel()

@@ -1,4 +1,4 @@
-"""What a program needs in order to take part in a run."""
+"""Membership of a program in a run: name, hub, secret keys and TLS identity."""
 
 import hashlib
 from collections.abc import Mapping
@@ -7,28 +7,28 @@ from functools import cached_property
 from pathlib import Path
 
 from phalanx.wire.credentials import Credentials
-from phalanx.wire.keys import EVERYBODY, PLANT, VIEWER, Keys, link, owner
+from phalanx.wire.keys import PLANT, SHARED, VIEWER, Keys, link, owner
 from phalanx.wire.seal import RunSealer, Sealer
 
 
 @dataclass(frozen=True)
 class Membership:
-    """Which run, where its hub is, who one is in it, and what proves that."""
+    """A program's name in a run, the hub's endpoint, and the secrets that prove the name."""
 
     run: str
     """Part of every key expression."""
     endpoint: str
-    """Where the plant listens and everybody else connects, as Zenoh writes it."""
+    """The hub's Zenoh endpoint."""
     secret: bytes = field(default=b"", repr=False)
-    """The run's. Who has it can be anybody in the run; with none, so can everybody."""
+    """The run's secret, from which all keys are derived; its owner can pass for any program."""
     identity: str = VIEWER
     """The program's name: an agent's, or another of phalanx.wire.keys."""
     timeout: float = 60.0
-    """How long to try to reach the hub [s of wall time]."""
-    certificates: Path | None = None
-    """The folder of its certificate, where certificates and not passwords say who is who."""
+    """Time to reach the hub [s of wall time]."""
+    identity_folder: Path | None = None
+    """The folder of its TLS identity, in place of a password."""
     held: Mapping[str, bytes] | None = field(default=None, repr=False)
-    """The keys of those that one may be, in place of the secret from which all are made."""
+    """The program's own keys by name, in place of the secret."""
 
     @property
     def keys(self) -> Keys:
@@ -37,18 +37,18 @@ class Membership:
 
     @property
     def sealer(self) -> Sealer:
-        """Seals and opens the run's messages, each with the key of the program that it is about."""
+        """Seals and opens the run's messages, each with the secret key of its owner."""
         return RunSealer(lambda key: self.key_of(owner(key)))
 
     @property
     def credentials(self) -> Credentials:
-        """What the hub asks for before it lets this program in."""
-        return Credentials(self.identity, self.password_of(self.identity), self.certificates)
+        """The credentials that the hub requires of this program."""
+        return Credentials(self.identity, self.password_of(self.identity), self.identity_folder)
 
     def key_of(self, name: str) -> bytes:
-        """The key of a program, or the one that everybody in the run has. Raises KeyError.
+        """Return the secret key of a name, or the SHARED one. Raises KeyError.
 
-        A key tells nothing of another, nor of the secret.
+        Neither another key nor the secret can be computed from it.
         """
         if self.held is not None:
             return self.held[name]
@@ -59,13 +59,13 @@ class Membership:
         return hashlib.blake2b(self.secret, digest_size=32).digest()
 
     def password_of(self, name: str) -> str:
-        """What a program shows at the hub's door; it tells nothing of its key."""
+        """Return a program's password for the hub; its key cannot be computed from it."""
         return hashlib.blake2b(b"password", key=self.key_of(name), digest_size=16).hexdigest()
 
     def of(
         self, identity: str, speaks_for: tuple[str, ...] = (), peers: tuple[str, ...] = ()
     ) -> "Membership":
-        """What one program of the run gets: its own keys; the secret is the plant's alone.
+        """Return one program's membership, with its own keys alone; the plant's has the secret.
 
         Args:
             identity: its name.
@@ -75,5 +75,5 @@ class Membership:
         if identity == PLANT:
             return replace(self, identity=PLANT)
         links = {link(*ends) for i in speaks_for for j in peers for ends in ((i, j), (j, i))}
-        held = {name: self.key_of(name) for name in (EVERYBODY, identity, *speaks_for, *links)}
+        held = {name: self.key_of(name) for name in (SHARED, identity, *speaks_for, *links)}
         return replace(self, identity=identity, secret=b"", held=held)

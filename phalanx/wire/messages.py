@@ -1,8 +1,7 @@
-"""What the programs of a run tell one another, each message an array of msgpack; see docs/wire.md.
+"""Messages between the programs of a run, each an array of msgpack; see docs/wire.md.
 
-An agent's answer to a sample is three things for three receivers: what its actuator gets, what its
-peers hear, and what the plant records about how it was made. Behind these messages are those of
-claimants, and of viewers.
+An agent answers a sample with three messages: an Actuation for its actuator, a Broadcast for each
+peer, and Telemetry for the plant's recording. Messages of claimants and of viewers follow.
 """
 
 import math
@@ -10,7 +9,7 @@ from typing import Annotated, ClassVar
 
 import msgspec
 
-from phalanx.faults.commands import Command, Condition, Orders
+from phalanx.faults.commands import ActiveCommands, Command, Condition
 from phalanx.guarantee.verdict import Assumption, Violation
 from phalanx.network.inbox import Fate
 from phalanx.theory.expressions.exact import LARGEST, LARGEST_SUM
@@ -20,7 +19,7 @@ VERSION = 3
 MAX_BYTES = 65_536
 """Larger payloads are dropped unread."""
 LONGEST_FAILURE = 2_000
-"""As many characters say at most why an agent failed."""
+"""Most characters of the reason why an agent failed."""
 
 
 class Message(
@@ -29,14 +28,13 @@ class Message(
     """Common head of every message."""
 
     largest: ClassVar[float] = math.inf
-    """Of its numbers, by their absolute value; infinite: none is checked."""
-    """Whether a NaN or an infinity in it makes it malformed."""
+    """Largest absolute value of a valid number, which then excludes NaN; infinite: no check."""
 
     version: int = VERSION
 
 
 class Sample(Message, frozen=True, kw_only=True):
-    """Plant to agent i at its sampling instant: what it sees, and nothing else."""
+    """Plant to agent i at its sampling instant: the states that it sees."""
 
     k: int
     t: Annotated[float, msgspec.Meta(ge=0.0, le=1e300)]
@@ -52,18 +50,18 @@ class Sample(Message, frozen=True, kw_only=True):
     """For each of them, that of the last one before t: all from `since` on were put to agent i."""
     hearers: tuple[int, ...]
     """Indices of those among them that get agent i's broadcast: they see it too, and listen."""
-    orders: Orders | None = None
+    commands: ActiveCommands | None = None
     pace: Annotated[float, msgspec.Meta(ge=0.0, le=1e6)] | None = None
-    """In real time, seconds of virtual time per second of wall time: the agent answers with what is
-    here. Null in lockstep: it waits for all that counts."""
+    """In real time, seconds of virtual time per second of wall time: the agent answers with the
+    broadcasts that have come. Null in lockstep: it waits for all that count."""
 
 
 def last_sample(i: int, k: int, t: float, x: bytes) -> Sample:
-    """A sample that agent i does not live to answer: it sees itself alone, and has to die."""
+    """Make the sample at which agent i's process has to kill itself."""
     itself, nothing = (i,), (-1,)
     return Sample(
         k=k, t=t, seen=itself, x=x, since=nothing, latest=nothing, hearers=(),
-        orders=Orders(die=True),
+        commands=ActiveCommands(die=True),
     )  # fmt: skip
 
 
@@ -81,7 +79,7 @@ class Actuation(Message, frozen=True, kw_only=True):
 
 
 class Broadcast(Message, frozen=True, kw_only=True):
-    """Agent i to one of its peers: the input that it says it holds from t_apply on."""
+    """Agent i to one of its peers: the input that it claims to hold from t_apply on."""
 
     largest: ClassVar[float] = LARGEST
 
@@ -104,17 +102,17 @@ class Telemetry(Message, frozen=True, kw_only=True):
     ages: tuple[tuple[int, float], ...]
     """(agent's index, age [s]) of each û_l that its row used."""
     fates: tuple[Fate, ...] = ()
-    """Fates of the broadcasts that this step was the first to know of."""
+    """Fates of broadcasts that were decided since the last report."""
     rejected: int = 0
     """Payloads dropped by this agent so far."""
     received: tuple[tuple[int, float, tuple[float, ...]], ...] = ()
     """In real time, (agent's index, t_apply [s], u) of every û_l that the agent had."""
     failed: Annotated[str, msgspec.Meta(max_length=LONGEST_FAILURE)] = ""
-    """Why the sample was not answered and no other will be; the other fields say nothing then."""
+    """Why neither this sample nor a later one is answered; the other fields then mean nothing."""
 
 
 class Status(Message, frozen=True, kw_only=True):
-    """Plant to everyone, a few times a second: how far the run is."""
+    """Plant to everyone, a few times a second: progress of the run."""
 
     t: float = 0.0
     """[s]"""
@@ -127,9 +125,9 @@ class Status(Message, frozen=True, kw_only=True):
     waiting_for: tuple[str, ...] = ()
     """Agents that have not joined yet."""
     restart: bool = False
-    """Whether these have died, and whoever started them is to start them again."""
+    """Whether these have died, and their launcher is to start them again."""
     stopped: tuple[str, ...] = ()
-    """Agents whose processes stand still: whoever started them is to hold them by SIGSTOP."""
+    """Agents that are paused: their launcher is to suspend their processes by SIGSTOP."""
 
 
 class Ended(Message, frozen=True, kw_only=True):
@@ -139,31 +137,31 @@ class Ended(Message, frozen=True, kw_only=True):
 
 
 class PlaceRequest(Message, frozen=True, kw_only=True):
-    """A claimant to the plant, as a query: may I be one of the scenario's agents?"""
+    """A claimant to the plant, as a query: request the place of an agent that is free."""
 
     digest: str
-    """Of the scenario it runs."""
+    """Of the claimant's scenario."""
     public_key: bytes
-    """Its own, made for this: SubjectPublicKeyInfo in DER. The private key stays where it is."""
+    """Of a new key pair of the claimant's: SubjectPublicKeyInfo in DER."""
 
 
 class Place(Message, frozen=True, kw_only=True):
-    """The plant's answer: whom to be, and what proves it."""
+    """The plant's answer: the name of the agent to run, and its TLS identity."""
 
     name: str = ""
     """Of the program; empty if no place is free now."""
     certificate: bytes = b""
-    """Of that name and the public key, PEM; empty where passwords say who is who."""
+    """X.509, PEM, of that name and the public key; empty if programs have passwords."""
     refusal: str = ""
-    """Why there will be none; empty if another time there may."""
+    """Why no place will be given; empty if one may be given later."""
 
 
 class AgentStatus(msgspec.Struct, array_like=True, frozen=True):
-    """One agent as the plant knows it."""
+    """The plant's knowledge of one agent."""
 
     condition: Condition = Condition.FINE
     step: AppliedStep | None = None
-    """Its last one, whose input is in force; null before the first."""
+    """Its last step, whose input is in force; null before the first."""
     backups: int = 0
     """Its steps so far at which u_i^min was applied."""
     without_authority: int = 0
@@ -182,7 +180,7 @@ class LinkEvent(msgspec.Struct, array_like=True, frozen=True):
 
 
 def worse(a: float, b: float) -> float:
-    """Of two delays [s] the one to show: a loss, which is negative, before any delay."""
+    """Return the worse of two delays [s]; a loss, which is negative, is worse than any delay."""
     return min(a, b) if min(a, b) < 0.0 else max(a, b)
 
 
@@ -195,7 +193,7 @@ class LogLine(msgspec.Struct, array_like=True, frozen=True):
 
 
 class Frame(Message, frozen=True, kw_only=True):
-    """The run at t; at most some thirty of them a second, and only while somebody looks."""
+    """The run at t; at most some thirty a second, and only while a viewer is connected."""
 
     t: float
     """[s]"""
@@ -225,7 +223,7 @@ class Frame(Message, frozen=True, kw_only=True):
 
 
 class Setup(Message, frozen=True, kw_only=True):
-    """The answer to a viewer that knows the endpoint and the run alone."""
+    """The plant's answer to a viewer's query."""
 
     scenario: bytes
     """The resolved scenario as JSON."""
@@ -237,6 +235,6 @@ class CommandMessage(Message, frozen=True, kw_only=True):
     """A viewer to the plant, sealed with the command secret; obeyed at the next event."""
 
     number: int
-    """Larger than that of every command before: a replayed one is refused."""
+    """Larger than that of every earlier command: a replayed one is dropped."""
     command: Command
     """Its t is ignored."""

@@ -1,4 +1,4 @@
-"""Messages through a session: how they may be dropped, who is called, and queries."""
+"""Publish, subscribe and query through a session, with a choice of what a full queue drops."""
 
 import threading
 import time
@@ -14,30 +14,30 @@ from phalanx.wire.messages import Message
 from phalanx.wire.seal import Sealer
 from phalanx.wire.session import HubError
 
-_GLANCE = 0.2
-"""How often a wait looks up to see whether it is over [s]."""
+_POLL = 0.2
+"""Longest single wait [s]."""
 
 Deliver = Callable[[str, bytes], None]
 Publisher = zenoh.Publisher
 
 
 class Delivery(Enum):
-    """What a full queue does with a message, and which others it goes before."""
+    """Congestion control and priority of messages."""
 
     ALL = zenoh.CongestionControl.BLOCK, zenoh.Priority.DATA
-    """None is ever dropped: lockstep needs them all."""
+    """Never dropped, for lockstep: a full queue blocks the sender."""
     URGENT = zenoh.CongestionControl.BLOCK, zenoh.Priority.INTERACTIVE_HIGH
-    """The same, and they overtake others on their way: the hub allows the plant alone."""
+    """The same with priority, which the hub allows the plant alone."""
     NOTICE = zenoh.CongestionControl.DROP, zenoh.Priority.DATA
-    """What a slow listener cannot take is dropped: it never holds up who puts."""
+    """Dropped by a full queue: a slow receiver never blocks the sender."""
     VIEW = zenoh.CongestionControl.DROP, zenoh.Priority.DATA_LOW
-    """The same, behind all others: notices neither wait behind them, nor go down with them."""
+    """The same in a queue of its own, of lower priority, so that it delays no notices."""
 
 
 def publisher(
     session: zenoh.Session, key: str, delivery: Delivery = Delivery.ALL
 ) -> zenoh.Publisher:
-    """A publisher of messages under a key expression."""
+    """Declare a publisher of messages under a key expression."""
     congestion, priority = delivery.value
     return session.declare_publisher(
         key,
@@ -48,16 +48,16 @@ def publisher(
 
 
 class Addressed:
-    """Puts messages on keys that have one listener each, and that nobody else is told of.
+    """Puts messages without a declared publisher, on keys with one subscriber each.
 
     A declared publisher that knows no subscriber sends nothing, and learns of a new one a moment
-    late. Without one a client always sends, and the hub routes to whoever is there.
+    late. Without one a client always sends, and the hub routes to the subscribers of that moment.
     """
 
     def __init__(self, session: zenoh.Session, delivery: Delivery = Delivery.ALL) -> None:
         self._session, (self._congestion, self._priority) = session, delivery.value
         self._known: dict[str, zenoh.KeyExpr] = {}
-        """What the hub knows by a number: it finds their routes without reading them again."""
+        """Declared keys, which the hub has by a number: it finds their routes without parsing."""
 
     def put(self, key: str, payload: bytes) -> None:
         """Put a message."""
@@ -70,7 +70,7 @@ class Addressed:
 
 
 class SealedPublisher:
-    """Seals messages, and puts them under one key expression."""
+    """Seals messages and puts them under one key expression."""
 
     def __init__(
         self,
@@ -78,10 +78,10 @@ class SealedPublisher:
         sealer: Sealer,
         key: str,
         delivery: Delivery = Delivery.ALL,
-        copies: "Copies | None" = None,
+        copies: "ViewerCopies | None" = None,
     ) -> None:
-        """copies: puts each of them once more, for those who look on."""
-        # A publisher's own key expression is made anew each time it is asked for.
+        """copies: puts a copy of each message for viewers."""
+        # zenoh.Publisher.key_expr makes a new object at each access.
         self._key, self._sealer, self._copies = key, sealer, copies
         self._publisher = publisher(session, key, delivery)
 
@@ -94,16 +94,16 @@ class SealedPublisher:
 
     @property
     def heard(self) -> bool:
-        """Whether somebody listens now."""
+        """True if there is a subscriber."""
         return has_listener(self._publisher)
 
     def wait_until_heard(self, timeout: float, over: Callable[[], bool] = lambda: False) -> None:
-        """Wait until somebody listens, as wait_for_listener does. Raises HubError."""
+        """Wait for a subscriber, as wait_for_listener does. Raises HubError."""
         wait_for_listener(self._publisher, timeout, over)
 
 
 def has_listener(publisher: zenoh.Publisher) -> bool:
-    """Whether somebody listens now."""
+    """Return whether a publisher has a subscriber."""
     matching: bool = publisher.matching_status.matching  # type: ignore[attr-defined]
     return matching
 
@@ -111,9 +111,9 @@ def has_listener(publisher: zenoh.Publisher) -> bool:
 def wait_for_listener(
     publisher: zenoh.Publisher, timeout: float, over: Callable[[], bool] = lambda: False
 ) -> None:
-    """Wait until somebody listens: messages put earlier are lost.
+    """Wait until a publisher has a subscriber: messages put earlier are lost.
 
-    Raises HubError if nobody does within `timeout` seconds, or `over` before.
+    Raises HubError if it has none after `timeout` seconds, or when over() is true.
     """
     if has_listener(publisher):
         return
@@ -125,13 +125,13 @@ def wait_for_listener(
 
     publisher.declare_matching_listener(zenoh.handlers.Callback(on_match, indirect=False))
     deadline = time.monotonic() + timeout
-    while not has_listener(publisher) and not listener.wait(_GLANCE):
+    while not has_listener(publisher) and not listener.wait(_POLL):
         if over() or time.monotonic() > deadline:
-            raise HubError(f"nobody listens to {publisher.key_expr} after {timeout:g} s")
+            raise HubError(f"no subscriber of {publisher.key_expr} after {timeout:g} s")
 
 
 def subscribe(session: zenoh.Session, key: str, deliver: Deliver) -> None:
-    """Call deliver(key, payload) in Zenoh's own thread for every message, until the close.
+    """Call deliver(key, payload) in Zenoh's own thread for every message, until the session closes.
 
     deliver may put, but must not wait for another message.
     """
@@ -143,16 +143,15 @@ def subscribe(session: zenoh.Session, key: str, deliver: Deliver) -> None:
     session.declare_subscriber(key, zenoh.handlers.Callback(on_sample, indirect=False))
 
 
-class Copies:
-    """What one program puts, put once more for those who look on, while somebody does.
+class ViewerCopies:
+    """Copies for viewers of one program's messages, put while there is a viewer.
 
-    Samples, actuations, broadcasts and telemetry are put so that none is lost, and so who gets them
-    can make their senders wait. Viewers get copies instead, which are dropped where they are not
-    taken: a reader that stops holds up nobody.
+    Samples, actuations, broadcasts and telemetry are never dropped, so a receiver that stops
+    reading blocks their senders. Viewers get copies, which a full queue drops.
     """
 
     def __init__(self, session: zenoh.Session, keys: Keys, every: str) -> None:
-        """every: a key expression that includes all of which there may be copies."""
+        """every: a key expression that includes the keys of all messages to copy."""
         self._copy = cache(keys.copy)
         self._addressed = Addressed(session, Delivery.VIEW)
         self._readers = publisher(session, keys.copy(every), Delivery.VIEW)
@@ -161,11 +160,11 @@ class Copies:
         self._readers.declare_matching_listener(on_match)
 
     def look_for_readers(self) -> None:
-        """Find those who came before, of whom nothing is told."""
+        """Check for viewers that came earlier: Zenoh does not report those."""
         self._wanted = has_listener(self._readers)
 
     def put(self, key: str, payload: bytes) -> None:
-        """Put a copy of what was put on a key, if anybody looks on."""
+        """Put a copy of a message, if there is a viewer."""
         if self._wanted:
             self._addressed.put(self._copy(key), payload)
 
@@ -174,12 +173,12 @@ class Copies:
 
 
 def answer(session: zenoh.Session, key: str, payload: bytes) -> None:
-    """Answer every query on the key with the same payload, until the close."""
+    """Answer every query on the key with the same payload, until the session closes."""
     answer_each(session, key, lambda _: payload)
 
 
 def answer_each(session: zenoh.Session, key: str, reply: Callable[[bytes], bytes | None]) -> None:
-    """Answer each query on the key by what it asks, in Zenoh's own thread; None: not at all."""
+    """Answer each query on the key with reply(payload), in Zenoh's own thread; None: no answer."""
 
     def on_query(query: zenoh.Query) -> None:
         payload = reply(query.payload.to_bytes() if query.payload else b"")
@@ -192,7 +191,7 @@ def answer_each(session: zenoh.Session, key: str, reply: Callable[[bytes], bytes
 def ask(
     session: zenoh.Session, key: str, timeout: float, question: bytes | None = None
 ) -> bytes | None:
-    """The first answer to a query on the key, or None within `timeout` seconds."""
+    """Return the first answer to a query on the key, or None after `timeout` seconds."""
     deadline = time.monotonic() + timeout
     while True:
         for reply in session.get(key, payload=question, timeout=min(timeout, 1.0)):
@@ -200,4 +199,4 @@ def ask(
                 return reply.ok.payload.to_bytes()
         if time.monotonic() > deadline:
             return None
-        time.sleep(0.05)  # nobody has declared the key yet, so the query ended at once
+        time.sleep(0.05)  # without a queryable on the key the query ends at once

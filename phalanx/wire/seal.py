@@ -1,9 +1,9 @@
-"""The seal: typed msgpack under a keyed hash, so that what is not of this run is refused.
+"""The seal: typed msgpack under a keyed hash, which authenticates messages of a run.
 
-The seal is a keyed BLAKE2b over the key expression and the body. It refuses what the network
-corrupted, what was meant for another key or another run and, when the run has a secret, what
-somebody else forged. Who sent a message is said by its key expression, which the seal covers, and
-what passes between an agent and the plant is sealed with a key that these two alone have.
+The seal is a keyed BLAKE2b over the key expression and the body. It detects messages that the
+network corrupted, that were put on another key or in another run and, if the run has a secret,
+forged ones. The key expression names the sender. Messages between an agent and the plant are
+sealed with a secret key that these two alone have.
 """
 
 import hashlib
@@ -24,12 +24,12 @@ SEAL_BYTES = 16
 
 
 class Malformed(ValueError):  # noqa: N818 - a drop to be counted, not a failure
-    """A payload that is not a message; the text says why, in a few words fit for counting."""
+    """A payload that is not a valid message; the text is a short reason, for counting."""
 
 
 M = TypeVar("M", bound=Message)
 _ENORMOUS = re.compile(rb"\xcb[\x7e\x7f\xfe\xff]|\xca[\x7f\xff][\x80-\xff]", re.DOTALL)
-"""How a float of msgpack begins, of 64 or 32 bits, if it is infinite, no number or above 8e298."""
+"""First bytes of a msgpack float of 64 or 32 bits that is infinite, NaN or above 8e298."""
 _encoder = msgspec.msgpack.Encoder()
 
 
@@ -42,17 +42,17 @@ class Sealer:
     """Seals and opens payloads with one secret."""
 
     def __init__(self, secret: bytes = b"") -> None:
-        """With an empty secret the seal still detects corruption, but not forgery."""
+        """secret: if empty, the seal detects corruption, but not forgery."""
         secret_key = hashlib.blake2b(secret, digest_size=32).digest()
         self._key_for: Callable[[str], bytes] = lambda key: secret_key
 
     def seal(self, key: str, message: Message) -> bytes:
-        """The payload to put under a key expression."""
+        """Return the payload to put under a key expression."""
         body = _encoder.encode(message)
         return self._mac(key, body) + body
 
     def open(self, key: str, payload: bytes, kind: type[M]) -> M:
-        """The message in a payload that came under a key expression.
+        """Return the message in a payload that came under a key expression.
 
         Raises:
             Malformed: too large, too short, not sealed for this key, not msgpack of this kind,
@@ -73,7 +73,7 @@ class Sealer:
             raise Malformed("not msgpack") from error
         if message.version != VERSION:
             raise Malformed("other version")
-        # Whoever has no such bytes has no such number. Who has them may owe them to chance.
+        # A message without these bytes has no such number; one with them may have it by chance.
         if message.largest < math.inf and _ENORMOUS.search(body):
             beyond = [n for n in _numbers(message) if not abs(n) <= message.largest]
             if beyond:
@@ -81,13 +81,13 @@ class Sealer:
         return message
 
     def open_damaged(self, key: str, message: M, number: int) -> M:
-        """Open a message whose payload came with one byte flipped; the number says which.
+        """Open a message after flipping bits of one byte of its payload, chosen by the number.
 
-        Sealing is a function: the payload made here is the one that its sender put. Raises
-        Malformed, as every seal does that is worth its name.
+        Sealing is deterministic: the payload made here is the one that its sender put. Raises
+        Malformed, unless the seal fails to detect the damage.
         """
         payload = bytearray(self.seal(key, message))
-        # Knuth's multiplier: another byte and other bits for each number, the same every time.
+        # Knuth's multiplier: another byte and other bits for each number, but reproducible.
         place = number * 2654435761
         payload[place % len(payload)] ^= 1 + place % 255
         return self.open(key, bytes(payload), type(message))
@@ -99,15 +99,15 @@ class Sealer:
 
 
 class RunSealer(Sealer):
-    """Seals and opens payloads of a run, each with the key of the program that it is about."""
+    """Seals and opens payloads of a run, with a secret key for each key expression."""
 
     def __init__(self, key_of: Callable[[str], bytes]) -> None:
-        """key_of: the secret key, of 32 bytes, that seals what is put on a key expression."""
+        """key_of: returns the secret key, of 32 bytes, for a key expression."""
         self._key_for = lru_cache(maxsize=4096)(key_of)
 
 
 def _numbers(value: Any) -> Iterator[float]:
-    """Every float in a message, however deep."""
+    """Return every float in a message, at any depth."""
     if isinstance(value, float):
         yield value
     elif isinstance(value, tuple):
@@ -127,10 +127,9 @@ class Refusals:
         self._log, self._lock = log, threading.Lock()
 
     def add(self, key: str, reason: object) -> None:
-        """A payload that came under a key expression was dropped.
+        """Count a dropped payload that came under a key expression.
 
-        The log tells of the 1st, 10th, 100th and so on of each reason: whoever sends rubbish must
-        not fill the disk with it.
+        The 1st, 10th, 100th and so on of each reason are logged: a flood must not fill the disk.
         """
         with self._lock:
             self.counts[str(reason)] += 1

@@ -1,4 +1,4 @@
-"""Zenoh sessions: one is the hub, the plant's own or a router's; all others are its clients."""
+"""Zenoh sessions: a hub in the plant or in a router, and its clients."""
 
 import contextlib
 import os
@@ -11,14 +11,14 @@ from typing import Any
 import msgspec
 import zenoh
 
-from phalanx.compat.zenoh_linger import close_at_once
+from phalanx.compat.zenoh_linger import disable_linger
 from phalanx.wire.credentials import Admission, Credentials, tls
 from phalanx.wire.keys import COPIES, NOT_URGENT
 from phalanx.wire.liveliness import is_announced
 from phalanx.wire.messages import MAX_BYTES
 
-# Three threads instead of seven in a client, and a third less latency. Never in the hub: what
-# forwards would deadlock on its own back-pressure.
+# A client with three threads in place of seven has a third less latency. The hub cannot have
+# this: forwarding would deadlock on its own back-pressure.
 _RUNTIME = "ZENOH_RUNTIME"
 """Zenoh reads it when a process opens its first session."""
 _CLIENT_RUNTIME = (
@@ -40,73 +40,75 @@ class HubError(RuntimeError):
 def open_hub(
     endpoint: str,
     admission: Admission | None = None,
-    beyond: Sequence[str] = (),
+    other_hubs: Sequence[str] = (),
     credentials: Credentials | None = None,
 ) -> zenoh.Session:
-    """Open the session that all programs of a run meet in. Raises HubError.
+    """Open the session that all programs of a run connect to. Raises HubError.
 
-    Without an admission everybody may come in and do everything. Where the run has other hubs,
-    beyond has the endpoints of those to connect to, and credentials what is shown there; a hub that
-    is not there yet, or is lost, is tried again for as long as this one lives.
+    The soft limit of open files is raised to the hard limit: each connection takes some, and the
+    usual 1024 are too few for a few hundred programs.
 
-    This process may open as many files from then on as its hard limit allows: each connection takes
-    some, and the usual soft limit of 1024 is too low for a few hundred programs.
+    Args:
+        endpoint: where to listen.
+        admission: the programs and their permissions; without it there are no restrictions.
+        other_hubs: endpoints of hubs to connect to, tried again as long as the session lives.
+        credentials: for those hubs.
     """
     _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
-    config = _hub_config(endpoint, beyond)
+    config = _hub_config(endpoint, other_hubs)
     with contextlib.ExitStack() as stack:
         if credentials is not None:
-            _show(config, credentials)
+            _add_credentials(config, credentials)
         if admission is not None:
-            _admit(config, admission, stack)
-        # Whoever started this process may have been a client, and left it in the environment.
+            _add_admission(config, admission, stack)
+        # It may be inherited from a parent process that is a client.
         if os.environ.get(_RUNTIME) == _CLIENT_RUNTIME:
             del os.environ[_RUNTIME]
         try:
             session = zenoh.open(_parsed(config))
         except zenoh.ZError as error:
             raise HubError(f"cannot listen on {endpoint}: {_reason(error)}") from error
-    close_at_once(session)
+    disable_linger(session)
     return session
 
 
-def _hub_config(endpoint: str, beyond: Sequence[str]) -> dict[str, Any]:
+def _hub_config(endpoint: str, other_hubs: Sequence[str]) -> dict[str, Any]:
     config: dict[str, Any] = {
         **_common(),
         "mode": "router",
         "listen": {"endpoints": [endpoint]},
-        "connect": {"endpoints": list(beyond), "retry": _RETRY},
+        "connect": {"endpoints": list(other_hubs), "retry": _RETRY},
     }
-    # Half-open connections must not keep agents out.
+    # Many half-open connections must not block those of agents.
     config["transport"]["unicast"] = {
         "accept_pending": 1000,
         "accept_timeout": 1000,
         "max_sessions": 10_000,
     }
-    # Samples go before all else: what an agent floods a peer with must not stand before them.
-    behind = {"flows": ["ingress"], "messages": ["put"], "overwrite": {"priority": "data"}}
-    # Nor may who looks on and takes nothing hold up who shows or answers it something, or fill the
-    # queue of the lowest priority, through which the hub's goodbye goes: it would never end.
-    shown = {"congestion_control": "drop", "priority": "data_low"}
-    onlookers = {"flows": ["ingress"], "overwrite": shown}
+    # Samples have priority over all else: an agent's flood must not delay them.
+    not_urgent = {"flows": ["ingress"], "messages": ["put"], "overwrite": {"priority": "data"}}
+    # A viewer that does not read must not block senders. Nor may its messages fill the queue of the
+    # lowest priority, through which the hub closes its sessions: it would never end.
+    dropped = {"congestion_control": "drop", "priority": "data_low"}
+    viewers = {"flows": ["ingress"], "overwrite": dropped}
     config["qos"] = {
         "network": [
-            {**behind, "key_exprs": list(NOT_URGENT)},
-            {**onlookers, "messages": ["put"], "key_exprs": [COPIES]},
-            {**onlookers, "messages": ["query"], "key_exprs": ["**"]},
+            {**not_urgent, "key_exprs": list(NOT_URGENT)},
+            {**viewers, "messages": ["put"], "key_exprs": [COPIES]},
+            {**viewers, "messages": ["query"], "key_exprs": ["**"]},
         ]
     }
     return config
 
 
-def _admit(
+def _add_admission(
     config: dict[str, Any], admission: Admission, while_opening: contextlib.ExitStack
 ) -> None:
     config["access_control"] = dict(admission.access_control)
-    if admission.certificates is not None:
+    if admission.identity_folder is not None:
         own = config["transport"]["link"].setdefault("tls", {})
-        own |= tls(admission.certificates, "listen")
+        own |= tls(admission.identity_folder, "listen")
         return
     passwords = while_opening.enter_context(_file_in_memory(admission.passwords))
     auth = config["transport"].setdefault("auth", {}).setdefault("usrpwd", {})
@@ -115,7 +117,7 @@ def _admit(
 
 @contextlib.contextmanager
 def _file_in_memory(passwords: Mapping[str, str]) -> Iterator[str]:
-    """The path of a file that nobody else can open: Zenoh takes passwords from nowhere else."""
+    """Write a file that no other process can open, and yield its path: Zenoh needs a file."""
     with os.fdopen(os.memfd_create("phalanx"), "w") as file:
         file.writelines(f"{name}:{password}\n" for name, password in passwords.items())
         file.flush()
@@ -125,7 +127,7 @@ def _file_in_memory(passwords: Mapping[str, str]) -> Iterator[str]:
 def open_client(
     endpoint: str, timeout: float, credentials: Credentials | None = None
 ) -> zenoh.Session:
-    """Join the hub, trying for `timeout` seconds. Raises HubError."""
+    """Connect to the hub, trying for `timeout` seconds. Raises HubError."""
     os.environ.setdefault(_RUNTIME, _CLIENT_RUNTIME)
     config = {
         **_common(),
@@ -136,16 +138,16 @@ def open_client(
             "retry": _RETRY,
         },
     }
-    # What a callback puts is sent when it is over, since one thread does both. Until then the queue
-    # has to hold all of it: the most that there may be, allocated when it is needed.
+    # Messages put in a callback are sent after it, by the same thread: the queue must hold them
+    # all. Its batches are allocated when needed.
     config["transport"]["link"]["tx"] = {"queue": {"size": {"data": _MOST_BATCHES}}}
     if credentials is not None:
-        _show(config, credentials)
+        _add_credentials(config, credentials)
     try:
         return zenoh.open(_parsed(config))
     except zenoh.ZError as error:
-        # Who is refused is not told so: there is nothing to tell it from a hub that is not there.
-        proof = "certificate" if credentials and credentials.certificates else "secret"
+        # A hub that rejects the credentials cannot be distinguished from a missing one.
+        proof = "identity" if credentials and credentials.identity_folder else "secret"
         cause = f"{_reason(error)}; is the {proof} the run's?" if credentials else _reason(error)
         raise HubError(f"no hub at {endpoint} within {timeout:.3g} s: {cause}") from error
 
@@ -154,19 +156,19 @@ def _parsed(config: dict[str, Any]) -> zenoh.Config:
     return zenoh.Config.from_json5(msgspec.json.encode(config).decode())
 
 
-def _show(config: dict[str, Any], credentials: Credentials) -> None:
-    shown = credentials.to_connect()
-    config["transport"]["link"] |= shown.pop("link", {})
-    config["transport"] |= shown
+def _add_credentials(config: dict[str, Any], credentials: Credentials) -> None:
+    transport = credentials.to_connect()
+    config["transport"]["link"] |= transport.pop("link", {})
+    config["transport"] |= transport
 
 
 def open_member(
     endpoint: str, token: str, timeout: float, credentials: Credentials | None = None
 ) -> zenoh.Session:
-    """Join the hub as open_client does, and return when it has announced itself on `token`.
+    """Connect as open_client does, and return when the hub's liveliness token is there.
 
-    A client that comes in while the hub is still being opened may be let in and never be told of
-    anything. The hub announces itself last, so whoever does not see that tries once more.
+    A client that connects while the hub is being opened may never receive anything. The hub
+    declares its token last, so a client that does not see it connects again.
     """
     deadline, patience = time.monotonic() + timeout, 3.0
     while (left := deadline - time.monotonic()) > 0:
@@ -175,7 +177,7 @@ def open_member(
             return session
         session.close()  # type: ignore[no-untyped-call]
         patience *= 2.0
-    raise HubError(f"nobody is there as {token} at {endpoint} after {timeout:g} s")
+    raise HubError(f"no program has announced {token} at {endpoint} after {timeout:g} s")
 
 
 def _common() -> dict[str, Any]:
@@ -189,7 +191,7 @@ def _common() -> dict[str, Any]:
             "shared_memory": {"enabled": False},
             "link": {
                 "rx": {"max_message_size": 4 * MAX_BYTES},
-                # What is in the kernel's buffers cannot be overtaken.
+                # Messages in the kernel's buffers cannot be overtaken by urgent ones.
                 "tcp": {"so_sndbuf": _SOCKET_BYTES, "so_rcvbuf": _SOCKET_BYTES},
             },
         },
@@ -197,23 +199,22 @@ def _common() -> dict[str, Any]:
 
 
 def _reason(error: Exception) -> str:
-    # Zenoh appends source places; a user needs the cause only.
+    # Zenoh appends source locations.
     return str(error).split(" at /")[0].rstrip(".")
 
 
 def free_endpoint() -> str:
-    """A TCP endpoint on loopback that is free now."""
+    """Return a TCP endpoint on loopback that is free now."""
     with reserved_endpoint() as endpoint:
         return endpoint
 
 
 @contextlib.contextmanager
 def reserved_endpoint() -> Iterator[str]:
-    """A TCP endpoint on loopback that nobody else is given while the block runs."""
+    """Reserve a TCP endpoint on loopback for the time of the block."""
     with socket.socket() as holder:
         holder.bind(("127.0.0.1", 0))
-        # Bound without it, so that the kernel gives the port to nobody who asks for any; with it
-        # from now on, so that a hub, which asks for this one, may listen beside a socket that
-        # does not.
+        # Bound without SO_REUSEADDR, so that the kernel gives the port to no other socket; set
+        # afterwards, so that the hub, which sets it too, may bind the same port.
         holder.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         yield f"tcp/127.0.0.1:{holder.getsockname()[1]}"

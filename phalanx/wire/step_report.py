@@ -1,8 +1,8 @@
 """The numbers of a control step, each declared once.
 
-A number's field says what it is, and its `Quantity` how it is shown. All else follows from the
-fields: telemetry and frames, recordings, the table of inputs, plots, diagnostics for ROS 2 and
-exports. Another number is one more field, and what fills it in.
+A number is a field whose `Quantity` describes its plot. Telemetry, frames, recordings, the table of
+inputs, plots, ROS 2 diagnostics and exports follow from the fields. To add a number, add a field
+and the code that computes it.
 """
 
 from collections.abc import Callable
@@ -14,14 +14,13 @@ import msgspec
 from phalanx.theory.rows.origin import Origin
 
 OF_ROW = "ψ_q"
-"""In place of a unit: that of an agent's row, which follows from the scenario's h."""
+"""In place of a unit: the unit of an agent's row, which follows from the scenario's h."""
 
 
 class Quantity(NamedTuple):
-    """How a number of a control step is shown."""
+    """The plot of a number of a control step."""
 
     title: str
-    """Of its plot."""
     unit: str = ""
     safe: tuple[float | None, float | None] = (None, None)
     """Least and largest safe value, as plotted."""
@@ -30,7 +29,7 @@ class Quantity(NamedTuple):
 
 
 class StepReport(msgspec.Struct, array_like=True, forbid_unknown_fields=True, kw_only=True):
-    """How an input was made, in the words of the agent that made it."""
+    """An agent's report of a control step."""
 
     origin: Origin
     residual: Annotated[float | None, Quantity("Residual of the row", OF_ROW, safe=(None, 0.0))]
@@ -45,7 +44,7 @@ class StepReport(msgspec.Struct, array_like=True, forbid_unknown_fields=True, kw
 
 
 class AppliedStep(StepReport, kw_only=True):
-    """A control step whose input took effect: the agent's report, and what the plant knows."""
+    """A control step whose input took effect: the agent's report and the plant's numbers."""
 
     u: tuple[float, ...]
     """Native input, shape (m_i,)."""

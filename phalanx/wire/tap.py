@@ -1,4 +1,4 @@
-"""Listen to a run without taking part: every message, decoded without knowing its kind."""
+"""Receive the messages of a run without taking part, decoded without their types."""
 
 import queue
 from collections.abc import Iterator
@@ -15,14 +15,14 @@ from phalanx.wire.session import open_client
 
 
 def tapped(membership: Membership, kind: str = "*") -> Iterator[Any]:
-    """(key expression, fields) of each message put in a run from now on, until the plant leaves.
+    """Yield (key expression, fields) of each message of a run, until the plant leaves.
 
-    What is not msgpack under a seal comes as its bytes. Messages are lost on who takes them slower
-    than they come: nobody waits for a tap.
+    A payload that is not msgpack under a seal is yielded as bytes. A caller that is too slow loses
+    messages: no sender waits for a tap.
 
     Args:
         membership: of the run, as a viewer.
-        kind: of the messages, as it stands in their key expressions; "*" for all.
+        kind: of the messages, as in their key expressions; "*" for all.
 
     Raises:
         HubError: the hub cannot be reached.
@@ -39,7 +39,7 @@ def tapped(membership: Membership, kind: str = "*") -> Iterator[Any]:
 
 
 def decoded(payload: bytes) -> Any:
-    """Fields of a message, each as JSON has it; its bytes if it is not msgpack under a seal."""
+    """Return the fields of a message, or its bytes if it is not msgpack under a seal."""
     try:
         return msgpack.unpackb(payload[SEAL_BYTES:], object_pairs_hook=_named)
     except (ValueError, msgpack.UnpackException):
@@ -47,5 +47,5 @@ def decoded(payload: bytes) -> Any:
 
 
 def _named(fields: list[tuple[str | bytes, Any]]) -> dict[str, Any]:
-    """A map by texts, as JSON has it: in msgpack a name may be bytes."""
+    """Make the names of a map texts, as JSON needs them: in msgpack they may be bytes."""
     return {str(name): value for name, value in fields}

@@ -1,4 +1,4 @@
-"""The plant's shell: open the hub, wait for the swarm, run, judge, write it all down."""
+"""The plant's program: open the hub, wait for the agents, run, and write the summary."""
 
 import contextlib
 import gc
@@ -18,7 +18,7 @@ from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
 from phalanx.guarantee.verdict import Summary, exit_status
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.records import RECORDING, SUMMARY
-from phalanx.recording.write import RecordingError, RecordingWriter, write_down
+from phalanx.recording.write import RecordingError, RecordingWriter, write_summary
 from phalanx.swarm.rows import SafetyRows
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
@@ -34,15 +34,15 @@ from phalanx_plant.world.events import AbandonedError, StoppedError
 
 log = logging.getLogger("phalanx.plant")
 
-_GLANCE = 0.2
-"""How often a wait looks up to see whether the run was stopped [s]."""
+_POLL = 0.2
+"""While waiting, period of checking whether the run was stopped [s]."""
 
 
 class StopRequest:
-    """Takes signals, and watches the launcher if there is one.
+    """A stop requested by a signal, or by the launcher's end.
 
-    SIGINT and SIGTERM stop the run. SIGUSR1 is the launcher's word that an agent failed, which the
-    plant could not see by itself before the agent joined.
+    SIGINT and SIGTERM stop the run. With SIGUSR1 the launcher reports that an agent failed, which
+    the plant cannot detect before the agent has joined.
     """
 
     def __init__(self) -> None:
@@ -51,7 +51,7 @@ class StopRequest:
             signal.signal(number, lambda *_: self._set(StoppedError("stopped by the user")))
         failed = AbandonedError("an agent failed")
         signal.signal(signal.SIGUSR1, lambda *_: self._set(failed))
-        # Held back by the launcher until now, when they can be answered.
+        # The launcher blocks these until now, when there are handlers.
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})
         if parent := multiprocessing.parent_process():
             threading.Thread(target=self._watch, args=(parent.sentinel,), daemon=True).start()
@@ -78,7 +78,7 @@ def run(
     profile: Path | None = None,
     at_router: bool = False,
     real_time: float | None = None,
-    last_words: Connection | None = None,
+    result_pipe: Connection | None = None,
     agents_start: Connection | None = None,
 ) -> int:
     """Run the plant to the end of the scenario.
@@ -87,14 +87,14 @@ def run(
         rows: of the scenario.
         membership: of the run; the plant listens on its endpoint, unless a router does.
         folder: where the recording and the summary go.
-        policy: who may command the run, and which commands are scheduled.
-        profile: folder in which to leave how the time was spent.
-        at_router: whether a router listens there.
-        real_time: seconds of virtual time per second, where the wall clock decides.
-        last_words: takes the summary, or why there is none: whoever started the plant need not
-            listen on the hub yet, and the disk may be full.
-        agents_start: has something to read once the agents are being started, if they are
-            started later, or ends with whoever was to start them: until then none is late.
+        policy: the secret of live commands, and the scheduled commands.
+        profile: folder for a profile of the wall time.
+        at_router: True if a router listens there.
+        real_time: seconds of virtual time per second; None: lockstep.
+        result_pipe: receives the summary, or the error in its place: the launcher may not be
+            connected to the hub yet, and the disk may be full.
+        agents_start: becomes readable once the launcher starts the agents, or ends: until then
+            none is late.
 
     Returns:
         The exit status of the verdict.
@@ -110,13 +110,13 @@ def run(
     try:
         recording = RecordingWriter(folder / RECORDING, scenario, membership.run)
     except RecordingError as error:
-        _say(last_words, str(error))
+        _send_result(result_pipe, str(error))
         raise
     try:
         hub = hub_class(rows.swarm, membership, stop.check, at_router)
     except HubError:
         recording.close()
-        (folder / RECORDING).unlink()  # nobody ran: the next attempt is to find no recording
+        (folder / RECORDING).unlink()  # there was no run: the next attempt needs the name
         raise
     with recording, hub:
         commands = CommandQueue(policy, rows.swarm.names, stop.check)
@@ -124,13 +124,13 @@ def run(
             hub.session.listen_for_commands(commands.on_command)
         hub.session.answer_viewers(commandable=bool(policy.secret))
         if stopwatch:
-            hub.time(stopwatch)  # the judge keeps one of the hub's calls
+            hub.time(stopwatch)  # before the judge keeps a reference to one of its methods
         plant = PlantRun(rows, hub, recording, commands, clock, hub.session.frames)
         if stopwatch:
             plant.time(stopwatch)
 
         def join() -> None:
-            while agents_start and not agents_start.poll(_GLANCE):
+            while agents_start and not agents_start.poll(_POLL):
                 stop.check()
             hub.wait_for_agents(lambda missing: hub.publish_status(Status(waiting_for=missing)))
             gc.freeze()
@@ -138,9 +138,9 @@ def run(
         summary = plant.run(prepare=join, rejected=lambda: hub.refusals.counts)
         if stopwatch and profile:
             stopwatch.write(profile, PLANT)
-        write_down(summary, folder / SUMMARY, recording)
+        write_summary(summary, folder / SUMMARY, recording)
         hub.session.verdict.put(Ended(summary=msgspec.json.encode(summary)))
-        _say(last_words, summary)
+        _send_result(result_pipe, summary)
     log.info("%s: %s", summary.outcome, summary.reason)
     return exit_status(summary.outcome)
 
@@ -148,13 +148,13 @@ def run(
 def _clock_for(
     policy: CommandPolicy, real_time: float | None
 ) -> tuple[type[Hub], ClockFactory, CommandPolicy]:
-    """The hub and the clock of a run, and the policy with its speed."""
+    """Return the hub and the clock of a run, and the policy with its speed."""
     if real_time is None:
         return LockstepHub, partial(Lockstep, synchronization=look_ahead), policy
     return RealTimeHub, RealTime, replace(policy, speed=real_time)
 
 
-def _say(last_words: Connection | None, said: Summary | str) -> None:
-    if last_words:
+def _send_result(result_pipe: Connection | None, result: Summary | str) -> None:
+    if result_pipe:
         with contextlib.suppress(BrokenPipeError):  # the launcher died
-            last_words.send(said)
+            result_pipe.send(result)

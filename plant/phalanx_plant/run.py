@@ -1,4 +1,4 @@
-"""One run of the plant, of any agents: world, clock, judge and observers put together."""
+"""One run of the plant: world, clock, judge and observers of one scenario."""
 
 import logging
 import time
@@ -10,10 +10,10 @@ from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.write import RecordingError, RecordingWriter
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.watchdog import endless_loops
-from phalanx.theory.expressions.asked import MistakenMethodError
+from phalanx.theory.expressions.user_methods import MistakenMethodError
 from phalanx.wire.messages import Status, Telemetry
 from phalanx_plant.clock.commands import CommandQueue, declared
-from phalanx_plant.judge.backlog import Backlog
+from phalanx_plant.judge.event_queue import EventQueue
 from phalanx_plant.judge.judge import Judge
 from phalanx_plant.observers.publisher import FrameAudience, Publisher
 from phalanx_plant.observers.recorder import Recorder, TrajectoryHash
@@ -25,21 +25,21 @@ log = logging.getLogger("phalanx.plant")
 
 
 class ReportingAgents(Protocol):
-    """Reports of agents' control steps, and of the run's progress."""
+    """The agents as the judge and the publisher use them."""
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:
-        """How agent i made its input for sample k."""
+        """Wait for agent i's report on its sample k."""
 
     def publish_status(self, message: Status) -> None:
-        """Tell whoever watches how far the run is."""
+        """Publish the run's progress."""
 
 
 class Clock(Protocol):
-    """Virtual time or real time: when agents sample, and when their inputs take effect."""
+    """Virtual time or real time: it decides the times of samples and inputs."""
 
     @property
     def punctuality(self) -> Punctuality | None:
-        """How the run kept its times; None in virtual time, which is never late."""
+        """Delays against planned times; None in virtual time, which is never late."""
 
     def run(self, duration: float) -> None:
         """Run to `duration` [s].
@@ -50,8 +50,8 @@ class Clock(Protocol):
         """
 
 
-ClockFactory = Callable[[World, Sampling, Any, Backlog, CommandQueue], Clock]
-"""Makes the clock of a run, at time 0, of agents as that clock needs them."""
+ClockFactory = Callable[[World, Sampling, Any, EventQueue, CommandQueue], Clock]
+"""Makes the clock of a run at time 0; the third argument is the agents as that clock uses them."""
 
 
 class PlantRun:
@@ -66,15 +66,15 @@ class PlantRun:
         clock: ClockFactory,
         audience: FrameAudience | None = None,
     ) -> None:
-        """Put a run together.
+        """Assemble a run.
 
         Args:
             rows: of the scenario.
-            agents: of the run, as its clock needs them.
+            agents: of the run, as its clock uses them.
             recording: of the run.
-            commands: to obey.
+            commands: of the run.
             clock: makes its clock.
-            audience: is shown frames.
+            audience: receives frames.
         """
         swarm = rows.swarm
         self._scenario, self._declared = swarm.scenario, swarm.links.declared
@@ -82,38 +82,38 @@ class PlantRun:
         commands.declare(declared(swarm))
         self._world, self._sampling = World(rows), Sampling(swarm)
         self._judge = Judge(rows, agents.await_telemetry)
-        for seen in self._judge.truth.of([self._world.take_way()]):
-            self._judge.saw(seen)
+        for history in self._judge.evaluation.of([self._world.take_history()]):
+            self._judge.add(history)
         self._trajectory = TrajectoryHash()
         self._publisher = Publisher(
             self._world, self._judge, commands, agents.publish_status, audience
         )
         recorder = Recorder(swarm, recording)
-        # What becomes of every event once it was judged, in this order.
+        # They receive each judged event in this order.
         observers = (self._trajectory.add, self._publisher.see, recorder.record)
-        happened = Backlog(self._judge, observers, self._publisher.idle)
-        self._clock = clock(self._world, self._sampling, agents, happened, commands)
+        events = EventQueue(self._judge, observers, self._publisher.idle)
+        self._clock = clock(self._world, self._sampling, agents, events, commands)
 
     def time(self, stopwatch: Stopwatch) -> None:
-        """Have the stopwatch tell the plant's own phases apart."""
+        """Time the phases of the plant's work."""
         stopwatch.time(self._world.integration.motion, "steps", "integrate")
-        stopwatch.time(self._judge.truth, "of", "truth")
-        for call in ("prepare", "take"):
+        stopwatch.time(self._judge.evaluation, "of", "truth")
+        for call in ("prepare", "judge"):
             stopwatch.time(self._judge, call, "judge")
         stopwatch.time(self._recording, "write", "record")
         stopwatch.time(self._publisher, "show", "show")
-        stopwatch.time(self._commands, "take", "wait")
+        stopwatch.time(self._commands, "wait_until", "wait")
 
     def run(
         self,
         prepare: Callable[[], None] = lambda: None,
         rejected: Callable[[], Mapping[str, int]] = dict,
     ) -> Summary:
-        """Run to the end of the scenario, or as far as it goes.
+        """Run to the end of the scenario, or until an error.
 
         Args:
             prepare: called first; waits for the agents.
-            rejected: payloads that were dropped on the way, by reason.
+            rejected: returns the number of dropped payloads by reason.
         """
         began = time.monotonic()
         try:
@@ -132,7 +132,7 @@ class PlantRun:
         except (StoppedError, KeyboardInterrupt) as error:
             outcome, reason = Outcome.STOPPED, str(error) or "stopped by the user"
         except MistakenMethodError as error:
-            outcome, reason = Outcome.BROKEN, error.told("the plant")
+            outcome, reason = Outcome.BROKEN, error.during_run("the plant")
         except (SwarmBrokenError, AbandonedError, RecordingError, DivergedError) as error:
             outcome, reason = Outcome.BROKEN, str(error)
         log.info("%s at t = %.3f s: %s", outcome, self._world.t, reason)

@@ -45,7 +45,7 @@ class Stack:
         return ran.stdout
 
     def containers(self, service: str) -> list[str]:
-        """Of one service."""
+        """Identifiers of one service's containers."""
         return self("ps", "-q", service).split()
 
     def said(self, what: str) -> list[str]:
@@ -90,7 +90,7 @@ def cut_off(container: str) -> Iterator[None]:
 
 
 def sent_again(container: str) -> int:
-    """How many TCP segments it had to send more than once."""
+    """Number of TCP segments that a container retransmitted."""
     counters = in_network_of(container, "cat", "/proc/net/snmp")
     names, values = (line.split() for line in counters.splitlines() if line.startswith("Tcp:"))
     return int(values[names.index("RetransSegs")])
@@ -175,7 +175,7 @@ def test_the_file_is_valid_and_its_services_are_what_they_should_be(compose: lis
 
 
 def test_no_container_but_the_plants_shares_a_network_with_the_viewer() -> None:
-    """Whose page obeys who reaches it."""
+    """Every client that reaches the page can command it."""
     services = yaml.safe_load((ROOT / "compose.yaml").read_text())["services"]
     networks = {name: set(service.get("networks", [])) for name, service in services.items()}
     assert {n for n in networks if networks[n] & networks["viewer"]} == {"viewer", "plant"}
@@ -188,7 +188,7 @@ def test_a_run_in_containers_is_the_local_run_also_when_a_cable_is_pulled(
 ) -> None:
     stack = start()
     wait_for_page("http://127.0.0.1:8080", 60.0)
-    wait_for(lambda: len(stack.said("claimed the place of")) == 5)
+    wait_for(lambda: len(stack.said("got the place of")) == 5)
     (plant,) = stack.containers("plant")
     before = sent_again(plant)
     with cut_off(stack.containers("agent")[0]):
@@ -213,8 +213,8 @@ def test_another_container_takes_the_place_of_an_agent_that_dies_by_the_scenario
 ) -> None:
     stack = start("agent", PHALANX_SCENARIO="faults/restart", agents=4)
     contained, local = stack.verdict(), alone("faults/restart", tmp_path)
-    assert len(stack.said("claimed the place of")) == 5
-    assert len(stack.said("claimed the place of 1")) == 2
+    assert len(stack.said("got the place of")) == 5
+    assert len(stack.said("got the place of 1")) == 2
     assert contained["trajectory"] == local.trajectory
     assert contained["outcome"] == local.outcome
 
@@ -223,9 +223,9 @@ def test_a_spare_takes_the_place_of_a_killed_container_in_real_time(
     start: Callable[..., Stack],
 ) -> None:
     stack = start("agent", PHALANX_REAL_TIME="1", agents=6)
-    wait_for(lambda: len(stack.said("claimed the place of")) == 5)
+    wait_for(lambda: len(stack.said("got the place of")) == 5)
     wait_for(lambda: stack.said("joined run"))
-    claims = "claimed the place of 3"
+    claims = "got the place of 3"
     (third,) = (each for each in stack.containers("agent") if claims in docker("logs", each))
     docker("kill", third)
     wait_for(lambda: len(stack.said(claims)) == 2)

@@ -54,7 +54,7 @@ def test_every_pod_is_given_one_secret_of_those_that_are_made() -> None:
 
 @pytest.mark.parametrize("job", PODS)
 def test_every_pod_fits_the_restricted_profile(job: str) -> None:
-    """What the profile of Pod Security asks for, and a root that nobody writes to besides."""
+    """It meets Pod Security's restricted profile, and its root file system is read-only."""
     pod = PODS[job]
     assert pod["securityContext"]["runAsNonRoot"]
     assert pod["securityContext"]["seccompProfile"] == {"type": "RuntimeDefault"}

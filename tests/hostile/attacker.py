@@ -1,8 +1,8 @@
-"""One attack on a run that goes on, by a process of its own; says a line when it is under way.
+"""One attack on a live run, by a process of its own, which prints a line when it has begun.
 
 A stranger knows the endpoint, the run's name and the scenario, but no secret. An insider takes part
-as one agent, and is given more than it would have: the run's whole secret to seal with, so that
-what it may do is decided at the hub's door alone.
+as one agent, and has more than a real one: the run's whole secret to seal with, so that the hub's
+access control alone decides what it may do.
 
 python -m tests.hostile.attacker "stranger: withdraws the plant" tcp/127.0.0.1:7447 unicycles-1
 """
@@ -21,7 +21,7 @@ from typing import Any
 
 import zenoh
 
-from phalanx.faults.commands import Orders
+from phalanx.faults.commands import ActiveCommands
 from phalanx.scenario.load import digest, load
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
@@ -39,7 +39,7 @@ _PACE = 0.02
 
 
 class Attacker:
-    """Where an attack is aimed, and what it has got."""
+    """The target of an attack, and the attacker's knowledge."""
 
     def __init__(
         self,
@@ -95,7 +95,7 @@ class Attacker:
         return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
 
     def sampling_instants(self, steps: int) -> list[float]:
-        """When the victim samples [s]."""
+        """Return the times of the victim's samples [s]."""
         swarm = build_swarm(self._scenario)
         clock, t, instants = swarm.clock(swarm.names.index(VICTIM)), 0.0, []
         for k in range(steps):
@@ -177,7 +177,7 @@ def holds_connections_half_open(by: Attacker) -> Iterator[None]:
 
 def never_reads(by: Attacker) -> Iterator[None]:
     session = by.open(tcp={"so_rcvbuf": 4096})
-    # Nobody takes anything out of the channel, so Zenoh's own thread comes to stand still in it.
+    # Nothing is read from the channel, so Zenoh's own thread blocks in it.
     _kept = session.declare_subscriber(by.keys.everything, zenoh.handlers.FifoChannel(1))
     yield
     while True:
@@ -241,7 +241,7 @@ def orders_another_to_die(by: Attacker) -> Iterator[None]:
     with by.open() as session:
         while True:
             for k in range(200):
-                orders = Orders(die=True)
+                commands = ActiveCommands(die=True)
                 sample = Sample(
                     k=k,
                     t=0.01 * k,
@@ -250,7 +250,7 @@ def orders_another_to_die(by: Attacker) -> Iterator[None]:
                     since=(-1,) * 5,
                     latest=(-1,) * 5,
                     hearers=(),
-                    orders=orders,
+                    commands=commands,
                 )
                 by.forge(session, key, sample)
             yield
@@ -265,7 +265,7 @@ def speaks_for_the_plant(by: Attacker) -> Iterator[None]:
 
 
 def fills_inboxes(by: Attacker) -> Iterator[None]:
-    """With broadcasts of its own from the far future."""
+    """Flood with its own broadcasts, numbered far ahead."""
     key, first = by.keys.broadcast(INSIDER, VICTIM), 10**6
     with by.open() as session:
         while True:

@@ -26,7 +26,7 @@ def _texts() -> tuple[str, ...]:
 
 
 def try_scenario(draw: random.Random, folder: Path) -> str:
-    """What reading a spoilt scenario came to; raises what is neither a scenario nor a line."""
+    """Read a spoilt scenario; raise unless the result is a scenario or an error of one line."""
     text = draw.choice(_texts())
     source: Any
     if draw.random() < 0.3:
@@ -85,7 +85,7 @@ def _spoilt_json(data: bytes, draw: random.Random) -> bytes:
 
 
 def try_recording(draw: random.Random, folder: Path) -> str:
-    """What reading a spoilt recording came to; raises what is neither a run nor a line."""
+    """Read a spoilt recording; raise unless the result is a run or an error of one line."""
     path = folder / "spoilt.mcap"
     spoil = of_bytes if draw.random() < 0.4 else spoilt_records
     path.write_bytes(spoil(recorded(), draw))

@@ -22,7 +22,7 @@ from phalanx_viewer.feeds.live import check_frame
 from phalanx_viewer.feeds.live_history import LiveHistory
 from phalanx_viewer.scene.model import scene_model
 
-from phalanx.faults.commands import Command, CommandKind, CommandPolicy, Orders
+from phalanx.faults.commands import ActiveCommands, Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import CertificateSummary, Outcome, Summary, read_summary
 from phalanx.hosts.authority import public_der, read_public
 from phalanx.network.inbox import Claim, Fate
@@ -86,7 +86,7 @@ def _sample(k: int) -> Sample:
     nothing = tuple(-1 for _ in everybody)
     return Sample(
         k=k, t=0.01 * k, seen=everybody, x=_state(), since=nothing, latest=nothing, hearers=(1, 2),
-        orders=Orders(loss=0.1, delay=0.01) if k % 2 else None,
+        commands=ActiveCommands(loss=0.1, delay=0.01) if k % 2 else None,
     )  # fmt: skip
 
 
@@ -142,11 +142,11 @@ def _plant() -> list[Receiver]:
         return _telemetry(k)
 
     def on_actuation(key: str, payload: bytes) -> bool:
-        answers.take(key, payload)
+        answers.accept(key, payload)
         return answers.take_input(ME) is not None
 
     def on_telemetry(key: str, payload: bytes) -> bool:
-        answers.take(key, payload)
+        answers.accept(key, payload)
         return answers.take_telemetry(ME, SEALER.open(key, payload, Telemetry).k) is not None
 
     def command(k: int) -> CommandMessage:
@@ -187,8 +187,8 @@ def _agent() -> list[Receiver]:
 
     def on_sample(key: str, payload: bytes) -> None:
         with contextlib.suppress(Malformed):
-            orders = SEALER.open(key, payload, Sample).orders
-            if orders and orders.die:
+            commands = SEALER.open(key, payload, Sample).commands
+            if commands and commands.die:
                 return  # it would
         answering.on_sample(key, payload)
 
@@ -234,7 +234,7 @@ def _lookers_on() -> list[Receiver]:
 
 
 def receivers() -> list[Receiver]:
-    """Everybody who takes messages in."""
+    """Return all receivers of messages."""
     logging.disable(logging.WARNING)
     return [*_plant(), *_agent(), *_lookers_on()]
 
@@ -251,7 +251,7 @@ def spoilt(receiver: Receiver, n: int, draw: random.Random) -> bytes:
 
 
 def put(receiver: Receiver, payload: bytes) -> str:
-    """What a receiver did: "taken", or why it dropped the payload. Raises what it raised."""
+    """Deliver a payload; return "taken", or why it was dropped. Raises as the receiver does."""
     try:
         return "taken" if receiver.take(receiver.key, payload) else "dropped"
     except Malformed as reason:

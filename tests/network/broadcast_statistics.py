@@ -1,4 +1,4 @@
-"""What became of the broadcasts of a recorded run, and how old what was used is."""
+"""Loss and delay of a recorded run's broadcasts, and the age of the inputs used."""
 
 import itertools
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from phalanx.recording.read import Recording
 
 @dataclass(frozen=True)
 class Statistics:
-    """What became of broadcasts, and how old what was used is."""
+    """Loss and delay of broadcasts, and the age of the inputs used."""
 
     sent: int
     loss: float
@@ -21,7 +21,7 @@ class Statistics:
 
 
 def statistics(recording: Recording, begin: float = 0.0, end: float = np.inf) -> Statistics:
-    """Of what was broadcast from `begin` to `end` [s]."""
+    """Evaluate the broadcasts from `begin` to `end` [s]."""
     sent = {(s.agent, s.k) for s in recording.steps if begin <= s.t < end}
     came = {
         (sender, step.agent, k): delay

@@ -40,7 +40,7 @@ _PACKET = 65_536
 
 @dataclass(frozen=True)
 class Wire:
-    """What becomes of a packet, in either direction."""
+    """Delay and loss of packets, in either direction."""
 
     delay: float = 0.0
     """Mean [s]."""
@@ -110,8 +110,8 @@ class Testbed:
                     continue
                 late = wire.delay + wire.jitter * self._draws.uniform(-1.0, 1.0)
                 other = self._tuns[1 - self._tuns.index(tun)]
-                # A queue's delay varies, but nobody in it is overtaken: Zenoh drops what over UDP
-                # comes behind what was sent later.
+                # A queue's delay varies, but it keeps the order: over UDP Zenoh drops packets
+                # that arrive after later ones.
                 last[other] = max(last[other], time.monotonic() + late)
                 heapq.heappush(under_way, (last[other], next(number), other, packet))
 
@@ -127,7 +127,7 @@ def opened(seed: int = 0) -> Iterator[Testbed]:
 
 
 def unavailable() -> str | None:
-    """Why there can be no test bed here; None if there can."""
+    """Return the reason why no test bed can be opened here, or None."""
     if os.geteuid() != 0:
         return "network namespaces need root"
     try:

@@ -126,10 +126,10 @@ def wait_for(condition: Callable[[], T], seconds: float = 120.0) -> T:
 
 
 def free_port() -> int:
-    """A port that was nobody's lately: a tab comes back by itself to where its server was.
+    """Return a port that was not used lately: a browser's tab reconnects to its server's port.
 
-    The first free port from the viewer's own on would often be that of a test that ran before, or
-    that runs in another process, and whose tab is still open.
+    The first free port from the viewer's own on would often be that of an earlier test, or of one
+    in another process, whose tab is still open.
     """
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))

@@ -150,7 +150,7 @@ def test_the_fast_engine_refuses_what_only_processes_can_do():
 def test_a_replay_is_served_until_it_is_closed(run: phalanx.Run):
     import urllib.request
 
-    # Of its own: whoever looks for the next free one may have taken it when it is asked again.
+    # A port of its own: another process may take the next free one meanwhile.
     with run.view(free_port()) as page:
         assert urllib.request.urlopen(page.url, timeout=60).status == 200
         assert page.url in page._repr_html_()

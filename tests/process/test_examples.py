@@ -1,4 +1,4 @@
-"""Every example does what its first line says, run as anybody would: from elsewhere."""
+"""Every example does what its first line says, when it is run from another folder."""
 
 import subprocess
 import sys

@@ -20,13 +20,13 @@ def calmed(scenario: phalanx.Scenario) -> phalanx.Scenario:
 
 
 def names() -> list[str]:
-    """Of the scenarios; those of lies have tests of their own."""
+    """Return the scenarios of faults; those of lies have their own tests."""
     faults = [name for name in phalanx.shipped() if name.startswith("faults/")]
     return [name for name in faults if not name.startswith("faults/lie-")]
 
 
 def samples(run: phalanx.Run, agent: str) -> np.ndarray:
-    """When the agent sampled [s]."""
+    """Return the times of the agent's samples [s]."""
     return run.inputs.filter(agent=agent)["t"].to_numpy()
 
 
@@ -35,12 +35,12 @@ def longest_gap(run: phalanx.Run, agent: str) -> float:
 
 
 def silent(run: phalanx.Run, agent: str, begin: float, end: float) -> bool:
-    """Whether the agent took no sample in this time [s]."""
+    """Return whether the agent took no sample in this time [s]."""
     return not any(begin <= t < end for t in samples(run, agent))
 
 
 def delays(run: phalanx.Run) -> Iterator[float]:
-    """Of all broadcasts; nan: lost [s]."""
+    """Return the delays of all broadcasts; nan: lost [s]."""
     return (np.nan if delay is None else delay for delay in run.links["delay"])
 
 
@@ -63,7 +63,7 @@ def longest_run_of_losses(run: phalanx.Run) -> int:
 
 
 def overtaken(run: phalanx.Run) -> bool:
-    """Whether some broadcast arrived before one that was sent earlier."""
+    """Return whether a broadcast arrived before one that was sent earlier."""
     return any(
         (np.diff([k for _, k in sorted(arrivals)]) < 0).any()
         for _, link in run.links.filter(~run.links["delay"].is_null()).group_by(
@@ -74,7 +74,7 @@ def overtaken(run: phalanx.Run) -> bool:
 
 
 def in_slots(run: phalanx.Run) -> bool:
-    """Whether every broadcast arrived at a multiple of 50 ms."""
+    """Return whether every broadcast arrived at a multiple of 50 ms."""
     sent = run.inputs.select("k", "t_apply", sender="agent")
     came = run.links.filter(~run.links["lost"]).join(sent, on=["sender", "k"])
     slots = (came["t_apply"] + came["delay"]).to_numpy() / 0.05

@@ -42,7 +42,7 @@ def run(overrides: dict, folder) -> phalanx.Run:
 
 
 def seen(run: phalanx.Run) -> tuple:
-    """What of a run faults of links change: fates, sampling instants, when inputs take effect."""
+    """Return what faults of links change: fates, sampling instants, times of inputs."""
     inputs = run.inputs.select("agent", "k", "t", "t_apply")
     return run.links.drop("run", "faults").rows(), inputs.rows(), run.summary.rejected
 
@@ -52,7 +52,7 @@ def calm(tmp_path_factory) -> tuple:
     return seen(run({}, tmp_path_factory.mktemp("calm")))
 
 
-# What a duplicate arrives beside is there already, and a sample counts it once: it is only counted.
+# A duplicate comes when the original is there, and counts once: it is reported, without effect.
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_has_its_effect_and_is_counted(name, calm, tmp_path):
     found = run(FAULTS[name], tmp_path)
@@ -70,7 +70,7 @@ def test_a_fault_has_its_effect_and_is_counted(name, calm, tmp_path):
     "overrides",
     [
         {"network.loss_by_distance": {"none_within": 900.0, "all_beyond": 901.0}},
-        {"network.links": [{"from": "4", "loss": 1.0}]},  # an adversary: nobody listens
+        {"network.links": [{"from": "4", "loss": 1.0}]},  # an adversary, without listeners
         {"faults": [{"kind": "partition", "at": 9.0, "for": 1.0, "groups": [["1"]]}]},
         {"faults": [{"kind": "lie", "agent": "4", "for": 1.0, "says": "zero"}]},  # likewise
         {"faults": [{"kind": "hold", "of": "actuation", "at": 9.0, "for": 1.0}]},

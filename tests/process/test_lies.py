@@ -88,7 +88,7 @@ def attacked(information: str, folder, **overrides) -> phalanx.Run:
 
 @pytest.mark.parametrize("information", ["paper", "in-flight"])
 def test_a_lie_that_ends_in_a_collision_was_never_certified(information, tmp_path):
-    """Told the truth, agent 1 gets out of the way."""
+    """Agent 1 evades if it receives the truth."""
     lied_to = attacked(information, tmp_path / "lie")
     told = attacked(information, tmp_path / "truth", faults=[])
     assert told.verdict is phalanx.Outcome.GUARANTEED
@@ -99,7 +99,7 @@ def test_a_lie_that_ends_in_a_collision_was_never_certified(information, tmp_pat
 
 
 def test_worst_case_alone_keeps_off_a_member_that_lies_and_attacks(tmp_path):
-    """With `split` each relies on what the other does, though not on what it says."""
+    """Under `split` each relies on the other's actions, but not on its broadcasts."""
     assert attacked("worst-case", tmp_path / "w").verdict is phalanx.Outcome.GUARANTEED
     split = attacked("split", tmp_path / "s")
     assert split.verdict is phalanx.Outcome.VIOLATED

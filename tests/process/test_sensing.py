@@ -1,4 +1,4 @@
-"""What goes over the wire to an agent, against where everybody truly was."""
+"""Messages to an agent, compared with the true positions of all."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import phalanx
-from phalanx.swarm.seen import SeenStates
+from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire.membership import Membership
 from phalanx.wire.tap import tapped
@@ -25,7 +25,7 @@ def test_no_agent_is_sent_a_state_or_a_broadcast_from_beyond_its_radius(tmp_path
     with live_run(scenario, tmp_path / "live", PACED) as run:
         messages = list(tapped(Membership("live", run.endpoint, SECRET)))
     swarm = build_swarm(scenario)
-    states, names = SeenStates(swarm), swarm.names
+    states, names = StateCodec(swarm), swarm.names
     table = phalanx.open(tmp_path / "live").states
     truth = dict(
         zip(table["t"], table.drop("run", "scenario", "seed", "t", "h_tot").to_numpy(), strict=True)
@@ -38,7 +38,7 @@ def test_no_agent_is_sent_a_state_or_a_broadcast_from_beyond_its_radius(tmp_path
             _, k, t, seen, x, *_ = fields
             near = within(truth[t], names, who[0])
             assert [names[l] for l in seen] == near
-            held = states.of(x, tuple(seen))
+            held = states.unpack(x, tuple(seen))
             assert all(np.array_equal(held[l], truth[t].reshape(5, 3)[l]) for l in seen)
             sampled[who[0], k] = t
             samples += 1
@@ -60,10 +60,10 @@ def test_what_an_agent_is_sent_does_not_depend_on_who_is_out_of_its_sight(tmp_pa
 
 
 def sent_to_the_formation(folder: Path, far_away: int) -> dict[tuple[str | int, ...], object]:
-    """All that is sent to agents 1, 2 and 3, by key and number, with adversaries at 500 m.
+    """Return all messages to agents 1, 2 and 3, by key and number, with adversaries at 500 m.
 
-    Of states and inputs their lengths alone: everybody's events divide the integration's steps, so
-    that last digits differ.
+    Of states and inputs their lengths alone: the events of all agents divide the integration's
+    steps, so that last digits differ.
     """
     scenario = phalanx.load(
         "unicycles",
@@ -89,7 +89,7 @@ def sent_to_the_formation(folder: Path, far_away: int) -> dict[tuple[str | int, 
 
 
 def within(x: np.ndarray, names: tuple[str, ...], agent: str) -> list[str]:
-    """Who is within an agent's radius, itself included."""
+    """Return the agents within an agent's radius, itself included."""
     pose = x.reshape(5, 3)
     p = pose[:, :2] + 0.25 * np.column_stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])])
     apart = np.linalg.norm(p - p[names.index(agent)], axis=1)

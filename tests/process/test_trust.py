@@ -11,7 +11,7 @@ import phalanx
 
 MODULE = """
 from pathlib import Path
-from phalanx.theory.laws.tracking import TrackVelocity
+from phalanx.extend import TrackVelocity
 
 Path("it-ran").touch()
 
@@ -24,7 +24,7 @@ READERS = ("report", "verify", "certify", "view", "export --png picture.png")
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where there is a module, a scenario that names it, and a recording of that."""
+    """Make a folder with a module, a scenario that names it, and a recording of that."""
     here = tmp_path_factory.mktemp("elsewhere")
     (here / "mine.py").write_text(MODULE)
     table = phalanx.load("one-on-one", {"duration": 0.2}).model_dump_json(by_alias=True)
@@ -92,7 +92,7 @@ def test_with_trust_it_is_imported(folder: Path) -> None:
 PEEKING = """
 import os
 from pathlib import Path
-from phalanx.theory.laws.tracking import TrackVelocity
+from phalanx.extend import TrackVelocity
 
 class Mine(TrackVelocity):
     def input(self, *arguments):
@@ -151,7 +151,7 @@ def test_elsewhere_a_trusted_recording_brings_its_modules(
     monkeypatch.setitem(os.environ, "TMPDIR", str(tmp_path))
     ended = opened(f"{command} --trust", moved)
     assert ended.returncode == 0, ended.stderr
-    assert "as recorded, and not as found here: far_law.py, far_gain.py" in ended.stderr
+    assert "imported from the recording: far_law.py, far_gain.py" in ended.stderr
     assert ("bit-identical" in ended.stdout) == command.startswith("verify")
     assert (moved / "it-ran").exists()
     assert list(tmp_path.glob("phalanx-modules-*")) == []
@@ -164,4 +164,4 @@ def test_a_module_found_here_that_differs_is_not_the_one_that_is_used(moved: Pat
     ended = opened("verify --engine in-process --trust", moved)
     other.unlink()
     assert ended.returncode == 0, ended.stderr
-    assert "as recorded, and not as found here: far_law.py, far_gain.py" in ended.stderr
+    assert "imported from the recording: far_law.py, far_gain.py" in ended.stderr

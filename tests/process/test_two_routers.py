@@ -13,7 +13,7 @@ import msgspec
 import pytest
 
 from phalanx.guarantee.verdict import Summary
-from phalanx.hosts.authority import make_certificates
+from phalanx.hosts.authority import make_identities
 from phalanx.launcher.engine import RunOptions, execute
 from phalanx.scenario.load import load
 from phalanx.wire.keys import PLANT, ROUTER
@@ -38,7 +38,7 @@ class Hosts:
         self.bed, self.keys, self.out = bed, folder / "keys", folder / "plant"
         self.out.mkdir()
         names = (PLANT, ROUTER, *PLACES)
-        make_certificates(self.keys, names, [HERE, THERE], datetime.timedelta(days=1))
+        make_identities(self.keys, names, [HERE, THERE], datetime.timedelta(days=1))
         self.started: list[subprocess.Popen[str]] = []
 
     def start(self, host: str, program: str, *arguments: str) -> subprocess.Popen[str]:

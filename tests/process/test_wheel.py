@@ -1,6 +1,7 @@
-"""What is installed: a wheel that works beside files named like our programs, and brings it all."""
+"""The wheel: complete, and working in a folder with files named like our programs."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -8,18 +9,34 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
+EXTENSION = ROOT / "examples" / "extension"
 COLLIDING = ("agent.py", "plant.py", "viewer.py", "scenarios.py", "launcher.py")
 
-pytestmark = pytest.mark.swarm
+_LONGEST = 900
+"""Of one command on a busy machine [s]: the README's snippet runs a whole simulation."""
+
+pytestmark = [pytest.mark.swarm, pytest.mark.timeout(_LONGEST + 60)]
 
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The wheel's contents in a folder of their own."""
+    return install(ROOT, tmp_path_factory)
+
+
+@pytest.fixture(scope="module")
+def extension(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel's contents of the example of an extension, likewise."""
+    copy = tmp_path_factory.mktemp("source") / "extension"
+    return install(shutil.copytree(EXTENSION, copy), tmp_path_factory)
+
+
+def install(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build a wheel and install it in a folder of its own."""
     folder = tmp_path_factory.mktemp("installed")
     wheels = tmp_path_factory.mktemp("wheels")
     pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
-    subprocess.run([*pip, "wheel", "--no-deps", "--wheel-dir", wheels, ROOT], check=True)
+    subprocess.run([*pip, "wheel", "--no-deps", "--wheel-dir", wheels, source], check=True)
     (wheel,) = wheels.glob("*.whl")
     subprocess.run([*pip, "install", "--no-deps", "--target", folder, wheel], check=True)
     return folder
@@ -36,7 +53,7 @@ def elsewhere(installed: Path, tmp_path: Path) -> dict:
         "env": {**os.environ, "PYTHONPATH": str(installed)},
         "capture_output": True,
         "text": True,
-        "timeout": 170,
+        "timeout": _LONGEST,
     }
 
 
@@ -67,3 +84,38 @@ def test_an_export_is_made_by_what_the_wheel_brings(elsewhere: dict) -> None:
     assert done.returncode == 0, done.stderr
     assert (elsewhere["cwd"] / "pinned.png").stat().st_size > 5_000
     assert (elsewhere["cwd"] / "pinned.html").stat().st_size > 50_000
+
+
+@pytest.mark.parametrize("engine", ["in-process", "processes"])
+def test_a_scenario_of_an_extension_runs_to_its_verdict_and_its_command_reads_the_run(
+    extension: Path, elsewhere: dict, engine: str
+) -> None:
+    elsewhere["env"]["PYTHONPATH"] += f"{os.pathsep}{extension}"
+    phalanx = [sys.executable, "-m", "phalanx"]
+    run = [*phalanx, "run", EXTENSION / "harbour.toml", "--engine", engine, "--no-report"]
+    done = subprocess.run(run, **elsewhere)
+    assert done.returncode == 0, done.stderr
+    assert "guaranteed:" in done.stdout
+    other = {"in-process": "processes", "processes": "in-process"}[engine]
+    again = [*phalanx, "verify", "runs/harbour-1", "--engine", other, "--trust"]
+    done = subprocess.run(again, **elsewhere)
+    assert done.returncode == 0, done.stderr
+    closest = [*phalanx, "closest", "runs/harbour-1"]
+    done = subprocess.run([*closest, "--trust"], **elsewhere)
+    assert done.returncode == 0, done.stderr
+    assert "east-west came closest: its largest h is -" in done.stdout
+    done = subprocess.run(closest, **elsewhere)
+    assert done.returncode == 3
+    assert "harbour:" in done.stderr
+    assert "--trust" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_check_of_an_extensions_scenario_claims_no_proof_of_its_margin(
+    extension: Path, elsewhere: dict
+) -> None:
+    elsewhere["env"]["PYTHONPATH"] += f"{os.pathsep}{extension}"
+    check = ["check", EXTENSION / "harbour.toml", "--trust"]
+    done = subprocess.run([sys.executable, "-m", "phalanx", *check], **elsewhere)
+    assert done.returncode == 0, done.stderr
+    assert "nothing proves that the margin harbour:Wake is a bound" in " ".join(done.stdout.split())

@@ -17,9 +17,9 @@ PAGE = Path(__file__).parents[2] / "docs" / "your-own.md"
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     text = PAGE.read_text(encoding="utf-8")
-    names = re.findall(r"^`(\w[^`]+)`", text, flags=re.MULTILINE)
-    blocks = re.findall(r"```\w+\n(.*?)```", text, flags=re.DOTALL)
-    for name, block in zip(names, blocks, strict=True):
+    files = re.findall(r"^`([\w.]+)`[^\n]*\n\n```\w+\n(.*?)```", text, re.DOTALL | re.MULTILINE)
+    assert [name for name, _ in files] == ["boats.py", "lanes.py", "regatta.toml"]
+    for name, block in files:
         (tmp_path / name).write_text(block, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -29,7 +29,7 @@ def test_a_file_of_ones_own_is_under_40_lines_and_its_relative_degree_is_found(f
     swarm = build_swarm(load("regatta.toml"))
     assert build_rows(swarm).chain.relative_degree == 2
     assert type(swarm.members[0].dynamics).__name__ == "Boat"
-    for file in ("boats.py", "lanes.py", "pools.py"):
+    for file in ("boats.py", "lanes.py"):
         assert len((folder / file).read_text().splitlines()) < 40
 
 
@@ -40,7 +40,24 @@ def test_it_runs_by_name_from_a_scenario(folder):
     assert summary.origins["qp"] > 60
 
 
+LANE = """
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Lane:
+    half_width: float
+
+    def alone(self, a):
+        return (a.p[1] ** 2 - self.half_width**2) / (2 * self.half_width)
+
+    def outline(self):
+        return [[(-50.0, y), (50.0, y)] for y in (-self.half_width, self.half_width)]
+"""
+
+
 def test_a_limit_of_ones_own_is_a_pair_of_each_normal_agent(folder):
+    (folder / "pools.py").write_text(LANE)
     limits = [{"type": "pools:Lane", "half_width": 12.0}]
     run = phalanx.run(
         phalanx.load("regatta.toml", overrides={"duration": 1.0, "limits": limits}),
@@ -58,8 +75,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from phalanx.network.rule import DELIVER, DROP
-from phalanx.theory.models.dynamics import box_polytope
+from phalanx.extend import DELIVER, DROP, box_polytope
 
 
 @dataclass
@@ -208,8 +224,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from phalanx.network.rule import DELIVER
-from phalanx.theory.models.dynamics import box_polytope
+from phalanx.extend import DELIVER, box_polytope
 
 
 def fail(how):
@@ -292,6 +307,12 @@ class Left:
 
     def input(self, view):
         return np.array([-1.0, 0.0])
+
+
+@dataclass(frozen=True)
+class Reserve:
+    def at_sample(self, row):
+        return 0.001 * ca.sqrt(row.chain.set.x[0] + 2.1)
 """
 CALM = """
 name = "calm"
@@ -312,7 +333,7 @@ clock = { period = 0.05, jitter = 0.01 }
 start = [[-2.0, 0.0], [2.0, 0.1]]
 """
 _AT_10 = "for agent red at sample 10"
-_WANTED = "expected an array of 2 finite numbers (failing.py, line 29)"
+_WANTED = "expected a numpy array of 2 finite numbers (failing.py, line "
 _TREATED = "expected DELIVER, DROP, or a tuple of copies that arrive after sending"
 LAWS = {
     "nan": f"Sail.input returned (nan, 0) {_AT_10}: {_WANTED}",
@@ -399,6 +420,8 @@ NO_NUMBERS = {
     "Boat.position (failing.py, line ",
     "polytope": "Boat.input_polytope returned (nan, nan, nan, nan) for agent red at sample 3: "
     "expected finite numbers at x = (-2.139, 0) (failing.py, line ",
+    "margin": "Reserve.at_sample returned no finite number for agent red at sample 3: expected a "
+    "finite margin of red and blue (failing.py, line ",
     "slope": "Apart.between returned an h without finite derivatives for agent red at sample 3: "
     "expected a finite h of red and blue, and finite derivatives (failing.py, line ",
 }
@@ -414,6 +437,9 @@ def test_an_expression_that_has_no_value_in_a_run_ends_it_by_name(calm, how, eng
     }
     if how == "slope":
         overrides["safety.function"] = {"type": "failing:Apart", "how": how}
+    if how == "margin":
+        margin = {"type": "failing:Reserve"}
+        overrides |= {"safety.margin": margin, "safety.eta": 0.0, "safety.composition": "pairs"}
     broken_as(NO_NUMBERS[how], overrides, engine)
 
 

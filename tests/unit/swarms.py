@@ -17,11 +17,11 @@ def swarm_of_scenario(name: str, *overrides: str) -> Swarm:
 
 @cache
 def rows_of_scenario(name: str, *overrides: str) -> SafetyRows:
-    """What its rows are made of."""
+    """Build the rows of a shipped scenario."""
     return build_rows(swarm_of_scenario(name, *overrides))
 
 
 @cache
 def checked(name: str, *overrides: str) -> CheckReport:
-    """What a check says of a shipped scenario."""
+    """Check a shipped scenario."""
     return check(load(name, overrides))

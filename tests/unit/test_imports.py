@@ -36,7 +36,7 @@ VIEWER = rooms("viewer.scene viewer.feeds viewer.plots viewer.page viewer.export
 
 COMMANDED = rooms("cli identities", LAUNCHER) | {"phalanx"}  # with a command of its own
 
-# The rooms that each may import from, besides itself. A folder that is not listed is an offence.
+# The rooms that each may import from, apart from itself. Every folder must be listed.
 MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.arrays": set(),
     "phalanx.compat": set(),
@@ -98,6 +98,9 @@ THEORY_MAY_USE = {"numpy", "casadi", "osqp", "scipy", "annotated_types"}
 ONLY_IN_WIRE = {"zenoh"}  # and its workarounds
 BY_ALL = {"phalanx.arrays", "phalanx.compat", "phalanx.extensions"}
 APART = {"bench", "evidence"}
+PUBLIC = {"phalanx", "phalanx.extend"}
+SHOWN = THEORY | rooms("arrays network cli")  # the rooms that have names in phalanx.extend
+SHOWING = {".md", ".py"}
 
 
 def imported(source: str, module: str) -> Iterator[str]:
@@ -120,7 +123,7 @@ def room_of(name: str) -> str:
 
 
 def offences(names: Iterable[str], module: str) -> list[str]:
-    """What of these a module imports against the table."""
+    """Return the imports of a module that the table does not allow."""
     home, found = room_of(module), []
     for name in names:
         top = name.split(".")[0]
@@ -138,7 +141,7 @@ def offences(names: Iterable[str], module: str) -> list[str]:
 
 @cache
 def imports() -> dict[str, list[str]]:
-    """What every module of the project imports."""
+    """Return the imports of every module of the project."""
     return {name: list(imported(file.read_text("utf-8"), name)) for name, file in modules()}
 
 
@@ -153,6 +156,7 @@ def modules() -> list[tuple[str, Path]]:
     return found
 
 
+@pytest.mark.slow
 def test_no_module_imports_what_the_table_forbids():
     wrong = [o for name, targets in imports().items() for o in offences(targets, name)]
     assert wrong == []
@@ -166,6 +170,21 @@ def test_the_core_imports_no_extension():
     core = [name for name in imports() if not is_extension(name)]
     assert [(name, t) for name in core for t in imports()[name] if is_extension(t)] == []
     assert len(core) > 150
+
+
+def test_what_is_public_for_extensions_is_imported_by_no_module_of_ours():
+    public = "phalanx.extend"
+    assert [name for name, found in imports().items() if f"{public}." in " ".join(found)] == []
+    assert all(room_of(name) in SHOWN for name in imports()[public])
+
+
+@pytest.mark.parametrize("folder", ["docs", "examples"])
+def test_pages_and_examples_show_no_import_but_of_public_names(folder):
+    texts = {f: f.read_text("utf-8") for f in (ROOT / folder).rglob("*.*") if f.suffix in SHOWING}
+    shown = re.compile(r"^ *(?:from|import) (phalanx[\w.]*)", re.MULTILINE)
+    found = [(f.name, name) for f, text in texts.items() for name in shown.findall(text)]
+    assert [each for each in found if each[1] not in PUBLIC] == []
+    assert found
 
 
 def test_what_the_core_imports_is_among_its_own_dependencies():
@@ -187,6 +206,7 @@ def canonical(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
+@pytest.mark.slow
 def test_tests_and_programs_import_neither_benchmarks_nor_evidence():
     tests = {str(f): f.read_text("utf-8") for f in sorted((ROOT / "tests").rglob("*.py"))}
     named = {name: list(imported(text, "tests.any")) for name, text in tests.items()} | imports()
@@ -209,7 +229,8 @@ def test_the_table_lists_every_folder_and_no_other():
 def test_the_page_on_architecture_says_what_every_room_is_for():
     page = (ROOT / "docs" / "architecture.md").read_text("utf-8")
     told = {folder.rstrip("/") for folder in re.findall(r"`([\w/]+/)`", page)}
-    rooms = {f.parent for _, f in modules() if f.name not in ("__init__.py", "__main__.py")}
+    loose = ("__init__.py", "__main__.py", "extend.py")
+    rooms = {f.parent for _, f in modules() if f.name not in loose}
     assert {str(room.relative_to(ROOT)) for room in rooms} - told == set()
 
 
@@ -226,7 +247,7 @@ def test_the_page_on_certificates_lists_all_that_the_checker_shares():
 
 def test_nothing_lies_loose_at_the_top():
     loose = {f.name for f in (ROOT / "phalanx").iterdir() if f.is_file()}
-    assert loose == {"__init__.py", "__main__.py", "py.typed"}
+    assert loose == {"__init__.py", "__main__.py", "extend.py", "py.typed"}
 
 
 def test_no_two_modules_import_one_another_even_by_way_of_others():
@@ -269,7 +290,7 @@ def cycle(graph: Mapping[str, set[str]]) -> list[str] | None:
         ("phalanx_agent.step", "import agent.main"),
         ("phalanx_agent.step", "from phalanx_plant.world.world import World"),
         ("phalanx_plant.main", "from phalanx_agent import step"),
-        ("phalanx_plant.world.near", "from phalanx_plant.judge.judge import Judge"),
+        ("phalanx_plant.world.relevant_pairs", "from phalanx_plant.judge.judge import Judge"),
         ("phalanx_viewer.main", "import phalanx_agent.main as program"),
         ("phalanx.cli.run", "from phalanx_plant.main import run"),
         ("phalanx.theory.rows.row", "from phalanx.theory.laws.law import View"),

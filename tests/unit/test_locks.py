@@ -1,4 +1,4 @@
-"""What is installed is what was tested: pinned, with hashes, in images and in `make`."""
+"""Images and `make` install the tested versions, pinned by hashes."""
 
 import re
 import tomllib

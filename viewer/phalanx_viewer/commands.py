@@ -7,7 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from phalanx.cli.allowed import (
+from phalanx.cli.endpoints import endpoint_for, identity_for, live_run
+from phalanx.cli.option_checks import (
     require_file,
     require_folder,
     require_other,
@@ -15,9 +16,9 @@ from phalanx.cli.allowed import (
     require_port,
     require_run,
 )
-from phalanx.cli.endpoints import certificates_for, endpoint_for, live_run, require_endpoint
 from phalanx.cli.options import (
     CommandSecret,
+    Connect,
     Insecure,
     KeysFolder,
     RunArgument,
@@ -26,19 +27,8 @@ from phalanx.cli.options import (
     Timeout,
     Trust,
 )
-from phalanx.cli.terminal import complain, say
+from phalanx.cli.terminal import echo, echo_error
 
-Connect = Annotated[
-    str,
-    typer.Option(
-        "--connect",
-        envvar="PHALANX_CONNECT",
-        callback=require_endpoint,
-        help="Zenoh endpoint of the live run's hub; of `viewer` by default what the file endpoint "
-        "in --keys says, or tcp/127.0.0.1:7447.",
-        show_default=False,
-    ),
-]
 RunOrRecording = Annotated[
     Path | None,
     typer.Argument(metavar="RUN", help="A run's folder, live or over, or its recording."),
@@ -64,13 +54,12 @@ Origins = Annotated[
 
 
 def require_either(recording: Path | None, connect: str, run: str) -> None:
-    """Raise BadParameter unless a run is named by its folder, or by its hub."""
+    """Raise BadParameter unless a run is named either by its folder or by its hub."""
     if (recording is None) != bool(connect and run):
         raise typer.BadParameter("expected either RUN, or --connect and --run")
 
 
 def register(app: typer.Typer) -> None:
-    """Add the commands."""
     app.command()(view)
     app.command()(export)
     app.command(rich_help_panel="Programs of a run")(viewer)
@@ -101,8 +90,8 @@ def view(
     page = {"host": host, "port": port, "origins": tuple(origins or ()), "trust": trust}
     if recording is not None:
         return _show_folder(recording, insecure, command_secret, page)
-    certificates = certificates_for(keys, connect, insecure)
-    return _show_live(run, connect, secret, certificates, command_secret, timeout, page)
+    identity_folder = identity_for(keys, connect, insecure)
+    return _show_live(run, connect, secret, identity_folder, command_secret, timeout, page)
 
 
 def viewer(
@@ -121,8 +110,8 @@ def viewer(
     """Run the viewer alone, as plant and agents are run in containers and on many hosts."""
     page = {"host": host, "port": port, "origins": tuple(origins or ()), "trust": trust}
     endpoint = endpoint_for(connect, keys)
-    certificates = certificates_for(keys, endpoint, insecure)
-    return _show_live(run, endpoint, secret, certificates, command_secret, timeout, page)
+    identity_folder = identity_for(keys, endpoint, insecure)
+    return _show_live(run, endpoint, secret, identity_folder, command_secret, timeout, page)
 
 
 def export(
@@ -141,8 +130,7 @@ def export(
     mcap: Annotated[
         Path | None,
         typer.Option(
-            callback=require_file,
-            help="Write a recording for Foxglove and others there.",
+            callback=require_file, help="Write a recording for Foxglove and others there."
         ),
     ] = None,
     rerun: Annotated[
@@ -169,7 +157,7 @@ def export(
       phalanx export runs/unicycles-1 --rerun shown.rrd
       phalanx export runs/unicycles-1 --parquet tables
     """
-    from phalanx.cli.display import doing
+    from phalanx.cli.display import spinner
     from phalanx.cli.terminal import warn_of_damage
     from phalanx.launcher.programs import configure_logging
     from phalanx.recording.read import UnreadableRecordingError, find, read
@@ -187,14 +175,14 @@ def export(
     try:
         for option, path in files.items():
             require_other(f"--{option}", path, [find(run)])
-        with doing("exporting") as show:
+        with spinner("exporting") as show:
             show("reading the recording")
             recorded = read(run, trust)
             warn_of_damage(recorded)
             written = write(recorded, at=at, progress=show, **wanted)
-        say(*written)
+        echo(*written)
     except (UnreadableRecordingError, OSError) as error:
-        complain(error)
+        echo_error(error)
         return 3
     except ValueError as error:  # a time outside the run
         raise typer.BadParameter(str(error)) from error
@@ -202,14 +190,14 @@ def export(
 
 
 def _show_folder(run: Path, insecure: bool, command_secret: str, page: dict[str, Any]) -> int:
-    """A run that goes on and then its recording, or a recording."""
+    """Show a live run and then its recording, or a recording."""
     from phalanx_viewer.main import run_live, run_replay
 
     found = live_run(run, insecure)
     if found is None:
-        return _shown(lambda: run_replay(run, **page))
+        return _run_page(lambda: run_replay(run, **page))
     commands = command_secret.encode()
-    return _shown(
+    return _run_page(
         lambda: run_live(found.membership, recording=run, command_secret=commands, **page)
     )
 
@@ -218,7 +206,7 @@ def _show_live(
     run: str,
     connect: str,
     secret: str,
-    certificates: Path | None,
+    identity_folder: Path | None,
     command_secret: str,
     timeout: float,
     page: dict[str, Any],
@@ -227,19 +215,19 @@ def _show_live(
     from phalanx.wire.membership import Membership
     from phalanx_viewer.main import run_live
 
-    identity = OPERATOR if certificates and command_secret else VIEWER
-    membership = Membership(run, connect, secret.encode(), identity, timeout, certificates)
+    identity = OPERATOR if identity_folder and command_secret else VIEWER
+    membership = Membership(run, connect, secret.encode(), identity, timeout, identity_folder)
     commands = command_secret.encode()
-    return _shown(lambda: run_live(membership, command_secret=commands, **page))
+    return _run_page(lambda: run_live(membership, command_secret=commands, **page))
 
 
-def _shown(show: Callable[[], int]) -> int:
-    """Show until it is told to stop; a failure is one line."""
+def _run_page(show: Callable[[], int]) -> int:
+    """Show a page until SIGINT or SIGTERM; print a failure as one line."""
     from phalanx.launcher.programs import configure_logging
 
     configure_logging()
     try:
         return show()
     except (RuntimeError, ValueError, OSError) as error:
-        complain(error)
+        echo_error(error)
         return 3

@@ -1,4 +1,4 @@
-"""The viewer's shell: a feed, live or recorded, shown on a page until it is told to stop."""
+"""Programs of the viewer: show a live run or a recording on a page until SIGINT or SIGTERM."""
 
 import logging
 import secrets
@@ -16,7 +16,7 @@ from phalanx_viewer.scene.server import choose_port
 log = logging.getLogger("phalanx.viewer")
 
 _TICK = 1.0 / 30.0
-"""Wall time between two looks at the feed [s]."""
+"""Wall time between two updates of the page [s]."""
 
 
 def run_live(
@@ -30,40 +30,35 @@ def run_live(
     origins: tuple[str, ...] = (),
     trust: bool = True,
 ) -> int:
-    """Show a run that goes on, then its recording, until SIGINT or SIGTERM.
+    """Show a live run, then its recording, until SIGINT or SIGTERM; return exit status 0.
 
     Args:
         membership: of the run.
         recording: its folder, to replay it when it is over; None: the last frame stays.
-        command_secret: that of viewers that may command the run; empty: read-only.
-        token: what the page's visitors must show to command it; by default a new one.
+        command_secret: seals commands to the run; empty: read-only.
+        token: secret in the address of visitors that may command it; by default a new one.
         host: address to serve the page on.
-        port: to serve the page on; None takes 8080 or the next free one, and says which.
+        port: of the page; None takes 8080 or the next free one.
         origins: further origins whose pages may connect; needed behind a proxy only.
         trust: whether code that the run's scenario names may be imported.
 
-    Returns:
-        Exit status 0.
-
-    Raises:
-        HubError, NoRunError: there is no such run.
-        ValueError, PortTakenError: the page cannot be served there.
+    Raises HubError, NoRunError, and ValueError, PortTakenError if the page cannot be served there.
     """
-    told_to_stop = stop_request()
-    choose_port(host, port)  # a port that cannot be had is said before a run is waited for
+    stop_requested = stop_request()
+    choose_port(host, port)  # raises before a run is waited for
     with Live(membership, command_secret, trust) as live:
         if command_secret and not live.commandable:
             log.warning("the plant obeys no commands: it was started without a command secret")
         token = token or secrets.token_urlsafe(16)
         page = Page(host, port, origins, live, token)
         _announce(page, f"/?token={token}" if live.commandable else "")
-        _tick(page, lambda: told_to_stop() or (recording is not None and live.over))
-    if recording is not None and not told_to_stop():
+        _tick(page, lambda: stop_requested() or (recording is not None and live.over))
+    if recording is not None and not stop_requested():
         try:
             page.replay(_load(recording, trust))
         except ValueError as error:  # a plant that was killed leaves none
             log.warning("no replay: %s", error)
-        _tick(page, told_to_stop)
+        _tick(page, stop_requested)
     page.server.stop()
     return 0
 
@@ -76,17 +71,15 @@ def run_replay(
     origins: tuple[str, ...] = (),
     trust: bool = False,
 ) -> int:
-    """Show a run folder or recording file, until SIGINT or SIGTERM; options as of run_live.
+    """Show a run folder or recording file until SIGINT or SIGTERM; arguments as in run_live.
 
-    Raises:
-        UnreadableRecordingError, ValueError: nothing to replay, or no port has this number.
-        PortTakenError: the page cannot be served there.
+    Raises UnreadableRecordingError, ValueError, PortTakenError.
     """
-    told_to_stop = stop_request()
-    choose_port(host, port)  # a port that cannot be had is said before a long recording is read
+    stop_requested = stop_request()
+    choose_port(host, port)  # raises before a long recording is read
     page = Page(host, port, origins, _load(recording, trust))
     _announce(page)
-    _tick(page, told_to_stop)
+    _tick(page, stop_requested)
     page.server.stop()
     return 0
 
@@ -96,18 +89,18 @@ def _load(recording: Path, trust: bool) -> Replay:
     replay = open_replay(recording, trust)
     pairs = len(replay.model.swarm.safe_set.pairs)
     log.info("evaluating h of %d pairs in a run of %d states", pairs, len(replay.times))
-    _ = replay.history.pairs  # it is kept; the first visitor would wait for it
+    _ = replay.history.pairs  # cached, or the first visitor would wait for it
     return replay
 
 
 def _announce(page: Page, token: str = "") -> None:
     where = f"http://{page.server.get_host()}:{page.server.get_port()}"
     print(f"viewer: {where}{token}", flush=True)
-    log.info("showing the run at %s", where)  # a log is read by others too
+    log.info("showing the run at %s", where)  # without the token: others read logs too
 
 
 def _tick(page: Page, over: Callable[[], bool]) -> None:
-    """Keep the page up to date until it is over."""
+    """Keep the page up to date until `over` returns true."""
     while not over():
         page.tick()
         time.sleep(_TICK)

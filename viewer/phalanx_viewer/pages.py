@@ -1,4 +1,4 @@
-"""A run on a page, served by a process of its own for as long as one likes."""
+"""A run's page, served by a process of its own."""
 
 import contextlib
 import multiprocessing
@@ -12,28 +12,22 @@ from dataclasses import replace
 from html import escape
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from phalanx.compat.forkserver import without_main
 from phalanx.launcher.live import find_live
-from phalanx.launcher.programs import (
-    configure_logging,
-    end_with_launcher,
-    redirect_output,
-    show_as,
-)
+from phalanx.launcher.programs import configure_logging, end_with_launcher, redirect_output, show_as
 from phalanx.launcher.streams import printable
 from phalanx.wire.session import HubError
 
 _ANNOUNCED = "viewer: "
 _LOG = "viewer.log"
 _STARTS = 4
-"""So often a page is started at most."""
+"""Most starts of one page."""
 _TIMEOUT = 5.0
-"""For the hub of a run to answer, before it is looked whether that is over [s]."""
+"""Time for the hub of a run to answer, before checking whether the run is over [s]."""
 _GRACE = 2.5
-"""How long a page may outlive who opened it [s]."""
+"""Longest time that a page outlives the process that opened it [s]."""
 
 
 class ViewerPage:
@@ -45,7 +39,7 @@ class ViewerPage:
         Raises RuntimeError if the page cannot be served.
         """
         self._recording = recording
-        # Who has a Run has read its scenario: what that names was trusted then.
+        # The caller holds a Run, so it has already trusted the code that its scenario names.
         command = [sys.executable, "-m", "phalanx", "view", str(recording), "--trust"]
         if port is not None:
             command += ["--port", str(port)]
@@ -53,7 +47,7 @@ class ViewerPage:
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
         assert self._server.stdout
-        # The command's first line says where the page is; without one it has failed.
+        # The command's first line is the page's address; without one it has failed.
         announced = self._server.stdout.readline()
         if not announced.startswith(_ANNOUNCED):
             raise RuntimeError(self._server.communicate()[1].strip() or "the page is not served")
@@ -68,23 +62,18 @@ class ViewerPage:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def __repr__(self) -> str:
         return f"ViewerPage({self.url!r})"
 
     def _repr_html_(self) -> str:
-        """The page itself, in a frame, as a notebook shows it; in a saved one there are words."""
+        """The page itself in a frame, and its address as text for a saved notebook."""
         frame = f'<iframe src="{self.url}" width="100%" height="600" style="border:0"></iframe>'
-        told = f"served at {self.url} while this program runs"
-        again = f"phalanx view {shlex.quote(str(self._recording))}"
-        return f"{frame}<p>{escape(told)}; afterwards: <code>{escape(again)}</code></p>"
+        served = escape(f"served at {self.url} while this program runs")
+        again = escape(f"phalanx view {shlex.quote(str(self._recording))}")
+        return f"{frame}<p>{served}; afterwards: <code>{again}</code></p>"
 
 
 class LivePage:
@@ -93,16 +82,16 @@ class LivePage:
     def __init__(
         self, port: int | None = None, command_secret: bytes = b"", token: str = ""
     ) -> None:
-        """Choose where, and serve nothing yet.
+        """Choose the address; serve() opens the page there.
 
         Args:
             port: of the page; None takes 8080 or the next free one.
-            command_secret: that of the run, if the page may command it.
-            token: what its visitors must show to do so.
+            command_secret: seals commands, if the page may command the run.
+            token: secret in the address of visitors that may do so.
 
         Raises PortTakenError.
         """
-        # A Run with a page of its own has no use for viser, which takes a second to import.
+        # Here, because viser takes a second to import, which a ViewerPage does not need.
         from phalanx_viewer.scene.server import choose_port
 
         port = choose_port("127.0.0.1", port)
@@ -114,18 +103,18 @@ class LivePage:
         self._closed = threading.Event()
 
     def serve(self, folder: Path) -> None:
-        """Start to show the run of a folder, where it can be met. Its log is in the run's."""
+        """Show the run of a folder. The page's log is among the run's logs."""
         self._process = self._start(folder)
-        self._watch = threading.Thread(target=self._keep_up, args=(folder,), daemon=True)
+        self._watch = threading.Thread(target=self._restart_when_dead, args=(folder,), daemon=True)
         self._watch.start()
 
     @property
     def served(self) -> bool:
-        """Whether the page is there."""
+        """True while the page is served."""
         return self._watch is not None and self._watch.is_alive()
 
     def wait(self) -> None:
-        """Return when the page has ended."""
+        """Wait until the page has ended."""
         while self.served:
             assert self._watch
             self._watch.join(1.0)
@@ -143,19 +132,19 @@ class LivePage:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _keep_up(self, folder: Path) -> None:
-        """Start the page again when it dies, and say so, but not for ever."""
+    def _restart_when_dead(self, folder: Path) -> None:
+        """Start the page again when it dies, and print why; give up after _STARTS."""
         for left in reversed(range(_STARTS)):
             assert self._process
             self._process.join()
             if self._closed.is_set() or self._process.exitcode == 0:
                 return
             after = "it is started again" if left else f"phalanx view {folder} shows the run"
-            died = f"the page died ({_why(self._process, folder)}): {after}"
+            died = f"the page died ({_cause_of_death(self._process, folder)}): {after}"
             print(printable(died), file=sys.stderr)
             if left:
                 self._process = self._start(folder)
-                if self._closed.is_set():  # meanwhile: nobody else knows of this one
+                if self._closed.is_set():  # while it was started: close() did not see this process
                     self._process.terminate()
 
     def _start(self, folder: Path) -> BaseProcess:
@@ -167,25 +156,25 @@ class LivePage:
         return process
 
 
-def _why(process: BaseProcess, folder: Path) -> str:
-    """How a page ended: the last line of its log is that of a traceback."""
+def _cause_of_death(process: BaseProcess, folder: Path) -> str:
+    """Reason why a page died; after an exception the last line of its log has it."""
     if process.exitcode is not None and process.exitcode < 0:
         return f"killed by signal {-process.exitcode}"
     log = folder / "logs" / _LOG
-    said = log.read_text("utf-8", "replace").split("\n") if log.exists() else []
-    return next(filter(None, map(str.strip, reversed(said))), f"exit status {process.exitcode}")
+    lines = log.read_text("utf-8", "replace").split("\n") if log.exists() else []
+    return next(filter(None, map(str.strip, reversed(lines))), f"exit status {process.exitcode}")
 
 
 def _serve(folder: Path, port: int, command_secret: bytes, token: str) -> None:
-    os.setsid()  # a Ctrl-C in the terminal ends the run; what became of it is still to be seen
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # blocked as of all programs
+    os.setsid()  # Ctrl-C in the terminal ends the run, whose page still shows the outcome
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # blocked in all programs
     show_as("phx-viewer")
     redirect_output(folder / "logs" / _LOG)
     end_with_launcher(_GRACE)
     configure_logging()
     from phalanx_viewer.main import run_live, run_replay
 
-    # Who runs a scenario trusts what it names.
+    # A user who runs a scenario trusts the code that it names.
     while (found := find_live(folder)) is not None:
         membership = replace(found.membership, timeout=_TIMEOUT)
         with contextlib.suppress(HubError):  # it may be over meanwhile

@@ -1,4 +1,4 @@
-"""For how long a pair's h is certain not to rise above 0, once an agent has applied its input."""
+"""Certified times of pairs: h stays at or below 0 that long after an agent applied its input."""
 
 from collections.abc import Sequence
 
@@ -20,17 +20,16 @@ from phalanx.certify.checker.intervals import (
 from phalanx.certify.checker.motions import GroupMotion, Motion
 from phalanx.theory.safety.composition import ComposedSet
 
-_RUNGS = ((8.0, (1,)), (4.0, (1,)), (2.0, (1,)), (1.0 + 1e-9, (1, 4, 16)))
-"""Horizons to try, over the longest planned time between two inputs of an agent; and the pieces
-into which they are divided until boxes are found. The last is a hair beyond: ends are rounded down.
-"""
+_HORIZONS = ((8.0, (1,)), (4.0, (1,)), (2.0, (1,)), (1.0 + 1e-9, (1, 4, 16)))
+"""Horizons to try, in multiples of the longest planned time between two inputs of an agent; and the
+numbers of pieces to try for each. The last is slightly above 1, as ends are rounded down."""
 
 
 class PairBound:
-    """h of the pairs of a kind, and how fast it may rise."""
+    """Bounds of h and of its rate, for all pairs of one kind."""
 
     def __init__(self, alone: ComposedSet, motions: Sequence[GroupMotion]) -> None:
-        """Of one of them, whose members move so. Raises UndecidedError."""
+        """Compile the bounds from one pair and its members' motions. Raises UndecidedError."""
         self._parts, self._motions = alone.parts, motions
         x, fields = alone.x, [m.dynamics for m in alone.members]
         u = ca.SX.sym("u", sum(len(d.inputs) for d in fields))
@@ -43,14 +42,16 @@ class PairBound:
         self._within = IntervalFunction([x, u], [alone.h, gradient, ca.jacobian(rate, x)])
 
     def horizons(self, place: int, x: Array, u: Array) -> Array:
-        """How long h <= 0 is certain [s], shape (s,), once the agent at `place` applies u.
+        """Time for which h <= 0 is certain [s], shape (s,); -inf where it is not certain now.
 
-        In states x, shape (n, s), of both members, with inputs u, shape (m, s); -inf where it is
-        not certain even now.
+        Args:
+            place: of the agent in the pair.
+            x: states of both members when it applies its input, shape (n, s).
+            u: its inputs, shape (m, s).
         """
         found = np.full(x.shape[1], -np.inf)
-        for rung, pieces in _RUNGS:
-            T = rung * self._motions[place].longest
+        for multiple, pieces in _HORIZONS:
+            T = multiple * self._motions[place].longest
             todo = np.flatnonzero(found < T)
             if todo.size:
                 tried = self._tried(place, x[:, todo], u[:, todo], T, pieces)
@@ -58,7 +59,7 @@ class PairBound:
         return found
 
     def _tried(self, place: int, x: Array, u: Array, T: float, pieces: tuple[int, ...]) -> Array:
-        """The same, looking no further than T."""
+        """Return the same up to T."""
         spans = np.full(x.shape[1], T)
         inputs = [
             point(u) if l == place else motion.anywhere(len(spans))
@@ -80,7 +81,7 @@ class PairBound:
         return np.where(known, _lasting(h[0].hi, rate, bend, T), -np.inf)
 
     def _pushed(self, gradient: Interval) -> Interval:
-        """What disturbances may add to the rate of something with this gradient, shape (s,)."""
+        """Bound of the disturbances' effect on a rate with this gradient, shape (s,)."""
         parts = zip(self._parts, self._motions, strict=True)
         return total(
             stack([multiply(norm(gradient[p]), point(m.disturbance))[None] for p, m in parts])
@@ -90,7 +91,7 @@ class PairBound:
 def _lasting(h: Array, rate: Array, bend: Array, T: Array) -> Array:
     """The largest t <= T found with h + t rate + ½ t² bend <= 0, where h <= 0; -inf if none."""
     steepest = rate + np.sqrt(rate * rate - 2.0 * bend * h)
-    # The bound's zero, a little earlier, for it is rounded anyhow: what counts is the check below.
+    # The bound's zero, moved a little earlier for rounding; the check below decides.
     zero = np.where(steepest > 0.0, -2.0 * h / steepest * (1.0 - 1e-9), T)
     lasting = np.full_like(T, -np.inf)
     for t in (np.minimum(zero, T), T):

@@ -1,4 +1,4 @@
-"""Certify a recorded run: that no pair could leave its safe set, whatever happened in between.
+"""Certify a recorded run: no pair could leave its safe set between the recorded states either.
 
 An agent i applies an input u_i at t_k, in the true state x(t_k), and holds it. For one of its pairs
 let R_w = L_f h + L_g h u_i + L_g h w be the rate of h while the other agent applies w, and B a box
@@ -7,8 +7,8 @@ in its U, every φ anywhere in its ball. Then for 0 <= t <= T
 
     h(t_k + t) <= h + t (max_w R_w + D) + ½ t² g,
 
-h and R_w at x(t_k), with D = sup_B Σ_l ‖∂h/∂x_l‖ φ_l^max for what disturbances do to h, and g the
-supremum over B, every w and every motion of dR_w/dt with w fixed, or 0 if that is more. Proof: h'
+h and R_w at x(t_k), with D = sup_B Σ_l ‖∂h/∂x_l‖ φ_l^max for the disturbances, and g the
+supremum over B, every w and every motion of dR_w/dt with w fixed, or 0 if that is larger. Proof: h'
 is at most R_w + D for the w of that instant, and no R_w grows faster than g. The bound is convex in
 t: where it is not above 0 at both ends, it is not above 0 between. If no input appears in h'
 (q > 1), L_g h = 0 and the same bound serves.
@@ -40,19 +40,19 @@ from phalanx.certify.checker.coverage import (
     inputs_of,
     track,
 )
-from phalanx.certify.checker.departures import Departures
 from phalanx.certify.checker.intervals import UncertifiableError
+from phalanx.certify.checker.motion_check import MotionCheck
 from phalanx.certify.checker.motions import GroupMotion
 from phalanx.scenario.model import Scenario
 from phalanx.theory.safety.composition import ComposedSet, Member, compose
 
 _AT_ONCE = 2048
-"""Bounds evaluated together: few enough that their intervals stay in a cache."""
+"""Bounds evaluated in one call: few enough that their intervals stay in a CPU cache."""
 
 
 @dataclass(frozen=True)
 class Gap:
-    """From when on [s] a pair has no certificate."""
+    """Time from which a pair has no certificate [s]."""
 
     t: float
     pair: str
@@ -60,17 +60,17 @@ class Gap:
 
 @dataclass(frozen=True)
 class Certification:
-    """What the certificates of a run come to; true if they cover it."""
+    """The certificates of a run; true if they cover all of it."""
 
     samples: int
     """Inputs that normal agents applied."""
     certified: int
-    """Those whose certificates, of all pairs, last until the next input."""
+    """Number of those whose certificates, of all pairs, last until the next input."""
     horizon: float
-    """The shortest time that any certificate lasts if nothing more is heard [s]; looked for up to
-    eight times the longest planned time between inputs. 0 where there is none."""
+    """The shortest time that a certificate lasts without a further input [s]; searched up to eight
+    times the longest planned time between inputs. 0 if there is none."""
     gap: Gap | None
-    """The first instant that is not covered."""
+    """The first uncovered instant."""
 
     def __bool__(self) -> bool:
         return self.gap is None
@@ -90,8 +90,8 @@ def certify(
         states: one at every event.
         steps: inputs that took effect.
         progress: called with the share that is done, 0 to 1.
-        turned: normal agents that became adversaries, and when [s]. From then on their pairs with
-            what is no normal agent need no certificate.
+        turned: by normal agent that became an adversary, the time of that [s]. From then on its
+            pairs without a normal agent need no certificate.
 
     Raises:
         UncertifiableError: records that contradict the scenario.
@@ -99,7 +99,7 @@ def certify(
             motion without bounds, or inputs applied in states that are not recorded.
     """
     run = _Run(scenario, states, steps, turned)
-    # Infinity and NaN are what bounds say that they do not know.
+    # Unknown bounds are infinite or NaN.
     with np.errstate(all="ignore"):
         done = 0
         for size in chain(run.require_motions(), run.bound()):
@@ -109,18 +109,18 @@ def certify(
 
 
 class _Kind(NamedTuple):
-    """What pairs have the same h: those of a group with a group, or with what stands still."""
+    """Pairs with the same h: of two groups, or of a group and an obstacle or a limit."""
 
     a: int
     """Group of the first."""
     b: int | None
     """Group of the second."""
     static: int | None
-    """Number of an obstacle or a limit."""
+    """Index of an obstacle or a limit, as Pair has it."""
 
 
 class _Run:
-    """A scenario's agents, what was recorded of them, and what of it is certified."""
+    """A scenario's agents, their recorded motions, and the certificates of these."""
 
     def __init__(
         self,
@@ -141,30 +141,29 @@ class _Run:
         self._times, self._x = track(states, swarm.x.numel())
         self._held = inputs_of(members, self._times, steps)
         self._inputs = Inputs(self._times, self._held)
-        # Until when each member is normal.
+        # Time until which each member is normal.
         normal = np.array([-np.inf if m.adversary else turned.get(m.name, np.inf) for m in members])
         self._counted = self._inputs.t < np.repeat(normal, self._inputs.count)
         self._coverage = Coverage(self._inputs, self._counted)
         pairs = swarm.pairs
-        self._ends: Index = np.array([(p.a, p.a if p.b is None else p.b) for p in pairs])
-        """Members of each pair, shape (p, 2); of one with an obstacle the first one twice."""
-        self._shared: Mask = np.array(
-            [p.b is not None and not members[p.b].adversary for p in pairs]
-        )
+        count = len(members)
+        self._ends: Index = np.array([(a, b if b < count else a) for a, b in pairs])
+        """Members of each pair, shape (p, 2); a pair with an obstacle has its agent twice."""
+        self._shared: Mask = np.array([b < count and not members[b].adversary for _, b in pairs])
         """Pairs of two normal agents, shape (p,)."""
         self._until = normal[self._ends].max(axis=1)
-        """How long each pair is to be safe [s], shape (p,)."""
+        """Time until which each pair must be certified [s], shape (p,)."""
         bounds = self._inputs.count[self._ends]
         self.size = int(bounds[:, 0].sum() + bounds[self._shared, 1].sum())
-        """How much is to be done."""
+        """Number of bounds and of state transitions to check."""
         self.size += len(members) * max(len(self._times) - 1, 0)
 
     def require_motions(self) -> Iterator[int]:
-        """Check that states follow one another; yields how much was done.
+        """Check that states follow one another; yield the number checked.
 
         Raises UncertifiableError where they do not, and UndecidedError where that is not known.
         """
-        checks = [Departures(motion) for motion in self._motions]
+        checks = [MotionCheck(motion) for motion in self._motions]
         for member, part, g, held in zip(
             self._swarm.members, self._parts, self._group, self._held, strict=True
         ):
@@ -183,7 +182,7 @@ class _Run:
                 yield u.shape[1]
 
     def bound(self) -> Iterator[int]:
-        """Bound h of all pairs after every input; yields how much was done."""
+        """Bound h of all pairs after every input; yield the number of bounds."""
         for kind, pairs in self._kinds().items():
             alone = self._swarm.alone(pairs[0])
             motions = [self._motions[g] for g in (kind.a, kind.b) if g is not None]
@@ -198,7 +197,7 @@ class _Run:
                     yield len(k)
 
     def certification(self) -> Certification:
-        """The certification of all bounds found so far."""
+        """Return the result of all bounds."""
         counted = self._counted
         first = self._coverage.first_uncovered(self._shared, self._until)
         begin, end = float(self._times[0]), float(self._times[-1])
@@ -219,13 +218,14 @@ class _Run:
     def _kinds(self) -> dict[_Kind, Index]:
         """The pairs of each kind."""
         found: defaultdict[_Kind, list[int]] = defaultdict(list)
-        for number, p in enumerate(self._swarm.pairs):
-            b = None if p.b is None else self._group[p.b]
-            found[_Kind(self._group[p.a], b, p.obstacle)].append(number)
+        for number, (a, b) in enumerate(self._swarm.pairs):
+            static = b >= len(self._swarm.members)
+            other = None if static else self._group[b]
+            found[_Kind(self._group[a], other, b if static else None)].append(number)
         return {kind: np.array(pairs) for kind, pairs in found.items()}
 
     def _states(self, pairs: Index, k: Index, alone: ComposedSet) -> Array:
-        """Those of the members of pairs, when inputs k took effect, shape (n, s)."""
+        """States of the members of pairs when inputs k took effect, shape (n, s)."""
         begins = np.array([part.start for part in self._parts])[self._ends[pairs]]
         rows = [
             begins[:, place] + np.arange(len(member.dynamics.states))[:, None]

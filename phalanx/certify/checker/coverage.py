@@ -1,4 +1,4 @@
-"""What actuators held by a recording, and which instants its certificates leave uncovered."""
+"""Inputs held by actuators in a recording, and the instants without a certificate."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple, Protocol
@@ -26,12 +26,12 @@ class StepRecord(Protocol):
 
 
 class HeldInputs(NamedTuple):
-    """What one agent's actuator held, input after input."""
+    """The inputs that one agent's actuator held, in order."""
 
     t: Array
-    """Since when [s], shape (s,)."""
+    """Begin of each [s], shape (s,)."""
     until: Array
-    """[s], shape (s,)."""
+    """End of each [s], shape (s,)."""
     u: Array
     """shape (m, s)"""
 
@@ -52,7 +52,7 @@ def track(states: Sequence[StateRecord], n: int) -> tuple[Array, Array]:
 def inputs_of(
     members: Sequence[Member], times: Array, steps: Sequence[StepRecord]
 ) -> list[HeldInputs]:
-    """What each member's actuator held: zeros until its first input.
+    """Return the inputs that each member's actuator held: zeros until the first.
 
     Raises UncertifiableError, or UndecidedError where states are missing.
     """
@@ -80,25 +80,25 @@ def _held(member: Member, times: Array, steps: Sequence[StepRecord]) -> HeldInpu
 
 
 class Inputs:
-    """Inputs of several agents, one agent's after the other's."""
+    """The inputs of all agents in one array, agent by agent."""
 
     def __init__(self, times: Array, held: Sequence[HeldInputs]) -> None:
-        """times: of the recorded states [s]."""
+        """Concatenate inputs; `times` are those of the recorded states [s]."""
         self.t = np.concatenate([h.t for h in held])
         self.until = np.concatenate([h.until for h in held])
         self.state: Index = np.searchsorted(times, self.t)
-        """In which recorded state each took effect."""
+        """Index of the recorded state in which each took effect."""
         self.u = np.zeros((max(len(h.u) for h in held), len(self.t)))
-        """A column for each, zeros after those that it has."""
+        """A column for each, filled up with zeros."""
         self.count: Index = np.array([len(h.t) for h in held])
-        """Of each agent."""
+        """Number of inputs of each agent."""
         self.first: Index = np.cumsum(self.count) - self.count
-        """Which is each agent's first."""
+        """Index of each agent's first input."""
         for h, first in zip(held, self.first.tolist(), strict=True):
             self.u[: len(h.u), first : first + len(h.t)] = h.u
 
     def of(self, agents: Index, most: int) -> Iterator[tuple[Index, Index]]:
-        """All inputs of these agents, at most so many at once: which of the agents, which input."""
+        """Yield all inputs of these agents, up to `most` at once: index in `agents`, and input."""
         end = np.cumsum(self.count[agents])
         before = end - self.count[agents]
         for begin in range(0, int(end[-1]), most):
@@ -107,8 +107,8 @@ class Inputs:
             yield which, self.first[agents[which]] + number - before[which]
 
 
-class _Holes(NamedTuple):
-    """Times in which no input of an agent certifies a pair."""
+class _Gaps(NamedTuple):
+    """Time intervals in which no input of an agent certifies a pair."""
 
     pair: Index
     begin: Array
@@ -122,42 +122,42 @@ class _Holes(NamedTuple):
         return np.stack([self.begin[own], self.end[own]])
 
 
-_NONE = _Holes(np.zeros(0, np.intp), np.zeros(0), np.zeros(0))
+_NONE = _Gaps(np.zeros(0, np.intp), np.zeros(0), np.zeros(0))
 
 
 class Coverage:
     """Accumulates the certificates of all inputs; covered intervals are not kept."""
 
     def __init__(self, inputs: Inputs, counted: Mask) -> None:
-        """counted: the inputs of agents that were normal then."""
+        """Begin without certificates; `counted` are the inputs of agents that were normal then."""
         self._inputs, self._counted = inputs, counted
         self.lasting: Mask = np.ones(len(inputs.t), dtype=bool)
-        """Which last, for all pairs so far, until the next input."""
+        """Inputs whose certificates of all pairs so far last until the next input."""
         self.horizon = np.inf
-        """The shortest so far [s]."""
-        self._holes: tuple[list[_Holes], list[_Holes]] = ([_NONE], [_NONE])
+        """The shortest certificate so far [s]."""
+        self._gaps: tuple[list[_Gaps], list[_Gaps]] = ([_NONE], [_NONE])
         """By the agent's place in the pair."""
 
     def add(self, place: int, pairs: Index, k: Index, horizons: Array) -> None:
-        """Pairs are certain for so long [s] once the agent at `place` applies input k, (s,)."""
+        """Add the certified times of pairs [s] after the agent at `place` applies input k, (s,)."""
         t, until = self._inputs.t[k], self._inputs.until[k]
-        # Rounded down: no instant counts that a bound does not reach.
+        # Rounded down: no instant beyond the bound counts.
         end = np.minimum(np.nextafter(t + horizons, -np.inf), until)
         short = end < until
         self.lasting[k[short]] = False
         counted = horizons[self._counted[k]]
         self.horizon = min(self.horizon, float(counted.min(initial=np.inf)))
-        found = _Holes(pairs[short], np.maximum(t, end)[short], until[short])
-        self._holes[place].append(found)
+        found = _Gaps(pairs[short], np.maximum(t, end)[short], until[short])
+        self._gaps[place].append(found)
 
     def first_uncovered(self, shared: Mask, until: Array) -> tuple[float, int] | None:
-        """When [s] and which pair has no certificate first.
+        """Return the first uncovered instant [s] and its pair.
 
         Args:
             shared: pairs that either member's certificates cover, shape (p,).
-            until: how long each pair needs one [s], shape (p,).
+            until: time until which each pair needs one [s], shape (p,).
         """
-        first, second = map(_in_order, self._holes)
+        first, second = map(_in_order, self._gaps)
         found = []
         for pair in np.unique(first.pair).tolist():
             other = second.of(pair) if shared[pair] else _ALWAYS
@@ -168,15 +168,15 @@ class Coverage:
 _ALWAYS = np.array([[-np.inf], [np.inf]])
 
 
-def _in_order(parts: Sequence[_Holes]) -> _Holes:
+def _in_order(parts: Sequence[_Gaps]) -> _Gaps:
     pair, begin, end = (np.concatenate(each) for each in zip(*parts, strict=True))
     order = np.lexsort((begin, pair))
     order = order[begin[order] < end[order]]
-    return _Holes(pair[order], begin[order], end[order])
+    return _Gaps(pair[order], begin[order], end[order])
 
 
 def _first_shared(a: Array, b: Array) -> list[float]:
-    """The first instant in holes of both, if there is one; each in order and apart."""
+    """Return the first instant in gaps of both, if any; each is sorted and disjoint."""
     after = np.searchsorted(b[1], a[0], side="right")
     some = after < b.shape[1]
     begin = np.maximum(a[0][some], b[0][after[some]])

@@ -1,4 +1,4 @@
-"""CasADi expressions over boxes: one walk through their instructions, in interval arithmetic."""
+"""Evaluate CasADi expressions over boxes, instruction by instruction, with intervals."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -28,7 +28,7 @@ def _reciprocal(a: Interval) -> Interval:
 
 
 def _reaches(a: Interval, phase: float) -> Mask:
-    """Whether phase + 2πk may lie in a, for some whole k; in doubt it does."""
+    """Return whether phase + 2πk may lie in a for some integer k; True in doubt."""
     first, last = (a.lo - phase) / (2 * np.pi), (a.hi - phase) / (2 * np.pi)
     doubt = 1e-9 + 1e-12 * np.maximum(np.abs(first), np.abs(last))
     found: Mask = ~(np.ceil(first - doubt) > last + doubt)
@@ -83,7 +83,7 @@ _Jumping = Callable[..., tuple[Interval, Mask]]
 
 
 def _sign(a: Interval) -> tuple[Interval, Mask]:
-    # sign(0) is 0, but beside it there is a jump.
+    # sign(0) is 0, with jumps on both sides.
     return Interval(np.sign(a.lo), np.sign(a.hi)), (a.lo > 0.0) | (a.hi < 0.0)
 
 
@@ -199,13 +199,13 @@ JUMPS: Mapping[int, _Jumping] = {
     ca.OP_IF_ELSE_ZERO: _if_else_zero,
     ca.OP_ATAN2: _arc_tangent_2,
 }
-"""A rule's value, and where it is one and the same smooth piece all over the box."""
+"""The value of each rule, and where it is one smooth piece over the whole box."""
 
 
 class IntervalFunction:
-    """Expressions of vectors, bounded over boxes: one walk through CasADi's instructions.
+    """Expressions of vectors, bounded over boxes by one pass through CasADi's instructions.
 
-    The numbers in an expression are taken as CasADi has them, folded in float64.
+    Constants in an expression are taken as CasADi folded them, in float64.
     """
 
     def __init__(self, inputs: Sequence[ca.SX], outputs: Sequence[ca.SX]) -> None:
@@ -228,8 +228,8 @@ class IntervalFunction:
     def __call__(self, *inputs: Interval) -> tuple[list[Interval], Mask]:
         """Bounds of each output, shapes (size, s), over s boxes, inputs (n, s) each.
 
-        And whether nothing in them can jump there, shape (s,): a sign, a comparison or a rounding
-        that is not the same all over a box is a jump, be it only in a derivative (a kink).
+        Also returns whether nothing in them can jump there, shape (s,). A sign, a comparison or a
+        rounding that is not constant over a box is a jump, even if only in a derivative (a kink).
         """
         shape = np.broadcast_shapes(*[i.lo.shape[1:] for i in inputs])
         results = [Interval(np.zeros((n, *shape)), np.zeros((n, *shape))) for n in self._sizes]

@@ -1,8 +1,8 @@
 """Interval arithmetic on arrays, rounded outwards.
 
-Every result holds the true value for every choice of numbers from the arguments: arithmetic is
-rounded to nearest and then moved one float64 outwards, and library functions are moved by more than
-they promise to be wrong. What is not known is everything, from -inf to inf; NaN never goes on.
+Every result contains the true value for every choice of numbers from the arguments. Arithmetic is
+rounded to nearest and then widened by one float64, and library functions are widened by more than
+their documented error. Unknown results are everything, from -inf to inf, and never NaN.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ import numpy as np
 from phalanx.arrays import Array, Mask
 
 _LIBRARY = 8
-"""How far library functions are moved [ulp]; numpy's vectorised ones may be wrong by 4."""
+"""Widening of library functions [ulp]; numpy's vectorised ones may be off by 4."""
 
 
 class UncertifiableError(ValueError):
@@ -22,7 +22,7 @@ class UncertifiableError(ValueError):
 
 
 class UndecidedError(UncertifiableError):
-    """Nothing can be said of a recording, neither for nor against it; the message says why."""
+    """A recording can be neither certified nor refused; the message says why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,13 +38,13 @@ class Interval:
 
 
 def point(value: Array | float) -> Interval:
-    """The interval that holds one number."""
+    """The interval of one number."""
     array = np.asarray(value, dtype=np.float64)
     return Interval(array, array)
 
 
 def stack(parts: Sequence[Interval]) -> Interval:
-    """Intervals one below the other, shapes (n_l, s)."""
+    """Stack intervals of shapes (n_l, s)."""
     return Interval(np.concatenate([p.lo for p in parts]), np.concatenate([p.hi for p in parts]))
 
 
@@ -105,18 +105,18 @@ def norm(a: Interval) -> Interval:
 
 
 def inside(a: Interval, b: Interval) -> Mask:
-    """Whether a lies within b in every component, along the first axis."""
+    """Return whether a lies within b in every component, along the first axis."""
     found: Mask = np.logical_and.reduce((a.lo >= b.lo) & (a.hi <= b.hi), axis=0)
     return found
 
 
 def outward(low: Array, high: Array) -> Interval:
-    """One float64 wider on both sides; everything where an end is not a number."""
+    """Widen by one float64 on both sides; everything where an end is NaN."""
     return _known(np.nextafter(low, -np.inf), np.nextafter(high, np.inf))
 
 
 def moved(low: Array, high: Array) -> Interval:
-    """Wider by what library functions may be wrong, which do not promise the nearest float64."""
+    """Widen by the error of library functions, which are not rounded to nearest."""
     margin = _LIBRARY * np.spacing(np.abs(low)), _LIBRARY * np.spacing(np.abs(high))
     return _known(low - margin[0], high + margin[1])
 
@@ -126,10 +126,10 @@ def _known(low: Array, high: Array) -> Interval:
 
 
 def where(defined: Mask, a: Interval) -> Interval:
-    """a where it is defined, else everything."""
+    """a where it is defined, everything elsewhere."""
     return Interval(np.where(defined, a.lo, -np.inf), np.where(defined, a.hi, np.inf))
 
 
 def nonnegative(a: Interval) -> Interval:
-    """What of a is not below zero."""
+    """The part of a that is not below zero."""
     return Interval(np.maximum(a.lo, 0.0), a.hi)

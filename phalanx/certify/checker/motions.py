@@ -1,4 +1,4 @@
-"""How far an agent can get: a box around all that its inputs and disturbances can do."""
+"""Bound an agent's motion by a box, for all its inputs and disturbances."""
 
 from typing import NamedTuple
 
@@ -20,33 +20,33 @@ from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import constant_polytope
 
 _ENCLOSURES = 5
-"""Boxes to try before a motion counts as unbounded."""
+"""Number of boxes to try before a motion counts as unbounded."""
 _ACTUATOR = 2e-5
-"""How far an input may lie outside U: actuators let 1e-5 pass at every face."""
+"""Allowance for inputs outside U: actuators accept 1e-5 beyond every face."""
 _DEFECT = 1e-4
-"""How far a motion may be off its equation [1/s]: the plant takes Runge-Kutta steps. It counts as
-disturbance, for certificates too."""
+"""Allowed defect of a motion [1/s], as the plant takes Runge-Kutta steps. It counts as disturbance,
+for certificates too."""
 
 
 class Motion(NamedTuple):
-    """Where an agent may be within a time, of s motions."""
+    """Bounds of s motions within their times."""
 
     box: Interval
-    """shape (n, s)"""
+    """All states of the motion, shape (n, s)."""
     rates: Interval
-    """f + g u without φ, in the box, shape (n, s)."""
+    """f + g u, without φ, over the box, shape (n, s)."""
     known: Mask
-    """Whether it cannot leave the box, shape (s,)."""
+    """Whether it is proven not to leave the box, shape (s,)."""
 
 
 class GroupMotion:
-    """The dynamics, inputs and disturbance that the agents of a group have in common, bounded."""
+    """Motions of the agents of a group: bounds from their dynamics, inputs and disturbance."""
 
     def __init__(self, group: AgentGroup, latency: float) -> None:
-        """Raises UndecidedError where the inputs that an agent may apply vary with its state."""
+        """Compile the bounds. Raises UndecidedError if the input polytope depends on the state."""
         dynamics: Dynamics = group.dynamics_object()
         self.disturbance = float(np.nextafter(group.disturbance.bound + _DEFECT, np.inf))
-        """φ^max, and what the plant's integration may be off."""
+        """φ^max, and the allowed defect of the plant's integration."""
         self.longest = group.clock.period + group.clock.jitter + latency
         """Longest planned time between two inputs [s]."""
         self.x = ca.SX.sym("x", len(dynamics.states))
@@ -61,20 +61,20 @@ class GroupMotion:
         self._inputs = Interval(low[:, None] - _ACTUATOR, high[:, None] + _ACTUATOR)
 
     def admits(self, u: Array) -> Mask:
-        """Which inputs u, shape (m, s), an actuator takes."""
+        """Return which inputs u, shape (m, s), an actuator accepts."""
         return inside(point(u), self._inputs)
 
     def anywhere(self, s: int) -> Interval:
-        """Any input, shape (m, s)."""
+        """The interval of all inputs, shape (m, s)."""
         shape = len(self._inputs.lo), s
         return Interval(
             *(np.broadcast_to(end, shape) for end in (self._inputs.lo, self._inputs.hi))
         )
 
     def moved(self, x: Array, u: Interval, T: Array, pieces: tuple[int, ...] = (1,)) -> Motion:
-        """The motions over [0, T] from x, shape (n, s), under u, shape (m, s), and any φ.
+        """Bound motions over [0, T] from x, shape (n, s), under u, shape (m, s), and any φ.
 
-        pieces: into how many T is divided, where no box is found for fewer.
+        pieces: numbers of pieces of T, tried in turn until a box is found.
         """
         found = self._in_pieces(x, u, T, pieces[0])
         for more in pieces[1:]:
@@ -87,7 +87,7 @@ class GroupMotion:
         return found
 
     def enclosed(self, begin: Interval, u: Interval, T: Array) -> Motion:
-        """The same from anywhere in `begin`, shape (n, s), by a Picard enclosure over all of T."""
+        """Bound motions from `begin`, shape (n, s), by one Picard enclosure over all of T."""
         phi = np.full((len(begin.lo), 1), self.disturbance)
         span = Interval(np.zeros_like(T), T)
         size = np.maximum(np.abs(begin.lo), np.abs(begin.hi))
@@ -104,7 +104,7 @@ class GroupMotion:
         return Motion(reached, rates, stays & smooth)
 
     def _in_pieces(self, x: Array, u: Interval, T: Array, pieces: int) -> Motion:
-        """The same as moved, one piece of T after the other, each from where the last one ends."""
+        """Bound the motions piece by piece of T, each from the end of the last one."""
         phi = np.full((len(x), 1), self.disturbance)
         span, at, parts = T / pieces, point(x), list[Motion]()
         for _ in range(pieces):

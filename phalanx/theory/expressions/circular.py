@@ -1,6 +1,6 @@
 """sin, cos and their inverses of exact operations only: the same bits on any CPU.
 
-As `exponential` has it: fdlibm's algorithms, SX or DM in and out, and SX must not simplify.
+Algorithms are fdlibm's. Arguments are SX or DM; SX must not simplify (portable.as_written).
 """
 
 import math
@@ -11,8 +11,8 @@ from phalanx.theory.expressions.exponential import Expression, polynomial, split
 
 _PERIODS = 65536.0 * 2.0 * math.pi
 _INVERSE = 6.36619772367581382433e-01
-# π/2 in three parts: 33 bits, 33 bits, the rest. Whole multiples below 2^20 of the first two are
-# exact.
+# π/2 in three parts: 33 bits, 33 bits, the rest. n times one of the first two is exact for
+# integers n below 2^20.
 _PART_1 = 1.57079632673412561417e00
 _PART_2 = 6.07710050630396597660e-11
 _REST = 2.02226624879595063154e-21
@@ -72,23 +72,23 @@ _ASIN_UNDER = (
 
 
 def sin(x: Expression) -> Expression:
-    """To 1 ulp up to |x| = 4e5; beyond, that of an argument half an ulp away."""
+    """sin x, to 1 ulp up to |x| = 4e5; beyond, the sine of a number half an ulp from x."""
     return sin_and_cos(x)[0]
 
 
 def cos(x: Expression) -> Expression:
-    """To 1 ulp up to |x| = 4e5; beyond, that of an argument half an ulp away."""
+    """cos x, as exact as sin."""
     return sin_and_cos(x)[1]
 
 
 def tan(x: Expression) -> Expression:
-    """To 2 ulp."""
+    """tan x, to 2 ulp."""
     s, c = sin_and_cos(x)
     return s / c
 
 
 def sin_and_cos(x: Expression) -> tuple[Expression, Expression]:
-    """Both, which share everything but their last step."""
+    """sin x and cos x, which share everything but their last step."""
     quarters, r, rest = _reduced(ca.fmod(x, _PERIODS))
     s, c = _kernels(r, rest)
     halves = ca.floor(0.5 * quarters)
@@ -100,7 +100,7 @@ def sin_and_cos(x: Expression) -> tuple[Expression, Expression]:
 
 
 def _reduced(x: Expression) -> tuple[Expression, Expression, Expression]:
-    """Whole n and r + rest in ±π/4 with x = n π/2 + r + rest."""
+    """An integer n, and r + rest in ±π/4, with x = n π/2 + r + rest."""
     n = ca.floor(x * _INVERSE + 0.5)
     near = x - n * _PART_1
     step = n * _PART_2
@@ -122,7 +122,7 @@ def _kernels(r: Expression, rest: Expression) -> tuple[Expression, Expression]:
 
 
 def atan(x: Expression) -> Expression:
-    """To 1 ulp."""
+    """atan x, to 1 ulp."""
     size = ca.fabs(x)
     # The corner nearest to |x|: c = 0, 1/2, 1, 3/2 with (|x| - c) / (1 + c |x|), or -1 / |x|.
     above = [size >= 0.4375, size >= 0.6875, size >= 1.1875, size >= 2.4375]
@@ -142,7 +142,7 @@ def atan(x: Expression) -> Expression:
 def atan2(y: Expression, x: Expression) -> Expression:
     """The angle of (x, y), to 2 ulp."""
     across, along = ca.fabs(y), ca.fabs(x)
-    # Infinite over infinite is the diagonal, nought over nought the axis.
+    # ∞/∞ counts as the diagonal, 0/0 as the axis.
     both = ca.logic_and(across == ca.inf, along == ca.inf)
     none = ca.logic_and(across == 0.0, along == 0.0)
     first = atan(ca.if_else(both, 1.0, ca.if_else(none, 0.0, across / along)))
@@ -152,7 +152,7 @@ def atan2(y: Expression, x: Expression) -> Expression:
 
 
 def asin(x: Expression) -> Expression:
-    """To 1 ulp."""
+    """asin x, to 1 ulp."""
     size = ca.fabs(x)
     inner = size + size * _asin_ratio(size * size)
     z, s, head, tail = _half_angle(size)
@@ -164,7 +164,7 @@ def asin(x: Expression) -> Expression:
 
 
 def acos(x: Expression) -> Expression:
-    """To 1 ulp."""
+    """acos x, to 1 ulp."""
     size = ca.fabs(x)
     inner = _QUARTER[0] - (x - (_QUARTER[1] - x * _asin_ratio(x * x)))
     z, s, head, tail = _half_angle(size)
@@ -179,10 +179,10 @@ def _asin_ratio(z: Expression) -> Expression:
 
 
 def _half_angle(size: Expression) -> tuple[Expression, Expression, Expression, Expression]:
-    """z = (1 - size) / 2 and its root s, the root in two parts too."""
+    """z = (1 - size) / 2, its root s, and s once more as the sum of two numbers."""
     z = 0.5 * (1.0 - size)
     s = ca.sqrt(z)
     head, _ = split(s)
-    # Of 1 the root is zero, and so is what is left of it.
+    # For size = 1 the root is zero, and so is its tail.
     tail = ca.if_else(s > 0.0, (z - head * head) / (s + head), 0.0)
     return z, s, head, tail

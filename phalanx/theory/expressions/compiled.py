@@ -1,6 +1,6 @@
 """CasADi expressions, compiled once and called through preallocated memory.
 
-A function is of one state, or of a few numbers and evaluated for many rows of them in one call.
+CompiledFunction takes vectors; MappedFunction evaluates one expression for many rows in one call.
 """
 
 from collections.abc import Sequence
@@ -14,10 +14,10 @@ from phalanx.theory.expressions.portable import portable_function
 
 
 class BoundFunction:
-    """Write `inputs`, call, read `outputs`: flat, in CasADi's order, column by column."""
+    """A CasADi function called in place: write `inputs`, call, read `outputs`; column by column."""
 
     def __init__(self, function: ca.Function, inputs: Sequence[Array] | None = None) -> None:
-        """inputs: arrays to read, which are the function's from now on; None for new ones."""
+        """inputs: arrays to read, which no other function may use; None for new ones."""
         self.inputs = inputs or [np.zeros(function.numel_in(k)) for k in range(function.n_in())]
         self.outputs = [np.zeros(function.numel_out(k)) for k in range(function.n_out())]
         # The trigger alone does not keep the buffer alive.
@@ -30,7 +30,7 @@ class BoundFunction:
 
 @cache
 def rounded_up(count: int) -> int:
-    """A count of rows to set memory aside for: at most an eighth more, so that few serve all."""
+    """Round a count up by at most an eighth, so that few sizes are compiled or allocated."""
     step = 1 << max(0, max(1, count).bit_length() - 4)
     return -(-max(1, count) // step) * step
 
@@ -43,7 +43,7 @@ class CompiledFunction:
     """
 
     def __init__(self, inputs: Sequence[ca.SX], outputs: Sequence[ca.SX]) -> None:
-        """Column inputs, shape (n,) each; outputs of any shape.
+        """Compile; inputs are columns, shape (n,) each.
 
         A column or row output is returned with shape (n,), others with shape (rows, columns).
         """
@@ -56,7 +56,7 @@ class CompiledFunction:
         ]
 
     def __call__(self, *values: Array | float) -> list[Array]:
-        """Evaluate at one value for each input; the results are the caller's to keep."""
+        """Evaluate at one value for each input; the results are new arrays."""
         for array, value in zip(self._bound.inputs, values, strict=True):
             array[:] = value
         self._bound.call()
@@ -68,26 +68,26 @@ class CompiledFunction:
 
 
 _MOST_ROWS = 2**17
-"""Evaluated in one call, of several states: memory for them is kept."""
+"""Rows that one call evaluates at most; memory for that many is kept."""
 
 
 class MappedFunction:
-    """A function of one row of numbers; a call costs two microseconds beside the work itself.
+    """A function of one row of numbers, evaluated for many rows; a call adds two microseconds.
 
-    Nothing is compiled for a number of rows: memory is set aside for it, and kept. A row's results
-    are the same bits on any CPU, whatever rows are beside it.
+    Any number of rows needs memory only, which is kept, and no compilation. A row's results are the
+    same bits on any CPU, and do not depend on the other rows.
     """
 
     def __init__(self, inputs: Sequence[ca.SX], outputs: Sequence[ca.SX]) -> None:
-        """Columns of symbols, in a row's order; expressions of them, flattened row by row."""
+        """Compile; inputs are columns of symbols, outputs are flattened row by row."""
         flat = ca.vertcat(*[ca.vec(ca.densify(o.T)) for o in outputs])
         self._function = portable_function([ca.vertcat(*inputs)], flat)
         self.inputs, self.results = self._function.numel_in(0), self._function.numel_out(0)
-        """Numbers of an input row, and of a result row."""
+        """Lengths of an input row and of a result row."""
         self._bound: dict[int, BoundFunction] = {}
 
     def __call__(self, values: Array, places: Index) -> Array:
-        """Evaluate at the rows values[..., places]; the results are the caller's to keep.
+        """Evaluate at the rows values[..., places]; the results are a new array.
 
         Args:
             values: shape (v,), or (s, v) for several states at once.
@@ -104,13 +104,13 @@ class MappedFunction:
         count = len(places) if values.ndim == 1 else len(places) * len(values)
         bound = self._for(count)
         rows = bound.inputs[0][: count * self.inputs].reshape(*shape, self.inputs)
-        # In any other mode it would be written to a copy first.
+        # In any other mode `take` would write to a copy first.
         values.take(places, axis=-1, out=rows, mode="clip")
         bound.call()
         return bound.outputs[0][: count * self.results].reshape(*shape, self.results).copy()
 
     def at(self, places: Index) -> "MappedRows":
-        """The same rows of one state after another, shape (r, inputs)."""
+        """Fix the places, shape (r, inputs), for many calls without copies."""
         bound, count = self._for(len(places)), len(places)
         rows = bound.inputs[0][: count * self.inputs].reshape(count, self.inputs)
         results = bound.outputs[0][: count * self.results].reshape(count, self.results)
@@ -118,12 +118,12 @@ class MappedFunction:
 
     @cached_property
     def text(self) -> str:
-        """The same for equal functions only."""
+        """Serialized form: equal for equal functions only."""
         found: str = self._function.serialize()
         return found
 
     def mapped(self, count: int) -> ca.Function:
-        """Of so many rows, one for each column."""
+        """The CasADi function of `count` rows, one for each column."""
         return self._function.map(count)
 
     def _for(self, count: int) -> BoundFunction:
@@ -134,14 +134,14 @@ class MappedFunction:
 
 
 class MappedRows:
-    """Rows that are evaluated again and again, without copies."""
+    """Rows of a MappedFunction that are evaluated again and again, without copies."""
 
     def __init__(self, places: Index, bound: BoundFunction, rows: Array, results: Array) -> None:
         self._places, self._bound, self._rows = places, bound, rows
         self.results = results
-        """Of the last call, shape (r, outputs), until rows of the same function are evaluated."""
+        """Results of the last call, shape (r, outputs); the next call overwrites them."""
 
     def __call__(self, values: Array) -> None:
-        """Evaluate at values[places], of shape (v,)."""
+        """Evaluate at values[places]; values has shape (v,)."""
         values.take(self._places, out=self._rows, mode="clip")
         self._bound.call()

@@ -13,14 +13,14 @@ import numpy as np
 from phalanx.arrays import Array
 
 LARGEST = 1e300
-"""Of what an agent says of itself, of a law's input, and of the world's state."""
+"""Bound on the size of reported numbers, of a law's input and of the true state."""
 LARGEST_SUM = 1e303
-"""Of what is worked out from a few of those, and recorded."""
+"""Bound on the size of recorded numbers that are computed from a few of those."""
 
 
 def dot(a: Array, b: Array) -> Array:
     """Σ a b over the last axis, the others broadcast: A x is dot(A, x), A Bᵀ dot(A[:, None], B)."""
-    # np.add.reduce does not ask BLAS, and its order of pairwise sums is the same for any SIMD.
+    # np.add.reduce does not call BLAS, and its order of pairwise sums is the same for any SIMD.
     total: Array = np.add.reduce(a * b, axis=-1)
     return total
 

@@ -1,12 +1,12 @@
 """exp, log, powers and hyperbolic functions of exact operations only: the same bits on any CPU.
 
-libm chooses between variants by what the CPU can do, and they differ in the last bit. IEEE 754
-fixes + - * / sqrt, floor, min and max. Algorithms and coefficients are those of fdlibm. What is
-left of libm is exact by its definition: powers of two with whole exponents, and pow and log where
-the answer is 0, 1, infinite or not a number.
+libm has a variant for each kind of CPU, and variants differ in the last bit. IEEE 754 fixes
++ - * / sqrt, floor, min and max. Algorithms and coefficients are those of fdlibm. Two uses of libm
+remain, both exact: powers of two with integer exponents; pow and log with a result of 0, 1, ±∞ or
+NaN.
 
-Every function takes CasADi scalars and vectors, SX, MX or DM. Symbols must not simplify while they
-run: (a + b) - a is not b here, it is b rounded.
+Every function takes CasADi scalars and vectors, SX, MX or DM. CasADi must not simplify symbols
+meanwhile (portable.as_written): (a + b) - a is not b here, it is b rounded.
 """
 
 from typing import Any
@@ -14,12 +14,12 @@ from typing import Any
 import casadi as ca
 
 Expression = Any
-"""SX, MX or DM; CasADi has no types."""
+"""SX, MX or DM, for which CasADi has no common type."""
 
 _LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 _INVERSE_LN2 = 1.44269504088896338700e00
 _OVER = 746.0
-"""exp of this is infinite, and of minus this zero."""
+"""exp(746) is infinite, exp(-746) zero."""
 _EXP = (
     4.13813679705723846039e-08,
     -1.65339022054652515390e-06,
@@ -39,7 +39,7 @@ _LOG = (
 
 
 def polynomial(coefficients: tuple[float, ...], x: Expression) -> Expression:
-    """Horner's rule, the highest power's coefficient first."""
+    """Evaluate a polynomial by Horner's rule; the highest power's coefficient comes first."""
     total = coefficients[0]
     for coefficient in coefficients[1:]:
         total = total * x + coefficient
@@ -48,7 +48,7 @@ def polynomial(coefficients: tuple[float, ...], x: Expression) -> Expression:
 
 def exp(x: Expression) -> Expression:
     """e^x, to 1 ulp."""
-    # sign(x) min(|x|, 746): unlike min and max alone this keeps what is not a number.
+    # sign(x) min(|x|, 746): unlike min and max alone this keeps NaN.
     x = ca.sign(x) * ca.fmin(ca.fabs(x), _OVER)
     k = ca.floor(x * _INVERSE_LN2 + 0.5)
     high, low = x - k * _LN2_HIGH, k * _LN2_LOW
@@ -72,7 +72,7 @@ def log(x: Expression) -> Expression:
 
 
 def power(x: Expression, y: Expression) -> Expression:
-    """x^y: exactly rounded products for small whole and half y, else to 2 ulp for usual sizes."""
+    """x^y: by products and a root for multiples of ½ up to 4, else to 2 ulp for usual sizes."""
     if y.is_constant() and y.is_scalar() and _is_short(float(y)):
         return _short_power(x, float(y))
     size = ca.fabs(x)
@@ -102,7 +102,7 @@ def log1p(x: Expression) -> Expression:
 
 
 def sinh(x: Expression) -> Expression:
-    """To a few ulp."""
+    """sinh x, to a few ulp."""
     size = ca.fabs(x)
     t = expm1(size)
     half = exp(0.5 * size)
@@ -111,34 +111,34 @@ def sinh(x: Expression) -> Expression:
 
 
 def cosh(x: Expression) -> Expression:
-    """To a few ulp."""
+    """cosh x, to a few ulp."""
     size = ca.fabs(x)
     u, half = exp(size), exp(0.5 * size)
     return ca.if_else(size < 700.0, 0.5 * (u + 1.0 / u), 0.5 * half * half)
 
 
 def tanh(x: Expression) -> Expression:
-    """To a few ulp."""
+    """tanh x, to a few ulp."""
     t = expm1(2.0 * ca.fmin(ca.fabs(x), 30.0))
     return ca.sign(x) * (t / (t + 2.0))
 
 
 def asinh(x: Expression) -> Expression:
-    """To a few ulp."""
+    """asinh x, to a few ulp."""
     size = ca.fabs(x)
     usual = log1p(size + size * size / (1.0 + ca.sqrt(1.0 + size * size)))
     return ca.sign(x) * ca.if_else(size < 1e150, usual, (log(size) + _LN2_LOW) + _LN2_HIGH)
 
 
 def acosh(x: Expression) -> Expression:
-    """To a few ulp."""
+    """acosh x, to a few ulp."""
     t = x - 1.0
     usual = log1p(t + ca.sqrt(t + t + t * t))
     return ca.if_else(x < 1e150, usual, (log(x) + _LN2_LOW) + _LN2_HIGH)
 
 
 def atanh(x: Expression) -> Expression:
-    """To a few ulp."""
+    """atanh x, to a few ulp."""
     size = ca.fabs(x)
     return ca.sign(x) * (0.5 * log1p(2.0 * size / (1.0 - size)))
 
@@ -148,12 +148,12 @@ def hypot(x: Expression, y: Expression) -> Expression:
     x, y = ca.fabs(x), ca.fabs(y)
     large, small = ca.fmax(x, y), ca.fmin(x, y)
     ratio = ca.if_else(small < large, small / large, 1.0)
-    kept = x + y  # not a number where one of them is not
+    kept = x + y  # NaN if one of them is
     return ca.if_else(kept < ca.inf, large * ca.sqrt(1.0 + ratio * ratio), kept)
 
 
 def split(x: Expression) -> tuple[Expression, Expression]:
-    """x as a sum of two numbers of 26 bits, exactly (Veltkamp)."""
+    """Split x exactly into a sum of two numbers of 26 bits (Veltkamp)."""
     c = 134217729.0 * x
     high = c - (c - x)
     return high, x - high
@@ -170,13 +170,13 @@ def _positive(x: Expression) -> Expression:
 
 
 def _power_of_two(k: Expression) -> Expression:
-    """2^k for whole k, which every libm has exactly."""
+    """2^k for an integer k, which every libm computes exactly."""
     return ca.power(2.0, k)
 
 
 def _exponent(x: Expression) -> tuple[Expression, Expression]:
-    """Whole k and m in [√½, √2) with x = 2^k m, exactly; for 0 < x < ∞."""
-    # libm's logarithm may be off by a bit, and k by one; what comes after does not depend on that.
+    """An integer k, and m in [√½, √2), with x = 2^k m exactly; for 0 < x < ∞."""
+    # An error of libm's logarithm may change k by one; the last line corrects that.
     k = ca.floor(ca.log(x) * _INVERSE_LN2 + 0.5)
     half = ca.floor(0.5 * k)
     m = x * _power_of_two(-half) * _power_of_two(half - k)  # 2^-k may be infinite
@@ -206,7 +206,7 @@ def _is_short(y: float) -> bool:
 
 
 def _short_power(x: Expression, y: float) -> Expression:
-    """x^y by repeated multiplication, and a root for half an exponent."""
+    """x^y by repeated multiplication, and a square root if y is not an integer."""
     result, base, left = None, x, int(abs(y))
     while left:
         if left % 2:

@@ -1,8 +1,7 @@
 """Interval extension of CasADi expressions: bounds over a box, themselves expressions.
 
-The bounds are compiled like everything else, so that a control step can afford them. They are
-exact up to rounding for each operation, which goes to nearest or `outwards`, and conservative where
-a variable occurs twice.
+The bounds are compiled, so that a control step can afford them. For each operation they are exact
+up to rounding, to nearest or `outwards`; where a variable occurs twice they are conservative.
 """
 
 import math
@@ -11,40 +10,9 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from phalanx.theory.expressions.interval import (
-    Interval,
-    UnboundedOperationError,
-    above_zero,
-    absolute,
-    add,
-    angle,
-    beside_the_cut,
-    both,
-    cosine,
-    equal,
-    exponential,
-    finite,
-    if_else_zero,
-    increasing,
-    is_number,
-    logical_not,
-    multiply,
-    negate,
-    one_branch,
-    one_sign,
-    point,
-    power,
-    power_is_continuous,
-    reciprocal,
-    sine,
-    square,
-    stepping,
-    steps,
-    subtract,
-    tangent,
-    truth,
-    without_zero,
-)
+from phalanx.theory.expressions import interval as rules
+from phalanx.theory.expressions.instructions import evaluate
+from phalanx.theory.expressions.interval import Interval, UnboundedOperationError, point
 
 
 def extend(
@@ -52,8 +20,8 @@ def extend(
 ) -> list[Interval]:
     """Bounds of scalar expressions while each scalar symbol moves within its interval.
 
-    Everything where an argument of a product, or of what else min and max are part of, has no
-    bound: zero could meet infinity there, or infinity another, and min and max pass over that.
+    The bounds are -∞ and ∞ if an argument of a product, or of another rule that takes min and max,
+    has no bound: 0 ∞ and ∞ - ∞ are NaN, which min and max ignore.
 
     Raises:
         UnboundedOperationError: an operation has no rule here.
@@ -63,7 +31,7 @@ def extend(
     bounds = extension.of(expressions, symbols, box)
     if not (factors := extension.factors()):
         return bounds
-    known = finite(factors)
+    known = rules.finite(factors)
     return [
         Interval(ca.if_else(known, a.lo, -ca.inf), ca.if_else(known, a.hi, ca.inf)) for a in bounds
     ]
@@ -74,61 +42,49 @@ def continuous(
 ) -> ca.SX:
     """1 if no expression can jump in the box, or leave where it is defined, else 0.
 
-    A kink, such as that of |x|, is a jump of its derivative, which is what rows are made of.
+    A kink, such as that of |x|, is a jump of the derivative; rows are made of derivatives.
 
     Raises:
         UnboundedOperationError: as extend does.
     """
     extension = _Extension()
     extension.of(expressions, symbols, box)
-    kept = finite(extension.factors())
+    kept = rules.finite(extension.factors())
     for condition in extension.conditions:
         kept = ca.logic_and(kept, condition)
     return kept
 
 
 class _Bounds(NamedTuple):
-    """Those of one step of an expression."""
+    """Bounds of one step of an expression."""
 
     interval: Interval
-    rest_on: frozenset[int]
-    """Which of the watched intervals must be finite for this one to be."""
+    depends: frozenset[int]
+    """The watched intervals that must be finite for this one to be finite."""
 
 
 class _Extension:
-    """The steps of expressions, one after the other."""
+    """Bounds of expressions, and the conditions under which they hold and are continuous."""
 
     def __init__(self) -> None:
         self.conditions: list[ca.SX] = []
-        """For each operation that can jump whether it does not."""
+        """For each operation that can jump: 1 if it does not."""
         self._watched: list[Interval] = []
-        """What may be infinite, although nothing was that it is made of."""
+        """Intervals that may be infinite although their arguments are finite."""
         self._needed: frozenset[int] = frozenset()
         self._reciprocals: dict[tuple[int, int], tuple[Interval, _Bounds]] = {}
 
     def of(
         self, expressions: Sequence[ca.SX], symbols: Sequence[ca.SX], box: Sequence[Interval]
     ) -> list[Interval]:
-        """Their bounds, if all `factors` are finite."""
+        """Bounds of the expressions; valid if all `factors` are finite."""
         f = ca.Function("f", [ca.vertcat(*symbols)], [ca.densify(ca.vertcat(*expressions))])
-        work: dict[int, _Bounds] = {}
         given = [self._given(interval) for interval in box]
-        results = [point(0.0)] * len(expressions)
-        for k in range(f.n_instructions()):
-            op, sources = f.instruction_id(k), f.instruction_input(k)
-            targets = f.instruction_output(k)
-            if op == ca.OP_CONST:
-                work[targets[0]] = self._given(point(f.instruction_constant(k)))
-            elif op == ca.OP_INPUT:
-                work[targets[0]] = given[sources[1]]
-            elif op == ca.OP_OUTPUT:
-                results[targets[1]] = work[sources[0]].interval
-            else:
-                work[targets[0]] = self._step(op, [work[s] for s in sources])
-        return results
+        results = evaluate(f, [given], lambda c: self._given(point(c)), self._step)
+        return [bounds.interval for bounds in results]
 
     def factors(self) -> list[Interval]:
-        """What must be finite for all products to be right."""
+        """The intervals that must be finite for all products to be right."""
         return [self._watched[k] for k in sorted(self._needed)]
 
     def _given(self, interval: Interval) -> _Bounds:
@@ -149,88 +105,90 @@ class _Extension:
         if op in _CONTINUOUS:
             self.conditions.append(_CONTINUOUS[op](*intervals))
         found = _RULES[op](*intervals)
-        rest_on = frozenset[int]().union(*[a.rest_on for a in arguments])
-        by_a_number = op == ca.OP_MUL and any(map(is_number, intervals))
-        if op in _PASSING_OVER and not by_a_number:
-            self._needed |= rest_on
+        depends = frozenset[int]().union(*[a.depends for a in arguments])
+        by_a_number = op == ca.OP_MUL and any(map(rules.is_number, intervals))
+        if op in _WITH_MIN_OR_MAX and not by_a_number:
+            self._needed |= depends
         if op in _UNBOUNDED:
-            rest_on = self._watch(found)
-        return _Bounds(found, frozenset() if op in _BOUNDED else rest_on)
+            depends = self._watch(found)
+        return _Bounds(found, frozenset() if op in _BOUNDED else depends)
 
     def _reciprocal(self, a: _Bounds) -> _Bounds:
-        """1/a, written once for all that are divided by it."""
+        """1/a, built once for all quotients with this divisor."""
         ends = a.interval.lo.element_hash(), a.interval.hi.element_hash()
         if ends not in self._reciprocals:
-            # The interval is kept too: while it lives, nothing else has its hash.
+            # The interval is kept too: while it lives, no other expression has its hash.
             self._reciprocals[ends] = a.interval, self._step(ca.OP_INV, [a])
         return self._reciprocals[ends][1]
 
 
 def _name(op: int) -> str:
-    """CasADi's own word for an operation, such as fmod."""
+    """CasADi's name of an operation, such as fmod."""
     return next(n[3:].lower() for n in vars(ca) if n.startswith("OP_") and getattr(ca, n) == op)
 
 
 _RULES: Mapping[int, Callable[..., Interval]] = {
     ca.OP_ASSIGN: lambda a: a,
-    ca.OP_ADD: add,
-    ca.OP_SUB: subtract,
-    ca.OP_NEG: negate,
-    ca.OP_MUL: multiply,
-    ca.OP_INV: reciprocal,
-    ca.OP_SQ: square,
-    ca.OP_TWICE: lambda a: add(a, a),
-    ca.OP_SQRT: above_zero(ca.sqrt),
-    ca.OP_EXP: exponential,
-    ca.OP_LOG: above_zero(ca.log),
-    ca.OP_SIGN: stepping(ca.sign),
-    ca.OP_FLOOR: stepping(ca.floor),
-    ca.OP_CEIL: stepping(ca.ceil),
-    ca.OP_SINH: increasing(ca.sinh),
-    ca.OP_TANH: increasing(ca.tanh),
-    ca.OP_ASINH: increasing(ca.asinh),
-    ca.OP_ATAN: increasing(ca.atan),
-    ca.OP_ATAN2: angle,
-    ca.OP_TAN: tangent,
-    ca.OP_LT: lambda a, b: truth(a.hi < b.lo, a.lo >= b.hi),
-    ca.OP_LE: lambda a, b: truth(a.hi <= b.lo, a.lo > b.hi),
-    ca.OP_EQ: equal,
-    ca.OP_NE: lambda a, b: logical_not(equal(a, b)),
-    ca.OP_NOT: logical_not,
-    ca.OP_AND: both,
-    ca.OP_OR: lambda a, b: logical_not(both(logical_not(a), logical_not(b))),
-    ca.OP_IF_ELSE_ZERO: if_else_zero,
-    ca.OP_SIN: sine,
-    ca.OP_COS: cosine,
-    ca.OP_FABS: absolute,
-    ca.OP_CONSTPOW: power,
-    ca.OP_POW: power,
+    ca.OP_ADD: rules.add,
+    ca.OP_SUB: rules.subtract,
+    ca.OP_NEG: rules.negate,
+    ca.OP_MUL: rules.multiply,
+    ca.OP_INV: rules.reciprocal,
+    ca.OP_SQ: rules.square,
+    ca.OP_TWICE: lambda a: rules.add(a, a),
+    ca.OP_SQRT: rules.above_zero(ca.sqrt),
+    ca.OP_EXP: rules.exponential,
+    ca.OP_LOG: rules.above_zero(ca.log),
+    ca.OP_SIGN: rules.stepping(ca.sign),
+    ca.OP_FLOOR: rules.stepping(ca.floor),
+    ca.OP_CEIL: rules.stepping(ca.ceil),
+    ca.OP_SINH: rules.increasing(ca.sinh),
+    ca.OP_TANH: rules.increasing(ca.tanh),
+    ca.OP_ASINH: rules.increasing(ca.asinh),
+    ca.OP_ATAN: rules.increasing(ca.atan),
+    ca.OP_ATAN2: rules.angle,
+    ca.OP_TAN: rules.tangent,
+    ca.OP_LT: lambda a, b: rules.truth(a.hi < b.lo, a.lo >= b.hi),
+    ca.OP_LE: lambda a, b: rules.truth(a.hi <= b.lo, a.lo > b.hi),
+    ca.OP_EQ: rules.equal,
+    ca.OP_NE: lambda a, b: rules.logical_not(rules.equal(a, b)),
+    ca.OP_NOT: rules.logical_not,
+    ca.OP_AND: rules.logical_and,
+    ca.OP_OR: lambda a, b: rules.logical_not(
+        rules.logical_and(rules.logical_not(a), rules.logical_not(b))
+    ),
+    ca.OP_IF_ELSE_ZERO: rules.if_else_zero,
+    ca.OP_SIN: rules.sine,
+    ca.OP_COS: rules.cosine,
+    ca.OP_FABS: rules.absolute,
+    ca.OP_CONSTPOW: rules.power,
+    ca.OP_POW: rules.power,
     ca.OP_FMAX: lambda a, b: Interval(ca.fmax(a.lo, b.lo), ca.fmax(a.hi, b.hi)),
     ca.OP_FMIN: lambda a, b: Interval(ca.fmin(a.lo, b.lo), ca.fmin(a.hi, b.hi)),
 }
 
 _CONTINUOUS: Mapping[int, Callable[..., ca.SX]] = {
-    ca.OP_SIGN: one_sign,
-    ca.OP_FLOOR: steps(ca.floor),
-    ca.OP_CEIL: steps(ca.ceil),
-    ca.OP_ATAN2: beside_the_cut,
-    ca.OP_TAN: one_branch,
-    ca.OP_LT: lambda a, b: one_sign(subtract(a, b)),
-    ca.OP_LE: lambda a, b: one_sign(subtract(a, b)),
-    ca.OP_EQ: lambda a, b: one_sign(subtract(a, b)),
-    ca.OP_NE: lambda a, b: one_sign(subtract(a, b)),
-    ca.OP_NOT: one_sign,
-    ca.OP_AND: lambda a, b: ca.logic_and(one_sign(a), one_sign(b)),
-    ca.OP_OR: lambda a, b: ca.logic_and(one_sign(a), one_sign(b)),
-    ca.OP_IF_ELSE_ZERO: lambda condition, _: one_sign(condition),
-    ca.OP_INV: without_zero,
+    ca.OP_SIGN: rules.one_sign,
+    ca.OP_FLOOR: rules.steps(ca.floor),
+    ca.OP_CEIL: rules.steps(ca.ceil),
+    ca.OP_ATAN2: rules.avoids_branch_cut,
+    ca.OP_TAN: rules.one_branch,
+    ca.OP_LT: lambda a, b: rules.one_sign(rules.subtract(a, b)),
+    ca.OP_LE: lambda a, b: rules.one_sign(rules.subtract(a, b)),
+    ca.OP_EQ: lambda a, b: rules.one_sign(rules.subtract(a, b)),
+    ca.OP_NE: lambda a, b: rules.one_sign(rules.subtract(a, b)),
+    ca.OP_NOT: rules.one_sign,
+    ca.OP_AND: lambda a, b: ca.logic_and(rules.one_sign(a), rules.one_sign(b)),
+    ca.OP_OR: lambda a, b: ca.logic_and(rules.one_sign(a), rules.one_sign(b)),
+    ca.OP_IF_ELSE_ZERO: lambda condition, _: rules.one_sign(condition),
+    ca.OP_INV: rules.without_zero,
     ca.OP_LOG: lambda a: a.lo > 0,
     ca.OP_SQRT: lambda a: a.lo >= 0,
-    ca.OP_POW: power_is_continuous,
-    ca.OP_CONSTPOW: power_is_continuous,
+    ca.OP_POW: rules.power_is_continuous,
+    ca.OP_CONSTPOW: rules.power_is_continuous,
 }
 
-_PASSING_OVER = {
+_WITH_MIN_OR_MAX = {
     ca.OP_MUL,
     ca.OP_SQ,
     ca.OP_FABS,
@@ -241,7 +199,7 @@ _PASSING_OVER = {
     ca.OP_CONSTPOW,
     ca.OP_POW,
 }
-"""What min and max are part of: they pass over what is not a number."""
+"""Operations whose rules take min or max, which ignore NaN."""
 
 _UNBOUNDED = {
     ca.OP_INV,
@@ -253,7 +211,7 @@ _UNBOUNDED = {
     ca.OP_CONSTPOW,
     ca.OP_POW,
 }
-"""What may be infinite where its arguments are not."""
+"""Operations that may be infinite where their arguments are finite."""
 
 _BOUNDED = {
     ca.OP_SIGN,
@@ -270,4 +228,4 @@ _BOUNDED = {
     ca.OP_SIN,
     ca.OP_COS,
 }
-"""What is finite wherever its arguments are."""
+"""Operations that are finite for any arguments."""

@@ -1,8 +1,8 @@
 """Intervals with symbolic ends, and a rule for every operation on them.
 
-Beside its rule each operation that can jump has the condition under which it does not. Where ends
-are rounded outwards, every rule holds all true values for all numbers in its arguments: IEEE 754
-says how far + - * / and √ may be off, `exponential` and `circular` say it of library functions.
+Each operation that can jump also has the condition under which it does not. With ends rounded
+outwards, the result of every rule contains all true values for all numbers in its arguments.
+IEEE 754 bounds the error of + - * / and √, `exponential` and `circular` that of other functions.
 """
 
 import math
@@ -12,15 +12,15 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from phalanx.theory.expressions.rounding import LEAST, doubt, rounds_outwards
+from phalanx.theory.expressions.rounding import LEAST, error_bound, rounds_outwards
 
 _LARGE = 1e30
 _LIBRARY = 16
-"""How far library functions may be off [float64]; theirs is a few."""
+"""Assumed error of library functions [float64]; the actual one is a few."""
 _FAR = 1e5
-"""Angles up to which sine, cosine and tangent are exact to their last digits."""
+"""Angle up to which sine, cosine and tangent are exact to their last digits [rad]."""
 
-# What a rule writes most often: a + b itself looks for its overload, seven times as long.
+# The most frequent operations: a + b itself searches for its overload, seven times as long.
 _plus, _times = partial(ca.SX.binary, ca.OP_ADD), partial(ca.SX.binary, ca.OP_MUL)
 _minus = partial(ca.SX.binary, ca.OP_SUB)
 _least, _most = partial(ca.SX.binary, ca.OP_FMIN), partial(ca.SX.binary, ca.OP_FMAX)
@@ -38,13 +38,13 @@ class Interval(NamedTuple):
 
 
 def point(value: ca.SX | float) -> Interval:
-    """The interval that holds one number."""
+    """The interval that contains one number."""
     number = ca.SX(value)
     return Interval(number, number)
 
 
 def _written_once(rule: Callable[..., Interval]) -> Callable[..., Interval]:
-    """A rule as a CasADi function, which writes its operations out faster than Python can."""
+    """A rule as a CasADi function, which is expanded faster than Python code."""
 
     @cache
     def function(points: tuple[bool, ...], outwards: bool) -> ca.Function:
@@ -60,22 +60,22 @@ def _written_once(rule: Callable[..., Interval]) -> Callable[..., Interval]:
 
 
 def _ends(intervals: Sequence[Interval], points: Sequence[bool]) -> list[ca.SX]:
-    """Both ends of each interval, or the one number that it holds."""
+    """Both ends of each interval, or its one number if it is a point."""
     each = zip(intervals, points, strict=True)
     return [end for interval, is_point in each for end in interval[is_point:]]
 
 
 def _rounded(a: Interval, steps: int = 1, least: float = LEAST) -> Interval:
-    """a, computed to so many float64 and `least`, wider by that if ends are rounded outwards."""
+    """a, widened by its rounding error of `steps` float64 and `least` if ends round outwards."""
     if not rounds_outwards():
         return a
-    below = doubt(a.lo, steps, least)
-    above = below if _is_point(a) else doubt(a.hi, steps, least)
+    below = error_bound(a.lo, steps, least)
+    above = below if _is_point(a) else error_bound(a.hi, steps, least)
     return Interval(_minus(a.lo, below), _plus(a.hi, above))
 
 
 def _not_below_zero(a: Interval) -> Interval:
-    """What of a is not below zero, where rounding alone could have taken it there."""
+    """a without numbers below zero, which rounding outwards may have added."""
     return Interval(_most(a.lo, 0), a.hi) if rounds_outwards() else a
 
 
@@ -92,7 +92,7 @@ def negate(a: Interval) -> Interval:
 
 
 def multiply(a: Interval, b: Interval) -> Interval:
-    """a b, where no zero meets infinity: that is not a number, which min and max pass over."""
+    """a b; 0 ∞ must not occur: it is NaN, which min and max ignore."""
     for factor, other in ((a, b), (b, a)):
         if is_number(factor):
             ends = _times(factor.lo, other.lo), _times(factor.lo, other.hi)
@@ -104,7 +104,7 @@ def multiply(a: Interval, b: Interval) -> Interval:
 
 @_written_once
 def _product(a: Interval, b: Interval) -> Interval:
-    # Of a number both ends are one expression, and of the four products two are two others.
+    # A point has one end, so that two of the four products are the other two.
     first = [a.lo] if _is_point(a) else [a.lo, a.hi]
     second = [b.lo] if _is_point(b) else [b.lo, b.hi]
     ends = ca.vertcat(*[x * y for x in first for y in second])
@@ -116,7 +116,7 @@ def _is_zero(a: Interval) -> bool:
 
 
 def is_number(a: Interval) -> bool:
-    """Whether a is one number that is known and finite."""
+    """Return whether a is one finite constant."""
     return a.lo.is_constant() and _is_point(a) and math.isfinite(float(a.lo))
 
 
@@ -131,17 +131,17 @@ def _is_point(a: Interval) -> bool:
 
 
 def hull(a: Interval, b: Interval) -> Interval:
-    """The smallest interval that holds both."""
+    """The smallest interval that contains both."""
     return Interval(_least(a.lo, b.lo), _most(a.hi, b.hi))
 
 
-def common(a: Interval, b: Interval) -> Interval:
-    """What lies in both."""
+def intersection(a: Interval, b: Interval) -> Interval:
+    """The numbers that lie in both."""
     return Interval(_most(a.lo, b.lo), _least(a.hi, b.hi))
 
 
 def inflate(a: Interval, share: float, least: float) -> Interval:
-    """a, wider on both sides by a share of its width and at least `least`."""
+    """a, wider on both sides by a share of its width and by `least`."""
     extra = share * (a.hi - a.lo) + least
     return Interval(a.lo - extra, a.hi + extra)
 
@@ -167,7 +167,7 @@ def square(a: Interval) -> Interval:
 
 @_written_once
 def reciprocal(a: Interval) -> Interval:
-    """1/a; everything where a holds zero."""
+    """1/a; unbounded if a contains zero."""
     apart = without_zero(a)
     found = _rounded(Interval(1 / a.hi, 1 / a.lo))
     return Interval(ca.if_else(apart, found.lo, -ca.inf), ca.if_else(apart, found.hi, ca.inf))
@@ -186,7 +186,7 @@ def cosine(a: Interval) -> Interval:
     """cos a."""
 
     def reaches(phase: float) -> ca.SX:
-        """Whether phase + 2πk may lie in a, for some whole k; as near as that, cos is ±1."""
+        """1 if phase + 2πk may lie in a for some integer k; so close to it, cos is ±1."""
         first, last = ((end - phase) / (2 * math.pi) for end in a)
         return ca.ceil(first - _TURN) <= last + _TURN
 
@@ -200,7 +200,7 @@ def cosine(a: Interval) -> Interval:
 
 
 _TURN = 1e-10
-"""What a quotient by 2π is off by, and more; cos is ±1 in all its digits there."""
+"""More than the error of a quotient by 2π; cos is ±1 in all its digits within it."""
 
 
 def _is_near(a: Interval) -> ca.SX:
@@ -214,7 +214,7 @@ def sine(a: Interval) -> Interval:
 
 
 def power(a: Interval, b: Interval) -> Interval:
-    """a to a constant power; for one that is not whole a must not reach below zero."""
+    """a to a constant power; unbounded if that is no integer and a reaches below zero."""
     exponent = _exponent(b)
     if exponent < 0:
         return reciprocal(power(a, point(-exponent)))
@@ -238,7 +238,7 @@ def _exponent(b: Interval) -> float:
 
 
 def stepping(function: Callable[[ca.SX], ca.SX]) -> Callable[[Interval], Interval]:
-    """The rule of a function that never falls and is exact."""
+    """The rule of an exact function that never falls."""
     return lambda a: Interval(function(a.lo), function(a.hi))
 
 
@@ -253,7 +253,7 @@ def exponential(a: Interval) -> Interval:
 
 
 def above_zero(function: Callable[[ca.SX], ca.SX]) -> Callable[[Interval], Interval]:
-    """An increasing function of numbers from zero on; unbounded where a reaches below."""
+    """The rule of an increasing function of numbers >= 0; unbounded if a reaches below zero."""
 
     def rule(a: Interval) -> Interval:
         defined = a.lo >= 0
@@ -269,7 +269,7 @@ def without_zero(a: Interval) -> ca.SX:
 
 
 def one_sign(a: Interval) -> ca.SX:
-    """1 if all of a has one sign, which is also one truth."""
+    """1 if all of a has one sign, and so one truth value."""
     return ca.logic_or(without_zero(a), ca.logic_and(a.lo == 0, a.hi == 0))
 
 
@@ -279,7 +279,7 @@ def truth(always: ca.SX, never: ca.SX) -> Interval:
 
 
 def truth_of(a: Interval) -> Interval:
-    """1 if all of a is true, 0 if none is: what is not zero is true."""
+    """1 if all of a is true, that is not zero; 0 if none is."""
     zero = ca.logic_and(a.lo == 0, a.hi == 0)
     return truth(without_zero(a), zero)
 
@@ -290,14 +290,14 @@ def logical_not(a: Interval) -> Interval:
     return Interval(1 - true.hi, 1 - true.lo)
 
 
-def both(a: Interval, b: Interval) -> Interval:
+def logical_and(a: Interval, b: Interval) -> Interval:
     """1 if all of a and of b is true, 0 if none of one of them is."""
     first, second = truth_of(a), truth_of(b)
     return Interval(_least(first.lo, second.lo), _least(first.hi, second.hi))
 
 
 def equal(a: Interval, b: Interval) -> Interval:
-    """1 if a and b are one number, 0 if they have none in common."""
+    """1 if a and b are the same single number, 0 if they are disjoint."""
     d = subtract(a, b)
     return truth(ca.logic_and(d.lo == 0, d.hi == 0), without_zero(d))
 
@@ -315,27 +315,27 @@ def if_else_zero(condition: Interval, value: Interval) -> Interval:
 
 @_written_once
 def angle(y: Interval, x: Interval) -> Interval:
-    """atan2; every angle where the box meets the cut, else extreme at corners, as angles are."""
+    """atan2, extreme at the box's corners; all angles if the box meets the branch cut."""
     corners = ca.vertcat(*[ca.atan2(b, a) for b in y for a in x])
-    apart = beside_the_cut(y, x)
+    apart = avoids_branch_cut(y, x)
     low = ca.if_else(apart, ca.mmin(corners), -math.pi)
     high = ca.if_else(apart, ca.mmax(corners), math.pi)
     return _rounded(Interval(low, high), _LIBRARY)
 
 
-def beside_the_cut(y: Interval, x: Interval) -> ca.SX:
+def avoids_branch_cut(y: Interval, x: Interval) -> ca.SX:
     """1 if no (x, y) lies on the left half of the x axis."""
     return ca.logic_or(x.lo > 0, ca.logic_or(y.lo > 0, y.hi < 0))
 
 
 def tangent(a: Interval) -> Interval:
-    """tan a; everything where a holds a pole."""
+    """tan a; unbounded if a contains a pole."""
     one, found = one_branch(a), increasing(ca.tan)(a)
     return Interval(ca.if_else(one, found.lo, -ca.inf), ca.if_else(one, found.hi, ca.inf))
 
 
 def one_branch(a: Interval) -> ca.SX:
-    """1 if a tangent has no pole in a; what is so near to one that rounding decides counts as 0."""
+    """1 if the tangent has no pole in a, nor one so close that rounding would decide."""
     first, last = ((end / math.pi + 0.5) for end in a)
     return ca.logic_and(_is_near(a), ca.floor(first - _POLE) == ca.floor(last + _POLE))
 
@@ -344,5 +344,5 @@ _POLE = 1e-9
 
 
 def steps(function: Callable[[ca.SX], ca.SX]) -> Callable[[Interval], ca.SX]:
-    """Whether an increasing function of whole steps takes none."""
+    """The condition under which an increasing step function takes no step."""
     return lambda a: function(a.lo) == function(a.hi)

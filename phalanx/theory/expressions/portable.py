@@ -1,8 +1,8 @@
-"""The same function on any CPU: libm's part of an expression replaced by exact operations.
+"""Functions with the same bits on any CPU: exact operations in place of libm's.
 
-libm picks a variant of sin, exp, pow and others by what the CPU can do (FMA or not), and variants
-differ in the last bit; so trajectories would. What CasADi does itself is exact: IEEE 754 fixes it.
-erf and its inverse alone are left as they are.
+libm picks a variant of sin, exp, pow and others by the CPU's instructions (FMA or not), and
+variants differ in the last bit; so trajectories would. CasADi's own operations are fixed by
+IEEE 754. erf and its inverse alone are left as they are.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 
 from phalanx.theory.expressions import circular, exponential
+from phalanx.theory.expressions.instructions import evaluate
 
 _PORTABLE: Mapping[int, Callable[..., Any]] = {
     ca.OP_TAN: circular.tan,
@@ -36,31 +37,30 @@ _PORTABLE_OF_TWO: Mapping[int, Callable[..., Any]] = {
     ca.OP_POW: exponential.power,
     ca.OP_CONSTPOW: exponential.power,
 }
-
-
 _CIRCULAR = (ca.OP_SIN, ca.OP_COS)
 DEAR = {*_CIRCULAR, *_PORTABLE, *_PORTABLE_OF_TWO}
-"""Operations that are replaced, each by forty others or so."""
+"""Expensive operations, each of which is replaced by about forty others."""
 
 
 def portable_function(inputs: Sequence[ca.SX], output: ca.SX) -> ca.Function:
-    """The function of column vectors to a dense column, of exact operations only."""
+    """A CasADi function of columns with one dense column as output, of exact operations only."""
     function = ca.Function("f", list(inputs), [output], {"cse": True})
-    operations = [function.instruction_id(k) for k in range(function.n_instructions())]
-    if DEAR.isdisjoint(operations):
+    if all(function.instruction_id(k) not in DEAR for k in range(function.n_instructions())):
         return function
     with as_written():
-        return ca.Function("f", *_rewritten(function, operations, inputs))
+        scalars = [ca.vertsplit(column) for column in inputs]
+        results = evaluate(function, scalars, ca.SX, _Replacement())
+        return ca.Function("f", list(inputs), [ca.vertcat(*results)])
 
 
 def portable_value(function: Callable[[Any], Any], x: float) -> float:
-    """The value of one of `circular`'s or `exponential`'s functions at a number."""
+    """Evaluate a function of `circular` or `exponential` at a number."""
     return float(function(ca.DM(x)))
 
 
 @contextmanager
 def as_written() -> Iterator[None]:
-    """Keeps CasADi from simplifying: to it (a + b) - a is b, which rounding makes untrue."""
+    """Keep CasADi from simplifying: it takes (a + b) - a for b, which rounding makes untrue."""
     before = ca.GlobalOptions.getSimplificationOnTheFly()
     ca.GlobalOptions.setSimplificationOnTheFly(False)
     try:
@@ -69,42 +69,30 @@ def as_written() -> Iterator[None]:
         ca.GlobalOptions.setSimplificationOnTheFly(before)
 
 
-def _rewritten(
-    function: ca.Function, operations: Sequence[int], inputs: Sequence[ca.SX]
-) -> tuple[list[ca.SX], list[ca.SX]]:
-    """The inputs and the output of the function, instruction by instruction."""
-    work: dict[int, ca.SX] = {}
-    scalars = [ca.vertsplit(column) for column in inputs]
-    results = [ca.SX(0)] * function.numel_out(0)
-    circles: dict[int, tuple[ca.SX, ca.SX]] = {}
-    for k, op in enumerate(operations):
-        sources, targets = function.instruction_input(k), function.instruction_output(k)
-        if op == ca.OP_CONST:
-            work[targets[0]] = ca.SX(function.instruction_constant(k))
-        elif op == ca.OP_INPUT:
-            work[targets[0]] = scalars[sources[0]][sources[1]]
-        elif op == ca.OP_OUTPUT:
-            results[targets[1]] = work[sources[0]]
-        elif op in _CIRCULAR:
-            angle = work[sources[0]]
-            place = angle.element_hash()
-            if place not in circles:
-                # The angle is kept too: while it lives, nothing else has its hash.
-                circles[place] = angle, _sin_and_cos()(angle)
-            work[targets[0]] = circles[place][1][_CIRCULAR.index(op)]
-        else:
-            work[targets[0]] = _apply(op, [work[s] for s in sources])
-    return list(inputs), [ca.vertcat(*results)]
+class _Replacement:
+    """Operations of one expression, those of libm replaced; sine and cosine share their work."""
+
+    def __init__(self) -> None:
+        self._circles: dict[int, tuple[ca.SX, ca.SX]] = {}
+
+    def __call__(self, op: int, arguments: Sequence[ca.SX]) -> ca.SX:
+        """The operation's result."""
+        if op in _CIRCULAR:
+            angle = arguments[0]
+            key = angle.element_hash()
+            if key not in self._circles:
+                # The angle is kept too: while it lives, no other expression has its hash.
+                self._circles[key] = angle, _sin_and_cos()(angle)
+            return self._circles[key][1][_CIRCULAR.index(op)]
+        if op in _PORTABLE:
+            return ca.SX(_inlined(op)(*arguments))
+        if op in _PORTABLE_OF_TWO:
+            return ca.SX(_PORTABLE_OF_TWO[op](*arguments))
+        return _applied(op, arguments)
 
 
-def _apply(op: int, arguments: Sequence[ca.SX]) -> ca.SX:
-    if op in _PORTABLE:
-        return ca.SX(_inlined(op)(*arguments))
-    if op in _PORTABLE_OF_TWO:
-        return ca.SX(_PORTABLE_OF_TWO[op](*arguments))
-    if len(arguments) == 1:
-        return ca.SX.unary(op, *arguments)
-    return ca.SX.binary(op, *arguments)
+def _applied(op: int, arguments: Sequence[ca.SX]) -> ca.SX:
+    return (ca.SX.unary if len(arguments) == 1 else ca.SX.binary)(op, *arguments)
 
 
 @cache
@@ -115,20 +103,20 @@ def _sin_and_cos() -> ca.Function:
 
 @cache
 def _inlined(op: int) -> ca.Function:
-    """As a CasADi function, which writes out its forty instructions faster than Python can."""
+    """A replacement as a CasADi function, which is expanded faster than Python code."""
     x = ca.SX.sym("x")
     return ca.Function("portable", [x], [_PORTABLE[op](x)], {"cse": True})
 
 
-class TakenOut(NamedTuple):
-    """An expression in two steps."""
+class Factored(NamedTuple):
+    """An expression in two steps: parts of one argument each, then an expression of them."""
 
     parts: list[ca.SX]
-    """Of each argument alone, shapes (k,), which may be empty."""
+    """Expressions of each argument alone, shapes (k,), which may be empty."""
     symbols: list[ca.SX]
     """Symbols in their place, of the same shapes."""
     rest: ca.SX
-    """Of arguments and symbols."""
+    """The expression of arguments and symbols."""
 
 
 class _Value(NamedTuple):
@@ -136,46 +124,34 @@ class _Value(NamedTuple):
 
     whole: ca.SX
     rest: ca.SX
-    of: frozenset[int]
-    """Which arguments it is made of."""
+    arguments: frozenset[int]
+    """The arguments that it depends on."""
 
 
-def take_out(arguments: Sequence[ca.SX], others: ca.SX, expression: ca.SX) -> TakenOut:
-    """Take sines, exponentials and the like out where they are of one argument alone.
+def factor_out(arguments: Sequence[ca.SX], others: ca.SX, expression: ca.SX) -> Factored:
+    """Factor out sines, exponentials and the like that depend on one argument alone.
 
     Args:
         arguments: columns of symbols, shapes (n_l,).
         others: further symbols of the expression, shape (k,).
         expression: of any shape, which the rest has too.
     """
+    found: list[list[_Value]] = [[] for _ in arguments]
+
+    def step(op: int, values: Sequence[_Value]) -> _Value:
+        depends = frozenset[int]().union(*[v.arguments for v in values])
+        whole, rest = (_applied(op, side) for side in zip(*[v[:2] for v in values], strict=True))
+        own = min(depends, default=0)
+        if op not in DEAR or depends != {own} or own >= len(arguments):
+            return _Value(whole, rest, depends)
+        found[own].append(_Value(whole, ca.SX.sym("once"), depends))
+        return found[own][-1]
+
     every = [*arguments, others]
-    f = ca.Function("f", every, [ca.densify(expression)], {"cse": True})
-    taken: list[list[_Value]] = [[] for _ in arguments]
-    work: dict[int, _Value] = {}
-    rest = ca.SX.zeros(f.numel_out(0))
-    for k in range(f.n_instructions()):
-        op, sources, targets = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
-        if op == ca.OP_CONST:
-            number = ca.SX(f.instruction_constant(k))
-            work[targets[0]] = _Value(number, number, frozenset())
-        elif op == ca.OP_INPUT:
-            symbol = every[sources[0]][sources[1]]
-            work[targets[0]] = _Value(symbol, symbol, frozenset(sources[:1]))
-        elif op == ca.OP_OUTPUT:
-            rest[targets[1]] = work[sources[0]].rest
-        else:
-            found = _step(op, [work[s] for s in sources])
-            own = min(found.of, default=0)
-            if op in DEAR and found.of == {own} and own < len(arguments):
-                found = found._replace(rest=ca.SX.sym("once"))
-                taken[own].append(found)
-            work[targets[0]] = found
-    parts = [ca.vertcat(*[value.whole for value in own]) for own in taken]
-    symbols = [ca.vertcat(*[value.rest for value in own]) for own in taken]
-    return TakenOut(parts, symbols, ca.reshape(rest, *expression.shape))
-
-
-def _step(op: int, values: Sequence[_Value]) -> _Value:
-    apply = ca.SX.unary if len(values) == 1 else ca.SX.binary
-    whole, rest = apply(op, *[v.whole for v in values]), apply(op, *[v.rest for v in values])
-    return _Value(whole, rest, frozenset[int]().union(*[v.of for v in values]))
+    inputs = [[_Value(x, x, frozenset([k])) for x in ca.vertsplit(v)] for k, v in enumerate(every)]
+    function = ca.Function("f", every, [ca.densify(expression)], {"cse": True})
+    results = evaluate(function, inputs, lambda c: _Value(ca.SX(c), ca.SX(c), frozenset()), step)
+    parts = [ca.vertcat(*[value.whole for value in own]) for own in found]
+    symbols = [ca.vertcat(*[value.rest for value in own]) for own in found]
+    rest = ca.vertcat(*[value.rest for value in results])
+    return Factored(parts, symbols, ca.reshape(rest, *expression.shape))

@@ -1,7 +1,7 @@
-"""Which way the ends of intervals are rounded: to nearest, or outwards where a proof rests on them.
+"""Rounding of interval ends: to nearest, or outwards where a proof needs it.
 
-Rows take the nearest: their margins are part of every trajectory, and leave 1e-5 to solvers and
-actuators, far more than rounding takes. Certificates take no end that could be on the wrong side.
+Margins of rows are rounded to nearest: they are part of every trajectory, and an allowance of 1e-5
+for solvers and actuators covers rounding. Certificates round outwards.
 """
 
 from collections.abc import Iterator
@@ -15,14 +15,14 @@ import casadi as ca
 _plus, _times = partial(ca.SX.binary, ca.OP_ADD), partial(ca.SX.binary, ca.OP_MUL)
 _outwards = ContextVar("outwards", default=False)
 _STEP = 2.0**-52
-"""Added to a number, as a share of it, at least one float64 and less than two of them."""
+"""|x| times this is one to two spacings of float64 at x."""
 LEAST = 2.0**-1022
-"""The smallest normal number: what is below may have been lost, or made from what was infinite."""
+"""The smallest normal number: products and quotients below it may have lost digits."""
 
 
 @contextmanager
 def outwards() -> Iterator[None]:
-    """Round ends outwards in every expression that is built within."""
+    """Round interval ends outwards in every expression that is built in this context."""
     token = _outwards.set(True)
     try:
         yield
@@ -31,16 +31,16 @@ def outwards() -> Iterator[None]:
 
 
 def rounds_outwards() -> bool:
-    """Whether ends are rounded outwards now."""
+    """Return whether interval ends are rounded outwards in this context."""
     return _outwards.get()
 
 
-def doubt(value: ca.SX, steps: int, least: float) -> ca.SX:
-    """More than a computed value may be off by: that many float64, and at least so much.
+def error_bound(value: ca.SX, steps: int, least: float) -> ca.SX:
+    """Bound the rounding error of a computed value by |value| steps 2^-52 + least.
 
     Rounded to nearest a value is off by at most half of the distance to the next float64, and
-    value ± |value| 2^-52, rounded itself, is at least that next one. A lower end that overflowed,
-    inf, is then not a number, which no comparison takes for proven; likewise an upper one, -inf.
+    value ± |value| 2^-52, rounded itself, is at least that next one. A lower end that overflowed to
+    inf becomes NaN, for which every comparison is false; likewise an upper end of -inf.
     """
     share = _times(_number(steps * _STEP), ca.SX.unary(ca.OP_FABS, value))
     return _plus(share, _number(least)) if least else share
@@ -48,5 +48,5 @@ def doubt(value: ca.SX, steps: int, least: float) -> ca.SX:
 
 @cache
 def _number(value: float) -> ca.SX:
-    """Made once: that takes longer than what is done with it."""
+    """A constant, kept: to make one takes longer than to use it."""
     return ca.SX(value)

@@ -1,1 +1,1 @@
-"""Nominal laws and attacks: what an agent would like to apply."""
+"""Nominal laws and attacks."""

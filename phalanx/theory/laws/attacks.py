@@ -1,4 +1,4 @@
-"""Attacks: to chase a target as in Simulation 2, and to push h_tot up as the bounds assume."""
+"""Attacks: chase a target as in Simulation 2, or raise h_tot as fast as U_j allows."""
 
 from collections.abc import Mapping, Sequence
 from copy import copy
@@ -6,14 +6,14 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Ge
 
 from phalanx.arrays import Array
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.laws.law import View
 from phalanx.theory.laws.tracking import Gains, OutputDerivatives, output_derivatives
 from phalanx.theory.margins.margin import ComposedMargin
-from phalanx.theory.models.dynamics import Dynamics
+from phalanx.theory.models.dynamics import Dynamics, Positive
 from phalanx.theory.models.polytope import maximiser
 from phalanx.theory.rows.composed import SwarmTerms
 from phalanx.theory.rows.decision import decide
@@ -25,8 +25,6 @@ from phalanx.theory.safety.function import Separation
 from phalanx.theory.safety.obstacles import Obstacle, Sphere
 from phalanx.theory.safety.pairs import SwarmPairs
 
-Positive = Annotated[float, Gt(0)]
-
 
 @dataclass(frozen=True)
 class Guard:
@@ -35,7 +33,7 @@ class Guard:
     radius: Positive
     """Distance that adversaries keep from each other [m]."""
     obstacle_clearance: Positive
-    """Distance that they keep from a sphere's center [m]."""
+    """Distance that adversaries keep from a sphere's center [m]."""
     alpha: Gains
     """Gains of the linear α_1 ... α_q [1/s]."""
     rho: Positive
@@ -45,16 +43,16 @@ class Guard:
 
 @dataclass
 class Chase:
-    """K (x_target - x): each adversary pursues its own target, and may guard itself.
+    """K (x_target - x): each adversary pursues its own target, with collision avoidance on request.
 
-    While its target is out of sight it pursues the nearest normal agent, and with none in sight it
-    holds its place.
+    While it does not see its target it pursues the nearest normal agent. If it sees none it stays
+    in place.
     """
 
     gains: Gains
     """k_1 ... k_q, as Track has them."""
     targets: Mapping[str, str] = field(default_factory=dict)
-    """Adversary's name to its target's; who has none pursues the nearest normal agent."""
+    """Target's name by adversary's name; all others pursue the nearest normal agent."""
     guard: Guard | None = None
 
     def prepare(self, dynamics: Dynamics) -> None:
@@ -101,7 +99,7 @@ class Chase:
 
 
 def _outputs(dynamics: Sequence[Dynamics]) -> list[OutputDerivatives]:
-    """Of each dynamics, compiled once for those that are equal."""
+    """OutputDerivatives of each dynamics, compiled once for equal ones."""
     different: list[Dynamics] = []
     for each in dynamics:
         if each not in different:
@@ -111,14 +109,14 @@ def _outputs(dynamics: Sequence[Dynamics]) -> list[OutputDerivatives]:
 
 
 class _Team:
-    """Adversaries that avoid each other and the obstacles, each keeping its share."""
+    """Adversaries that avoid each other and the obstacles, each with a row of its share."""
 
     def __init__(
         self, guard: Guard, i: int, members: Sequence[Member], obstacles: Sequence[Obstacle]
     ) -> None:
-        self._who = [j for j, m in enumerate(members) if m.adversary]
-        self._self = self._who.index(i)
-        team = [Member(members[j].name, members[j].dynamics, False) for j in self._who]
+        self._team = [j for j, m in enumerate(members) if m.adversary]
+        self._self = self._team.index(i)
+        team = [Member(members[j].name, members[j].dynamics, False) for j in self._team]
         around = [
             Sphere(o.center, guard.obstacle_clearance) if isinstance(o, Sphere) else o
             for o in obstacles
@@ -132,24 +130,24 @@ class _Team:
     def guarded(self, x: Mapping[int, Array], u_nom: Array) -> Array:
         """The nearest input that keeps the team's safe set, shape (m_i,)."""
         stacked = np.full(self._states[-1].stop, np.nan)
-        seen = [place for place, j in enumerate(self._who) if j in x]
+        seen = [place for place, j in enumerate(self._team) if j in x]
         for place in seen:
-            stacked[self._states[place]] = x[self._who[place]]
+            stacked[self._states[place]] = x[self._team[place]]
         terms = self._terms(stacked, seen)
         row = split_row(terms, self._self, seen)
-        return decide(terms, self._self, row, u_nom, self._qp, _FUTILE).u
+        return decide(terms, self._self, row, u_nom, self._qp, _AUTHORITY).u
 
 
-_FUTILE = 0.01
-"""As safety.authority: below this span the backup could not help."""
+_AUTHORITY = 0.01
+"""Plays the part of safety.authority: with a smaller span the backup could not help."""
 
 
 @dataclass
 class WorstCase:
-    """u_j^max of Eq. (adversarialu): the largest push on ψ_q that U_j allows."""
+    """u_j^max of Eq. (adversarialu): the input of U_j with the largest effect on ψ_q."""
 
     def prepare(self, dynamics: Dynamics) -> None:
-        """Fits every dynamics."""
+        """Do nothing: the attack fits every dynamics."""
 
     def input(self, view: View) -> Array:
         return maximiser(view.terms.c[view.i], view.terms.polytopes[view.i].corners)

@@ -1,4 +1,4 @@
-"""Where agents want to be: a formation whose centre follows a Bezier path under a timing law."""
+"""Desired positions: a formation whose centre follows a Bezier path under a timing law."""
 
 import math
 from dataclasses import dataclass
@@ -47,7 +47,7 @@ class Formation:
         return self._at(t, self._path_polynomial)
 
     def goal(self, slot: int, t: float) -> Goal:
-        """Where the agent in a slot wants to be at time t [s]."""
+        """The desired position of the agent in a slot at time t [s]."""
         return self._at(t, self._slot_polynomials[slot])
 
     def _at(self, t: float, polynomial: Array) -> Goal:
@@ -92,5 +92,5 @@ def _product(A: Array, B: Array) -> Array:
 
 
 def hold(position: Array) -> Goal:
-    """The goal of an agent that has none: stay here."""
+    """The goal of an agent that stays at a position."""
     return Goal(position, np.zeros_like(position), np.zeros_like(position))

@@ -10,15 +10,13 @@ from typing import Annotated
 
 import casadi as ca
 import numpy as np
-from annotated_types import Gt, MinLen
+from annotated_types import MinLen
 
 from phalanx.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.laws.law import View
-from phalanx.theory.models.dynamics import Dynamics
-
-Gain = Annotated[float, Gt(0)]
+from phalanx.theory.models.dynamics import Dynamics, Positive
 
 
 class OutputVelocity:
@@ -51,7 +49,7 @@ class OutputVelocity:
 class TrackVelocity:
     """Output velocity v^d + k (p^d - p), the nominal law of Simulation 1."""
 
-    gain: Gain = 1.0
+    gain: Positive = 1.0
     """k [1/s]"""
 
     def prepare(self, dynamics: Dynamics) -> None:
@@ -66,10 +64,10 @@ class TrackVelocity:
 class Pursue:
     """Output velocity k (p_nearest - p): chase the nearest normal agent, as in Simulation 1.
 
-    With none in sight it holds its place.
+    If it sees none it stays in place.
     """
 
-    gain: Gain = 5.0
+    gain: Positive = 5.0
     """k [1/s]"""
 
     def prepare(self, dynamics: Dynamics) -> None:
@@ -89,8 +87,8 @@ _DAMPING = 1e-9
 class OutputDerivatives:
     """p, p', ..., p^(q-1) of one dynamics, and the inverse of its decoupling matrix G.
 
-    Where G depends on the state it may be singular (a bicycle at standstill); a damped inverse
-    then asks for a large input, which its user projects onto U.
+    Where G depends on the state it may be singular (a bicycle at standstill). A damped inverse then
+    gives a large input, which is later projected onto U.
     """
 
     def __init__(self, dynamics: Dynamics) -> None:
@@ -119,7 +117,7 @@ class OutputDerivatives:
         return self._evaluate(x)[0].reshape(self.degree, -1)
 
     def input_for(self, x: Array, wanted: Array) -> Array:
-        """u with G(x) u = wanted, shape (m,): drift is not compensated, as in Simulation 2."""
+        """u with G(x) u = wanted, shape (m,); drift is not compensated, as in Simulation 2."""
         return self._invert(x, wanted)[0]
 
 
@@ -130,7 +128,6 @@ def _solve(G: ca.SX, wanted: ca.SX) -> ca.SX:
     return dense.T @ ca.solve(dense @ dense.T + _DAMPING * ca.SX.eye(G.shape[0]), wanted)
 
 
-Positive = Annotated[float, Gt(0)]
 Gains = Annotated[tuple[Positive, ...], MinLen(1)]
 
 

@@ -2,8 +2,8 @@
 
 They are those of Lemmas (constants), (psiconstants) and (xdiffbound). S as the paper gives it is
 not compact, so a box is needed. A Lipschitz constant is the largest gradient norm over the box:
-bounded by interval arithmetic where that gives a finite number, which is then proven, else the
-largest of many samples of S_I, which is not.
+proven by interval arithmetic where that gives a finite bound, else estimated by the largest of many
+samples of S_I.
 """
 
 from collections.abc import Mapping, Sequence
@@ -48,17 +48,17 @@ class MarginConstants:
 
 
 _MOST_INSTRUCTIONS = 4000
-"""Above this an interval extension takes too long, and samples have to do."""
+"""Larger expressions are sampled, since an interval extension would take too long."""
 _USELESS = 1e9
-"""An interval bound above this says no more than none."""
+"""An interval bound above this is too wide to use."""
 
 
 class Constant(NamedTuple):
-    """One constant, and how it was found."""
+    """One constant and its method."""
 
     value: float
     how: Literal["interval", "sampled"]
-    """Proven by interval arithmetic, or the largest value seen: a lower estimate."""
+    """Proven by interval arithmetic, or the largest value of samples: a lower estimate."""
 
 
 def constants(
@@ -71,7 +71,7 @@ def constants(
         low: least values of the stacked state in the workspace box, shape (n̄,).
         high: the largest.
         bounds: φ_l^max of each member.
-        samples: states in S_I to fall back on, shape (s, n̄).
+        samples: states in S_I for constants without an interval bound, shape (s, n̄).
 
     Raises:
         ValueError: a member's input polytope depends on its state.
@@ -90,7 +90,7 @@ def constants(
 
 
 def margin_constants(found: Mapping[str, Constant]) -> MarginConstants:
-    """What Eq. (mainetadef) takes."""
+    """The constants for Eq. (mainetadef)."""
     return MarginConstants(**{name: constant.value for name, constant in found.items()})
 
 
@@ -133,7 +133,7 @@ def _norm(matrix: ca.SX) -> ca.SX:
 
 
 def _smooth(chain: Chain, low: Array, high: Array) -> bool:
-    """Whether the gradients are bounds at all: across a kink of h they say nothing."""
+    """Return whether h has no kink in the box, so that gradients bound differences."""
     parts = ca.vertcat(*map(ca.vec, chain.actuation), chain.drift)
     settled, x = chain.set.substitute(parts), chain.set.x
     try:

@@ -1,4 +1,4 @@
-"""Where one agent's state can be within a horizon: a Picard enclosure in interval arithmetic."""
+"""Picard enclosures in interval arithmetic: boxes that contain an agent's state for a while."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -11,12 +11,12 @@ from phalanx.theory.expressions.extension import continuous, extend
 from phalanx.theory.expressions.interval import (
     Interval,
     add,
-    common,
     exponential,
     finite,
     hull,
     inflate,
     inside,
+    intersection,
     multiply,
     point,
     reciprocal,
@@ -29,7 +29,7 @@ _LEAST = 1e-9
 
 
 class Enclosure(NamedTuple):
-    """One member's motion within the horizon: symbols, and the intervals that hold them."""
+    """One member's motion within the horizon: symbols, and intervals that contain them."""
 
     x: ca.SX
     """The state, shape (n,)."""
@@ -40,11 +40,11 @@ class Enclosure(NamedTuple):
     rate: ca.SX
     """x' = f + g u + φ, shape (n,)."""
     states: list[Interval]
-    """Of every state from the sample to the horizon: the box B."""
+    """The box B, which contains every state from the sample to the horizon."""
     inputs: list[Interval]
     disturbances: list[Interval]
     certain: ca.SX
-    """1 if x(t) is proven to stay in `states` until the horizon, else 0."""
+    """1 if x(t) provably stays in `states` until the horizon, else 0."""
 
 
 def enclose(
@@ -55,21 +55,21 @@ def enclose(
     horizon: float | ca.SX,
     inflations: Sequence[float],
 ) -> Enclosure:
-    """A box that holds x(t) for all t up to the horizon, and whether that is certain.
+    """A box that contains x(t) for all t up to the horizon, and a proof of that as an expression.
 
     If x^k + [0, τ] F(B) lies in B, where F bounds x' over B, and x^k inside B, then x(t) cannot
-    leave B by τ: as it did, it would be on the way from a point inside to one in B, so inside.
-    Where drag slows a component, a bound that takes it into account is closer.
+    leave B by τ: when it left, it would still be between a point inside and one in B, so inside.
+    For a component that drag slows down, a second bound is tighter.
 
     Args:
-        member: whose motion it is; nobody else's state is part of its dynamics.
+        member: the moving member; its dynamics contain its own state only.
         x: its sampled state, symbols, shape (n,).
-        inputs: what each of its inputs may be, at any time; None if it holds the one input u, on
-            whose symbols the intervals then depend.
+        inputs: range of each of its inputs, at any time; None for one held input u, on whose
+            symbols the intervals then depend.
         bound: φ^max.
         horizon: τ [s].
-        inflations: by which share the box is made wider, round by round; more rounds reach a
-            longer horizon.
+        inflations: share by which the box is widened, for each round; more rounds allow a longer
+            horizon.
 
     Raises:
         UnboundedOperationError: its dynamics have no interval extension.
@@ -82,22 +82,22 @@ def enclose(
     symbols = scalars([x, u, phi])
     starts = [point(component) for component in ca.vertsplit(x)]
 
-    # Rows keep the box that their trajectories were made with.
+    # The margins of rows, rounded to nearest, do not use the bound with drag.
     own = ca.diag(ca.jacobian(rate, x)) if rounds_outwards() else ca.SX.zeros(x.numel())
     slowed = [k for k in range(x.numel()) if not own[k].is_zero()]
 
-    # One round as a function: CasADi writes out the others faster than Python does.
+    # One round as a CasADi function, which is expanded faster than Python code.
     ends = [Interval(*ca.vertsplit(ca.SX.sym("end", 2))) for _ in starts]
     moving = [*ends, *allowed, *pushed]
     rates = extend(ca.vertsplit(rate), symbols, moving)
     reached = moved(x, rates, horizon)
     for k in slowed:
-        reached[k] = common(reached[k], _slowed(k, x, rate, symbols, moving, horizon))
+        reached[k] = intersection(reached[k], _slowed(k, x, rate, symbols, moving, horizon))
     given = [x, u, ca.vertcat(*ca.symvar(ca.SX(horizon)))]
     one_round = ca.Function("round", [*given, *_sides(ends)], [*_sides(reached), *_sides(rates)])
 
     def after(box: Sequence[Interval]) -> tuple[list[Interval], list[Interval]]:
-        """Where the state can be if it stays in the box, and its rates in there."""
+        """States reached by the horizon if the state stays in the box, and the rates in it."""
         low, high, least, most = map(ca.vertsplit, one_round.call([*given, *_sides(box)]))
         return list(map(Interval, low, high)), list(map(Interval, least, most))
 
@@ -109,7 +109,7 @@ def enclose(
     final, last = after(box)
     certain = finite(last)
     for start, a, b in zip(starts, final, box, strict=True):
-        within = ca.logic_and(b.lo < start.lo, start.hi < b.hi)  # not so where 1e-9 is rounded off
+        within = ca.logic_and(b.lo < start.lo, start.hi < b.hi)  # false where 1e-9 is rounded off
         certain = ca.logic_and(certain, ca.logic_and(within, inside(a, b)))
     return Enclosure(x, u, phi, rate, final, allowed, pushed, certain)
 
@@ -127,19 +127,19 @@ def _slowed(
     box: Sequence[Interval],
     horizon: float | ca.SX,
 ) -> Interval:
-    """Where x_k can be while the state is in the box, as its own growth slows it; or everywhere.
+    """Range of x_k while the state is in the box, with its own drag; unbounded if unknown.
 
     If its rate is continuous with ∂rate/∂x_k <= j, it grows by d > 0 at a rate of at most a + j d,
-    a the largest over the box but at the start's x_k: d <= a (e^{jτ} - 1) / j, with a > 0, which is
-    at most a τ e^{jτ} for j >= 0 and a min(τ, 1/|j|) for j < 0. Downwards likewise. Its own part of
-    the box has no hand in a, so that no drag is too strong.
+    a the largest over the box with x_k as at the start: d <= a (e^{jτ} - 1) / j, with a > 0, which
+    is at most a τ e^{jτ} for j >= 0 and a min(τ, 1/|j|) for j < 0. Downwards likewise. No drag is
+    too strong, since a does not depend on the box of x_k.
 
     Args:
         k: which component.
         x: the state at the start, symbols, shape (n,).
         rate: x', shape (n,).
-        symbols: what it is of, x first.
-        box: of each.
+        symbols: of the rate, x first.
+        box: their intervals.
         horizon: τ [s].
     """
     slope, start = ca.jacobian(rate[k], x[k]), point(x[k])
@@ -154,11 +154,11 @@ def _slowed(
 
 
 def fastest(member: Member, inputs: Sequence[Interval], bound: float) -> list[Interval] | None:
-    """What x' can be at any state whatever; None if that has no bounds.
+    """Range of x' over all states; None if it is unbounded.
 
     Args:
-        member: whose motion it is.
-        inputs: what each of its inputs may be.
+        member: the moving member.
+        inputs: range of each of its inputs.
         bound: φ^max.
 
     Raises:
@@ -175,7 +175,7 @@ def fastest(member: Member, inputs: Sequence[Interval], bound: float) -> list[In
 
 
 def moved(x: ca.SX, rates: Sequence[Interval], horizon: float | ca.SX) -> list[Interval]:
-    """x + [0, τ] rates, by component; a rate that is no number is passed over."""
+    """x + [0, τ] rates, by component; NaN as a rate is ignored."""
     time = point(horizon)
     return [
         add(point(start), hull(point(0.0), multiply(time, rate)))
@@ -184,7 +184,7 @@ def moved(x: ca.SX, rates: Sequence[Interval], horizon: float | ca.SX) -> list[I
 
 
 def admissible_inputs(member: Member) -> list[Interval]:
-    """The box around what an actuator takes for an input in U.
+    """The box around all inputs that an actuator accepts.
 
     Raises:
         ValueError: U depends on the state.
@@ -195,7 +195,7 @@ def admissible_inputs(member: Member) -> list[Interval]:
 
 
 def admissible_corners(member: Member) -> Array:
-    """Vertices of what an actuator takes, U with every face moved out, shape (v, m).
+    """Vertices of the set that an actuator accepts, U with every face moved out, shape (v, m).
 
     Raises:
         ValueError: U depends on the state.
@@ -207,11 +207,11 @@ def admissible_corners(member: Member) -> Array:
             f"safety.margin: expected input bounds of {member.name} that do not depend on its "
             "state, which the local margin needs"
         )
-    # Vertices are rounded to nearest; a hair more takes them all in.
+    # Vertices are rounded to nearest; the factor covers that.
     share = 1.0 + 1e-6 if rounds_outwards() else 1.0
     return vertices(known.A, known.b + share * known.allowance)
 
 
 def scalars(vectors: Sequence[ca.SX]) -> list[ca.SX]:
-    """All components, one after another."""
+    """All components as scalars, one after another."""
     return [component for v in vectors for component in ca.vertsplit(v)]

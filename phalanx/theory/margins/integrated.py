@@ -1,8 +1,8 @@
 """A bound on V(t) between samples, integrated over the interval: V(t) <= V_k + t (r + D) + ½ t² g.
 
-V is ψ_{q-1}, whose rate the inputs change, or h itself for q > 1, whose rate they do not. Agent i
-holds its input; all other inputs and every disturbance move as they like within their bounds. The
-proof is in docs/certificate.md. As a margin of a row the same bound serves every input that agent i
+V is ψ_{q-1}, whose rate contains the inputs, or h itself for q > 1, whose rate does not. Agent i
+holds its input; all other inputs and every disturbance vary freely within their bounds. The proof
+is in docs/certificate.md. As a margin of a row the same bound holds for every input that agent i
 may choose.
 """
 
@@ -24,7 +24,7 @@ from phalanx.theory.margins.enclosure import (
     scalars,
 )
 from phalanx.theory.models.polytope import ACTUATION
-from phalanx.theory.safety.chain import Chain, pushed
+from phalanx.theory.safety.chain import Chain, disturbance_bound
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.composition import ComposedSet
 
@@ -33,17 +33,17 @@ class RowPart(Enum):
     """The part of a condition that a row keeps; the value is its share of drift, α_q and η."""
 
     WHOLE = 1.0
-    """Σ drift + c_i u_i + Σ_{l≠i} c_l w_l + α_q, every other input w_l a fixed one in U_l: it
-    serves û_l in force as well as the worst case."""
+    """Σ drift + c_i u_i + Σ_{l≠i} c_l w_l + α_q, with a fixed w_l in U_l for every other input:
+    for a received input in force as well as for the worst case."""
     HALF = 0.5
     """c_i u_i + ½ (Σ drift + α_q): each of two normal agents keeps one half of their pair."""
 
 
 INFLATIONS = (0.5, 0.5, 0.3, 0.1)
-"""Rounds of an enclosure that reach some tenths of a second, with a box that is hardly wider."""
+"""Rounds of an enclosure for horizons of some tenths of a second; the box is hardly wider."""
 
 STEEPEST = {RowPart.WHOLE: 1.0, RowPart.HALF: math.exp(-1.0)}
-"""κ τ up to which α_q(ψ) = κ ψ is proven to keep ψ_{q-1}; halves go by two agents' old samples."""
+"""Largest κ τ for which α_q(ψ) = κ ψ provably keeps ψ_{q-1}; halves use two agents' samples."""
 
 
 class Growth(NamedTuple):
@@ -52,14 +52,14 @@ class Growth(NamedTuple):
     value: ca.SX
     """V at the sample."""
     rate: ca.SX
-    """r = Σ drift + c_i u_i + Σ max c_l w at the sample; contains u_i. Of a half, its own part."""
+    """r = Σ drift + c_i u_i + Σ max c_l w at the sample; contains u_i. For a half, its own part."""
     disturbance: ca.SX
     """D = sup over B of Σ_l ‖∂V/∂x_l‖ φ_l^max."""
     bend: ca.SX
-    """g = max(0, sup over B of the rate of Σ drift + c_i u_i + Σ c_l w), each w a fixed input; of a
-    half, of the rate of ½ Σ drift + c_i u_i."""
+    """g = max(0, sup over B of the rate of Σ drift + c_i u_i + Σ c_l w), each w a fixed input; for
+    a half, the rate of ½ Σ drift + c_i u_i."""
     known: ca.SX
-    """1 if the bound is proven, else 0."""
+    """1 if the bound is proven at this state, else 0."""
 
 
 def growth(
@@ -76,10 +76,9 @@ def growth(
         value: V, an expression of the members' states.
         pair: one pair alone.
         own: agent i's place in it.
-        moving: the members' enclosures; agent i's holds its input, or any of U_i if the bound is
-            to serve them all.
+        moving: the members' enclosures; agent i's is for one held input, or for all of U_i.
         bounds: φ_l^max of each member.
-        part: what of V's rate agent i's row keeps; a half bounds that alone, not V.
+        part: of V's rate that agent i's row keeps; a half bounds that part alone, not V.
 
     Raises:
         ValueError: another member's U depends on the state.
@@ -99,7 +98,7 @@ def growth(
         row += actuation[l] @ fixed[l]
         rate += ca.mmax(ca.DM(admissible_corners(members[l])) @ actuation[l].T)
     slopes = [ca.jacobian(row, e.x) for e in moving]
-    change = pushed(slopes, bounds)
+    change = disturbance_bound(slopes, bounds)
     for slope, e in zip(slopes, moving, strict=True):
         change += slope @ (e.rate - e.phi)
 
@@ -110,22 +109,22 @@ def growth(
     box += [interval for e in moving for interval in e.inputs]
     box += [interval for l in others for interval in moving[l].inputs]
     box += map(point, numbers)
-    steepness = pushed(gradients, [1.0] * len(members))
-    bounded = [change, pushed(gradients, bounds), steepness]
+    steepness = disturbance_bound(gradients, [1.0] * len(members))
+    bounded = [change, disturbance_bound(gradients, bounds), steepness]
     bend, disturbance, steep = extend(bounded, symbols, box)
     parts = [value, *[d.T for d in gradients], drift, *[c.T for c in actuation]]
     known = continuous(scalars(parts), symbols, box)
     for e in moving:
         known = ca.logic_and(known, e.certain)
     value, rate = _at_most([value, rate], [*states, *ca.vertsplit(moving[own].u), *numbers])
-    # Comparisons are false for what is not a number, which max would pass over.
+    # Comparisons are false for NaN, which max would ignore.
     for number in (value, disturbance.hi, bend.hi, steep.hi):
         known = ca.logic_and(known, number < ca.inf)
     return Growth(value, rate, disturbance.hi, ca.fmax(0, bend.hi), known)
 
 
 def _at_most(values: Sequence[ca.SX], symbols: Sequence[ca.SX]) -> list[ca.SX]:
-    """Expressions of the sample as they are computed, or at their highest for rounding."""
+    """Expressions of the sample; their upper ends if intervals are rounded outwards."""
     if not rounds_outwards():
         return list(values)
     return [bound.hi for bound in extend(values, symbols, list(map(point, symbols)))]
@@ -141,16 +140,16 @@ def integrated_margin(
 ) -> ca.SX:
     """η of agent i's row: D + ½ τ g, or ½ D + τ g of a half; scalar, of the sampled state.
 
-    With α_q(ψ) = κ ψ and κ τ at most STEEPEST it keeps ψ_{q-1} <= 0. inf where nothing is known.
+    With α_q(ψ) = κ ψ and κ τ at most STEEPEST it keeps ψ_{q-1} <= 0. inf if there is no bound.
 
     Args:
         chain: of one pair, its D_k included.
-        i: the member whose row it is.
+        i: place of the member with this row.
         horizon: τ = Γ_i + δ_i^max [s].
         bounds: φ_l^max of each member.
-        part: which row, as RowPart writes them out.
-        held: symbols of the one input that agent i holds, shape (m_i,); None if the margin is to
-            serve whatever the row lets it choose from U_i.
+        part: of the condition that the row keeps.
+        held: symbols of the one input that agent i holds, shape (m_i,); None for a margin that
+            holds for every input of U_i.
 
     Raises:
         ValueError: a member's U_l depends on the state.
@@ -175,16 +174,16 @@ def integrated_margin(
 
 
 def time_until_zero(bound: Growth, horizon: float | ca.SX) -> ca.SX:
-    """How long the bound stays at or below zero, at most the horizon [s]; 0 if it is unknown.
+    """Time for which the bound stays at or below zero, at most the horizon [s]; 0 if unknown.
 
-    The bound is convex in t: from V_k <= 0 it crosses zero once. To no more than ten float64 the
-    root is right, for nothing in it cancels, if the speed is so large that its square does not
-    vanish; where it is rounded outwards it is a share of 1e-13 earlier, and the speed higher.
+    The bound is convex in t: from V_k <= 0 it crosses zero once. The root is exact to ten float64,
+    since nothing in it cancels, if the square of the speed does not underflow; rounded outwards the
+    time is a share of 1e-13 shorter, and the speed higher.
     """
     exact = not rounds_outwards()
     speed = add(point(bound.rate), point(bound.disturbance)).hi + (0.0 if exact else 1e-140)
     root = ca.sqrt(ca.fmax(0, speed * speed - 2 * bound.bend * bound.value))
-    # Each form where it does not cancel.
+    # Two forms of the root; the one used does not cancel.
     rising = -2 * bound.value / (speed + root)
     falling = ca.if_else(bound.bend > 0, (root - speed) / bound.bend, ca.inf)
     crossing = (1.0 if exact else 1.0 - 1e-13) * ca.if_else(speed > 0, rising, falling)
@@ -212,7 +211,7 @@ def keeps_chain(chain: Chain, alphas: Sequence[ClassK], moving: Sequence[Enclosu
     box = [*[interval for e in moving for interval in e.states], *map(point, numbers)]
     kept = continuous(list(chain.psi[:-1]), symbols, box)
     for psi, start, alpha in zip(chain.psi[:-1], starts, alphas, strict=False):
-        steepness = pushed([ca.jacobian(psi, e.x) for e in moving], [1.0] * len(moving))
+        steepness = disturbance_bound([ca.jacobian(psi, e.x) for e in moving], [1.0] * len(moving))
         reach, steep = extend([psi, steepness], symbols, box)
         s = ca.SX.sym("s")
         (back,) = extend([alpha.value(s)], [s], [Interval(ca.SX(0), ca.fmax(0, reach.hi))])

@@ -1,10 +1,9 @@
-"""A margin that is a bound: how far a row can drift before its agent samples again.
+"""A proven margin: a bound on the growth of a row until its agent samples again.
 
-For a sampled state x^k the states that the swarm can reach within τ lie in a box: every input
-anywhere in its U_l, every disturbance within its bound (a Picard enclosure). Over that box
-interval arithmetic bounds the rate of everything in the row, and L_φ ψ_{q-1}. Unlike
-Eq. (mainetadef) it needs no compact S, no Lipschitz constants and no workspace: the bound is
-computed anew at each sample.
+From a sampled state x^k the states that the swarm can reach within τ lie in a box, for any inputs
+in U_l and disturbances within their bounds (a Picard enclosure). Interval arithmetic bounds the
+rate of the row, and L_φ ψ_{q-1}, over that box. Unlike Eq. (mainetadef) it needs no compact S, no
+Lipschitz constants and no workspace: the bound is computed at each sample.
 """
 
 from collections.abc import Sequence
@@ -22,11 +21,11 @@ from phalanx.theory.safety.chain import Chain
 from phalanx.theory.safety.composition import ComposedSet
 
 UNKNOWN = ca.inf
-"""The margin where no enclosure was found, or where h can jump: no row holds with it."""
+"""The margin if there is no enclosure, or if h can jump: no row holds with it."""
 
 _INFLATIONS = (0.2, 0.1)
 _FAR = 1e6
-"""Where members are that are not seen: too far away to count."""
+"""Distance assumed for members that are not seen, too far away to count [m]."""
 
 
 def local_margin(
@@ -41,11 +40,11 @@ def local_margin(
 
     Args:
         chain: of one pair or of a composed set, its D_q included.
-        i: the member whose row it is.
+        i: place of the member with this row.
         horizon: τ = Γ_i + δ_i^max and the latency [s].
         bounds: φ_l^max of each member.
-        part: which row, as RowPart writes them out.
-        active: which pairs count, as ComposedSet.substitute has it.
+        part: of the condition that the row keeps.
+        active: pairs that count, as in ComposedSet.substitute.
 
     Raises:
         ValueError: a member's U_l depends on the state.
@@ -67,10 +66,10 @@ def local_margin(
     forces = [chain.set.substitute(c, active) for c in chain.actuation]
     outside = ACTUATION * ca.sum1(ca.vertcat(*[ca.norm_1(c.T) for c in forces]))
     bound = horizon * ca.fmax(0, growth.hi) + disturbance.hi + outside
-    # Comparisons are false for what is not a number, which max would pass over.
+    # Comparisons are false for NaN, which max would ignore.
     known = ca.logic_and(growth.hi < UNKNOWN, disturbance.hi < UNKNOWN)
-    # Where the row or ψ can jump, rates do not bound them: h must be C^{1,1}, as in the paper. A
-    # jump of ψ alone has no derivative to tell of it. What α adds is continuous: it is class K.
+    # Rates do not bound a row or ψ that can jump: h must be C^{1,1}, as in the paper. ψ is tested
+    # too, since a derivative does not show a jump. α is class K and so continuous.
     parts = [*map(ca.vec, chain.actuation), chain.drift, *chain.psi]
     smooth = continuous(scalars(parts), symbols, intervals)
     for e in moving:
@@ -79,12 +78,12 @@ def local_margin(
 
 
 class LocalBound:
-    """The margin of one agent's row for h_tot as a number, of what the agent sees.
+    """The margin of one agent's row for h_tot as a number, from the members that it sees.
 
-    It is of one expression of all pairs, as no other number of a row is: interval arithmetic has
-    rules for the operations of an expression, and CasADi cannot write out as one the graph by which
-    kinds of pairs are composed (GetNonzerosParamVector has no eval_sx). With 18 pairs it takes
-    0.4 s to build and 0.08 ms to evaluate, with 62 of q = 2 6 s and 0.5 ms.
+    Unlike all other terms it is compiled from one expression of all pairs: interval arithmetic
+    needs scalar operations, and CasADi cannot expand the graph that composes kinds of pairs
+    (GetNonzerosParamVector has no eval_sx). With 18 pairs it takes 0.4 s to build and 0.08 ms to
+    evaluate, with 62 of q = 2 6 s and 0.5 ms.
     """
 
     def __init__(self, composed: ComposedSet, margin: ca.SX) -> None:
@@ -92,11 +91,11 @@ class LocalBound:
         self._parts, self._margin = composed.parts, CompiledFunction([composed.x], [margin])
 
     def __call__(self, x: Array, seen: Sequence[int]) -> float:
-        """At a stacked state x, shape (n̄,), of which only the members seen are known."""
+        """Evaluate at a stacked state, shape (n̄,), of which only the members seen are known."""
         far, known = x.copy(), set(seen)
         for l, part in enumerate(self._parts):
             if l not in known:
-                # Each in a place of its own: two in one place have no gradient of their distance.
+                # Different places: the distance of two members in one place has no gradient.
                 far[part] = _FAR * (1 + l)
         return float(self._margin(far)[0][0])
 
@@ -120,14 +119,12 @@ def _within_reach(
     """All symbols of a row and its rate, and the interval of each until the next sample.
 
     Args:
-        chain: as local_margin takes it.
-        i: the member whose row it is.
-        moving: what each member can reach.
-        fixed: the inputs that the row holds the others to.
-        active: as local_margin takes it.
+        chain, i, active: as in local_margin.
+        moving: the members' enclosures.
+        fixed: inputs of the others in the row.
     """
     others = [l for l in range(len(moving)) if l != i]
-    # σ and the active pairs are those of the sample, whatever x does afterwards.
+    # σ and the active pairs are fixed at the sample.
     kept = [chain.set.sigma, chain.set.active]
     at_sample = [point(chain.set.substitute(s, active)) for s in scalars(kept)]
     symbols = scalars(

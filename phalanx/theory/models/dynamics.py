@@ -1,6 +1,6 @@
 """Control-affine dynamics x' = f(x) + g(x) u + φ with inputs in a polytope, Eq. (generalsystem).
 
-And whether a user's own returns what a dynamics must: names, shapes and weights, asked once.
+Also the check of a user's dynamics: names, shapes and weights.
 """
 
 import math
@@ -11,20 +11,21 @@ import numpy as np
 from annotated_types import Gt
 
 from phalanx.arrays import Array
-from phalanx.theory.expressions.asked import (
+from phalanx.theory.expressions.user_methods import (
     MistakenMethodError,
-    ask,
-    ask_expression,
+    call_for_expression,
+    call_user,
     require_expression,
 )
 from phalanx.theory.models.polytope import EmptyPolytopeError, constant_polytope
 
 Positive = Annotated[float, Gt(0)]
+"""A field that has to be above 0."""
 
 
 @runtime_checkable
 class Dynamics(Protocol):
-    """What an agent's dynamics must say of itself. Expressions are CasADi; units are SI.
+    """The dynamics of an agent. Expressions are CasADi's; units are SI.
 
     A dataclass with these members is a dynamics; a scenario names it ``package.module:Name``.
     """
@@ -44,7 +45,7 @@ class Dynamics(Protocol):
         """g(x), shape (n, m)."""
 
     def position(self, x: ca.SX) -> ca.SX:
-        """The output point p(x) [m], shape (2,) or (3,): what pairs keep apart."""
+        """The output point p(x) [m], shape (2,) or (3,), from which distances are measured."""
 
     def input_polytope(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
         """A(x), shape (r, m), and b(x), shape (r,), with U(x) = {u : A(x) u <= b(x)} compact."""
@@ -55,10 +56,10 @@ class Dynamics(Protocol):
 
 @runtime_checkable
 class Bounded(Protocol):
-    """Dynamics that can say how far their output point gets, and so who cannot be near whom yet."""
+    """Dynamics with a bound on how far the output point can move in a given time."""
 
     def travel(self, x: Array, time: float, disturbance: float) -> float:
-        """At most how far p gets from p(x) within `time` [m], whatever the inputs in U.
+        """Bound the distance of p from p(x) within `time` [m], for any inputs in U.
 
         Args:
             x: state, shape (n,).
@@ -68,8 +69,8 @@ class Bounded(Protocol):
 
 
 def travelled(dynamics: Bounded, x: Array, time: float, disturbance: float) -> float:
-    """What a dynamics says of its travel. Raises MistakenMethodError if that is no distance."""
-    found: Any = ask(dynamics, "travel", "a distance [m]", x, time, disturbance)
+    """Call `travel`. Raises MistakenMethodError if the result is no distance."""
+    found: Any = call_user(dynamics, "travel", "a distance [m]", x, time, disturbance)
     if not isinstance(found, int | float) or not found >= 0.0:
         raise MistakenMethodError(dynamics, "travel", "a distance [m]", repr(found))
     return found
@@ -83,19 +84,19 @@ def box_polytope(bounds: tuple[float, ...]) -> tuple[ca.SX, ca.SX]:
 
 @runtime_checkable
 class Measured(Protocol):
-    """Dynamics that say their units; a dataclass may have them as plain attributes."""
+    """Dynamics with units; a dataclass may have them as plain attributes."""
 
     @property
     def state_units(self) -> tuple[str, ...]:
-        """Of each state, such as "m" or "rad"."""
+        """The unit of each state, such as "m" or "rad"."""
 
     @property
     def input_units(self) -> tuple[str, ...]:
-        """Of each input, such as "m/s²"."""
+        """The unit of each input, such as "m/s²"."""
 
 
 class Units(NamedTuple):
-    """By name; "" where a dynamics does not say."""
+    """Units by name; "" for dynamics without units."""
 
     states: dict[str, str]
     inputs: dict[str, str]
@@ -112,7 +113,7 @@ def units(dynamics: Dynamics) -> Units:
 
 
 def require_sound(dynamics: Dynamics) -> None:
-    """Ask a dynamics for all its expressions.
+    """Call all methods of a dynamics and check their results.
 
     Raises:
         MistakenMethodError: a shape or a name is wrong, a weight is not above 0, or it failed.
@@ -123,9 +124,9 @@ def require_sound(dynamics: Dynamics) -> None:
         if found is not None and (not isinstance(found, tuple | list) or len(found) != count):
             raise MistakenMethodError(dynamics, field, f"a tuple of {count} units", repr(found))
     x = ca.SX.sym("x", n)
-    ask_expression(dynamics, "drift", [(n,)], x, symbols=[x])
-    ask_expression(dynamics, "actuation", [(n, m)], x, symbols=[x])
-    ask_expression(dynamics, "position", [(2,), (3,)], x, symbols=[x])
+    call_for_expression(dynamics, "drift", [(n,)], x, symbols=[x])
+    call_for_expression(dynamics, "actuation", [(n, m)], x, symbols=[x])
+    call_for_expression(dynamics, "position", [(2,), (3,)], x, symbols=[x])
     _require_polytope(dynamics, x, m)
     _require_metric(dynamics, m)
 
@@ -141,7 +142,7 @@ def _count(dynamics: Dynamics, field: str) -> int:
 
 def _require_polytope(dynamics: Dynamics, x: ca.SX, m: int) -> None:
     expected = f"A(x) of shape (r, {m}) and b(x) of shape (r,)"
-    found = ask(dynamics, "input_polytope", expected, x)
+    found = call_user(dynamics, "input_polytope", expected, x)
     if not isinstance(found, tuple | list) or len(found) != 2:
         got = f"{len(found)} values" if isinstance(found, tuple | list) else type(found).__name__
         raise MistakenMethodError(dynamics, "input_polytope", expected, got)
@@ -158,7 +159,7 @@ def _require_polytope(dynamics: Dynamics, x: ca.SX, m: int) -> None:
 
 def _require_metric(dynamics: Dynamics, m: int) -> None:
     expected = f"{m} weights above 0"
-    weights = ask(dynamics, "input_metric", expected)
+    weights = call_user(dynamics, "input_metric", expected)
     try:
         right = len(weights) == m and all(0.0 < float(w) < math.inf for w in weights)
     except (TypeError, ValueError):

@@ -5,12 +5,10 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import casadi as ca
-from annotated_types import Ge, Gt
+from annotated_types import Ge
 
 from phalanx.arrays import Array
-from phalanx.theory.models.dynamics import box_polytope
-
-Positive = Annotated[float, Gt(0)]
+from phalanx.theory.models.dynamics import Positive, box_polytope
 
 
 class _Integrator:
@@ -18,7 +16,7 @@ class _Integrator:
 
     dimension: int
     _blocks: ClassVar[tuple[tuple[str, str], ...]]
-    """What the names of each block's states begin with, and their unit; at last the inputs'."""
+    """Prefix of the names and unit, for each block of states and last for the inputs."""
 
     def __post_init__(self) -> None:
         if self.dimension not in (2, 3):
@@ -26,7 +24,7 @@ class _Integrator:
 
     @property
     def bound(self) -> float:
-        """On every component of the input."""
+        """Bound on every component of the input."""
         raise NotImplementedError
 
     @property
@@ -64,7 +62,7 @@ class _Integrator:
         return (1.0,) * self.dimension
 
     def _longest(self) -> float:
-        """Of the inputs."""
+        """The largest norm of an input."""
         return math.sqrt(self.dimension) * self.bound
 
 

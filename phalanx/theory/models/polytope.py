@@ -19,7 +19,7 @@ _PARALLEL = 1e-12
 _SLACK = 1e-9
 
 ACTUATION = 1e-5
-"""How far from U an applied input may stand: solvers are not exact."""
+"""Allowed distance of an applied input from U, since solvers are not exact."""
 
 
 class EmptyPolytopeError(ValueError):
@@ -35,11 +35,11 @@ class Box:
 
     @cached_property
     def ends(self) -> tuple[list[float], list[float]]:
-        """low and high as plain numbers: so few of them are faster so than as arrays."""
+        """low and high as lists: for so few numbers they are faster than arrays."""
         return self.low.tolist(), self.high.tolist()
 
     def holds(self, u: Array) -> bool:
-        """Whether low <= u <= high."""
+        """Return whether low <= u <= high."""
         for low, number, high in zip(self.ends[0], u.tolist(), self.ends[1], strict=True):
             if not low <= number <= high:
                 return False
@@ -56,12 +56,12 @@ class Polytope(NamedTuple):
     corners: Array
     """Its vertices, shape (v, m)."""
     box: Box | None
-    """The same set as bounds on each input, if it is that simple."""
+    """The same set as bounds on each input, if it is a box."""
     allowance: float
-    """How far above b the rows may be, so that u is within ACTUATION of the polytope."""
+    """Excess of A u over b for which u is still within ACTUATION of the polytope."""
 
     def takes(self, u: Array) -> bool:
-        """Whether u, shape (m,), is within ACTUATION of the polytope."""
+        """Return whether u, shape (m,), is within ACTUATION of the polytope."""
         if self.box is not None and self.box.holds(u):
             return True
         return bool((dot(self.A, u) <= self.b + self.allowance).all())
@@ -70,7 +70,7 @@ class Polytope(NamedTuple):
 def polytope(A: Array, b: Array) -> Polytope:
     """{u : A u <= b} with its vertices; shapes (r, m), (r,). Raises EmptyPolytopeError.
 
-    Rows are scaled to unit normals, which is what tolerances are meant for.
+    Rows are scaled to unit normals, for which the tolerances are meant.
     """
     sizes = length(A)
     sizes = np.where(sizes > 0.0, sizes, 1.0)
@@ -83,7 +83,7 @@ def polytope(A: Array, b: Array) -> Polytope:
 
 
 def _allowance(A: Array, b: Array, corners: Array) -> float:
-    """The s for which {u : A u <= b + s}, unit normals, lies within ACTUATION of the corners' hull.
+    """An s for which {u : A u <= b + s}, unit normals, lies within ACTUATION of the corners' hull.
 
     The distance from a convex set is largest at a vertex. At a sharp corner that is much farther
     out than s, so distances are measured along edges, from corner to corner.
@@ -95,8 +95,8 @@ def _allowance(A: Array, b: Array, corners: Array) -> float:
 
 
 def _farthest(points: Array, corners: Array) -> float:
-    """The largest distance of a point from the corner next to it."""
-    with np.errstate(over="ignore"):  # what is too far away for a square is not next to it
+    """The largest distance of a point from its nearest corner."""
+    with np.errstate(over="ignore"):  # a distance whose square overflows is not the least
         return float(length(points[:, None] - corners).min(axis=1).max())
 
 
@@ -129,11 +129,11 @@ def vertices(A: Array, b: Array) -> Array:
 
 
 def _require_bounded(A: Array) -> None:
-    """Raise EmptyPolytopeError if A u <= 0 has a solution besides zero: a way to infinity."""
+    """Raise EmptyPolytopeError if A u <= 0 has a solution other than zero: then U is unbounded."""
     rows, m = A.shape
     within_box = np.vstack([A, np.eye(m), -np.eye(m)])
-    ways_out = vertices(within_box, np.concatenate([np.zeros(rows), np.ones(2 * m)]))
-    if np.abs(ways_out).max() > 10 * _SLACK:
+    directions = vertices(within_box, np.concatenate([np.zeros(rows), np.ones(2 * m)]))
+    if np.abs(directions).max() > 10 * _SLACK:
         raise EmptyPolytopeError(f"{{u : A u <= b}} with {rows} rows in R^{m} is unbounded")
 
 
@@ -164,7 +164,7 @@ def constant_polytope(A: ca.SX, b: ca.SX) -> Polytope | None:
 
 @cache
 def _polytope_of(shape: tuple[int, ...], A: bytes, b: bytes) -> Polytope:
-    """One for all who ask, which nobody can write to; by its bits, for 0.0 equals -0.0."""
+    """The polytope with these bits, cached and read-only; by bits since 0.0 equals -0.0."""
     found = polytope(np.frombuffer(A).reshape(shape), np.frombuffer(b))
     sides = (found.box.low, found.box.high) if found.box else ()
     for array in (found.A, found.b, found.corners, *sides):

@@ -2,15 +2,11 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
 
 import casadi as ca
-from annotated_types import Gt
 
 from phalanx.arrays import Array
-from phalanx.theory.models.dynamics import box_polytope
-
-Positive = Annotated[float, Gt(0)]
+from phalanx.theory.models.dynamics import Positive, box_polytope
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,11 @@
-"""Terms of h_tot by derivatives of a graph by kinds, for what is no function of jets.
+"""Terms of h_tot by automatic differentiation of its composition, where jets do not suffice.
 
 D_k = Σ_l ‖∂ψ_{k-1}/∂x_l‖ φ_l^max within ψ_k needs the gradient of ψ_{k-1}, and so does the rate at
-which shares tighten. For that CasADi differentiates the composition of all pairs: a graph of
-vectors that has h of each kind of pair, and the dynamics of each kind of member, once.
+which shares tighten. CasADi differentiates the composition of all pairs: a graph of vectors that
+contains h of each kind of pair, and the dynamics of each kind of member, once.
 
-portable.py's exp and log have no exact derivatives. So h_tot is expanded around its own numbers at
-the sample: polynomials whose derivatives are those of LSE there, to as high an order as is needed.
+The exp and log of portable.py have no exact derivatives. So h_tot is expanded around its value at
+the sample: polynomials with the derivatives of LSE there, up to the order that is needed.
 """
 
 from collections.abc import Sequence
@@ -26,13 +26,13 @@ from phalanx.theory.safety.composition import FAR
 from phalanx.theory.safety.pairs import ChosenPairs, SwarmPairs
 
 _MOST_KEPT = 64
-"""Functions are kept for so many counts of pairs and members, which change with what is seen."""
+"""Number of functions to keep, one for each count of pairs and members that are seen."""
 _Counts = tuple[tuple[int, int], ...]
-"""(number of a kind, how many there are of it)."""
+"""(number of a kind, count of its pairs or members)."""
 
 
 class _Sample(NamedTuple):
-    """LSE of r pairs at the sample: numbers, which do not change while one differentiates."""
+    """LSE of r pairs at the sample, constants under differentiation."""
 
     h: ca.MX
     """shape (r,)"""
@@ -44,26 +44,26 @@ class _Sample(NamedTuple):
     """h_tot"""
 
 
-class _Alike(NamedTuple):
-    """Members of one kind."""
+class _Group(NamedTuple):
+    """The members of one kind."""
 
     kind: MemberKind
     x: ca.MX
-    """Their states, shape (n, r)."""
+    """The states, shape (n, r)."""
     places: ca.MX
-    """Of these among the numbers, shape (n r,)."""
+    """Places of the states among the numbers, shape (n r,)."""
     phi: ca.MX
-    """φ_l^max of each, shape (1, r)."""
+    """φ_l^max, shape (1, r)."""
 
 
 class _Graph(NamedTuple):
-    """The chain as CasADi's expressions of the numbers."""
+    """The chain as CasADi expressions of the numbers."""
 
     numbers: ca.MX
     gathered: Gathered
     h: ca.MX
     sample: _Sample
-    members: list[_Alike]
+    members: list[_Group]
     psi: list[ca.MX]
     unforced: ca.MX
     c: ca.MX
@@ -73,7 +73,7 @@ class _Graph(NamedTuple):
 
 
 class TermsByDerivatives(TermsByKind):
-    """The chain that safety.chain.build_chain has of the composed set, kind by kind."""
+    """The chain of safety.chain.build_chain, built kind by kind."""
 
     def __init__(
         self,
@@ -85,16 +85,9 @@ class TermsByDerivatives(TermsByKind):
         bounds: Sequence[float],
         printed: bool = False,
     ) -> None:
-        """The arguments are build_chain's.
+        """Take pairs and members of the swarm, ρ of LSE, and arguments as build_chain has them.
 
-        Args:
-            pairs: of the swarm.
-            members: of the swarm.
-            rho: of LSE.
-            alphas: α_1, ..., α_q.
-            xi: of Eq. (xi); None for D_1 in its place.
-            bounds: φ_l^max of each member.
-            printed: whether D_k is left out of the chain.
+        printed: leave D_k out of the chain.
         """
         super().__init__(pairs, members)
         self._rho, self._xi, self._printed = rho, xi, printed
@@ -114,9 +107,9 @@ class TermsByDerivatives(TermsByKind):
         return self._made(*_counts(members, pairs)), tables
 
     def rates(self, members: MembersByKind, pairs: ChosenPairs) -> Placed:
-        """What makes ψ_q grow while all members hold inputs w: a function as `function` has it.
+        """The growth of ψ_q while all members hold inputs w, as a function like `function`'s.
 
-        It takes w too, stacked as c is. Its results: ∂ψ_q/∂x f + Σ_l ‖∂ψ_q/∂x_l‖ φ_l^max, and
+        It also takes w, stacked as c is. Its results: ∂ψ_q/∂x f + Σ_l ‖∂ψ_q/∂x_l‖ φ_l^max, and
         ∂ψ_q/∂x_l g_l of all members.
         """
         return self._rates(*_counts(members, pairs)), self._places(members, pairs)
@@ -138,9 +131,9 @@ class TermsByDerivatives(TermsByKind):
         w = ca.MX.sym("w", graph.c.numel())
         last = graph.unforced + ca.sum1(graph.c * w)
         if self.pairs.degree > 1:
-            last += graph.disturbance  # which is part of ψ_q; of q = 1 it is in η
+            last += graph.disturbance  # part of ψ_q; for q = 1 it is in η
         slopes = _slopes(last, graph.numbers, graph.members)
-        growth = _drift(slopes, graph.members) + _pushed(slopes, graph.members, 0.0)
+        growth = _drift(slopes, graph.members) + _disturbance(slopes, graph.members, 0.0)
         return self._at_sample(graph, [w], [growth, _forces(slopes, graph.members)])
 
     def _graph(self, pairs: _Counts, members: _Counts) -> _Graph:
@@ -149,26 +142,26 @@ class TermsByDerivatives(TermsByKind):
         for k, count in pairs:
             function = self.pairs.kinds[k].h
             each.append(ca.vec(function.mapped(count)(chosen(numbers, function.inputs, count))))
-        h = ca.vertcat(*each, FAR)  # so that there is one
+        h = ca.vertcat(*each, FAR)  # so that h is not empty
         sample = _Sample(*[ca.MX.sym("sample", n) for n in (h.numel(), h.numel(), 1, 1)])
-        alike = []
+        groups = []
         for k, count in members:
             kind = self.members.kinds[k]
             x = chosen(numbers, kind.x.numel(), count)
-            alike.append(_Alike(kind, x, chosen.places[-1], chosen(numbers, 1, count)))
+            groups.append(_Group(kind, x, chosen.places[-1], chosen(numbers, 1, count)))
         psi = [_h_tot(h, sample, self._rho, q + 1)]
         for degree, alpha in enumerate(self._alphas, start=1):
-            slopes = _slopes(psi[-1], numbers, alike)
-            unforced = _drift(slopes, alike) + alpha(psi[-1])
-            disturbance = ca.MX(0.0) if self._printed else _pushed(slopes, alike, ROUNDED)
+            slopes = _slopes(psi[-1], numbers, groups)
+            unforced = _drift(slopes, groups) + alpha(psi[-1])
+            disturbance = ca.MX(0.0) if self._printed else _disturbance(slopes, groups, ROUNDED)
             if degree < q:
                 xi = disturbance if degree > 1 or self._xi is None else self._xi
                 psi.append(unforced + xi)
-        forces = _forces(slopes, alike)
-        return _Graph(numbers, chosen, h, sample, alike, psi, unforced, forces, disturbance)
+        forces = _forces(slopes, groups)
+        return _Graph(numbers, chosen, h, sample, groups, psi, unforced, forces, disturbance)
 
     def _at_sample(self, graph: _Graph, more: list[ca.MX], results: Sequence[ca.MX]) -> ca.Function:
-        """The function of numbers, places and more, the sample's numbers being put in."""
+        """The function of numbers, places and more, with the sample's values substituted."""
         given = [graph.numbers, *graph.gathered.places, *more]
         around = ca.Function("around", [*given, *graph.sample], [ca.vertcat(*results)])
         sigma = ca.mmax(graph.h)
@@ -188,7 +181,7 @@ def _counts(members: MembersByKind, pairs: ChosenPairs) -> tuple[_Counts, _Count
 
 
 def _h_tot(h: ca.MX, sample: _Sample, rho: float, order: int) -> ca.MX:
-    """LSE around the sample, with its derivatives up to this order."""
+    """LSE around the sample, with its derivatives up to `order`."""
     z, series = rho * (h - sample.h), ca.MX(1.0)
     for k in range(order, 0, -1):
         series = 1.0 + z / k * series
@@ -199,13 +192,13 @@ def _h_tot(h: ca.MX, sample: _Sample, rho: float, order: int) -> ca.MX:
     return sample.value + rise * logarithm / rho
 
 
-def _slopes(value: ca.MX, numbers: ca.MX, members: Sequence[_Alike]) -> list[ca.MX]:
+def _slopes(value: ca.MX, numbers: ca.MX, members: Sequence[_Group]) -> list[ca.MX]:
     """∂value/∂x_l of each kind's members, shapes (n, r)."""
     gradient = ca.gradient(value, numbers)
     return [ca.reshape(gradient[own.places], *own.x.shape) for own in members]
 
 
-def _drift(slopes: Sequence[ca.MX], members: Sequence[_Alike]) -> ca.MX:
+def _drift(slopes: Sequence[ca.MX], members: Sequence[_Group]) -> ca.MX:
     """Σ_l slope_l f_l, scalar."""
     total = ca.MX(0.0)
     for slope, own in zip(slopes, members, strict=True):
@@ -213,7 +206,7 @@ def _drift(slopes: Sequence[ca.MX], members: Sequence[_Alike]) -> ca.MX:
     return total
 
 
-def _forces(slopes: Sequence[ca.MX], members: Sequence[_Alike]) -> ca.MX:
+def _forces(slopes: Sequence[ca.MX], members: Sequence[_Group]) -> ca.MX:
     """slope_l g_l of all members, stacked."""
     each = [
         ca.vec(own.kind.forces.mapped(own.x.shape[1])(ca.vertcat(own.x, slope)))
@@ -222,8 +215,8 @@ def _forces(slopes: Sequence[ca.MX], members: Sequence[_Alike]) -> ca.MX:
     return ca.vertcat(*each)
 
 
-def _pushed(slopes: Sequence[ca.MX], members: Sequence[_Alike], rounded: float) -> ca.MX:
-    """Σ_l ‖slope_l‖ φ_l^max, scalar; rounded: as safety.chain has it."""
+def _disturbance(slopes: Sequence[ca.MX], members: Sequence[_Group], rounded: float) -> ca.MX:
+    """Σ_l ‖slope_l‖ φ_l^max, scalar; rounded: as in chain.disturbance_bound."""
     total = ca.MX(0.0)
     for slope, own in zip(slopes, members, strict=True):
         norms = ca.sqrt(ca.sum1(slope * slope) + rounded * rounded)

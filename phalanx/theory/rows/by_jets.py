@@ -1,4 +1,4 @@
-"""Terms of h_tot from what each pair's h does along the drift: h, L_f h, ..., L_f^q h."""
+"""Terms of h_tot from the derivatives of each pair's h along the drift: h, L_f h, ..., L_f^q h."""
 
 from functools import cache, cached_property
 from typing import NamedTuple
@@ -16,20 +16,20 @@ from phalanx.theory.safety.pairs import ChosenPairs, SwarmPairs
 
 
 class _Shape(NamedTuple):
-    """What a function is made for."""
+    """Sizes that a function is compiled for."""
 
     parts: tuple[tuple[int, int], ...]
-    """(number of the function, room) of members' parts; below of kinds of pairs and of members."""
+    """(number, room) of the functions of members' parts; likewise below for kinds."""
     pairs: tuple[tuple[int, int], ...]
     members: tuple[tuple[int, int], ...]
     room: int
-    """For pairs."""
+    """Number of pairs that there is room for."""
     most: int
-    """Forces that one input has a part in."""
+    """The most forces that contain one input."""
 
 
 class TermsByJets(TermsByKind):
-    """ψ_k are functions of these numbers where no D_k is part of them."""
+    """Terms of a chain without D_k, of which ψ_k are functions of the jets."""
 
     def __init__(self, pairs: SwarmPairs, members: SwarmMembers, jets: LogSumExpJets) -> None:
         super().__init__(pairs, members)
@@ -40,7 +40,7 @@ class TermsByJets(TermsByKind):
 
     @cached_property
     def parts_of(self) -> list[list[MappedFunction | None]]:
-        """By kind of pair, of each of its members: what is the same in all its pairs."""
+        """The functions of one member alone, by kind of pair and member; None if there is none."""
         by_text: dict[str, MappedFunction] = {}
         return [
             [part and by_text.setdefault(part.text, part) for part in kind.shared.parts]
@@ -49,7 +49,7 @@ class TermsByJets(TermsByKind):
 
     @cached_property
     def parts(self) -> list[MappedFunction]:
-        """The different ones among them."""
+        """The different functions among parts_of."""
         every = [part for own in self.parts_of for part in own if part]
         return list({id(part): part for part in every}.values())
 
@@ -99,7 +99,7 @@ class TermsByJets(TermsByKind):
 
 
 class _Jets:
-    """Where jets are among the results of all groups, which have room for more pairs."""
+    """Places of the jets among the results of all groups, which have room for more pairs."""
 
     def __init__(self, by_jets: TermsByJets, pairs: ChosenPairs) -> None:
         q, begin = by_jets.pairs.degree, 0
@@ -110,22 +110,22 @@ class _Jets:
             h.append(own[:, : q + 1])
             forces.append(own[:, q + 1 :].ravel())
             begin += rounded_up(len(group.pairs)) * width
-        # After them FAR and zero: a pair that is none, and no force.
-        nobody, count = np.array([[begin] + [begin + 1] * q]), len(pairs.pairs)
-        self.h = np.concatenate([*h, nobody.repeat(rounded_up(count) - count, axis=0)])
+        # The results end with FAR and zero: the jets of an unused pair, and an unused force.
+        unused, count = np.array([[begin] + [begin + 1] * q]), len(pairs.pairs)
+        self.h = np.concatenate([*h, unused.repeat(rounded_up(count) - count, axis=0)])
         """h, L_f h, ..., L_f^q h, shape (room, q+1)."""
         self.forces = np.concatenate([*forces, [begin + 1]]).astype(np.intp)
-        """In the order of ChosenPairs, shape (f+1,): the last is none."""
+        """In the order of ChosenPairs, shape (f+1,); the last one is unused."""
 
 
 class _Parts:
-    """What members have the same part of in all their pairs."""
+    """Places of the terms of one member alone, which all its pairs share."""
 
     def __init__(self, by_jets: TermsByJets, pairs: ChosenPairs) -> None:
         self._of, begin = by_jets.parts_of, len(by_jets.numbers)
         self._first: dict[int, Index] = {}
         self.tables: list[Index] = []
-        """Of the states that each function takes, row by row."""
+        """Places of the states that each function takes, row by row."""
         shape = []
         for number, part in enumerate(by_jets.parts):
             members = self._members(part, pairs)
@@ -140,7 +140,7 @@ class _Parts:
         self.shape = tuple(shape)
 
     def _members(self, part: MappedFunction, pairs: ChosenPairs) -> Index:
-        """Of whom it is needed."""
+        """The members whose part is needed."""
         found = [
             group.pairs[:, side]
             for group in pairs.groups
@@ -150,7 +150,7 @@ class _Parts:
         return np.unique(np.concatenate([np.zeros(0, dtype=np.intp), *found]))
 
     def of(self, kind: int, pairs: Index) -> list[Index]:
-        """Where the parts of both members of some pairs of a kind are, shapes (r, k)."""
+        """Places of the parts of both members, for pairs of a kind, shapes (r, k)."""
         return [
             self._first[id(part)][pairs[:, side]][:, None] + np.arange(part.results)
             for side, part in enumerate(self._of[kind])
@@ -159,12 +159,12 @@ class _Parts:
 
 
 def _filled(places: Index, room: int) -> Index:
-    """With the first row again for all that there is room for."""
+    """Fill the room up with copies of the first row."""
     return np.concatenate([places, places[:1].repeat(room - len(places), axis=0)])
 
 
 def _lists(owners: Index, count: int) -> Index:
-    """The numbers of what each owner has, in order, shape (most, count), then len(owners)."""
+    """Places k with owners[k] = c in column c, shape (most, count), filled with len(owners)."""
     order = np.argsort(owners, kind="stable")
     sizes = np.bincount(owners, minlength=count)
     table = np.full((rounded_up(int(sizes.max(initial=0))), count), len(owners))

@@ -49,10 +49,8 @@ class JointInput:
             empty = finite_or_none(least - row.bound), finite_or_none(terms.margin)
             own = zip(normal, u_nom, self._alone, strict=True)
             return [Decision(*backup(terms, l, u, qp, authority), *empty) for l, u, qp in own]
-        u, origin = (
-            self._qp.solve(np.concatenate(u_nom), self._joint(terms, normal), row),
-            Origin.QP,
-        )
+        origin = Origin.QP
+        u = self._qp.solve(np.concatenate(u_nom), self._joint(terms, normal), row)
         if u is None:
             require_numbers(least, row.bound)
             backups = [minimiser(terms.c[l], terms.polytopes[l].corners) for l in normal]
@@ -61,7 +59,7 @@ class JointInput:
         return [Decision(u[part], origin, left, terms.margin) for part in self._parts]
 
     def _joint(self, terms: Terms, normal: Sequence[int]) -> Polytope:
-        """U_N, the product of the U_i. Its corners are many, and nobody asks for them."""
+        """U_N, the product of the U_i, without its many corners, which are not needed."""
         each = [terms.polytopes[l] for l in normal]
         A = np.zeros((self._rows[-1].stop, self._parts[-1].stop))
         for rows, part, own in zip(self._rows, self._parts, each, strict=True):

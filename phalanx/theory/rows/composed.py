@@ -1,9 +1,10 @@
 """Terms of h_tot at a sampled state, composed from the pairs that an agent sees.
 
-Nothing in it grows with the swarm: pairs are evaluated kind by kind, and only among the seen.
+The cost does not grow with the swarm: only pairs in sight are evaluated, kind by kind.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -24,19 +25,13 @@ from phalanx.theory.safety.pairs import SwarmPairs
 
 NO_MARGIN = ComposedMargin(0.0)
 Bound = Callable[[Array, Sequence[int]], float]
-"""(x, seen) -> a margin that is computed at each state."""
+"""(x, seen) -> the margin at each state."""
 
 
 class SwarmTerms:
-    """What the terms of every agent of a swarm are made of; built once for all."""
+    """Compiled functions for the terms of all agents of a swarm."""
 
-    def __init__(
-        self,
-        pairs: SwarmPairs,
-        rho: float,
-        alphas: Sequence[ClassK],
-        xi: float,
-    ) -> None:
+    def __init__(self, pairs: SwarmPairs, rho: float, alphas: Sequence[ClassK], xi: float) -> None:
         """alphas: α_1 ... α_q. xi: of Eq. (xi).
 
         Raises EmptyPolytopeError: a constant input polytope is empty or unbounded.
@@ -45,7 +40,7 @@ class SwarmTerms:
         self.members = SwarmMembers(pairs.members, len(pairs.parameters))
         self.jets = LogSumExpJets(rho, alphas, xi)
         self._by_jets = TermsByJets(pairs, self.members, self.jets)
-        self.everybody = tuple(range(len(pairs.members)))
+        self.everyone = tuple(range(len(pairs.members)))
         self.dynamics = [m.dynamics for m in pairs.members]
         self.in_sight = ObstaclesInSight(pairs.obstacles)
 
@@ -62,14 +57,14 @@ class SwarmTerms:
             i: the agent.
             radius: how far it sees obstacles [m]; None for all.
             margin: of its row.
-            by_kind: how they are made; None for what has no D_k in it.
+            by_kind: builds the functions; None for a chain without D_k.
         """
         return ComposedTerms(self, i, radius, margin, by_kind or self._by_jets)
 
     def by_derivatives(
         self, xi: float | None, bounds: Sequence[float], printed: bool = False
     ) -> TermsByDerivatives:
-        """The same with D_k; arguments as TermsByDerivatives has them."""
+        """A builder for chains with D_k; arguments as TermsByDerivatives has them."""
         return TermsByDerivatives(
             self.pairs, self.members, self._rho, self._alphas, xi, bounds, printed
         )
@@ -95,36 +90,36 @@ class ComposedTerms:
         self._positions = Positions(swarm.members, ())
         constant = len(swarm.members.known) == len(swarm.members.states)
         self.known = swarm.members.known if constant else None
-        """U_l of all members; None if some vary with the state."""
+        """U_l of all members; None if some depend on the state."""
 
-    def __call__(self, x: Array, seen: Sequence[int] | None = None) -> "SeenTerms":
-        """At a stacked state, shape (n̄,), of which only the members seen are known.
+    def __call__(self, x: Array, seen: Sequence[int] | None = None) -> "LazyTerms":
+        """Evaluate at a stacked state, shape (n̄,), of which only the members seen are known.
 
         Args:
-            x: anything where it is not known. It is read when a term is asked for.
+            x: anything for members that are not seen. It is read on first use of a term.
             seen: in ascending order; None for all.
         """
-        return SeenTerms(self, x, self._swarm.everybody if seen is None else tuple(seen))
+        return LazyTerms(self, x, self._swarm.everyone if seen is None else tuple(seen))
 
     def positions(self, x: Array, seen: tuple[int, ...]) -> Mapping[int, Array]:
-        """Output positions [m] of those seen at x."""
+        """Output positions of the members seen [m]."""
         if seen != self._seen:
             self._seen, self._positions = seen, Positions(self._swarm.members, seen)
         return self._positions(x)
 
     def composed(self, x: Array, seen: tuple[int, ...]) -> ComposedNumbers:
-        """What all pairs in sight are composed to at x."""
+        """All pairs in sight, composed at x."""
         return self._choose(x, seen)(x)
 
     def margin(self, x: Array, seen: tuple[int, ...], composed: ComposedNumbers) -> float:
-        """Of the row."""
+        """The margin of the row."""
         if isinstance(self._margin, ComposedMargin):
             return self._margin.total(composed.disturbance)
         return self._margin(x, seen)
 
     def psi(self, x: Array, seen: Sequence[int] | None = None) -> Array:
         """ψ_0 ... ψ_{q-1} alone, shape (q,)."""
-        return self._choose(x, self._swarm.everybody if seen is None else tuple(seen)).psi(x)
+        return self._choose(x, self._swarm.everyone if seen is None else tuple(seen)).psi(x)
 
     def _choose(self, x: Array, seen: tuple[int, ...]) -> ComposedFunction:
         near = self._near(x[self._own])[0] if self._near else None
@@ -137,63 +132,52 @@ class ComposedTerms:
         return self._function
 
 
-class SeenTerms:
-    """One agent's terms at one state, composed when asked for: who keeps rows of pairs may not."""
-
-    __slots__ = ("_found", "_margin", "_positions", "_seen", "_terms", "_x")
+class LazyTerms:
+    """One agent's Terms at one state, computed on first use: rows of pairs need few of them."""
 
     def __init__(self, terms: ComposedTerms, x: Array, seen: tuple[int, ...]) -> None:
         self._terms, self._x, self._seen = terms, x, seen
-        self._found: ComposedNumbers | None = None
-        self._margin: float | None = None
-        self._positions: Mapping[int, Array] | None = None
 
-    @property
+    @cached_property
     def positions(self) -> Mapping[int, Array]:
-        """As Terms has them, like all that follow."""
-        if self._positions is None:
-            self._positions = self._terms.positions(self._x, self._seen)
-        return self._positions
+        return self._terms.positions(self._x, self._seen)
 
     @property
     def polytopes(self) -> Mapping[int, Polytope]:
         known = self._terms.known
-        return self._composed().polytopes if known is None else known
+        return self._composed.polytopes if known is None else known
 
     @property
     def psi(self) -> Array:
-        return self._composed().psi
+        return self._composed.psi
 
     @property
     def unforced(self) -> float:
-        return self._composed().unforced
+        return self._composed.unforced
 
     @property
     def c(self) -> Mapping[int, Array]:
-        return self._composed().c
+        return self._composed.c
 
     @property
     def least(self) -> Mapping[int, float]:
-        return self._composed().least
+        return self._composed.least
 
     @property
     def most(self) -> Mapping[int, float]:
-        return self._composed().most
+        return self._composed.most
 
-    @property
+    @cached_property
     def margin(self) -> float:
-        if self._margin is None:
-            self._margin = self._terms.margin(self._x, self._seen, self._composed())
-        return self._margin
+        return self._terms.margin(self._x, self._seen, self._composed)
 
+    @cached_property
     def _composed(self) -> ComposedNumbers:
-        if self._found is None:
-            self._found = self._terms.composed(self._x, self._seen)
-        return self._found
+        return self._terms.composed(self._x, self._seen)
 
 
 class ObstaclesInSight:
-    """Compiled once for all agents that have dynamics and radius in common."""
+    """Functions for the obstacles within a radius, one for each dynamics and radius."""
 
     def __init__(self, obstacles: Sequence[Static]) -> None:
         self._obstacles = obstacles

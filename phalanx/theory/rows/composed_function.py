@@ -1,7 +1,7 @@
-"""h_tot of the pairs in sight at one state after another: one call of a function by kinds.
+"""h_tot of the pairs in sight at one state after another: one call of a compiled function.
 
-Whose numbers it takes, and where they lie, is an argument: so the function grows with nothing but
-kinds, and serves all who see as many.
+The places of the pairs' and members' numbers are arguments. So the function grows with the number
+of kinds only, and serves all agents that see as many of each kind.
 """
 
 from abc import ABC, abstractmethod
@@ -20,16 +20,16 @@ from phalanx.theory.safety.pairs import ChosenPairs, SwarmPairs
 MembersByKind = Sequence[tuple[int, Sequence[int]]]
 """(number of a kind, members of it)."""
 Placed = tuple[ca.Function, list[Index]]
-"""A function of numbers and of places in them, and these places."""
+"""A function of numbers and places, and these places."""
 
 
 class ComposedNumbers(NamedTuple):
-    """What pairs are composed to, as Terms has it."""
+    """Terms of composed pairs, as numbers; fields are those of Terms."""
 
     psi: Array
     unforced: float
     disturbance: float
-    """D_q; 0 where it has no part in the margin."""
+    """D_q; 0 if the margin does not contain it."""
     c: dict[int, Array]
     least: dict[int, float]
     most: dict[int, float]
@@ -37,43 +37,43 @@ class ComposedNumbers(NamedTuple):
 
 
 class Gathered:
-    """Numbers picked by places, each list of them an argument of the function that is made."""
+    """Numbers at given places; each list of places becomes an argument of the function."""
 
     def __init__(self) -> None:
         self.places: list[ca.MX] = []
 
     def __call__(self, values: ca.MX, height: int, width: int) -> ca.MX:
-        """A matrix of them, a column for each row of places."""
+        """The numbers as a matrix, with a column for each row of places."""
         self.places.append(ca.MX.sym("places", height * width))
         return ca.reshape(values[self.places[-1]], height, width)
 
 
 class TermsByKind(ABC):
-    """How terms are made of kinds of pairs and members, for all who see as many of each."""
+    """Builder of functions that compute terms, one for each number of pairs and members."""
 
     def __init__(self, pairs: SwarmPairs, members: SwarmMembers) -> None:
         self.pairs, self.members = pairs, members
         self.numbers: Array = np.concatenate(
             [np.zeros(pairs.states), pairs.parameters, members.corners]
         )
-        """What a function takes: the state, obstacles and the corners of each U."""
+        """A function's numbers: the state, obstacles' parameters and the corners of each U."""
 
     @abstractmethod
     def room(self, count: int) -> int:
-        """How many members the function is made for where there are so many."""
+        """Number of members that the function has room for, at least `count`."""
 
     @abstractmethod
     def function(self, members: MembersByKind, pairs: ChosenPairs) -> Placed:
         """The function of the numbers for these members and pairs.
 
-        Its results: ψ_0 ... ψ_{q-1}, the unforced part and D_q; c of all members; and of each the
+        Its results: ψ_0 ... ψ_{q-1}, the unforced part and D_q; c of all members; and for each the
         least and most of c u, or A and b of a U that varies with the state.
         """
 
     def layout(self, sizes: MembersByKind, begin: int) -> tuple[dict[int, slice], int]:
-        """Where each member's numbers are from here on, and where they end.
+        """The slice of each member's numbers, from `begin` on, and their end.
 
-        sizes: how many each has.
+        sizes: (count of numbers, members with as many).
         """
         found: dict[int, slice] = {}
         for size, own in sizes:
@@ -84,7 +84,7 @@ class TermsByKind(ABC):
     def extremes(
         self, numbers: ca.MX, c: ca.MX, rooms: Sequence[tuple[int, int]], chosen: Gathered
     ) -> list[ca.MX]:
-        """What is said of each member's U; rooms: (number of a kind, members of it)."""
+        """Least and most of c u, or A and b; rooms: (number of a kind, room for its members)."""
         found, begin = [], 0
         for k, room in rooms:
             kind = self.members.kinds[k]
@@ -98,10 +98,10 @@ class TermsByKind(ABC):
 
 
 class ComposedFunction:
-    """Of the same pairs and members, whose numbers it finds by tables of places."""
+    """Terms of fixed pairs and members, whose numbers it finds by tables of places."""
 
     def __init__(self, by_kind: TermsByKind, seen: Sequence[int], pairs: ChosenPairs) -> None:
-        """seen: members. pairs: of them, and of them with what stands still."""
+        """seen: members. pairs: among them, and with obstacles and limits."""
         members, self._degree = by_kind.members, by_kind.pairs.degree
         kinds = list(members.by_kind(seen).items())
         sizes = [(members.kinds[k].inputs, own) for k, own in kinds]
@@ -111,14 +111,14 @@ class ComposedFunction:
         self._known = members.known
         self._varying = [l for l in self._ends if l not in self._known]
         self._least = [(l, own.start) for l, own in self._ends.items() if l in self._known]
-        """Where the least of those with a constant U are; the most come next."""
+        """Place of the least of each member with a constant U; the most comes next."""
         function, tables = by_kind.function(kinds, pairs)
         arguments = [table.ravel().astype(np.float64) for table in tables]
         self._bound = BoundFunction(function, [by_kind.numbers.copy(), *arguments])
         self._x, self._found = self._bound.inputs[0][: by_kind.pairs.states], self._bound.outputs[0]
 
     def __call__(self, x: Array) -> ComposedNumbers:
-        """At the stacked state, shape (n̄,)."""
+        """Evaluate at the stacked state, shape (n̄,)."""
         self._x[:] = x
         self._bound.call()
         found, q = self._found.copy(), self._degree
@@ -141,7 +141,7 @@ class ComposedFunction:
         return self._found[: self._degree].copy()
 
     def _solved(self, composed: ComposedNumbers, found: Array) -> ComposedNumbers:
-        """With the linear programs of members whose U_l is what it is at this state only."""
+        """Add the linear programs of members whose U_l depends on the state."""
         polytopes = dict(composed.polytopes)
         for l in self._varying:
             row, c = found[self._ends[l]], composed.c[l]

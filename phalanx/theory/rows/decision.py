@@ -1,4 +1,4 @@
-"""What a normal agent applies: the QP's input, else the backup LP's, Section "maxpreserve"."""
+"""A normal agent's input: the QP's, else the backup LP's, Section "maxpreserve"."""
 
 from typing import NamedTuple
 
@@ -20,19 +20,19 @@ class Decision(NamedTuple):
     """shape (m_i,)"""
     origin: Origin
     residual: float | None
-    """aᵀu - bound; at most the solver's tolerance when the row holds. None where no margin is
-    known: no input keeps such a row."""
+    """aᵀu - bound; at most the solver's tolerance when the row holds. None if no margin is known:
+    no input satisfies such a row."""
     margin: float | None = None
-    """η with all that the row adds to it, of several rows of the one that is nearest to binding.
-    None for an adversary, where none of several binds anything, and where none is known."""
+    """The margin of the row, or of the row nearest to binding. None for an adversary, if no row
+    binds, and if no margin is known."""
 
 
 class NotANumberError(ArithmeticError):
-    """A row is not a number: what it is made of has no value, or no derivative, at this state."""
+    """A row is NaN: h or a derivative of it is undefined at this state."""
 
 
 def require_numbers(*of_a_row: Array | float) -> None:
-    """Asked only where the QP has no input: a row that is no number keeps none."""
+    """Raise NotANumberError if part of a row is NaN; called only if the QP has no input."""
     if any(np.isnan(value).any() for value in of_a_row):
         raise NotANumberError("the row is not a number")
 
@@ -49,10 +49,10 @@ def decide(
         row: the agent's row under its information model.
         u_nom: nominal input, shape (m_i,).
         authority: if max c_i u - min c_i u <= authority the backup could not help: an agent far
-            from every conflict would otherwise brake or bolt at full throttle for nothing.
+            from every conflict would otherwise accelerate at full throttle for nothing.
 
     Raises:
-        NotANumberError: the row is none.
+        NotANumberError: the row is NaN.
     """
     polytope, least = terms.polytopes[i], terms.least[i]
     solved = qp.solve(u_nom, polytope, row) if least <= row.bound else None
@@ -64,7 +64,8 @@ def decide(
         u, origin = backup(terms, i, u_nom, qp, authority)
     if origin in (Origin.SOLVER_FAILED, Origin.BACKUP):
         require_numbers(least, row.bound)
-    return Decision(u, origin, _residual(row, u), finite_or_none(terms.margin))
+    residual = finite_or_none(max(inner(row.a, u) - row.bound, FAR))
+    return Decision(u, origin, residual, finite_or_none(terms.margin))
 
 
 def backup(
@@ -81,7 +82,7 @@ def backup(
 def decide_pairs(polytope: Polytope, rows: Rows, u_nom: Array, qp: NearestInput) -> Decision:
     """Solve agent i's QP with one row for each pair; fall back to the least worst violation.
 
-    The residual is that of the worst row; where no pair is near, so that no row binds, it is FAR.
+    The residual is that of the worst row; FAR if no pair is near, so that no row binds.
     Raises NotANumberError.
     """
     u, origin = qp.solve(u_nom, polytope, rows), Origin.QP
@@ -93,13 +94,8 @@ def decide_pairs(polytope: Polytope, rows: Rows, u_nom: Array, qp: NearestInput)
     return Decision(u, origin, *_nearest_to_binding(rows, u))
 
 
-def _residual(row: Row, u: Array) -> float | None:
-    """aᵀu - bound; None if it is infinite."""
-    return finite_or_none(max(inner(row.a, u) - row.bound, FAR))
-
-
 def _nearest_to_binding(rows: Rows, u: Array) -> tuple[float | None, float | None]:
-    """The largest a u - bound, at least FAR, and that row's margin; None what is infinite."""
+    """The largest a u - bound, at least FAR, and that row's margin; None for infinite ones."""
     residuals = dot(rows.a, u) - rows.bound
     nearest = int(residuals.argmax()) if len(residuals) else None
     if nearest is None or residuals[nearest] <= FAR:
@@ -109,7 +105,7 @@ def _nearest_to_binding(rows: Rows, u: Array) -> tuple[float | None, float | Non
 
 
 def finite_or_none(value: float) -> float | None:
-    """None if it is infinite, or nearly."""
+    """The value, or None if it is infinite or nearly so."""
     return value if abs(value) <= LARGEST else None
 
 
@@ -117,20 +113,18 @@ def least_violation(polytope: Polytope, rows: Rows) -> Array:
     """argmin over U_i of max_r (a_r u - bound_r), shape (m,): Eq. (LPnormal) for several rows.
 
     A linear program in (u, s) with s the worst violation, solved at its vertices. Rows that stay
-    below the least possible s wherever u is cannot bind, and are left out. Rows without a known
-    margin, whose bound is -inf, are the worst: among them each counts as if its bound were 0.
+    below the least possible s for every u cannot bind, and are left out. If margins are unknown,
+    with a bound of -inf, only those rows count, with a bound of 0.
     """
     unknown = np.isneginf(rows.bound)
     if unknown.any():
         rows = Rows(rows.a[unknown], np.zeros(int(unknown.sum())))
     residuals = dot(rows.a[:, None], polytope.corners) - rows.bound[:, None]
     binding = residuals.max(axis=1) >= residuals.min(axis=1).max()
-    # The least bound is put to zero, which moves s alone: beside a large one nothing else counts.
+    # The least bound is shifted to zero, which changes s alone: large bounds would cost digits.
     a, bound = rows.a[binding], rows.bound[binding] - rows.bound[binding].min()
-    A = np.vstack([np.pad(a, ((0, 0), (0, 1)), constant_values=-1.0), np.pad(polytope.A, _NO_S)])
+    column = (0, 0), (0, 1)
+    A = np.vstack([np.pad(a, column, constant_values=-1.0), np.pad(polytope.A, column)])
     corners = vertices(A, np.concatenate([bound, polytope.b]))
     best: Array = corners[int(np.argmin(corners[:, -1])), :-1]
     return best
-
-
-_NO_S = ((0, 0), (0, 1))

@@ -1,4 +1,4 @@
-"""What an agent may assume of the other normal agents' inputs: the information models.
+"""Information models: assumptions of a row on the other normal agents' inputs.
 
 Adversaries count at their worst, γ_j^max, in every model.
 """
@@ -17,44 +17,44 @@ class Information(StrEnum):
     """Information models of the row, and when each is sound.
 
     An agent's row certifies the joint condition from its own update until the next update of any
-    normal agent, whose row then takes over. So what matters is that every input a row counts on
-    is the one in force when the row's own input takes effect.
+    normal agent, whose row certifies it from then on. So every input in a row must be the one in
+    force when the row's own input takes effect.
     """
 
     PAPER = "paper"
-    """(QPdistributed) as printed: the last received û_l, whatever has become of it. Sound only if
-    every broadcast arrives before anyone else's next update, and no two agents update together;
-    the run checks it (received inputs in force)."""
+    """(QPdistributed) as printed: the last received û_l, whether still in force or not. Sound only
+    if every broadcast arrives before the next update of any other agent, and no two agents update
+    together; the run checks it (received inputs in force)."""
     IN_FLIGHT = "in-flight"
-    """û_l counts only while no newer input of l can be in force, t < t_l + Γ_l - δ_l^max, where
-    t_l is when û_l took effect; else γ_l^max. Sound for any delay and loss, if clocks keep their
-    bounds and senders tell the truth; checked too (received inputs in
-    force, sampling gap, truthful broadcasts)."""
+    """û_l counts only while no newer input of l can be in force, t < t_l + Γ_l - δ_l^max with t_l
+    the instant when û_l took effect; else γ_l^max. Sound for any delay and loss, if clocks keep
+    their bounds and broadcasts are true; checked too (received inputs in force, sampling gap,
+    truthful broadcasts)."""
     SPLIT = "split"
     """No û: each agent keeps its share of the joint condition. Sound for any delay and loss, as
-    all normal agents compose the same h_tot. With `lse` shares are computed from different samples,
-    and keep back what that costs to first order (ShareMargin); the rest is in η, and not proven.
-    With `pairs` shares are constant, and each agent's own margin is enough."""
+    all normal agents compose the same h_tot. With `lse` shares are computed from different samples;
+    ShareMargin covers that to first order, and the rest, which is not proven, is left to η. With
+    `pairs` shares are constant, and each agent's own margin is enough."""
     WORST_CASE = "worst-case"
-    """γ_l^max for everybody else. Sound always, feasible least often."""
+    """γ_l^max for all others. Always sound, feasible least often."""
 
     @property
     def shares(self) -> bool:
-        """Whether each agent keeps its share of a joint condition."""
+        """Return whether each agent keeps its share of a joint condition."""
         return self is Information.SPLIT
 
     @property
     def counts_on_received(self) -> bool:
-        """Whether rows count on inputs that were received."""
+        """Return whether rows contain received inputs."""
         return self in (Information.PAPER, Information.IN_FLIGHT)
 
 
 class ReceivedInput(Protocol):
-    """The newest broadcast that an agent has of another one, as a row needs it."""
+    """The newest broadcast that an agent has received from another."""
 
     @property
     def t_apply(self) -> float:
-        """When the input takes effect [s]."""
+        """Time from which the input is in force [s]."""
 
     @property
     def u(self) -> tuple[float, ...]:
@@ -63,25 +63,22 @@ class ReceivedInput(Protocol):
 
 @dataclass(frozen=True)
 class InformationModel:
-    """Which received inputs a row may count on."""
+    """Choice of the received inputs that a row contains."""
 
     kind: Information
     unchanged: Mapping[int, float]
-    """Γ_l - δ_l^max of each normal agent [s]: how long its input stays in force at least."""
+    """Γ_l - δ_l^max of each normal agent [s]: the least time that its input stays in force."""
     silence: float
-    """A normal agent not heard of for longer [s] is counted like an adversary, at γ_l^max."""
+    """A normal agent without a broadcast for longer [s] counts like an adversary, at γ_l^max."""
 
     def usable(self, received: Mapping[int, ReceivedInput], t: float) -> dict[int, Array]:
-        """û_l by agent, of those that count for an input that takes effect at t [s]."""
-        if not self.kind.counts_on_received:
-            return {}
+        """û_l by agent, where it counts for an input that takes effect at t [s]."""
+        return {l: np.array(h.u) for l, h in received.items() if self._counts(l, t, h.t_apply)}
+
+    def _counts(self, l: int, t: float, t_apply: float) -> bool:
         if self.kind is Information.IN_FLIGHT:
-            return {
-                l: np.array(h.u)
-                for l, h in received.items()
-                if t < h.t_apply + self.unchanged[l] - _INSTANT
-            }
-        return {l: np.array(h.u) for l, h in received.items() if t - h.t_apply <= self.silence}
+            return t < t_apply + self.unchanged[l] - _INSTANT
+        return self.kind is Information.PAPER and t - t_apply <= self.silence
 
     def sharing(
         self,
@@ -90,15 +87,15 @@ class InformationModel:
         t: float,
         among: Sequence[int] | None = None,
     ) -> list[int]:
-        """Normal agents that can be expected to keep their share at t [s], agent i with them.
+        """Normal agents that are expected to keep their share at t [s], agent i included.
 
-        among: agents of any kind, of whom it is asked; None for all.
+        among: agents of any kind to choose from; None for all.
         """
         begun = t <= self.silence
         alive = {l for l, h in received.items() if t - h.t_apply <= self.silence}
-        asked = self.unchanged if among is None else [l for l in among if l in self.unchanged]
-        return [l for l in asked if l == i or begun or l in alive]
+        normal = self.unchanged if among is None else [l for l in among if l in self.unchanged]
+        return [l for l in normal if l == i or begun or l in alive]
 
 
 _INSTANT = 1e-9
-"""Two times within this are one [s]: sums of periods round."""
+"""Tolerance for equal times [s], since sums of periods round."""

@@ -15,7 +15,7 @@ from phalanx.theory.safety.composition import Member, stacked_slices
 
 
 class MemberKind:
-    """Dynamics of which these are the same expressions."""
+    """Dynamics with the same expressions."""
 
     def __init__(self, dynamics: Dynamics) -> None:
         """Raises EmptyPolytopeError: a constant input polytope is empty or unbounded."""
@@ -29,7 +29,7 @@ class MemberKind:
         if self.polytope is None:
             self.corners, self.row, self._outputs = np.zeros(0), [x], [A, b]
         else:
-            # Numbers, so that dynamics with other bounds are of this kind too.
+            # Corners are arguments, so that dynamics with other bounds are of this kind too.
             self.corners = self.polytope.corners.ravel()
             corners = ca.SX.sym("corners", *self.polytope.corners.shape)
             values = corners @ c
@@ -37,28 +37,28 @@ class MemberKind:
 
     @cached_property
     def position(self) -> MappedFunction:
-        """Of the state."""
+        """p as a function of the state."""
         return MappedFunction([self.x], [self._p])
 
     @cached_property
     def extremes(self) -> MappedFunction:
-        """min and max of c u over U, of c and its corners; of a U that varies A and b, of x."""
+        """min and max of c u over U as a function of c and corners; A and b of x if U varies."""
         return MappedFunction(self.row, self._outputs)
 
     @cached_property
     def drift(self) -> MappedFunction:
-        """f, of the state."""
+        """f as a function of the state."""
         return MappedFunction([self.x], [self._f])
 
     @cached_property
     def forces(self) -> MappedFunction:
-        """s g, of the state and of s, shape (n,)."""
+        """s g as a function of the state and of s, shape (n,)."""
         slope = ca.SX.sym("slope", self.x.numel())
         return MappedFunction([self.x, slope], [slope.T @ self._g])
 
     @cached_property
     def text(self) -> str:
-        """What tells kinds apart."""
+        """Serialized expressions: different for different kinds."""
         outputs = [ca.densify(o) for o in (self._p, self._f, self._g, *self._outputs)]
         varying = self.polytope is None
         row = self.row if varying else [self.x, *self.row]
@@ -67,10 +67,10 @@ class MemberKind:
 
 
 class SwarmMembers:
-    """The members of a swarm: of each its kind, and where its numbers lie."""
+    """The members of a swarm: the kind of each, and the places of its numbers."""
 
     def __init__(self, members: Sequence[Member], after: int = 0) -> None:
-        """after: how many other numbers there are between the states and what comes in here.
+        """after: count of other numbers between the states and the corners.
 
         Raises EmptyPolytopeError: a constant input polytope is empty or unbounded.
         """
@@ -81,33 +81,33 @@ class SwarmMembers:
         by_text: dict[str, int] = {}
         number = {key: by_text.setdefault(k.text, len(by_text)) for key, k in each.items()}
         self._kind: Index = np.array([number[id(m.dynamics)] for m in members], dtype=np.intp)
-        """Which of `kinds` each member is of."""
+        """Place of each member's kind in `kinds`."""
         first = {number[key]: kind for key, kind in reversed(each.items())}
         self.kinds = [first[k] for k in range(len(by_text))]
         own = [each[id(m.dynamics)].polytope for m in members]
         self.known = {l: polytope for l, polytope in enumerate(own) if polytope is not None}
-        """U_l of the members for whom it is constant."""
+        """U_l of the members that have a constant one."""
         self.states = stacked_slices([len(m.dynamics.states) for m in members])
         self.inputs = stacked_slices([len(m.dynamics.inputs) for m in members])
         begin = self.states[-1].stop + after
         where = stacked_slices([len(kind.corners) for kind in each.values()])
         places = {key: begin + np.r_[part] for key, part in zip(each, where, strict=True)}
         self.corners: Array = np.concatenate([kind.corners for kind in each.values()])
-        """Of each dynamics' U, one after the other, after the states and what follows them."""
+        """Corners of each dynamics' U, one after the other."""
         self._corners = [places[id(m.dynamics)] for m in members]
 
     def arguments(self, kind: int, members: Sequence[int]) -> Index:
-        """Where the corners of U of members of a kind are; or their states, if it varies."""
+        """Places of the corners of U for members of a kind; or of their states, if U varies."""
         if self.kinds[kind].polytope is None:
             return self.places(members)
         return np.stack([self._corners[l] for l in members])
 
     def places(self, members: Sequence[int]) -> Index:
-        """Where the states of members of one kind are, row by row."""
+        """Places of the states of members of one kind, row by row."""
         return np.stack([np.r_[self.states[l]] for l in members])
 
     def extremes(self, l: int, x: Array, c: Array) -> Array:
-        """min and max of c u over U_l at states x, (s, n), of c, (s, m); shape (s, 2)."""
+        """min and max of c u over U_l for states x, (s, n), and c, (s, m); shape (s, 2)."""
         known, (states, inputs) = self.known.get(l), (x.shape[1], c.shape[1])
         if known is not None:
             values = dot(c[:, None], known.corners)
@@ -120,7 +120,7 @@ class SwarmMembers:
         return np.array(found)
 
     def by_kind(self, seen: Sequence[int]) -> dict[int, list[int]]:
-        """The members seen of each kind, those with a constant U first."""
+        """The members among `seen` of each kind, those with a constant U first."""
         found: dict[int, list[int]] = {}
         for l in sorted(seen, key=lambda l: l not in self.known):
             found.setdefault(int(self._kind[l]), []).append(l)
@@ -128,7 +128,7 @@ class SwarmMembers:
 
 
 class Positions:
-    """Output positions of the same members at one state after another."""
+    """Output positions of fixed members at one state after another."""
 
     def __init__(self, swarm: SwarmMembers, seen: Sequence[int]) -> None:
         self._groups = [
@@ -137,7 +137,7 @@ class Positions:
         ]
 
     def __call__(self, x: Array) -> dict[int, Array]:
-        """By member [m], at the stacked state x, shape (n̄,)."""
+        """Evaluate at the stacked state x, shape (n̄,); output positions by member [m]."""
         found: dict[int, Array] = {}
         for members, rows in self._groups:
             rows(x)

@@ -1,15 +1,15 @@
-"""How an agent's input was made."""
+"""The origin of an agent's input: QP, backup or attack."""
 
 from enum import StrEnum
 
 
 class Origin(StrEnum):
-    """How an input was made."""
+    """Origin of an agent's input."""
 
     QP = "qp"
     """The QP had a solution: the input is in K_i."""
     SOLVER_FAILED = "solver-failed"
-    """K_i was not empty, but the solver found nothing in it: u_i^min, which keeps every row."""
+    """K_i was not empty, but the solver failed: u_i^min, which satisfies every row."""
     BACKUP = "backup"
     """K_i was empty: u_i^min of Eq. (LPnormal)."""
     NO_AUTHORITY = "no-authority"
@@ -22,6 +22,6 @@ EMPTY = (Origin.BACKUP, Origin.NO_AUTHORITY)
 """The origins of inputs for which K_i was empty."""
 
 
-def words_of(origin: str) -> str:
-    """An origin as a person reads it."""
+def origin_label(origin: str) -> str:
+    """An origin as readable text."""
     return origin.replace("-", " ")

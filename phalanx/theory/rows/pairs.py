@@ -1,10 +1,10 @@
-"""One row for each pair of an agent, in place of one row for the composed h_tot.
+"""One row for each pair of an agent, instead of one row for the composed h_tot.
 
 S is the intersection of the pairs' own sets, so that keeping every pair keeps S. A pair with an
-adversary or an obstacle is the normal agent's alone. A pair of normal agents is a joint condition
-of two: both keep half of it (split), or one counts on the other as the information model says.
-Constant halves add up at every instant, although the two agents sample at different ones; and no
-weights switch, which is why the rigorous margin is several times smaller than that of LSE.
+adversary or an obstacle is a condition on the normal agent alone. A pair of normal agents is a
+joint condition on two: each keeps half of it (split), or assumes an input of the other by its
+information model. Constant halves add up at every instant, although the two agents sample at
+different ones. As no weights switch, the proven margin is several times smaller than that of LSE.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -24,10 +24,10 @@ from phalanx.theory.safety.pairs import SwarmPairs, spread
 
 
 class OwnPair(NamedTuple):
-    """A pair of agent i's, as its row needs it."""
+    """One pair of agent i, with its chain."""
 
     chain: Chain
-    """Of the pair alone."""
+    """The chain of the pair alone."""
     own: int
     """Agent i's place in the pair: 0 or 1."""
 
@@ -38,7 +38,7 @@ class OwnPair(NamedTuple):
 
 
 class PairTerms(NamedTuple):
-    """Numbers of one sampled state, by pair of agent i that it sees; shapes (r,) unless said."""
+    """Terms at one sampled state, for each pair of agent i in sight; shapes (r,) unless given."""
 
     psi: Array
     """ψ_0 ... ψ_{q-1} of each pair, shape (r, q)."""
@@ -49,13 +49,13 @@ class PairTerms(NamedTuple):
     most: Array
     """max over U_l of c_l u of the other member; 0 for an obstacle."""
     margin: Array
-    """Of the row, or of agent i's half, as margins.margin.Margin sums it."""
+    """Of the row, or of agent i's half, as margins.margin.AgentMargin sums it."""
     forces: list[Array]
     """c_l of the other member, shapes (m_l,); empty for an obstacle."""
     others: tuple[int | None, ...]
     """The other member's index; None for an obstacle."""
     half: Mask
-    """Whether agent i keeps its half of the pair, and not all of it."""
+    """True if agent i keeps half of the pair, False if all of it."""
 
 
 class PairRowFunction:
@@ -72,9 +72,9 @@ class PairRowFunction:
 
         Args:
             pair: one of the kind.
-            part: which row.
-            margin: of that row, an expression of the pair's state.
-            symbols: scalars that it contains beside.
+            part: of the pair's condition that the row keeps.
+            margin: of that row, an expression of the pair's state and the symbols.
+            symbols: further scalars.
 
         Raises:
             ValueError: the other member's input bounds depend on its state.
@@ -101,17 +101,17 @@ class _Group(NamedTuple):
 
 
 class _Chosen(NamedTuple):
-    """The pairs in sight, as long as they stay the same."""
+    """The pairs in sight, kept while they stay the same."""
 
     key: tuple[object, ...]
     groups: list[_Group]
     others: tuple[int | None, ...]
-    """As PairTerms has them, like what follows."""
+    """As in PairTerms, like `half`."""
     half: Mask
 
 
 class OwnPairTerms:
-    """Agent i's pairs with what it sees, at any state."""
+    """Terms of agent i's pairs in sight, at any state."""
 
     def __init__(
         self,
@@ -120,12 +120,12 @@ class OwnPairTerms:
         function: Callable[[int, RowPart], PairRowFunction],
         near: CompiledFunction | None,
     ) -> None:
-        """For normal agent i of the swarm.
+        """Prepare for normal agent i of the swarm.
 
         Args:
-            function: of its row for another member, or N + k for obstacle k; the same object for
-                all pairs of a kind.
-            near: as composed.ObstaclesInSight has it.
+            function: (other member, or N + k for obstacle k; part) -> function of the row; the
+                same object for all pairs of a kind.
+            near: as composed.ObstaclesInSight returns it.
         """
         self._swarm, self._i, self._function, self._near = swarm, i, function, near
         self._own = slice(swarm.begin[i], swarm.begin[i] + len(swarm.members[i].dynamics.states))
@@ -141,7 +141,7 @@ class OwnPairTerms:
         """Evaluate at a stacked state, shape (n̄,), of which only the members seen are known.
 
         Args:
-            x: anything where it is not known.
+            x: anything for members that are not seen.
             seen: in ascending order; None for all.
             sharing: normal agents that keep their half; empty unless the model is split.
             symbols: values of those in the margins.
@@ -188,7 +188,7 @@ class OwnPairTerms:
         )
 
     def _terms(self, chosen: _Chosen) -> PairTerms:
-        """What the groups' rows came to, one group after the other."""
+        """The results of all groups, one after the other."""
         q, inputs = self._swarm.degree, len(self._swarm.members[self._i].dynamics.inputs)
         end = q + 3 + inputs
         known = [np.zeros((0, end)), *[group.rows.results[:, :end] for group in chosen.groups]]

@@ -1,10 +1,9 @@
 """The quadratic program of one agent: min ‖u - u_nom‖² in U_i and the safety rows.
 
-In a box with one row it is solved as what it is, one number to find: the row's multiplier λ >= 0.
-The nearest input is then u_k(λ) = u_nom_k - λ a_k / (2 w_k), clipped to its bounds. aᵀu(λ) falls
-along straight pieces from that of the clipped nominal input to the least in the box, so λ lies on
-the piece along which it passes the bound: no iteration, and nothing that could fail to converge.
-All else is OSQP's.
+In a box with one row only one number is unknown: the row's multiplier λ >= 0. The nearest input is
+u_k(λ) = u_nom_k - λ a_k / (2 w_k), clipped to its bounds. aᵀu(λ) is piecewise linear and falls from
+its value at the clipped nominal input to the least in the box, so λ lies on the piece that crosses
+the bound: no iteration, and nothing that could fail to converge. OSQP solves all other programs.
 """
 
 from collections.abc import Sequence
@@ -22,9 +21,9 @@ from phalanx.theory.rows.row import Row, Rows
 Places = NDArray[np.integer[Any]]
 
 _OSQP = compiled_part()
-"""Loaded before the programs are forked: what is loaded later, each of them loads."""
+"""Loaded before the programs are forked, so that they share it."""
 INFINITY = 1e30
-"""As OSQP reads it: a row of this bound binds nothing."""
+"""OSQP's infinity: a row with this bound never binds."""
 _RHO = 0.1
 _STEEPEST = 1e4
 """Objectives with a larger linear part are scaled down to it."""
@@ -43,15 +42,15 @@ _SETTINGS = {
 
 
 class Solver:
-    """One solver that is updated and asked again.
+    """An OSQP solver for programs of one size.
 
-    Its sparsity is dense and fixed, since a zero that vanished from the pattern would make the
-    update wrong. Adaptive ρ counts iterations, not time, and begins anew each time; nothing is
-    scaled by what came before.
+    Its sparsity pattern is dense and fixed, so that updates with zeros are right. Adaptive ρ counts
+    iterations, not time, and starts again for each program, so that no result depends on earlier
+    ones.
     """
 
     def __init__(self, metric: tuple[float, ...], rows: int, most_steps: int) -> None:
-        """metric: w, one weight for each input. most_steps: it gives up after so many."""
+        """metric: w, one weight for each input. most_steps: limit of iterations."""
         self._weights, inputs = np.array(metric), len(metric)
         osqp = _OSQP
         settings = osqp.OSQPSettings()
@@ -89,19 +88,19 @@ class Solver:
 
 
 class _Columns(NamedTuple):
-    """A sparse matrix, column by column, as OSQP takes it."""
+    """A sparse matrix, column by column, in OSQP's form."""
 
     shape: tuple[int, int]
     nnz: int
     indptr: Places
-    """Where each column begins."""
+    """First place of each column."""
     indices: Places
-    """In which row each number stands."""
+    """Row of each number."""
     data: Array
 
 
 def _columns(values: Array, rows: Places, height: int) -> _Columns:
-    """Equally many numbers in each column, and the rows in which they stand, one shape."""
+    """A matrix of columns with equally many numbers; values and their rows have one shape."""
     count, width = values.shape
     begins = np.arange(0, count * width + 1, count, dtype=np.int32)
     indices = rows.ravel(order="F").astype(np.int32)
@@ -109,21 +108,21 @@ def _columns(values: Array, rows: Places, height: int) -> _Columns:
 
 
 TOLERANCE = 1e-6
-"""How far a solution may stand outside its constraints, each scaled to a unit normal."""
+"""Allowed violation of constraints by a solution, each scaled to a unit normal."""
 
 _FARTHEST = 1e6
-"""How many times as far as U_i a nominal input counts."""
+"""Nominal inputs are moved to within this many times the size of U_i."""
 
 
 class NearestInput:
     """argmin of Σ w (u - u_nom)² over A u <= b and a u <= bound.
 
-    In a box with one row it is a number to find (nearest_in_box); any other is OSQP's. A solver is
-    kept for each number of rows that comes, and an answer depends on its question alone.
+    In a box with one row by nearest_in_box, else by OSQP. A solver is kept for each number of rows;
+    a result depends on the arguments alone.
     """
 
     def __init__(self, metric: tuple[float, ...], most_steps: int = 20_000) -> None:
-        """metric: w, one weight for each input. most_steps: OSQP gives up after so many."""
+        """metric: w, one weight for each input. most_steps: limit of OSQP's iterations."""
         self._metric, self._most_steps = metric, most_steps
         self._solvers: dict[int, Solver] = {}
 
@@ -135,7 +134,7 @@ class NearestInput:
         Args:
             u_nom: shape (m,).
             polytope: U_i.
-            row: the safety row or rows; None asks for the projection onto U_i.
+            row: the safety row or rows; None for the projection onto U_i.
         """
         box = polytope.box
         if box is None:
@@ -162,8 +161,8 @@ class NearestInput:
             sizes = length(a)
             if (bound[sizes == 0.0] < 0.0).any() or np.isneginf(bound).any():
                 return None
-            # Unit normals: rows of ‖a‖ from 1e-5 to 40 would strain the tolerances. A row that no
-            # input changes, and that holds, binds nothing.
+            # Unit normals: rows of ‖a‖ from 1e-5 to 40 strain the tolerances. A row with a = 0 that
+            # holds never binds.
             scale = np.where(sizes > 0.0, sizes, 1.0)
             bound = np.minimum(bound / scale, INFINITY)
             A, b = np.concatenate((A, a / scale[:, None])), np.concatenate((b, bound))
@@ -175,7 +174,7 @@ class NearestInput:
 
 
 def _within_reach(u_nom: Array, box: Box) -> Array:
-    """u_nom, or the point of its ray beyond which 16 digits do not hold it and the box both.
+    """u_nom, or a nearer point on its ray if u_nom is too large for float64's digits.
 
     The farther out on a ray, the less its nearest input moves.
     """
@@ -199,11 +198,11 @@ def nearest_in_box(
 ) -> list[float] | None:
     """argmin of Σ w (u - u_nom)² over low <= u <= high and aᵀu <= bound, each of m numbers.
 
-    Plain numbers: so few of them are several times faster than arrays.
+    Lists: for so few numbers they are several times faster than arrays.
 
     Args:
-        tolerance: how far the least aᵀu may be above the bound, over Σ |a|. Then that is the
-            answer; beyond it there is none, and None is returned.
+        tolerance: allowed excess of the least aᵀu over the bound, per Σ |a|; up to it the input
+            with the least aᵀu is returned, beyond it None.
     """
     components = [
         (wanted, c / (w + w), least, greatest, c)

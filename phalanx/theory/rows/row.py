@@ -1,7 +1,7 @@
 """Agent i's row aᵀu_i <= bound, its part in keeping ψ_q^d + η <= 0, and the terms it is made of.
 
-Each information model answers one question: what may agent i assume of the other normal
-agents' inputs? Adversaries count at their worst, γ_j^max, in every model.
+The information models differ in the inputs that they assume of other normal agents. Adversaries
+count at their worst, γ_j^max, in every model.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ class Terms(Protocol):
 
     @property
     def unforced(self) -> float:
-        """Σ_l L_{f_l} ψ_{q-1}^{x_l} + α_q(ψ_{q-1}^d): what no input changes."""
+        """Σ_l L_{f_l} ψ_{q-1}^{x_l} + α_q(ψ_{q-1}^d), the part without inputs."""
 
     @property
     def c(self) -> Mapping[int, Array]:
@@ -50,7 +50,7 @@ class Terms(Protocol):
 
     @property
     def margin(self) -> float:
-        """η with all that is added to it at this state, as margins.margin.Margin sums it."""
+        """η and the part of the margin that depends on the state, as margins.margin sums them."""
 
 
 class Row(NamedTuple):
@@ -69,7 +69,7 @@ class Rows(NamedTuple):
     bound: Array
     """shape (r,)"""
     margin: Array | None = None
-    """What of it is margin, shape (r,), if that is asked for."""
+    """The part of each bound that is margin, shape (r,), if it is known."""
 
 
 def paper_row(terms: Terms, i: int, received: Mapping[int, Array]) -> Row:
@@ -81,7 +81,7 @@ def paper_row(terms: Terms, i: int, received: Mapping[int, Array]) -> Row:
     Args:
         terms: at agent i's sampled state.
         i: the agent.
-        received: û_l, shape (m_l,), of normal agents; whoever is absent counts at γ_l^max.
+        received: û_l, shape (m_l,), of normal agents; those without count at γ_l^max.
     """
     others, c = terms.unforced + terms.margin, terms.c
     for l, most in terms.most.items():
@@ -93,11 +93,11 @@ def paper_row(terms: Terms, i: int, received: Mapping[int, Array]) -> Row:
 
 
 _FLOOR = 0.01
-"""What the span of an agent without authority counts as, so that it has a share too."""
+"""Added to each span, so that an agent without authority has a share too."""
 
 
 def split_row(terms: Terms, i: int, normal: Sequence[int], kept_back: float = 0.0) -> Row:
-    """Agent i's share of the joint condition; needs nothing from the others.
+    """Agent i's share of the joint condition, without inputs of the others.
 
     With m_l = min over U_l of c_l u and T = Σ drift + Σ_N m_l + Σ_A max c_j u + α_q + η, agent i
     keeps c_i u_i <= m_i + ω_i (-T). Summed over N, with Σ ω_i = 1, this is the condition of
@@ -108,7 +108,7 @@ def split_row(terms: Terms, i: int, normal: Sequence[int], kept_back: float = 0.
         terms: at agent i's sampled state.
         i: the agent.
         normal: those that keep a share.
-        kept_back: added to T, for shares are computed from different samples; ShareMargin has it.
+        kept_back: added to T, since shares are computed from different samples; see ShareMargin.
     """
     place = list(normal).index(i)
     share = shares(terms, normal)[place] * -(joint_sum(terms, normal) + kept_back)
@@ -116,18 +116,18 @@ def split_row(terms: Terms, i: int, normal: Sequence[int], kept_back: float = 0.
 
 
 def shares(terms: Terms, normal: Sequence[int]) -> Array:
-    """ω_l of each normal agent, positive, of sum 1: in proportion to what it can do, its span.
+    """ω_l of each normal agent, positive, of sum 1: in proportion to its span.
 
-    The span s_l = max c_l u - min c_l u is how far its input moves ψ_q: all may use the same part
-    of what they can do. Equal shares would give leeway to agents that cannot use it, and take it
-    from those that stand in a conflict.
+    The span s_l = max c_l u - min c_l u is the largest effect of its input on ψ_q; so all may use
+    the same part of theirs. Equal shares would give leeway to agents that cannot use it, and take
+    it from those in a conflict.
     """
     parts: Array = _spans(terms, normal) / total_span(terms, normal)
     return parts
 
 
 def total_span(terms: Terms, normal: Sequence[int]) -> float:
-    """W = Σ s_l, how far normal agents together move ψ_q; above 0."""
+    """W = Σ s_l, the largest effect of all normal agents together on ψ_q; above 0."""
     return added(_spans(terms, normal).tolist())
 
 
@@ -142,7 +142,7 @@ def joint_sum(terms: Terms, helping: Sequence[int]) -> float:
 
     Args:
         terms: at a state.
-        helping: agents that count at their best, γ_l^min; all others count at γ_l^max.
+        helping: agents that count at γ_l^min; all others count at γ_l^max.
     """
     least, most = terms.least, terms.most
     extremes = added(least[l] if l in helping else most[l] for l in most)

@@ -1,7 +1,7 @@
-"""Safety filters: from what an agent would like to apply to what it may apply.
+"""Safety filters: from an agent's nominal input to a safe one.
 
-A filter is a row or rows, a QP and a backup put together. Which inputs of the others its rows count
-on is the information model's to say.
+A filter is a row or rows, a QP and a backup. The information model chooses the received inputs of
+other agents that its rows contain.
 """
 
 from collections.abc import Mapping
@@ -17,35 +17,35 @@ from phalanx.theory.rows.row import Terms, paper_row, split_row
 from phalanx.theory.rows.share_margin import ShareMargin
 
 
-class Situation(NamedTuple):
-    """What agent i knows when it decides."""
+class FilterInput(NamedTuple):
+    """Agent i's knowledge at one control step."""
 
     t: float
-    """When its input takes effect [s]."""
+    """Time from which the agent's input is in force [s]."""
     x: Array
-    """Stacked sampled state, shape (n̄,); NaN where it is not seen."""
+    """Stacked sampled state, shape (n̄,); NaN for members that are not seen."""
     seen: tuple[int, ...]
     """The members that are seen."""
     terms: Terms
-    """Of h_tot at that state."""
+    """Terms of h_tot at that state."""
     u_nom: Array
-    """What its law would like to apply, shape (m_i,)."""
+    """Nominal input, shape (m_i,)."""
     received: Mapping[int, ReceivedInput]
     """û_l by agent."""
 
 
 class Filtered(NamedTuple):
-    """An input, and what it counted on."""
+    """An input, and the received inputs that it rests on."""
 
     decision: Decision
     used: list[int]
-    """The agents whose û_l counted for it."""
+    """The agents whose û_l was in a row."""
 
 
 class SafetyFilter(Protocol):
-    """What makes one agent's inputs safe."""
+    """A function that makes one agent's inputs safe."""
 
-    def __call__(self, now: Situation) -> Filtered:
+    def __call__(self, now: FilterInput) -> Filtered:
         """The input to apply."""
 
 
@@ -60,17 +60,12 @@ class ComposedFilter:
         authority: float,
         share_margin: ShareMargin | None,
     ) -> None:
-        """Put it together.
-
-        Args:
-            authority: as decide has it.
-            share_margin: where the information model is split, else None.
-        """
+        """authority: as in decide. share_margin: with the information model split, else None."""
         self._i, self._information = i, information
         self._qp, self._authority = qp, authority
         self._share_margin = share_margin
 
-    def __call__(self, now: Situation) -> Filtered:
+    def __call__(self, now: FilterInput) -> Filtered:
         """The input to apply."""
         terms, i = now.terms, self._i
         counted: dict[int, Array] = {}
@@ -94,7 +89,7 @@ class PairwiseFilter:
         self._i, self._information, self._qp, self._terms = i, information, qp, terms
         self._split = information.kind.shares
 
-    def __call__(self, now: Situation) -> Filtered:
+    def __call__(self, now: FilterInput) -> Filtered:
         """The input to apply."""
         information, i = self._information, self._i
         sharing = information.sharing(i, now.received, now.t, now.seen) if self._split else []
@@ -104,19 +99,19 @@ class PairwiseFilter:
         return Filtered(decision, list(counted))
 
 
-def _believed(information: InformationModel, now: Situation) -> dict[int, Array]:
-    """û_l by agent, of those that count: what no actuator of agent l could take is not true."""
+def _believed(information: InformationModel, now: FilterInput) -> dict[int, Array]:
+    """û_l by agent, where it counts; an input that l's actuators do not take must be false."""
     usable, polytopes = information.usable(now.received, now.t), now.terms.polytopes
     return {l: u for l, u in usable.items() if polytopes[l].takes(u)}
 
 
 class Unfiltered:
-    """An adversary's input, only projected onto U_j: it keeps nobody's safety."""
+    """Projection of an adversary's input onto U_j, with no regard to safety."""
 
     def __init__(self, i: int, qp: NearestInput) -> None:
         self._i, self._qp = i, qp
 
-    def __call__(self, now: Situation) -> Filtered:
+    def __call__(self, now: FilterInput) -> Filtered:
         """The input to apply. Raises ArithmeticError if the projection fails."""
         u = self._qp.solve(now.u_nom, now.terms.polytopes[self._i])
         if u is None:

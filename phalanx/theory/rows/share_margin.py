@@ -1,16 +1,16 @@
-"""The margin of shares: what they cost because agents compute them from different samples.
+"""The margin of shares, needed because agents compute them from different samples.
 
 r = -T / W, with W = Σ s_l the sum of spans, is the part of its range that every agent may use, and
-v_l = (c_l u_l - m_l) / s_l the part that agent l does use. A share asks v_l <= r at agent l's own
-sample; the joint sum at any time is J = Σ s_l (v_l - r). A held input keeps its v_l but for the
-turning of c_l, so what makes J grow is that r falls. With w_r the inputs of agents that use just
-their share, between their best and their worst input,
+v_l = (c_l u_l - m_l) / s_l the part that agent l does use. A share requires v_l <= r at agent l's
+own sample; the joint sum at any time is J = Σ s_l (v_l - r). A held input keeps its v_l except for
+changes of c_l, so J grows because r falls. With w_r the inputs of agents that use exactly their
+share, between their best and their worst input,
 
     -W r' = ∂/∂x (Σ drift + Σ c w_r + α_q) x'.
 
-Its largest value over all x' = f + g u + φ, times the horizon, is what the joint condition keeps
-back: with it v_l stays below r, to first order, until agent l samples again, whatever anybody does.
-The second order and the turning of c_l are left to η.
+Its largest value over all x' = f + g u + φ, times the horizon, is added to the joint condition:
+then v_l stays below r, to first order, until agent l samples again, whatever the others do. The
+second order and changes of c_l are left to η.
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ from phalanx.theory.rows.row import Terms, joint_sum, total_span
 
 
 class ShareMargin:
-    """Evaluates the margin at any sampled state: one gradient of the swarm's ψ_q."""
+    """The margin at any sampled state, from one gradient of the swarm's ψ_q."""
 
     def __init__(self, by_derivatives: TermsByDerivatives, horizon: float) -> None:
         """horizon: τ = Γ_i + δ_i^max and the latency [s]."""
@@ -42,11 +42,11 @@ class ShareMargin:
         self._horizon = horizon
 
     def __call__(self, x: Array, terms: Terms, sharing: Sequence[int]) -> float:
-        """What the joint condition keeps back for its shares.
+        """The amount by which the joint condition is tightened.
 
         Args:
             x: stacked sampled state, shape (n̄,).
-            terms: at x. Where some U_l depends on the state it counts as it is there.
+            terms: at x. A U_l that depends on the state counts as it is at x.
             sharing: normal agents that keep their share.
         """
         used = min(max(-joint_sum(terms, sharing) / total_span(terms, sharing), 0.0), 1.0)
@@ -61,7 +61,7 @@ class ShareMargin:
 
 
 def _just_shared(terms: Terms, l: int, used: float) -> Array:
-    """w_r of agent l, which uses so much of its range, from its best input to its worst."""
+    """w_r of agent l if it uses a part of its range, from its best input to its worst."""
     c, corners = terms.c[l], terms.polytopes[l].corners
     worst = maximiser(c, corners)
     return worst + (1.0 - used) * (minimiser(c, corners) - worst)

@@ -9,7 +9,7 @@ from phalanx.theory.safety.class_k import ClassK, Linear
 from phalanx.theory.safety.composition import ComposedSet, Member
 
 ROUNDED = 1e-4
-"""Norms are taken as sqrt(‖·‖² + this²), which is above them and smooth."""
+"""δ in sqrt(‖·‖² + δ²), a smooth upper bound of a norm."""
 
 
 class RelativeDegreeError(ValueError):
@@ -52,8 +52,8 @@ def build_chain(
     Args:
         composed: the safe set.
         alphas: α_1, ..., α_q, one for each degree; a number is the gain of a linear one [1/s].
-        xi: the constant ξ of Eq. (xi), which bounds L_φ h in ψ_1^d; unused when q = 1. None puts
-            D_1, its state-dependent value, in its place; needs bounds.
+        xi: the constant ξ of Eq. (xi), which bounds L_φ h in ψ_1^d; unused when q = 1. None for
+            the state-dependent D_1 in its place; needs bounds.
         bounds: φ_l^max of each member, or None for the chain as printed.
 
     Raises:
@@ -68,10 +68,10 @@ def build_chain(
         drifts, actuations = _lie_derivatives(composed, gradients)
         appeared = [a.nnz() > 0 for a in actuations]
         if inputs_appear(composed.members, appeared, degree, len(alphas)):
-            last = pushed(gradients, bounds, ROUNDED)
+            last = disturbance_bound(gradients, bounds, ROUNDED)
             drift, alpha_q = ca.vertcat(*drifts), alpha.value(psi)
             return Chain(composed, tuple(chain), drift, actuations, alpha_q, last)
-        disturbance = pushed(gradients, bounds, ROUNDED)
+        disturbance = disturbance_bound(gradients, bounds, ROUNDED)
         if degree == 1 and xi is not None:
             disturbance = ca.SX(xi)
         psi = ca.sum1(ca.vertcat(*drifts)) + disturbance + alpha.value(psi)
@@ -90,12 +90,12 @@ def _lie_derivatives(
     return drifts, tuple(actuations)
 
 
-def pushed(
+def disturbance_bound(
     gradients: Sequence[ca.SX], bounds: Sequence[float] | None, rounded: float = 0.0
 ) -> ca.SX:
     """D = Σ_l ‖gradient_l‖ φ_l^max, scalar; 0 without bounds.
 
-    rounded: off at zero by this, so that it can be differentiated.
+    rounded: δ as in ROUNDED, so that the sum can be differentiated where a gradient is zero.
     """
     total = ca.SX(0)
     for gradient, bound in zip(gradients, bounds or (), strict=bounds is not None):
@@ -106,13 +106,13 @@ def pushed(
 def inputs_appear(
     members: Sequence[Member], appeared: Sequence[bool], degree: int, gains: int
 ) -> bool:
-    """Whether the inputs appear in ψ_degree, so that the degree is q.
+    """Return whether the inputs appear in ψ_degree, so that the degree is q.
 
     Args:
         members: all of the swarm.
-        appeared: whether each one's inputs do, shape (N,).
+        appeared: whether each member's inputs appear, shape (N,).
         degree: k of ψ_k.
-        gains: how many α_k there are.
+        gains: number of α_k.
 
     Raises:
         RelativeDegreeError: some appear and others do not, or there is not one α_k for each degree.
@@ -137,7 +137,7 @@ def inputs_appear(
 
 
 def degree_above(gains: int) -> RelativeDegreeError:
-    """What to raise where no input appears in ψ_gains."""
+    """The error for a chain in which no input appears up to ψ_gains."""
     return RelativeDegreeError(
         f"safety.alpha: no input appears in ψ_{gains}; the relative degree q is above "
         f"{gains}: give one for each of α_1 ... α_q"

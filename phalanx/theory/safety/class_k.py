@@ -13,11 +13,11 @@ from phalanx.theory.expressions.extension import continuous
 from phalanx.theory.expressions.interval import Interval
 
 _SCALES = np.geomspace(1e-9, 1e9, 73)
-"""Where α is looked at, on both sides of 0."""
+"""|s| at which α is evaluated, on both sides of 0."""
 _NO_JUMP = 1e-9
-"""A step below this share of what α gains from one scale to the next is none."""
+"""A step counts as a jump above this share of the rise of α from one scale to the next."""
 _HALVINGS, _MOST_PLACES = 100, 400
-"""How closely a jump is looked for, and in how many places at once."""
+"""Bisections of a suspected jump, and the number of intervals kept at once."""
 
 
 @runtime_checkable
@@ -44,7 +44,7 @@ class Power:
     """α(s) = gain sign(s) |s|^exponent.
 
     Locally Lipschitz for exponents from 1 on. α_1 ... α_{q-1} are differentiated, so that
-    Assumption (psiLC) asks for 1, or 2 and more, of them.
+    Assumption (psiLC) requires an exponent of 1, or of 2 and more, for them.
     """
 
     gain: Annotated[float, Gt(0)]
@@ -55,7 +55,7 @@ class Power:
 
 
 class NotClassKError(ValueError):
-    """A function is not class K; the message says what was expected, `got` what was found."""
+    """A function is not class K; the message has what was expected, `got` what was found."""
 
     def __init__(self, expected: str, got: object) -> None:
         super().__init__(f"expected {expected}, as class K has it")
@@ -65,8 +65,8 @@ class NotClassKError(ValueError):
 def require_class_k(alpha: ClassK) -> None:
     """Raise NotClassKError unless α(0) = 0, and α increases strictly and without a jump.
 
-    Asked from 1e-9 to 1e9 on both sides. Where an operation can jump, as extension.continuous has
-    it, the place is narrowed down until α takes a step there or does not.
+    α is evaluated from 1e-9 to 1e9 on both sides of 0. Intervals in which an operation can jump, by
+    extension.continuous, are bisected until α proves to jump there or not.
 
     Raises:
         NotClassKError: it is not.
@@ -80,11 +80,11 @@ def require_class_k(alpha: ClassK) -> None:
     if zero != 0.0:
         raise NotClassKError("α(0) = 0", zero)
     places = np.concatenate([-_SCALES[::-1], [0.0], _SCALES])
-    # Beyond what a float holds there is nothing to compare.
+    # Infinite values cannot be compared.
     places = places[~np.isinf(at(places))]
     low, high = places[:-1], places[1:]
     rise = at(high) - at(low)
-    # What is not a number does not rise.
+    # The negation catches NaN too.
     for k in np.flatnonzero(~(rise > 0.0))[:1]:
         found = tuple(at(places[k : k + 2]).tolist())
         raise NotClassKError(f"α({low[k]:.3g}) < α({high[k]:.3g})", found)

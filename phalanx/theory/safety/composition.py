@@ -1,25 +1,22 @@
 """Safe-set functions h of pairs, and their composition h_tot = LSE(h_1, ..., h_p).
 
-Safe is h <= 0. Pairs are normal-normal, normal-adversary and normal-obstacle; adversaries'
-own collisions are nobody's safety (Remark "uncontrollable").
+Safe is h <= 0. Pairs are normal-normal, normal-adversary and normal-obstacle; collisions among
+adversaries do not count (Remark "uncontrollable").
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Annotated
+from typing import NamedTuple
 
 import casadi as ca
-from annotated_types import Gt
 
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.safety.function import Body, SafeSetFunction
 from phalanx.theory.safety.limits import Boundary, Static, static_h
 
-Positive = Annotated[float, Gt(0)]
-
 FAR = -1e9
-"""h of a pair that is left out of a composition: safe beyond doubt."""
+"""h of a pair that is left out of a composition: far below any other."""
 
 
 @dataclass(frozen=True)
@@ -31,39 +28,37 @@ class Member:
     adversary: bool
 
 
-@dataclass(frozen=True)
-class Pair:
-    """Who keeps apart from whom: indices into the members, or of an obstacle or a limit."""
+class Pair(NamedTuple):
+    """Indices of a normal member a, and of another member b, or N + k for obstacle or limit k."""
 
     a: int
-    b: int | None
-    obstacle: int | None = None
+    b: int
 
 
 @dataclass(frozen=True)
 class ComposedSet:
-    """The safe set of a swarm as expressions of the stacked state x, each made when asked for.
+    """The safe set of a swarm as expressions of the stacked state x, each built on first use.
 
-    What an agent evaluates is made of pairs (rows.composed), since these grow with the swarm.
+    These grow with the swarm: agents evaluate functions by kinds of pairs instead (rows.composed).
     """
 
     members: tuple[Member, ...]
     obstacles: tuple[Static, ...]
-    """What stands still: obstacles, then limits."""
+    """Obstacles, then limits."""
     function: SafeSetFunction
     rho: float | None
     """ρ of LSE; None for one pair alone, whose h is h_tot."""
     parameters: ca.SX = field(default_factory=lambda: ca.SX(0, 1), compare=False)
-    """Symbols that an obstacle is made of, shape (k,); usually none."""
+    """Symbols in place of an obstacle's numbers, shape (k,); usually none."""
 
     @cached_property
     def parts(self) -> tuple[slice, ...]:
-        """Where each member's state lies in x."""
+        """The slice of x with each member's state."""
         return stacked_slices(self.sizes[:-1])
 
     @property
     def sizes(self) -> list[int]:
-        """How many numbers each member has, its states; and the parameters."""
+        """Number of states of each member, then number of parameters."""
         return [*[len(m.dynamics.states) for m in self.members], self.parameters.numel()]
 
     @cached_property
@@ -78,87 +73,89 @@ class ComposedSet:
 
     @cached_property
     def pairs(self) -> tuple[Pair, ...]:
-        """Those of normal members, with one another, with adversaries and with obstacles."""
+        """Pairs of normal members with one another, with adversaries and with obstacles."""
         normal = [i for i, m in enumerate(self.members) if not m.adversary]
         adversaries = [j for j, m in enumerate(self.members) if m.adversary]
         pairs = [Pair(i, j) for i in normal for j in normal if i < j]
         pairs += [Pair(i, j) for i in normal for j in adversaries]
-        pairs += [Pair(i, None, k) for i in normal for k in range(len(self.obstacles))]
+        static = range(len(self.members), len(self.members) + len(self.obstacles))
+        pairs += [Pair(i, b) for i in normal for b in static]
         return tuple(pairs)
 
     @cached_property
     def h(self) -> ca.SX:
         """Every pair's h, shape (p,)."""
-        bodies, function = self._bodies, self.function
-        each = [
-            static_h(function, bodies[p.a], self.obstacles[p.obstacle], self.parameters)
-            if p.obstacle is not None
-            else function.between(bodies[p.a], bodies[p.b or 0])
-            for p in self.pairs
-        ]
-        return ca.vertcat(*each)
+        sides = [*self._bodies, *self.obstacles]
+        return ca.vertcat(*[self._h(self._bodies[a], sides[b]) for a, b in self.pairs])
+
+    def _h(self, a: Body, b: Body | Static) -> ca.SX:
+        if isinstance(b, Body):
+            return self.function.between(a, b)
+        return static_h(self.function, a, b, self.parameters)
 
     @cached_property
     def h_tot(self) -> ca.SX:
-        """LSE of h over the active pairs, scalar; contains sigma and active."""
+        """LSE of h over the active pairs, scalar; contains the symbols sigma and active."""
         if self.rho is None:
             return self.h
         return log_sum_exp(_only(self.h, self.active), self.rho, self.sigma)
 
     @cached_property
     def sigma(self) -> ca.SX:
-        """LSE's σ, a symbol while one differentiates."""
+        """LSE's σ as a symbol, which is a constant under differentiation."""
         return ca.SX.sym("sigma")
 
     @cached_property
     def active(self) -> ca.SX:
-        """1 for a pair that h_tot composes, else 0, shape (p,); a symbol likewise."""
+        """1 for a pair that h_tot composes, else 0, shape (p,); symbols likewise."""
         return ca.SX.sym("active", len(self.pairs))
 
     def substitute(self, expression: ca.SX, active: ca.SX | None = None) -> ca.SX:
-        """Put σ = max h, as the paper chooses it, and the active pairs into an expression.
+        """Substitute σ = max h, the paper's choice, and the active pairs in an expression.
 
         Args:
             expression: of x, σ and active.
             active: shape (p,), of x, 0 or 1; None for all pairs.
         """
         chosen = ca.SX.ones(len(self.pairs)) if active is None else active
-        (settled,) = ca.substitute(
-            [expression], [self.sigma, self.active], [_largest_active(self.h, chosen), chosen]
-        )
-        return settled
+        largest = ca.mmax(_only(self.h, chosen))
+        (found,) = ca.substitute([expression], [self.sigma, self.active], [largest, chosen])
+        return found
 
     def alone(self, pair: int) -> "ComposedSet":
         """One pair as a safe set of its own: its members, in order, and its h as h_tot."""
         chosen = self.pairs[pair]
-        a = self.members[chosen.a]
-        if chosen.obstacle is not None:
-            return of_pair(a, self.obstacles[chosen.obstacle], self.function)
-        return of_pair(a, self.members[chosen.b or 0], self.function)
+        return of_pair(self.members[chosen.a], self.other_side(chosen), self.function)
+
+    def other_side(self, pair: Pair) -> Member | Static:
+        """The second side of a pair."""
+        return [*self.members, *self.obstacles][pair.b]
 
     def within(self, i: int, radius: float) -> ca.SX:
-        """1 for pairs whose both sides lie within `radius` [m] of agent i, shape (p,)."""
+        """1 for pairs of which both sides lie within `radius` [m] of agent i, shape (p,)."""
         near = [ca.norm_2(p - self.positions[i]) <= radius for p in self.positions]
         near[i] = ca.SX(1)
-        hit = [o.distance(self.positions[i]) <= radius for o in self.obstacles]
-        return ca.vertcat(*[near[p.a] * _other(p, near, hit) for p in self.pairs])
+        near += [o.distance(self.positions[i]) <= radius for o in self.obstacles]
+        return ca.vertcat(*[near[a] * near[b] for a, b in self.pairs])
 
-    def asked(self, pair: Pair) -> tuple[object, str]:
-        """Who says h of a pair, and by which method."""
-        if pair.obstacle is None:
-            return self.function, "between"
-        static = self.obstacles[pair.obstacle]
-        if isinstance(static, Boundary):
-            return static.limit, "alone"
-        return self.function, "to_obstacle"
+    def method_of(self, pair: Pair) -> tuple[object, str]:
+        """The object that computes h of a pair, and the name of its method."""
+        other = self.other_side(pair)
+        if isinstance(other, Boundary):
+            return other.limit, "alone"
+        return self.function, "between" if isinstance(other, Member) else "to_obstacle"
 
     def label(self, pair: Pair) -> str:
-        """A pair in words: "1-4", "1-obstacle 2", or "1-limit 0"."""
-        if pair.b is not None:
-            other = self.members[pair.b].name
-        else:
-            other = static_label(self.obstacles, pair.obstacle or 0)
-        return f"{self.members[pair.a].name}-{other}"
+        """A pair as text: "1-4", "1-obstacle 2", or "1-limit 0"."""
+        return f"{self.labels[pair.a]}-{self.labels[pair.b]}"
+
+    @cached_property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the members, then "obstacle k" and "limit k", each counted from 0."""
+        names = [m.name for m in self.members]
+        limits = sum(isinstance(o, Boundary) for o in self.obstacles)
+        names += [f"obstacle {k}" for k in range(len(self.obstacles) - limits)]
+        return *names, *[f"limit {k}" for k in range(limits)]
 
     @cached_property
     def _bodies(self) -> list[Body]:
@@ -173,13 +170,6 @@ class ComposedSet:
         ]
 
 
-def static_label(static: Sequence[Static], index: int) -> str:
-    """An obstacle or a limit in words, each counted from 0; limits come after obstacles."""
-    if isinstance(static[index], Boundary):
-        return f"limit {sum(isinstance(one, Boundary) for one in static[:index])}"
-    return f"obstacle {index}"
-
-
 def stacked_slices(sizes: Sequence[int]) -> tuple[slice, ...]:
     """Consecutive slices of the given lengths."""
     ends = [sum(sizes[: i + 1]) for i in range(len(sizes))]
@@ -189,7 +179,7 @@ def stacked_slices(sizes: Sequence[int]) -> tuple[slice, ...]:
 def log_sum_exp(h: ca.SX, rho: float, sigma: ca.SX) -> ca.SX:
     """LSE(h) = σ + ln(Σ exp(ρ (h - σ))) / ρ: between max h and max h + ln(p)/ρ.
 
-    The value does not depend on σ, so σ is a constant under differentiation. Of one h it is h.
+    The value does not depend on σ, so σ is a constant under differentiation. LSE of one h is h.
     """
     if h.numel() == 1:
         return h
@@ -218,7 +208,7 @@ def of_pair(
 ) -> ComposedSet:
     """The safe set of one normal member and another member, an obstacle or a limit.
 
-    parameters: symbols that the obstacle is made of.
+    parameters: symbols in place of the obstacle's numbers.
     """
     symbols = ca.SX(0, 1) if parameters is None else parameters
     if isinstance(b, Member):
@@ -227,16 +217,5 @@ def of_pair(
 
 
 def _only(h: ca.SX, active: ca.SX) -> ca.SX:
-    """h of active pairs; FAR, which has no gradient, of the others."""
+    """h of active pairs; FAR, which has no gradient, for the others."""
     return active * h + (1 - active) * FAR
-
-
-def _largest_active(h: ca.SX, active: ca.SX) -> ca.SX:
-    return ca.mmax(_only(h, active))
-
-
-def _other(pair: Pair, members: Sequence[ca.SX], obstacles: Sequence[ca.SX]) -> ca.SX:
-    if pair.b is not None:
-        return members[pair.b]
-    assert pair.obstacle is not None
-    return obstacles[pair.obstacle]

@@ -1,23 +1,21 @@
 """Safe-set functions h of two agents, or of an agent and an obstacle; safe is h <= 0.
 
-Of those here it is proven how far they reach, so that distant pairs are left out.
+The functions here have a proven reach, so that distant pairs can be left out.
 """
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import casadi as ca
-from annotated_types import Gt
 
+from phalanx.theory.models.dynamics import Positive
 from phalanx.theory.safety.obstacles import WIDER, Obstacle
-
-Positive = Annotated[float, Gt(0)]
 
 
 @dataclass(frozen=True)
 class Body:
-    """One agent as a safe-set function sees it."""
+    """One agent as an argument of a safe-set function."""
 
     x: ca.SX
     """State, shape (n,)."""
@@ -38,8 +36,8 @@ class SafeSetFunction(Protocol):
     def to_obstacle(self, a: Body, obstacle: Obstacle) -> ca.SX:
         """h of a normal agent a and an obstacle, scalar.
 
-        A sphere of symbols comes first: one expression serves all spheres. If that fails, or is
-        another h than that of the numbers, every sphere gets an expression of its own.
+        Called first with a sphere of symbols, for one expression that serves all spheres. If that
+        raises, or gives another h than numbers do, every sphere has an expression of its own.
         """
 
 
@@ -68,7 +66,7 @@ class Distance:
     """h = R - ‖p_a - p_b‖: the same safe set as R² - ‖p_a - p_b‖², with a gradient of one length.
 
     Far away the disturbance costs h no more than nearby, so that a weak α_1 can pay for it.
-    Smooth but where two output points meet.
+    Smooth except where two output points meet.
     """
 
     radius: Positive
@@ -89,18 +87,17 @@ class Distance:
 class HeadingAware:
     """h = R + κ (1 - cos γ) - d for unicycles: farther apart, the less a heading points away.
 
-    γ is the angle between a normal agent's heading and the direction that leads away from the
-    other; of two normal agents cos γ is the mean of both, so that each can keep its half. Side-on a
-    unicycle has next to no authority over d, but turning lowers h there: ∂h/∂θ is κ. Along the line
-    of sight, whichever way it faces, driving changes d at full speed. If both ways counted as good,
-    with sin² γ, turning would do nothing side-on. Away is the good one: an agent flees ahead.
-    Smooth but where d = 0.
+    γ is the angle between a normal agent's heading and the direction away from the other; for two
+    normal agents cos γ is the mean of both, so that each can keep its half. Side-on a unicycle can
+    hardly change d, but turning changes h: ∂h/∂θ is κ. Along the line of sight driving changes d at
+    full speed, forwards or backwards. With sin² γ, the same both ways, turning would change nothing
+    side-on; so only headings away from the other lower h. Smooth except where d = 0.
     """
 
     radius: Positive
     """R between agents [m], with headings straight away from the other."""
     kappa: Positive
-    """κ [m]: what is asked for on top when side-on; twice that head-on."""
+    """κ [m]: additional distance when side-on; twice that head-on."""
     unit = "m"
 
     def between(self, a: Body, b: Body) -> ca.SX:
@@ -121,7 +118,7 @@ class HeadingAware:
 
 
 def _heading(body: Body, away: ca.SX) -> ca.SX:
-    """cos γ of a unicycle's heading and a direction. Raises ValueError for other dynamics."""
+    """cos γ between a unicycle's heading and a direction. Raises ValueError for other dynamics."""
     if body.states != ("x", "y", "theta"):
         raise ValueError(
             "safety.function: heading-aware needs normal agents that are unicycles, with states "
@@ -135,20 +132,19 @@ _METHODS = ("between", "to_obstacle", "reach")
 
 
 class Reaching(Protocol):
-    """A safe-set function whose h falls below any level, far enough away."""
+    """A safe-set function with h below any level, far enough away."""
 
     def reach(self, level: float, obstacle: Obstacle | None = None) -> float:
         """Distance beyond which h is below a level <= 0 [m].
 
-        Of the output points of any two agents; or of an agent's from an obstacle, as the obstacle
-        measures it.
+        Between the output points of any two agents; or `obstacle.distance` of an agent's.
         """
 
 
 def proven_reach(function: SafeSetFunction) -> Reaching | None:
-    """The function, if its h and its reach are those of a class above; of a user's none is proven.
+    """The function, if its h and its reach are those of a class above; None for a user's own.
 
-    A reach that is too short would leave an unsafe pair out of the truth and of certificates.
+    With a reach that is too short, unsafe pairs would be missing in verdict and certificates.
     """
     for known in _PROVEN:
         own = (getattr(type(function), name, None) is getattr(known, name) for name in _METHODS)

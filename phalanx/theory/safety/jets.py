@@ -1,7 +1,7 @@
 """h_tot and its ψ-chain from the numbers of its pairs: truncated Taylor arithmetic of LSE.
 
-Along the drift every pair's h is a function of time, whose derivatives h, L_f h, ..., L_f^q h are
-known. So are then those of h_tot = LSE(h_1, ..., h_r), s_0 ... s_q, with w = softmax(ρ h):
+Along the drift every pair's h is a function of time with known derivatives h, L_f h, ..., L_f^q h
+(jets). The derivatives s_0 ... s_q of h_tot = LSE(h_1, ..., h_r) follow, with w = softmax(ρ h):
 
     s_{k+1}   = Σ_p Σ_j binom(k,j) w_p^(j) h_p^(k+1-j)
     w_p^(k+1) = ρ Σ_j binom(k,j) w_p^(j) (h_p^(k+1-j) - s_{k+1-j})
@@ -26,7 +26,7 @@ from phalanx.theory.safety.composition import FAR
 
 
 class ComposedJets(NamedTuple):
-    """The ψ-chain of h_tot at one state, but for what inputs do."""
+    """The ψ-chain of h_tot at one state, without the inputs' part."""
 
     psi: Array
     """ψ_0 ... ψ_{q-1}, shape (q,); where no pair is composed ψ_0 is FAR."""
@@ -37,24 +37,24 @@ class ComposedJets(NamedTuple):
 
 
 class LogSumExpJets:
-    """Composes any number of pairs."""
+    """Composition of any number of pairs."""
 
     def __init__(self, rho: float, alphas: Sequence[ClassK], xi: float) -> None:
-        """alphas: α_1 ... α_q. xi: ξ of Eq. (xi), which has no part if q = 1."""
+        """alphas: α_1 ... α_q. xi: ξ of Eq. (xi), unused if q = 1."""
         self._rho, self._degree = rho, len(alphas)
         self._chain = _chain_of_sum(rho, alphas, xi)
         s = ca.SX.sym("s", self._degree)
-        # The unforced part alone has the last derivative.
+        # Only the unforced part, the last one, contains s_q.
         of_sum = _psi_of_sum(ca.vertcat(s, 0), alphas, xi)[:-1]
         self._psi = MappedFunction([s], of_sum)
         self.composition = cache(self._composition)
-        """By how many pairs there is room for."""
+        """The function for a number of pairs, cached."""
         self._bound = cache(lambda room: BoundFunction(self.composition(room)))
 
     def __call__(self, h: Array) -> ComposedJets:
-        """Compose r pairs, of which h, L_f h, ..., L_f^q h are given; shape (r, q+1).
+        """Compose r pairs, given h, L_f h, ..., L_f^q h of each; shape (r, q+1).
 
-        The weights are there until the next call.
+        The next call overwrites the weights.
         """
         bound, count, q = self._bound(rounded_up(len(h))), len(h), self._degree
         rows, (chain, weights) = bound.inputs[0].reshape(-1, q + 1), bound.outputs
@@ -69,13 +69,13 @@ class LogSumExpJets:
 
         Args:
             h_tot: shape (s,).
-            w: softmax(ρ h) of r pairs, all others' being 0, shape (s, r).
-            h: h, L_f h, ..., L_f^{q-1} h of these, shape (s, r, q).
+            w: softmax(ρ h) of r pairs, 0 for all others, shape (s, r).
+            h: h, L_f h, ..., L_f^{q-1} h of each, shape (s, r, q).
         """
         weights, s = [w], [h_tot]
         each = [h[..., k] for k in range(self._degree)]
         for k in range(self._degree - 1):
-            # From left to right: pairs without weight change no digit.
+            # Summed from left to right, so that pairs of weight 0 change no digit.
             s.append(np.add.accumulate(_leibniz(k, weights, each[1:]), axis=1)[:, -1])
             off = [each[j] - s[j][:, None] for j in range(1, k + 2)]
             weights.append(self._rho * _leibniz(k, weights, off))
@@ -83,10 +83,10 @@ class LogSumExpJets:
         return self._psi(rows.ravel(), np.arange(rows.size).reshape(rows.shape))
 
     def _composition(self, pairs: int) -> ca.Function:
-        """(q+1, room) -> ψ_0 ... ψ_{q-1} and the unforced part; the weights, (q, room).
+        """(q+1, pairs) -> ψ_0 ... ψ_{q-1} and the unforced part; the weights, (q, pairs).
 
-        Room without a pair has to hold FAR, with derivatives zero. A graph of operations on
-        vectors, as large for one pair as for a thousand.
+        Unused columns have to contain FAR, with derivatives zero. The graph of operations on
+        vectors does not grow with the number of pairs.
         """
         q, rho = self._degree, self._rho
         given = ca.MX.sym("h", q + 1, pairs)
@@ -98,7 +98,7 @@ class LogSumExpJets:
         w, s = [exponentials / total], [sigma, total]
         for k in range(q):
             s.append(ca.sum2(_leibniz(k, w, h[1:])))
-            # Of h relative to its mean, so that nothing large cancels.
+            # h relative to its mean, so that nothing large cancels.
             w.append(rho * _leibniz(k, w, [h[j] - s[j + 1] for j in range(1, k + 2)]))
         chain = self._chain(ca.vertcat(*s))
         slopes = [chain[q + 1 + k] for k in range(q)]
@@ -112,7 +112,7 @@ def _leibniz(k: int, a: Sequence[Any], b: Sequence[Any]) -> Any:
 
 
 def _psi_of_sum(s: ca.SX, alphas: Sequence[ClassK], xi: float) -> list[ca.SX]:
-    """ψ_0 ... ψ_{q-1} and the unforced part, of s_0 ... s_q."""
+    """ψ_0 ... ψ_{q-1} and the unforced part as expressions of s_0 ... s_q."""
     psi, q = [s[0]], len(alphas)
     for degree, alpha in enumerate(alphas, start=1):
         drift = ca.jacobian(psi[-1], s[:q]) @ s[1:]

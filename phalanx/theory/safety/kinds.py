@@ -1,8 +1,8 @@
 """Pairs by kind: one function for each combination of dynamics and sides, not for each pair.
 
-A swarm has few kinds of pairs however many agents it has. What a kind's h needs of a pair is its
-members' states and, for a sphere, where it is and how large: numbers beside the states. So nothing
-symbolic grows with the swarm, and all pairs of a kind are evaluated in one call.
+A swarm has few kinds of pairs however many agents it has. The h of a kind is a function of its
+members' states and, for a sphere, of the sphere's center and size. So no expression grows with the
+swarm, and all pairs of a kind are evaluated in one call.
 """
 
 from collections.abc import Sequence
@@ -14,9 +14,9 @@ import casadi as ca
 import numpy as np
 
 from phalanx.arrays import Array, Index
-from phalanx.theory.expressions.asked import ask_expression
 from phalanx.theory.expressions.compiled import MappedFunction
-from phalanx.theory.expressions.portable import take_out
+from phalanx.theory.expressions.portable import factor_out
+from phalanx.theory.expressions.user_methods import call_for_expression
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.safety.chain import degree_above, inputs_appear
 from phalanx.theory.safety.composition import Member
@@ -24,9 +24,9 @@ from phalanx.theory.safety.function import Body, SafeSetFunction
 from phalanx.theory.safety.limits import Static, static_h
 from phalanx.theory.safety.obstacles import Sphere
 
-_ASKED = (0.37, -1.91, 5.3)
-"""Where a sphere of symbols is compared with one of numbers: factors of 1, 2, ... in each state."""
-_ALIKE = 1e-9
+_TRIED = (0.37, -1.91, 5.3)
+"""Spheres of symbols and of numbers are compared at the states (1, 2, ...) times each of these."""
+_EQUAL = 1e-9
 
 
 @dataclass(frozen=True)
@@ -34,26 +34,26 @@ class PairKind:
     """h of a normal agent and another agent or an obstacle, and its derivatives."""
 
     dynamics: tuple[Dynamics, ...]
-    """Of the members: one beside an obstacle, else two."""
+    """One with an obstacle or limit, else two."""
     x: tuple[ca.SX, ...]
-    """Their states, shapes (n_l,)."""
+    """The members' states, shapes (n_l,)."""
     parameters: ca.SX
-    """Numbers of the obstacle, shape (k,); empty if it has none of its own, or for two agents."""
+    """Symbols for the obstacle's numbers, shape (k,); empty for other kinds."""
     h: ca.SX
 
     @property
     def row(self) -> list[ca.SX]:
-        """What the expressions are of."""
+        """All symbols of the expressions."""
         return [*self.x, self.parameters]
 
     @property
     def sizes(self) -> list[int]:
-        """How many numbers each side has: states, or parameters of an obstacle."""
+        """Number of states of each member, then number of parameters."""
         return [*[x.numel() for x in self.x], self.parameters.numel()]
 
     @property
     def text(self) -> str:
-        """What tells kinds apart: the expressions of h and of the members' dynamics."""
+        """Serialized h and dynamics of the members: different for different kinds."""
         parts = [
             part
             for d, x in zip(self.dynamics, self.x, strict=True)
@@ -84,16 +84,16 @@ class PairKind:
 
 
 class SharedJets(NamedTuple):
-    """Jets in two steps: what is of one member alone is the same in all its pairs."""
+    """Jets in two steps: terms of one member alone are computed once for all its pairs."""
 
     parts: tuple[MappedFunction | None, ...]
-    """Of each member's state; None where there is nothing to share."""
+    """Functions of each member's state; None if there are no such terms."""
     jets: MappedFunction
-    """Of a pair's numbers, followed by its members' parts."""
+    """Function of a pair's row, followed by its members' parts."""
 
 
 class CompiledKind:
-    """A kind's functions, each compiled when it is first asked for."""
+    """A kind's functions, each compiled on first use."""
 
     def __init__(self, kind: PairKind, degree: int) -> None:
         """degree: q."""
@@ -111,16 +111,16 @@ class CompiledKind:
 
     @cached_property
     def jets(self) -> MappedFunction:
-        """h, L_f h, ..., L_f^q h; then L_g L_f^{q-1} h of each member."""
+        """h, L_f h, ..., L_f^q h; then L_{g_l} L_f^{q-1} h of each member."""
         q, kind = self._degree, self.kind
         return MappedFunction(kind.row, [*kind.along_drift(q), *kind.actuation(q)])
 
     @cached_property
     def shared(self) -> SharedJets:
-        """The same with what is of one member alone taken out."""
+        """The jets with the terms of one member alone factored out."""
         q, kind = self._degree, self.kind
         jets = [ca.vec(o.T) for o in map(ca.densify, (*kind.along_drift(q), *kind.actuation(q)))]
-        parts, symbols, rest = take_out(kind.x, kind.parameters, ca.vertcat(*jets))
+        parts, symbols, rest = factor_out(kind.x, kind.parameters, ca.vertcat(*jets))
         return SharedJets(
             tuple(
                 MappedFunction([x], [own]) if own.numel() else None
@@ -138,11 +138,11 @@ class CompiledKind:
 
 
 def pair_kind(a: Member, b: Member | Static, function: SafeSetFunction) -> PairKind:
-    """The kind of a normal member a and another member, or one obstacle or limit as it is."""
+    """The kind of a normal member a and another member, obstacle or limit."""
     own, body = _body(a)
     if isinstance(b, Member):
         other, there = _body(b)
-        h = ask_expression(function, "between", [()], body, there, symbols=[own, other])
+        h = call_for_expression(function, "between", [()], body, there, symbols=[own, other])
         return PairKind((a.dynamics, b.dynamics), (own, other), ca.SX(0, 1), h)
     none = ca.SX(0, 1)
     return PairKind((a.dynamics,), (own,), none, static_h(function, body, b, none))
@@ -151,8 +151,8 @@ def pair_kind(a: Member, b: Member | Static, function: SafeSetFunction) -> PairK
 def sphere_kind(a: Member, spheres: list[Sphere], function: SafeSetFunction) -> PairKind | None:
     """The kind of a normal member and any of these spheres, whose numbers are its parameters.
 
-    None if the function wants each sphere by itself: it cannot take symbols for numbers, or it
-    tells spheres apart by more than center and clearance.
+    None if the function raises for a sphere of symbols, or if its h depends on more of a sphere
+    than center and clearance.
     """
     own, body = _body(a)
     sphere, parameters = any_sphere(spheres[0])
@@ -161,25 +161,25 @@ def sphere_kind(a: Member, spheres: list[Sphere], function: SafeSetFunction) -> 
         of_any = ca.Function("h", [own, parameters], [h])
         for sphere in spheres:
             of_this = ca.Function("h", [own], [function.to_obstacle(body, sphere)])
-            for factor in _ASKED:
+            for factor in _TRIED:
                 x = factor * np.arange(1.0, own.numel() + 1.0)
                 found, expected = float(of_any(x, parameters_of(sphere))), float(of_this(x))
-                if not abs(found - expected) <= _ALIKE * (1.0 + abs(expected)):
+                if not abs(found - expected) <= _EQUAL * (1.0 + abs(expected)):
                     return None
-    except Exception:  # of a user's function, which is asked again with the sphere itself
+    except Exception:  # of a user's function, which is called again with the sphere itself
         return None
     return PairKind((a.dynamics,), (own,), parameters, h)
 
 
 def any_sphere(like: Sphere) -> tuple[Sphere, ca.SX]:
-    """A sphere of symbols, in as many dimensions as another one; and its parameters."""
+    """A sphere of symbols with as many dimensions as `like`; and these symbols."""
     center, clearance = ca.SX.sym("center", len(like.center)), ca.SX.sym("clearance")
     sphere = Sphere(tuple(ca.vertsplit(center)), clearance)  # type: ignore[arg-type]
     return sphere, ca.vertcat(center, clearance)
 
 
 def parameters_of(obstacle: Static) -> Array:
-    """The numbers that tell obstacles of one kind apart, shape (k,)."""
+    """The numbers of an obstacle that are parameters of its kind, shape (k,)."""
     if isinstance(obstacle, Sphere):
         return np.array([*obstacle.center, obstacle.clearance])
     return np.zeros(0)
@@ -192,16 +192,16 @@ def _body(member: Member) -> tuple[ca.SX, Body]:
 
 
 def member_classes(members: Sequence[Member]) -> tuple[list[Member], Index]:
-    """Members that differ in dynamics or side, the first of each sort, and each member's class."""
+    """Classes of members with equal dynamics and side: the first of each; each member's class."""
     classes: list[Member] = []
     found = []
     for member in members:
-        alike = (
+        equal = (
             number
             for number, other in enumerate(classes)
             if other.adversary == member.adversary and other.dynamics == member.dynamics
         )
-        found.append(next(alike, len(classes)))
+        found.append(next(equal, len(classes)))
         if found[-1] == len(classes):
             classes.append(member)
     return classes, np.array(found)
@@ -213,7 +213,7 @@ def kind_table(
     obstacles: Sequence[Static],
     function: SafeSetFunction,
 ) -> tuple[list[PairKind], Index]:
-    """Kinds with different expressions; and which one a normal class has with what, or -1."""
+    """The different kinds; and the number of that of each class with each side, -1 if none."""
     kinds: list[PairKind] = []
     by_text: dict[str, int] = {}
     table = np.full((len(classes), len(classes) + len(obstacles)), -1)
@@ -223,10 +223,10 @@ def kind_table(
         sides: list[tuple[int, PairKind]] = [
             (b, pair_kind(own, other, function))
             for b, other in enumerate(classes)
-            # Of two normal members the first one comes first.
+            # In a pair of two normal members the lower index comes first.
             if other.adversary or (of_member == a).argmax() < np.flatnonzero(of_member == b)[-1]
         ]
-        sides += enumerate(_beside(own, obstacles, function), start=len(classes))
+        sides += enumerate(_static_kinds(own, obstacles, function), start=len(classes))
         for b, kind in sides:
             table[a, b] = by_text.setdefault(kind.text, len(kinds))
             if table[a, b] == len(kinds):
@@ -234,12 +234,14 @@ def kind_table(
     return kinds, table
 
 
-def _beside(own: Member, obstacles: Sequence[Static], function: SafeSetFunction) -> list[PairKind]:
-    """The kinds of one class with every obstacle."""
+def _static_kinds(
+    own: Member, obstacles: Sequence[Static], function: SafeSetFunction
+) -> list[PairKind]:
+    """The kinds of one class with every obstacle and limit."""
     spheres = [obstacle for obstacle in obstacles if isinstance(obstacle, Sphere)]
-    common = sphere_kind(own, spheres, function) if spheres else None
+    shared = sphere_kind(own, spheres, function) if spheres else None
     return [
-        common if common and isinstance(o, Sphere) else pair_kind(own, o, function)
+        shared if shared and isinstance(o, Sphere) else pair_kind(own, o, function)
         for o in obstacles
     ]
 

@@ -1,20 +1,19 @@
-"""Limits, safe-set functions of one agent alone, such as a fence; and all that stands still."""
+"""Limits, safe-set functions of one agent alone such as a fence; and h with anything static."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
-from annotated_types import Gt
 
 from phalanx.arrays import Array
-from phalanx.theory.expressions.asked import ask_expression
+from phalanx.theory.expressions.user_methods import call_for_expression
+from phalanx.theory.models.dynamics import Positive
 from phalanx.theory.safety.function import Body, Reaching, SafeSetFunction
 from phalanx.theory.safety.obstacles import Obstacle
 
-Positive = Annotated[float, Gt(0)]
 Line = list[tuple[float, ...]]
 
 _CORNERS = 96
@@ -22,14 +21,14 @@ _CORNERS = 96
 
 @runtime_checkable
 class Limit(Protocol):
-    """What every normal agent keeps by itself; a scenario names it ``package.module:Name``."""
+    """A condition on each normal agent alone; a scenario names it ``package.module:Name``."""
 
     def alone(self, a: Body) -> ca.SX:
         """h of a normal agent, scalar; q as for pairs."""
 
 
 @runtime_checkable
-class Outlined(Protocol):
+class Drawable(Protocol):
     """A limit that can be drawn."""
 
     def outline(self) -> Sequence[Line]:
@@ -60,7 +59,7 @@ class Fence:
         return [self._circle(a, b) for a in axes for b in axes if a < b]
 
     def _circle(self, a: int, b: int) -> Line:
-        """Around the centre, in the plane of two axes."""
+        """The circle around the centre in the plane of two axes."""
         points = []
         for angle in np.linspace(0.0, 2.0 * math.pi, _CORNERS + 1).tolist():
             point = list(self.center)
@@ -95,16 +94,16 @@ class Band:
 
 @dataclass(frozen=True)
 class Boundary:
-    """A limit as the other side of a pair, beside the obstacles: always there, never far away."""
+    """A limit as the other side of a pair, like an obstacle at distance 0."""
 
     limit: Limit
 
     def distance(self, p: ca.SX) -> ca.SX:
-        """Of an output point [m]; 0, since it counts wherever that is."""
+        """Distance of an output point [m]: 0, since a limit counts everywhere."""
         return ca.SX(0)
 
     def distances(self, points: Array) -> Array:
-        """The same of points [m], shape (s, d); shape (s,)."""
+        """Distances of points [m], shape (s, d); shape (s,)."""
         return np.zeros(len(points))
 
 
@@ -112,16 +111,18 @@ Static = Obstacle | Boundary
 
 
 def static_h(function: SafeSetFunction, a: Body, static: Static, parameters: ca.SX) -> ca.SX:
-    """h of a normal agent, scalar; of the symbols, too, that an obstacle may be made of.
+    """h of a normal agent and something static, scalar.
+
+    parameters: symbols in place of an obstacle's numbers.
 
     Raises:
         MistakenMethodError: the function or the limit failed, or returned something else.
     """
     if isinstance(static, Boundary):
-        return ask_expression(static.limit, "alone", [()], a, symbols=[a.x])
-    return ask_expression(function, "to_obstacle", [()], a, static, symbols=[a.x, parameters])
+        return call_for_expression(static.limit, "alone", [()], a, symbols=[a.x])
+    return call_for_expression(function, "to_obstacle", [()], a, static, symbols=[a.x, parameters])
 
 
 def static_reach(function: Reaching, level: float, static: Static) -> float:
-    """Distance from it beyond which h is below a level <= 0 [m]: a limit's is without end."""
+    """Distance beyond which h is below a level <= 0 [m]; infinite for a limit."""
     return math.inf if isinstance(static, Boundary) else function.reach(level, static)

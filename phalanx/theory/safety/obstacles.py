@@ -6,14 +6,14 @@ from typing import Annotated
 
 import casadi as ca
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Ge
 
 from phalanx.arrays import Array
 from phalanx.theory.expressions.exact import dot, length
+from phalanx.theory.models.dynamics import Positive
 
 WIDER = 1.0 + 1e-9
-"""What makes a reach one that rounding cannot reach beyond."""
-Positive = Annotated[float, Gt(0)]
+"""Factor that makes a reach large enough in spite of rounding."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Sphere:
         return math.sqrt(self.clearance * self.clearance - level) * WIDER
 
     def distance(self, p: ca.SX) -> ca.SX:
-        """Distance of p from the center [m]: what a neighbourhood is measured by."""
+        """Distance of p from the center [m], as compared with a neighbourhood."""
         return ca.norm_2(p - self._center)
 
     def away(self, p: ca.SX) -> ca.SX:
@@ -48,13 +48,13 @@ class Sphere:
 
     @property
     def _center(self) -> ca.SX:
-        # Of symbols too: one expression serves all spheres.
+        # The numbers may be symbols, so that one expression serves all spheres.
         return ca.SX(ca.vertcat(*self.center))
 
 
 @dataclass(frozen=True)
 class Wall:
-    """A half-plane n·p >= offset that nobody may enter; n is a unit normal into it."""
+    """A half-space n·p >= offset that is closed to agents; n is a unit normal into it."""
 
     normal: tuple[float, ...]
     """n; its length does not matter."""
@@ -95,3 +95,4 @@ class Wall:
 
 
 Obstacle = Sphere | Wall
+"""A static obstacle, from which normal agents keep a distance."""

@@ -26,7 +26,7 @@ from phalanx.theory.safety.obstacles import Sphere
 
 
 class SwarmPairs:
-    """Which kind each pair of a swarm is of, and where its numbers lie."""
+    """The pairs of a swarm: the kind of each, and the places of its numbers."""
 
     def __init__(
         self,
@@ -35,10 +35,10 @@ class SwarmPairs:
         function: SafeSetFunction,
         gains: int,
     ) -> None:
-        """gains: how many α_k there are, one for each degree up to q.
+        """gains: number of α_k, one for each degree up to q.
 
         Raises:
-            RelativeDegreeError: q is another, or the members' inputs appear at different degrees.
+            RelativeDegreeError: q differs, or the members' inputs appear at different degrees.
         """
         self.degree = gains
         """q."""
@@ -52,22 +52,22 @@ class SwarmPairs:
         numbers = [parameters_of(obstacle) for obstacle in obstacles]
         states = [len(m.dynamics.states) for m in members]
         self.states = sum(states)
-        """n̄, after which the obstacles' numbers begin."""
+        """n̄; the obstacles' parameters come after the states."""
         self.parameters: Array = np.concatenate([np.zeros(0), *numbers])
-        """What is known of obstacles, one after the other."""
+        """The parameters of all obstacles, one after the other."""
         self.begin: Index = _begins([*states, *map(len, numbers)])
-        """Where the numbers of each member and obstacle begin: the state, and what comes after."""
+        """First place of each member's state and of each obstacle's parameters."""
         self.inputs: Index = _begins([len(m.dynamics.inputs) for m in members])
-        """Where each member's input begins in the stack of all."""
+        """First place of each member's input in the stack of all."""
 
     @property
     def count(self) -> int:
-        """How many pairs h_tot has."""
+        """Number of pairs of h_tot."""
         normal = int(self._normal.sum())
         return normal * (normal - 1) // 2 + normal * (len(self._class) - normal)
 
     def among(self, seen: Sequence[int], obstacles: Sequence[int] | None = None) -> Index:
-        """The pairs of h_tot whose both sides are among these members and obstacles, shape (r, 2).
+        """The pairs of h_tot among these members and obstacles, shape (r, 2).
 
         They come in the order of ComposedSet.pairs.
 
@@ -94,30 +94,29 @@ class SwarmPairs:
         return self.among(range(len(self.members)))
 
     def choose(self, pairs: Index) -> "ChosenPairs":
-        """Pairs that are evaluated together, shape (r, 2)."""
+        """Choose pairs to evaluate together, shape (r, 2)."""
         kinds = self.kinds_of(pairs)
         order = np.argsort(kinds, kind="stable")
         return ChosenPairs(self, pairs[order], kinds[order], order)
 
     def of(self, i: int, seen: Sequence[int], obstacles: Sequence[int] | None = None) -> Index:
-        """Normal member i's pairs among those: with normal members, adversaries and obstacles."""
+        """Normal member i's pairs among these members and obstacles, as `among` lists them."""
         pairs = self.among(seen, obstacles)
         found: Index = pairs[(pairs == i).any(axis=1)]
         return found
 
     def ordered(self, i: int, other: int) -> tuple[int, int]:
-        """Normal member i and another member or an obstacle as a pair: of two normal members the
-        first one comes first."""
+        """The pair of normal member i and another member or N + k; of two normal ones sorted."""
         friend = other < len(self.members) and not self.members[other].adversary
         return (other, i) if friend and other < i else (i, other)
 
     def kinds_of(self, pairs: Index) -> Index:
-        """Which of `kinds` each pair is of, shape (r,)."""
+        """The place in `kinds` of each pair's kind, shape (r,)."""
         found: Index = self._kind[self._class[pairs[:, 0]], self._class[pairs[:, 1]]]
         return found
 
     def alone(self, a: int, b: int) -> ComposedSet:
-        """A pair as a safe set of its own; of spheres that differ in numbers alone, any one."""
+        """A pair as a safe set of its own; a sphere's numbers are symbols where its kind allows."""
         own = self.members[a]
         if b < len(self.members):
             return of_pair(own, self.members[b], self._function)
@@ -129,7 +128,7 @@ class SwarmPairs:
         return of_pair(own, obstacle, self._function)
 
     def numbers(self, x: Array) -> Array:
-        """Stacked states x, shape (n̄,) or (s, n̄), followed by what is known of obstacles."""
+        """Stacked states x, shape (n̄,) or (s, n̄), followed by the obstacles' parameters."""
         if not len(self.parameters):
             return x
         if x.ndim == 1:
@@ -139,35 +138,35 @@ class SwarmPairs:
 
 
 class Jets(NamedTuple):
-    """What r pairs' h do along the drift; of s states at once every shape begins with s."""
+    """Derivatives of r pairs' h along the drift; for s states at once every shape begins with s."""
 
     h: Array
     """h, L_f h, ..., L_f^q h, shape (r, q+1)."""
     forces: Array
-    """L_{g_l} L_f^{q-1} h, shape (f,): of each pair by each input of each of its members."""
+    """L_{g_l} L_f^{q-1} h, shape (f,): for each pair, member of it and input of that."""
 
 
 class _Group(NamedTuple):
     """Pairs of one kind."""
 
     number: int
-    """Which of SwarmPairs.kinds."""
+    """Place in SwarmPairs.kinds."""
     kind: CompiledKind
     pairs: Index
     """shape (r, 2)"""
     places: Index
-    """Of each pair's numbers, shape (r, k)."""
+    """Places of each pair's numbers, shape (r, k)."""
 
 
 class ChosenPairs:
-    """Pairs to evaluate at any state of the swarm; worth keeping while they stay the same ones."""
+    """Pairs to evaluate at any state of the swarm; to be kept while they stay the same."""
 
     def __init__(self, swarm: SwarmPairs, pairs: Index, kinds: Index, order: Index) -> None:
-        """kinds: of each pair, ascending. order: their places before they were put so."""
+        """pairs: sorted by kind. kinds: of each. order: their places before they were sorted."""
         self.pairs = pairs
         """In the order of all results, shape (r, 2)."""
         self.order = order
-        """Their places among the pairs that were to be chosen, shape (r,)."""
+        """Their places among the pairs given to SwarmPairs.choose, shape (r,)."""
         self._swarm, self.groups = swarm, list[_Group]()
         forces, slopes = [], []
         for number in np.unique(kinds).tolist():
@@ -175,14 +174,14 @@ class ChosenPairs:
             compiled, own = swarm.kinds[number], pairs[which]
             kind = compiled.kind
             places = spread(swarm.begin, own, kind.sizes)
-            pushed = spread(swarm.inputs, own, [len(d.inputs) for d in kind.dynamics])
+            driven = spread(swarm.inputs, own, [len(d.inputs) for d in kind.dynamics])
             self.groups.append(_Group(number, compiled, own, places))
-            forces.append((which, pushed))
+            forces.append((which, driven))
             slopes.append((which, places[:, : sum(kind.sizes[:-1])]))
         self.force_pair, self.force_input = _flat(forces)
-        """Of each force: its pair, and its input's place in the stack of all; shapes (f,)."""
+        """Each force's pair, and its input's place in the stack of all; shapes (f,)."""
         self.slope_pair, self.slope_state = _flat(slopes)
-        """Of each slope: its pair, and its state's place in x; shapes (g,)."""
+        """Each slope's pair, and its state's place in x; shapes (g,)."""
 
     def h(self, x: Array) -> Array:
         """h at a stacked state, shape (n̄,) or (s, n̄); shape (r,) or (s, r)."""
@@ -190,7 +189,7 @@ class ChosenPairs:
         return np.concatenate([np.zeros((*x.shape[:-1], 0)), *[h[..., 0] for h in found]], axis=-1)
 
     def jets(self, x: Array) -> Jets:
-        """h, its derivatives along the drift and the inputs' part in the last, at x as above."""
+        """h, its derivatives along the drift and the inputs' part in the last; x as for h."""
         above, lead = self._swarm.degree + 1, x.shape[:-1]
         found = self._evaluated(x, lambda kind: kind.jets)
         h = [np.zeros((*lead, 0, above)), *[jet[..., :above] for jet in found]]
@@ -198,7 +197,7 @@ class ChosenPairs:
         return Jets(np.concatenate(h, axis=-2), np.concatenate(forces, axis=-1))
 
     def slopes(self, x: Array) -> Array:
-        """∂(L_f^k h)/∂x_l of k = 0 ... q-1, shape (q, g): by pair and state of its members."""
+        """∂(L_f^k h)/∂x_l for k = 0 ... q-1, shape (q, g): by pair and state of its members."""
         q = self._swarm.degree
         found = self._evaluated(x, lambda kind: kind.gradients)
         each = [
@@ -218,7 +217,7 @@ def _begins(sizes: Sequence[int]) -> Index:
 
 
 def spread(begin: Index, pairs: Index, sizes: Sequence[int]) -> Index:
-    """Places of all numbers of each pair's sides, of which side s has sizes[s] numbers."""
+    """Places of all numbers of each pair, whose side s has sizes[s] numbers."""
     sides = [
         begin[side][:, None] + np.arange(size) for side, size in zip(pairs.T, sizes, strict=False)
     ]
@@ -236,7 +235,7 @@ def _flat(groups: Sequence[tuple[Index, Index]]) -> tuple[Index, Index]:
 
 
 class PairFunctions:
-    """A function for each kind of pair, where more than h tells kinds apart: sorts of members."""
+    """A function for each kind of pair and sorts of its members, where h alone is too coarse."""
 
     def __init__(
         self,
@@ -244,19 +243,19 @@ class PairFunctions:
         sorts: Sequence[int],
         make: Callable[[ComposedSet, int], MappedFunction],
     ) -> None:
-        """Sort pairs by more than their h.
+        """Prepare.
 
         Args:
-            swarm: whose pairs they are.
-            sorts: of each member.
-            make: the function of a pair alone, of its states and parameters; and its kind's number.
+            swarm: the pairs.
+            sorts: a number for each member.
+            make: (a pair alone, number of its kind) -> the function of its states and parameters.
         """
         self._swarm, self._make = swarm, make
         self._sorts = np.concatenate([sorts, np.full(len(swarm.obstacles), -1)])
         self._made: dict[tuple[int, ...], MappedFunction] = {}
 
     def choose(self, pairs: Index) -> "ChosenFunctions":
-        """Pairs that are evaluated together, shape (r, 2)."""
+        """Choose pairs to evaluate together, shape (r, 2)."""
         swarm = self._swarm
         sorts = np.column_stack([self._sorts[pairs], swarm.kinds_of(pairs)])
         found, which = np.unique(sorts, axis=0, return_inverse=True)
@@ -273,7 +272,7 @@ class PairFunctions:
 
 
 class ChosenFunctions(NamedTuple):
-    """Functions of pairs, at any state of the swarm."""
+    """Functions of chosen pairs, at any state of the swarm."""
 
     swarm: SwarmPairs
     pairs: Index
@@ -281,6 +280,6 @@ class ChosenFunctions(NamedTuple):
     groups: list[tuple[MappedFunction, Index]]
 
     def __call__(self, x: Array) -> Array:
-        """At a stacked state, shape (n̄,) or (s, n̄); shape (r, outputs) or (s, r, outputs)."""
+        """Evaluate at x, shape (n̄,) or (s, n̄); shape (r, outputs) or (s, r, outputs)."""
         numbers = self.swarm.numbers(x)
         return np.concatenate([f(numbers, places) for f, places in self.groups], axis=-2)

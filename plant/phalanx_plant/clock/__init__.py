@@ -1,1 +1,1 @@
-"""Virtual time in lockstep, and real time: what comes next, and who is waited for."""
+"""Lockstep and real time: the order of events, and the answers each of them waits for."""

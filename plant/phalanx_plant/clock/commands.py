@@ -1,4 +1,4 @@
-"""Commands from outside the scenario: when they take effect, and how fast virtual time may go."""
+"""Scheduled and live commands: when they take effect, and the speed of virtual time."""
 
 import logging
 import math
@@ -17,34 +17,34 @@ from phalanx.wire.seal import Malformed, Refusals, Sealer
 
 log = logging.getLogger("phalanx.plant")
 
-_GLANCE = 0.03
-"""How often a wait shows the run and looks whether it was stopped [s]."""
+_POLL = 0.03
+"""While waiting, period of showing the run and of checking whether it was stopped [s]."""
 
 
 class Pace:
-    """Virtual against wall time, since the last change of the speed."""
+    """Virtual time as a function of wall time."""
 
     def __init__(self, speed: float) -> None:
-        """speed: seconds of virtual time per second, at most; 0: as fast as it goes."""
+        """Go at most `speed` seconds of virtual time per second; 0: as fast as possible."""
         self.speed = speed
         self._until = math.inf
-        """Virtual time stands still beyond it [s]."""
+        """Virtual time at which the run pauses [s]."""
         self._origin = (0.0, time.monotonic())
-        """Virtual and wall time from which the speed counts."""
+        """Virtual and wall time of the last change of speed [s]."""
 
     @property
     def paused(self) -> bool:
-        """Whether virtual time stands still, or is about to."""
+        """True if the run is paused, or will be after the current step."""
         return self._until < math.inf
 
     def now(self) -> float:
-        """Where virtual time is, if nothing else holds it up [s]."""
+        """Virtual time that corresponds to the wall clock [s]."""
         virtual, wall = self._origin
         elapsed = time.monotonic() - wall
         return min(self._until, virtual + self.speed * elapsed) if self.speed else self._until
 
     def wait(self, t: float) -> float:
-        """How long it is until t [s of wall time]; infinite if virtual time stops before it."""
+        """Return the wall time left until t [s]; infinite if the run pauses before it."""
         if t > self._until:
             return math.inf
         if not self.speed:
@@ -53,22 +53,22 @@ class Pace:
         return wall + (t - virtual) / self.speed - time.monotonic()
 
     def restart(self, t: float) -> None:
-        """It is t [s] now."""
+        """Set the virtual time to t [s]."""
         self._origin = (t, time.monotonic())
 
     def stop_at(self, until: float, now: float) -> None:
-        """Go no further than `until` [s]; infinite: go on. It is `now` [s]."""
+        """Pause at `until` [s]; infinite: continue. It is `now` [s]."""
         self._until = until
         self.restart(now)
 
     def change(self, speed: float, now: float) -> None:
-        """Go at another speed from `now` [s] on."""
+        """Set another speed from `now` [s] on."""
         self.speed = speed
         self.restart(now)
 
 
 class CommandQueue:
-    """Scheduled and live commands, in the order in which the run obeys them."""
+    """Scheduled and live commands, in the order in which they take effect."""
 
     def __init__(
         self,
@@ -76,34 +76,37 @@ class CommandQueue:
         names: tuple[str, ...],
         check_stop: Callable[[], None] = lambda: None,
     ) -> None:
-        """check_stop is called at every wait and may raise to end the run."""
+        """Begin with the policy's schedule.
+
+        check_stop is called at every wait and may raise to end the run.
+        """
         self.pace = Pace(policy.speed)
         self.refusals = Refusals(log)
         self._schedule = _in_order([c for c in policy.schedule if c.changes_trajectory])
         self._names, self._check_stop = names, check_stop
-        # Not queue.SimpleQueue, for the reason that Arrivals has.
+        # Not queue.SimpleQueue, for the reason given in IncomingQueue.
         self._live: queue.Queue[Command] = queue.Queue()
         self._latest = 0
         self._sealer = Sealer(policy.secret)
 
     @property
     def next(self) -> float:
-        """When the next scheduled control takes effect [s]; infinite if none is left."""
+        """Time of the next scheduled command [s]; infinite if none is left."""
         return self._schedule[0].t if self._schedule else np.inf
 
-    def take(self, now: float, t: float, idle: Callable[[], None]) -> list[Command]:
-        """The commands to obey at the next event.
+    def wait_until(self, t: float, now: float, idle: Callable[[], None]) -> list[Command]:
+        """Wait until virtual time may reach t, and return the commands that take effect there.
 
         Args:
+            t: time of the next event [s].
             now: virtual time reached [s].
-            t: of the next event [s]; live commands take effect there.
-            idle: called while virtual time has to wait: for a resume, or for the wall clock.
+            idle: called while waiting for a resume, or for the wall clock.
         """
         taken = self._scheduled(t)
         while True:
             wait = self.pace.wait(t)
             try:
-                command = self._live.get(wait > 0, timeout=max(0.0, min(wait, _GLANCE)))
+                command = self._live.get(wait > 0, timeout=max(0.0, min(wait, _POLL)))
             except queue.Empty:
                 if wait <= 0:
                     return taken
@@ -113,8 +116,8 @@ class CommandQueue:
             self._set_pace(command, now)
             taken.append(msgspec.structs.replace(command, t=t, fault=-1))
 
-    def come(self, now: float) -> list[Command]:
-        """The commands to obey now [s], in real time, where nobody waits."""
+    def due(self, now: float) -> list[Command]:
+        """Return the commands that take effect now [s], in real time."""
         taken = self._scheduled(now)
         while not self._live.empty():
             command = self._live.get()
@@ -124,7 +127,7 @@ class CommandQueue:
         return taken
 
     def declare(self, commands: Iterable[Command]) -> None:
-        """Obey these too, before others of their times."""
+        """Schedule these too, before others of the same times."""
         self._schedule = _in_order([*commands, *self._schedule])
 
     def _scheduled(self, t: float) -> list[Command]:
@@ -145,7 +148,7 @@ class CommandQueue:
                 self.pace.change(command.value, now)
 
     def on_command(self, key: str, payload: bytes) -> None:
-        """Take a command in, in whatever thread it comes; only what the secret sealed counts."""
+        """Accept a command if it is sealed with the secret. Called in any thread."""
         try:
             message = self._sealer.open(key, payload, CommandMessage)
             if message.number <= self._latest:
@@ -160,7 +163,7 @@ class CommandQueue:
 
 
 def declared(swarm: Swarm) -> list[Command]:
-    """The commands that the scenario's faults of agents amount to."""
+    """Commands at the begin and end of each agent fault that the scenario declares."""
     return [
         Command(t, kind, each.agent, fault=each.number)
         for each in swarm.links.occurrences

@@ -1,9 +1,9 @@
-"""Lockstep virtual time: integrate to the next event, sample, await, apply; as fast as it goes.
+"""Lockstep virtual time: integrate to the next event, sample, await inputs, apply them.
 
 Events are sampling instants and the instants at which inputs take effect. The wall clock decides
-nothing: an input counts from the virtual time at which it is due, however late it comes. Samples
-are handed out in the order of their times, and further ones before earlier answers are there, as
-long as these cannot change them; what happened is judged in order, once it is known.
+nothing: an input counts from the virtual time at which it is due, however late it arrives. Samples
+are sent in the order of their times, and further ones before earlier answers have arrived, as long
+as these cannot change them. Events are judged in order, once they are known.
 """
 
 from collections import deque
@@ -15,13 +15,13 @@ from phalanx.arrays import Array
 from phalanx.wire.messages import Sample
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.lookahead import Synchronization
-from phalanx_plant.judge.backlog import Backlog
-from phalanx_plant.sampling.sampling import Processes, Sampling, Taken
+from phalanx_plant.judge.event_queue import EventQueue
+from phalanx_plant.sampling.sampling import Processes, Sampling, TakenSample
 from phalanx_plant.world.events import (
-    CommandObeyed,
+    CommandApplied,
     InputApplied,
     InputLost,
-    InstantOver,
+    InstantComplete,
     Sampled,
     StateReached,
     SwarmBrokenError,
@@ -30,48 +30,48 @@ from phalanx_plant.world.world import World
 
 
 class Agents(Processes, Protocol):
-    """The agents as the clock sees them: samples out, inputs in.
+    """The agents as this clock uses them.
 
-    Whoever is to stand still or to die first says all that it had to say, and `restart` returns
-    when the new process is there.
+    `pause` and `kill` first wait for the agent's pending messages, and `restart` returns when the
+    new process has joined.
     """
 
     def send_sample(self, i: int, sample: Sample) -> None:
-        """Hand agent i its sample."""
+        """Send agent i its sample."""
 
     def await_input(self, i: int) -> Array:
-        """The input that agent i's actuator gets for its sample, shape (m_i,)."""
+        """Wait for agent i's input for its sample, shape (m_i,)."""
 
     def take_input(self, i: int) -> Array | None:
-        """The same, if it is there."""
+        """Return the same if it has arrived, else None."""
 
 
-class _Awaited(NamedTuple):
-    """An input that answers sample k of agent i."""
+class _PendingInput(NamedTuple):
+    """The input that answers sample k of agent i."""
 
     i: int
     k: int
     sampled: float
     """[s]"""
     lost: bool
-    """Whether it never comes to the actuator."""
+    """Whether it never reaches the actuator."""
 
 
 @dataclass
-class _Moment:
-    """What is due at one instant; over once every input that takes effect then is there."""
+class _Instant:
+    """All that is due at one instant; complete once its pending inputs have arrived."""
 
     t: float
     """[s]"""
-    commands: list[CommandObeyed]
-    handed_out: dict[int, Taken]
-    """By agent that samples."""
+    commands: list[CommandApplied]
+    samples: dict[int, TakenSample]
+    """By agent."""
     unknown: list[int]
-    """Agents whose states were not known when samples were handed out."""
-    awaited: deque[_Awaited]
-    """Inputs that take effect, and are not there yet."""
+    """Agents whose states were not known when the samples were sent."""
+    pending: deque[_PendingInput]
+    """Inputs that take effect, and have not arrived."""
     reached: bool = False
-    """Whether the world is there."""
+    """Whether the world has reached this instant."""
 
 
 class Lockstep:
@@ -82,147 +82,140 @@ class Lockstep:
         world: World,
         sampling: Sampling,
         agents: Agents,
-        happened: Backlog,
+        events: EventQueue,
         commands: CommandQueue,
         synchronization: Callable[[World], Synchronization] = Synchronization,
     ) -> None:
-        """synchronization: decides whose answers are waited for."""
+        """Begin at t = 0; the synchronization decides which answers to wait for."""
         self.world = world
         self._sampling, self._schedule = sampling, sampling.schedule
-        self._agents, self._happened, self._commands = agents, happened, commands
+        self._agents, self._events, self._commands = agents, events, commands
         self._synchronization = synchronization(world)
         self._now = 0.0
-        """How far samples were handed out [s]; the world may be behind."""
-        self._newest: dict[int, _Awaited] = {}
-        """What answers each agent's last sample."""
-        self._moments: deque[_Moment] = deque()
-        """In order; all but the first are ahead of the world."""
-        self._answers: dict[_Awaited, Array] = {}
-        """Inputs that were needed before their moment was the first."""
+        """Time up to which samples were sent [s]; the world may be behind."""
+        self._newest: dict[int, _PendingInput] = {}
+        """By agent, the input that answers its last sample."""
+        self._instants: deque[_Instant] = deque()
+        """Incomplete ones, in order; all but the first are ahead of the world."""
+        self._early: dict[_PendingInput, Array] = {}
+        """Inputs that were needed before their instant was the first."""
 
     punctuality = None
     """Virtual time is never late."""
 
     def run(self, duration: float) -> None:
-        """Run to `duration` [s].
-
-        Raises:
-            SwarmBrokenError, RecordingError, DivergedError: an agent is dead or silent, the disk
-                is full, the state is no longer finite.
-        """
+        """Run to `duration` [s]. Raises as Clock.run does."""
         self._commands.pace.restart(0.0)
-        with self._happened:
-            while (t := self._next_event()) < duration:
+        with self._events:
+            while (t := min(self._schedule.next_event(), self._commands.next)) < duration:
                 self._event_at(t)
-            self._settle()
+            self._complete_all()
             self._reach(duration)
 
-    def _next_event(self) -> float:
-        return min(self._schedule.next_event(), self._commands.next)
-
     def _event_at(self, t: float) -> None:
-        commands = self._commands.take(self._now, t, self._catch_up)
+        commands = self._commands.wait_until(t, self._now, self._catch_up)
         if commands or self._synchronization.sequential:
-            self._settle()
+            self._complete_all()
         self._now = t
-        obeyed = [self._sampling.obey(c, self.world.x, self._agents) for c in commands]
-        handed_out = self._sample(t)
-        unknown = self._synchronization.open
-        self._moments.append(_Moment(t, obeyed, handed_out, unknown, deque(self._due(t))))
-        # The agents compute now: writing down costs no time while it takes less than they do.
-        self._go_on()
+        applied = [self._sampling.apply(c, self.world.x, self._agents) for c in commands]
+        samples = self._sample(t)
+        unknown = self._synchronization.unknown
+        self._instants.append(_Instant(t, applied, samples, unknown, deque(self._due(t))))
+        # The agents compute now: judging costs no time while it takes less than they do.
+        self._apply_and_judge()
 
-    def _sample(self, t: float) -> dict[int, Taken]:
-        """Hand a sample to every agent due at t."""
+    def _sample(self, t: float) -> dict[int, TakenSample]:
+        """Send a sample to every agent due at t [s]."""
         due = self._schedule.sampling_at(t)
         self._advance(t, due)
-        state, handed_out = self.world.integration, {}
-        for i, sight in zip(due, self._sampling.sensing.sights(state.p, due), strict=True):
-            taken = handed_out[i] = self._sampling.take(i, t, state.x, sight)
-            self._newest[i] = _Awaited(i, taken.sample.k, t, self._schedule.loses_input(i))
+        state, samples = self.world.integration, {}
+        for i, visible in zip(due, self._sampling.sensing.visible(state.p, due), strict=True):
+            taken = samples[i] = self._sampling.take(i, t, state.x, visible)
+            self._newest[i] = _PendingInput(i, taken.sample.k, t, self._schedule.loses_input(i))
             self._agents.send_sample(i, taken.sample)
-        return handed_out
+        return samples
 
     def _advance(self, t: float, due: list[int]) -> None:
-        """Integrate to t [s], until at least is known what those due can see."""
+        """Integrate to t [s], and wait until all states that those due can see are known."""
         synchronization = self._synchronization
         synchronization.advance(t)
-        while wanted := synchronization.in_question(due):
-            self._go_on()
-            if wanted[0] in synchronization.open:
-                awaited = self._newest[wanted[0]]
-                self._answers[awaited] = self._known(awaited, self._agents.await_input(awaited.i))
+        while wanted := synchronization.required(due):
+            self._apply_and_judge()
+            if wanted[0] in synchronization.unknown:
+                pending = self._newest[wanted[0]]
+                u = self._agents.await_input(pending.i)
+                self._early[pending] = self._known(pending, u)
 
-    def _due(self, t: float) -> Iterator[_Awaited]:
+    def _due(self, t: float) -> Iterator[_PendingInput]:
         """The inputs that take effect at t [s]."""
         for i in self._schedule.applying_at(t):
             self._schedule.applied(i)
-            self._synchronization.begin_awaiting(i)
+            self._synchronization.begin_unknown(i)
             yield self._newest[i]
 
-    def _settle(self) -> None:
-        """Wait until all that was handed out has been answered, and has taken effect."""
-        while self._moments:
-            self._finish(self._moments[0], wait=True)
+    def _complete_all(self) -> None:
+        """Wait until all samples have been answered, and all inputs have taken effect."""
+        while self._instants:
+            self._complete(self._instants[0], wait=True)
 
-    def _go_on(self) -> None:
-        """Let take effect what has been answered, and have most events judged."""
-        self._apply_answers()
-        self._happened.judge_most()
+    def _apply_and_judge(self) -> None:
+        """Apply the inputs that have arrived, and judge events in full batches."""
+        self._apply_arrived()
+        self._events.judge_batches()
 
     def _catch_up(self) -> None:
-        """Let take effect what has been answered, and have all events judged."""
-        self._apply_answers()
-        self._happened.judge_all()
+        """Apply the inputs that have arrived, and judge all events."""
+        self._apply_arrived()
+        self._events.judge_all()
 
-    def _apply_answers(self) -> None:
-        while self._moments and self._finish(self._moments[0], wait=False):
+    def _apply_arrived(self) -> None:
+        while self._instants and self._complete(self._instants[0], wait=False):
             pass
 
-    def _finish(self, moment: _Moment, wait: bool) -> bool:
-        """Let the first moment's inputs take effect; False if one is not there yet."""
-        if not moment.reached:
-            self._reach(moment.t)
-            self._require_truth(moment)
-            for obeyed in moment.commands:
-                self._happened.add(obeyed)
-            for i, taken in moment.handed_out.items():
-                self._happened.add(Sampled(i, moment.t, taken.truthful))
-            moment.reached = True
-        while moment.awaited:
-            u = self._answer_to(moment.awaited[0], wait)
+    def _complete(self, instant: _Instant, wait: bool) -> bool:
+        """Apply the first instant's inputs; return False if one has not arrived."""
+        if not instant.reached:
+            self._reach(instant.t)
+            self._require_unseen(instant)
+            for command in instant.commands:
+                self._events.add(command)
+            for i, taken in instant.samples.items():
+                self._events.add(Sampled(i, instant.t, taken.truthful))
+            instant.reached = True
+        while instant.pending:
+            u = self._answer_to(instant.pending[0], wait)
             if u is None:
                 return False
-            i, k, sampled, lost = moment.awaited.popleft()
+            i, k, sampled, lost = instant.pending.popleft()
             if lost:
-                self._happened.add(InputLost(i, k, sampled, moment.t, u))
+                self._events.add(InputLost(i, k, sampled, instant.t, u))
             else:
-                self._happened.add(InputApplied(i, k, sampled, moment.t, u, self.world.x))
-        self._happened.add(InstantOver(moment.t))
-        self._moments.popleft()
+                self._events.add(InputApplied(i, k, sampled, instant.t, u, self.world.x))
+        self._events.add(InstantComplete(instant.t))
+        self._instants.popleft()
         return True
 
     def _reach(self, t: float) -> None:
         self._synchronization.reach(t)
-        self._happened.add(StateReached(t, self.world.x, self.world.take_way()))
+        self._events.add(StateReached(t, self.world.x, self.world.take_history()))
 
-    def _require_truth(self, moment: _Moment) -> None:
-        """Whoever was not known when samples were handed out must have been out of sight."""
+    def _require_unseen(self, instant: _Instant) -> None:
+        """Raise SwarmBrokenError if an agent saw one whose state was not known at that time."""
         sees, p = self._sampling.sensing.sees, self.world.p
-        if moment.unknown and any(sees(p, i, moment.unknown) for i in moment.handed_out):
+        if instant.unknown and any(sees(p, i, instant.unknown) for i in instant.samples):
             raise SwarmBrokenError(
-                f"the sample at t = {moment.t:.3f} s that was handed out ahead is not the truth: "
-                "some dynamics travel farther than their `travel` says; correct it, or set "
+                f"the sample at t = {instant.t:.3f} s that was sent ahead is not the truth: some "
+                "dynamics travel farther than their `travel` returns; correct it, or set "
                 "time.lookahead = false"
             )
 
-    def _answer_to(self, awaited: _Awaited, wait: bool) -> Array | None:
-        if (kept := self._answers.pop(awaited, None)) is not None:
-            return kept
-        agents, i = self._agents, awaited.i
+    def _answer_to(self, pending: _PendingInput, wait: bool) -> Array | None:
+        if (early := self._early.pop(pending, None)) is not None:
+            return early
+        agents, i = self._agents, pending.i
         u = agents.await_input(i) if wait else agents.take_input(i)
-        return None if u is None else self._known(awaited, u)
+        return None if u is None else self._known(pending, u)
 
-    def _known(self, awaited: _Awaited, u: Array) -> Array:
-        self._synchronization.end_awaiting(awaited.i, None if awaited.lost else u)
+    def _known(self, pending: _PendingInput, u: Array) -> Array:
+        self._synchronization.end_unknown(pending.i, None if pending.lost else u)
         return u

@@ -1,8 +1,8 @@
-"""States ahead of the answers: what is known of the swarm while some inputs are still awaited.
+"""Lookahead: integrate beyond inputs that have not arrived, while no sample depends on them.
 
-Nobody's motion depends on another's, so that the states of those who have answered are known
-however long others take. An agent that has not is somewhere within what its dynamics let it travel:
-as long as that is out of another agent's sight, it makes no difference to that agent's sample.
+No agent's motion depends on another's, so the states of agents that have answered are known however
+long others take. An agent that has not answered is within the distance that its dynamics let it
+travel. While that is outside another agent's sensing radius, it does not affect that one's sample.
 """
 
 import math
@@ -16,17 +16,17 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.theory.models.dynamics import Bounded, travelled
 from phalanx_plant.sampling.sensing import sensing_radii
-from phalanx_plant.world.world import Passage, Piece, World
+from phalanx_plant.world.world import Piece, Segment, World
 
 _SLACK = 1e-6
-"""More than integration and rounding can be off [m]."""
-_AT_ONCE = 8
-"""How many answers may be awaited at once before the plant waits for the oldest: enough for the
-cores of a host, and few to work out anew when they come."""
+"""Allowance for integration and rounding errors [m]."""
+_MOST_UNKNOWN = 8
+"""Pending inputs before the plant waits for the oldest: enough for the cores of a host, and few to
+integrate again when they arrive."""
 
 
-class _Open(NamedTuple):
-    """An agent whose input is awaited, where it was when that took effect."""
+class _Unknown(NamedTuple):
+    """An agent whose input is pending, at the instant from which that counts."""
 
     t: float
     """[s]"""
@@ -35,38 +35,38 @@ class _Open(NamedTuple):
     p: Array
     """Output position [m]."""
     u: Array
-    """What its actuator held until then, shape (m_i,)."""
+    """The input that its actuator held until then, shape (m_i,)."""
     since: int
-    """Number of the first piece of the way since."""
+    """Number of the first piece of the history after it."""
 
 
 class Synchronization:
     """Sequential: it waits for all answers, so an input is known as soon as it takes effect."""
 
     sequential = True
-    """Whether all that was handed out is answered before virtual time goes on."""
+    """Whether all samples are answered before virtual time goes on."""
 
     def __init__(self, world: World) -> None:
         self._world = world
 
     @property
-    def open(self) -> list[int]:
-        """Whose states are not known, since their inputs are awaited; the longest awaited first."""
+    def unknown(self) -> list[int]:
+        """Agents whose states are unknown, as their inputs are pending; the oldest first."""
         return []
 
-    def begin_awaiting(self, i: int) -> None:
-        """From now on agent i holds an input that is not known yet: the world stands still."""
+    def begin_unknown(self, i: int) -> None:
+        """Let agent i's pending input take effect, whatever it is."""
 
-    def end_awaiting(self, i: int, u: Array | None) -> None:
-        """Agent i's awaited input is u, shape (m_i,).
+    def end_unknown(self, i: int, u: Array | None) -> None:
+        """Set agent i's pending input to u, shape (m_i,).
 
-        None: it was lost, and the actuator holds what it did.
+        None: it was lost, and the actuator holds the input before it.
         """
         if u is not None:
             self._world.apply(i, u)
 
-    def in_question(self, who: Sequence[int]) -> list[int]:
-        """Agents whose inputs have to be known before those in `who` are sampled."""
+    def required(self, sampling: Sequence[int]) -> list[int]:
+        """Return agents whose inputs must be known before those in `sampling` are sampled."""
         return []
 
     def advance(self, until: float) -> None:
@@ -84,11 +84,11 @@ class Lookahead(Synchronization):
     sequential = False
 
     def __init__(self, world: World, radii: Array) -> None:
-        """Go ahead with the integration of a world that follows.
+        """Run ahead of a world that follows.
 
         Args:
             world: at x(0). No disturbance may depend on the state.
-            radii: how far each agent sees [m].
+            radii: sensing radius of each agent [m].
         """
         super().__init__(world)
         swarm = world.swarm
@@ -97,67 +97,67 @@ class Lookahead(Synchronization):
         dynamics = [m.dynamics for m in swarm.members]
         self._bounded = [each if isinstance(each, Bounded) else None for each in dynamics]
         self._bounds = [group.disturbance.bound for group in swarm.groups]
-        self._open: dict[int, _Open] = {}
-        self._way: deque[Piece] = deque()
-        """What the world has not gone yet."""
-        self._gone = 0
+        self._unknown: dict[int, _Unknown] = {}
+        self._ahead: deque[Piece] = deque()
+        """The history ahead of the world."""
+        self._done = 0
         """Number of the first piece of it."""
 
     @property
-    def open(self) -> list[int]:
-        """Whose inputs are awaited."""
-        return list(self._open)
+    def unknown(self) -> list[int]:
+        """Agents whose inputs are pending, the oldest first."""
+        return list(self._unknown)
 
-    def begin_awaiting(self, i: int) -> None:
-        """From now on agent i holds an input that is not known yet."""
+    def begin_unknown(self, i: int) -> None:
+        """Integrate agent i as NaN until its input is known."""
         now = self._integration
         x, p = now.x[self._parts[i]].copy(), now.p[i].copy()
-        self._open[i] = _Open(now.t, x, p, now.held(i), self._gone + len(self._way))
+        self._unknown[i] = _Unknown(now.t, x, p, now.held(i), self._done + len(self._ahead))
         now.hold(i, np.nan)
 
-    def end_awaiting(self, i: int, u: Array | None) -> None:
-        """Agent i's awaited input is u, shape (m_i,): its state is known again."""
-        begun, own = self._open.pop(i), self._parts[i]
+    def end_unknown(self, i: int, u: Array | None) -> None:
+        """Integrate agent i again from where its input, now known, took effect."""
+        begun, own = self._unknown.pop(i), self._parts[i]
         held, x = begun.u if u is None else u, begun.x
         self._integration.hold(i, held)
-        for piece in islice(self._way, begun.since - self._gone, None):
-            if isinstance(piece, Passage):
-                # The integration's own state is in the last of them.
-                # So is the next one's start.
-                (count, dt, _), phi, slope = piece.stretch, piece.phi[own], piece.slope[own]
+        for piece in islice(self._ahead, begun.since - self._done, None):
+            if isinstance(piece, Segment):
+                # The last one shares its arrays with the integration's state.
+                # So does the next one's start.
+                phi, slope = piece.phi[own], piece.slope[own]
                 piece.u[self._integration.inputs[i]] = held
-                piece.x[:, own], piece.p[:, i] = self._integration.motion.one_through(
-                    i, count, x, held, phi, slope, dt
+                piece.x[:, own], piece.p[:, i] = self._integration.motion.one_agent(
+                    i, len(piece.x), x, held, phi, slope, piece.dt
                 )
                 x = piece.x[-1, own]
 
     def advance(self, until: float) -> None:
-        """Go on to `until` [s]."""
-        self._way.extend(self._integration.to(until))
+        """Integrate ahead to `until` [s]."""
+        self._ahead.extend(self._integration.integrate(until))
 
     def reach(self, until: float) -> None:
-        """Let the world follow to `until` [s]: no input that takes effect before is awaited."""
+        """Let the world follow to `until` [s]: all inputs that take effect before are known."""
         self.advance(until)
-        self._world.follow(self._take_way(until))
+        self._world.follow(self._take_ahead(until))
 
-    def _take_way(self, until: float) -> Iterator[Piece]:
-        while self._way and self._way[0].t < until:
-            self._gone += 1
-            yield self._way.popleft()
+    def _take_ahead(self, until: float) -> Iterator[Piece]:
+        while self._ahead and self._ahead[0].t < until:
+            self._done += 1
+            yield self._ahead.popleft()
 
-    def in_question(self, who: Sequence[int]) -> list[int]:
-        """Whose inputs have to be known before those in `who` can be told what they see.
+    def required(self, sampling: Sequence[int]) -> list[int]:
+        """Return agents whose inputs must be known before those in `sampling` are sampled.
 
-        Where that is one of them itself, others may be in question once it is known. Of too many
-        that are awaited the oldest are in question for all.
+        If one of these is itself required, more may be required once it is known. If too many
+        inputs are pending, the oldest are required.
         """
-        seen = [i for i in self._open if any(self._may_see(j, i) for j in who)]
-        return seen or self.open[:-_AT_ONCE]
+        seen = [i for i in self._unknown if any(self._may_see(j, i) for j in sampling)]
+        return seen or self.unknown[:-_MOST_UNKNOWN]
 
     def _may_see(self, j: int, i: int) -> bool:
-        if j in self._open:
-            return i == j  # only then is it known where j is
-        dynamics, begun, now = self._bounded[i], self._open[i], self._integration
+        if j in self._unknown:
+            return i == j  # the position of j is known only after its own input
+        dynamics, begun, now = self._bounded[i], self._unknown[i], self._integration
         if dynamics is None:
             return True
         farthest = travelled(dynamics, begun.x, now.t - begun.t, self._bounds[i])
@@ -165,9 +165,9 @@ class Lookahead(Synchronization):
 
 
 def look_ahead(world: World) -> Synchronization:
-    """Lookahead for agents that compute while the plant goes on; sequential where it cannot pay.
+    """Choose lookahead, or sequential synchronization if lookahead cannot save time.
 
-    A sample that sees all agents waits for all: it pays where most do not.
+    A sample that sees all agents waits for all of them: lookahead needs most to see fewer.
     """
     swarm, radii = world.swarm, sensing_radii(world.swarm)
     limited = 2 * np.isfinite(radii).sum() > len(radii)

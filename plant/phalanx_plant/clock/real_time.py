@@ -1,9 +1,9 @@
-"""Real time: virtual time is tied to the wall clock, and nobody waits for anybody.
+"""Real time: virtual time follows the wall clock, and the plant waits for no agent.
 
-A sample is taken when the plant comes to it, not when it was due. An input takes effect when it is
-due, or as soon as it is here. An agent that still owes an answer is not sampled: that tick of its
-clock is missed, so samples never pile up before an agent that is too slow. Whoever has not answered
-for a while is sampled again, for the answer may have been lost on its way.
+A sample is taken when the plant processes it, not when it was due. An input takes effect when it is
+due, or as soon as it arrives. An agent with an unanswered sample is not sampled: that tick of its
+clock is missed, so samples never queue up for an agent that is too slow. After a while without an
+answer the agent is sampled again, for the answer may have been lost on its way.
 """
 
 import time
@@ -15,13 +15,13 @@ from phalanx.faults.commands import Command, ProcessChange
 from phalanx.guarantee.verdict import Punctuality, percentiles
 from phalanx.wire.messages import Sample
 from phalanx_plant.clock.commands import CommandQueue
-from phalanx_plant.judge.backlog import Backlog
+from phalanx_plant.judge.event_queue import EventQueue
 from phalanx_plant.sampling.sampling import Processes, Sampling
 from phalanx_plant.world.events import (
-    CommandObeyed,
+    CommandApplied,
     InputApplied,
     InputLost,
-    InstantOver,
+    InstantComplete,
     MemberLost,
     Sampled,
     StateReached,
@@ -29,47 +29,49 @@ from phalanx_plant.world.events import (
 from phalanx_plant.world.world import World
 
 _PATIENCE = 1.0
-"""After so long without an answer an agent is sampled again [s of wall time]."""
-_MOMENT = 5e-4
-"""In less than this before something is due, nothing is judged [s of wall time]."""
-_MUCH, _MOST = 200, 20_000
-"""So many events are judged even while agents compute, and even if something is due."""
+"""Time without an answer after which an agent is sampled again [s of wall time]."""
+_LEAD = 5e-4
+"""No event is judged within this time before something is due [s of wall time]."""
+_BATCH_TIME = 5e-3
+"""Time for which events are prepared in one call, which may delay what is due [s of CPU time]."""
+_MANY, _TOO_MANY = 200, 20_000
+"""Queue lengths above which events are judged while agents compute, and if something is due."""
 
 
 class TimelyAgents(Processes, Protocol):
-    """The agents as the wall clock sees them: nobody waits for what they still have to say."""
+    """The agents as this clock uses them: no method waits for an agent."""
 
     @property
     def waiting(self) -> int:
-        """How much has come that was not handled yet."""
+        """Number of messages that have arrived and are not handled."""
 
     def send_sample(self, i: int, sample: Sample) -> None:
-        """Hand agent i its sample."""
+        """Send agent i its sample."""
 
     def listen(self, seconds: float) -> None:
-        """Handle what comes, for so long [s of wall time], or until something has come."""
+        """Wait up to `seconds` [s of wall time] for messages, and handle those that arrived."""
 
     def take_reported(self, i: int) -> Array | None:
-        """Agent i's input for its newest sample, shape (m_i,), if its report has come too."""
+        """Return agent i's input for its newest sample, (m_i,), if its report has arrived too."""
 
     def take_changes(self) -> list[tuple[int, bool]]:
-        """Who is not to be reached any more, and who is back, since last asked: (i, is back)."""
+        """Return agents that were lost or came back since the last call: (i, is back)."""
 
 
-class _Asked(NamedTuple):
-    """A sample that was handed out."""
+class _SentSample(NamedTuple):
+    """A sample whose input has not taken effect."""
 
     sample: Sample
     wall: float
-    """By the wall clock [s]."""
+    """Wall time at which it was sent [s]."""
     due: float
-    """When its answer is to take effect [s]."""
+    """Virtual time at which its input takes effect [s]."""
     lost: bool
-    """Whether it never comes to the actuator."""
+    """Whether that never reaches the actuator."""
 
 
 class _Answer(NamedTuple):
-    """An input that is here."""
+    """An input that has arrived."""
 
     takes_effect: float
     """[s]"""
@@ -81,31 +83,31 @@ class Timekeeping:
     """Counts and times of one run, in seconds of virtual time unless said otherwise."""
 
     def __init__(self, periods: list[float]) -> None:
-        """periods: Γ_i of each agent [s]."""
+        """Begin with nothing counted; periods are Γ_i of each agent [s]."""
         self.missed = self.unanswered = self.late = 0
         self._periods = periods
         self._sampled: dict[int, float] = {}
         self._behind, self._jitter, self._latency = array("d"), array("d"), array("d")
 
     def sampled(self, i: int, t: float, tick: float) -> None:
-        """Agent i took a sample at t, for a tick of its clock."""
+        """Record that agent i took a sample at t, for a tick of its clock."""
         self._behind.append(t - tick)
         if i in self._sampled:
             self._jitter.append(abs(t - self._sampled[i] - self._periods[i]))
         self._sampled[i] = t
 
     def missed_tick(self, i: int) -> None:
-        """Agent i took no sample at a tick of its clock; the next gap is no jitter."""
+        """Record that agent i took no sample at a tick; the next gap is no jitter."""
         self.missed += 1
         self._sampled.pop(i, None)
 
     def answered(self, wall: float) -> None:
-        """An answer took so long, from the plant and back [s of wall time]."""
+        """Record the time from a sample to the arrival of its answer [s of wall time]."""
         self._latency.append(wall)
 
     @property
     def summary(self) -> Punctuality:
-        """All of it."""
+        """Counts, and percentiles of the times."""
         return Punctuality(
             samples=len(self._behind),
             missed=self.missed,
@@ -120,142 +122,141 @@ class Timekeeping:
 
 
 class RealTime:
-    """One run by the wall clock."""
+    """One run in real time."""
 
     def __init__(
         self,
         world: World,
         sampling: Sampling,
         agents: TimelyAgents,
-        happened: Backlog,
+        events: EventQueue,
         commands: CommandQueue,
     ) -> None:
         self.world = world
         self.timekeeping = Timekeeping([group.clock.period for group in world.swarm.groups])
         self._sampling, self._schedule = sampling, sampling.schedule
-        self._agents, self._happened, self._commands = agents, happened, commands
-        self._asked: dict[int, _Asked] = {}
-        """Whose input has not taken effect yet."""
+        self._agents, self._events, self._commands = agents, events, commands
+        self._sent: dict[int, _SentSample] = {}
+        """By agent."""
         self._answers: dict[int, _Answer] = {}
-        """By agent, what is here of them."""
-        self._returning: set[int] = set()
-        """Whose place another process is to take, and has not yet."""
+        """By agent, answers to these samples that have arrived."""
+        self._restarting: set[int] = set()
+        """Agents whose new process has not joined yet."""
 
     def run(self, duration: float) -> None:
         """Run to `duration` [s]. Raises RecordingError, DivergedError."""
         pace = self._commands.pace
         pace.restart(0.0)
-        with self._happened:
-            # The recording begins at the start, although nobody is sampled at that instant.
-            self._happened.add(StateReached(0.0, self.world.x, self.world.take_way()))
+        with self._events:
+            # The recording begins at t = 0, although no agent is sampled at exactly that instant.
+            self._events.add(StateReached(0.0, self.world.x, self.world.take_history()))
             while (now := pace.now()) < duration:
-                self._be_at(now)
-                self._rest(min(self._next_event(), duration))
+                self._process_due(now)
+                next_event = min(self._schedule.next_event(), self._commands.next)
+                self._wait_until(min(next_event, duration))
             self._reach(duration)
 
     @property
     def punctuality(self) -> Punctuality:
-        """How the run kept its times."""
+        """Delays of samples and inputs against their planned times."""
         return self.timekeeping.summary
 
-    def _next_event(self) -> float:
-        return min(self._schedule.next_event(), self._commands.next)
-
-    def _be_at(self, now: float) -> None:
-        """Do all that is due at `now` [s], or was since the world was last looked at."""
+    def _process_due(self, now: float) -> None:
+        """Process all that became due up to `now` [s]."""
         for i in self._schedule.applying_at(now):
             self._schedule.applied(i)
         ready = [(a.takes_effect, i) for i, a in self._answers.items() if a.takes_effect <= now]
         for t, i in sorted(ready):
             self._reach(t)
             self._apply(i, t)
-        commands, changes = self._commands.come(now), self._agents.take_changes()
+        commands, changes = self._commands.due(now), self._agents.take_changes()
         due = [i for i in self._schedule.sampling_at(now) if self._may_sample(i)]
         if commands or changes or due:
             self._reach(now)
         for command in commands:
-            self._happened.add(self._obey(command))
+            self._events.add(self._apply_command(command))
         for i, back in changes:
-            self._happened.add(MemberLost(i, now, back))
-        self._returning -= {i for i, back in changes if back}
+            self._events.add(MemberLost(i, now, back))
+        self._restarting -= {i for i, back in changes if back}
         self._sample([i for i in due if not self._sampling.silent(i)], now)
         if ready or commands or changes or due:
-            self._happened.add(InstantOver(self.world.t))
+            self._events.add(InstantComplete(self.world.t))
 
     def _reach(self, t: float) -> None:
         if t > self.world.t:
             self.world.advance(t)
-            self._happened.add(StateReached(t, self.world.x, self.world.take_way()))
+            self._events.add(StateReached(t, self.world.x, self.world.take_history()))
 
     def _may_sample(self, i: int) -> bool:
-        """Whether agent i can take a sample at the tick that has come; else the tick goes by."""
-        asked = self._asked.get(i)
-        if asked is None:
+        """Return whether agent i can take a sample at the current tick; else skip the tick."""
+        sent = self._sent.get(i)
+        if sent is None:
             return True
-        if i in self._answers or time.monotonic() < asked.wall + _PATIENCE:
+        if i in self._answers or time.monotonic() < sent.wall + _PATIENCE:
             self._miss(i)
             return False
         self.timekeeping.unanswered += 1
-        if i in self._returning:
-            self._agents.restart(i, self.world.t)  # it may have been asked for too early
-        del self._asked[i]
+        if i in self._restarting:
+            self._agents.restart(i, self.world.t)  # the first request may have been too early
+        del self._sent[i]
         return True
 
     def _apply(self, i: int, t: float) -> None:
         """Let agent i's input take effect at t [s]."""
-        asked, answer = self._asked.pop(i), self._answers.pop(i)
-        self.timekeeping.late += t > asked.due
-        if asked.lost:
-            self._happened.add(InputLost(i, asked.sample.k, asked.sample.t, t, answer.u))
+        sent, u = self._sent.pop(i), self._answers.pop(i).u
+        sample = sent.sample
+        self.timekeeping.late += t > sent.due
+        if sent.lost:
+            self._events.add(InputLost(i, sample.k, sample.t, t, u))
         else:
-            self.world.apply(i, answer.u)
-            k, sampled, x = asked.sample.k, asked.sample.t, self.world.x
-            self._happened.add(InputApplied(i, k, sampled, t, answer.u, x, asked.sample))
+            self.world.apply(i, u)
+            self._events.add(InputApplied(i, sample.k, sample.t, t, u, self.world.x, sample))
 
     def _sample(self, due: list[int], now: float) -> None:
         x, pace = self.world.x, self._commands.pace.speed
-        for i, sight in zip(due, self._sampling.sensing.sights(self.world.p, due), strict=True):
+        visible = self._sampling.sensing.visible(self.world.p, due)
+        for i, each in zip(due, visible, strict=True):
             self.timekeeping.sampled(i, now, self._schedule.tick(i))
-            taken = self._sampling.take(i, now, x, sight, pace)
+            taken = self._sampling.take(i, now, x, each, pace)
             takes_effect, lost = self._schedule.due(i), self._schedule.loses_input(i)
-            self._asked[i] = _Asked(taken.sample, time.monotonic(), takes_effect, lost)
-            self._happened.add(Sampled(i, now, taken.truthful))
+            self._sent[i] = _SentSample(taken.sample, time.monotonic(), takes_effect, lost)
+            self._events.add(Sampled(i, now, taken.truthful))
             self._agents.send_sample(i, taken.sample)
             while self._schedule.tick(i) <= now:
                 self._miss(i)
 
     def _miss(self, i: int) -> None:
         self.timekeeping.missed_tick(i)
-        self._schedule.pass_over(i)
+        self._schedule.skip_tick(i)
 
-    def _obey(self, command: Command) -> CommandObeyed:
-        obeyed = self._sampling.obey(command, self.world.x, self._agents)
+    def _apply_command(self, command: Command) -> CommandApplied:
+        applied = self._sampling.apply(command, self.world.x, self._agents)
         effect = command.effect
-        if effect and effect.process is ProcessChange.STARTS and obeyed.changed is not None:
-            self._returning.add(obeyed.changed)
-        return obeyed
+        if effect and effect.process is ProcessChange.STARTS and applied.changed is not None:
+            self._restarting.add(applied.changed)
+        return applied
 
-    def _rest(self, until: float) -> None:
-        """Take in what comes until then [s], and write down what happened while there is time."""
+    def _wait_until(self, until: float) -> None:
+        """Judge events while there is time, and receive messages, until then [s]."""
         wait = self._commands.pace.wait
-        while self._has_time(wait(until)):
-            self._happened.judge_one()
-        self._happened.idle()
+        while self._may_judge(wait(until)):
+            self._events.judge_next(_BATCH_TIME)
+        self._events.idle()
         self._agents.listen(wait(until))
         for i in self._computing:
-            u, asked = self._agents.take_reported(i), self._asked[i]
+            u, sent = self._agents.take_reported(i), self._sent[i]
             if u is not None:
                 now = self._commands.pace.now()
-                self._answers[i] = _Answer(max(now, asked.due), u)
-                self.timekeeping.answered(time.monotonic() - asked.wall)
+                self._answers[i] = _Answer(max(now, sent.due), u)
+                self.timekeeping.answered(time.monotonic() - sent.wall)
 
-    def _has_time(self, seconds: float) -> bool:
-        """Whether something is to be judged, so long before the next is due [s]."""
-        many = len(self._happened)
-        free = not self._agents.waiting and seconds > _MOMENT
-        return many > _MOST or (free and many > (_MUCH if self._computing else 0))
+    def _may_judge(self, seconds: float) -> bool:
+        """Return whether to judge an event, if something is due in `seconds` of wall time."""
+        many = len(self._events)
+        free = not self._agents.waiting and seconds > _LEAD
+        return many > _TOO_MANY or (free and many > (_MANY if self._computing else 0))
 
     @property
     def _computing(self) -> list[int]:
-        """Who owes an answer."""
-        return [i for i in self._asked if i not in self._answers]
+        """Agents that have not answered."""
+        return [i for i in self._sent if i not in self._answers]

@@ -1,4 +1,4 @@
-"""What agents may answer, and what they did: every answer is checked against its sample."""
+"""Agents' inputs and reports, each checked against the sample that it answers."""
 
 from collections import defaultdict
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from phalanx.arrays import Array
 from phalanx.network.inbox import Fate
-from phalanx.swarm.seen import SeenStates
+from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.keys import Keys
 from phalanx.wire.messages import Actuation, Sample, Telemetry
@@ -15,19 +15,16 @@ from phalanx_plant.world.world import Actuators
 
 
 class Answers:
-    """The newest sample of each agent, and its answers until they are taken.
-
-    Sealed payloads in, answers out; it waits for nothing and sends nothing.
-    """
+    """The newest sample of each agent, and its answers until they are taken; no I/O."""
 
     def __init__(self, swarm: Swarm, keys: Keys, sealer: Sealer) -> None:
         self._names, self._sealer = swarm.names, sealer
         self.senders: dict[str, tuple[int, type[Actuation | Telemetry]]] = {}
-        """By key expression, which agent sends what there."""
+        """By key expression, the agent that sends there, and the kind of its messages."""
         for i, name in enumerate(swarm.names):
             self.senders[keys.actuation(name)] = i, Actuation
             self.senders[keys.telemetry(name)] = i, Telemetry
-        self._actuators, self._states = Actuators(swarm), SeenStates(swarm)
+        self._actuators, self._states = Actuators(swarm), StateCodec(swarm)
         self._agents = len(swarm.names)
         self._sizes = [len(m.dynamics.inputs) for m in swarm.members]
         self._faults = len(swarm.links.declared)
@@ -35,86 +32,86 @@ class Answers:
         self._samples: dict[int, Sample] = {}
         self._inputs: dict[int, Array] = {}
         self._answered = dict.fromkeys(range(self._agents), -1)
-        """For each agent, the last sample that it answered."""
+        """By agent, the number of the last sample that it answered."""
         self._telemetry: dict[int, dict[int, Telemetry]] = defaultdict(dict)
         """By agent and sequence number, until it is taken."""
         self._reported = dict.fromkeys(range(self._agents), -1)
-        """For each agent, the last sample that it reported on."""
+        """By agent, the number of the last sample that it reported on."""
 
     def expect(self, i: int, sample: Sample) -> None:
-        """Agent i is about to answer this sample."""
+        """Expect agent i's answer to this sample."""
         self._samples[i] = sample
 
     def expected(self, i: int) -> int:
-        """The number of the sample that agent i has to answer; -1 before the first."""
+        """The number of agent i's newest sample; -1 before the first."""
         return self._samples[i].k if i in self._samples else -1
 
     def complete(self, i: int) -> bool:
-        """Whether agent i has answered its newest sample, and reported on it."""
+        """Return whether agent i has answered its newest sample, and reported on it."""
         return self._answered[i] == self._reported[i] == self.expected(i)
 
     def take_input(self, i: int) -> Array | None:
-        """Agent i's input for its newest sample, shape (m_i,), if it has come."""
+        """Remove and return agent i's input for its newest sample, shape (m_i,), if it arrived."""
         return self._inputs.pop(i, None)
 
     def take_reported(self, i: int) -> Array | None:
-        """The same, once its report has come too."""
+        """The same, if its report arrived too."""
         return self.take_input(i) if self.expected(i) in self._telemetry[i] else None
 
     def take_telemetry(self, i: int, k: int) -> Telemetry | None:
-        """Agent i's report on its sample k, if it has come."""
+        """Remove and return agent i's report on its sample k, if it arrived."""
         return self._telemetry[i].pop(k, None)
 
-    def require_awaited(self, key: str, payload: bytes) -> None:
-        """Raise Malformed unless it is an answer that is owed; any thread may ask."""
-        self._require_owed(*self._open(key, payload))
+    def require_pending(self, key: str, payload: bytes) -> None:
+        """Raise Malformed unless the payload is a pending answer. Called in any thread."""
+        self._require_pending(*self._open(key, payload))
 
-    def take(self, key: str, payload: bytes) -> str | None:
-        """Keep an answer. Raises Malformed unless it is one that is owed.
+    def accept(self, key: str, payload: bytes) -> str | None:
+        """Store a pending answer; return the agent's error message if it reports a failure.
 
-        Returns why its agent will answer no more, in words, if it says so.
+        Raises Malformed for any other payload.
         """
         i, answer = self._open(key, payload)
         if isinstance(answer, Actuation):
             self.on_actuation(i, answer)
             return None
         self.on_telemetry(i, answer)
-        return _as_said_by(self._names[i], answer.failed) if answer.failed else None
+        return _failure(self._names[i], answer.failed) if answer.failed else None
 
     def _open(self, key: str, payload: bytes) -> tuple[int, Actuation | Telemetry]:
         i, kind = self.senders[key]
         return i, self._sealer.open(key, payload, kind)
 
-    def _require_owed(self, i: int, message: Actuation | Telemetry) -> None:
-        """Raise Malformed unless agent i owes such an answer."""
+    def _require_pending(self, i: int, message: Actuation | Telemetry) -> None:
+        """Raise Malformed if agent i's answer came before, or is to no sample of its."""
         reports, newest = isinstance(message, Telemetry), self.expected(i)
         last = (self._reported if reports else self._answered)[i]
-        # The actuation alone is waited for, so a report may come after the next sample was sent.
+        # The plant waits for the actuation only: a report may arrive after the next sample is sent.
         if not (last < message.k <= newest and (reports or message.k == newest)):
             raise Malformed("out of order")
 
     def on_actuation(self, i: int, message: Actuation) -> None:
-        """Agent i's input came. Raises Malformed unless it answers the newest sample within U."""
+        """Store agent i's input. Raises Malformed unless it answers the newest sample within U."""
         if len(message.u) != self._sizes[i]:
             raise Malformed("wrong size")
-        self._require_owed(i, message)
+        self._require_pending(i, message)
         sample = self._samples[i]
         if message.t_apply != sample.t + self._latency:
             raise Malformed("wrong time")
-        x, u = self._states.one(i, sample.x, sample.seen), np.array(message.u)
+        x, u = self._states.unpack_one(i, sample.x, sample.seen), np.array(message.u)
         if not self._actuators.takes(i, x, u):
             raise Malformed("outside U")
         self._answered[i] = message.k
         self._inputs[i] = u
 
-    def _may_be(self, fate: Fate) -> bool:
-        """Whether there is such a broadcast, and it is told what it said unless it was lost."""
-        said = None if fate.claim is None else len(fate.claim.u)
+    def _is_possible(self, fate: Fate) -> bool:
+        """Return whether the broadcast exists, and its claim is given unless it was lost."""
+        size = None if fate.claim is None else len(fate.claim.u)
         expected = None if fate.delay < 0.0 else self._sizes[fate.sender]
-        return 0 <= fate.k <= self.expected(fate.sender) and said == expected
+        return 0 <= fate.k <= self.expected(fate.sender) and size == expected
 
     def on_telemetry(self, i: int, message: Telemetry) -> None:
-        """Agent i's report came. Raises Malformed unless it is the first on a sample of its."""
+        """Store agent i's report. Raises Malformed unless it is the first on one of its samples."""
         if len(message.report.u_nom) != self._sizes[i]:
             raise Malformed("wrong size")
         senders = [fate.sender for fate in message.fates]
@@ -123,14 +120,14 @@ class Answers:
             raise Malformed("unknown sender")
         if any(not 0 <= n < self._faults for fate in message.fates for n in fate.faults):
             raise Malformed("unknown fault")
-        if not all(self._may_be(fate) for fate in message.fates):
+        if not all(self._is_possible(fate) for fate in message.fates):
             raise Malformed("unknown broadcast")
-        self._require_owed(i, message)
+        self._require_pending(i, message)
         self._reported[i] = message.k
         self._telemetry[i][message.k] = message
 
 
-def _as_said_by(name: str, failure: str) -> str:
-    """An agent's words, which are of itself, as text that a terminal can show."""
+def _failure(name: str, failure: str) -> str:
+    """Format an agent's own error message for a terminal, with the agent's name."""
     shown = "".join(c if c.isprintable() else " " for c in failure)
     return shown if f"agent {name} " in shown else f"agent {name}: {shown}"

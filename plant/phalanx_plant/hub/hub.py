@@ -1,6 +1,6 @@
-"""The hub: hands out samples, takes answers in, and notices who comes and goes.
+"""The hub: sends samples, receives answers, and tracks the agents' processes.
 
-In lockstep it waits for agents, in real time it never does.
+In lockstep it waits for agents, in real time it does not.
 """
 
 import contextlib
@@ -21,28 +21,28 @@ from phalanx.wire.messages import Sample, Status, Telemetry
 from phalanx.wire.seal import Malformed, Refusals
 from phalanx_plant.hub.answers import Answers
 from phalanx_plant.hub.joining import Joining, Places
-from phalanx_plant.hub.session import Arrivals, PlantSession
+from phalanx_plant.hub.session import IncomingQueue, PlantSession
 from phalanx_plant.world.events import SwarmBrokenError
 
 log = logging.getLogger("phalanx.plant")
 
 _AWAY = 4.0
-"""How long an agent may lose the hub before the run begins [s]."""
-_GLANCE = 0.2
-"""How often a wait looks up to see whether the run was stopped [s]."""
+"""Time for which an agent may lose the connection before the run begins [s]."""
+_POLL = 0.2
+"""While waiting, period of checking whether the run was stopped [s]."""
 
 T = TypeVar("T")
 
 
 class Hub:
-    """Samples to agents and answers from them, each checked against what may come next.
+    """Sends samples to agents, and receives their answers.
 
-    Who is there (Joining) and what was asked and answered (Answers) know of no wire and wait for
-    nobody; the session waits for nobody either.
+    Membership (Joining) and the state of samples and answers (Answers) do no I/O, and no part but
+    the hub itself waits.
     """
 
     may_leave: ClassVar[bool]
-    """Whether agents that joined may go, and come back."""
+    """Whether agents that joined may leave, and come back."""
 
     def __init__(
         self,
@@ -51,7 +51,7 @@ class Hub:
         check_stop: Callable[[], None],
         at_router: bool = False,
     ) -> None:
-        """Listen on the membership's endpoint, or meet the others at the router that does.
+        """Listen on the membership's endpoint, or connect to the router that does.
 
         check_stop is called at every wait and may raise to end the run. Raises HubError.
         """
@@ -60,18 +60,19 @@ class Hub:
         self._timeout, self._names = swarm.time.timeout, swarm.names
         self._check_stop = check_stop
         programs = swarm.programs
-        self._alone = {swarm.names.index(who[0]) for who in programs.values() if len(who) == 1}
+        self._alone = {swarm.names.index(own[0]) for own in programs.values() if len(own) == 1}
         """The agents that have a process of their own."""
         self._stopped: set[str] = set()
-        self._told = Status()
+        self._status = Status()
         """The last status."""
+        # Before the session is open: this may fail.
+        own = membership.identity_folder
+        sign = extension("signer")(own) if own else lambda *_: b""
         joining = self._joining = Joining(swarm, self.may_leave)
         answers = self._answers = Answers(swarm, membership.keys, membership.sealer)
-        self._arrivals = Arrivals(answers.senders, self.refusals, answers.require_awaited)
+        self._incoming = IncomingQueue(answers.senders, self.refusals, answers.require_pending)
         self.session = PlantSession(swarm, membership, at_router)
-        self.session.receive(self._arrivals)
-        own = membership.certificates
-        sign = extension("signer")(own) if own else lambda *_: b""
+        self.session.receive(self._incoming)
         places = Places(programs, joining.vacant, joining.digest, sign)
         self.session.give_places(places.answer, self.refusals)
         self.session.announce(joining.digest)
@@ -83,22 +84,22 @@ class Hub:
         self.session.close()
 
     def time(self, stopwatch: Stopwatch) -> None:
-        """Have the stopwatch tell sending, opening answers, and waiting for reports apart."""
+        """Time sending, receiving, and waiting for reports."""
         stopwatch.time(self, "send_sample", "send")
-        stopwatch.time(self._answers, "take", "receive")
+        stopwatch.time(self._answers, "accept", "receive")
         stopwatch.time(self, "await_telemetry", "wait")
 
     def wait_for_agents(self, waiting_for: Callable[[tuple[str, ...]], None]) -> None:
-        """Return when every agent has joined with this very scenario.
+        """Return when every agent has joined with this scenario.
 
         Args:
-            waiting_for: told who is missing, whenever that changes.
+            waiting_for: called with the names of missing agents.
 
         Raises:
-            SwarmBrokenError: an agent does not come, leaves, or runs another scenario.
+            SwarmBrokenError: an agent does not join, leaves, or runs another scenario.
         """
         deadline = time.monotonic() + self._timeout
-        while missing := self._not_there():
+        while missing := self._missing():
             waiting_for(missing)
             self._take_event(deadline, f"agent {', '.join(missing)} did not join")
             for name in self._joining.gone_for(_AWAY):
@@ -106,32 +107,32 @@ class Hub:
         self._joining.begin()
         waiting_for(())
 
-    def _not_there(self) -> tuple[str, ...]:
-        """Who has not joined, or does not hear yet."""
+    def _missing(self) -> tuple[str, ...]:
+        """Agents that have not joined, or do not receive samples yet."""
         if missing := self._joining.missing():
             return missing
-        # At a router it may be known later who gets its samples.
+        # A router may announce subscriptions later than tokens.
         each = zip(self._names, self.session.samples, strict=True)
         return tuple(name for name, samples in each if not samples.heard)
 
     def send_sample(self, i: int, sample: Sample) -> None:
-        """Hand agent i its sample."""
+        """Send agent i its sample."""
         self._answers.expect(i, sample)
         self.session.samples[i].put(sample)
 
     def pause(self, i: int, t: float) -> None:
-        """Ask for agent i's process to be stopped; one that decides for others too goes on."""
+        """Request that agent i's process be stopped, unless it decides for other agents too."""
         if i in self._alone:
             self._stopped.add(self._names[i])
-            self.publish_status(msgspec.structs.replace(self._told, t=t))
+            self.publish_status(msgspec.structs.replace(self._status, t=t))
 
     def resume(self, i: int, t: float) -> None:
-        """Ask for agent i's process to go on."""
+        """Request that agent i's process continue."""
         self._stopped.discard(self._names[i])
-        self.publish_status(msgspec.structs.replace(self._told, t=t))
+        self.publish_status(msgspec.structs.replace(self._status, t=t))
 
     def kill(self, i: int, order: Sample) -> None:
-        """Have agent i's process die of this order; one that decides for others too lives on."""
+        """Order agent i's process to exit, unless it decides for other agents too."""
         if self._names[i] in self._stopped:
             self.resume(i, order.t)
         if i in self._alone:
@@ -139,23 +140,23 @@ class Hub:
             self.session.samples[i].put(order)
 
     def restart(self, i: int, t: float) -> None:
-        """Ask for another process in the dead agent i's place at t [s]."""
+        """Request another process for the dead agent i at t [s]."""
         if i in self._alone:
             self._joining.invite(self._names[i])
             wanted = (self._names[i],)
             self.publish_status(Status(t=t, waiting_for=wanted, restart=True))
 
     def await_telemetry(self, i: int, k: int) -> Telemetry:
-        """How agent i made its input for sample k.
+        """Wait for agent i's report on its sample k.
 
         Raises SwarmBrokenError: the agent died, or does not report in time.
         """
         return self._await(i, lambda: self._answers.take_telemetry(i, k), "did not report on")
 
     def publish_status(self, message: Status) -> None:
-        """Tell whoever watches how far the run is."""
-        self._told = msgspec.structs.replace(message, stopped=tuple(sorted(self._stopped)))
-        self.session.status.put(self._told)
+        """Publish the run's progress."""
+        self._status = msgspec.structs.replace(message, stopped=tuple(sorted(self._stopped)))
+        self.session.status.put(self._status)
 
     def _await(self, i: int, take: Callable[[], T | None], failed_to: str) -> T:
         deadline = time.monotonic() + self._timeout
@@ -172,12 +173,12 @@ class Hub:
             hint = "see its log, or raise time.timeout"
             raise SwarmBrokenError(f"{complaint} within {self._timeout:g} s{because}: {hint}")
         with contextlib.suppress(queue.Empty):
-            self._handle(*self._arrivals.get(timeout=_GLANCE))
+            self._handle(*self._incoming.get(timeout=_POLL))
 
     def _handle_arrived(self) -> None:
-        # Those that are there now: more may come faster than they are handled.
-        for _ in range(self._arrivals.waiting):
-            self._handle(*self._arrivals.get(timeout=0.0))
+        # Those of now only: more may arrive faster than they are handled.
+        for _ in range(self._incoming.waiting):
+            self._handle(*self._incoming.get(timeout=0.0))
 
     def _handle(self, key: str, content: bytes | bool) -> None:
         if isinstance(content, bool):
@@ -185,27 +186,27 @@ class Hub:
                 raise SwarmBrokenError(broken)
             return
         try:
-            failure = self._answers.take(key, content)
+            failure = self._answers.accept(key, content)
         except Malformed as reason:
             self.refusals.add(key, reason)
         else:
-            # Where agents may leave, the run goes on without one that answers no more.
+            # If agents may leave, the run continues without one that fails.
             if failure is not None and not self.may_leave:
                 raise SwarmBrokenError(failure)
 
 
 class LockstepHub(Hub):
-    """A hub of agents that are all waited for: the run cannot go on without one."""
+    """A hub for lockstep, where the run needs every agent."""
 
     may_leave = False
 
     def time(self, stopwatch: Stopwatch) -> None:
-        """Have the stopwatch tell waiting for answers apart, too."""
+        """Time waiting for answers, too."""
         super().time(stopwatch)
         stopwatch.time(self, "await_input", "wait")
 
     def await_input(self, i: int) -> Array:
-        """The input that agent i's actuator gets for its last sample, shape (m_i,).
+        """Wait for agent i's input for its last sample, shape (m_i,).
 
         Raises:
             SwarmBrokenError: the agent died, or does not answer in time.
@@ -213,24 +214,24 @@ class LockstepHub(Hub):
         return self._await(i, lambda: self._answers.take_input(i), "did not answer")
 
     def take_input(self, i: int) -> Array | None:
-        """The same, if it has come. Raises SwarmBrokenError if an agent died."""
+        """Return the same, if it has arrived. Raises SwarmBrokenError if an agent died."""
         self._handle_arrived()
         return self._answers.take_input(i)
 
     def pause(self, i: int, t: float) -> None:
-        """Once agent i has said all that it had to say. Raises SwarmBrokenError."""
+        """Pause agent i after its pending messages have arrived. Raises SwarmBrokenError."""
         self._await_report(i)
         super().pause(i, t)
 
     def kill(self, i: int, order: Sample) -> None:
-        """Once agent i has said all that it had to say. Raises SwarmBrokenError."""
+        """Kill agent i after its pending messages have arrived. Raises SwarmBrokenError."""
         self._await_report(i)
         super().kill(i, order)
 
     def restart(self, i: int, t: float) -> None:
-        """Return when the new process is there.
+        """Return when the new process has joined.
 
-        Raises SwarmBrokenError: it does not come, or runs another scenario.
+        Raises SwarmBrokenError: it does not join, or runs another scenario.
         """
         if i not in self._alone:
             return
@@ -248,26 +249,26 @@ class LockstepHub(Hub):
 
 
 class RealTimeHub(Hub):
-    """A hub of agents that come and go while the run goes on."""
+    """A hub for real time, where agents may leave and come back during the run."""
 
     may_leave = True
 
     @property
     def waiting(self) -> int:
-        """How much has come that was not handled yet."""
-        return self._arrivals.waiting
+        """Number of messages that have arrived and are not handled."""
+        return self._incoming.waiting
 
     def listen(self, seconds: float) -> None:
-        """Handle what comes, for so long [s of wall time], or until something has come."""
+        """Wait up to `seconds` [s of wall time] for messages, and handle those that arrived."""
         self._check_stop()
         with contextlib.suppress(queue.Empty):
-            self._handle(*self._arrivals.get(timeout=min(max(seconds, 0.0), _GLANCE)))
+            self._handle(*self._incoming.get(timeout=min(max(seconds, 0.0), _POLL)))
             self._handle_arrived()
 
     def take_reported(self, i: int) -> Array | None:
-        """Agent i's input, shape (m_i,), if it has come, and its report too."""
+        """Return agent i's input, shape (m_i,), if it and its report have arrived."""
         return self._answers.take_reported(i)
 
     def take_changes(self) -> list[tuple[int, bool]]:
-        """Who is not to be reached any more, and who is back, since last asked: (i, is back)."""
+        """Return agents that were lost or came back since the last call: (i, is back)."""
         return self._joining.take_changes()

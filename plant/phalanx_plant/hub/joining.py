@@ -1,4 +1,4 @@
-"""Who has joined a run, and who has left it; which places are free, and who was given one."""
+"""Membership of a run: agents that have joined or left, and the assignment of free places."""
 
 import threading
 import time
@@ -9,7 +9,7 @@ from phalanx.wire.keys import kind_and_name
 from phalanx.wire.messages import Place, PlaceRequest
 
 _KEPT = 20.0
-"""How long a place is kept for who was given it and has not joined yet [s]."""
+"""Time for which an assigned place is reserved until its process joins [s]."""
 
 
 class Joining:
@@ -22,32 +22,33 @@ class Joining:
 
         Args:
             swarm: of the scenario.
-            may_leave: whether agents that joined may go, and come back.
+            may_leave: whether agents that joined may leave, and come back.
             now: the wall clock [s].
         """
         self.digest = swarm.digest
-        """Of the scenario; an agent that runs another one cannot take part."""
+        """Of the scenario; an agent that runs another one is rejected."""
         self._names, self._may_leave = swarm.names, may_leave
         self._now = now
         self._joined: set[str] = set()
         self._dismissed: set[str] = set()
+        """Agents that were ordered to exit."""
         self._here: set[str] = set()
-        """Whose token is there."""
-        self._awaited = set(swarm.names)
-        """Whom the run has, or waits for."""
+        """Agents whose liveliness token exists."""
+        self._places = set(swarm.names)
+        """Agents whose places may be assigned if they are free."""
         self._begun = False
         self._gone: dict[str, float] = {}
-        """By the wall clock, since when an agent that had joined is away [s]."""
+        """Wall time at which an agent that had joined was lost [s]."""
         self._changes: list[tuple[int, bool]] = []
 
     def begin(self) -> None:
-        """All are there: from now on nobody may go. Before, one may lose the hub and come back."""
+        """Begin the run: unless agents may leave, losing one is now an error."""
         self._begun = True
         if not self._may_leave:
-            self._awaited.clear()
+            self._places.clear()
 
     def gone_for(self, seconds: float) -> list[str]:
-        """Who joined, and was lost so long ago."""
+        """Agents that joined, and were lost at least this long ago."""
         now = self._now()
         return [name for name, since in self._gone.items() if now > since + seconds]
 
@@ -56,29 +57,29 @@ class Joining:
         return tuple(name for name in self._names if name not in self._joined)
 
     def has(self, name: str) -> bool:
-        """Whether an agent is there."""
+        """Return whether an agent has joined and is not lost."""
         return name in self._joined
 
     def dismiss(self, name: str) -> None:
-        """An agent that was told to die is not missed, and another process may take its place."""
+        """Expect that an agent exits, as it was ordered to."""
         self._dismissed.add(name)
-        self._awaited.discard(name)
+        self._places.discard(name)
 
     def invite(self, name: str) -> None:
-        """Another process is asked for in a dead agent's place."""
-        self._awaited.add(name)
+        """Let another process take a dead agent's place."""
+        self._places.add(name)
 
     def vacant(self) -> tuple[str, ...]:
-        """Whom the run waits for; any thread may ask."""
-        return tuple(n for n in self._names if n in self._awaited and n not in self._here)
+        """Agents without a process that may be assigned one. Called in any thread."""
+        return tuple(n for n in self._names if n in self._places and n not in self._here)
 
     def take_changes(self) -> list[tuple[int, bool]]:
-        """Who went, and who came back, since this was last called: (i, is back)."""
+        """Return agents that were lost or came back since the last call: (i, is back)."""
         taken, self._changes = self._changes, []
         return taken
 
     def on_token(self, key: str, alive: bool) -> str | None:
-        """A token appeared or disappeared; what that breaks, in words, or None."""
+        """Handle a token's appearance or disappearance; return an error message, or None."""
         (_, name), found = kind_and_name(key), key.rsplit("/", 1)[-1]
         if name not in self._names:
             return None
@@ -110,10 +111,10 @@ class Joining:
 
 
 class Places:
-    """Gives free places to claimants, each to one at a time; any thread may ask.
+    """Assigns free places to claimants, each to one at a time.
 
-    A claimant that asks again gets what it was given. One that did not join in time loses its
-    place to the next, but not what proves its name: it may still speak for that agent, no other.
+    A claimant that asks again receives the same place. One that does not join in time loses it to
+    the next, but keeps its certificate: it may still send as that agent, and as no other.
     """
 
     def __init__(
@@ -124,23 +125,23 @@ class Places:
         sign: Callable[[str, bytes], bytes],
         now: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Begin with nothing given.
+        """Begin with nothing assigned.
 
         Args:
-            programs: by name, the agents that each decides for.
-            vacant: the agents that the run waits for and nobody is.
-            digest: of the scenario; who runs another gets no place.
+            programs: by name, the agents that each program controls.
+            vacant: the agents without a process that may be assigned one.
+            digest: of the scenario; a claimant with another one is refused.
             sign: makes the certificate of a name for a public key; raises ValueError.
             now: the wall clock [s].
         """
         self._programs, self._vacant, self._digest = programs, vacant, digest
         self._sign, self._now = sign, now
-        self._given: dict[str, tuple[bytes, float]] = {}
-        """By name: to whose key, and when [s]."""
+        self._assigned: dict[str, tuple[bytes, float]] = {}
+        """By name: the claimant's public key, and the time of the assignment [s]."""
         self._lock = threading.Lock()
 
     def answer(self, request: PlaceRequest) -> Place:
-        """The place that a claimant gets, or why it gets none."""
+        """Assign a place, or return the reason for a refusal. Called in any thread."""
         if request.digest != self._digest:
             return Place(refusal="start it with the plant's --scenario, --seed and --set")
         with self._lock:
@@ -151,12 +152,12 @@ class Places:
                 certificate = self._sign(name, request.public_key)
             except ValueError as error:
                 return Place(refusal=str(error))
-            self._given[name] = request.public_key, self._now()
+            self._assigned[name] = request.public_key, self._now()
         return Place(name=name, certificate=certificate)
 
     def _free(self, public_key: bytes) -> str:
         vacant, now = set(self._vacant()), self._now()
         free = [name for name, own in self._programs.items() if vacant.issuperset(own)]
-        kept = {n: key for n, (key, since) in self._given.items() if now < since + _KEPT}
+        kept = {n: key for n, (key, since) in self._assigned.items() if now < since + _KEPT}
         own = (name for name in free if kept.get(name) == public_key)
         return next(own, next((name for name in free if name not in kept), ""))

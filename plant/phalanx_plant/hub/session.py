@@ -1,4 +1,4 @@
-"""The plant's session: all that it puts on the wire, and what has come from there and waits."""
+"""The plant's Zenoh session, and the queue of messages that it received."""
 
 import queue
 import threading
@@ -11,21 +11,19 @@ from phalanx.wire import liveliness, pubsub
 from phalanx.wire.keys import PLANT, ROUTER
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import MAX_BYTES, Place, PlaceRequest, Setup
-from phalanx.wire.pubsub import Copies, Delivery, SealedPublisher
+from phalanx.wire.pubsub import Delivery, SealedPublisher, ViewerCopies
 from phalanx.wire.seal import Malformed, Refusals
 from phalanx.wire.session import Session, open_hub, open_member
 
 _MOST = 256
-"""Payloads that wait under one key expression; an agent has a few at most on their way."""
-
-RequireAwaited = Callable[[str, bytes], None]
+"""Most queued payloads of one key; an honest agent has a few at most in flight."""
 
 
 class PlantSession:
-    """Puts, queries and tokens of one run; it believes nothing of what it receives."""
+    """Publishers, subscribers, queries and tokens of one run; it checks nothing it receives."""
 
     def __init__(self, swarm: Swarm, membership: Membership, at_router: bool) -> None:
-        """Listen on the membership's endpoint, or meet the others at the router that does.
+        """Listen on the membership's endpoint, or connect to the router that does.
 
         Raises HubError.
         """
@@ -33,29 +31,29 @@ class PlantSession:
         sealer = self._sealer = membership.sealer
         self._scenario = swarm.scenario
         session = self._session = _open(swarm, membership, at_router)
-        copies = Copies(session, keys, keys.sample("*"))
+        copies = ViewerCopies(session, keys, keys.sample("*"))
         self.samples = [
             SealedPublisher(session, sealer, keys.sample(name), Delivery.URGENT, copies)
             for name in swarm.names
         ]
-        """Of each agent."""
+        """For each agent."""
         self.status = SealedPublisher(session, sealer, keys.status, Delivery.NOTICE)
         self.verdict = SealedPublisher(session, sealer, keys.verdict, Delivery.NOTICE)
         self.frames = SealedPublisher(session, sealer, keys.frames, Delivery.VIEW)
 
     def close(self) -> None:
-        """Leave the run, which ends it for all others."""
+        """Close the session, which ends the run for all others."""
         self._session.close()  # type: ignore[no-untyped-call]
 
-    def receive(self, arrivals: "Arrivals") -> None:
-        """Put what agents send, and their tokens, there."""
+    def receive(self, incoming: "IncomingQueue") -> None:
+        """Put agents' messages and tokens into this queue."""
         keys = self._keys
         for every in (keys.actuation("*"), keys.telemetry("*")):
-            pubsub.subscribe(self._session, every, arrivals.put_payload)
-        liveliness.watch(self._session, keys.alive("*"), arrivals.put_token)
+            pubsub.subscribe(self._session, every, incoming.put_payload)
+        liveliness.watch(self._session, keys.alive("*"), incoming.put_token)
 
     def give_places(self, place: Callable[[PlaceRequest], Place], refusals: Refusals) -> None:
-        """Answer claimants in a thread of Zenoh's."""
+        """Answer claimants with `place`, in a thread of Zenoh's."""
         key = self._keys.place
 
         def answer(question: bytes) -> bytes | None:
@@ -69,11 +67,11 @@ class PlantSession:
         pubsub.answer_each(self._session, key, answer)
 
     def announce(self, digest: str) -> None:
-        """Say that the plant is there, with a scenario of this digest."""
+        """Declare the plant's token, with its scenario's digest."""
         self._token = liveliness.announce(self._session, self._keys.alive(PLANT, digest))
 
     def answer_viewers(self, commandable: bool) -> None:
-        """Answer viewers that ask for the scenario."""
+        """Answer queries for the scenario."""
         setup = Setup(scenario=to_json(self._scenario).encode(), commandable=commandable)
         key = self._keys.scenario
         pubsub.answer(self._session, key, self._sealer.seal(key, setup))
@@ -90,34 +88,34 @@ def _open(swarm: Swarm, membership: Membership, at_router: bool) -> Session:
     return open_member(membership.endpoint, router, membership.timeout, membership.credentials)
 
 
-class Arrivals:
-    """Payloads and tokens in the order in which they came.
+class IncomingQueue:
+    """Payloads and tokens in the order of their arrival.
 
-    Zenoh's threads only put here; everything is opened and believed in the plant's own. But where
-    more waits than an agent has to say, it is held against what is awaited before it may wait, from
-    then on: a flood in an agent's name does not drown its answer.
+    Zenoh's threads put them here, and the plant's own thread opens and checks them. Once too many
+    payloads of a key are queued, its payloads are checked before they are queued: a flood in an
+    agent's name does not block its answer.
     """
 
     def __init__(
-        self, keys: Iterable[str], refusals: Refusals, require_awaited: RequireAwaited
+        self, keys: Iterable[str], refusals: Refusals, require_pending: pubsub.Deliver
     ) -> None:
         """Begin with nothing.
 
         Args:
-            keys: under which payloads may come; all others are refused.
-            refusals: where to count what is.
-            require_awaited: raises Malformed for a payload that is no answer awaited under a key.
+            keys: of payloads to accept; all others are refused.
+            refusals: counts them.
+            require_pending: raises Malformed unless a payload is a pending answer of a key.
         """
-        self._refusals, self._require_awaited = refusals, require_awaited
+        self._refusals, self._require_pending = refusals, require_pending
         self._flooded: set[str] = set()
-        # Not queue.SimpleQueue: up to Python 3.12 its get waits for ever if a signal, or a wake-up
-        # for nothing, finds the timeout just over.
+        # Not queue.SimpleQueue: up to Python 3.12 its get waits for ever if a signal, or a spurious
+        # wake-up, arrives just after the timeout.
         self._arrived: queue.Queue[tuple[str, bytes | bool]] = queue.Queue()
         self._waiting = dict.fromkeys(keys, 0)
         self._lock = threading.Lock()
 
     def put_payload(self, key: str, payload: bytes) -> None:
-        """A payload came."""
+        """Queue or refuse a payload."""
         reason = self._reason_against(key, payload)
         if reason is not None:
             self._refusals.add(key, reason)
@@ -127,16 +125,16 @@ class Arrivals:
         self._arrived.put((key, payload))
 
     def put_token(self, key: str, alive: bool) -> None:
-        """A liveliness token appeared or disappeared."""
+        """Queue the appearance or disappearance of a liveliness token."""
         self._arrived.put((key, alive))
 
     @property
     def waiting(self) -> int:
-        """How many there are."""
+        """Number of queued payloads and tokens."""
         return self._arrived.qsize()
 
     def get(self, timeout: float) -> tuple[str, bytes | bool]:
-        """The next payload, or whether a token is there. Raises queue.Empty after timeout [s]."""
+        """The next payload, or whether a token exists. Raises queue.Empty after timeout [s]."""
         key, content = self._arrived.get(timeout=timeout)
         if key in self._waiting:
             with self._lock:
@@ -153,8 +151,8 @@ class Arrivals:
         if key not in self._flooded:
             return None
         try:
-            self._require_awaited(key, payload)
+            self._require_pending(key, payload)
         except Malformed as reason:
             return str(reason)
-        # Those that waited already when it began to be a flood leave as much room again.
+        # Payloads queued before the flood was noticed leave as much room again.
         return "too many" if self._waiting[key] >= 2 * _MOST else None

@@ -1,1 +1,1 @@
-"""Was the safe set kept, and what a guarantee and the theorem assume."""
+"""Verdict on the safe set, and the assumptions behind a guarantee and the theorem."""

@@ -1,21 +1,21 @@
-"""What a guarantee and the paper's theorem assume of a run, each counted as often as it is asked.
+"""Assumptions of the guarantee and of the paper's theorem, with counts of checks and failures.
 
-What agents say about how they made their inputs only counts for the theorem's assumptions. Which of
-them count depends on the scenario, and some on what happened.
+Agents' reports on their control steps count for the theorem's assumptions only. Which assumptions
+apply depends on the scenario; some apply only after they failed.
 """
 
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.guarantee.advice import gaps_in_the_proof
+from phalanx.guarantee.advice import proof_gaps
 from phalanx.guarantee.certificate import DEFECT
 from phalanx.guarantee.verdict import Assumption
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.rows.origin import EMPTY, Origin
 from phalanx.wire.messages import Telemetry
+from phalanx_plant.world.evaluation import EvaluatedSteps
 from phalanx_plant.world.events import InputApplied, InputLost, Sampled, StateReached
-from phalanx_plant.world.truth import IntegrationSteps
 from phalanx_plant.world.world import Actuators, DisturbanceKnot
 
 _STAYED = "no ψ_1 ... ψ_{q-1} was above 0: from there the safe set cannot be kept for sure"
@@ -26,7 +26,7 @@ class Assumptions:
     """The assumptions of one run, checked at every event."""
 
     def __init__(self, rows: SafetyRows, certificates: Assumption, broadcasts: Assumption) -> None:
-        """Of one run: certificates says that they covered it, broadcasts that all were true."""
+        """Begin at x(0); certificates and broadcasts are checked elsewhere."""
         swarm = self._swarm = rows.swarm
         self._certificates, self._broadcasts = certificates, broadcasts
         self._start = Assumption("start in S", note="every pair is safe at the start")
@@ -47,7 +47,7 @@ class Assumptions:
         )
         self._inputs = Assumption("admissible inputs", note="no actuator held an input outside U")
         self._prompt = Assumption(
-            "inputs in time", note="every input came to its actuator when it was due"
+            "inputs in time", note="every input reached its actuator when it was due"
         )
         self._rows = Assumption(
             "non-empty K_i", note="at every step of every normal agent some input kept its rows"
@@ -58,7 +58,7 @@ class Assumptions:
         )
         self._faithful = Assumption("faithful agents", note="no normal agent fell silent or turned")
         self._truthful = Assumption(
-            "truthful sensors", note="every sample of a normal agent told the true state"
+            "truthful sensors", note="every sample of a normal agent had the true state"
         )
         self._synchronous = Assumption(
             "synchronous sampling", note="all normal agents sample at the same instants"
@@ -73,27 +73,27 @@ class Assumptions:
         self._x = swarm.start()
         """The true stacked state at the last event, shape (n̄,)."""
         self._in_force: dict[int, float] = {}
-        """When each agent's input took effect [s]."""
+        """Time at which each agent's input took effect [s]."""
         self._actuators = Actuators(swarm)
         self._at_zero = {i: np.zeros(len(m.dynamics.inputs)) for i, m in enumerate(swarm.members)}
-        """What actuators hold before their first input, of those that have had none."""
+        """Zeros that actuators hold, for agents that have had no input."""
         self._sampled: dict[int, tuple[float, Array]] = {}
-        """When each agent last sampled [s], and the true state then."""
+        """Time of each agent's last sample [s], and the true state at it."""
         self._instants: dict[int, float] = {}
-        """When the first normal agent took its sample k [s], by k."""
+        """By k, the time at which the first normal agent took its sample k [s]."""
         self._highest = -np.inf
         """The largest ψ_1 ... ψ_{q-1} so far."""
         self._start_kept.check(bool((rows.invariants()(self._x) <= 0.0).all()), 0.0)
 
     @property
     def of_guarantee(self) -> list[Assumption]:
-        """What `guaranteed` rests on, and how often each failed so far."""
+        """The assumptions of the outcome `guaranteed`."""
         found = [self._start, self._gap, self._disturbance, self._inputs, self._certificates]
         return [*found, *[each for each in (self._resolved, self._prompt) if each.failed]]
 
     @property
     def of_theorem(self) -> list[Assumption]:
-        """What the paper's theorem needs, and how often each failed so far."""
+        """The assumptions of the paper's theorem."""
         found = [self._start_kept, self._gap, self._disturbance, self._rows, self._margin]
         found += [self._stayed] if self._stayed.checked else []
         found += [each for each in (self._prompt, self._faithful, self._truthful) if each.failed]
@@ -102,11 +102,11 @@ class Assumptions:
             return [*found, self._synchronous]
         return [*found, self._fresh, self._broadcasts] if safety.counts_on_received else found
 
-    def saw(self, piece: IntegrationSteps | DisturbanceKnot) -> None:
-        """The world went through this."""
+    def add(self, piece: EvaluatedSteps | DisturbanceKnot) -> None:
+        """Check a piece of the world's history."""
         if isinstance(piece, DisturbanceKnot):
             norms = np.sqrt(np.add.reduceat(piece.phi * piece.phi, self._begins))
-            # Norms are convex: within the bound at the knots, within it on the line between.
+            # Norms are convex: the bound holds between two knots if it holds at both.
             within = bool((norms <= self._bounds * (1.0 + _ROUNDING)).all())
             self._disturbance.check(within, piece.t)
             return
@@ -122,14 +122,14 @@ class Assumptions:
                     self._stayed.note = f"{_STAYED}; the largest was {psi:.4g}, at t = {t:.3f} s"
 
     def reached(self, event: StateReached) -> None:
-        """The world went on to another event."""
+        """Check the actuators that have held zero since t = 0, and store the state."""
         if event.t > 0.0:
             for i, zero in self._at_zero.items():
                 self._inputs.check(self._actuators.takes(i, self._x[self._parts[i]], zero), 0.0)
         self._x = event.x
 
     def sampled(self, event: Sampled) -> None:
-        """An agent took a sample."""
+        """Check a sample's truth, and the gap since the agent's previous one."""
         i, t, truthful = event
         if i in self._swarm.normal:
             self._truthful.check(truthful, t)
@@ -138,12 +138,12 @@ class Assumptions:
         self._sampled[i] = t, self._x
 
     def fell_silent(self, i: int, t: float) -> None:
-        """Agent i neither samples nor answers from t [s] on."""
+        """Record that agent i neither samples nor answers from t [s] on."""
         if i in self._swarm.normal:
             self._faithful.check(False, t)
 
     def applied(self, event: InputApplied, telemetry: Telemetry) -> None:
-        """An actuator took its input."""
+        """Check an input at the time it took effect."""
         i, t, t_apply = event.i, event.t, event.t_apply
         self._prompt.check(t_apply - t <= self._latency + _ROUNDING, t_apply)
         if i in self._swarm.normal:
@@ -157,22 +157,22 @@ class Assumptions:
         self._inputs.check(self._actuators.takes(i, x[self._parts[i]], event.u), t_apply)
 
     def lost(self, event: InputLost) -> None:
-        """An input never came to its actuator."""
+        """Record that an input never reached its actuator."""
         self._prompt.check(False, event.t)
 
     def _made(self, event: InputApplied, telemetry: Telemetry) -> None:
-        """A normal agent made the input."""
+        """Check the control step of a normal agent."""
         t = event.t
         self._rows.check(telemetry.report.origin not in EMPTY, t)
         self._synchronous.check(self._instants.setdefault(event.k, t) == t, t)
         for other, age in telemetry.ages:
-            # An agent never heard of has no input in force; an age of one is a lie.
+            # Before its first input an agent has none in force; a report of its age is false.
             in_force = self._in_force.get(other, -np.inf)
             self._fresh.check(abs(in_force - (t - age)) <= _ROUNDING, t)
 
 
 def _proven_margin(swarm: Swarm) -> Assumption:
-    gaps = gaps_in_the_proof(swarm)
+    gaps = proof_gaps(swarm)
     note = "; ".join(gaps) or "the margin is a bound, computed at each sample"
     margin = Assumption("proven margin", note=note)
     margin.check(not gaps, 0.0)

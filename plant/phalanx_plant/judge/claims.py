@@ -1,4 +1,4 @@
-"""What agents tell one another of their inputs, held against what their actuators were given."""
+"""Compare the inputs that agents broadcast with those that their actuators received."""
 
 import math
 from array import array
@@ -10,25 +10,25 @@ from phalanx.guarantee.verdict import Assumption
 from phalanx.network.inbox import Claim, Fate
 from phalanx.swarm.swarm import Swarm
 
-_NOTE = "every broadcast said what its sender's actuator was given, and from when on"
+_NOTE = "every broadcast stated the input that its sender's actuator received, and since when"
 
 
 class Finding(NamedTuple):
-    """What came of one broadcast's claim."""
+    """The result of checking one broadcast."""
 
     false: bool = False
     lies: tuple[int, ...] = ()
     """Numbers of the declared lies that made it false."""
 
 
-_NOTHING = Finding()
+_TRUE = Finding()
 
 
 class Claims:
-    """Compares what each receiver reports to have been told with the truth, which the plant knows.
+    """Compares the claims that receivers report with the truth, which the plant knows.
 
-    Nobody is asked whether it lied. A receiver's report is its own word: one that reports what it
-    was not told accuses its sender, and which of the two lies cannot be known here.
+    Senders are not asked. A receiver that reports another claim than it received accuses its
+    sender, and this check cannot tell which of the two lied.
     """
 
     def __init__(self, swarm: Swarm) -> None:
@@ -37,28 +37,28 @@ class Claims:
         """Messages and agents on which each declared fault had an effect."""
         self._names = swarm.names
         self._lies = [swarm.links.lies(name) for name in swarm.names]
-        self._given = [_Inputs(len(m.dynamics.inputs)) for m in swarm.members]
+        self._truth = [_Inputs(len(m.dynamics.inputs)) for m in swarm.members]
         self._early: defaultdict[tuple[int, int], list[tuple[int, Claim, float]]]
         self._early = defaultdict(list)
-        """Reports that came before the truth, by sender and number: (receiver, claim, t)."""
+        """Reports that arrived before the truth, by sender and number: (receiver, claim, t)."""
         self._false: Counter[str] = Counter()
 
-    def given(self, i: int, k: int, truth: Claim) -> None:
-        """Agent i's actuator was given an input for sample k."""
-        self._given[i].put(k, truth)
+    def add_truth(self, i: int, k: int, truth: Claim) -> None:
+        """Record the input that agent i's actuator received for sample k."""
+        self._truth[i].put(k, truth)
         for receiver, claim, t in self._early.pop((i, k), ()):
             self._compare(i, k, truth, receiver, claim, t)
 
-    def heard(self, receiver: int, fate: Fate, t: float) -> Finding:
-        """A receiver reports at t [s] what it was told; nothing, if the broadcast was lost."""
+    def check(self, receiver: int, fate: Fate, t: float) -> Finding:
+        """Check a broadcast on which the receiver reports at t [s]; a lost one claims nothing."""
         self.faults.update(fate.faults)
         if fate.claim is None:
-            return _NOTHING
-        truth = self._given[fate.sender].get(fate.k)
+            return _TRUE
+        truth = self._truth[fate.sender].get(fate.k)
         if truth is None:
-            # The input comes late to its actuator: what it will be is not known yet.
+            # The input reaches its actuator late: the truth is not known yet.
             self._early[fate.sender, fate.k].append((receiver, fate.claim, t))
-            return _NOTHING
+            return _TRUE
         return self._compare(fate.sender, fate.k, truth, receiver, fate.claim, t)
 
     def _compare(
@@ -66,24 +66,24 @@ class Claims:
     ) -> Finding:
         self.truthful.check(claim == truth, t)
         if claim == truth:
-            return _NOTHING
+            return _TRUE
         self._false[self._names[i]] += 1
         counts = ", ".join(f"{count} by {name}" for name, count in self._false.items())
         self.truthful.note = f"{_NOTE}; false were {counts}"
-        lies = self._lies[i].tell(self._names[receiver], k, truth, self._before(i, k)).lies
+        lies = self._lies[i].claim(self._names[receiver], k, truth, self._before(i, k)).lies
         self.faults.update(lies)
         return Finding(True, lies)
 
     def _before(self, i: int, k: int) -> Past:
         def past(ago: int) -> tuple[float, ...] | None:
-            old = self._given[i].get(k - ago) if ago <= k else None
+            old = self._truth[i].get(k - ago) if ago <= k else None
             return None if old is None else old.u
 
         return past
 
 
 class _Inputs:
-    """All inputs of one agent by number, as plain doubles: of a long run there are many."""
+    """All inputs of one agent by number, stored as doubles: a long run has many."""
 
     def __init__(self, size: int) -> None:
         self._width, self._rows = 1 + size, array("d")

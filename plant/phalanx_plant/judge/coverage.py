@@ -1,8 +1,8 @@
-"""Which pairs are under a certificate, and until when: judged from the truth alone.
+"""Certified times of all pairs, computed from the true states and inputs alone.
 
 At every input that a normal agent applies, its pairs' certificates are computed from the true state
-and that input; nothing that an agent says about itself has a part in it. A pair is covered as long
-as one of its normal members holds an input with a certificate: Theorem 2 of docs/certificate.md.
+and that input; agents' reports are not used. A pair is covered while one of its normal members
+holds an input with a certificate: Theorem 2 of docs/certificate.md.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ class Coverage:
     """The certificates of one run."""
 
     def __init__(self, swarm: Swarm) -> None:
-        """Compile every kind of pair's certificate."""
+        """Compile the certificate of each kind of pair."""
         self._composed, pairs = swarm.safe_set, swarm.safe_set.pairs
         certificates = self._certificates = SwarmCertificates(swarm)
         function = proven_reach(swarm.safety.safe_set_function)
@@ -34,14 +34,14 @@ class Coverage:
             for ends in [certificates.ends[list(each.pairs)]]
         }
         self._pairs = {i: np.array(each.pairs) for i, each in self._agents.items()}
-        # An agent's side of a pair, and the other one.
+        # The number of an agent's side of each pair, and of the other side.
         sides = {i: (certificates.ends[own, 0] != i) for i, own in self._pairs.items()}
         self._own = {i: 2 * own + sides[i] for i, own in self._pairs.items()}
         self._other = {i: 2 * own + ~sides[i] for i, own in self._pairs.items()}
         self._until = np.full(2 * len(pairs), -np.inf)
-        """When the certificate of each side of each pair ends [s], pair by pair, shape (2p,)."""
+        """End of the certificate of each side of each pair [s], pair by pair, shape (2p,)."""
         self.ends = np.full(len(pairs), -np.inf)
-        """Until when each pair is certified, with the certificates that there are [s], (p,)."""
+        """Time until which each pair is certified so far [s], shape (p,)."""
         self._is_apart = np.zeros(len(pairs), dtype=bool)
         self._turned: set[int] = set()
         self._inputs = {i: len(swarm.members[i].dynamics.inputs) for i in swarm.normal}
@@ -51,16 +51,16 @@ class Coverage:
         self.summary = CertificateSummary()
 
     def begin(self, x: Array) -> None:
-        """Before its first input takes effect every actuator holds zero, from x(0), (n̄,), on."""
+        """Certify the zeros that actuators hold from x(0), shape (n̄,), until their first input."""
         sizes = self._inputs.items()
         zeros = [InputApplied(i, -1, 0.0, 0.0, np.zeros(size), x) for i, size in sizes]
         for zero, proven in zip(zeros, self.proven(zeros), strict=True):
             self._issue(zero.i, 0.0, proven)
 
     def proven(self, applied: Sequence[InputApplied]) -> list[Array]:
-        """For how long each pair of the agent's is proven safe [s]; nothing of an adversary's.
+        """Compute, by input, the time that each of its agent's pairs is proven safe [s].
 
-        Of any inputs in the order of their times.
+        The inputs are in the order of their times. An adversary's array is empty.
         """
         held = [
             Held(self._agents[each.i], each.x, each.u, self._near(each.i, each.t_apply, each.x))
@@ -71,7 +71,7 @@ class Coverage:
         return [next(found) if each.i in self._agents else np.zeros(0) for each in applied]
 
     def reached(self, t: float) -> None:
-        """Time has gone on to t [s], with the certificates that there are."""
+        """Check that all pairs are certified until t [s]."""
         ends = np.where(self._is_apart, np.inf, self.ends) if self._turned else self.ends
         first = int(ends.argmin())
         covered = bool(ends[first] >= t)
@@ -81,9 +81,9 @@ class Coverage:
             self.summary.uncovered_at = max(0.0, float(self.ends[first]))
 
     def applied(self, i: int, t: float, proven: Array) -> float | None:
-        """Agent i's input, of which so much is proven, is held from t [s] on.
+        """Issue the certificates of agent i's input, held from t [s] on.
 
-        Returns how long all its pairs are certified [s]; None for an adversary.
+        Returns the time that all its pairs are certified [s]; None for an adversary.
         """
         if i not in self._agents:
             return None
@@ -94,7 +94,7 @@ class Coverage:
         return shortest
 
     def turned(self, i: int, apart: Index) -> None:
-        """Agent i became an adversary, and with it these pairs need no certificate any more."""
+        """Require no certificate of these pairs any more, as agent i became an adversary."""
         self._turned.add(i)
         self._is_apart[apart] = True
 
@@ -103,7 +103,7 @@ class Coverage:
 
     def _issue(self, i: int, t: float, proven: Array) -> float:
         own, other, pairs = self._own[i], self._other[i], self._pairs[i]
-        # The certificate before it ends with the input that it was for.
+        # The previous certificate ends with its input.
         self._until[own] = until = np.where(proven > 0.0, t + proven, -np.inf)
         self.ends[pairs] = np.maximum(until, self._until[other])
         return float(proven.min(initial=np.inf))

@@ -1,8 +1,7 @@
-"""The judge: takes every event of a run in order, and says what it found.
+"""The judge: checks every event of a run in order against the safe set and the assumptions.
 
-Outcome and certificates follow from the true states and the applied inputs alone; what agents say
-of their inputs is held against them. What the judge says of an event is all that is recorded and
-shown of it.
+Outcome and certificates follow from the true states and the applied inputs alone. Agents' reports
+are compared with these. All that is recorded and shown of an event is in its judgement.
 """
 
 from collections import deque
@@ -17,16 +16,17 @@ from phalanx.faults.commands import Condition, ProcessChange
 from phalanx.network.inbox import Claim, Fate
 from phalanx.recording.records import Level, Log
 from phalanx.swarm.rows import SafetyRows
-from phalanx.theory.expressions.asked import place_of
 from phalanx.theory.expressions.exact import LARGEST
+from phalanx.theory.expressions.user_methods import located_method
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Telemetry
 from phalanx.wire.step_report import AppliedStep
 from phalanx_plant.judge.assumptions import Assumptions
 from phalanx_plant.judge.claims import Claims, Finding
 from phalanx_plant.judge.coverage import Coverage
+from phalanx_plant.world.evaluation import EvaluatedHistory, EvaluatedSteps, Evaluation
 from phalanx_plant.world.events import (
-    CommandObeyed,
+    CommandApplied,
     Event,
     InputApplied,
     InputLost,
@@ -35,31 +35,30 @@ from phalanx_plant.world.events import (
     StateReached,
 )
 from phalanx_plant.world.extremes import PairExtremes
-from phalanx_plant.world.truth import IntegrationSteps, Seen, Truth
 from phalanx_plant.world.world import DisturbanceKnot, DivergedError
 
 
 class Judged(NamedTuple):
-    """An event, and what the judge found."""
+    """An event with its judgement."""
 
     event: Event
     notices: Sequence[Log] = ()
     """Lines of the event log."""
     peak: float = -np.inf
-    """Of a state: the largest h_tot since the one before."""
+    """Of a StateReached: the largest h_tot since the previous one."""
     made: tuple[AppliedStep, Telemetry] | None = None
-    """Of an input that took effect: its numbers, and what the agent says of it."""
-    heard: Sequence[tuple[Fate, Finding]] = ()
-    """Of an input: which broadcasts its agent reports on, and whether they were true."""
+    """Of an InputApplied: its control step, and the agent's report on it."""
+    received: Sequence[tuple[Fate, Finding]] = ()
+    """Of an input: the broadcasts that its agent reports on, and whether they were true."""
 
 
 class Judge:
-    """Holds every event against the safe set, certificates, assumptions and claims."""
+    """Checks events against the safe set, and updates certificates, assumptions and claims."""
 
     def __init__(self, rows: SafetyRows, telemetry: Callable[[int, int], Telemetry]) -> None:
-        """telemetry: agent i's of its sample k, waited for if need be."""
+        """Begin at x(0); `telemetry` waits for agent i's report on its sample k and returns it."""
         swarm = self._swarm = rows.swarm
-        self.truth = Truth(rows)
+        self.evaluation = Evaluation(rows)
         self.extremes = PairExtremes(swarm.safe_set)
         self.coverage = Coverage(swarm)
         self.coverage.begin(swarm.start())
@@ -71,46 +70,46 @@ class Judge:
         """Steps of normal agents by how their input was made."""
         self._names, self._telemetry = swarm.names, telemetry
         self._latency = swarm.time.latency
-        self._seen: deque[Seen] = deque()
-        """Of the states to come, what the world went through before."""
+        self._histories: deque[EvaluatedHistory] = deque()
+        """Of the prepared StateReached events."""
         self._proven: deque[Array] = deque()
-        """Of the inputs to come, for how long each pair is proven safe [s]."""
+        """Of the prepared InputApplied events, the time that each pair is proven safe [s]."""
         self._unsafe: set[int] = set()
         """Pairs whose h is above zero."""
         self._turned: set[int] = set()
-        self._said: set[str] = set()
-        """Notices that come the first time alone."""
+        self._warned: set[str] = set()
+        """Warnings given; each is given once."""
         self._rejected = [0 for _ in swarm.names]
         self._rejected_before = [0 for _ in swarm.names]
-        """By those processes whose place another has taken."""
+        """By earlier processes of restarted agents."""
 
     @property
     def backups(self) -> int:
-        """Steps of normal agents at which u_i^min was applied, for K_i was empty."""
+        """Steps of normal agents at which u_i^min was applied, as K_i was empty."""
         return self.origins[Origin.BACKUP]
 
     @property
     def rejected(self) -> dict[str, int]:
-        """Payloads that agents dropped, by agent; agents that dropped none are left out."""
+        """Payloads that agents dropped, by agent, if there are any."""
         counts = zip(self._names, self._rejected, self._rejected_before, strict=True)
         return {f"by agent {name}": now + before for name, now, before in counts if now + before}
 
     def prepare(self, events: Sequence[Event]) -> None:
-        """Work out what these, which are judged next, need: it costs least for several at once."""
-        seen = self.truth.of([e.way for e in events if isinstance(e, StateReached)])
+        """Compute what the next events need, in one call: that costs less than one by one."""
+        evaluated = self.evaluation.of([e.history for e in events if isinstance(e, StateReached)])
         proven = self.coverage.proven([e for e in events if isinstance(e, InputApplied)])
-        self._seen.extend(seen)
+        self._histories.extend(evaluated)
         self._proven.extend(proven)
 
-    def take(self, event: Event) -> Judged:
+    def judge(self, event: Event) -> Judged:
         """Judge the next event, which was prepared. Raises DivergedError."""
         match event:
             case StateReached():
                 return self._reached(event)
             case Sampled():
                 self.assumptions.sampled(event)
-            case CommandObeyed():
-                return self._obeyed(event)
+            case CommandApplied():
+                return self._command(event)
             case InputApplied():
                 return self._applied(event)
             case InputLost():
@@ -119,26 +118,28 @@ class Judge:
                 return self._lost_member(event)
         return Judged(event)
 
-    def saw(self, seen: Seen) -> None:
-        """What the world went through. Raises DivergedError."""
-        for piece in seen:
+    def add(self, history: EvaluatedHistory) -> None:
+        """Check a piece of the world's history. Raises DivergedError."""
+        for piece in history:
             if not isinstance(piece, DisturbanceKnot):
                 if not (np.abs(piece.h_tot) <= LARGEST).all():
                     raise self._diverged(piece)
                 self.extremes.add(piece.times, piece.pairs, piece.h, piece.h_tot)
-            self.assumptions.saw(piece)
+            self.assumptions.add(piece)
 
-    def _diverged(self, steps: IntegrationSteps) -> DivergedError:
-        """Which pair's h is not finite, and the method that says it; h_tot, if none is."""
+    def _diverged(self, steps: EvaluatedSteps) -> DivergedError:
+        """Name the pair whose h is not finite, and the method behind it; else h_tot."""
         composed, t = self._swarm.safe_set, float(steps.times[-1])
         bad = ~(np.abs(steps.h) <= LARGEST).all(axis=0)
         if not bad.any():
             return DivergedError("h_tot", t)
         pair = composed.pairs[int(steps.pairs[np.argmax(bad)])]
-        return DivergedError(f"h of {composed.label(pair)}", t, place_of(*composed.asked(pair)))
+        return DivergedError(
+            f"h of {composed.label(pair)}", t, located_method(*composed.method_of(pair))
+        )
 
     def _reached(self, event: StateReached) -> Judged:
-        self.saw(self._seen.popleft())
+        self.add(self._histories.popleft())
         self.coverage.reached(event.t)
         self.assumptions.reached(event)
         extremes, before = self.extremes, self._unsafe
@@ -149,7 +150,7 @@ class Judge:
         ]
         return Judged(event, notices, peak=extremes.take_peak())
 
-    def _obeyed(self, event: CommandObeyed) -> Judged:
+    def _command(self, event: CommandApplied) -> Judged:
         command, effect, i = event.command, event.command.effect, event.changed
         if i is not None and effect is not None:
             if command.fault >= 0 and command.harms:
@@ -167,10 +168,9 @@ class Judge:
         return Judged(event, [Log(command.t, f"{command}{lost}", level)])
 
     def _turn(self, i: int) -> None:
-        """Agent i became an adversary.
+        """Set apart agent i's pairs without a normal agent, now that it is an adversary.
 
-        From now on its pairs without a normal agent are nobody's safety: those of adversaries
-        are not in the safe set either.
+        Two adversaries are no pair of the safe set from the start either.
         """
         self._turned.add(i)
         normal = set(self._swarm.normal) - self._turned
@@ -181,11 +181,11 @@ class Judge:
 
     def _applied(self, event: InputApplied) -> Judged:
         i, name = event.i, self._names[event.i]
-        # Taken first: a report that never comes must not leave it to the next input.
+        # First: a report that never arrives must not leave it to the next input.
         proven = self._proven.popleft()
-        telemetry, heard, notices = self._report(i, event.k, event.t)
+        telemetry, received, notices = self._report(i, event.k, event.t)
         origin = telemetry.report.origin
-        self._given(i, event.k, event.t, event.u)
+        self._add_truth(i, event.k, event.t, event.u)
         self.assumptions.applied(event, telemetry)
         self.steps += 1
         if i in self._swarm.normal and origin != Origin.ATTACK:
@@ -197,15 +197,15 @@ class Judge:
             **asdict(telemetry.report),
         )
         if origin == Origin.BACKUP:
-            notices += self._first(event.t_apply, f"agent {name}: first backup")
-        return Judged(event, notices, made=(step, telemetry), heard=heard)
+            notices += self._warn_once(event.t_apply, f"agent {name}: first backup")
+        return Judged(event, notices, made=(step, telemetry), received=received)
 
     def _lost(self, event: InputLost) -> Judged:
-        _, heard, notices = self._report(event.i, event.k, event.sampled)
-        self._given(event.i, event.k, event.sampled, event.u)
+        _, received, notices = self._report(event.i, event.k, event.sampled)
+        self._add_truth(event.i, event.k, event.sampled, event.u)
         self.assumptions.lost(event)
-        notices += self._first(event.t, f"agent {self._names[event.i]}: first input lost")
-        return Judged(event, notices, heard=heard)
+        notices += self._warn_once(event.t, f"agent {self._names[event.i]}: first input lost")
+        return Judged(event, notices, received=received)
 
     def _lost_member(self, event: MemberLost) -> Judged:
         name = self._names[event.i]
@@ -215,25 +215,23 @@ class Judge:
         lost = f"agent {name} is lost; its actuator holds its input"
         return Judged(event, [Log(event.t, lost, Level.WARNING)])
 
-    def _given(self, i: int, k: int, sampled: float, u: Array) -> None:
-        self.claims.given(i, k, Claim(sampled + self._latency, tuple(u.tolist())))
+    def _add_truth(self, i: int, k: int, sampled: float, u: Array) -> None:
+        self.claims.add_truth(i, k, Claim(sampled + self._latency, tuple(u.tolist())))
 
     def _report(
         self, i: int, k: int, t: float
     ) -> tuple[Telemetry, list[tuple[Fate, Finding]], list[Log]]:
-        """Agent i's report on its sample k at t [s], what it heard, and what is new in that."""
+        """Agent i's report on its sample k at t [s], the broadcasts in it, and warnings."""
         telemetry = self._telemetry(i, k)
         self._rejected[i] = telemetry.rejected
-        heard = [(fate, self.claims.heard(i, fate, t)) for fate in telemetry.fates]
-        liars = [self._names[fate.sender] for fate, found in heard if found.false]
-        notices = [
-            n for liar in liars for n in self._first(t, f"agent {liar}: first false broadcast")
-        ]
-        return telemetry, heard, notices
+        received = [(fate, self.claims.check(i, fate, t)) for fate in telemetry.fates]
+        notices = list[Log]()
+        for sender in (self._names[fate.sender] for fate, found in received if found.false):
+            notices += self._warn_once(t, f"agent {sender}: first false broadcast")
+        return telemetry, received, notices
 
-    def _first(self, t: float, text: str) -> list[Log]:
-        """A warning, the first time alone."""
-        if text in self._said:
+    def _warn_once(self, t: float, text: str) -> list[Log]:
+        if text in self._warned:
             return []
-        self._said.add(text)
+        self._warned.add(text)
         return [Log(t, text, Level.WARNING)]

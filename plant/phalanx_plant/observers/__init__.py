@@ -1,1 +1,1 @@
-"""What becomes of every judged event: a recording, a hash, and what viewers see."""
+"""Consumers of judged events: the recording, the trajectory's hash, and frames for viewers."""

@@ -1,4 +1,4 @@
-"""What is shown of a run: frames to viewers, built only while somebody looks; status to all."""
+"""Publish a run: frames to viewers, built only if there are any, and status to all."""
 
 import time
 from collections import deque
@@ -15,31 +15,31 @@ from phalanx.wire.messages import AgentStatus, Frame, LinkEvent, LogLine, Status
 from phalanx.wire.step_report import AppliedStep
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.judge.judge import Judge, Judged
-from phalanx_plant.world.events import CommandObeyed, InputApplied, InstantOver, StateReached
+from phalanx_plant.world.events import CommandApplied, InputApplied, InstantComplete, StateReached
 from phalanx_plant.world.world import World
 
 _EVERY = 1.0 / 30.0
 """Wall time between frames [s]."""
 _LINES = 30
 _LINK_EVENTS = 256
-"""Most links that a frame tells of: it has to stay a small message."""
+"""Most link events in a frame, which has to stay a small message."""
 _STATUS_EVERY = 0.1
 """Wall time between status messages [s]."""
 
 
 class FrameAudience(Protocol):
-    """Viewers, if there are any."""
+    """The viewers of a run."""
 
     @property
     def heard(self) -> bool:
-        """Whether anybody looks."""
+        """True if there are any."""
 
     def put(self, frame: Frame) -> None:
-        """Hand everybody a frame; lost on those who are slow."""
+        """Send a frame to all; slow viewers may miss it."""
 
 
 class Publisher:
-    """Publishes the run; it reads everything and changes nothing."""
+    """Publishes the run; it only reads the run's state."""
 
     def __init__(
         self,
@@ -54,16 +54,16 @@ class Publisher:
         Args:
             world: at x(0).
             judge: of the run.
-            commands: that the run obeys.
-            publish_status: says to all how far the run is.
-            audience: is shown frames.
+            commands: of the run, for its speed and pauses.
+            publish_status: sends the run's progress to all.
+            audience: receives frames.
         """
         names = world.swarm.names
         self._judge, self._commands = judge, commands
         self._publish_status, self._audience = publish_status, audience
-        # Its own: the clock's is ahead of what was judged.
+        # Not the clock's own, which is ahead of the judged events.
         self._faults = FaultState(names)
-        self._t, self._x, self._settled = 0.0, world.x, True
+        self._t, self._x, self._complete = 0.0, world.x, True
         self._agents = [AgentStatus() for _ in names]
         self._log: deque[LogLine] = deque(maxlen=_LINES)
         self._link_events: dict[tuple[int, int], float] = {}
@@ -71,31 +71,31 @@ class Publisher:
         self._due = 0.0
         self._began = self._status_due = time.monotonic()
         self._pace = (self._began, 0.0, 0.0)
-        """Wall time, virtual time and real-time factor when that was last measured."""
+        """Wall time, virtual time and real-time factor of its last measurement."""
 
     def see(self, judged: Judged) -> None:
-        """Take the next event; show the run if all that happens at its time was seen."""
+        """Take the next event; publish a frame if its instant is complete."""
         event = judged.event
         self._log.extend(LogLine(notice.t, notice.text) for notice in judged.notices)
-        for fate, found in judged.heard:
+        for fate, found in judged.received:
             if found.false:
-                liar = self._agents[fate.sender]
-                self._agents[fate.sender] = replace(liar, lies=liar.lies + 1)
+                sender = self._agents[fate.sender]
+                self._agents[fate.sender] = replace(sender, lies=sender.lies + 1)
         match event:
             case StateReached():
-                self._t, self._x, self._settled = event.t, event.x, False
+                self._t, self._x, self._complete = event.t, event.x, False
                 self._peak = max(self._peak, judged.peak)
-            case CommandObeyed():
-                self._faults.obey(event.command)
+            case CommandApplied():
+                self._faults.apply(event.command)
             case InputApplied() if judged.made is not None:
                 step, _ = judged.made
-                self._applied(event.i, step, [fate for fate, _ in judged.heard])
-            case InstantOver():
-                self._settled = True
+                self._applied(event.i, step, [fate for fate, _ in judged.received])
+            case InstantComplete():
+                self._complete = True
                 self.show()
 
     def _applied(self, i: int, step: AppliedStep, fates: list[Fate]) -> None:
-        """Agent i's input took effect; fates are those of broadcasts that it reported."""
+        """Update agent i's status, and the links on which it received the broadcasts in `fates`."""
         before = self._agents[i]
         self._agents[i] = replace(
             before,
@@ -110,7 +110,7 @@ class Publisher:
                 self._link_events[link] = worse(self._link_events.get(link, 0.0), fate.delay)
 
     def idle(self) -> None:
-        """Show what is due to be shown."""
+        """Publish a frame and the status if they are due."""
         self.show()
         now = time.monotonic()
         if now < self._status_due:
@@ -128,12 +128,12 @@ class Publisher:
         )
 
     def show(self, last: bool = False) -> None:
-        """Publish a frame if one is due and somebody looks; the last one is always due.
+        """Publish a frame if one is due and there are viewers; the last one is always due.
 
-        None is due in the middle of an instant, some of whose inputs were seen and some not.
+        None is due in the middle of an instant, while some of its inputs are still to be judged.
         """
         now = time.monotonic()
-        due = self._settled and now >= self._due
+        due = self._complete and now >= self._due
         if self._audience is None or not (due or last):
             return
         self._due = now + _EVERY

@@ -1,4 +1,4 @@
-"""What stays of a run: its recording, and the hash of its trajectory."""
+"""The recording of a run, and the hash of its trajectory."""
 
 import hashlib
 
@@ -6,25 +6,20 @@ import numpy as np
 from msgspec.structs import asdict
 
 from phalanx.network.inbox import Fate
-from phalanx.recording.records import Shown, State, Step
+from phalanx.recording.records import State, Step, StepData
 from phalanx.recording.write import RecordingWriter
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.messages import Sample, Telemetry
 from phalanx.wire.step_report import AppliedStep
 from phalanx_plant.judge.claims import Finding
 from phalanx_plant.judge.judge import Judged
-from phalanx_plant.world.events import (
-    CommandObeyed,
-    InputApplied,
-    InputLost,
-    StateReached,
-)
+from phalanx_plant.world.events import CommandApplied, InputApplied, InputLost, StateReached
 
 
 class TrajectoryHash:
-    """SHA-256 over every state at an event and every applied input, in order.
+    """SHA-256 over the states at all events and all applied inputs, in order.
 
-    One number that says whether two runs were the same to the last bit.
+    Two runs have the same hash if they are equal to the last bit.
     """
 
     def __init__(self) -> None:
@@ -40,7 +35,7 @@ class TrajectoryHash:
 
     @property
     def hexadecimal(self) -> str:
-        """Of all events so far."""
+        """The hash of all events so far."""
         return self._sha.hexdigest()
 
 
@@ -55,12 +50,12 @@ class Recorder:
         self._state_due = 0.0
         self._peak = -np.inf
         """Largest h_tot since the last recorded state."""
-        self._heard: list[list[tuple[Fate, Finding]]] = [[] for _ in swarm.names]
-        """For each agent, what it heard since its last step that is recorded: one whose input was
-        lost is not."""
+        self._received: list[list[tuple[Fate, Finding]]] = [[] for _ in swarm.names]
+        """By agent, the broadcasts since its last recorded step: a step whose input was lost is not
+        recorded."""
 
     def record(self, judged: Judged) -> None:
-        """Write the next event down. Raises RecordingError."""
+        """Record the next event. Raises RecordingError."""
         event, write = judged.event, self._recording.write
         match event:
             case StateReached():
@@ -68,10 +63,10 @@ class Recorder:
                 if event.t >= self._state_due:
                     write(State(event.t, event.x.tolist(), self._peak))
                     self._state_due, self._peak = event.t + self._every, -np.inf
-            case CommandObeyed():
+            case CommandApplied():
                 write(event.command)
             case InputApplied() | InputLost():
-                self._heard[event.i] += judged.heard
+                self._received[event.i] += judged.received
         for notice in judged.notices:
             write(notice)
         if isinstance(event, InputApplied) and judged.made is not None:
@@ -82,10 +77,10 @@ class Recorder:
 
     def _step(self, event: InputApplied, step: AppliedStep, telemetry: Telemetry) -> Step:
         names = self._names
-        heard, self._heard[event.i] = self._heard[event.i], []
+        received, self._received[event.i] = self._received[event.i], []
         hit = [
             (names[fate.sender], fate.k, [self._declared[n] for n in (*fate.faults, *found.lies)])
-            for fate, found in heard
+            for fate, found in received
         ]
         return Step(
             agent=names[event.i],
@@ -93,24 +88,24 @@ class Recorder:
             t=event.t,
             t_apply=event.t_apply,
             ages=[(names[l], age) for l, age in telemetry.ages],
-            fates=[(names[fate.sender], fate.k, fate.delay) for fate, _ in heard],
+            fates=[(names[fate.sender], fate.k, fate.delay) for fate, _ in received],
             faults=[entry for entry in hit if entry[2]],
             false=[
                 (names[fate.sender], fate.k, fate.claim.t_apply, list(fate.claim.u))
-                for fate, found in heard
+                for fate, found in received
                 if found.false and fate.claim is not None
             ],
             **asdict(step),
         )
 
-    def _shown(self, i: int, sample: Sample, telemetry: Telemetry) -> Shown:
+    def _shown(self, i: int, sample: Sample, telemetry: Telemetry) -> StepData:
         names = self._names
-        return Shown(
+        return StepData(
             agent=names[i],
             k=sample.k,
             t=sample.t,
             seen=[names[l] for l in sample.seen],
             x=np.frombuffer(sample.x, dtype="<f8").tolist(),
             received=[(names[l], since, list(u)) for l, since, u in telemetry.received],
-            adversary=sample.orders is not None and sample.orders.adversary,
+            adversary=sample.commands is not None and sample.commands.adversary,
         )

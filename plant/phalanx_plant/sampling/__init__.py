@@ -1,1 +1,1 @@
-"""Who samples when, what each is shown, and which broadcasts exist for it."""
+"""Sampling times, the content of samples, and the broadcasts that exist for each agent."""

@@ -1,7 +1,4 @@
-"""Taking the agents' samples: what each is shown, and who takes none as commands silenced it.
-
-Both clocks sample and obey commands alike; they differ in when.
-"""
+"""Make the agents' samples, and apply commands to agents, in the same way for both clocks."""
 
 from collections import Counter
 from typing import NamedTuple, Protocol
@@ -10,36 +7,36 @@ from phalanx.arrays import Array
 from phalanx.faults.clock import AgentClock
 from phalanx.faults.commands import Command, FaultState, ProcessChange
 from phalanx.faults.onboard import Sensors
-from phalanx.swarm.seen import SeenStates
+from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.messages import Sample, last_sample
-from phalanx_plant.sampling.schedule import Harness, Schedule
-from phalanx_plant.sampling.sensing import Contacts, Sensing, Sight
-from phalanx_plant.world.events import CommandObeyed
+from phalanx_plant.sampling.schedule import OnboardLinks, Schedule
+from phalanx_plant.sampling.sensing import Contacts, Sensing, Visibility
+from phalanx_plant.world.events import CommandApplied
 
 
 class Processes(Protocol):
-    """The agents' processes, as commands act on them."""
+    """The agents' processes, as commands control them."""
 
     def pause(self, i: int, t: float) -> None:
-        """Agent i's process stands still from t [s] on."""
+        """Stop agent i's process from t [s] on."""
 
     def resume(self, i: int, t: float) -> None:
-        """Agent i's process goes on at t [s]."""
+        """Let agent i's process continue at t [s]."""
 
     def kill(self, i: int, order: Sample) -> None:
-        """Have agent i's process die of this order."""
+        """Make agent i's process exit on receiving this order."""
 
     def restart(self, i: int, t: float) -> None:
-        """Have another process take the dead agent i's place at t [s]."""
+        """Replace the dead agent i's process by another at t [s]."""
 
 
-class Taken(NamedTuple):
-    """A sample, and what is behind it."""
+class TakenSample(NamedTuple):
+    """A sample, and whether it is true."""
 
     sample: Sample
     truthful: bool
-    """Whether the agent's sensors told it the true states."""
+    """Whether the agent's sensors measured the true states."""
 
 
 class Sampling:
@@ -48,65 +45,68 @@ class Sampling:
     def __init__(self, swarm: Swarm) -> None:
         latency, occurrences = swarm.time.latency, swarm.links.occurrences
         self._clocks = [
-            # Its input is due before the next sample, whatever the clock says.
+            # An input is due before the next sample, whatever the clock's faults are.
             AgentClock(swarm.clock(i), latency, (o for o in occurrences if o.agent == name))
             for i, name in enumerate(swarm.names)
         ]
-        self._harness = Harness(swarm)
-        self.schedule = Schedule(self._clocks, latency, self._harness)
+        self._links = OnboardLinks(swarm)
+        self.schedule = Schedule(self._clocks, latency, self._links)
         self.sensing = Sensing(swarm)
         states = {member.name: member.dynamics.states for member in swarm.members}
         self._sensors = Sensors(states, swarm.seed, occurrences)
         self._commanded = FaultState(swarm.names)
-        self._states = SeenStates(swarm)
+        self._states = StateCodec(swarm)
         self._contacts = Contacts(len(swarm.members), latency)
 
     @property
     def faults(self) -> Counter[int]:
         """Samples and inputs on which each declared fault had an effect."""
         of_clocks = sum((clock.faults for clock in self._clocks), Counter[int]())
-        return self._harness.faults + self._sensors.faults + of_clocks
+        return self._links.faults + self._sensors.faults + of_clocks
 
     def silent(self, i: int) -> bool:
-        """Whether commands have agent i neither sample nor answer."""
-        return self._commanded.silent(i)
+        """Return whether a command keeps agent i from sampling and answering."""
+        return self._commanded.condition[i].silent
 
-    def take(self, i: int, t: float, x: Array, sight: Sight, pace: float | None = None) -> Taken:
-        """Agent i's sample of the stacked state x, shape (n̄,), at t [s].
+    def take(
+        self, i: int, t: float, x: Array, visible: Visibility, pace: float | None = None
+    ) -> TakenSample:
+        """Take agent i's sample of the stacked state x, shape (n̄,), at t [s].
 
-        Those due together do not hear each other. pace: of virtual time, in real time.
+        Agents that sample at the same instant do not receive each other's answers of that instant.
+        pace: speed of virtual time, in real time.
         """
-        awake = sight.without(self.silent)
+        awake = visible.without(self.silent)
         since, latest = self._contacts.existing(i, t, awake.seen)
         k = self.schedule.sampled(i, t)
         self._contacts.sampled(i, k, t, awake)
-        told = self._sensors.told(i, k, t, x)
+        measured = self._sensors.measured(i, k, t, x)
         sample = Sample(
             k=k,
             t=t,
             seen=awake.seen,
-            x=self._states.packed(told, awake.seen),
+            x=self._states.pack(measured, awake.seen),
             since=since,
             latest=latest,
             hearers=awake.hearers,
-            orders=self._commanded.orders(i),
+            commands=self._commanded.active_commands(i),
             pace=pace,
         )
-        return Taken(sample, told is x)
+        return TakenSample(sample, measured is x)
 
-    def obey(self, command: Command, x: Array, processes: Processes) -> CommandObeyed:
-        """Let a command take effect at its time, at the stacked state x."""
-        i, effect = self._commanded.obey(command), command.effect
+    def apply(self, command: Command, x: Array, processes: Processes) -> CommandApplied:
+        """Apply a command at its time, in the stacked state x."""
+        i, effect = self._commanded.apply(command), command.effect
         forgotten: tuple[int, ...] = ()
         if i is None or effect is None:
-            return CommandObeyed(command, i)
+            return CommandApplied(command, i)
         if self.silent(i):
             self.schedule.silence(i)
         match effect.process:
             case ProcessChange.DIES:
                 # The order travels in a sample, which is not answered.
                 k = self.schedule.next_number(i)
-                processes.kill(i, last_sample(i, k, command.t, self._states.packed(x, (i,))))
+                processes.kill(i, last_sample(i, k, command.t, self._states.pack(x, (i,))))
                 forgotten = self._contacts.forget(i)
             case ProcessChange.STARTS:
                 processes.restart(i, command.t)
@@ -116,4 +116,4 @@ class Sampling:
             case ProcessChange.GOES_ON:
                 processes.resume(i, command.t)
                 self.schedule.resume(i, command.t)
-        return CommandObeyed(command, i, forgotten)
+        return CommandApplied(command, i, forgotten)

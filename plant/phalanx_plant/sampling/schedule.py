@@ -1,17 +1,17 @@
-"""Who samples when, and whose input takes effect when: clocks, and the links within each robot."""
+"""Times of samples and inputs: the agents' clocks, and the links on board each robot."""
 
 import math
 from collections import Counter
 from collections.abc import Sequence
 from typing import Protocol
 
-from phalanx.network.link import Kind, Link, Passage, RuleError
+from phalanx.network.link import Delivery, Kind, Link, RuleError
 from phalanx.swarm.swarm import Swarm
 from phalanx_plant.world.events import SwarmBrokenError
 
 
-class Harness:
-    """Every robot's own links: samples that its sensors lose, inputs that come late or never."""
+class OnboardLinks:
+    """Links on board each robot: from sensor to controller, and from controller to actuator."""
 
     def __init__(self, swarm: Swarm) -> None:
         self.faults: Counter[int] = Counter()
@@ -21,25 +21,25 @@ class Harness:
         self._end = swarm.scenario.duration
 
     def brings_sample(self, i: int, tick: int, t: float) -> bool:
-        """Whether agent i takes a sample at its clock's tick of this number, at t [s].
+        """Return whether agent i's sample at this tick of its clock, at t [s], arrives.
 
-        One that a rule delays is lost: a sample is used when it is taken, or it is missed. After
-        the end of the run nothing is lost any more.
+        A delayed sample is lost: it is used when it is taken, or not at all. After the end of the
+        run nothing is lost.
         """
         return t >= self._end or self._decided(self._sensors[i], tick, t).delay == 0.0
 
     def input_delay(self, i: int, k: int, t: float) -> float | None:
-        """How much later than t [s] the input for agent i's sample k comes; None if it is lost."""
+        """Delay after t [s] of the input for agent i's sample k; None if it is lost."""
         return self._decided(self._actuators[i], k, t).delay
 
-    def _decided(self, link: Link, number: int, t: float) -> Passage:
+    def _decided(self, link: Link, number: int, t: float) -> Delivery:
         try:
-            passage = link.fate(number, t, 0.0)
+            delivery = link.fate(number, t, 0.0)
         except RuleError as error:
             raise SwarmBrokenError(f"a robot's own link: {error}") from error
-        for fault in passage.faults:
+        for fault in delivery.faults:
             self.faults[fault] += 1
-        return passage
+        return delivery
 
 
 def _links(swarm: Swarm, kind: Kind) -> list[Link]:
@@ -48,34 +48,37 @@ def _links(swarm: Swarm, kind: Kind) -> list[Link]:
 
 
 class Clock(Protocol):
-    """When an agent samples."""
+    """An agent's sampling clock."""
 
     def after(self, k: int, t: float) -> float:
-        """When its tick after tick k is, which was at t [s]."""
+        """Time of the tick after tick k, which was at t [s]."""
 
 
 class Schedule:
     """The sampling instants of all agents and the instants at which their inputs take effect."""
 
-    def __init__(self, clocks: Sequence[Clock], latency: float, harness: Harness) -> None:
-        """Everybody samples at 0; inputs take effect `latency` after their sample [s].
+    def __init__(self, clocks: Sequence[Clock], latency: float, links: OnboardLinks) -> None:
+        """Begin at t = 0, where all agents sample.
 
-        harness: loses samples, and brings inputs late or never.
+        Args:
+            clocks: of the agents.
+            latency: from a sample to its input's effect [s].
+            links: lose samples, and delay or lose inputs.
         """
-        self._clocks, self._latency, self._harness = clocks, latency, harness
+        self._clocks, self._latency, self._links = clocks, latency, links
         self._k = [0 for _ in clocks]
         self._tick = [0 for _ in clocks]
-        """Number of each clock's next tick: one at which no sample is lost."""
+        """Number of each clock's next tick at which no sample is lost."""
         self._next_sample = [0.0 for _ in clocks]
         self._due: dict[int, float] = {}
-        """When each awaited input takes effect, or is found to be lost [s], by agent."""
+        """By agent, when its pending input takes effect or is found to be lost [s]."""
         self._lost: set[int] = set()
-        """Whose awaited inputs are lost."""
+        """Agents whose pending inputs are lost."""
         for i in range(len(clocks)):
             self._skip_lost(i)
 
     def next_event(self) -> float:
-        """The earliest instant at which something is due [s]; infinite if nothing is."""
+        """Time of the earliest sample or input [s]; infinite if there is none."""
         return min([*self._next_sample, *self._due.values()])
 
     def sampling_at(self, t: float) -> list[int]:
@@ -87,7 +90,7 @@ class Schedule:
         return sorted(i for i, due in self._due.items() if due <= t)
 
     def tick(self, i: int) -> float:
-        """When agent i's clock next ticks [s]."""
+        """Time of the next tick of agent i's clock [s]."""
         return self._next_sample[i]
 
     def next_number(self, i: int) -> int:
@@ -95,13 +98,12 @@ class Schedule:
         return self._k[i]
 
     def sampled(self, i: int, t: float) -> int:
-        """Agent i samples at t [s]; the sample's number."""
+        """Record that agent i samples at t [s], and return the sample's number."""
         k = self._k[i]
         self._k[i] = k + 1
-        self._tick_on(i)
-        self._skip_lost(i)
+        self.skip_tick(i)
         due = t + self._latency
-        late = self._harness.input_delay(i, k, due)
+        late = self._links.input_delay(i, k, due)
         if late is None or (late and due + late >= self._next_sample[i]):
             # By then there is a newer sample: an input that late is never applied.
             self._lost.add(i)
@@ -111,38 +113,38 @@ class Schedule:
         return k
 
     def due(self, i: int) -> float:
-        """When agent i's awaited input takes effect, or is found to be lost [s]."""
+        """Time at which agent i's pending input takes effect, or is found to be lost [s]."""
         return self._due[i]
 
     def loses_input(self, i: int) -> bool:
-        """Whether agent i's awaited input never comes to its actuator."""
+        """Return whether agent i's pending input never reaches its actuator."""
         return i in self._lost
 
     def applied(self, i: int) -> None:
-        """Agent i's input took effect, or was found to be lost."""
+        """Record that agent i's input took effect, or was found to be lost."""
         del self._due[i]
         self._lost.discard(i)
 
-    def pass_over(self, i: int) -> None:
-        """Agent i takes no sample at the next tick of its clock."""
+    def skip_tick(self, i: int) -> None:
+        """Go on to the next tick of agent i's clock at which no sample is lost."""
         self._tick_on(i)
         self._skip_lost(i)
 
     def _tick_on(self, i: int) -> None:
-        # The clock goes on from its tick, not from when the plant came to it.
+        # The clock continues from its tick, not from when the plant reached it.
         self._next_sample[i] = self._clocks[i].after(self._tick[i], self._next_sample[i])
         self._tick[i] += 1
 
     def _skip_lost(self, i: int) -> None:
-        while not self._harness.brings_sample(i, self._tick[i], self._next_sample[i]):
+        while not self._links.brings_sample(i, self._tick[i], self._next_sample[i]):
             self._tick_on(i)
 
     def silence(self, i: int) -> None:
-        """Agent i samples no more."""
+        """Let agent i sample no more."""
         self._next_sample[i] = math.inf
 
     def resume(self, i: int, t: float) -> None:
-        """Agent i samples again at t [s], but not before its last input has taken effect."""
+        """Let agent i sample again at t [s], but not before its last input has taken effect."""
         # Strictly after: a sample at the same instant would count a broadcast not yet sent.
         earliest = max(t, math.nextafter(self._due.get(i, -math.inf), math.inf))
         self._next_sample[i] = min(self._next_sample[i], earliest)

@@ -1,1 +1,1 @@
-"""The true state of all agents, and what the safe set says of it."""
+"""The true state of all agents, and the safe-set functions evaluated at it."""

@@ -1,4 +1,4 @@
-"""h_tot and the largest ψ of many states at once, of pairs of which few have a part in them."""
+"""h_tot and the largest ψ at many states, from the few pairs that contribute to them."""
 
 import math
 from typing import NamedTuple
@@ -14,39 +14,40 @@ from phalanx.theory.safety.pairs import PairFunctions
 _DIGITS = 60.0 * math.log(2.0)
 
 
-def allowance(rho: float, pairs: int) -> float:
-    """How far below the largest h nothing counts, of so many pairs.
+def negligible_below(rho: float, pairs: int) -> float:
+    """Distance below the largest h beyond which a pair does not change h_tot.
 
-    All that is left out is at most 2^-60 of Σ exp(ρ (h - σ)): less than half its last digit.
+    All pairs left out together are at most 2^-60 of Σ exp(ρ (h - σ)): less than half its last
+    digit.
     """
     return (_DIGITS + math.log(pairs)) / rho
 
 
 class Composed(NamedTuple):
-    """LSE of r pairs at s states."""
+    """Log-sum-exp (LSE) of r pairs at s states."""
 
     h_tot: Array
     """shape (s,)"""
     weights: Array
-    """softmax(ρ h), shape (s, r); 0 for pairs that are too far below the largest to count."""
+    """softmax(ρ h), shape (s, r); 0 for pairs too far below the largest to change h_tot."""
 
 
 class LogSumExp:
-    """LSE of any number of h, of several states at once."""
+    """LSE of any number of h, at several states in one call."""
 
     def __init__(self, rho: float, pairs: int) -> None:
-        """pairs: how many there are at most."""
+        """Compile the sum with sharpness ρ, of at most this many pairs."""
         below, sigma, total = ca.SX.sym("below"), ca.SX.sym("sigma"), ca.SX.sym("total")
         self._exponential = MappedFunction([below], [ca.exp(rho * below)])
         self._logarithm = MappedFunction([sigma, total], [sigma + ca.log(total) / rho])
-        self._allowance = allowance(rho, pairs)
+        self._negligible = negligible_below(rho, pairs)
 
     def __call__(self, h: Array) -> Composed:
-        """Of h, shape (s, r)."""
+        """Compose h, shape (s, r)."""
         sigma = h.max(axis=1)
-        with np.errstate(invalid="ignore"):  # h may be infinite, which whoever asked will find
+        with np.errstate(invalid="ignore"):  # an infinite h is reported by the judge
             below = h - sigma[:, None]
-        states, pairs = np.nonzero(~(below < -self._allowance))
+        states, pairs = np.nonzero(~(below < -self._negligible))
         each = self._exponential(below[states, pairs], np.arange(len(states))[:, None])[:, 0]
         # From left to right: the same sum, whichever of the others were left out beforehand.
         total = np.bincount(states, each, len(h))
@@ -57,27 +58,26 @@ class LogSumExp:
 
 
 class LargestPsi:
-    """Whether the truth stays in S_I: the largest of all ψ_1 ... ψ_{q-1} of the pairs that count.
+    """The largest of ψ_1 ... ψ_{q-1}; while it is at most 0 the true state stays in S_I.
 
-    Each pair for itself or composed, as agents keep them.
-
-    Neighbourhoods are left out: the composition is of all pairs.
+    Each pair has its own chain, or all are composed, as agents do it. Neighbourhoods are ignored:
+    the composition is of all pairs.
     """
 
     def __init__(self, rows: SafetyRows) -> None:
         self._rows, pairs = rows, rows.swarm.pairs
-        sorts = [0 for _ in rows.swarm.members]
-        along_drift = PairFunctions(pairs, sorts, lambda _, kind: pairs.kinds[kind].along_drift)
+        kinds = [0 for _ in rows.swarm.members]
+        along_drift = PairFunctions(pairs, kinds, lambda _, kind: pairs.kinds[kind].along_drift)
         self.functions = rows.pair_psi if rows.swarm.safety.pairwise else along_drift
-        """What it needs of a pair: ψ_0 ... ψ_{q-1}, or h, L_f h, ..., L_f^{q-1} h."""
+        """Functions needed of a pair: ψ_0 ... ψ_{q-1}, or h, L_f h, ..., L_f^{q-1} h."""
 
     def __call__(self, pairs: Array, least: Array, composed: Composed) -> Array:
-        """At s states, shape (s,); empty if q = 1.
+        """Evaluate at s states, shape (s,); empty if q = 1.
 
         Args:
-            pairs: what the functions say of each, shape (s, r, q).
-            least: no pair whose h is less counts for itself, shape (s,).
-            composed: of the same pairs.
+            pairs: values of the functions for each pair, shape (s, r, q).
+            least: pairs with a smaller h are ignored if each has its own chain, shape (s,).
+            composed: the same pairs composed.
         """
         if self._rows.relative_degree == 1:
             return np.zeros(0)

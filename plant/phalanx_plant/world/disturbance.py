@@ -1,4 +1,4 @@
-"""The disturbances φ_i(t): straight lines between knots, random or adverse."""
+"""The disturbances φ_i(t): linear between knots, random or adverse."""
 
 import math
 from dataclasses import dataclass
@@ -27,21 +27,21 @@ class Line:
         return phi
 
 
-class KnottedDisturbance:
-    """φ_i of one agent; locally Lipschitz, and ‖φ_i‖ <= φ_i^max everywhere.
+class RandomDisturbance:
+    """Random φ_i of one agent; locally Lipschitz, and ‖φ_i‖ <= φ_i^max everywhere.
 
-    Knots are uniform in the cube inscribed in the ball of radius φ_i^max; the ball is convex, so
+    Knots are uniform in the cube inscribed in the ball of radius φ_i^max. The ball is convex, so
     the lines between knots stay inside.
     """
 
     def __init__(self, seed: int, agent: str, model: Disturbance, n: int) -> None:
-        """For a state of n components."""
+        """Draw φ_i for a state of n components."""
         self._draws = Draws(seed, "disturbance", agent, width=n)
         self._half_width = model.bound / math.sqrt(n)
         self._every = model.every
 
     def line(self, t: float, _x: Array | None = None) -> Line:
-        """The line that holds from t [s] on."""
+        """Return the line that holds from t [s] on."""
         knot = _last_knot(t, self._every)
         return _between(knot, self._every, self._knot(knot), self._knot(knot + 1))
 
@@ -51,19 +51,19 @@ class KnottedDisturbance:
 
 
 class AdverseDisturbance:
-    """φ_i pushes ψ_{q-1} up as hard as it may: along its gradient, seen at each knot.
+    """Worst-case φ_i: the largest push along the gradient of ψ_{q-1}, evaluated at each knot.
 
-    A knot's push is reached one knot later, so that φ_i is continuous.
+    It reaches a knot's push one knot later, so that φ_i is continuous.
     """
 
     def __init__(self, gradient: "SwarmGradient", part: slice, model: Disturbance) -> None:
-        """part: where the agent's state lies in the stack."""
+        """Push along `gradient`; `part` is the slice of the agent's state in the stack."""
         self._gradient, self._part = gradient, part
         self._bound, self._every = model.bound, model.every
         self._line: Line | None = None
 
     def line(self, t: float, x: Array) -> Line:
-        """The line that holds from t [s] on, given the stacked state x there, shape (n̄,)."""
+        """Return the line that holds from t [s] on, given the stacked state x there, (n̄,)."""
         if self._line is None or t >= self._line.end:
             knot = _last_knot(t, self._every)
             before = self._line.at(self._line.end) if self._line else self._push(x)
@@ -98,7 +98,7 @@ class SwarmGradient:
         self._x = self._found = np.zeros(0)
 
     def __call__(self, x: Array) -> Array:
-        """At a stacked state x, shape (n̄,)."""
+        """Evaluate at a stacked state x, shape (n̄,)."""
         # Agents of a swarm have their knots at the same times: one evaluation serves them all.
         if not np.array_equal(x, self._x):
             pairs, weights = self._pairs, self._jets(self._pairs.jets(x).h).weights
@@ -112,26 +112,21 @@ class SwarmDisturbance:
     """All φ_i, stacked as the state is, shape (n̄,)."""
 
     def __init__(self, rows: SafetyRows) -> None:
-        """rows: what adverse disturbances push against."""
-        self._each = _disturbances(rows)
+        """Make each agent's disturbance; adverse ones follow the gradient of `rows`."""
+        swarm, gradient = rows.swarm, None
+        self._each: list[RandomDisturbance | AdverseDisturbance] = []
+        for i, (group, part) in enumerate(zip(swarm.groups, swarm.safe_set.parts, strict=True)):
+            model = group.disturbance
+            if model.kind == "adverse":
+                gradient = gradient or SwarmGradient(rows)
+                self._each.append(AdverseDisturbance(gradient, part, model))
+            else:
+                name, states = swarm.names[i], part.stop - part.start
+                self._each.append(RandomDisturbance(swarm.seed, name, model, states))
 
     def line(self, t: float, x: Array) -> Line:
-        """The line of the stack from t [s], in state x there, to the first knot of any agent."""
+        """Return the stack's line from t [s], in state x there, to the first knot of any agent."""
         lines = [each.line(t, x) for each in self._each]
         value = np.concatenate([line.at(t) for line in lines])
         slope = np.concatenate([line.slope for line in lines])
         return Line(t, min(line.end for line in lines), value, slope)
-
-
-def _disturbances(rows: SafetyRows) -> list[KnottedDisturbance | AdverseDisturbance]:
-    swarm, gradient = rows.swarm, None
-    each: list[KnottedDisturbance | AdverseDisturbance] = []
-    for i, (group, part) in enumerate(zip(swarm.groups, swarm.safe_set.parts, strict=True)):
-        model = group.disturbance
-        if model.kind == "adverse":
-            gradient = gradient or SwarmGradient(rows)
-            each.append(AdverseDisturbance(gradient, part, model))
-        else:
-            seed, states = swarm.seed, part.stop - part.start
-            each.append(KnottedDisturbance(seed, swarm.names[i], model, states))
-    return each

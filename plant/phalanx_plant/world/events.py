@@ -1,22 +1,22 @@
-"""What happens in a run, in the order in which it is judged; and what ends it early."""
+"""The events of a run, in the order in which they are judged; and the errors that end it early."""
 
 from typing import NamedTuple
 
 from phalanx.arrays import Array
 from phalanx.faults.commands import Command
 from phalanx.wire.messages import Sample
-from phalanx_plant.world.world import Piece
+from phalanx_plant.world.world import History
 
 
 class StateReached(NamedTuple):
-    """The world at an event of the schedule."""
+    """The world reached the time of an event."""
 
     t: float
     """[s]"""
     x: Array
     """Stacked state, shape (n̄,)."""
-    way: list[Piece]
-    """What the world went through since the event before."""
+    history: History
+    """The motion since the previous such event."""
 
 
 class Sampled(NamedTuple):
@@ -26,21 +26,21 @@ class Sampled(NamedTuple):
     t: float
     """[s]"""
     truthful: bool = True
-    """Whether it was told the true state."""
+    """Whether its sensors measured the true state."""
 
 
-class CommandObeyed(NamedTuple):
-    """A command was obeyed."""
+class CommandApplied(NamedTuple):
+    """A command took effect."""
 
     command: Command
     changed: int | None
-    """The agent whose condition it changed, if it did."""
+    """The agent whose condition it changed, if any."""
     forgotten: tuple[int, ...] = ()
-    """Agents whose inputs it had received, and does not know any more."""
+    """Agents whose received inputs that agent lost."""
 
 
 class InputApplied(NamedTuple):
-    """An actuator took the input that answers sample k."""
+    """An actuator applied the input that answers sample k."""
 
     i: int
     k: int
@@ -51,13 +51,13 @@ class InputApplied(NamedTuple):
     u: Array
     """Native input, shape (m_i,)."""
     x: Array
-    """The true stacked state when it took it, shape (n̄,)."""
+    """True stacked state at t_apply, shape (n̄,)."""
     answers: Sample | None = None
-    """In real time, the sample as the agent was shown it."""
+    """In real time, the sample as the agent received it."""
 
 
 class InputLost(NamedTuple):
-    """The input that answers sample k never came to its actuator, which was due to take it at t."""
+    """The input that answers sample k, due at t, never reached its actuator."""
 
     i: int
     k: int
@@ -70,7 +70,7 @@ class InputLost(NamedTuple):
 
 
 class MemberLost(NamedTuple):
-    """In real time, agent i is not to be reached from t [s] on, or again if `back`."""
+    """Agent i became unreachable at t [s], in real time, or reachable again if `back`."""
 
     i: int
     t: float
@@ -78,22 +78,30 @@ class MemberLost(NamedTuple):
     back: bool
 
 
-class InstantOver(NamedTuple):
-    """Nothing more happens at t: what is shown of it now is what a replay shows."""
+class InstantComplete(NamedTuple):
+    """Nothing more happens at t: a frame of now equals a frame of a replay."""
 
     t: float
     """[s]"""
 
 
-Event = StateReached | Sampled | CommandObeyed | InputApplied | InputLost | MemberLost | InstantOver
+Event = (
+    StateReached
+    | Sampled
+    | CommandApplied
+    | InputApplied
+    | InputLost
+    | MemberLost
+    | InstantComplete
+)
 
 
 class StoppedError(Exception):
-    """The user asked the run to stop."""
+    """The user stopped the run."""
 
 
 class AbandonedError(Exception):
-    """The process that launched the run is gone, or says that an agent is."""
+    """The process that launched the run ended, or reports that an agent did."""
 
 
 class SwarmBrokenError(RuntimeError):

@@ -1,6 +1,4 @@
-"""The true h of every pair, at every integration step."""
-
-from collections.abc import Callable
+"""Extremes of the true h of every pair, over all integration steps."""
 
 import numpy as np
 
@@ -11,7 +9,7 @@ from phalanx.theory.safety.composition import ComposedSet
 
 
 class _Violations:
-    """How far and how long pairs were out of their safe sets."""
+    """Depth and duration of each pair's violations of the safe set."""
 
     def __init__(self, count: int) -> None:
         self._worst = np.full(count, -np.inf)
@@ -20,7 +18,7 @@ class _Violations:
         self._duration = np.zeros(count)
 
     def add(self, times: Array, lengths: Array, pairs: Index, h: Array, unsafe: Mask) -> None:
-        """After s integration steps of such lengths [s], of some pairs, h and h > 0, (s, r)."""
+        """Add s integration steps of these lengths [s]: h and h > 0 of some pairs, (s, r)."""
         highest = h.max(axis=0)
         deeper = highest > self._worst[pairs]
         self._worst_at[pairs[deeper]] = times[h.argmax(axis=0)][deeper]
@@ -29,11 +27,11 @@ class _Violations:
         first = np.where(unsafe.any(axis=0), times[unsafe.argmax(axis=0)], np.inf)
         self._first[pairs] = np.minimum(self._first[pairs], first)
 
-    def violations(self, label: Callable[[int], str]) -> list[Violation]:
-        """The deepest first."""
+    def sorted(self, composed: ComposedSet) -> list[Violation]:
+        """Return all violations, the deepest first."""
         found = [
             Violation(
-                label(p),
+                composed.label(composed.pairs[p]),
                 float(self._first[p]),
                 float(self._worst[p]),
                 float(self._worst_at[p]),
@@ -56,7 +54,7 @@ class PairExtremes:
         self.worst_h_tot = -np.inf
         """Largest h_tot so far."""
         self.worst_at = 0.0
-        """When it was [s]."""
+        """Time of the largest h_tot [s]."""
         self._peak = -np.inf
         self.largest = 0
         """The pair whose h was largest at the last step."""
@@ -70,20 +68,20 @@ class PairExtremes:
         return self.label(self._worst_pair)
 
     def label(self, pair: int) -> str:
-        """A pair in words, by its index."""
+        """Name of a pair, by its index."""
         return self._composed.label(self._composed.pairs[pair])
 
     def left(self, pair: int) -> str:
-        """In words, that a pair left the safe set."""
+        """Message that a pair left the safe set."""
         apart = ", set apart: there is no normal agent in it any more"
         return f"{self.label(pair)} left the safe set{apart if self._is_apart[pair] else ''}"
 
     def add(self, times: Array, pairs: Index, h: Array, h_tot: Array) -> None:
-        """After s integration steps.
+        """Add s integration steps.
 
         Args:
             times: of each [s], shape (s,).
-            pairs: indices of those that count, shape (r,): no other is above them or above zero.
+            pairs: relevant pairs, shape (r,): no other has a larger h, or one above zero.
             h: of each, shape (s, r).
             h_tot: of all, shape (s,).
         """
@@ -95,8 +93,7 @@ class PairExtremes:
         if peak > self.worst_h_tot:
             self.worst_h_tot, self.worst_at = peak, float(times[h_tot.argmax()])
         self._peak = max(self._peak, peak)
-        # LSE is never below the largest h: with h_tot <= 0 no pair is unsafe. What is not a number
-        # is not safe either.
+        # LSE is never below the largest h: with h_tot <= 0 no pair is unsafe. NaN is not safe.
         if not peak <= 0.0:
             self._add_unsafe(times, pairs, h)
         self._t = float(times[-1])
@@ -110,23 +107,23 @@ class PairExtremes:
                 violations.add(times, lengths, pairs[some], h[:, some], unsafe[:, some])
 
     def set_apart(self, pairs: Index) -> None:
-        """From now on these pairs are no longer the swarm's to keep safe."""
+        """Stop counting these pairs, which have no normal agent any more, against the verdict."""
         self._is_apart[pairs] = True
 
     def take_peak(self) -> float:
-        """Largest h_tot since this was last called, the value at that time included."""
+        """Return the largest h_tot since the last call, the value at that time included."""
         peak, self._peak = self._peak, self.h_tot
         return peak
 
     def take_unsafe(self) -> set[int]:
-        """The pairs that were outside their safe sets since this was last called."""
+        """Return the pairs that were outside their safe sets since the last call."""
         unsafe, self._unsafe = self._unsafe, set()
         return unsafe
 
     def violations(self) -> list[Violation]:
         """Pairs with h > 0 at some step, the deepest first."""
-        return self._counted.violations(self.label)
+        return self._counted.sorted(self._composed)
 
     def apart(self) -> list[Violation]:
-        """The same of pairs since they were set apart."""
-        return self._apart.violations(self.label)
+        """The same for pairs since they were set apart."""
+        return self._apart.sorted(self._composed)

@@ -1,4 +1,4 @@
-"""The dynamics of all agents, in one call for all that move alike, and where that takes them."""
+"""Runge-Kutta steps of all agents, with one compiled call for all agents of equal dynamics."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -12,32 +12,32 @@ from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.safety.composition import Member
 
 
-class _Alike(NamedTuple):
-    """Agents that move alike."""
+class _SameDynamics(NamedTuple):
+    """r agents with the same equation of motion."""
 
     states: Index
-    """Where their states lie in the stack, shape (r, n)."""
+    """Indices of their states in the stacked state, shape (r, n)."""
     after: Index
-    """Where states and output positions lie in the stack of both, shape (r, n + d)."""
+    """Indices of states and output positions in the stack of both, shape (r, n + d)."""
     numbers: Index
-    """Where x, u, φ, φ' and dt lie in the stack of all five, shape (r, k)."""
+    """Indices of x, u, φ, φ' and dt in the stack of all five, shape (r, k)."""
     steps: list[MappedFunction]
     """For 1 to `most` steps: state and position after each, shape (steps, n + d)."""
     position: MappedFunction
 
 
 class Motion:
-    """Classical fourth-order Runge-Kutta steps of all agents; no agent's depend on the others."""
+    """Classical fourth-order Runge-Kutta steps; no agent's motion depends on another's."""
 
     def __init__(self, members: Sequence[Member], most: int) -> None:
-        """most: steps at once."""
-        states = _begins([len(m.dynamics.states) for m in members])
-        inputs = _begins([len(m.dynamics.inputs) for m in members])
+        """Compile the steps; `most` is the largest number of steps in one call."""
+        states = _offsets([len(m.dynamics.states) for m in members])
+        inputs = _offsets([len(m.dynamics.inputs) for m in members])
         axes = int(members[0].dynamics.position(ca.SX(states[1], 1)).numel())
-        self._axes, self._alike = axes, list[_Alike]()
-        self._of: dict[int, _Alike] = {}
+        self._axes, self._groups = axes, list[_SameDynamics]()
+        self._group_of: dict[int, _SameDynamics] = {}
         """By member."""
-        for each in alike(members):
+        for each in by_dynamics(members):
             own, dynamics = np.array(each), members[each[0]].dynamics
             x = states[own][:, None] + np.arange(len(dynamics.states))
             u = inputs[own][:, None] + np.arange(len(dynamics.inputs))
@@ -46,54 +46,56 @@ class Motion:
             numbers = np.concatenate([x, total + u, phi, total + phi, dt], axis=1)
             steps = [_runge_kutta(dynamics, count) for count in range(1, most + 1)]
             p = total + axes * own[:, None] + np.arange(axes)
-            kind = _Alike(x, np.hstack([x, p]), numbers, steps, _position(dynamics))
-            self._alike.append(kind)
-            self._of |= dict.fromkeys(each, kind)
+            state = ca.SX.sym("x", len(dynamics.states))
+            position = MappedFunction([state], [dynamics.position(state)])
+            group = _SameDynamics(x, np.hstack([x, p]), numbers, steps, position)
+            self._groups.append(group)
+            self._group_of |= dict.fromkeys(each, group)
 
     def steps(
         self, count: int, x: Array, u: Array, phi: Array, slope: Array, dt: float
     ) -> tuple[Array, Array]:
-        """Stacked states, (count, n̄), and output positions [m], (count, N, d), after each step.
+        """Return stacked states, (count, n̄), and positions [m], (count, N, d), after each step.
 
         Args:
-            count: of steps.
+            count: number of steps.
             x: stacked state, shape (n̄,).
-            u: stacked inputs that actuators hold.
-            phi: stacked disturbance at the first step's begin, shape (n̄,).
-            slope: of the disturbance's line, shape (n̄,).
-            dt: of each step [s].
+            u: stacked inputs that the actuators hold.
+            phi: stacked disturbance at the begin, shape (n̄,).
+            slope: time derivative of the disturbance, shape (n̄,).
+            dt: length of each step [s].
         """
         numbers = np.concatenate([x, u, phi, slope, [dt]])
-        after = np.empty((count, len(x) + self._axes * len(self._of)))
-        for alike in self._alike:
-            found = alike.steps[count - 1](numbers, alike.numbers)
-            after[:, alike.after] = found.reshape(len(found), count, -1).swapaxes(0, 1)
+        after = np.empty((count, len(x) + self._axes * len(self._group_of)))
+        for group in self._groups:
+            found = group.steps[count - 1](numbers, group.numbers)
+            after[:, group.after] = found.reshape(len(found), count, -1).swapaxes(0, 1)
         return after[:, : len(x)], after[:, len(x) :].reshape(count, -1, self._axes)
 
-    def one_through(
+    def one_agent(
         self, i: int, count: int, x: Array, u: Array, phi: Array, slope: Array, dt: float
     ) -> tuple[Array, Array]:
-        """The same of member i, (count, n_i) and (count, d); all arguments are its own parts."""
+        """Return the same for member i alone, from its own parts: (count, n_i) and (count, d)."""
         numbers = np.concatenate([x, u, phi, slope, [dt]])
-        found = self._of[i].steps[count - 1](numbers, np.arange(len(numbers))[None])
+        found = self._group_of[i].steps[count - 1](numbers, np.arange(len(numbers))[None])
         each = found.reshape(count, -1)
         return each[:, : len(x)], each[:, len(x) :]
 
     def positions(self, x: Array) -> Array:
         """Output positions of all agents [m] at a stacked state x, (n̄,); shape (N, d)."""
-        here = np.empty(len(x) + self._axes * len(self._of))
-        for alike in self._alike:
-            here[alike.after[:, -self._axes :]] = alike.position(x, alike.states)
+        here = np.empty(len(x) + self._axes * len(self._group_of))
+        for group in self._groups:
+            here[group.after[:, -self._axes :]] = group.position(x, group.states)
         return here[len(x) :].reshape(-1, self._axes)
 
 
-def _begins(sizes: Sequence[int]) -> Index:
-    """Where each part of a stack begins, and where the stack ends."""
+def _offsets(sizes: Sequence[int]) -> Index:
+    """Begin of each part of a stack, and the stack's end."""
     return np.cumsum([0, *sizes])
 
 
-def alike(members: Sequence[Member]) -> list[list[int]]:
-    """Members that move alike, whatever bounds their inputs have."""
+def by_dynamics(members: Sequence[Member]) -> list[list[int]]:
+    """Group members that have the same equation of motion; their input bounds may differ."""
     different = {id(m.dynamics): m.dynamics for m in members}
     text = {number: _text(dynamics) for number, dynamics in different.items()}
     found: dict[str, list[int]] = {}
@@ -103,7 +105,7 @@ def alike(members: Sequence[Member]) -> list[list[int]]:
 
 
 def _text(dynamics: Dynamics) -> str:
-    """What tells motions apart: the expressions of x' and of the output position."""
+    """Serialize the expressions of x' and of the output position, to compare dynamics."""
     x, u = ca.SX.sym("x", len(dynamics.states)), ca.SX.sym("u", len(dynamics.inputs))
     rate = dynamics.drift(x) + dynamics.actuation(x) @ u
     outputs = [ca.densify(rate), ca.densify(dynamics.position(x))]
@@ -112,7 +114,7 @@ def _text(dynamics: Dynamics) -> str:
 
 
 def _runge_kutta(dynamics: Dynamics, steps: int) -> MappedFunction:
-    """(x, u, φ, φ', dt) -> x and p after each step; φ is at the first one's begin, on its line."""
+    """(x, u, φ, φ', dt) -> x and p after each step; φ is the value at the first one's begin."""
     start, u = ca.SX.sym("x", len(dynamics.states)), ca.SX.sym("u", len(dynamics.inputs))
     phi, slope = ca.SX.sym("phi", start.numel()), ca.SX.sym("slope", start.numel())
     dt, x = ca.SX.sym("dt"), start
@@ -130,15 +132,10 @@ def _runge_kutta(dynamics: Dynamics, steps: int) -> MappedFunction:
 def weighted_rates(
     field: ca.Function, x: ca.SX, u: ca.SX, pushes: tuple[ca.SX, ca.SX, ca.SX], dt: ca.SX
 ) -> ca.SX:
-    """Six times the mean rate of a step, shape (n,); φ at its begin, its middle and its end."""
+    """Six times the mean rate of a step, shape (n,); pushes: φ at its begin, middle and end."""
     begin, middle, end = pushes
     k1 = field(x, u) + begin
     k2 = field(x + dt / 2 * k1, u) + middle
     k3 = field(x + dt / 2 * k2, u) + middle
     k4 = field(x + dt * k3, u) + end
     return k1 + 2 * k2 + 2 * k3 + k4
-
-
-def _position(dynamics: Dynamics) -> MappedFunction:
-    x = ca.SX.sym("x", len(dynamics.states))
-    return MappedFunction([x], [dynamics.position(x)])

@@ -1,4 +1,4 @@
-"""An attacker's process beside a run, from the run's first moment to its last."""
+"""An attacker's process during a run, from its beginning to its end."""
 
 import subprocess
 import sys
@@ -38,7 +38,7 @@ class AttackUnderWay:
 
     @property
     def let_in(self) -> bool | None:
-        """Whether the hub gave it a session; None before that is known."""
+        """Return whether the hub opened a session for it; None before that is known."""
         return None if len(self.said) < 2 else self.said[1] == UNDER_WAY
 
     def end(self) -> None:
@@ -51,7 +51,7 @@ class AttackUnderWay:
 def assailed(
     attack: str, folder: Path, policy: CommandPolicy = HELD
 ) -> tuple[Summary, AttackUnderWay]:
-    """A run beside an attacker who waits for its hub to listen.
+    """Run a scenario under attack by a process that waits for its hub to listen.
 
     By default the run stands nearly still until the attack is under way.
     """

@@ -9,7 +9,7 @@ from tests.process.hostile.attacks import SCENARIO
 
 @pytest.fixture(scope="session")
 def calm(tmp_path_factory: pytest.TempPathFactory) -> Summary:
-    """The run that nobody attacks."""
+    """The run without an attack."""
     folder = tmp_path_factory.mktemp("calm") / "run"
     folder.mkdir()
     return execute(SCENARIO, folder, RunOptions("in-process"))

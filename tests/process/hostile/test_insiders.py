@@ -1,4 +1,4 @@
-"""What an agent of the run does to a run beside what it answers: nothing."""
+"""An agent of the run can change nothing but its own answers."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What somebody without the run's secret does to a run: nothing."""
+"""A program without the run's secret can change nothing in a run."""
 
 import pytest
 

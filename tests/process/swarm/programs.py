@@ -49,7 +49,7 @@ class Programs:
         self.started.append(self.router)
 
     def summary(self) -> Summary:
-        """Of the run, when all but the router have ended."""
+        """Return the run's summary when all programs but the router have ended."""
         ended = [p.communicate(timeout=90) for p in self.started if "router" not in p.args]
         assert (self.out / "summary.json").exists(), ended
         return msgspec.json.decode((self.out / "summary.json").read_bytes(), type=Summary)

@@ -1,4 +1,4 @@
-"""How runs end: Ctrl-C, a death, a full disk. No orphan, a readable recording, a last line."""
+"""Ends of runs by Ctrl-C, a death or a full disk: no orphans, a readable recording, one line."""
 
 import math
 import os
@@ -95,7 +95,7 @@ def test_a_run_whose_launcher_was_killed_goes_on_for_nobody(phalanx):
     wait_for(lambda: find_live(run.folder) is None, PATIENCE)
     run.wait_until_gone()
     status, output = phalanx("tap", str(run.folder)).finish()
-    assert (status, "no run goes on there" in output) == (64, True)
+    assert (status, "no live run" in output) == (64, True)
 
 
 def test_a_killed_agent_breaks_the_run_and_is_named(phalanx):
@@ -192,7 +192,7 @@ def test_an_agent_leaves_a_hub_that_is_killed_as_soon_as_it_has_met_it(phalanx, 
 
 
 def states(run) -> list[str]:
-    """Of a command's TCP connections."""
+    """Return the states of a command's TCP connections."""
     return [c.status for c in psutil.Process(run.process.pid).net_connections("tcp4")]
 
 
@@ -231,7 +231,7 @@ def test_a_full_disk_breaks_the_run_and_names_the_file(phalanx):
 
 
 def test_no_folder_for_temporary_files_ends_in_one_line(phalanx):
-    """Where no file may have a byte there is none, whoever asks."""
+    """The limit of a file's size is 0, so that no folder is usable."""
     run = phalanx(
         "run", "one-on-one", limit=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
     )
@@ -306,7 +306,7 @@ STUCK_LINK = """
 import time
 from functools import partial
 from dataclasses import dataclass
-from phalanx.network.rule import DELIVER
+from phalanx.extend import DELIVER
 
 @dataclass(frozen=True)
 class Stuck:
@@ -334,7 +334,7 @@ class Faulty:
 
 
 FAILING = """
-from phalanx.theory.laws.tracking import TrackVelocity as Base
+from phalanx.extend import TrackVelocity as Base
 
 
 class TrackVelocity(Base):

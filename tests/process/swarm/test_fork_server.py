@@ -97,7 +97,7 @@ def test_members_that_knock_before_the_hub_opens_all_come_in():
 
 def test_a_member_of_a_hub_that_never_says_it_is_ready_gives_up():
     endpoint = free_endpoint()
-    with open_hub(endpoint), pytest.raises(HubError, match="nobody is there as test/alive/plant"):
+    with open_hub(endpoint), pytest.raises(HubError, match="no program has announced test/alive"):
         open_member(endpoint, "test/alive/plant", 2.0)
 
 
@@ -105,7 +105,7 @@ _FILES = resource.RLIMIT_NOFILE
 
 
 UNFIT = """
-from phalanx.theory.laws.tracking import TrackVelocity as Base
+from phalanx.extend import TrackVelocity as Base
 
 
 class Short(Base):
@@ -122,7 +122,7 @@ class Blind(Base):
 @pytest.mark.parametrize(
     ("law", "status", "said"),
     [
-        ("Short", 64, "expected an array of 2 finite numbers for agent 1, got shape (1,)"),
+        ("Short", 64, "expected a numpy array of 2 finite numbers for agent 1, got shape (1,)"),
         (
             "Blind",
             64,

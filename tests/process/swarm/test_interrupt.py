@@ -1,4 +1,4 @@
-"""Ctrl-C at any moment of the start: one word, the right status, and nobody left behind."""
+"""Ctrl-C at any moment of the start: one word, the right status, and no process left behind."""
 
 import contextlib
 import os
@@ -24,7 +24,7 @@ MOMENTS: dict[str, Callable[[Run], object]] = {
 
 
 def loads(run: Run, library: str) -> bool:
-    """Whether the command has got as far as this library."""
+    """Return whether the command has loaded this library."""
     with contextlib.suppress(psutil.Error):
         maps = psutil.Process(run.process.pid).memory_maps()
         return any(library in m.path for m in maps)
@@ -62,7 +62,7 @@ def test_ctrl_c_while_a_run_starts_ends_it_without_a_traceback(phalanx, moment: 
 def test_a_ctrl_c_that_python_drops_ends_the_run_all_the_same(
     phalanx, tmp_path, monkeypatch, engine: str
 ) -> None:
-    """As one does that comes while the lock of an import is let go."""
+    """Press Ctrl-C while the lock of an import is released."""
     (tmp_path / "sitecustomize.py").write_text(DROPPED)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     run = phalanx("run", "unicycles", "--set", "duration=500", "--engine", engine)

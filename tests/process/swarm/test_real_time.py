@@ -1,6 +1,6 @@
-"""Runs by the wall clock, with real agents: what they come to, and that their decisions are theirs.
+"""Runs by the wall clock, with real agents: their results, and repeatable decisions.
 
-Nothing here depends on how fast the machine is: who is slow misses samples and is late.
+Nothing here depends on the speed of the machine: slow agents miss samples and are late.
 """
 
 import copy

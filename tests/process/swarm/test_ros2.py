@@ -1,4 +1,4 @@
-"""phalanx ros2 beside a real run: a plain Zenoh session reads it as a node over rmw_zenoh does."""
+"""phalanx ros2 with a real run: a plain Zenoh session reads it as a node over rmw_zenoh does."""
 
 import contextlib
 import json
@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zenoh
-from phalanx_viewer.scene.kinematics import facing
+from phalanx_viewer.scene.kinematics import rotations_to
 from phalanx_viewer.scene.model import scene_model
 
 from phalanx.recording.read import read
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.swarm
 
 
 class Listener:
-    """Whatever is put in a domain of ROS 2, and every token of its graph."""
+    """All messages in a domain of ROS 2, and all tokens of its graph."""
 
     def __init__(self, session: zenoh.Session, domain: int) -> None:
         self.samples: dict[str, list[tuple[bytes, bytes]]] = defaultdict(list)
@@ -81,7 +81,7 @@ def ros2(run: Path, *arguments: str) -> subprocess.Popen[str]:
 
 
 def finish(program: subprocess.Popen[str]) -> str:
-    """What it said, once it ended as it should."""
+    """Wait for a successful end, and return the output."""
     _, said = program.communicate(timeout=150)
     assert program.returncode == 0, said
     return said
@@ -89,7 +89,7 @@ def finish(program: subprocess.Popen[str]) -> str:
 
 @pytest.fixture(scope="module")
 def heard(tmp_path_factory) -> Iterator[tuple[Path, Listener]]:
-    """A run whose every topic somebody subscribes to, live, from near its beginning."""
+    """A live run, all topics of which have a subscriber from near its beginning."""
     scenario = load("unicycles", ["duration=1.5"])
     folder = tmp_path_factory.mktemp("runs") / "live"
     with ros2_router(7) as (router, listener):
@@ -115,7 +115,7 @@ def test_every_pose_is_a_state_of_the_recording(heard):
             poses = model.kinematics.poses(recording.x[at])
             place, turn = message.pose.position, message.pose.orientation
             assert [place.x, place.y, place.z] == poses.positions[i].tolist()
-            assert [turn.w, turn.x, turn.y, turn.z] == facing(poses.headings)[i].tolist()
+            assert [turn.w, turn.x, turn.y, turn.z] == rotations_to(poses.headings)[i].tolist()
 
 
 def test_tokens_tell_the_node_and_its_publishers_and_go_with_it(heard):

@@ -86,17 +86,17 @@ def test_a_run_in_real_time_outlives_its_router(started) -> None:
 
 
 def recorded(programs: Programs) -> Recording:
-    """What there is by now."""
+    """Read the recording as it is now."""
     with contextlib.suppress(UnreadableRecordingError):
         return read(programs.out)
     return Recording(programs.out, load("one-on-one"), {})
 
 
 def times(recording: Recording, what: str) -> list[float]:
-    """When the log says so."""
+    """Return the times of the log's lines with a text."""
     return [line.t for line in recording.log if what in line.text]
 
 
 def agents_after(recording: Recording, t: float) -> set[str]:
-    """Whose inputs took effect after t."""
+    """Return the agents whose inputs took effect after t."""
     return {step.agent for step in recording.steps if step.t > t}

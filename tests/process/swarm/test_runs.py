@@ -38,7 +38,7 @@ def test_the_plant_and_every_agent_is_a_process_of_its_own(phalanx):
 def test_a_run_ends_with_a_verdict_and_names_what_kept_it_from_a_guarantee(phalanx):
     status, output = phalanx(*RARELY).finish()
     assert status == 0
-    assert "safe: no pair was outside the safe set at any integration step, but not" in output
+    assert "safe: no pair was outside the safe set at any integration step, but this" in output
     assert "certificates (" in output.splitlines()[-1]
 
 

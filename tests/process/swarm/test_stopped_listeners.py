@@ -1,4 +1,4 @@
-"""A listener that stops to take anything holds up nobody, neither a run nor the hub's end."""
+"""A listener that stops reading blocks neither a run nor the hub's end."""
 
 import contextlib
 import subprocess
@@ -10,7 +10,7 @@ import pytest
 
 from phalanx.scenario.load import load
 from phalanx.wire.keys import Keys
-from phalanx.wire.pubsub import Addressed, Copies, Delivery, publisher
+from phalanx.wire.pubsub import Addressed, Delivery, ViewerCopies, publisher
 from phalanx.wire.session import free_endpoint, open_hub
 from tests.process.runs import SECRET, live_run, wait_for
 
@@ -76,7 +76,7 @@ def listener(program: str, *arguments: str):
 
 
 def test_what_may_be_dropped_waits_for_nobody():
-    """As a broadcast in real time, where a peer may stand still."""
+    """A broadcast in real time, where a peer may stop reading."""
     with open_hub(endpoint := free_endpoint()) as hub, listener(LISTENER, endpoint, "frame"):
         broadcasts = Addressed(hub, Delivery.NOTICE)
         wait_for(lambda: broadcasts.put("frame", FRAME) or unsent(endpoint) > FULL)
@@ -87,10 +87,11 @@ def test_what_may_be_dropped_waits_for_nobody():
 
 @pytest.mark.parametrize("key", [KEYS.frames, KEYS.copy(KEYS.sample("1"))])
 def test_a_hub_closes_at_once_beside_a_stopped_listener(key: str):
-    """Else a thread that serves everybody stands still for ten seconds when it is given up."""
+    """Otherwise a thread that serves all connections blocks for ten seconds at the close."""
     endpoint = free_endpoint()
     hub = open_hub(endpoint)
-    frames, copies = publisher(hub, KEYS.frames, Delivery.VIEW), Copies(hub, KEYS, KEYS.sample("*"))
+    frames = publisher(hub, KEYS.frames, Delivery.VIEW)
+    copies = ViewerCopies(hub, KEYS, KEYS.sample("*"))
 
     def put() -> None:
         frames.put(FRAME)
@@ -108,7 +109,7 @@ def test_a_hub_closes_at_once_beside_a_stopped_listener(key: str):
 @pytest.mark.parametrize("real_time", [None, 1.0], ids=["lockstep", "real time"])
 @pytest.mark.parametrize("readers", [(TAP,), (TAP, TAP, VIEWER)], ids=["one", "three"])
 def test_a_run_goes_on_beside_readers_that_are_stopped(readers, real_time, tmp_path: Path):
-    """While they are still connected: nobody has to wait until they are given up."""
+    """They are still connected: no program has to wait until the hub closes their connections."""
     scenario = load("unicycles", ["duration=500.0"])
     with contextlib.ExitStack() as stack:
         run = stack.enter_context(live_run(scenario, tmp_path / "run", real_time=real_time))
@@ -125,7 +126,7 @@ def test_a_run_goes_on_beside_readers_that_are_stopped(readers, real_time, tmp_p
 
 
 def unsent(endpoint: str) -> int:
-    """How much of what a hub put is not taken yet by who is connected [bytes]."""
+    """Return how much of a hub's output its clients have not read yet [bytes]."""
     port = f":{int(endpoint.rsplit(':', 1)[1]):04X}"
     connections = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()]
     established = [c for c in connections if c[1].endswith(port) and c[3] == "01"]

@@ -1,4 +1,4 @@
-"""phalanx tap: a run's traffic as it goes, decoded by somebody who knows nothing of its types."""
+"""phalanx tap: the messages of a live run, decoded without their types."""
 
 import json
 import os
@@ -52,5 +52,5 @@ def test_tap_prints_every_kind_of_message_of_a_run_that_goes_on(tmp_path: Path):
 def test_tap_says_where_no_run_goes_on(tmp_path: Path):
     done = tap(str(tmp_path))
     assert done.returncode == 64
-    assert "no run goes on there" in done.stderr
+    assert "no live run" in done.stderr
     assert "Traceback" not in done.stderr

@@ -58,7 +58,7 @@ def test_a_stopped_run_is_compared_as_far_as_it_went(phalanx):
     assert run.finish()[0] == 130
     status, output = phalanx("verify", str(run.folder)).finish()
     assert status == 0, output
-    assert "stopped by the user; comparing what there is" in output
+    assert "stopped by the user; comparing up to its end" in output
 
 
 @pytest.fixture
@@ -80,7 +80,7 @@ def test_one_that_is_stopped_is_said_to_be(phalanx, long, engine: str, number: s
 
 
 def writes(run: Run) -> bool:
-    """Whether it has begun to record."""
+    """Return whether the run has begun to record."""
     with contextlib.suppress(psutil.Error):
         files = psutil.Process(run.process.pid).open_files()
         return any("recording.mcap" in file.path for file in files)

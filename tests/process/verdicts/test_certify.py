@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from phalanx.certify.checker.certify import Certification, certify
-from phalanx.certify.checker.departures import Departures
 from phalanx.certify.checker.intervals import Interval, UncertifiableError, UndecidedError, point
+from phalanx.certify.checker.motion_check import MotionCheck
 from phalanx.certify.checker.motions import GroupMotion
 from phalanx.cli.app import status
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
@@ -30,7 +30,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from phalanx.theory.models.integrators import SingleIntegrator
+from phalanx.extend import SingleIntegrator
 
 
 @dataclass(frozen=True)
@@ -366,7 +366,7 @@ def test_no_motion_leaves_the_safe_set_while_its_certificate_lasts(model):
 def moved(
     dynamics: Dynamics, x: np.ndarray, u: np.ndarray, phi: np.ndarray, dt: float, pieces: int = 100
 ) -> np.ndarray:
-    """Where a motion is after dt, with u and φ held, to the last digits."""
+    """Integrate a motion over dt, with u and φ held, to the last digits."""
     state, given = ca.SX.sym("x", len(x)), ca.SX.sym("u", len(u))
     rate = dynamics.drift(state) + dynamics.actuation(state) @ given
     field = ca.Function("f", [state, given], [rate])
@@ -459,7 +459,7 @@ def test_what_a_motion_may_reach_is_enclosed_and_closely(model):
         most = motion.anywhere(1).hi.ravel()
         u = rng.uniform(-1.0, 1.0, len(most)) * most
         span = Interval(*np.full((2, 1), dt))
-        found = Departures(motion).reached(point(x[:, None]), point(u[:, None]), span, pieces)
+        found = MotionCheck(motion).reached(point(x[:, None]), point(u[:, None]), span, pieces)
         assert found.known.all()
         y = moved(dynamics, x, u, np.zeros(n), dt)
         assert (found.y.lo.ravel() - 1e-12 <= y).all()
@@ -571,7 +571,7 @@ def test_every_state_of_a_long_recording_is_held_against_the_one_before(at):
 @pytest.mark.parametrize("talking", ["1", "2", "nobody"])
 @pytest.mark.parametrize("role", ["normal", "adversary"])
 def test_a_pair_is_covered_by_either_normal_member_and_by_no_adversary(talking, role):
-    """Who is silent holds its first input, far longer than a certificate lasts."""
+    """A silent agent holds its first input, far longer than a certificate lasts."""
     given = scenario(SINGLE, [[0.0, 0.0], [4.0, 0.0]], period=0.05, duration=2.0)
     second = given.agents[1].model_copy(update={"role": role})
     given = given.model_copy(update={"agents": (given.agents[0], second)})
@@ -743,7 +743,7 @@ def test_progress_goes_from_nothing_to_all(unicycles):
 
 
 def test_memory_does_not_grow_with_the_number_of_pairs(tmp_path):
-    """Of 128 agents, with 6216 pairs of normal agents: they are compiled once for each kind."""
+    """The 6216 pairs of normal agents among 128 agents are compiled once for each kind."""
     overrides = {"duration": 0.003, "time.recording_step": 0.0}
     overrides |= {"agents.0.count": 112, "agents.1.count": 16}
     done = run(load("swarm2d", overrides=overrides), engine="in-process", out=tmp_path)

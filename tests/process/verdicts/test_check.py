@@ -1,11 +1,11 @@
-"""What a check says of the shipped scenarios, against hand calculations and actual runs."""
+"""Checks of the shipped scenarios, compared with hand calculations and actual runs."""
 
 import math
 
 import numpy as np
 import pytest
 
-from phalanx.guarantee.advice import gaps_in_the_proof, words_on_alpha
+from phalanx.guarantee.advice import alpha_advice, proof_gaps
 from phalanx.guarantee.check import check
 from phalanx.guarantee.check_report import CheckReport
 from phalanx.guarantee.feasibility import rows_at_start
@@ -39,7 +39,7 @@ def test_certificates_allow_a_guarantee_where_the_papers_theorem_proves_nothing(
 
 
 def test_who_is_chased_too_closely_to_be_certified_until_its_next_sample_is_named():
-    """At 5 m/s the other gains 4 m/s · 10 ms at the least on one that flees at 1 m/s."""
+    """The other, at 5 m/s, gains at least 4 m/s · 10 ms on one that flees at 1 m/s."""
     fast = "agents.1.dynamics.speed=5.0"
     near, far = (checked("one-on-one", fast, f"agents.1.start=[[0.0, {y}]]") for y in (-1.02, -1.2))
     assert far.may_be_guaranteed
@@ -57,10 +57,11 @@ def test_with_latency_zero_has_to_be_certified_until_the_first_input_takes_effec
 
 
 @pytest.mark.parametrize("information", ["paper", "in-flight", "split", "worst-case"])
-def test_a_liar_is_named_where_rows_count_on_what_is_said(information: str):
+def test_a_liar_is_named_where_rows_use_its_claims(information: str):
     lie = 'faults=[{ kind = "lie", agent = "2", for = 1.0, says = "zero" }]'
     words = " ".join(checked("stale-inputs", f"safety.information={information}", lie).words)
-    assert ("2 will say what it does not apply" in words) == (information in ("paper", "in-flight"))
+    named = "broadcasts of 2 claim inputs that are not applied" in words
+    assert named == (information in ("paper", "in-flight"))
 
 
 @pytest.mark.parametrize(
@@ -71,7 +72,7 @@ def test_a_steeper_alpha_than_is_proven_is_a_gap(override, limit):
     """Halves go by two agents' samples: κ τ <= 1/e; a whole row by its own: κ τ <= 1."""
     for gain, proven in ((0.99 * limit, True), (1.01 * limit, False)):
         swarm = swarm_of_scenario("guaranteed", override, f"safety.alpha=[{gain}]")
-        gaps = [gap for gap in gaps_in_the_proof(swarm) if "steeper than what is proven" in gap]
+        gaps = [gap for gap in proof_gaps(swarm) if "steeper than what is proven" in gap]
         assert proven is not bool(gaps)
         assert proven or f"at most {limit:.3g}" in gaps[0]
 
@@ -82,10 +83,10 @@ def test_a_steeper_alpha_than_is_proven_is_a_gap(override, limit):
 @pytest.mark.parametrize("margin", ["local", "integrated"])
 def test_an_alpha_that_serves_is_proposed_where_a_proof_is_asked_for(margin, gain, said):
     swarm = swarm_of_scenario("guaranteed", f"safety.margin={margin}", f"safety.alpha=[{gain}]")
-    found = words_on_alpha(swarm)
+    found = alpha_advice(swarm)
     assert len(found) == (said is not None)
     assert said is None or (said in found[0] and "about 0.25/τ = 20.8" in found[0])
-    assert not words_on_alpha(swarm_of_scenario("unicycles"))
+    assert not alpha_advice(swarm_of_scenario("unicycles"))
 
 
 def test_the_relative_degree_and_the_start_are_those_of_the_chain():
@@ -115,14 +116,14 @@ def test_the_worst_pair_needs_a_smaller_margin_than_all_pairs_composed_and_it_is
 
 
 def test_theorem_3_is_refuted_for_simulation_1(paper):
-    """At d = 1 the best heading leaves about -8 + 4 + 8.06 > 0; at other headings more."""
+    """The best heading at d = 1 leaves about -8 + 4 + 8.06 > 0; other headings leave more."""
     assert paper.boundary.states == 200
     assert paper.boundary.holds is False
     assert paper.boundary.worst > -8 + 4 + 8.06
 
 
 def test_on_the_boundary_an_equal_adversary_leaves_eta_and_a_slower_one_less_than_nothing():
-    """At |D| = 1, L_g h = -2 D: flight and chase sum to 2 (|D_1| + |D_2|) (v_chase - v_flight)."""
+    """L_g h = -2 D at |D| = 1: flight and chase sum to 2 (|D_1| + |D_2|) (v_chase - v_flight)."""
     equal = checked("one-on-one").boundary
     assert equal.worst == pytest.approx(0.3)
     assert equal.holds is False

@@ -9,7 +9,7 @@ from matplotlib.colors import to_rgb
 
 import phalanx
 from phalanx.cli.app import status
-from phalanx.cli.check_table import asked
+from phalanx.cli.check_table import requirements
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def test_with_a_given_margin_only_certificates_promise_anything(check):
 
 
 def test_without_certificates_at_the_start_strict_makes_a_failure(check):
-    """At 5 m/s the other is there before the next sample."""
+    """The other, at 5 m/s, arrives before the next sample."""
     chased = ["--set", "agents.1.start=[[0.0, -1.02]]", "--set", "agents.1.dynamics.speed=5.0"]
     relaxed, heading, table, words = check("one-on-one", *chased)
     assert relaxed == 0
@@ -77,7 +77,7 @@ def test_what_is_missing_is_named_with_its_setting(check):
     _, _, table, words = check("disturbance-gap")
     assert table["largest ψ_1 at the start"] == ["-74.2 m²/s", "at most 0", "(38)"]
     assert table["margin η, by the formula"] == ["0.5 m²/s²", "set [workspace]", "(42)"]
-    assert table["effort left on the boundary"] == ["not asked", "set [workspace]", "Th. 3 (33)"]
+    assert table["effort left on the boundary"] == ["not computed", "set [workspace]", "Th. 3 (33)"]
     assert "give bounds for vx, vy, vz in [workspace]" in words
 
 
@@ -97,8 +97,8 @@ def test_the_picture_is_saved_where_it_was_asked_for(check, tmp_path):
 
 def test_what_does_not_hold_stands_out():
     scenario = phalanx.load("unicycles")
-    rows = asked(scenario, phalanx.check(scenario))
-    assert {row.what for row in rows if not row.holds} == {
+    rows = requirements(scenario, phalanx.check(scenario))
+    assert {row.name for row in rows if not row.holds} == {
         "agents with an input in K_i",
         "margin η, by the formula",
         "margin η, as a bound",

@@ -1,7 +1,7 @@
 """Attempts to be guaranteed wrongly: by h, by α, by scale, by lies, by speed, by sharp corners.
 
-In most of them an agent passes through what it must keep off between two integration steps, so that
-no h > 0 is ever seen: a judge that believed its eyes, or anybody's word, would call them proven.
+In most of them an agent passes through an obstacle or another agent between two integration steps,
+so no step has h > 0: a judge that relied on the steps, or on reports, would call them proven.
 """
 
 import sys
@@ -42,7 +42,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from phalanx.theory.models.integrators import SingleIntegrator
+from phalanx.extend import SingleIntegrator
 
 AT, THIN = 0.1037, 1e-4  # no step of 1 mm from 0 ends in between
 
@@ -156,7 +156,7 @@ def as_answered(name: str, sample: Sample, answer: np.ndarray) -> Sequence[float
 
 
 def ahead(**speeds: float) -> Inputs:
-    """Agents of these names drive along x, whatever they were told; the others stand."""
+    """Let agents of these names drive along x, whatever their answers; the others stand."""
     return lambda name, sample, answer: (speeds.get(f"agent{name}", 0.0), 0.0)
 
 
@@ -188,7 +188,7 @@ def failed(summary: Summary) -> set[str]:
 
 
 def never_certified_when_unsafe(summary: Summary) -> bool:
-    """Whether certificates ended before the first violation, if there was one."""
+    """Return whether certificates ended before the first violation, if there was one."""
     at = summary.certificates.uncovered_at
     return all(at is not None and at <= v.first for v in summary.violations)
 
@@ -245,7 +245,7 @@ def test_h_that_jumps_or_is_thin_is_not_guaranteed(kind, tmp_path):
         summary, _ = judged(table, tmp_path, lambda n, s, a: (0.0, float(n == "1")))
     else:
         summary, _ = judged(table, tmp_path, ahead(agent1=1.0))
-    assert summary.outcome is Outcome.SAFE  # nobody saw it
+    assert summary.outcome is Outcome.SAFE  # no integration step showed it
     assert failed(summary) == {"certificates"}
 
 
@@ -335,7 +335,7 @@ def test_an_alpha_that_is_none_is_refused_and_proves_nothing(alpha, x):
     steps = [{"type": f"attack_own:{alpha}"}, 1.0]
     with pytest.raises(ScenarioError, match=r"safety\.alpha\.0"):
         load(swarm([x], dynamics=double, alpha=steps, obstacles=[wall]))
-    # Nor is it believed where nobody asked.
+    # Nor is it used where it was not asked for.
     import attack_own
 
     members = [Member("1", DoubleIntegrator(1.0, 0.0, 2), False)]
@@ -387,7 +387,7 @@ def test_a_hijacked_answer_is_judged_as_it_was_applied(tmp_path):
 
 
 def test_sharp_corners_of_u_are_no_longer_than_they_are(tmp_path):
-    """With every face moved out by 1e-5 the needle is 1 m/s longer; its owner tries to use that."""
+    """The needle, if every face moves out by 1e-5, is 1 m/s longer; its owner tries to use that."""
     needle = {"type": "attack_own:Needle", "speed": 1.0}
     single = {"type": "single-integrator", "speed": 1.0}
     table = swarm([[0.0, 0.0], [1.4, 0.0]], None, single, period=0.5, duration=1.0, other=needle)
@@ -450,7 +450,7 @@ def test_a_turn_that_no_step_sees_is_not_guaranteed(tmp_path):
 
 
 def test_what_is_beyond_the_digits_of_a_state_is_not_guaranteed(tmp_path):
-    """1e16 m away no step moves anybody, whatever it holds."""
+    """1e16 m away no step moves an agent, whatever input it holds."""
     table = swarm([[1e16, 0.0], [1e16, 90.0]])
     summary, _ = judged(table, tmp_path, ahead(agent1=1.0))
     assert summary.outcome is Outcome.SAFE

@@ -8,14 +8,14 @@ from phalanx.certify.checker.certify import Certification, certify
 
 
 def run(name: str, *overrides: str) -> phalanx.Summary:
-    """In this process; tests/process/test_engines.py shows that the other engine does the same."""
+    """Run in this process; tests/process/test_engines.py compares the engines."""
     summary = phalanx.run(phalanx.load(name, overrides), engine="in-process").summary
     assert summary is not None
     return summary
 
 
 def failed(summary):
-    """What was missing for the paper's theorem, and since when."""
+    """The theorem's assumptions that failed, with the time of the first failure [s]."""
     return {a.name: a.first for a in summary.theorem if a.failed}
 
 
@@ -44,7 +44,7 @@ def test_the_printed_margin_forgets_a_disturbance_that_the_corrected_one_bounds(
 
 @pytest.mark.parametrize("name", ["unicycles", "formation3d"])
 def test_the_papers_own_simulations_are_guaranteed_although_its_theorem_does_not_apply(name):
-    """With the printed margins K_i is empty at some samples; the certificates do not ask."""
+    """The printed margins leave K_i empty at some samples; certificates do not depend on it."""
     summary = run(name, "duration=12.0")
     assert summary.outcome is Outcome.GUARANTEED
     assert summary.certificates.certified == summary.certificates.samples > 0

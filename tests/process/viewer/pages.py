@@ -70,7 +70,7 @@ class Viewer:
         raise AssertionError(f"the viewer printed no address: {self.said}")
 
     def answers(self) -> bool:
-        """Whether the page is served."""
+        """True if the page is served."""
         with urllib.request.urlopen(self.url, timeout=60) as page:
             return page.status == 200
 

@@ -45,10 +45,7 @@ def processes() -> set[str]:
 
 
 def test_a_run_with_live_faults_is_recorded_and_replays_to_the_same_hash(tmp_path: Path) -> None:
-    with (
-        live_run(SHORT, tmp_path / "live", PACED) as run,
-        run.watch() as live,
-    ):
+    with live_run(SHORT, tmp_path / "live", PACED) as run, run.watch() as live:
         watcher = Watcher(live)
         watcher.until(lambda frame: frame.t > 0.1)
         live.command(CommandKind.LOSS, value=0.4)
@@ -85,10 +82,7 @@ def test_a_run_with_live_faults_is_recorded_and_replays_to_the_same_hash(tmp_pat
 
 
 def test_pause_stops_virtual_time_and_step_moves_it_by_what_was_asked(tmp_path: Path) -> None:
-    with (
-        live_run(SHORT, tmp_path / "live", PACED) as run,
-        run.watch() as live,
-    ):
+    with live_run(SHORT, tmp_path / "live", PACED) as run, run.watch() as live:
         watcher = Watcher(live)
         watcher.until(lambda frame: frame.t > 0.05)
         live.command(CommandKind.PAUSE)
@@ -109,10 +103,7 @@ def test_pause_stops_virtual_time_and_step_moves_it_by_what_was_asked(tmp_path: 
 def test_a_viewer_without_the_command_secret_changes_nothing(tmp_path: Path, plant: str) -> None:
     secret = COMMAND_SECRET if plant == "with another command secret" else b""
     policy = CommandPolicy(secret=secret, speed=0.3)
-    with (
-        live_run(SHORT, tmp_path / "live", policy) as run,
-        run.watch(b"guessed") as live,
-    ):
+    with live_run(SHORT, tmp_path / "live", policy) as run, run.watch(b"guessed") as live:
         watcher = Watcher(live)
         watcher.until(lambda frame: frame.t > 0.05)
         for kind in (CommandKind.PAUSE, CommandKind.LOSS):

@@ -90,14 +90,14 @@ def test_an_adversary_has_no_certified_time_rather_than_one_of_zero(exported):
     assert all(step.HasField("certified") for step in of(exported, "/agents/1/step"))
 
 
-def test_units_are_told_for_each_channel(exported):
+def test_each_channel_has_the_units_of_its_fields(exported):
     with exported.open("rb") as file:
         channels = make_reader(file).get_summary().channels.values()
-    told = {channel.topic: channel.metadata for channel in channels}
-    assert told["/agents/1/state"] == {"x": "m", "y": "m"}
-    assert told["/agents/1/step"]["u_vx"] == "m/s"
-    assert told["/agents/1/step"]["certified"] == "s"
-    assert told["/agents/1/step"]["residual"] == "m²/s"
+    found = {channel.topic: channel.metadata for channel in channels}
+    assert found["/agents/1/state"] == {"x": "m", "y": "m"}
+    assert found["/agents/1/step"]["u_vx"] == "m/s"
+    assert found["/agents/1/step"]["certified"] == "s"
+    assert found["/agents/1/step"]["residual"] == "m²/s"
 
 
 def test_every_agent_is_drawn_once_and_moves_with_its_frame(exported, finished):

@@ -1,4 +1,4 @@
-"""What a visitor sees and does, in a real browser on real runs."""
+"""Visitors' views and actions, in a real browser on real runs."""
 
 import math
 import os
@@ -33,12 +33,12 @@ STATUS = re.compile(r"t = ([\d.]+) s of")
 
 
 def time_shown(tab: "Tab") -> float:
-    """The virtual time that the page tells."""
+    """The virtual time that the page shows."""
     found = STATUS.search(tab.locator("body").inner_text())
     return float(found.group(1)) if found else math.nan
 
 
-def number_beside(tab: "Tab", label: str) -> "Locator":
+def number_field(tab: "Tab", label: str) -> "Locator":
     """The number field of a labelled slider."""
     row = tab.locator("label", has_text=label).locator(
         "xpath=ancestor::div[contains(@class, 'mantine-Flex-root')][1]"
@@ -70,8 +70,8 @@ def test_a_click_on_a_plot_or_on_the_timeline_moves_the_run_there(
         tab.get_by_text("5 agents (2 adversaries)").wait_for()
         wait_for(lambda: time_shown(tab) == 0.0)
         plot = tab.locator("#phx-plots canvas").first
-        beside = tab.locator("#phx-plots h2", has_text="h_tot").locator("output")
-        wait_for(lambda: f"h_tot {float(beside.inner_text()):.2f}" in tab.inner_text("body"))
+        value = tab.locator("#phx-plots h2", has_text="h_tot").locator("output")
+        wait_for(lambda: f"h_tot {float(value.inner_text()):.2f}" in tab.inner_text("body"))
         before = drawn(plot)
         click_at(tab, plot, 0.5)
         wait_for(lambda: abs(time_shown(tab) - 2.0) < 0.05)
@@ -100,7 +100,7 @@ def test_a_page_that_turns_dark_keeps_nothing_of_the_light_one(tab: "Tab", finis
         tab.get_by_role("checkbox", name="Dark").check(force=True)
         tab.locator("html[data-mantine-color-scheme=dark]").wait_for(state="attached")
         turned = painted()
-        tab.evaluate("dispatchEvent(new Event('resize'))")  # it draws all of it anew
+        tab.evaluate("dispatchEvent(new Event('resize'))")  # it draws everything again
         assert painted() == turned
         paths = page.server.scene.get_handle_by_name("/recent paths")
         wait_for(lambda: paths.colors[0, 0].max() < 60)
@@ -128,7 +128,7 @@ def test_the_keyboard_plays_pauses_and_moves_the_cursor(tab: "Tab", finished: Pa
         wait_for(lambda: not replay.playing)
 
 
-def test_whatever_touches_a_visitor_runs_in_the_thread_that_serves_him(
+def test_everything_sent_to_a_visitor_is_sent_from_the_servers_thread(
     tab: "Tab", finished: Path
 ) -> None:
     before = set(threading.enumerate())
@@ -150,7 +150,7 @@ def test_whatever_touches_a_visitor_runs_in_the_thread_that_serves_him(
         assert not any(name.startswith("ThreadPoolExecutor") for name in added)  # viser's own
 
 
-def test_what_was_meant_for_a_page_that_is_gone_does_not_move_the_next_one(
+def test_an_action_for_a_page_that_is_gone_does_not_move_the_next_one(
     tab: "Tab", finished: Path
 ) -> None:
     sockets: list[WebSocket] = []
@@ -248,7 +248,7 @@ def test_a_commanding_page_changes_the_loss_and_pauses_the_swarm(
         run.set_speed(0.02)  # slow enough that a busy machine's page pauses it before it is over
         wait_for(lambda: drawn(plot) != before)
 
-        enter(number_beside(tab, "Loss [%]"), "50")
+        enter(number_field(tab, "Loss [%]"), "50")
         tab.get_by_text("network by command: loss 50%").wait_for()
         tab.get_by_text("Links late and lost, backup").wait_for()
 
@@ -273,11 +273,11 @@ def test_a_commanding_page_changes_the_loss_and_pauses_the_swarm(
     assert 0.4 < float(np.mean(np.array(late) < 0.0)) < 0.6
 
 
-def told(frame: bytes) -> list[dict[str, object]]:
-    """What viser tells a page in one message."""
+def messages(frame: bytes) -> list[dict[str, object]]:
+    """The messages that viser sends a page at once."""
     packed = 16 + int.from_bytes(frame[8:16], "little")
-    messages = msgspec.msgpack.decode(zstandard.decompress(frame[16:packed]))["messages"]
-    return [message for message in messages if isinstance(message, dict)]
+    found = msgspec.msgpack.decode(zstandard.decompress(frame[16:packed]))["messages"]
+    return [message for message in found if isinstance(message, dict)]
 
 
 def test_a_page_without_the_token_shows_and_cannot_command(tab: "Tab", tmp_path: Path) -> None:
@@ -293,7 +293,7 @@ def test_a_page_without_the_token_shows_and_cannot_command(tab: "Tab", tmp_path:
             message["uuid"]: name
             for frame in frames
             if isinstance(frame, bytes)
-            for message in told(frame)
+            for message in messages(frame)
             for name in ("Kill", "Pause")
             if name in str(message) and "uuid" in message
         }
@@ -303,7 +303,7 @@ def test_a_page_without_the_token_shows_and_cannot_command(tab: "Tab", tmp_path:
         with visitor(port) as shown, connect(f"ws://127.0.0.1:{port}/actions") as acting:
             received = ""
             while "t = " not in received:  # it sees the run
-                received += str(told(bytes(shown.recv(60))))
+                received += str(messages(bytes(shown.recv(60))))
             acting.send(msgspec.json.encode({"visitor": "0", "token": "guessed"}))
             for uuid, name in buttons.items():
                 update = {"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": name}}

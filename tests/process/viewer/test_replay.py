@@ -53,7 +53,7 @@ def test_a_replay_shows_what_was_seen_live(tmp_path: Path) -> None:
     assert read(tmp_path / "live").summary == summary
 
 
-def test_a_live_run_tells_who_lies_as_its_replay_does(tmp_path: Path) -> None:
+def test_a_live_run_counts_false_broadcasts_as_its_replay_does(tmp_path: Path) -> None:
     scenario = load("faults/lie-input", ["duration=0.6"])
     with live_run(scenario, tmp_path / "live", HELD) as run, run.watch() as live:
         seen: list[Frame] = []
@@ -70,7 +70,7 @@ def test_a_live_run_tells_who_lies_as_its_replay_does(tmp_path: Path) -> None:
     assert [agent.lies for agent in again.agents] == [agent.lies for agent in seen[-1].agents]
 
 
-def test_beside_a_plot_stands_what_the_run_was_and_not_its_thinned_curve(replay: Replay) -> None:
+def test_the_number_at_a_plot_is_the_runs_and_not_its_thinned_curves(replay: Replay) -> None:
     shown = content(replay, range(5), seekable=True)
     bold = {
         plot.title
@@ -104,8 +104,8 @@ def violations(shown: Content) -> set[tuple[float, str]]:
     return {(mark.t, mark.text) for mark in shown.marks if mark.kind == "violation"}
 
 
-def plotted(replay: Replay, *told: int) -> Content:
-    return content(replay, told or range(5), seekable=True)
+def plotted(replay: Replay) -> Content:
+    return content(replay, range(5), seekable=True)
 
 
 def titled(shown: Content, title: str) -> Plot:
@@ -195,7 +195,7 @@ def test_lost_and_late_broadcasts_are_drawn_as_links(replay: Replay) -> None:
     assert 0.2 < lost.mean() < 0.95  # the others were late
 
 
-def test_of_the_links_those_of_one_agent_can_be_told_apart(replay: Replay) -> None:
+def test_the_links_of_one_agent_can_be_selected(replay: Replay) -> None:
     times = replay.times[::20]
     shown = next(p for t in times if len((p := picture(replay.model, replay.frame(t))).links) > 3)
     for i in range(3):

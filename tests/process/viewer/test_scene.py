@@ -1,4 +1,4 @@
-"""What cameras show: everybody, or the one that a visitor follows; and who is unsafe."""
+"""Cameras show the swarm, or the agent that a visitor follows; unsafe pairs stand out."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -36,7 +36,7 @@ def violated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def open_tab(tab: "Tab", server: SceneServer) -> Callable[[], View]:
-    """Go to the page; what the visitor sees of the scene."""
+    """Go to the page; return a function for the visitor's view of the scene."""
     tab.goto(f"http://127.0.0.1:{server.get_port()}")
     wait_for(lambda: server.get_clients())
 
@@ -58,7 +58,7 @@ def keep(tab: "Tab", framing: Framing) -> None:
 
 
 def pixel(tab: "Tab", view: View, at: Array) -> tuple[float, float]:
-    """Where on the page a point of the scene falls."""
+    """Pixel of the page where a point of the scene is drawn."""
     canvas = tab.locator("canvas").nth(1).bounding_box()
     assert canvas is not None
     right, up = view.project(at[None])[0] * min(canvas["width"], canvas["height"])
@@ -67,20 +67,20 @@ def pixel(tab: "Tab", view: View, at: Array) -> tuple[float, float]:
 
 
 def positions(replay: Replay) -> Array:
-    """Where the agents are that the cursor is at."""
+    """Positions of the agents at the cursor."""
     x = np.frombuffer(replay.frame(replay.t).x)
     return replay.model.kinematics.poses(x).positions
 
 
 def paints(tab: "Tab", view: View, shown: Picture) -> bool:
-    """Whether the browser painted every agent's colour where it falls."""
+    """True if the browser painted every agent's colour at its pixel."""
     page = np.array(Image.open(BytesIO(tab.screenshot())).convert("RGB"), dtype=float)
     for at, rgb in zip(shown.positions, shown.colours, strict=True):
         across, down = (round(part) for part in pixel(tab, view, at))
         patch = page[down - 12 : down + 12, across - 12 : across + 12]
         lengths = np.linalg.norm(patch, axis=2) * np.linalg.norm(rgb)
-        alike = patch @ rgb.astype(float) > 0.95 * lengths
-        if not (alike & (np.ptp(patch, axis=2) > 60.0)).any():
+        similar = patch @ rgb.astype(float) > 0.95 * lengths
+        if not (similar & (np.ptp(patch, axis=2) > 60.0)).any():
             return False
     return True
 
@@ -125,7 +125,7 @@ def seen_from_above(
 TOGETHER = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
-def test_a_camera_that_follows_the_swarm_is_put_anew_when_somebody_leaves(tab: "Tab") -> None:
+def test_a_camera_that_follows_the_swarm_moves_away_when_an_agent_leaves(tab: "Tab") -> None:
     with seen_from_above(tab, TOGETHER) as (server, cameras, view):
 
         def seen(positions: Array) -> View | None:
@@ -143,9 +143,7 @@ def test_a_camera_that_follows_the_swarm_is_put_anew_when_somebody_leaves(tab: "
         wait_for(lambda: (back := seen(TOGETHER)) and back.distance < 1.5 * near)
 
 
-def test_a_browser_that_lags_behind_what_it_is_asked_for_is_not_taken_for_a_visitor_who_zooms(
-    tab: "Tab",
-) -> None:
+def test_a_browser_that_lags_behind_is_not_taken_for_a_visitor_who_zooms(tab: "Tab") -> None:
     with seen_from_above(tab, TOGETHER) as (server, cameras, view):
 
         def distance(size: float) -> float:
@@ -156,18 +154,18 @@ def test_a_browser_that_lags_behind_what_it_is_asked_for_is_not_taken_for_a_visi
         wait_for(lambda: distance(20.0) > 10.0 * near)
         (client,) = server.get_clients().values()
 
-        def show_anew(size: float) -> None:
-            client.camera.fov *= 1.001 if size == 4.0 else 1.0 / 1.001  # it tells how it stands
+        def show_again(size: float) -> None:
+            client.camera.fov *= 1.001 if size == 4.0 else 1.0 / 1.001  # it reports its view
             cameras.show(size * TOGETHER, None)
 
         for size in (1.0, 4.0, 20.0) * 60:
             tab.evaluate("0")  # meanwhile it draws, or does not
-            server.run(partial(show_anew, size))
+            server.run(partial(show_again, size))
         for size in (20.0, 1.0):
             wait_for(lambda size=size: 0.8 < distance(size) / (size * near) < 1.2)  # type: ignore[misc]
 
 
-def test_a_camera_asked_for_its_shape_while_it_is_moved_does_not_seem_tilted(tab: "Tab") -> None:
+def test_a_camera_that_reports_while_it_is_moved_does_not_seem_tilted(tab: "Tab") -> None:
     down, swarm = np.array([0.0, 0.0, -1.0]), TOGETHER
     with seen_from_above(tab, swarm) as (server, cameras, reported):
         (client,) = server.get_clients().values()
@@ -175,26 +173,26 @@ def test_a_camera_asked_for_its_shape_while_it_is_moved_does_not_seem_tilted(tab
 
         def on_report(_: object) -> None:
             views = reported(), cameras.show(swarm, None)
-            told, taken = (float(np.linalg.norm(view.axes[2] - down)) for view in views)
-            tilts.append((told, taken))
+            reported_tilt, tilt = (float(np.linalg.norm(view.axes[2] - down)) for view in views)
+            tilts.append((reported_tilt, tilt))
 
         client.camera.on_update(in_loop(on_report))
 
         def show_at_once() -> None:
             with client.atomic():
                 cameras.show(swarm, None)
-                client.camera.fov *= 1.001  # it tells how it stands, before it has moved
+                client.camera.fov *= 1.001  # it reports its view, before it has moved
 
-        def told_at_once() -> bool:
+        def reported_at_once() -> bool:
             nonlocal swarm
             swarm = swarm + np.array([0.5, 0.0, 0.0])
             before = len(tilts)
             server.run(show_at_once)
             wait_for(lambda: len(tilts) > before)
-            return any(told > 0.1 for told, _ in tilts)
+            return any(tilt > 0.1 for tilt, _ in tilts)
 
-        wait_for(told_at_once)
-        assert all(taken < 1e-3 for _, taken in tilts)
+        wait_for(reported_at_once)
+        assert all(tilt < 1e-3 for _, tilt in tilts)
 
 
 def test_a_click_selects_the_agent_under_it(tab: "Tab", finished: Path) -> None:
@@ -213,7 +211,7 @@ def test_a_click_selects_the_agent_under_it(tab: "Tab", finished: Path) -> None:
         wait_for(lambda: page.selected == worst)
 
 
-def test_who_follows_an_agent_has_it_in_the_middle_and_may_zoom(tab: "Tab", finished: Path) -> None:
+def test_an_agent_that_a_visitor_follows_is_in_the_middle(tab: "Tab", finished: Path) -> None:
     replay = open_replay(finished)
     with served(replay) as page:
         view = open_tab(tab, page.server)
@@ -239,10 +237,10 @@ def test_who_follows_an_agent_has_it_in_the_middle_and_may_zoom(tab: "Tab", fini
         assert view().distance < 0.7 * far
 
 
-def test_who_comes_while_an_agent_is_kept_in_sight_sees_it_from_above_and_afar() -> None:
+def test_a_visitor_who_comes_while_an_agent_is_shown_sees_it_from_above_and_afar() -> None:
     with cameras_from_above(TOGETHER) as (server, cameras):
         cameras.keep(Framing.AGENT)
-        # As a browser does that has not put its camera yet where it is told to: from below.
+        # As from a browser that has not moved its camera yet to the view it was sent: from below.
         with visitor(server.get_port(), position=[0.1, 0.0, -0.2], look_at=[0.1, 0.0, 0.0]):
             wait_for(server.get_clients)
             server.run(lambda: cameras.show(TOGETHER, 1))

@@ -19,7 +19,7 @@ def server() -> Iterator[SceneServer]:
 
 
 def hello(server: SceneServer, origin: str | None) -> bool:
-    """Whether a client that comes from a page of this origin is let in."""
+    """True if a client that comes from a page of this origin is admitted."""
     with connect(
         f"ws://127.0.0.1:{server.get_port()}",
         origin=None if origin is None else Origin(origin),

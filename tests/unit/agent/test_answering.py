@@ -1,4 +1,4 @@
-"""What an agent does not believe: dropped and counted, and it neither answers nor dies of it."""
+"""Invalid messages to an agent are dropped and counted, without an answer or a crash."""
 
 import math
 import os
@@ -7,11 +7,11 @@ from typing import Any
 
 import msgspec
 import pytest
-from phalanx_agent.answering import SampleAnswering, withheld_broadcasts
+from phalanx_agent.answering import SampleAnswering, pending_watchdog
 from phalanx_agent.step import Answer, ControlStep
 
-from phalanx.faults.commands import Orders
-from phalanx.network.inbox import Existing
+from phalanx.faults.commands import ActiveCommands
+from phalanx.network.inbox import BroadcastRange
 from phalanx.wire.keys import Keys
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Actuation, Broadcast, Sample
@@ -40,7 +40,7 @@ def a_broadcast(**changes: Any) -> Broadcast:
 
 
 def by_another_key(sample: Sample) -> bytes:
-    """Sealed by another agent, which has its own key and everybody's."""
+    """Sealed by another agent, which has its own key and the shared one."""
     knows = Membership("r", "", held={"1": INSIDER.key_of("2"), "": INSIDER.key_of("")})
     return knows.sealer.seal(SAMPLE, sample)
 
@@ -49,17 +49,17 @@ NAN = msgspec.structs.replace(a_sample(), x=b"\xff" * (8 * 3 * AGENTS))
 SAMPLES = {
     "nothing": b"",
     "noise": os.urandom(300),
-    "an order by another agent": by_another_key(a_sample(orders=Orders(die=True))),
+    "a command by another agent": by_another_key(a_sample(commands=ActiveCommands(die=True))),
     "an input for a sample": PLANT.seal(SAMPLE, Actuation(k=0, t_apply=0.0, u=(0.0, 0.0))),
     "a state of another size": PLANT.seal(SAMPLE, a_sample(x=bytes(8))),
     "a state that is no number": PLANT.seal(SAMPLE, NAN),
     "a time that is no number": PLANT.seal(SAMPLE, a_sample(t=math.nan)),
     "an endless time": PLANT.seal(SAMPLE, a_sample(t=math.inf)),
     "before the beginning": PLANT.seal(SAMPLE, a_sample(k=-1)),
-    "a loss that is no number": PLANT.seal(SAMPLE, a_sample(orders=Orders(loss=math.nan))),
-    "a loss above one": PLANT.seal(SAMPLE, a_sample(orders=Orders(loss=1.5))),
-    "a delay into the past": PLANT.seal(SAMPLE, a_sample(orders=Orders(delay=-1.0))),
-    "an endless delay": PLANT.seal(SAMPLE, a_sample(orders=Orders(delay=math.inf))),
+    "a loss of nan": PLANT.seal(SAMPLE, a_sample(commands=ActiveCommands(loss=math.nan))),
+    "a loss above one": PLANT.seal(SAMPLE, a_sample(commands=ActiveCommands(loss=1.5))),
+    "a delay into the past": PLANT.seal(SAMPLE, a_sample(commands=ActiveCommands(delay=-1.0))),
+    "an endless delay": PLANT.seal(SAMPLE, a_sample(commands=ActiveCommands(delay=math.inf))),
 }
 EVERY, FROM_4 = KEYS.broadcast("*", "1"), KEYS.broadcast("4", "1")
 FROM_3 = KEYS.broadcast("3", "1")
@@ -110,7 +110,7 @@ def test_a_sample_that_cannot_be_the_plants_next_is_dropped(agent: Agent, which:
 def test_a_broadcast_that_cannot_be_its_senders_is_dropped(agent: Agent, which: str) -> None:
     agent.answering.on_broadcast(*BROADCASTS[which])
     assert agent.step.rejected == 1
-    assert agent.step.inbox.missing({1: Existing(0, 0)})
+    assert agent.step.inbox.missing({1: BroadcastRange(0, 0)})
 
 
 def test_a_broadcast_that_came_before_is_dropped(agent: Agent) -> None:
@@ -119,6 +119,7 @@ def test_a_broadcast_that_came_before_is_dropped(agent: Agent) -> None:
     assert agent.step.rejected == 1
 
 
+@pytest.mark.slow
 def test_one_who_fills_inboxes_is_bounded_by_what_the_run_can_hold(agent: Agent) -> None:
     for k in range(20_000):
         agent.answering.on_broadcast(HEARD, INSIDER.sealer.seal(HEARD, a_broadcast(k=k)))
@@ -139,7 +140,7 @@ def test_one_who_waits_for_a_broadcast_that_is_withheld_says_whose(agent: Agent)
     second = msgspec.structs.replace(first, k=1, t=0.01, since=since, latest=latest)
     agent.answering.on_broadcast(HEARD, PLANT.seal(HEARD, a_broadcast()))
     agent.answering.on_sample(SAMPLE, PLANT.seal(SAMPLE, second))
-    with withheld_broadcasts(0.01, [agent.answering]):
+    with pending_watchdog(0.01, [agent.answering]):
         given_up = agent.failures.get(timeout=60.0)
     assert "agent 1 waits at sample 1" in str(given_up)
     assert "broadcast 0 of agent 3 did not come" in str(given_up)

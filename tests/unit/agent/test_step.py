@@ -1,4 +1,4 @@
-"""A control step beside its controller: what it accepts, and how it joins a run that goes on."""
+"""A control step without its controller: accepted messages, and joining a live run."""
 
 import msgspec
 import numpy as np
@@ -8,7 +8,7 @@ from phalanx_agent.step import ControlStep
 from phalanx.network.inbox import Claim, Fate
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
-from phalanx.swarm.seen import SeenStates
+from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import LONGEST_FAILURE, MAX_BYTES, Broadcast, Sample, Telemetry
@@ -125,7 +125,7 @@ def test_a_sample_about_others_than_it_can_be_about_is_refused(step: ControlStep
 
 
 def test_after_a_long_pause_it_tells_of_what_it_heard_in_reports_that_are_taken(step: ControlStep):
-    """As many as were sent meanwhile come in one sample, and fit into no one report."""
+    """All that were sent meanwhile come in one sample, too many for one report."""
     step(step.accept_sample(sample(step, 0, latest=-1)))
     for k in range(1000):
         hear(step, k)
@@ -156,16 +156,16 @@ def test_a_report_with_all_that_it_may_say_is_taken(name: str):
 
 
 def test_it_decides_on_those_it_sees_alone():
-    """What the sample leaves out changes nothing, and what is not a number enters nowhere."""
+    """Agents that are not in the sample change nothing, and no NaN gets into the result."""
     rows = rows_of_scenario("unicycles", "safety.neighbourhood=5.0")
-    step, states = ControlStep(rows, 0), SeenStates(rows.swarm)
+    step, states = ControlStep(rows, 0), StateCodec(rows.swarm)
     seen, x = (0, 1, 2), rows.swarm.start()
     first = sample(step, 0, latest=-1)
     limited = msgspec.structs.replace(
-        first, seen=seen, x=states.packed(x, seen), since=(-1,) * 3, latest=(-1,) * 3
+        first, seen=seen, x=states.pack(x, seen), since=(-1,) * 3, latest=(-1,) * 3
     )
     x[9:11] += 100.0  # agent 4, an adversary at 8 m, goes farther away
-    elsewhere = msgspec.structs.replace(first, x=states.packed(x, tuple(range(5))))
+    elsewhere = msgspec.structs.replace(first, x=states.pack(x, tuple(range(5))))
     answers = [
         s(s.accept_sample(a)) for s, a in ((step, limited), (ControlStep(rows, 0), elsewhere))
     ]

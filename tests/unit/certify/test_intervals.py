@@ -25,7 +25,7 @@ Bounds = tuple[float, float, bool]
 
 
 def bounds(expression: ca.SX, x: ca.SX, box: Box) -> Bounds:
-    """Of a scalar expression over one box."""
+    """Bound a scalar expression over one box."""
     return over(IntervalFunction([x], [expression]), box)
 
 
@@ -63,6 +63,7 @@ RATIONAL: list[tuple[Callable[..., ca.SX], Callable[..., Fraction]]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", range(len(RATIONAL)))
 @given(ends=st.tuples(numbers, numbers, numbers, numbers), s=shares, t=shares)
 @settings(max_examples=25, deadline=None)
@@ -116,6 +117,7 @@ REAL: list[tuple[Callable[[ca.SX], ca.SX], Callable[[Decimal], Decimal]]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", range(len(REAL)))
 @given(a=st.floats(-20, 20), width=st.just(0.0) | st.floats(1e-12, 8.0), share=st.floats(0, 1))
 @settings(max_examples=20, deadline=None)
@@ -154,6 +156,7 @@ def test_inverse_functions_hold_the_true_value(function, inverse, least, most, s
             assert Decimal(ends[1]) <= inverse(Decimal(high))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in OPERATIONS if name != "asinh"])
 @given(a=boxes, b=boxes, share=st.floats(0, 1))
 @settings(max_examples=150, deadline=None)

@@ -1,4 +1,4 @@
-"""What a run begins before its scenario is read."""
+"""Libraries begin to load before the scenario is read."""
 
 import resource
 

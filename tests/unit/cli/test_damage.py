@@ -1,11 +1,11 @@
-"""Whatever opens a recording that was cut short says so, and shows its verdict nowhere."""
+"""Every command reports that a recording was cut short, and shows no verdict of it."""
 
 import re
 from pathlib import Path
 
 import pytest
 from phalanx_viewer.feeds.replay import Replay
-from phalanx_viewer.page.panels import verdict_in_words
+from phalanx_viewer.page.panels import verdict_text
 
 import phalanx
 from phalanx.cli.app import status
@@ -29,6 +29,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return [run.folder for run in runs]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command",
     [
@@ -62,6 +63,6 @@ def test_the_api_says_so(folders):
 
 def test_a_replay_says_so_at_its_beginning_already(folders):
     replay = Replay(read(folders[1]))
-    said = verdict_in_words(replay.frame(0.0), replay.summary, replay.unfinished)
+    said = verdict_text(replay.frame(0.0), replay.summary, replay.unfinished)
     assert CUT_SHORT.search(said)
     assert "guaranteed" not in said

@@ -1,4 +1,4 @@
-"""What a run looks like in a terminal of 80 columns."""
+"""A run's output in a terminal of 80 columns."""
 
 import re
 from io import StringIO
@@ -24,7 +24,7 @@ def screen(monkeypatch):
 
 
 def lines(screen: StringIO) -> list[str]:
-    """What stood on the screen, line by line."""
+    """Return the lines of the screen."""
     return re.split(r"[\r\n]+", re.sub(r"\x1b\[2K|\x1b\[1A", "\n", screen.getvalue()))
 
 

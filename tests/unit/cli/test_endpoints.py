@@ -59,7 +59,7 @@ def test_a_program_that_would_be_reached_unprotected_does_not_start(command, cap
 def test_a_run_that_goes_on_elsewhere_by_its_folder_is_not_connected_to(
     command: str, tmp_path: Path, capsys
 ) -> None:
-    """The folder may be from somebody who wants that."""
+    """The folder may come from an attacker."""
     with announced(tmp_path, Membership("r", "tcp/10.0.0.1:7447", b"secret")):
         assert status([command, str(tmp_path)]) == USAGE_ERROR
     said = " ".join(capsys.readouterr().err.split())
@@ -100,7 +100,7 @@ def test_the_folder_of_a_certificate_says_where_to_connect_unless_somebody_does(
 ) -> None:
     keys = tmp_path / "keys"
     assert status(["keys", str(keys), "--scenario", "one-on-one", "--host", "p.org"]) == 0
-    assert "certificates of plant, router, viewer, operator, 1, 2" in capsys.readouterr().out
+    assert "identities of plant, router, viewer, operator, 1, 2" in capsys.readouterr().out
     assert endpoint_for("", keys / "1") == "tls/p.org:7447"
     assert endpoint_for("tls/q.org:1", keys / "1") == "tls/q.org:1"
     assert endpoint_for("", None) == "tcp/127.0.0.1:7447"

@@ -50,7 +50,7 @@ def test_a_package_that_cannot_be_imported_is_named_and_keeps_no_other_command_f
     install("broken", "import no_such_module", "[phalanx.commands]\nbroken = broken:register\n")
     assert status(["report", str(tmp_path)]) == 3
     said = capsys.readouterr().err
-    assert "broken of broken brings no commands: No module named" in said
+    assert "cannot load the commands 'broken' of broken: No module named" in said
     assert "recording" in said, "and the report says why there is none"
 
 
@@ -69,7 +69,7 @@ def test_a_package_that_breaks_when_it_registers_keeps_no_other_command_from_run
     install("broken", source, "[phalanx.commands]\na = broken:register\n")
     assert status(["report", str(tmp_path)]) == 3
     said = capsys.readouterr().err
-    assert f"a of broken brings no commands: {why}" in said
+    assert f"cannot load the commands 'a' of broken: {why}" in said
     assert "recording" in said
 
 

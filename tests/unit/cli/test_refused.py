@@ -41,7 +41,7 @@ REFUSED = [
     ("keys made --scenario unicycles --days 0", "'--days'"),
     ("keys made --scenario unicycles --days nan", "'--days'"),
     ("keys file --scenario unicycles", "DIR"),
-    ("tap nowhere", "nowhere: no run goes on there"),
+    ("tap nowhere", "nowhere: no live run"),
     ("tap nowhere --count=-1", "'--count'"),
     ("view", "expected either RUN, or --connect and --run"),
     ("view a --port 0", "'--port'"),
@@ -94,6 +94,7 @@ REFUSED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("asked", "named"), REFUSED, ids=[asked for asked, _ in REFUSED])
 def test_it_is_refused_in_a_line_and_nothing_is_made(tmp_path, monkeypatch, capsys, asked, named):
     monkeypatch.chdir(tmp_path)
@@ -131,7 +132,7 @@ def test_a_plant_that_cannot_listen_leaves_no_recording_in_the_way_of_the_next(t
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of a run of a second without steps, in a file that is not called as a run's is."""
+    """Record a run of a second without steps, in a file of another name."""
     scenario, run = swarm_in_space(2, 1, {}), tmp_path_factory.mktemp("run")
     folder = record(run, scenario, drift(scenario, steps=0), summary_of(scenario))
     return (folder / "recording.mcap").rename(folder / "mine.mcap")
@@ -146,6 +147,7 @@ def test_a_picture_of_a_time_outside_the_run_is_refused(recording, tmp_path, cap
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_a_recording_is_reported_whatever_its_file_is_called(recording, capsys):
     assert status(["report", str(recording)]) == 0
     assert str(recording.parent / "report.html") in capsys.readouterr().out
@@ -171,6 +173,7 @@ def test_a_recording_is_not_written_over_by_what_is_made_of_it(
     assert recording.read_bytes() == before
 
 
+@pytest.mark.slow
 def test_a_full_disk_behind_what_is_printed_is_told_in_a_line():
     with Path("/dev/full").open("w") as full:
         command = [sys.executable, "-m", "phalanx", "scenarios"]

@@ -35,4 +35,4 @@ def test_each_run_has_a_line_that_says_how_it_ended(tmp_path, capsys):
 
 def test_a_folder_without_runs_says_how_to_make_one(tmp_path, capsys):
     assert status(["runs", str(tmp_path / "none")]) == 3
-    assert "no runs there; make one with: phalanx run" in capsys.readouterr().err
+    assert "no runs in this folder; make one with: phalanx run" in capsys.readouterr().err

@@ -20,7 +20,7 @@ import zenoh
 from viser._messages import RunJavascriptMessage
 
 from phalanx.compat.forkserver import without_main
-from phalanx.compat.zenoh_linger import close_at_once
+from phalanx.compat.zenoh_linger import disable_linger
 from phalanx.compat.zenoh_threads import keep_thread_state
 from phalanx.wire.session import free_endpoint
 from tests.process.runs import wait_for
@@ -29,7 +29,7 @@ ROOT = Path(__file__).parents[3]
 
 
 def opened(**endpoints: str) -> zenoh.Session:
-    """A session that listens or connects there, and looks for nobody else."""
+    """Open a session that listens or connects there, without scouting."""
     config = zenoh.Config()
     config.insert_json5("mode", '"router"' if "listen" in endpoints else '"client"')
     config.insert_json5("scouting/multicast/enabled", "false")
@@ -65,10 +65,11 @@ def test_zenoh_has_the_kernel_linger_for_ten_seconds_unless_it_is_stopped():
     with opened(listen=endpoint) as hub, opened(connect=endpoint):
         wait_for(lambda: lingering(port))
         assert lingering(port) == [10], "phalanx/compat/zenoh_linger.py may go"
-        close_at_once(hub)
+        disable_linger(hub)
         wait_for(lambda: lingering(port) == [-1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kept", [False, True])
 def test_zenoh_throws_a_threads_state_away_after_each_message_unless_it_is_kept(kept: bool):
     endpoint, own = free_endpoint(), threading.local()
@@ -90,6 +91,7 @@ def test_zenoh_throws_a_threads_state_away_after_each_message_unless_it_is_kept(
     assert (max(counts) > 1) == kept, "phalanx/compat/zenoh_threads.py may go"
 
 
+@pytest.mark.slow
 def test_importing_osqp_imports_scipy():
     code = "import osqp, sys; print('scipy.sparse' in sys.modules)"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

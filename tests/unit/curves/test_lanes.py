@@ -1,33 +1,42 @@
-"""Lanes of the space-time diagram: what came late or was lost, who was silent, who lied."""
+"""Lanes of the space-time diagram: late, lost and false broadcasts, silent agents."""
 
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from phalanx.curves.history import EMPTY_CODES, Fates, agent_series, fates_of, series_width
+from phalanx.curves.history import (
+    EMPTY_CODES,
+    Fates,
+    agent_series,
+    broadcast_array,
+    fates_of,
+    series_width,
+)
 from phalanx.curves.lanes import lanes, zoom_window
 from phalanx.recording.broadcasts import IN_TIME, LATE, LOST, Broadcast
 
 
 class Past(NamedTuple):
-    """As much of a history as lanes are made of."""
+    """The part of a history that lanes are made of."""
 
-    broadcasts: list[Broadcast]
-
-    @property
-    def fates(self) -> Fates:
-        return fates_of(self.broadcasts)
+    broadcasts: np.recarray
+    fates: Fates
 
 
-def test_a_lane_tells_the_share_of_broadcasts_late_and_lost_and_the_gravest_state():
+def past(*sent: Broadcast) -> Past:
+    found = broadcast_array(sent)
+    return Past(found, fates_of(found))
+
+
+def test_a_lane_shows_the_share_of_broadcasts_late_and_lost_and_the_gravest_state():
     rows = np.zeros((10, series_width(inputs=1)))
     rows[:, 0] = np.arange(10.0)
     rows[2, 1] = EMPTY_CODES["backup"]
     speaking, silent = agent_series(rows), agent_series(np.delete(rows, [6, 7], axis=0))
     fates = [(IN_TIME, 0.5), (LATE, 0.6), (LOST, 0.7), (LOST, 3.5), (LATE, 9.5)]
-    past = Past([Broadcast(1, 0, sent, sent, fate) for fate, sent in fates])
-    late, lost, state, _ = lanes(past, [speaking, silent], [1.0, 1.0], (0.0, 10.0), 10.0, 200)
+    run = past(*(Broadcast(1, 0, sent, sent, fate) for fate, sent in fates))
+    late, lost, state, _ = lanes(run, [speaking, silent], [1.0, 1.0], (0.0, 10.0), 10.0, 200)
     np.testing.assert_allclose(late[0], [1 / 3, 0, 0, 0, 0, 0, 0, 0, 0, 1])
     np.testing.assert_allclose(lost[0], [1 / 3, 0, 0, 1, 0, 0, 0, 0, 0, 0])
     np.testing.assert_array_equal(state[0], [0, 0, 1, 0, 0, 0, 0, 0, 0, 0])
@@ -35,18 +44,18 @@ def test_a_lane_tells_the_share_of_broadcasts_late_and_lost_and_the_gravest_stat
     np.testing.assert_array_equal(state[1], [0, 0, 1, 0, 0, 0, 3, 3, 0, 0])
 
 
-def test_a_lie_is_told_in_the_liars_lane():
+def test_a_false_broadcast_is_in_its_senders_lane():
     rows = np.zeros((10, series_width(inputs=1)))
     rows[:, 0] = np.arange(10.0)
-    past = Past([Broadcast(1, 0, 4.5, 4.6, IN_TIME, lied) for lied in (False, True, True)])
-    drawn = lanes(past, [agent_series(rows)] * 3, [2.0] * 3, (0.0, 10.0), 10.0, 200)
+    run = past(*(Broadcast(1, 0, 4.5, 4.6, IN_TIME, lied) for lied in (False, True, True)))
+    drawn = lanes(run, [agent_series(rows)] * 3, [2.0] * 3, (0.0, 10.0), 10.0, 200)
     np.testing.assert_array_equal(drawn.false, np.outer([0, 1, 0], np.arange(10) == 4))
 
 
 def test_of_many_steps_there_are_as_many_intervals_as_asked_for():
     rows = np.zeros((1000, series_width(inputs=1)))
     rows[:, 0] = 0.01 * np.arange(1000)
-    found = lanes(Past([]), [agent_series(rows)], [1.0], (0.0, 10.0), 10.0, 50)
+    found = lanes(past(), [agent_series(rows)], [1.0], (0.0, 10.0), 10.0, 50)
     assert {of.shape for of in found} == {(1, 50)}
 
 

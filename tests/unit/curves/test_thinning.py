@@ -9,7 +9,7 @@ from phalanx.report.style import draw_envelope
 
 
 def curves(count: int, samples: int) -> list[Series]:
-    """Curve k has twice the value k + 100 t, at times a little beside those of the others."""
+    """Curve k has twice the value k + 100 t, at times a little after the others'."""
     t = np.repeat(np.arange(samples), 2)
     return [Series(t + k / (2.0 * count), k + 100.0 * t) for k in range(count)]
 

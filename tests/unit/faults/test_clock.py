@@ -1,4 +1,4 @@
-"""Clocks that are wrong: by how much, from when to when, and counted."""
+"""Clock faults: their size, begin and end, and count."""
 
 from typing import Any
 
@@ -32,7 +32,7 @@ def test_a_clock_without_a_fault_is_the_perturbed_one():
 
 
 @pytest.mark.parametrize("step", [0.2, 0.003])
-def test_a_step_puts_every_sample_after_it_off_by_as_much(step: float):
+def test_a_step_delays_every_later_sample_by_as_much(step: float):
     clock, times = ticks(step=step)
     before = RIGHT <= AT
     assert (times[: before.sum()] == RIGHT[before]).all()
@@ -49,7 +49,7 @@ def test_a_step_forward_has_a_sample_come_sooner_but_not_before_it():
     assert clock.faults == {0: 1}
 
 
-def test_a_skew_is_over_when_its_time_is_as_far_as_samples_can_come_sooner():
+def test_a_skew_ends_with_its_time_as_far_as_samples_can_come_sooner():
     clock, times = ticks(skew=0.004, **{"for": OVER - AT})
     n, m = int((RIGHT <= AT).sum()), int((times <= OVER).sum())
     assert times[n : m - 1] == pytest.approx(RIGHT[n : m - 1] + 0.004, abs=1e-9)

@@ -1,4 +1,4 @@
-"""Conditions of agents: which commands have an effect, and on whom."""
+"""Conditions of agents: the commands that change them, and the agents concerned."""
 
 from typing import get_args
 
@@ -6,7 +6,8 @@ import pytest
 
 from phalanx.faults.commands import (
     EFFECTS,
-    ON_LINKS,
+    LINK_COMMANDS,
+    ActiveCommands,
     Command,
     CommandKind,
     Condition,
@@ -20,9 +21,9 @@ FREEZE, THAW, TURN = CommandKind.FREEZE, CommandKind.THAW, CommandKind.TURN
 
 
 def after(*kinds: CommandKind) -> tuple[Condition, bool]:
-    """Agent a's condition after these commands, and whether the last of them changed it."""
+    """Return agent a's condition after these commands, and whether the last one changed it."""
     state = FaultState(("b", "a"))
-    changed = [state.obey(Command(0.0, kind, "a")) for kind in kinds]
+    changed = [state.apply(Command(0.0, kind, "a")) for kind in kinds]
     assert state.condition[0] is Condition.FINE
     return state.condition[1], changed[-1] == 1
 
@@ -67,24 +68,20 @@ def test_only_the_frozen_and_the_dead_are_silent():
     state = FaultState(("a",))
     silent = []
     for kind in (TURN, FREEZE, THAW, KILL, RESTART):
-        state.obey(Command(0.0, kind, "a"))
-        silent.append(state.silent(0))
+        state.apply(Command(0.0, kind, "a"))
+        silent.append(state.condition[0].silent)
     assert silent == [False, True, False, True, False]
 
 
-def test_orders_tell_of_links_and_of_who_turned_alone():
+def test_active_commands_are_those_on_links_and_the_agents_own_turn():
     state = FaultState(("a", "b"))
-    assert state.orders(0) is None
-    state.obey(Command(0.0, TURN, "a"))
-    assert state.orders(1) is None
-    assert state.orders(0).adversary
-    state.obey(Command(0.0, CommandKind.LOSS, value=0.25))
-    state.obey(Command(0.0, CommandKind.DELAY, value=0.5))
-    assert (state.orders(1).loss, state.orders(1).delay, state.orders(1).adversary) == (
-        0.25,
-        0.5,
-        False,
-    )
+    assert state.active_commands(0) is None
+    state.apply(Command(0.0, TURN, "a"))
+    assert state.active_commands(1) is None
+    assert state.active_commands(0).adversary
+    state.apply(Command(0.0, CommandKind.LOSS, value=0.25))
+    state.apply(Command(0.0, CommandKind.DELAY, value=0.5))
+    assert state.active_commands(1) == ActiveCommands(loss=0.25, delay=0.5)
 
 
 def test_a_turn_counts_from_when_it_has_an_effect():
@@ -101,8 +98,8 @@ def test_a_turn_counts_from_when_it_has_an_effect():
 
 def test_every_command_is_on_an_agent_on_links_or_on_the_pace():
     pace = {CommandKind.PAUSE, CommandKind.RESUME, CommandKind.STEP, CommandKind.SPEED}
-    assert set(CommandKind) == EFFECTS.keys() | ON_LINKS | pace
-    assert not EFFECTS.keys() & (ON_LINKS | pace)
+    assert set(CommandKind) == EFFECTS.keys() | LINK_COMMANDS | pace
+    assert not EFFECTS.keys() & (LINK_COMMANDS | pace)
 
 
 @pytest.mark.parametrize("fault", get_args(ProcessFault))

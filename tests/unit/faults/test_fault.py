@@ -1,13 +1,13 @@
-"""Occurrences of faults: at the time that is given, or at random as often as asked for."""
+"""Occurrences of faults: at a given time, or at random times of a given rate."""
 
 import numpy as np
 import pytest
 
-from phalanx.faults.fault import Occurrence, at_random
+from phalanx.faults.fault import Occurrence, random_times
 from phalanx.scenario.load import load
 from phalanx.seeded.draws import Draws
 
-WHO = ("1", "2", "3")
+NAMES = ("1", "2", "3")
 
 
 def occurrences(seed: int = 0, **fault: object) -> tuple[Occurrence, ...]:
@@ -15,14 +15,14 @@ def occurrences(seed: int = 0, **fault: object) -> tuple[Occurrence, ...]:
     return load("unicycles", {"faults": faults}, seed=seed).links().occurrences
 
 
-def test_at_random_is_as_often_as_the_rate_says_and_hits_everybody_as_often():
+def test_random_times_have_the_given_rate_and_hit_all_agents_equally():
     rate, duration = 5.0, 400.0
-    found = list(at_random(rate, WHO, duration, Draws(1, "fault", "0", width=2)))
+    found = list(random_times(rate, NAMES, duration, Draws(1, "fault", "0", width=2)))
     times = np.array([t for t, _ in found])
     expected = rate * duration
     assert len(found) == pytest.approx(expected, abs=4.0 * np.sqrt(expected))
-    for name in WHO:
-        share = sum(who == name for _, who in found) / len(found)
+    for name in NAMES:
+        share = sum(hit == name for _, hit in found) / len(found)
         assert share == pytest.approx(1 / 3, abs=4.0 * np.sqrt(2 / 9 / len(found)))
     # Of a Poisson process gaps vary by as much as they are long.
     gaps = np.diff(times)
@@ -31,12 +31,12 @@ def test_at_random_is_as_often_as_the_rate_says_and_hits_everybody_as_often():
 
 def test_a_longer_run_begins_with_the_same_occurrences():
     draws = Draws(1, "fault", "0", width=2)
-    short, longer = (list(at_random(3.0, WHO, duration, draws)) for duration in (4.0, 9.0))
+    short, longer = (list(random_times(3.0, NAMES, duration, draws)) for duration in (4.0, 9.0))
     assert 0 < len(short) < len(longer)
     assert longer[: len(short)] == short
 
 
-def test_at_a_time_it_hits_everybody_once_and_for_as_long_as_it_lasts():
+def test_at_a_given_time_it_hits_every_agent_once_for_its_duration():
     _, *others = occurrences(kind="pause", at=2.0, **{"for": 0.5})
     assert [(each.agent, each.begin, each.end) for each in others] == [
         (name, 2.0, 2.5) for name in "12345"
@@ -45,7 +45,7 @@ def test_at_a_time_it_hits_everybody_once_and_for_as_long_as_it_lasts():
 
 def test_an_occurrence_is_in_force_from_its_begin_and_no_longer_at_its_end():
     _, once, *_ = occurrences(kind="pause", at=2.0, **{"for": 0.5})
-    assert [once.holds(t) for t in (1.999, 2.0, 2.499, 2.5)] == [False, True, True, False]
+    assert [once.in_force(t) for t in (1.999, 2.0, 2.499, 2.5)] == [False, True, True, False]
 
 
 def test_one_faults_occurrences_do_not_depend_on_anothers():

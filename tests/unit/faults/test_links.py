@@ -1,10 +1,10 @@
-"""Which links each shape of a partition cuts."""
+"""Links that each shape of a partition cuts."""
 
 import itertools
 
 import pytest
 
-from phalanx.faults.links import between, shaped
+from phalanx.faults.links import links_between, links_cut
 from phalanx.seeded.draws import Draws
 
 NAMES = [str(n) for n in range(1, 8)]
@@ -19,32 +19,32 @@ def heard_by(cut, receiver: str) -> set[str]:
     return {receiver, *(s for s, r in LINKS - cut if r == receiver)}
 
 
-def test_groups_hear_themselves_alone():
-    cut = between([NAMES[:3], NAMES[3:5], NAMES[5:]])
+def test_groups_receive_from_themselves_alone():
+    cut = links_between([NAMES[:3], NAMES[3:5], NAMES[5:]])
     for group in (NAMES[:3], NAMES[3:5], NAMES[5:]):
         assert all(heard_by(cut, name) == set(group) for name in group)
 
 
 def test_one_way_only_what_leaves_the_first_group_is_lost():
-    cut = between([["1"], ["2", "3"], ["4"]], one_way=True)
+    cut = links_between([["1"], ["2", "3"], ["4"]], one_way=True)
     assert cut == {("1", "2"), ("1", "3"), ("1", "4")}
 
 
 def test_a_majority_is_parted_from_the_rest():
-    cut = shaped("majority", NAMES, draws())
+    cut = links_cut("majority", NAMES, draws())
     groups = {frozenset(heard_by(cut, name)) for name in NAMES}
     assert sorted(map(len, groups)) == [3, 4]
 
 
 def test_one_is_isolated():
-    cut = shaped("isolate", NAMES, draws())
+    cut = links_cut("isolate", NAMES, draws())
     assert sorted(len(heard_by(cut, name)) for name in NAMES) == [1] + [6] * 6
 
 
 @pytest.mark.parametrize("count", [3, 5, 6, 7])
-def test_in_a_ring_everybody_hears_a_majority_and_no_two_the_same(count):
+def test_in_a_ring_each_agent_receives_from_a_majority_and_no_two_from_the_same(count):
     names = NAMES[:count]
-    cut = shaped("ring", names, draws())
+    cut = links_cut("ring", names, draws())
     heard = [
         frozenset({r, *(s for s, other in itertools.permutations(names, 2) if other == r
                         and (s, r) not in cut)})
@@ -54,6 +54,6 @@ def test_in_a_ring_everybody_hears_a_majority_and_no_two_the_same(count):
     assert len(set(heard)) == count
 
 
-def test_who_is_parted_is_drawn_by_the_seed():
-    assert len({shaped("isolate", NAMES, draws(seed)) for seed in range(20)}) > 3
-    assert shaped("ring", NAMES, draws(4)) == shaped("ring", NAMES, draws(4))
+def test_the_agents_apart_are_drawn_by_the_seed():
+    assert len({links_cut("isolate", NAMES, draws(seed)) for seed in range(20)}) > 3
+    assert links_cut("ring", NAMES, draws(4)) == links_cut("ring", NAMES, draws(4))

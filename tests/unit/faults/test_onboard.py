@@ -1,4 +1,4 @@
-"""What sensors tell: the truth itself, unless a fault is in force."""
+"""Sensors measure the true state itself, unless a fault is in force."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from phalanx.swarm.swarm import build_swarm
 
 
 def sensors(**fault: object) -> tuple[Sensors, np.ndarray]:
-    """Of Simulation 1, agent 2's with a fault from 1 s to 2 s."""
+    """Return the sensors of Simulation 1, agent 2's with a fault from 1 s to 2 s, and x(0)."""
     declared = {"kind": "sensor", "agents": ["2"], "at": 1.0, "for": 1.0, **fault}
     swarm = build_swarm(load("unicycles", {"faults": [declared]}))
     states = {member.name: member.dynamics.states for member in swarm.members}
@@ -20,25 +20,25 @@ def test_a_biased_sensor_is_wrong_about_its_own_robot_while_the_fault_lasts_and_
     found, x = sensors(bias={"x": 0.5})
     for i in range(5):
         for k, t in enumerate((0.999, 1.0, 1.999, 2.0)):
-            told = found.told(i, k, t, x)
+            measured = found.measured(i, k, t, x)
             if i == 1 and 1.0 <= t < 2.0:
-                assert told is not x
-                assert (np.flatnonzero(told != x) == [3]).all()
-                assert told[3] == x[3] + 0.5
+                assert measured is not x
+                assert (np.flatnonzero(measured != x) == [3]).all()
+                assert measured[3] == x[3] + 0.5
             else:
-                assert told is x
+                assert measured is x
     assert list(found.faults.values()) == [2]
 
 
-def test_a_silent_sensor_tells_nothing_that_could_be_untrue():
+def test_a_silent_sensor_has_no_measurement_error():
     found, x = sensors(silent=True)
-    assert found.told(1, 0, 1.5, x) is x
+    assert found.measured(1, 0, 1.5, x) is x
     assert not found.faults
 
 
 def test_noise_is_drawn_by_sample_and_as_large_as_declared():
     found, x = sensors(noise={"y": 0.1})
-    errors = [found.told(1, k, 1.5, x)[4] - x[4] for k in range(2000)]
-    again = [found.told(1, k, 1.5, x)[4] - x[4] for k in range(2000)]
+    errors = [found.measured(1, k, 1.5, x)[4] - x[4] for k in range(2000)]
+    again = [found.measured(1, k, 1.5, x)[4] - x[4] for k in range(2000)]
     assert errors == again
     assert np.std(errors) == pytest.approx(0.1, rel=0.1)

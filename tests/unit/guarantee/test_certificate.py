@@ -36,13 +36,13 @@ def certificate(dynamics, alphas, function=None, bounds=(0.3, 0.3), tau=TAU):
 
 
 def held(certificate: PairCertificate, x: np.ndarray, u: np.ndarray) -> float:
-    """For how long a pair in state x is certified [s], if agent a holds u."""
+    """Return the time for which a pair in state x is certified [s], if agent a holds u."""
     return certificate.times(x[None], u)[0]
 
 
 @cache
 def line() -> PairCertificate:
-    """Of two single integrators."""
+    """Certify a pair of single integrators."""
     return certificate(SingleIntegrator(1.0), [1.0])
 
 
@@ -74,6 +74,7 @@ def test_far_apart_all_is_certified():
     assert time == MULTIPLES[0] * TAU
 
 
+@pytest.mark.slow
 @given(seed=seeds, gain=st.sampled_from([0.1, 40.0]))
 @settings(max_examples=30)
 def test_the_last_alpha_has_no_part_in_it(seed, gain):
@@ -84,7 +85,7 @@ def test_the_last_alpha_has_no_part_in_it(seed, gain):
 
 @cache
 def double_integrators(gain: float) -> PairCertificate:
-    """Of two of them, whose α_2 has this gain."""
+    """Certify a pair of them, with this gain of α_2."""
     return certificate(DoubleIntegrator(2.0, 0.5, 2), [1.0, gain])
 
 
@@ -101,6 +102,7 @@ class Jumping:
         return obstacle.intrusion(a.p)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("dynamics", "alphas"),
     [
@@ -132,7 +134,7 @@ def test_a_jump_within_reach_is_never_certified(dynamics, alphas):
     ids=["floor", "comparison", "bearing"],
 )
 def test_a_jump_without_a_derivative_is_never_certified_either(jump):
-    """At (3, 0) each of them jumps up by 1 or more, and h with it above zero."""
+    """Jumps by 1 or more at (3, 0), each of which takes h above zero."""
     pair = certificate(SingleIntegrator(1.0), [1.0], Jumping(jump))
     ahead = np.array([1.0, 1.0])
     assert held(pair, np.array([-5.4, 0.0, 0.0, 0.0]), ahead) > 0.0
@@ -222,6 +224,7 @@ def swarm():
     return swarm_of_scenario("unicycles")
 
 
+@pytest.mark.slow
 def test_an_agents_certificates_are_those_of_its_pairs(swarm, rng):
     every = SwarmCertificates(swarm)
     for i in swarm.normal:
@@ -237,13 +240,14 @@ def test_an_agents_certificates_are_those_of_its_pairs(swarm, rng):
             assert (times[~inside] == 0).all()
             assert (times <= MULTIPLES[0] * certificates.tau).all()
             assert ((times > 0) | (h(x)[0][list(certificates.pairs)] > -1.0)).all()
-    # Either side of two normal agents; beside an adversary, and beside a sphere.
+    # Either side of two normal agents; with an adversary, and with a sphere.
     assert len(every.kinds) == 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["unicycles", "formation3d", "swarm"])
 def test_of_several_inputs_at_once_as_much_is_proven_as_of_each_alone(name, rng):
-    """Of agents of different kinds and in different states, with pairs left out or not.
+    """Inputs of agents of different kinds and in different states, with pairs left out or not.
 
     Some are so near that what is proven depends on the input.
     """
@@ -296,9 +300,10 @@ def test_the_sign_of_a_sine_of_nought_proves_nothing():
     assert held(railed, np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(2)) == MULTIPLES[0] * TAU
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drag", [0.85, 0.95, 2.0, 40.0])
 def test_no_drag_is_too_strong_for_a_certificate_far_apart(drag):
-    """τ is 1 s; 300 m apart, nobody meets anybody."""
+    """τ is 1 s; 300 m apart, no two agents can meet."""
     far = certificate(DoubleIntegrator(2.0, drag, 2), [1.0, 1.0], bounds=(0.1, 0.1), tau=1.0)
     x = np.array([0.0, 0.0, 1.0, 0.0, 300.0, 0.0, -1.0, 0.0])
     assert held(far, x, np.zeros(2)) == MULTIPLES[0]

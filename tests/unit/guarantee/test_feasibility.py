@@ -1,4 +1,4 @@
-"""Whether K_i is non-empty: by vertices for few rows, a linear program for many."""
+"""K_i is empty or not: by vertices for few rows, by a linear program for many."""
 
 import numpy as np
 import pytest

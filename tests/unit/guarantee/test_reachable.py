@@ -1,4 +1,4 @@
-"""Who is left out of an agent's certificates: nobody that it could meet."""
+"""Agents left out of an agent's certificates: none that it could meet."""
 
 import casadi as ca
 import numpy as np
@@ -18,6 +18,7 @@ from tests.unit.swarms import swarm_of_scenario
 LARGE = ("agents.0.count=42", "agents.1.count=6")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["swarm", "swarm2d", "unicycles", "pinned"])
 def test_whoever_is_left_out_is_certified_for_as_long_as_any_certificate_lasts(name, rng):
     swarm = swarm_of_scenario(name, *(LARGE if name.startswith("swarm") else ()))
@@ -43,6 +44,7 @@ def test_whoever_is_left_out_is_certified_for_as_long_as_any_certificate_lasts(n
     assert left_out > 30 * len(others) if name.startswith("swarm") else left_out >= 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("function", ["ShortSighted", "Reaches"])
 def test_what_a_users_function_says_of_its_reach_leaves_nobody_out(function):
     radius = ", radius = 1.0" if function == "ShortSighted" else ""
@@ -111,6 +113,7 @@ class Escaping(SingleIntegrator):
         return ca.vertcat(0.1 * x[0] * ca.fabs(x[0]), 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("begin", "met"), [(0.0, False), (100.0, True), (-100.0, True)])
 def test_who_is_in_no_certain_box_may_be_met_anywhere(begin, met):
     swarm = three_on_a_line_and_a_sphere("tests.unit.guarantee.test_reachable:Escaping")
@@ -119,6 +122,7 @@ def test_who_is_in_no_certain_box_may_be_met_anywhere(begin, met):
     assert boxes.near(2, np.array([0]), 0.0, x).tolist() == [met]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("meeting", [0.06, 0.2])
 def test_each_pair_is_certified_by_its_own_groups_periods_and_bounds(meeting):
     """a and c approach each other as fast as they can; b, in its place, would not be as fast."""

@@ -16,6 +16,7 @@ from tests.hostile.messages import SUMMARY
 SECONDS = 5.0
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("what", TRIALS)
 @given(seed=st.integers(0, 2**32))

@@ -18,6 +18,8 @@ from phalanx.wire.seal import SEAL_BYTES
 from phalanx.wire.tap import decoded
 from tests.unit.report.recordings import drift, summary_of, unicycles
 
+pytestmark = pytest.mark.slow
+
 MARKUP, TAGS = "[/red][bold]", "<!--<script>alert(1)</script>"
 HOSTILE = (
     f"{MARKUP}\x1b]0;owned\x07\x1b[2J\rno\ncertified: all\u2028of it\u202e{TAGS}\x85\ud7ff\x9b1m"
@@ -70,7 +72,7 @@ def misnamed(tmp_path: Path) -> str:
 
 
 def shown(capsys: pytest.CaptureFixture[str]) -> str:
-    """What was printed, which must be lines of printable text, none of them the recording's own."""
+    """Return the output: lines of printable text, none of them from the recording alone."""
     out, err = capsys.readouterr()
     assert [line for line in (out + err).split("\n") if not line.isprintable()] == []
     assert not any(line.startswith("certified: all") for line in out.split("\n"))
@@ -133,12 +135,12 @@ def test_the_figures_of_a_run_are_printed_as_text(
     hostile: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from phalanx.cli.display import last_line, print_summary
-    from phalanx.cli.terminal import say
+    from phalanx.cli.terminal import echo
 
     summary = phalanx.open(hostile).summary
     assert summary is not None
     print_summary(summary)
-    say(last_line(summary))
+    echo(last_line(summary))
     assert MARKUP in shown(capsys)
 
 

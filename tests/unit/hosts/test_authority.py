@@ -5,14 +5,14 @@ import os
 import stat
 from pathlib import Path
 
-from phalanx.hosts.authority import make_certificates
+from phalanx.hosts.authority import make_identities
 from phalanx.wire.keys import PLANT
 
 
 def test_nobody_but_their_owner_can_read_keys_or_look_into_their_folders(tmp_path: Path) -> None:
     before = os.umask(0)
     try:
-        make_certificates(tmp_path / "keys", [PLANT, "1"], [], datetime.timedelta(days=1), True)
+        make_identities(tmp_path / "keys", [PLANT, "1"], [], datetime.timedelta(days=1), True)
     finally:
         os.umask(before)
     modes = {path: stat.S_IMODE(path.stat().st_mode) for path in (tmp_path / "keys").rglob("*")}

@@ -113,7 +113,7 @@ def test_nobody_comes_in_as_the_plant_where_that_is_the_hub_itself():
 
 
 def may(rules: dict[str, Any], name: str, flow: str, message: str, key: str) -> bool:
-    """Whether a program may have this message of Zenoh's pass the hub on a key."""
+    """Return whether a program may send or receive this message of Zenoh's on a key."""
     return any(
         rule["flows"] == [flow] and message in rule["messages"]
         and any(zenoh.KeyExpr(shown).includes(zenoh.KeyExpr(key)) for shown in rule["key_exprs"])

@@ -23,6 +23,7 @@ def run(scenario, make_folder, options):
 """
 
 
+@pytest.mark.slow
 def test_an_engine_that_nobody_knows_is_refused_with_those_that_there_are(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -38,6 +39,7 @@ def test_an_engine_that_nobody_knows_is_refused_with_those_that_there_are(
         assert expected in " ".join(capsys.readouterr().err.replace("│", " ").split())
 
 
+@pytest.mark.slow
 def test_an_engine_is_one_function_and_one_entry(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,4 +1,4 @@
-"""What a run's folder says of how to listen to it: for the run's user alone."""
+"""The address of a live run in its folder, readable by the run's user alone."""
 
 import ctypes
 import os

@@ -1,4 +1,4 @@
-"""What a notebook shows of a scenario, a check and a summary; and mistakes refused before a run."""
+"""Scenario, check and summary in a notebook; and mistakes that are rejected before a run."""
 
 from pathlib import Path
 
@@ -8,6 +8,7 @@ import phalanx
 from tests.unit.report.recordings import drift, record, summary_of, unicycles
 
 
+@pytest.mark.slow
 def test_a_scenario_a_check_and_a_summary_say_what_they_are() -> None:
     scenario = phalanx.load("one-on-one", seed=4)
     assert repr(scenario) == str(scenario)

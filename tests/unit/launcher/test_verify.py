@@ -96,6 +96,7 @@ def test_a_recording_without_a_state_is_not_the_same_as_anything(tmp_path):
         verify(empty, engine="in-process")
 
 
+@pytest.mark.slow
 def test_a_run_is_the_same_again_and_another_with_another_seed(tmp_path):
     changed = ["duration=0.05", "agents.0.clock.jitter=0.002"]
     execute(load("one-on-one", changed), tmp_path, RunOptions("in-process"))

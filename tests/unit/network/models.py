@@ -22,7 +22,7 @@ def model(**fields: Any) -> LinkModel:
 
 
 def lost(count: int = MANY, **fields: Any) -> NDArray[np.bool_]:
-    """Which of so many messages are lost, shape (count,)."""
+    """Return for each of so many messages whether it is lost, shape (count,)."""
     link = Link(0, "a", "b", model(**fields))
     return np.array([link.fate(k).delay is None for k in range(count)])
 

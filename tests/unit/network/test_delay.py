@@ -17,7 +17,7 @@ def uniform(s):
 
 
 def pareto(s):
-    """Of netem's scaled Pareto: x = 3/2 + 3/4 s >= 1 has the tail x^-3."""
+    """Distribution function of netem's scaled Pareto: x = 3/2 + 3/4 s >= 1 has the tail x^-3."""
     return np.where(s >= LONGEST, 1.0, 1.0 - np.maximum(1.0, 1.5 + 0.75 * s) ** -3.0)
 
 
@@ -36,6 +36,7 @@ def paretonormal(s):
 EXPECTED = {"uniform": uniform, "normal": norm.cdf, "pareto": pareto, "paretonormal": paretonormal}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distribution", EXPECTED)
 def test_a_delay_has_the_distribution_that_it_is_named_after(distribution):
     drawn = delays(delay={"time": TIME, "jitter": JITTER, "distribution": distribution})
@@ -56,6 +57,7 @@ def test_a_delay_between_two_times_fills_them_evenly_and_no_message_knows_of_ano
     assert abs(spearmanr(drawn[1:], drawn[:-1]).statistic) < 4.0 / np.sqrt(MANY)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("distribution", "correlation"), [("normal", 0.9), ("paretonormal", 0.25)])
 def test_a_correlation_is_met_and_leaves_the_distribution_as_it_is(distribution, correlation):
     table = {"time": TIME, "jitter": JITTER, "distribution": distribution}

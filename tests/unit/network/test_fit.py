@@ -34,6 +34,7 @@ def captured(count: int = 20_000, **fields: object) -> list[str]:
     return ["k,delay", *(f"{k},{'' if d is None else repr(d)}" for k, d in enumerate(found))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_what_a_model_did_is_fitted_by_that_model(name):
     asked = MODELS[name]
@@ -51,6 +52,7 @@ def test_what_a_model_did_is_fitted_by_that_model(name):
             assert found[field] == pytest.approx(value, rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_distance_tells_a_model_that_fits_from_one_that_does_not():
     good = fit(read_capture(captured(**MODELS["normal"])))
     two_ways = ["delay", *(["0.01", "0.5"] * 500)]

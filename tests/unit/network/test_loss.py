@@ -17,7 +17,7 @@ def runs(of: np.ndarray) -> np.ndarray:
 
 
 def chi_square_of_geometric(lengths: np.ndarray, stay: float) -> float:
-    """How well lengths fit a geometric distribution; bins of at least some twenty."""
+    """Return the p-value of lengths for a geometric distribution; bins have at least twenty."""
     longest = max(2, int(np.floor(np.log(20.0 / len(lengths)) / np.log(stay))))
     shares = [(1.0 - stay) * stay ** (n - 1) for n in range(1, longest)]
     shares.append(1.0 - sum(shares))
@@ -34,6 +34,7 @@ def test_independent_losses_are_as_many_as_asked_for_and_do_not_know_of_one_anot
     assert chisquare(pairs, expected).pvalue > 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("correlation", [0.25, 0.8])
 def test_random_losses_have_the_correlation_asked_for_and_the_share(correlation):
     gone = lost(loss={"random": 0.2, "correlation": correlation})
@@ -44,6 +45,7 @@ def test_random_losses_have_the_correlation_asked_for_and_the_share(correlation)
     assert chi_square_of_geometric(runs(gone), correlation + (1.0 - correlation) * 0.2) > 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mean", "burst"), [(0.1, 4.0), (0.7, 25.0), (0.5, 1.2)])
 def test_bursts_are_as_long_as_asked_for_and_the_share_is_kept(mean, burst):
     gone = lost(loss={"mean": mean, "burst": burst})
@@ -56,6 +58,7 @@ def test_bursts_are_as_long_as_asked_for_and_the_share_is_kept(mean, burst):
     assert chi_square_of_geometric(lengths, stay) > 0.01
 
 
+@pytest.mark.slow
 def test_gilbert_and_elliotts_four_numbers_mean_what_netem_says():
     p, r, bad, good = 0.05, 0.2, 0.8, 0.01
     gone = lost(loss={"p": p, "r": r, "1-h": bad, "1-k": good})
@@ -105,6 +108,7 @@ BURSTY = model(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(st.permutations(range(300, 700, 7)))
 def test_bursts_and_correlation_do_not_depend_on_the_order_of_asking(order):

@@ -1,4 +1,4 @@
-"""What docs/network-faults.md shows works as it stands, and names every field and preset."""
+"""The examples of docs/network-faults.md work, and it names every field and preset."""
 
 import re
 import tomllib

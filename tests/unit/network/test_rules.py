@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from phalanx.faults.links import Hold
-from phalanx.network.inbox import BroadcastInbox, Existing
+from phalanx.faults.links import HoldUntil
+from phalanx.network.inbox import BroadcastInbox, BroadcastRange
 from phalanx.network.link import Link, LinkModel, RuleError, Stage
 from phalanx.network.rule import (
     CORRUPT,
@@ -41,22 +41,23 @@ def inbox_of(links: LinkModel, count: int) -> BroadcastInbox:
     return inbox
 
 
+@pytest.mark.slow
 def test_a_duplicate_goes_its_own_way_and_the_first_to_arrive_counts():
     uniform = {"low": 0.0, "high": 0.1}
     link = Link(0, "a", "b", model(duplicate=0.25, delay=uniform))
-    passages = [link.fate(k) for k in range(MANY)]
-    twice = [p for p in passages if len(p.copies) == 2]
+    deliveries = [link.fate(k) for k in range(MANY)]
+    twice = [p for p in deliveries if len(p.copies) == 2]
     assert len(twice) / MANY == pytest.approx(0.25, abs=4.0 * np.sqrt(0.25 * 0.75 / MANY))
     assert np.mean([p.delay for p in twice]) == pytest.approx(0.1 / 3.0, rel=0.05)
     one, two = np.array([[copy.after for copy in p.copies] for p in twice]).T
     assert abs(np.corrcoef(one, two)[0, 1]) < 0.06
     single = Link(0, "a", "b", model(delay=uniform))
-    assert all(p.copies[0] == single.fate(k).copies[0] for k, p in enumerate(passages[:1000]))
+    assert all(p.copies[0] == single.fate(k).copies[0] for k, p in enumerate(deliveries[:1000]))
 
 
 def test_an_inbox_takes_a_duplicate_once():
     inbox = inbox_of(LinkModel((Stage("duplicate", Always(DUPLICATE)),)), 3)
-    fates = inbox.advance({0: Existing(0, 2)}, 1.0)
+    fates = inbox.advance({0: BroadcastRange(0, 2)}, 1.0)
     assert [fate.delay for fate in fates] == [0.0, 0.0, 0.0]
     assert inbox.received()[0].u == (2.0, 0.0)
     assert not inbox.put(0, broadcast(2))
@@ -67,7 +68,7 @@ def test_a_damaged_broadcast_is_lost_and_refused_by_the_seal():
     damaged = [k for k in range(MANY) if link.fate(k).delay is None]
     assert len(damaged) / MANY == pytest.approx(0.2, abs=4.0 * np.sqrt(0.16 / MANY))
     inbox = inbox_of(model(corrupt=0.2), 200)
-    told = inbox.advance({0: Existing(0, 199)}, 9.0)
+    told = inbox.advance({0: BroadcastRange(0, 199)}, 9.0)
     taken = inbox.take_corrupt()
     assert [m.k for _, m in taken] == [f.k for f in told if f.delay < 0.0] == damaged[: len(taken)]
     assert inbox.take_corrupt() == []
@@ -131,21 +132,23 @@ def test_a_partition_loses_what_is_sent_in_its_time():
 
 
 def test_a_hold_releases_all_that_would_have_arrived_meanwhile_at_once():
-    held = LinkModel((*model(delay=0.05).stages, Stage("faults.0", During(0.2, 0.5, Hold(0.5)), 0)))
+    held = LinkModel(
+        (*model(delay=0.05).stages, Stage("faults.0", During(0.2, 0.5, HoldUntil(0.5)), 0))
+    )
     link = Link(0, "a", "b", held)
     arrivals = [k / 100 + link.fate(k, sent=k / 100).delay for k in range(100)]
     expected = [t + 0.05 for t in np.arange(100) / 100]
     assert arrivals == pytest.approx([0.5 if 0.2 <= t < 0.5 else t for t in expected])
     inbox = inbox_of(held, 60)
-    inbox.advance({0: Existing(0, 48)}, 0.499)
+    inbox.advance({0: BroadcastRange(0, 48)}, 0.499)
     assert inbox.received()[0].u[0] == 14
-    inbox.advance({0: Existing(0, 49)}, 0.5)
+    inbox.advance({0: BroadcastRange(0, 49)}, 0.5)
     assert inbox.received()[0].u[0] == 45
 
 
 @dataclass(frozen=True)
 class Always:
-    """One treatment for everybody."""
+    """The same treatment for every message."""
 
     treatment: tuple
 
@@ -179,8 +182,8 @@ def test_a_rule_of_ones_own_takes_a_dozen_lines():
 
 def test_an_inbox_tells_a_rule_how_far_away_the_sender_is():
     inbox = inbox_of(model(rules=[RAIN]), 40)
-    far = inbox.advance({0: Existing(0, 19)}, 1.0, lambda _: 100.0)
-    near = inbox.advance({0: Existing(0, 39)}, 1.0, lambda _: 0.0)
+    far = inbox.advance({0: BroadcastRange(0, 19)}, 1.0, lambda _: 100.0)
+    near = inbox.advance({0: BroadcastRange(0, 39)}, 1.0, lambda _: 0.0)
     assert [fate.delay < 0.0 for fate in (*far, *near)] == [True] * 20 + [False] * 20
 
 
@@ -190,6 +193,7 @@ def test_two_rules_of_one_class_draw_each_for_itself():
     assert np.mean(found) == pytest.approx(0.75, abs=0.015)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("column", [0, 1])
 def test_each_of_a_messages_draws_is_kept_by_chance_of_its_own(column):
     """Loss and delay of a message may be drawn side by side: neither has a part in the other."""
@@ -205,6 +209,7 @@ def test_each_of_a_messages_draws_is_kept_by_chance_of_its_own(column):
         assert message.draw("wind", column, kept=0.7) == before
 
 
+@pytest.mark.slow
 def test_what_changes_on_one_link_changes_nothing_on_another():
     calm = {"loss": 0.2, "delay": {"low": 0.0, "high": 0.1}}
     wild = {**calm, "loss": {"mean": 0.5, "burst": 3.0}, "duplicate": 0.3, "corrupt": 0.1}
@@ -223,16 +228,16 @@ def test_what_changes_on_one_link_changes_nothing_on_another():
 def test_effects_are_told_by_the_number_of_the_rule():
     link = Link(0, "a", "b", model(loss=0.5, duplicate=0.5, delay=0.01))
     for k in range(500):
-        passage = link.fate(k)
-        expected = (0,) if passage.delay is None else (1, 2) if len(passage.copies) == 2 else (2,)
-        assert passage.faults == expected
+        delivery = link.fate(k)
+        expected = (0,) if delivery.delay is None else (1, 2) if len(delivery.copies) == 2 else (2,)
+        assert delivery.faults == expected
 
 
 def test_damage_to_one_copy_leaves_the_other():
     stages = (Stage("a", Always(DUPLICATE)), Stage("b", OnlyFirst()))
-    passage = Link(0, "a", "b", LinkModel(stages)).fate(0)
-    assert [copy.corrupt for copy in passage.copies] == [True, False]
-    assert passage.delay == 0.0
+    delivery = Link(0, "a", "b", LinkModel(stages)).fate(0)
+    assert [copy.corrupt for copy in delivery.copies] == [True, False]
+    assert delivery.delay == 0.0
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What befalls some of 40 000 messages: as many as asked for, in runs as long as asked for."""
+"""Shares of 40 000 messages that rules treat, and lengths of their runs."""
 
 from collections.abc import Callable
 
@@ -6,27 +6,28 @@ import numpy as np
 import pytest
 from scipy.stats import chisquare
 
-from phalanx.network.link import Link, Passage
+from phalanx.network.link import Delivery, Link
 from tests.unit.network.models import MANY, model
 from tests.unit.network.test_loss import chi_square_of_geometric, runs
 
 SHARE = 0.2
 BESIDE = {"reorder": {"delay": 0.01}}
 """Without a delay nothing could be reordered."""
-BEFALLEN: dict[str, Callable[[Passage], bool]] = {
-    "corrupt": lambda passage: passage.delay is None,
-    "duplicate": lambda passage: len(passage.copies) == 2,
-    "reorder": lambda passage: passage.delay == 0.0,
+BEFALLEN: dict[str, Callable[[Delivery], bool]] = {
+    "corrupt": lambda delivery: delivery.delay is None,
+    "duplicate": lambda delivery: len(delivery.copies) == 2,
+    "reorder": lambda delivery: delivery.delay == 0.0,
 }
 
 
 def befallen(field: str, **table: float) -> np.ndarray:
-    """Which of so many messages, shape (MANY,)."""
+    """Return for each message whether the rule treated it, shape (MANY,)."""
     fields = {field: {"probability": SHARE, **table}, **BESIDE.get(field, {})}
     link = Link(0, "a", "b", model(**fields))
     return np.array([BEFALLEN[field](link.fate(k)) for k in range(MANY)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("field", BEFALLEN)
 def test_without_correlation_no_message_knows_of_another(field):
     found = befallen(field)
@@ -37,6 +38,7 @@ def test_without_correlation_no_message_knows_of_another(field):
     assert chisquare(pairs, expected).pvalue > 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("field", "correlation"), [("corrupt", 0.3), ("duplicate", 0.8), ("reorder", 0.5)]
 )

@@ -1,4 +1,4 @@
-"""Signals that come while somebody waits."""
+"""Signals that arrive during a wait."""
 
 import contextlib
 import os
@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 
 @contextlib.contextmanager
 def outlasting_a_wait(at_last: Callable[[], None]) -> Iterator[None]:
-    """A signal comes after 10 ms, and its handler takes 50 ms.
+    """Send a signal after 10 ms, whose handler takes 50 ms.
 
     at_last: called after 10 s, to end a wait that has no end.
     """

@@ -1,4 +1,4 @@
-"""What agents may answer: each sample once, and nothing twice."""
+"""Answers of agents: one to each sample, and none twice."""
 
 import msgspec
 import pytest
@@ -17,12 +17,12 @@ KEYS, SEALER = Keys("run"), Sealer(b"secret")
 
 @pytest.fixture
 def answers() -> Answers:
-    """Of Simulation 1."""
+    """The answers of Simulation 1."""
     return Answers(swarm_of_scenario("unicycles"), KEYS, SEALER)
 
 
 def sample(k: int) -> Sample:
-    """Sample k of Simulation 1, everybody where they start."""
+    """Sample k of Simulation 1, all agents at their start."""
     x = swarm_of_scenario("unicycles").start().astype("<f8").tobytes()
     nothing = (-1,) * 5
     return Sample(
@@ -101,19 +101,19 @@ def test_a_report_on_a_broadcast_that_cannot_have_been_heard_so_is_refused(
         answers.on_telemetry(0, report)
 
 
-def test_what_is_sealed_and_owed_is_taken_from_each_agent(answers: Answers):
+def test_sealed_and_pending_answers_are_accepted_from_each_agent(answers: Answers):
     answers.expect(0, sample(1))
     own, others = KEYS.actuation("1"), KEYS.actuation("2")
     with pytest.raises(Malformed, match="bad seal"):
-        answers.take(own, Sealer(b"another").seal(own, GOOD))
+        answers.accept(own, Sealer(b"another").seal(own, GOOD))
     with pytest.raises(Malformed, match="out of order"):
-        answers.take(others, SEALER.seal(others, GOOD))
-    assert answers.take(own, SEALER.seal(own, GOOD)) is None
+        answers.accept(others, SEALER.seal(others, GOOD))
+    assert answers.accept(own, SEALER.seal(own, GOOD)) is None
     assert answers.take_input(0).tolist() == [1.0, 0.0]
 
 
-def test_why_an_agent_answers_no_more_is_said_in_printable_words(answers: Answers):
+def test_an_agents_error_message_is_printable(answers: Answers):
     key = KEYS.telemetry("1")
     answers.expect(0, sample(0))
     report = Telemetry(k=0, report=MADE, ages=(), failed="no\x1b[2Jvalue")
-    assert answers.take(key, SEALER.seal(key, report)) == "agent 1: no [2Jvalue"
+    assert answers.accept(key, SEALER.seal(key, report)) == "agent 1: no [2Jvalue"

@@ -1,4 +1,4 @@
-"""Live commands: only what the command secret sealed, once, and only what can be obeyed."""
+"""Live commands: sealed with the command secret, once, and only possible ones."""
 
 import numpy as np
 import pytest
@@ -24,21 +24,23 @@ def put(commands: CommandQueue, number: int, command: Command = LOSS, secret: by
     commands.on_command(KEY, Sealer(secret).seal(KEY, message))
 
 
-def obeyed(commands: CommandQueue) -> list[str]:
-    return [command.kind for command in commands.take(0.0, np.nextafter(0.0, 1.0), lambda: None)]
+def applied(commands: CommandQueue) -> list[str]:
+    return [
+        command.kind for command in commands.wait_until(np.nextafter(0.0, 1.0), 0.0, lambda: None)
+    ]
 
 
 @pytest.mark.parametrize("number", [5, 4])
-def test_a_command_is_obeyed_once_and_no_earlier_one_after_it(commands: CommandQueue, number: int):
+def test_a_command_is_applied_once_and_no_earlier_one_after_it(commands: CommandQueue, number: int):
     put(commands, 5)
     put(commands, number)
-    assert obeyed(commands) == ["loss"]
+    assert applied(commands) == ["loss"]
     assert commands.refusals.counts == {"command: out of order": 1}
 
 
-def test_without_the_secret_nobody_commands(commands: CommandQueue):
+def test_a_command_without_the_secret_is_refused(commands: CommandQueue):
     put(commands, 5, secret=b"guessed")
-    assert obeyed(commands) == []
+    assert applied(commands) == []
     assert commands.refusals.counts == {"command: bad seal": 1}
 
 
@@ -52,9 +54,9 @@ def test_without_the_secret_nobody_commands(commands: CommandQueue):
         Command(0.0, CommandKind.DELAY, value=float("nan")),
     ],
 )
-def test_what_cannot_be_obeyed_is_refused(commands: CommandQueue, command: Command):
+def test_an_impossible_command_is_refused(commands: CommandQueue, command: Command):
     put(commands, 5, command)
-    assert obeyed(commands) == []
+    assert applied(commands) == []
     assert commands.refusals.counts == {"command: wrong command": 1}
 
 
@@ -62,4 +64,4 @@ def test_a_signal_that_outlasts_a_wait_for_the_wall_clock_leaves_it_its_end():
     paced = CommandQueue(CommandPolicy(secret=SECRET, speed=1.0), ("1", "2"))
     paced.pace.restart(0.0)
     with outlasting_a_wait(lambda: put(paced, 1)):
-        assert paced.take(0.0, 0.1, lambda: None) == []
+        assert paced.wait_until(0.1, 0.0, lambda: None) == []

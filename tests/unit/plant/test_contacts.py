@@ -1,12 +1,12 @@
-"""Which broadcasts exist for whom, by virtual time alone. Agent 0 listens to agent 1 here."""
+"""The broadcasts that exist for agent 0, which listens to agent 1, by virtual time alone."""
 
 import numpy as np
 import pytest
-from phalanx_plant.sampling.sensing import Contacts, Sight
+from phalanx_plant.sampling.sensing import Contacts, Visibility
 
 PERIOD = 0.01
-APART, IN_SIGHT = Sight((1,), ()), Sight((0, 1), (0,))
-"""What agent 1's sample says: agent 0 is far away, or sees it."""
+APART, IN_SIGHT = Visibility((1,), ()), Visibility((0, 1), (0,))
+"""Agent 1's visibility: agent 0 is far away, or in sight."""
 
 
 class Pair:
@@ -16,9 +16,9 @@ class Pair:
         self.contacts = Contacts(2, latency)
         self.k = self.samples = 0
 
-    def speaks(self, sight: Sight = IN_SIGHT) -> None:
+    def speaks(self, visible: Visibility = IN_SIGHT) -> None:
         """Agent 1 takes its next sample, and broadcasts."""
-        self.contacts.sampled(1, self.k, PERIOD * self.k, sight)
+        self.contacts.sampled(1, self.k, PERIOD * self.k, visible)
         self.k += 1
 
     def hears(self, sees: bool = True, later: float = 0.0) -> tuple[int, int]:
@@ -27,8 +27,8 @@ class Pair:
         t = PERIOD * (self.k - 0.5) + later + 1e-6 * self.samples
         seen = (0, 1) if sees else (0,)
         since, latest = self.contacts.existing(0, t, seen)
-        self.contacts.sampled(0, self.samples, t, Sight(seen, ()))
-        assert (since[0], latest[0]) == (-1, -1), "nobody hears itself"
+        self.contacts.sampled(0, self.samples, t, Visibility(seen, ()))
+        assert (since[0], latest[0]) == (-1, -1), "no agent receives from itself"
         return (since[1], latest[1]) if sees else (-1, -1)
 
 
@@ -41,14 +41,14 @@ def test_among_agents_in_sight_of_each_other_every_broadcast_counts_from_the_fir
 
 def test_agents_that_sample_together_do_not_hear_each_other():
     contacts = Contacts(2, 0.0)
-    everybody = (0, 1)
+    both = (0, 1)
     for k in range(4):
-        existing = [contacts.existing(i, PERIOD * k, everybody) for i in everybody]
+        existing = [contacts.existing(i, PERIOD * k, both) for i in both]
         newest = k - 1
         since = 0 if k else -1
         assert existing == [((-1, since), (-1, newest)), ((since, -1), (newest, -1))]
-        for i in everybody:
-            contacts.sampled(i, k, PERIOD * k, Sight(everybody, (1 - i,)))
+        for i in both:
+            contacts.sampled(i, k, PERIOD * k, Visibility(both, (1 - i,)))
 
 
 def test_a_broadcast_sent_at_the_very_instant_of_a_sample_is_not_heard_in_it():
@@ -59,7 +59,7 @@ def test_a_broadcast_sent_at_the_very_instant_of_a_sample_is_not_heard_in_it():
     assert contacts.existing(0, np.nextafter(PERIOD, 1.0), (1,)) == ((0,), (1,))
 
 
-def test_of_who_comes_into_range_only_what_is_sent_from_then_on_counts():
+def test_only_broadcasts_sent_after_an_agent_came_into_range_count():
     pair = Pair()
     pair.speaks(APART)
     pair.speaks(APART)
@@ -69,7 +69,7 @@ def test_of_who_comes_into_range_only_what_is_sent_from_then_on_counts():
     assert pair.hears() == (2, 2)
 
 
-def test_whoever_leaves_and_comes_back_begins_anew():
+def test_an_agent_that_leaves_and_comes_back_begins_a_new_contact():
     pair = Pair()
     pair.speaks()
     assert pair.hears() == (0, 0)
@@ -100,5 +100,5 @@ def test_a_broadcast_exists_once_its_input_takes_effect(later, latest):
 
 def test_adversaries_are_seen_but_never_heard():
     contacts = Contacts(2, 0.0)
-    contacts.sampled(1, 0, 0.0, Sight((0, 1), ()))
+    contacts.sampled(1, 0, 0.0, Visibility((0, 1), ()))
     assert contacts.existing(0, PERIOD, (0, 1)) == ((-1, -1), (-1, -1))

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from phalanx_plant.world.disturbance import KnottedDisturbance, SwarmDisturbance
+from phalanx_plant.world.disturbance import RandomDisturbance, SwarmDisturbance
 
 from phalanx.scenario.agents import Disturbance
 from tests.unit.swarms import rows_of_scenario
@@ -15,7 +15,7 @@ times = st.floats(0.0, 20.0)
 
 
 def phi(t: float, model: Disturbance = MODEL, n: int = 3) -> np.ndarray:
-    return KnottedDisturbance(0, "1", model, n).line(t).at(t)
+    return RandomDisturbance(0, "1", model, n).line(t).at(t)
 
 
 @given(times, st.integers(1, 6))
@@ -36,7 +36,7 @@ def test_the_disturbance_is_continuous(t, dt):
 
 @pytest.mark.parametrize("every", [0.2, 0.1, 0.07, 1 / 3])
 def test_at_a_knot_the_next_line_begins_where_the_last_one_ended(every):
-    source = KnottedDisturbance(0, "1", Disturbance(bound=1.0, every=every), 3)
+    source = RandomDisturbance(0, "1", Disturbance(bound=1.0, every=every), 3)
     t = 0.0
     for _ in range(500):
         line = source.line(t)
@@ -48,19 +48,19 @@ def test_at_a_knot_the_next_line_begins_where_the_last_one_ended(every):
 
 @given(st.lists(times, min_size=1, max_size=20))
 def test_the_disturbance_does_not_depend_on_the_order_of_asking(order):
-    source = KnottedDisturbance(0, "1", MODEL, 3)
+    source = RandomDisturbance(0, "1", MODEL, 3)
     for t in order:
         assert (source.line(t).at(t) == phi(t)).all()
 
 
 def test_agents_are_disturbed_differently_and_no_bound_means_none():
-    one, other = (KnottedDisturbance(0, name, MODEL, 3).line(0.1).value for name in "12")
+    one, other = (RandomDisturbance(0, name, MODEL, 3).line(0.1).value for name in "12")
     assert (one != other).all()
     assert not phi(0.3, Disturbance(bound=0.0)).any()
 
 
 def test_an_adverse_disturbance_pushes_along_the_gradient_of_the_last_psi_before_inputs():
-    """For q = 2 that of ψ_1, in which the gradient of h has a part too."""
+    """The last is ψ_1 if q = 2, and its gradient contains that of h."""
     rows = rows_of_scenario("formation3d", "agents.1.disturbance.kind=adverse")
     swarm, chain = rows.swarm, rows.chain
     composed, x = swarm.safe_set, swarm.start()
@@ -80,7 +80,7 @@ def test_the_swarms_disturbance_stacks_its_agents():
     for t in (0.0, 0.05, 0.13, 0.2, 0.31):
         line = stacked.line(t, swarm.start())
         each = [
-            KnottedDisturbance(0, name, swarm.groups[i].disturbance, 3).line(t)
+            RandomDisturbance(0, name, swarm.groups[i].disturbance, 3).line(t)
             for i, name in enumerate(swarm.names)
         ]
         assert line.end == min(l.end for l in each)

@@ -1,4 +1,4 @@
-"""What the event log says of a run."""
+"""The event log of a run, and its recorded states and certificates."""
 
 from pathlib import Path
 
@@ -35,6 +35,7 @@ def agent(name: str, role: str, start: list[float], law: str) -> dict:
     }
 
 
+@pytest.mark.slow
 def test_the_log_names_each_pair_that_leaves_not_the_one_that_was_worst_before(tmp_path: Path):
     """The obstacle is intruded upon most deeply, and from the start; the pair leaves later."""
     hunted = agent("hunted", "normal", [0.0, 2.5], "track-velocity")
@@ -53,20 +54,22 @@ def test_the_log_names_each_pair_that_leaves_not_the_one_that_was_worst_before(t
     assert run.summary.worst_pair == "hunted-obstacle 0"
 
 
+@pytest.mark.slow
 def test_the_log_says_when_a_pair_is_safe_again():
     """An agent that starts within an obstacle's clearance gets out of it."""
     intruder = agent("intruder", "normal", [0.0, 2.1], "track-velocity")
     pushed = {**LINE, "safety": {**LINE["safety"], "eta": 4.0}, "agents": [intruder]}
     run = phalanx.run(phalanx.load(pushed), engine="in-process")
     (violation,) = run.summary.violations
-    told = run.events.filter(run.events["text"].str.contains("safe"))
-    assert told["text"].to_list() == [
+    lines = run.events.filter(run.events["text"].str.contains("safe"))
+    assert lines["text"].to_list() == [
         "intruder-obstacle 0 left the safe set",
         "intruder-obstacle 0 is safe again",
     ]
-    assert told["t"][1] == pytest.approx(violation.first + violation.duration, abs=0.02)
+    assert lines["t"][1] == pytest.approx(violation.first + violation.duration, abs=0.02)
 
 
+@pytest.mark.slow
 def test_a_backup_is_a_step_at_which_the_backup_input_was_applied():
     """Steps with empty K_i that kept the nominal input are none."""
     scenario = phalanx.load("unicycles", {"duration": 0.5, "safety.eta": 40.0})
@@ -76,6 +79,7 @@ def test_a_backup_is_a_step_at_which_the_backup_input_was_applied():
     assert run.summary.origins["backup"] == counted["backup"] > 0
 
 
+@pytest.mark.slow
 def test_states_are_recorded_no_more_often_than_asked_for_and_no_peak_is_lost():
     whole = phalanx.run(phalanx.load("unicycles", {"duration": 0.3}), engine="in-process")
     thinned = phalanx.load("unicycles", {"duration": 0.3, "time.recording_step": 0.03})
@@ -94,18 +98,19 @@ def test_states_are_recorded_no_more_often_than_asked_for_and_no_peak_is_lost():
 
 
 def certified(run: phalanx.Run) -> set[float]:
-    """What was recorded, which must be what is proven of the state that the input met."""
-    swarm, recording, told = build_swarm(run.scenario), run.recording, set()
+    """The recorded certificates, which must be those of the true states of the inputs."""
+    swarm, recording, found = build_swarm(run.scenario), run.recording, set()
     certificates, states = SwarmCertificates(swarm), {s.t: np.array(s.x) for s in recording.states}
     for step in recording.steps:
         i = swarm.names.index(step.agent)
         if i in swarm.normal:
             proven = certificates.of(i)(states[step.t_apply], np.array(step.u))
             assert step.certified == proven.min()
-            told.add(step.certified)
-    return told
+            found.add(step.certified)
+    return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("latency", [0.0, 0.004])
 def test_each_input_is_certified_from_the_state_in_which_it_took_effect(latency: float):
     start = [[0.0, 0.0, 0.0], [1.2, 0.0, 0.0], [0.0, 1.2, 0.0]]
@@ -115,12 +120,12 @@ def test_each_input_is_certified_from_the_state_in_which_it_took_effect(latency:
     assert len(certified(run)) > 20
 
 
-def test_whoever_comes_from_afar_counts_in_certificates_when_it_is_there():
-    """It is not looked at each input who may meet whom."""
+def test_an_agent_from_far_away_counts_in_certificates_when_it_is_near():
+    """The pairs that may meet are not looked up at each input."""
     hunted = agent("hunted", "normal", [0.0, 0.0], "track-velocity")
     hunter = agent("hunter", "adversary", [2.5, 0.0], "pursue")
     hunted["dynamics"]["speed"] = 1e-3
     run = phalanx.run(phalanx.load({**LINE, "agents": [hunted, hunter]}), engine="in-process")
-    told = certified(run)
-    assert min(told) == 0.0
-    assert len(told) > 3
+    found = certified(run)
+    assert min(found) == 0.0
+    assert len(found) > 3

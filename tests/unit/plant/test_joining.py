@@ -1,4 +1,4 @@
-"""Who has joined and who has left, by tokens."""
+"""Joining and leaving, by liveliness tokens."""
 
 import pytest
 from phalanx_plant.hub.joining import Joining
@@ -39,7 +39,7 @@ def test_before_the_run_begins_an_agent_may_go_and_come_back(joining: Joining):
     assert joining.gone_for(0.0) == []
 
 
-def test_who_went_before_the_run_began_is_given_up_after_a_while():
+def test_an_agent_lost_before_the_run_began_is_given_up_after_a_while():
     wall = [100.0]
     joining = Joining(swarm_of_scenario("unicycles"), may_leave=False, now=lambda: wall[0])
     own = KEYS.alive("1", joining.digest)
@@ -52,7 +52,7 @@ def test_who_went_before_the_run_began_is_given_up_after_a_while():
 
 
 @pytest.mark.parametrize("key", ["phalanx/run/alive/*/x", "phalanx/**", "1", KEYS.alive("9", "x")])
-def test_tokens_of_nobody_mean_nothing(joining: Joining, key: str):
+def test_tokens_of_no_agent_are_ignored(joining: Joining, key: str):
     assert joining.on_token(key, True) is None
     assert len(joining.missing()) == 5
 

@@ -1,18 +1,18 @@
-"""The judge: how often each assumption of the theorem failed."""
+"""The judge: counts of each assumption's checks and failures."""
 
 import casadi as ca
 import numpy as np
 import pytest
 from phalanx_plant.judge.judge import Judge
+from phalanx_plant.world.evaluation import EvaluatedSteps
 from phalanx_plant.world.events import (
-    CommandObeyed,
+    CommandApplied,
     Event,
     InputApplied,
     InputLost,
     Sampled,
     StateReached,
 )
-from phalanx_plant.world.truth import IntegrationSteps
 from phalanx_plant.world.world import DisturbanceKnot, DivergedError
 
 from phalanx.faults.commands import Command, CommandKind
@@ -25,21 +25,21 @@ from tests.unit.swarms import rows_of_scenario
 
 
 class ReportedTo(Judge):
-    """A judge of Simulation 1 or another, with nothing seen yet, and what agents will report."""
+    """A judge at the start of a run, and the reports that agents will send."""
 
     def __init__(self, name: str, *overrides: str) -> None:
         self.reports = dict[tuple[int, int], Telemetry]()
         super().__init__(rows_of_scenario(name, *overrides), lambda i, k: self.reports.pop((i, k)))
 
     def happen(self, *events: Event) -> None:
-        """These come next."""
+        """Prepare and judge these events."""
         self.prepare(events)
         for event in events:
-            self.take(event)
+            self.judge(event)
 
 
 def judge_of(*overrides: str) -> ReportedTo:
-    """Of Simulation 1."""
+    """Return a judge of Simulation 1."""
     return ReportedTo("unicycles", *overrides)
 
 
@@ -64,10 +64,10 @@ def apply(
     judge.happen(InputApplied(i, k, t, t if t_apply is None else t_apply, np.array(u), x))
 
 
-def obey(judge: ReportedTo, kind: CommandKind, i: int, t: float = 0.0) -> None:
-    """A command on agent i is obeyed."""
+def command(judge: ReportedTo, kind: CommandKind, i: int, t: float = 0.0) -> None:
+    """Let a command on agent i take effect."""
     name = rows_of_scenario("unicycles").swarm.names[i]
-    judge.happen(CommandObeyed(Command(t, kind, name), i))
+    judge.happen(CommandApplied(Command(t, kind, name), i))
 
 
 def assumption(judge: Judge, name: str) -> Assumption:
@@ -83,6 +83,7 @@ def counted(judge: Judge, name: str) -> tuple[int, int, float | None]:
     return found.failed, found.checked, found.first
 
 
+@pytest.mark.slow
 def test_a_sampling_gap_above_the_period_and_its_jitter_is_counted():
     judge = judge_of()
     for t in (0.0, 0.012, 0.020, 0.0325, 0.0425, 0.060):
@@ -92,6 +93,7 @@ def test_a_sampling_gap_above_the_period_and_its_jitter_is_counted():
     assert counted(judge, "sampling gap")[1] == 5
 
 
+@pytest.mark.slow
 def test_a_received_input_is_fresh_only_while_it_is_what_its_sender_applies():
     judge = judge_of()
     apply(judge, 1, k=0, t=0.00)
@@ -104,6 +106,7 @@ def test_a_received_input_is_fresh_only_while_it_is_what_its_sender_applies():
     assert counted(judge, "received inputs in force") == (1, 3, 0.015)
 
 
+@pytest.mark.slow
 def test_normal_agents_sample_together_if_each_takes_its_kth_sample_at_the_same_instant():
     judge = judge_of("safety.control=centralised")
     for k, times in enumerate([(0.0, 0.0, 0.0), (0.01, 0.01, 0.012), (0.02, 0.02, 0.02)]):
@@ -112,12 +115,14 @@ def test_normal_agents_sample_together_if_each_takes_its_kth_sample_at_the_same_
     assert counted(judge, "synchronous sampling") == (1, 9, 0.012)
 
 
+@pytest.mark.slow
 def test_freshness_is_no_assumption_of_a_row_that_needs_nothing_from_others():
     split = judge_of("safety.information=split")
     assert "received inputs in force" not in [a.name for a in split.assumptions.of_theorem]
     assert "received inputs in force" in [a.name for a in judge_of().assumptions.of_theorem]
 
 
+@pytest.mark.slow
 def test_steps_are_counted_by_origin_and_without_authority_there_is_no_backup():
     judge = judge_of()
     origins = [Origin.QP, Origin.BACKUP, Origin.NO_AUTHORITY, Origin.QP]
@@ -130,20 +135,21 @@ def test_steps_are_counted_by_origin_and_without_authority_there_is_no_backup():
     assert counted(judge, "non-empty K_i") == (2, 4, 0.01)
 
 
+@pytest.mark.slow
 def test_a_disturbance_beyond_its_bound_is_counted_at_its_knot():
     judge = judge_of()
     phi = np.zeros(15)
     phi[3:6] = 1.73 / np.sqrt(3)
-    judge.saw([DisturbanceKnot(0.1, phi)])
+    judge.add([DisturbanceKnot(0.1, phi)])
     assert counted(judge, "disturbance bound") == (0, 1, None)
-    judge.saw([DisturbanceKnot(0.2, (1.0 + 1e-6) * phi)])
+    judge.add([DisturbanceKnot(0.2, (1.0 + 1e-6) * phi)])
     assert counted(judge, "disturbance bound") == (1, 2, 0.2)
 
 
-def steps(times: list[float], h: list[float], psi: list[float] | None = None) -> IntegrationSteps:
-    """What integration showed of the first two pairs, all else being left out."""
+def steps(times: list[float], h: list[float], psi: list[float] | None = None) -> EvaluatedSteps:
+    """Return steps with values of the first two pairs, without the others."""
     both = np.array([h, h]).T
-    return IntegrationSteps(
+    return EvaluatedSteps(
         np.array(times),
         np.arange(2),
         both,
@@ -153,6 +159,7 @@ def steps(times: list[float], h: list[float], psi: list[float] | None = None) ->
     )
 
 
+@pytest.mark.slow
 def test_a_pair_is_covered_as_long_as_either_of_its_agents_holds_a_certificate():
     coverage = judge_of().coverage
     pairs = rows_of_scenario("unicycles").swarm.safe_set.pairs
@@ -162,13 +169,14 @@ def test_a_pair_is_covered_as_long_as_either_of_its_agents_holds_a_certificate()
         assert coverage.ends[both] == ends
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turns", [True, False])
 def test_a_pair_without_a_normal_agent_needs_no_certificate_any_more(turns):
     judge = judge_of()
     for i in (0, 1, 2):
         judge.coverage.applied(i, 0.0, np.full(7, 1.0))
     if turns:
-        obey(judge, CommandKind.TURN, 0)
+        command(judge, CommandKind.TURN, 0)
     for i in (1, 2):
         judge.coverage.applied(i, 0.9, np.full(7, 2.0))
     for t, uncovered in ((1.0, 0), (2.0, int(not turns))):
@@ -176,27 +184,31 @@ def test_a_pair_without_a_normal_agent_needs_no_certificate_any_more(turns):
         assert counted(judge, "certificates")[0] == uncovered
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("h", "failed"), [(-1.0, 0), (0.0, 0), (0.1, 1)])
 def test_a_start_outside_the_safe_set_is_counted_once(h, failed):
     judge = judge_of()
     for t in (0.0, 0.001):
-        judge.saw([steps([t], [h])])
+        judge.add([steps([t], [h])])
     assert counted(judge, "start in S")[:2] == (failed, 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unsafe", [0, 1])
 def test_one_pair_makes_a_start_unsafe_though_it_gets_away_before_the_first_event(unsafe):
     judge, h = judge_of(), np.full((2, 2), -1.0)
     h[0, unsafe] = 0.1
-    judge.saw([steps([0.0, 0.001], [-1.0, -1.0])._replace(h=h)])
+    judge.add([steps([0.0, 0.001], [-1.0, -1.0])._replace(h=h)])
     assert counted(judge, "start in S") == (1, 1, 0.0)
 
 
+@pytest.mark.slow
 def test_one_step_without_an_h_tot_is_the_end():
     with pytest.raises(DivergedError):
-        judge_of().saw([steps([0.0, 0.001, 0.002], [-1.0, np.nan, -1.0])])
+        judge_of().add([steps([0.0, 0.001, 0.002], [-1.0, np.nan, -1.0])])
 
 
+@pytest.mark.slow
 def test_an_input_that_is_lost_did_not_come_in_time():
     judge = judge_of()
     assert "inputs in time" not in [a.name for a in judge.assumptions.of_guarantee]
@@ -207,20 +219,23 @@ def test_an_input_that_is_lost_did_not_come_in_time():
         assert "inputs in time" in [a.name for a in rests_on]
 
 
+@pytest.mark.slow
 def test_what_a_guarantee_rests_on():
     named = [a.name for a in judge_of().assumptions.of_guarantee]
     expected = ["start in S", "sampling gap", "disturbance bound", "admissible inputs"]
     assert named == [*expected, "certificates"]
 
 
+@pytest.mark.slow
 def test_a_step_that_is_off_the_equation_of_motion_is_one_of_them():
     judge = judge_of()
     for resolved in (True, False):
-        judge.saw([steps([0.1], [-1.0])._replace(resolved=np.array([resolved]))])
+        judge.add([steps([0.1], [-1.0])._replace(resolved=np.array([resolved]))])
         assert ("resolved motion" in [a.name for a in judge.assumptions.of_guarantee]) != resolved
     assert counted(judge, "resolved motion") == (1, 2, 0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("choice", "more"),
     [
@@ -235,28 +250,29 @@ def test_what_the_theorem_rests_on(choice, more):
     assert [a.name for a in judge_of(f"safety.{choice}").assumptions.of_theorem] == [*always, *more]
 
 
-def test_who_falls_silent_or_is_deceived_counts_if_it_is_normal():
+def test_a_silent_or_deceived_agent_counts_if_it_is_normal():
     judge, adversary = judge_of(), 4
     for i in (0, adversary):
         judge.happen(Sampled(i, 0.01 * i, truthful=False))
-        obey(judge, CommandKind.FREEZE, i, 0.1)
+        command(judge, CommandKind.FREEZE, i, 0.1)
     assert counted(judge, "truthful sensors") == (1, 1, 0.0)
     assert counted(judge, "faithful agents") == (1, 1, 0.1)
 
 
-def test_an_input_of_somebody_who_has_applied_none_is_not_in_force():
+def test_an_input_of_an_agent_that_has_applied_none_is_not_in_force():
     judge = judge_of()
     apply(judge, 0, t=0.005, ages=((1, 0.005),))
     assert counted(judge, "received inputs in force") == (1, 1, 0.005)
 
 
+@pytest.mark.slow
 def test_what_actuators_hold_before_their_first_input_has_to_be_in_u_too():
-    """Of the first group's three agents, which have to go on at 1 m/s at least."""
+    """The first group's three agents cannot go slower than 1 m/s."""
     going = 'agents.0.dynamics={ type = "tests.unit.plant.test_judge:Going", speed = 4.0, '
     judge = judge_of(going + "turn_rate = 2.0, offset = 0.25 }")
     start = rows_of_scenario("unicycles").swarm.start()
     judge.happen(StateReached(0.0, start, []))
-    assert counted(judge, "admissible inputs")[0] == 0, "nobody has held anything yet"
+    assert counted(judge, "admissible inputs")[0] == 0, "no time has passed"
     apply(judge, 0, u=(2.0, 0.0))
     judge.happen(StateReached(0.01, start, []))
     assert counted(judge, "admissible inputs")[0] == 2
@@ -270,6 +286,7 @@ class Going(Unicycle):
         return ca.vertcat(A, ca.SX([[-1.0, 0.0]])), ca.vertcat(b, -1.0)
 
 
+@pytest.mark.slow
 def test_time_may_go_on_until_the_first_certificate_ends_and_no_farther():
     """One pair's ends a second before all others."""
     coverage = judge_of().coverage
@@ -281,6 +298,7 @@ def test_time_may_go_on_until_the_first_certificate_ends_and_no_farther():
     assert summary.uncovered_at == 1.0
 
 
+@pytest.mark.slow
 def test_a_pair_of_which_nothing_is_proven_is_not_certified_even_for_an_instant():
     coverage = judge_of().coverage
     coverage.applied(3, 1.0, np.zeros(0))
@@ -289,15 +307,17 @@ def test_a_pair_of_which_nothing_is_proven_is_not_certified_even_for_an_instant(
     assert (coverage.ends == -np.inf).all()
 
 
+@pytest.mark.slow
 def test_a_given_margin_is_never_called_proven():
     assert assumption(judge_of(), "proven margin").failed == 1
 
 
+@pytest.mark.slow
 def test_leaving_s_i_is_an_assumption_of_its_own_with_when_and_how_deep():
     judge = ReportedTo("formation3d")
 
     def see(times: list[float], psi: list[float]) -> None:
-        judge.saw([steps(times, [-50.0] * len(times), psi)])
+        judge.add([steps(times, [-50.0] * len(times), psi)])
 
     see([0.0, 0.1], [-3.0, 0.0])
     assert counted(judge, "stayed in S_I") == (0, 2, None)
@@ -306,12 +326,14 @@ def test_leaving_s_i_is_an_assumption_of_its_own_with_when_and_how_deep():
     assert "the largest was 2.25, at t = 0.300 s" in assumption(judge, "stayed in S_I").note
 
 
+@pytest.mark.slow
 def test_with_relative_degree_1_there_is_nothing_between_h_and_s_i():
     judge = judge_of()
-    judge.saw([steps([0.0], [-1.0])])
+    judge.add([steps([0.0], [-1.0])])
     assert "stayed in S_I" not in [a.name for a in judge.assumptions.of_theorem]
 
 
+@pytest.mark.slow
 def test_a_solver_that_failed_is_no_empty_k_i():
     judge = judge_of()
     apply(judge, 0, origin=Origin.SOLVER_FAILED)
@@ -321,6 +343,7 @@ def test_a_solver_that_failed_is_no_empty_k_i():
     assert counted(judge, "non-empty K_i") == (1, 2, 0.01)
 
 
+@pytest.mark.slow
 def test_an_input_that_is_half_a_millisecond_late_is_late():
     judge = judge_of("time.latency=0.002")
     for late in (0.0, 5e-4):
@@ -328,6 +351,7 @@ def test_an_input_that_is_half_a_millisecond_late_is_late():
     assert counted(judge, "inputs in time") == (1, 2, 0.0125)
 
 
+@pytest.mark.slow
 def test_an_input_has_to_be_in_u_of_the_state_that_was_sampled():
     """The output's velocity is bound to 4 m/s ahead and .5 m/s aside, of the sampled heading."""
     dynamics = 'agents.0.dynamics={ type = "tests.unit.theory.users_own:OutputUnicycle" }'

@@ -1,4 +1,4 @@
-"""Lockstep where it ends badly."""
+"""Lockstep: runs that fail, lookahead, and pauses."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -10,7 +10,7 @@ import pytest
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.lockstep import Lockstep
 from phalanx_plant.clock.lookahead import look_ahead
-from phalanx_plant.judge.backlog import Backlog
+from phalanx_plant.judge.event_queue import EventQueue
 from phalanx_plant.judge.judge import Judged
 from phalanx_plant.run import PlantRun
 from phalanx_plant.sampling.sampling import Sampling
@@ -34,7 +34,7 @@ from tests.unit.swarms import rows_of_scenario
 RUNAWAY = """
 from dataclasses import dataclass
 
-from phalanx.theory.models.integrators import SingleIntegrator
+from phalanx.extend import SingleIntegrator
 
 
 @dataclass(frozen=True)
@@ -90,6 +90,7 @@ class Coasting:
         pass
 
 
+@pytest.mark.slow
 def test_the_input_before_a_breakdown_is_judged_and_recorded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -131,6 +132,7 @@ class Silenced(Coasting):
         return super().await_telemetry(i, k)
 
 
+@pytest.mark.slow
 def test_a_report_that_never_comes_is_why_the_run_broke_and_shifts_no_other_certificate(
     tmp_path: Path,
 ) -> None:
@@ -155,7 +157,7 @@ CONCURRENT = partial(Lockstep, synchronization=look_ahead)
 
 
 class Slow(Coasting):
-    """Agents whose answers are never there when they are looked for, but when they are awaited."""
+    """Agents whose answers arrive only when the plant waits for them."""
 
     def __init__(self, wanted: tuple[float, float] = (0.0, 0.0)) -> None:
         super().__init__()
@@ -163,7 +165,7 @@ class Slow(Coasting):
 
     def send_sample(self, i: int, sample: Sample) -> None:
         super().send_sample(i, sample)
-        if sample.t > 0.02:  # at 0 everybody samples, whoever sees whom
+        if sample.t > 0.02:  # at 0 all sample, whatever they see
             self.most = max(self.most, len(self._open))
 
     def take_input(self, i: int) -> Array | None:
@@ -183,6 +185,7 @@ def run_of(agents: Slow, folder: Path, *overrides: str) -> Summary:
         return PlantRun(rows, agents, recording, commands, CONCURRENT).run()
 
 
+@pytest.mark.slow
 def test_agents_out_of_each_others_sight_compute_at_once_and_the_trajectory_is_the_same(
     tmp_path: Path,
 ) -> None:
@@ -195,18 +198,19 @@ def test_agents_out_of_each_others_sight_compute_at_once_and_the_trajectory_is_t
     assert together.steps == alone.steps > 120
 
 
-def test_who_sees_everything_waits_for_everybody(tmp_path: Path) -> None:
+def test_an_agent_that_sees_everything_waits_for_all(tmp_path: Path) -> None:
     agents = Slow()
     assert run_of(agents, tmp_path, "agents.0.sensing=4.0").outcome is not Outcome.BROKEN
     assert agents.most == 4, "the three normal agents, which see 4 m far, and one that does not"
 
 
-def test_where_most_see_everything_nobody_looks_ahead(tmp_path: Path) -> None:
+def test_if_most_agents_see_everything_there_is_no_lookahead(tmp_path: Path) -> None:
     agents = Slow()
     assert run_of(agents, tmp_path, "agents.1.sensing=4.0").outcome is not Outcome.BROKEN
     assert agents.most == 1
 
 
+@pytest.mark.slow
 def test_dynamics_that_travel_farther_than_they_say_end_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -216,41 +220,41 @@ def test_dynamics_that_travel_farther_than_they_say_end_the_run(
     assert "travel farther than" in summary.reason
 
 
-class Told(Backlog):
-    """What was told of all that happened."""
+class Watched(EventQueue):
+    """All events that were added, and those that were judged."""
 
     def __init__(self) -> None:
-        super().__init__(self, [lambda judged: self.told.append(judged.event)])
-        self.happened, self.told = list[Event](), list[Event]()
+        super().__init__(self, [lambda judged: self.judged.append(judged.event)])
+        self.added, self.judged = list[Event](), list[Event]()
 
     def add(self, event: Event) -> None:
         super().add(event)
-        self.happened.append(event)
+        self.added.append(event)
 
     def prepare(self, events: Sequence[Event]) -> None: ...
 
-    def take(self, event: Event) -> Judged:
+    def judge(self, event: Event) -> Judged:
         return Judged(event)
 
 
 class PausedNowAndThen(CommandQueue):
-    """Virtual time waits before each event; whoever looks then sees so many events."""
+    """Virtual time waits before each event, and counts the events judged by then."""
 
-    def __init__(self, backlog: Told) -> None:
+    def __init__(self, events: Watched) -> None:
         super().__init__(NO_COMMANDS, ())
-        self.seen, self._backlog = list[int](), backlog
+        self.seen, self._events = list[int](), events
 
-    def take(self, now: float, t: float, idle: Callable[[], None]) -> list[Command]:
+    def wait_until(self, t: float, now: float, idle: Callable[[], None]) -> list[Command]:
         idle()
-        assert self._backlog.told == self._backlog.happened
-        self.seen.append(len(self._backlog.told))
-        return super().take(now, t, idle)
+        assert self._events.judged == self._events.added
+        self.seen.append(len(self._events.judged))
+        return super().wait_until(t, now, idle)
 
 
-def test_while_virtual_time_waits_all_that_happened_has_been_told() -> None:
-    rows, backlog = rows_of_scenario("unicycles", "duration=0.1"), Told()
-    swarm, commands = rows.swarm, PausedNowAndThen(backlog)
-    run = Lockstep(World(rows), Sampling(swarm), Coasting(), backlog, commands)
+def test_while_virtual_time_waits_all_events_have_been_judged() -> None:
+    rows, events = rows_of_scenario("unicycles", "duration=0.1"), Watched()
+    swarm, commands = rows.swarm, PausedNowAndThen(events)
+    run = Lockstep(World(rows), Sampling(swarm), Coasting(), events, commands)
     run.run(swarm.scenario.duration)
     assert commands.seen == sorted(set(commands.seen))
-    assert backlog.told == backlog.happened
+    assert events.judged == events.added

@@ -1,4 +1,4 @@
-"""States ahead of the answers: the world's own, to the last bit, for whoever is known."""
+"""States ahead of the answers: equal to the world's to the last bit, where they are known."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ EVENTS = np.cumsum([0.0013, 0.0002, 0.004, 0.0031, 0.0007, 0.19, 0.0009, 0.006])
 
 
 def both(radius: float = 2.0, *overrides: str) -> tuple[World, World, Lookahead]:
-    """A world that knows every input at once, and another, which a lookahead goes ahead of."""
+    """A world that knows every input at once, and another with a lookahead."""
     rows = rows_of_scenario("unicycles", *overrides)
     behind = World(rows)
     return World(rows), behind, Lookahead(behind, np.full(5, radius))
@@ -22,95 +22,95 @@ def both(radius: float = 2.0, *overrides: str) -> tuple[World, World, Lookahead]
 
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=10)
-def test_whoever_has_answered_is_where_the_world_will_have_it_however_late_the_answer(seed):
+def test_known_states_are_the_worlds_however_late_the_answers_of_others(seed):
     rng = np.random.default_rng(seed)
     world, behind, ahead = both()
-    late: list[tuple[int, int, np.ndarray | None]] = []  # until which event, who, which input
+    late: list[tuple[int, int, np.ndarray | None]] = []  # (until event, agent, input)
     for event, t in enumerate(EVENTS):
         world.advance(t)
         ahead.advance(t)
         for due in [entry for entry in late if entry[0] <= event]:
             late.remove(due)
-            ahead.end_awaiting(due[1], due[2])
-        open_ = set(ahead.open)
+            ahead.end_unknown(due[1], due[2])
+        unknown = set(ahead.unknown)
         for i, (known, true) in enumerate(
             zip(behind.integration.x.reshape(5, 3), world.x.reshape(5, 3), strict=True)
         ):
-            assert np.isnan(known).all() if i in open_ else np.array_equal(known, true)
-        for i in set(range(5)) - open_:
+            assert np.isnan(known).all() if i in unknown else np.array_equal(known, true)
+        for i in set(range(5)) - unknown:
             if rng.random() < 0.5:
                 lost = rng.random() < 0.3
                 u = None if lost else rng.uniform(-1.0, 1.0, 2)
                 if u is not None:
                     world.apply(i, u)
-                ahead.begin_awaiting(i)
+                ahead.begin_unknown(i)
                 late.append((event + int(rng.integers(1, 4)), i, u))
     for _, i, u in late:
-        ahead.end_awaiting(i, u)
+        ahead.end_unknown(i, u)
     ahead.reach(EVENTS[-1])
     assert (behind.t, behind.x.tobytes()) == (world.t, world.x.tobytes())
-    for piece, expected in zip(behind.take_way(), world.take_way(), strict=True):
+    for piece, expected in zip(behind.take_history(), world.take_history(), strict=True):
         assert [np.array(part).tobytes() for part in piece] == [
             np.array(part).tobytes() for part in expected
         ]
 
 
-def test_the_world_follows_up_to_the_oldest_input_that_is_awaited():
+def test_the_world_follows_up_to_the_oldest_pending_input():
     world, behind, ahead = both()
     ahead.advance(0.01)
-    ahead.begin_awaiting(4)
+    ahead.begin_unknown(4)
     ahead.advance(0.03)
     world.advance(0.01)
     ahead.reach(0.01)
     assert (behind.t, behind.x.tobytes()) == (0.01, world.x.tobytes())
-    ahead.end_awaiting(4, np.array([1.0, 0.5]))
+    ahead.end_unknown(4, np.array([1.0, 0.5]))
     world.apply(4, np.array([1.0, 0.5]))
     world.advance(0.03)
     ahead.reach(0.03)
     assert behind.x.tobytes() == world.x.tobytes()
 
 
-def test_only_who_may_be_in_sight_by_now_is_in_question():
+def test_only_agents_that_may_be_in_sight_by_now_are_required():
     """Agents 1 and 2 of Simulation 1 are 4.7 m apart at first; a unicycle goes 4 m/s."""
     *_, ahead = both(radius=4.0)
-    ahead.begin_awaiting(1)
-    assert ahead.in_question([0]) == []
-    assert ahead.in_question([1]) == [1], "nobody is handed a sample before it has answered"
+    ahead.begin_unknown(1)
+    assert ahead.required([0]) == []
+    assert ahead.required([1]) == [1], "no agent is sampled again before it has answered"
     ahead.advance(0.05)
-    assert ahead.in_question([0]) == []
+    assert ahead.required([0]) == []
     ahead.advance(0.12)  # .54 m from being seen: .48 m by its own speed, .70 m if it is pushed
-    assert ahead.in_question([0]) == [1]
+    assert ahead.required([0]) == [1]
     ahead.advance(0.2)
-    assert ahead.in_question([0]) == [1]
-    ahead.end_awaiting(1, np.array([0.0, 0.0]))
-    assert ahead.in_question([0]) == []
+    assert ahead.required([0]) == [1]
+    ahead.end_unknown(1, np.array([0.0, 0.0]))
+    assert ahead.required([0]) == []
 
 
-def test_with_unlimited_sensing_everybody_is_in_question():
+def test_with_unlimited_sensing_all_are_required():
     *_, ahead = both(radius=np.inf)
-    ahead.begin_awaiting(3)
-    assert ahead.in_question([0]) == [3]
+    ahead.begin_unknown(3)
+    assert ahead.required([0]) == [3]
 
 
 @pytest.mark.parametrize("radius", [0.0, 100.0])
-def test_who_does_not_move_at_all_is_in_question_by_where_it_is(radius):
+def test_an_agent_that_has_not_moved_is_required_by_its_position(radius):
     *_, ahead = both(radius)
-    ahead.begin_awaiting(2)
-    assert bool(ahead.in_question([0])) == (radius > 0.0)
+    ahead.begin_unknown(2)
+    assert bool(ahead.required([0])) == (radius > 0.0)
 
 
-def test_who_may_go_any_distance_is_in_question_for_all():
+def test_an_agent_of_unbounded_travel_is_required_for_all():
     own = 'agents.0.dynamics={ type = "tests.unit.theory.users_own:OutputUnicycle" }'
     *_, ahead = both(0.0, own)
-    ahead.begin_awaiting(2)
-    assert ahead.in_question([0]) == [2]
+    ahead.begin_unknown(2)
+    assert ahead.required([0]) == [2]
 
 
-def test_of_two_that_are_awaited_each_waits_for_itself_alone_at_first():
+def test_a_pending_agent_requires_itself_alone_at_first():
     *_, ahead = both(radius=np.inf)
-    ahead.begin_awaiting(1)
-    ahead.begin_awaiting(2)
-    assert ahead.in_question([1]) == [1], "where it is depends on nobody else"
-    assert ahead.in_question([0]) == [1, 2]
-    ahead.end_awaiting(1, None)
-    assert ahead.in_question([1]) == [2]
+    ahead.begin_unknown(1)
+    ahead.begin_unknown(2)
+    assert ahead.required([1]) == [1], "its position depends on no other agent"
+    assert ahead.required([0]) == [1, 2]
+    ahead.end_unknown(1, None)
+    assert ahead.required([1]) == [2]

@@ -1,4 +1,4 @@
-"""Who gets which agent's place."""
+"""Assignment of agents' places."""
 
 import datetime
 
@@ -8,7 +8,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 from phalanx_plant.hub.joining import Places
 
-from phalanx.hosts.authority import make_certificates, public_der, signer
+from phalanx.hosts.authority import make_identities, public_der, signer
 from phalanx.wire.keys import PLANT
 from phalanx.wire.messages import PlaceRequest
 
@@ -66,7 +66,7 @@ def test_who_runs_another_scenario_gets_no_place(desk: Desk) -> None:
 
 
 def test_the_certificate_says_the_name_for_that_key_alone(tmp_path) -> None:
-    make_certificates(tmp_path / "keys", [PLANT], ["here"], MONTH, claims=True)
+    make_identities(tmp_path / "keys", [PLANT], ["here"], MONTH, claims=True)
     key = ec.generate_private_key(ec.SECP256R1())
     pem = signer(tmp_path / "keys" / PLANT)("3", public_der(key))
     signed = x509.load_pem_x509_certificate(pem)
@@ -82,7 +82,7 @@ def test_the_certificate_says_the_name_for_that_key_alone(tmp_path) -> None:
 
 @pytest.mark.parametrize("key", [b"", b"no key", b"\xff" * 91])
 def test_what_is_no_key_gets_no_certificate(tmp_path, key: bytes) -> None:
-    make_certificates(tmp_path / "keys", [PLANT], ["here"], MONTH, claims=True)
+    make_identities(tmp_path / "keys", [PLANT], ["here"], MONTH, claims=True)
     places = Places(PROGRAMS, lambda: ["3"], "d", signer(tmp_path / "keys" / PLANT))
     assert "key" in places.answer(PlaceRequest(digest="d", public_key=key)).refusal
     good = public_der(ec.generate_private_key(ec.SECP256R1()))
@@ -90,7 +90,7 @@ def test_what_is_no_key_gets_no_certificate(tmp_path, key: bytes) -> None:
 
 
 def test_without_the_authoritys_key_nobody_is_given_a_certificate(tmp_path) -> None:
-    make_certificates(tmp_path / "keys", [PLANT], ["here"], MONTH)
+    make_identities(tmp_path / "keys", [PLANT], ["here"], MONTH)
     assert not (tmp_path / "keys" / PLANT / "ca.key").exists()
     with pytest.raises(ValueError, match="--claims"):
         signer(tmp_path / "keys" / PLANT)("3", b"")

@@ -1,11 +1,11 @@
-"""What viewers see live is what a replay shows at the same time."""
+"""Live frames are those of a replay at the same time."""
 
 from pathlib import Path
 
 import pytest
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.lockstep import Lockstep
-from phalanx_plant.judge import backlog
+from phalanx_plant.judge import event_queue
 from phalanx_plant.observers import publisher
 from phalanx_plant.run import PlantRun
 from phalanx_viewer.feeds.replay import open_replay
@@ -36,6 +36,7 @@ class Audience:
         self.frames.append(frame)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("agents_of", "longest"), [(LateAgents, 0.0), (DirectAgents, 1e9)])
 def test_a_frame_shows_what_a_replay_does_at_its_time(
     agents_of: type[DirectAgents],
@@ -43,9 +44,9 @@ def test_a_frame_shows_what_a_replay_does_at_its_time(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """However late answers come, and however many events wait to be told."""
+    """However late answers arrive, and however many events wait to be judged."""
     monkeypatch.setattr(publisher, "_EVERY", 0.0)
-    monkeypatch.setattr(backlog, "_LONGEST", longest)
+    monkeypatch.setattr(event_queue, "_LONGEST", longest)
     rows = rows_of_scenario("unicycles", "duration=1.5", "time.latency=0.002")
     schedule = tuple(
         Command(t=t, kind=kind, agent="4")

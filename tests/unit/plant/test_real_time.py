@@ -99,6 +99,7 @@ def test_inputs_that_are_there_in_time_take_effect_when_they_are_due(run) -> Non
     assert found.measured[-1].p50 == pytest.approx(0.002, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_its_recording_begins_at_the_start_and_is_certified(run) -> None:
     summary, recording = run(OnTheWall(lambda i, k: 0.002))
     assert recording.states[0].t == 0.0
@@ -110,6 +111,7 @@ def test_its_recording_begins_at_the_start_and_is_certified(run) -> None:
     assert of_before.gap.t == 0.0
 
 
+@pytest.mark.slow
 def test_a_late_input_takes_effect_when_it_comes_and_is_counted(run) -> None:
     summary, recording = run(OnTheWall(lambda i, k: 0.007 if (i, k) == (0, 3) else 0.001))
     (late,) = [step for step in recording.steps if step.t_apply > step.t + LATENCY]
@@ -119,6 +121,7 @@ def test_a_late_input_takes_effect_when_it_comes_and_is_counted(run) -> None:
     assert next(a for a in summary.assumptions if a.name == "inputs in time").failed == 1
 
 
+@pytest.mark.slow
 def test_who_owes_an_answer_misses_the_ticks_of_its_clock(run) -> None:
     agents = OnTheWall(lambda i, k: 0.035 if (i, k) == (0, 3) else 0.001)
     summary, _ = run(agents)
@@ -128,6 +131,7 @@ def test_who_owes_an_answer_misses_the_ticks_of_its_clock(run) -> None:
     assert [s.k for _, s in of(agents, 0)] == list(range(len(of(agents, 0))))
 
 
+@pytest.mark.slow
 def test_who_never_answers_is_sampled_again_after_a_while(run) -> None:
     agents = OnTheWall(lambda i, k: None if (i, k) == (0, 3) else 0.001)
     summary, recording = run(agents, duration=1.5)

@@ -1,4 +1,4 @@
-"""How far integration steps are off: never farther than is said, and as near as they are."""
+"""The defect of integration steps: never above its bound, and the bound is close."""
 
 from dataclasses import dataclass
 
@@ -9,11 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from phalanx_plant.world.resolution import Resolution
-from phalanx_plant.world.world import Passage, World
+from phalanx_plant.world.world import Segment, World
 
 from phalanx.guarantee.certificate import DEFECT
 from phalanx.theory.models.integrators import SingleIntegrator
 from tests.unit.swarms import rows_of_scenario, swarm_of_scenario
+
+pytestmark = pytest.mark.slow
 
 mpmath.mp.prec = 160
 
@@ -42,7 +44,7 @@ def stepped(x, u, phi, slope, s):
 
 
 def true_defect(x, u, phi, slope, s) -> float:
-    """How much the step's own rate differs from that of the equation, at s."""
+    """Difference of the step's own rate from that of the equation, at s."""
     d = mpmath.mpf(2) ** -50
     ends = [stepped(x, u, phi, slope, s + side * d) for side in (-1, 1)]
     own = [(b - a) / (2 * d) for a, b in zip(*ends, strict=True)]
@@ -51,22 +53,22 @@ def true_defect(x, u, phi, slope, s) -> float:
     return float(mpmath.norm([a - b for a, b in zip(own, rate, strict=True)]))
 
 
-def passage(swarm, seed: int, turning: float) -> Passage:
+def segment(swarm, seed: int, turning: float) -> Segment:
     """A millisecond of three steps of unicycles, from anywhere."""
     rng, world = np.random.default_rng(seed), World(rows_of_scenario("unicycles"))
     integration = world.integration
     integration.x = rng.uniform(-5, 5, len(integration.x))
     for i in range(len(swarm.members)):
         integration.hold(i, rng.uniform(-1, 1, 2) * [4.0, turning])
-    return next(p for p in integration.to(0.003) if isinstance(p, Passage))
+    return next(p for p in integration.integrate(0.003) if isinstance(p, Segment))
 
 
 @given(seed=st.integers(0, 2**32 - 1), turning=st.sampled_from([2.0, 60.0, 900.0, 12566.0]))
 @settings(max_examples=30, deadline=None)
 def test_no_step_is_farther_off_than_its_bound(seed, turning):
     swarm = swarm_of_scenario("unicycles")
-    resolution, way = Resolution(swarm), passage(swarm, seed, turning)
-    bound, dt = resolution.defect([way]), way.stretch.dt
+    resolution, way = Resolution(swarm), segment(swarm, seed, turning)
+    bound, dt = resolution.defect([way]), way.dt
     starts = [way.start, *way.x[:-1]]
     for k, x in enumerate(starts):
         phi = way.phi + k * dt * way.slope
@@ -85,17 +87,19 @@ def test_no_step_is_farther_off_than_its_bound(seed, turning):
 @settings(max_examples=10, deadline=None)
 def test_steps_are_judged_together_as_each_is_alone(seed):
     swarm = swarm_of_scenario("unicycles")
-    resolution, ways = Resolution(swarm), [passage(swarm, seed + k, 2.0) for k in range(4)]
-    assert max(resolution.defect([way]) for way in ways) <= resolution.defect(ways) <= DEFECT
-    assert resolution.resolves(ways).all()
-    ways[2] = passage(swarm, seed, 12566.0)
-    assert resolution.resolves(ways).tolist() == [True, True, False, True]
+    resolution, segments = Resolution(swarm), [segment(swarm, seed + k, 2.0) for k in range(4)]
+    assert (
+        max(resolution.defect([way]) for way in segments) <= resolution.defect(segments) <= DEFECT
+    )
+    assert resolution.resolves(segments).all()
+    segments[2] = segment(swarm, seed, 12566.0)
+    assert resolution.resolves(segments).tolist() == [True, True, False, True]
 
 
 def test_a_state_too_far_away_for_a_step_to_show_is_off_by_all_of_it():
     swarm = swarm_of_scenario("one-on-one")
     resolution, integration = Resolution(swarm), World(rows_of_scenario("one-on-one")).integration
-    way = next(p for p in integration.to(0.003) if isinstance(p, Passage))
+    way = next(p for p in integration.integrate(0.003) if isinstance(p, Segment))
     assert resolution.defect([way]) < 1e-9
     assert resolution.defect([way._replace(start=way.start + 1e15)]) > 1.0
 
@@ -119,5 +123,5 @@ def test_what_a_step_cannot_see_is_not_resolved(kink, y, known):
     rows = rows_of_scenario("one-on-one", f"agents.0.dynamics={own}")
     integration = World(rows).integration
     integration.x[:2] = 3e-7, y
-    way = next(p for p in integration.to(0.003) if isinstance(p, Passage))
+    way = next(p for p in integration.integrate(0.003) if isinstance(p, Segment))
     assert Resolution(rows.swarm).resolves([way]).tolist() == [known]

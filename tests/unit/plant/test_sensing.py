@@ -1,13 +1,13 @@
-"""Who sees whom, beside plain distances; and what of the state a sample holds."""
+"""Sensing, compared with plain distances; and the states in a sample."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from phalanx_plant.sampling.sensing import Sensing, Sight
+from phalanx_plant.sampling.sensing import Sensing, Visibility
 
 from phalanx.scenario.load import load
-from phalanx.swarm.seen import SeenStates
+from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import build_swarm
 from tests.unit.swarms import swarm_of_scenario
 
@@ -16,40 +16,42 @@ LIMITED = ("safety.neighbourhood=5.0", "agents.1.sensing=8.0")
 
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=30)
-def test_an_agent_sees_who_lies_within_its_radius_and_is_heard_by_who_is_in_sight_and_listens(seed):
+def test_an_agent_sees_those_within_its_radius_and_those_that_see_it_and_listen_receive(
+    seed,
+):
     swarm = swarm_of_scenario("unicycles", *LIMITED)
     x = np.random.default_rng(seed).uniform(-6, 6, 15)
     pose = x.reshape(5, 3)
     p = pose[:, :2] + 0.25 * np.column_stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])])
     radius = [5.0, 5.0, 5.0, 8.0, 8.0]
     apart = np.linalg.norm(p[:, None] - p, axis=2)
-    for i, sight in enumerate(Sensing(swarm).sights(swarm.positions(x), range(5))):
-        assert sight.seen == tuple(j for j in range(5) if apart[i, j] < radius[i])
+    for i, visible in enumerate(Sensing(swarm).visible(swarm.positions(x), range(5))):
+        assert visible.seen == tuple(j for j in range(5) if apart[i, j] < radius[i])
         heard = [j for j in range(3) if i < 3 and j != i and apart[i, j] < 5.0]
-        assert list(sight.hearers) == heard
+        assert list(visible.hearers) == heard
 
 
-def test_a_broadcast_goes_to_nobody_whom_its_sender_does_not_see():
+def test_a_broadcast_goes_to_no_agent_that_its_sender_does_not_see():
     scenario = load("unicycles", ["safety.neighbourhood=9.0"])
     near, far = scenario.agents[0], scenario.agents[1]
     short = far.model_copy(update={"role": "normal", "sensing": 3.0})
     swarm = build_swarm(scenario.model_copy(update={"agents": (near, short)}))
     x = np.zeros(15)
     x[12] = 5.0  # of the last agent
-    sights = Sensing(swarm).sights(swarm.positions(x), range(5))
-    assert sights[0] == Sight((0, 1, 2, 3, 4), (1, 2, 3))
-    assert sights[4] == Sight((4,), ())
+    found = Sensing(swarm).visible(swarm.positions(x), range(5))
+    assert found[0] == Visibility((0, 1, 2, 3, 4), (1, 2, 3))
+    assert found[4] == Visibility((4,), ())
 
 
-def test_without_a_radius_everybody_sees_everybody():
-    sights = Sensing(swarm_of_scenario("unicycles")).sights(np.zeros((5, 2)), [0, 3])
-    assert sights == [Sight((0, 1, 2, 3, 4), (1, 2)), Sight((0, 1, 2, 3, 4), ())]
+def test_without_a_radius_all_agents_see_all():
+    found = Sensing(swarm_of_scenario("unicycles")).visible(np.zeros((5, 2)), [0, 3])
+    assert found == [Visibility((0, 1, 2, 3, 4), (1, 2)), Visibility((0, 1, 2, 3, 4), ())]
 
 
-def test_who_sees_everything_is_told_of_all_though_the_others_have_a_radius():
+def test_an_agent_without_a_radius_sees_all_though_others_have_one():
     sensing = Sensing(swarm_of_scenario("unicycles", "agents.1.sensing=1.0"))
     p = np.array([[10.0 * i, 0.0] for i in range(5)])
-    assert [sight.seen for sight in sensing.sights(p, [0, 3])] == [(0, 1, 2, 3, 4), (3,)]
+    assert [visible.seen for visible in sensing.visible(p, [0, 3])] == [(0, 1, 2, 3, 4), (3,)]
 
 
 def test_one_of_several_within_its_radius_is_seen():
@@ -60,32 +62,32 @@ def test_one_of_several_within_its_radius_is_seen():
     assert sensing.sees(p, 3, [0])
 
 
-def test_who_is_exactly_a_radius_away_is_seen_and_hears():
+def test_an_agent_exactly_a_radius_away_is_seen_and_receives():
     sensing = Sensing(swarm_of_scenario("unicycles", *LIMITED))
     p = np.array([[0.0, 0.0], [5.0, 0.0], [0.0, 5.1], [9.0, 0.0], [9.0, 9.0]])
-    assert sensing.sights(p, [0]) == [Sight((0, 1), (1,))]
+    assert sensing.visible(p, [0]) == [Visibility((0, 1), (1,))]
     assert sensing.sees(p, 0, [1])
 
 
-def test_who_is_dead_or_stands_still_is_seen_and_hears_nothing():
-    assert Sight((0, 1, 2), (1, 2)).without(lambda i: i == 2) == Sight((0, 1, 2), (1,))
+def test_a_dead_or_paused_agent_is_seen_and_receives_nothing():
+    assert Visibility((0, 1, 2), (1, 2)).without(lambda i: i == 2) == Visibility((0, 1, 2), (1,))
 
 
-def test_one_controller_sees_everything_and_listens_to_nobody():
+def test_one_controller_sees_everything_and_receives_no_broadcast():
     swarm = swarm_of_scenario("unicycles", "safety.control=centralised", LIMITED[0])
-    assert Sensing(swarm).sights(np.zeros((5, 2)), [1]) == [Sight((0, 1, 2, 3, 4), ())]
+    assert Sensing(swarm).visible(np.zeros((5, 2)), [1]) == [Visibility((0, 1, 2, 3, 4), ())]
 
 
 @pytest.mark.parametrize("seen", [(0, 1, 2, 3, 4), (1, 4), (2,)])
 def test_the_states_of_those_seen_are_packed_and_found_again_and_no_others(seen):
-    states = SeenStates(swarm_of_scenario("unicycles"))
+    states = StateCodec(swarm_of_scenario("unicycles"))
     x = np.random.default_rng(1).normal(size=15)
-    packed = states.packed(x, seen)
+    packed = states.pack(x, seen)
     assert len(packed) == 8 * 3 * len(seen)
-    found = states.stacked(states.of(packed, seen)).reshape(5, 3)
+    found = states.stack(states.unpack(packed, seen)).reshape(5, 3)
     for l, state in enumerate(x.reshape(5, 3)):
         assert np.array_equal(found[l], state) if l in seen else np.isnan(found[l]).all()
-    assert np.array_equal(states.one(seen[-1], packed, seen), x.reshape(5, 3)[seen[-1]])
+    assert np.array_equal(states.unpack_one(seen[-1], packed, seen), x.reshape(5, 3)[seen[-1]])
 
 
 @pytest.mark.parametrize(
@@ -94,4 +96,4 @@ def test_the_states_of_those_seen_are_packed_and_found_again_and_no_others(seen)
 )
 def test_what_cannot_be_the_states_of_those_seen_is_refused(seen, size):
     with pytest.raises(ValueError, match="expected"):
-        SeenStates(swarm_of_scenario("unicycles")).of(bytes(size), seen)
+        StateCodec(swarm_of_scenario("unicycles")).unpack(bytes(size), seen)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from phalanx_plant.world.disturbance import KnottedDisturbance
-from phalanx_plant.world.truth import IntegrationSteps, Truth
+from phalanx_plant.world.disturbance import RandomDisturbance
+from phalanx_plant.world.evaluation import EvaluatedSteps, Evaluation
 from phalanx_plant.world.world import DisturbanceKnot, World
 from scipy.integrate import solve_ivp
 
@@ -26,7 +26,7 @@ def world(rows: SafetyRows) -> World:
 def truly(swarm: Swarm, t: float) -> np.ndarray:
     """The unicycles under U by an adaptive solver of order 8, knot by knot."""
     sources = [
-        KnottedDisturbance(0, name, swarm.groups[i].disturbance, 3)
+        RandomDisturbance(0, name, swarm.groups[i].disturbance, 3)
         for i, name in enumerate(swarm.names)
     ]
 
@@ -53,6 +53,7 @@ def test_the_world_follows_the_continuous_dynamics():
     assert own.x == pytest.approx(truly(rows.swarm, 1.0), abs=1e-11)
 
 
+@pytest.mark.slow
 def test_the_integration_is_of_fourth_order():
     """Big inputs make the error visible at steps that the scenario file allows.
 
@@ -74,7 +75,7 @@ def test_the_integration_is_of_fourth_order():
 
 def exactly(swarm: Swarm, u: np.ndarray, t: float) -> np.ndarray:
     sources = [
-        KnottedDisturbance(0, name, swarm.groups[i].disturbance, 3)
+        RandomDisturbance(0, name, swarm.groups[i].disturbance, 3)
         for i, name in enumerate(swarm.names)
     ]
     lines = [source.line(0.0) for source in sources]
@@ -87,6 +88,7 @@ def exactly(swarm: Swarm, u: np.ndarray, t: float) -> np.ndarray:
     return solve_ivp(field, (0.0, t), swarm.start(), "DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(0.0, 0.7), max_size=12))
 @settings(max_examples=10)
 def test_advancing_in_pieces_gives_the_state_of_advancing_at_once(stops):
@@ -108,22 +110,22 @@ def test_the_world_starts_at_the_scenarios_start_with_actuators_at_zero():
     assert (still.x == before).all()
 
 
-def test_the_truth_is_seen_at_every_step_of_at_most_a_millisecond():
+def test_h_is_evaluated_at_every_step_of_at_most_a_millisecond():
     rows = rows_of_scenario("unicycles")
     own = world(rows)
     own.advance(0.45)
-    (seen,) = Truth(rows).of([own.take_way()])
-    assert own.take_way() == []
-    truths = [s for s in seen if isinstance(s, IntegrationSteps)]
-    steps = np.concatenate([s.times for s in truths])
+    (found,) = Evaluation(rows).of([own.take_history()])
+    assert own.take_history() == []
+    evaluated = [s for s in found if isinstance(s, EvaluatedSteps)]
+    steps = np.concatenate([s.times for s in evaluated])
     assert steps[0] == 0.0
     assert steps[-1] == pytest.approx(0.45)
     assert np.diff(steps).max() <= 1e-3 * (1 + 1e-9)
     assert np.diff(steps).min() > 0
-    knots = [s.t for s in seen if isinstance(s, DisturbanceKnot)]
+    knots = [s.t for s in found if isinstance(s, DisturbanceKnot)]
     assert knots == pytest.approx([0.0, 0.2, 0.4])
     p = own.x.reshape(5, 3)
     output = p[:, :2] + 0.25 * np.stack([np.cos(p[:, 2]), np.sin(p[:, 2])], axis=1)
     first = 1.0 - np.sum((output[0] - output[1]) ** 2)
-    assert truths[-1].h[-1][truths[-1].pairs == 0] == pytest.approx(first)
-    assert (truths[-1].h_tot >= truths[-1].h.max(axis=1)).all()
+    assert evaluated[-1].h[-1][evaluated[-1].pairs == 0] == pytest.approx(first)
+    assert (evaluated[-1].h_tot >= evaluated[-1].h.max(axis=1)).all()

@@ -9,7 +9,7 @@ from phalanx.profile.stopwatch import Stopwatch, read_profile
 
 
 class Clock:
-    """A wall clock that goes on when it is told to."""
+    """A wall clock that a test sets."""
 
     def __init__(self) -> None:
         self.now = 100.0

@@ -16,7 +16,7 @@ from phalanx.scenario.load import load, to_json
 from phalanx.schema.user_code import imported_sources
 
 LAW = """
-from phalanx.theory.laws.tracking import TrackVelocity
+from phalanx.extend import TrackVelocity
 
 from .gains import GAIN
 
@@ -88,7 +88,7 @@ def test_modules_that_may_not_be_recorded_are_left_out_and_the_log_says_so(
 def recording_with(
     folder: Path, modules: dict[str, bytes], hashes: dict[str, str] | None = None
 ) -> Path:
-    """A recording with these modules as somebody might make one."""
+    """Make a recording with these modules, as an attacker might."""
     path = folder / RECORDING
     with path.open("wb") as file:
         writer = Writer(file)
@@ -153,6 +153,7 @@ for path in sys.argv[1:]:
 """
 
 
+@pytest.mark.slow
 def test_a_module_that_another_of_its_name_stands_for_is_refused(tmp_path):
     paths = []
     for name, gain in (("one", b"1"), ("same", b"1"), ("other", b"2")):

@@ -28,7 +28,7 @@ from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Assumption, CertificateSummary, Outcome, Summary, Violation
 from phalanx.recording.read import Recording, UnreadableRecordingError, read
 from phalanx.recording.records import RECORDING, SUMMARY, Log, State, Step
-from phalanx.recording.write import RecordingError, RecordingWriter, write_down
+from phalanx.recording.write import RecordingError, RecordingWriter, write_summary
 from phalanx.scenario.load import digest, load
 from phalanx.scenario.model import Scenario
 from phalanx.theory.rows.origin import Origin
@@ -170,6 +170,7 @@ def test_mcaps_own_reader_reads_it(whole, tmp_path):
     assert attached == {"scenario.json", "summary.json"}
 
 
+@pytest.mark.slow
 @given(share=st.floats(0.0, 1.0, exclude_max=True))
 @settings(max_examples=20)
 def test_a_file_cut_anywhere_gives_all_of_its_whole_chunks_and_says_so(whole, tmp_path, share):
@@ -189,7 +190,7 @@ def test_a_file_cut_anywhere_gives_all_of_its_whole_chunks_and_says_so(whole, tm
 
 
 def messages_before(whole: bytes, cut: int) -> int:
-    """How many messages the whole chunks before the cut hold, by their indexes in the file."""
+    """Count the messages in whole chunks before the cut, by the indexes in the file."""
     reader, count = StreamReader(io.BytesIO(whole), emit_chunks=True), 0
     for (_, end), record in zip(
         chunks(whole), (r for r in reader.records if isinstance(r, Chunk)), strict=True
@@ -241,7 +242,7 @@ def test_a_chunk_that_says_it_is_longer_than_the_file_is_damage_and_takes_no_mem
 
 
 def still_decodes(whole: bytes, at: int, bit: int, chunk: int) -> bool:
-    """Whether the chunk with this bit flipped still has the content it had."""
+    """Return whether the chunk with this bit flipped still has the same content."""
     begin, _ = chunks(whole)[chunk]
     before, after = (
         Chunk.read(ReadDataStream(io.BytesIO(content[begin + 9 :])))
@@ -253,6 +254,7 @@ def still_decodes(whole: bytes, at: int, bit: int, chunk: int) -> bool:
         return False
 
 
+@pytest.mark.slow
 @given(share=shares, bit=bits)
 @settings(max_examples=30)
 def test_a_flipped_bit_anywhere_in_the_data_is_never_silently_accepted(whole, tmp_path, share, bit):
@@ -482,10 +484,11 @@ def test_a_recording_may_hold_the_largest_number_that_messages_may(tmp_path: Pat
     assert (found.steps, found.damage) == ([large], None)
 
 
+@pytest.mark.slow
 @given(share=shares)
 @settings(max_examples=12, deadline=None)
 def test_a_disk_that_is_full_at_the_end_leaves_no_summary(whole, tmp_path_factory, share):
-    """From the last chunk on: a verdict is none without the whole record of it."""
+    """The disk is full from the last chunk on: without a whole recording there is no verdict."""
     folder = tmp_path_factory.mktemp("full")
     last, _ = chunks(whole)[-1]
     summary = msgspec.structs.replace(FIGURES, outcome=Outcome.GUARANTEED)
@@ -493,7 +496,7 @@ def test_a_disk_that_is_full_at_the_end_leaves_no_summary(whole, tmp_path_factor
         for record in records():
             writer.write(record)
         with full_disk(last + int(share * (len(whole) - 1 - last))):
-            write_down(summary, folder / SUMMARY, writer)
+            write_summary(summary, folder / SUMMARY, writer)
     assert summary.outcome is Outcome.BROKEN
     assert summary.reason.startswith("guaranteed, but not written down to its end")
     assert str(folder / RECORDING) in summary.reason
@@ -504,7 +507,7 @@ def test_a_disk_that_is_full_at_the_end_leaves_no_summary(whole, tmp_path_factor
 def test_a_summary_that_cannot_be_written_breaks_the_run_and_is_named(tmp_path):
     summary = msgspec.structs.replace(FIGURES)
     with RecordingWriter(tmp_path / RECORDING, scenario(), "run-1") as writer:
-        write_down(summary, tmp_path / "gone" / SUMMARY, writer)
+        write_summary(summary, tmp_path / "gone" / SUMMARY, writer)
     assert summary.outcome is Outcome.BROKEN
     assert "gone/summary.json" in summary.reason
     assert read(tmp_path).summary is None

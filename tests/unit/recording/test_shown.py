@@ -1,4 +1,4 @@
-"""What agents were shown is of the scenario, or the recording is refused: verify relies on it."""
+"""A recording whose step data do not fit the scenario is rejected: verify relies on them."""
 
 from pathlib import Path
 
@@ -6,14 +6,14 @@ import msgspec
 import pytest
 
 from phalanx.recording.read import Recording, misfit
-from phalanx.recording.records import Shown
+from phalanx.recording.records import StepData
 from phalanx.scenario.load import load
 
 SCENARIO = load("unicycles")
-SHOWN = Shown("1", 3, 0.5, ["1", "4"], [0.0] * 6, [("4", 0.4, [1.0, 0.0])])
+SHOWN = StepData("1", 3, 0.5, ["1", "4"], [0.0] * 6, [("4", 0.4, [1.0, 0.0])])
 
 
-def recorded(shown: Shown) -> Recording:
+def recorded(shown: StepData) -> Recording:
     return Recording(Path(), SCENARIO, {}, shown=[shown])
 
 

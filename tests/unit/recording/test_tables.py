@@ -49,6 +49,7 @@ def test_the_page_names_every_column_in_order(run: phalanx.Run) -> None:
         assert documented[name] == list(dict.fromkeys(map(in_general, found[len(leading) :])))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TABLES)
 def test_tables_of_runs_can_be_put_together_and_told_apart(name: str, tmp_path: Path) -> None:
     tables = []
@@ -68,6 +69,7 @@ def test_a_run_that_ended_before_a_state_has_tables_without_a_row(tmp_path: Path
     assert run.h.columns[:5] == [*EVERY, "t", "1-2"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["unicycles", "surrounded", "fence", "formation3d"])
 def test_h_by_kinds_of_pairs_is_that_of_the_composed_set(name: str, tmp_path: Path) -> None:
     scenario = phalanx.load(name, ["duration=0.2"])

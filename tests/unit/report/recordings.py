@@ -16,7 +16,7 @@ from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.rows.origin import Origin
 
 HOSTILE = "<script>alert('&')</script>"
-"""What every text of a recording might hold."""
+"""A text that every field of a recording might hold."""
 
 
 def drift(scenario: Scenario, states: int = 60, steps: int = 40) -> list[State | Step | Log]:
@@ -105,27 +105,22 @@ def unicycles(*overrides: str) -> Scenario:
 
 def swarm_in_space(normal: int, adversaries: int, extra: Mapping[str, object]) -> Scenario:
     """Single integrators, three-dimensional, on a line."""
-    groups = []
-    for role, count, y in (("normal", normal, 0.0), ("adversary", adversaries, 9.0)):
-        if count:
-            groups.append(
-                {
-                    "names": [f"{role[0]}{i}" for i in range(count)],
-                    "role": role,
-                    "dynamics": {"type": "single-integrator", "speed": 1.0, "dimension": 3},
-                    "law": {"type": "pursue", "gain": 1.0}
-                    if role == "adversary"
-                    else {"type": "track-velocity", "gain": 1.0},
-                    "clock": {"period": 0.01},
-                    "start": [[3.0 * i, y, 0.5 * i] for i in range(count)],
-                }
-            )
-    safety = {
-        "function": {"type": "separation", "radius": 1.0},
-        "rho": 5.0,
-        "alpha": [2.0],
-        "eta": 1.0,
-    }
-    return validate(
-        {"name": "space", "duration": 0.6, "safety": safety, "agents": groups, **extra}, "test"
-    )
+    rows = (
+        ("normal", "track-velocity", normal, 0.0), ("adversary", "pursue", adversaries, 9.0)
+    )  # fmt: skip
+    groups = [
+        {
+            "names": [f"{role[0]}{i}" for i in range(count)],
+            "role": role,
+            "dynamics": {"type": "single-integrator", "speed": 1.0, "dimension": 3},
+            "law": {"type": law, "gain": 1.0},
+            "clock": {"period": 0.01},
+            "start": [[3.0 * i, y, 0.5 * i] for i in range(count)],
+        }
+        for role, law, count, y in rows
+        if count
+    ]
+    function = {"type": "separation", "radius": 1.0}
+    safety = {"function": function, "rho": 5.0, "alpha": [2.0], "eta": 1.0}
+    swarm = {"name": "space", "duration": 0.6, "safety": safety, "agents": groups}
+    return validate(swarm | dict(extra), "test")

@@ -1,4 +1,4 @@
-"""Runs side by side: what differs in them, what they came to, and the same figures."""
+"""Runs side by side: their differences, their results, and the same figures."""
 
 import re
 import subprocess
@@ -28,7 +28,7 @@ def compared(folders: list[Path]) -> list[ComparedRun]:
     return [compared_run(folder, drawn=False) for folder in folders]
 
 
-def test_only_what_differs_in_the_scenarios_is_told(folders: list[Path]) -> None:
+def test_only_differences_of_the_scenarios_are_listed(folders: list[Path]) -> None:
     assert differences(compared(folders)) == [("network.loss", "0.0", "0.3")]
 
 
@@ -39,14 +39,15 @@ def test_every_key_figure_has_a_value_for_each_run(folders: list[Path]) -> None:
     assert "Empty K_i" in rows
 
 
-def test_runs_are_called_by_their_folders_and_told_apart(folders: list[Path]) -> None:
+def test_runs_are_named_by_their_folders_and_numbered(folders: list[Path]) -> None:
     one, two = compared(folders)
     assert titles([one, two]) == ["loss-0.0", "loss-0.3"]
     assert titles([one, one]) == ["loss-0.0 (1)", "loss-0.0 (2)"]
 
 
+@pytest.mark.slow
 def test_the_page_has_the_same_figures_of_all_runs(folders: list[Path], tmp_path: Path) -> None:
-    page = tmp_path / "beside.html"
+    page = tmp_path / "compared.html"
     assert status(["compare", *map(str, folders), "--html", str(page)]) == 0
     html = page.read_text()
     for name in ("h_tot", "paths", "distances", "losses"):
@@ -80,15 +81,14 @@ def versions(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
         folder = out / f"gain-{gain}"
         folder.mkdir()
         module = folder / "law_of_two_versions.py"
-        module.write_text(
-            f"from phalanx.theory.laws.tracking import TrackVelocity as Mine  # {gain}"
-        )
+        module.write_text(f"from phalanx.extend import TrackVelocity as Mine  # {gain}")
         subprocess.run([sys.executable, "-c", RECORD], cwd=folder, check=True)
         module.unlink()
         found.append(folder)
     return found
 
 
+@pytest.mark.slow
 def test_runs_with_modules_of_one_name_are_compared_each_in_a_process_of_its_own(
     versions: list[Path], capsys: pytest.CaptureFixture[str]
 ) -> None:

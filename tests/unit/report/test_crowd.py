@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
-from phalanx.curves.history import RecordedHistory, recorded_history
 from phalanx.recording.read import Recording, read, size_in_words
 from phalanx.report import steps
 from phalanx.report.distances import distances, nearest
+from phalanx.report.history import ReportHistory
 from phalanx.report.links import link_statistics, losses
 from phalanx.report.paths import paths, worst_pairs
 from phalanx.report.write import notes, write_report
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space
+
+pytestmark = pytest.mark.slow
 
 WORST_RECEIVER = "n11"
 
@@ -36,34 +38,34 @@ def crowded(tmp_path_factory: pytest.TempPathFactory) -> Recording:
 
 
 @pytest.fixture(scope="module")
-def history(crowded: Recording) -> RecordedHistory:
-    return recorded_history(crowded)
+def history(crowded: Recording) -> ReportHistory:
+    return ReportHistory(crowded)
 
 
 def named(axes: Axes) -> list[str]:
     return [str(text.get_text()) for text in axes.get_legend().get_texts()]
 
 
-def test_nearest_and_closest_are_those_of_all_distances(history: RecordedHistory) -> None:
+def test_nearest_and_closest_are_those_of_all_distances(history: ReportHistory) -> None:
     swarm = history.swarm
     pairs = [p for p in swarm.safe_set.pairs if p.b in set(swarm.normal)]
     found = nearest(history, pairs, swarm.normal, 3)
     p = history.positions[:, list(swarm.normal)]
-    apart = np.linalg.norm(p[:, :, None] - p[:, None], axis=-1) + 1e9 * np.eye(16)
-    np.testing.assert_allclose(found.distances, apart.min(axis=2), rtol=1e-12)
-    least = np.sort(apart[:, *np.triu_indices(16, 1)].min(axis=0))
+    between = np.linalg.norm(p[:, :, None] - p[:, None], axis=-1) + 1e9 * np.eye(16)
+    np.testing.assert_allclose(found.distances, between.min(axis=2), rtol=1e-12)
+    least = np.sort(between[:, *np.triu_indices(16, 1)].min(axis=0))
     assert [distance for _, distance in found.closest] == pytest.approx(least[:3])
 
 
-def test_the_worst_pair_is_the_one_with_the_largest_h(history: RecordedHistory) -> None:
+def test_the_worst_pair_is_the_one_with_the_largest_h(history: ReportHistory) -> None:
     found = worst_pairs(history)
-    apart = np.array([history.distance(p) for p in history.swarm.safe_set.pairs])
-    np.testing.assert_allclose(found.h, 1.0 - apart.min(axis=0) ** 2, rtol=1e-9)
+    distance = np.array([history.distance(p) for p in history.swarm.safe_set.pairs])
+    np.testing.assert_allclose(found.h, 1.0 - distance.min(axis=0) ** 2, rtol=1e-9)
     a, b = found.pairs[0].tolist()
     assert (a, b) == (2, 19)  # n2, at (6, 0, 1), and the obstacle
 
 
-def test_distances_name_the_closest_few_of_each_kind(history: RecordedHistory) -> None:
+def test_distances_name_the_closest_few_of_each_kind(history: ReportHistory) -> None:
     panels = distances(history).axes
     assert len(panels) == 3
     for axes in panels:
@@ -76,7 +78,7 @@ def test_distances_name_the_closest_few_of_each_kind(history: RecordedHistory) -
         assert 0.0 < low < 1.0 < high  # what is required is in sight
 
 
-def test_paths_name_the_worst_pair_alone(history: RecordedHistory) -> None:
+def test_paths_name_the_worst_pair_alone(history: ReportHistory) -> None:
     above, side = paths(history, worst_pairs(history)).axes
     assert (above.get_ylabel(), side.get_ylabel()) == ("y [m]", "z [m]")
     assert named(above)[:2] == ["16 × normal", "3 × adversary"]
@@ -85,7 +87,7 @@ def test_paths_name_the_worst_pair_alone(history: RecordedHistory) -> None:
     assert drawn == [16, 3]
 
 
-def test_inputs_tell_how_many_steps_had_an_empty_set(history: RecordedHistory) -> None:
+def test_inputs_show_how_many_steps_had_an_empty_set(history: ReportHistory) -> None:
     used, empty = steps.inputs_of_all(history).axes
     assert len(named(used)) == 7
     assert named(empty) == ["backup (16 steps)", "no authority (16 steps)"]
@@ -93,11 +95,11 @@ def test_inputs_tell_how_many_steps_had_an_empty_set(history: RecordedHistory) -
 
 def test_without_an_empty_set_there_is_no_panel_of_them(crowded: Recording) -> None:
     calm = replace(crowded, steps=[s for s in crowded.steps if s.k % 5])
-    (used,) = steps.inputs_of_all(recorded_history(calm)).axes
+    (used,) = steps.inputs_of_all(ReportHistory(calm)).axes
     assert "share" in used.get_ylabel()
 
 
-def test_certified_times_count_the_inputs_below_tau(history: RecordedHistory) -> None:
+def test_certified_times_count_the_inputs_below_tau(history: ReportHistory) -> None:
     figure = steps.certified(history)
     assert figure is not None
     swarm = history.swarm
@@ -106,7 +108,7 @@ def test_certified_times_count_the_inputs_below_tau(history: RecordedHistory) ->
     assert figure.axes[0].get_title(loc="right") == f"{below} of {len(known)} inputs below τ"
 
 
-def test_the_receiver_of_the_oldest_inputs_is_named_first(history: RecordedHistory) -> None:
+def test_the_receiver_of_the_oldest_inputs_is_named_first(history: ReportHistory) -> None:
     figure = steps.ages(history)
     assert figure is not None
     (axes,) = figure.axes
@@ -124,7 +126,9 @@ def test_losses_name_the_links_that_lost_more_than_their_model(crowded: Recordin
 
 
 @pytest.mark.filterwarnings("error")
-def test_the_report_is_short_and_says_what_it_leaves_out(crowded: Recording) -> None:
+def test_the_report_is_short_and_says_what_it_leaves_out(
+    crowded: Recording, history: ReportHistory
+) -> None:
     report = write_report(crowded.path)
     names = {image.stem for image in (report.parent / "figures").iterdir()}
     few = {"inputs-n0", "inputs-n1", "inputs-n2", "inputs-n3"}
@@ -136,11 +140,11 @@ def test_the_report_is_short_and_says_what_it_leaves_out(crowded: Recording) -> 
     assert "and 180 more" in html
     assert len(re.findall("→", html.split("<h2>Figures")[0])) == 60
     assert size_in_words(crowded) in html
-    (note,) = notes(crowded)
+    (note,) = notes(history)
     assert note.startswith("More than 12 agents")
 
 
-def test_a_recordings_size_is_told_for_each_agent_and_second(crowded: Recording) -> None:
+def test_a_recordings_size_is_given_for_each_agent_and_second(crowded: Recording) -> None:
     size = crowded.path.stat().st_size
     each = size / (19 * crowded.states[-1].t)
     assert size_in_words(crowded) == (

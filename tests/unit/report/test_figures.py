@@ -1,25 +1,33 @@
-"""The figures of inputs: their marks, bounds and norm."""
+"""The figures of inputs: their marks, bounds and norm; and what figures keep in memory."""
 
 import dataclasses
 from pathlib import Path
+from weakref import WeakValueDictionary
 
+import casadi as ca
 import msgspec
 import numpy as np
 import pytest
 
-from phalanx.curves.history import RecordedHistory, recorded_history
+from phalanx.arrays import Array
 from phalanx.curves.values import SafetyValues
 from phalanx.recording.read import Recording
 from phalanx.recording.records import State, Step
 from phalanx.report import safety, steps
+from phalanx.report.distances import distances
+from phalanx.report.history import ReportHistory
 from phalanx.report.page import origins
 from phalanx.scenario.load import load
+from phalanx.theory.models.integrators import SingleIntegrator
+from phalanx.theory.safety.composition import Pair
 from tests.unit.report.recordings import drift
 from tests.unit.swarms import rows_of_scenario
 
+pytestmark = pytest.mark.slow
+
 
 def test_a_mark_stands_at_every_step_with_an_empty_set(recording: Recording) -> None:
-    panels = steps.inputs(recorded_history(recording), 0).axes
+    panels = steps.inputs(ReportHistory(recording), 0).axes
     assert len(panels) == 2
     for axes in panels:
         marks = {c.get_label(): c.get_offsets()[:, 0] for c in axes.collections}
@@ -29,7 +37,7 @@ def test_a_mark_stands_at_every_step_with_an_empty_set(recording: Recording) -> 
 
 
 def test_inputs_are_drawn_between_the_bounds_of_their_polytope(recording: Recording) -> None:
-    speed, turn_rate = steps.inputs(recorded_history(recording), 4).axes
+    speed, turn_rate = steps.inputs(ReportHistory(recording), 4).axes
     for axes, bound in ((speed, 2.0), (turn_rate, 1.0)):
         dotted = [line.get_ydata()[0] for line in axes.lines if line.get_linestyle() == ":"]
         assert sorted(dotted) == pytest.approx([-bound, bound])
@@ -38,7 +46,7 @@ def test_inputs_are_drawn_between_the_bounds_of_their_polytope(recording: Record
 def test_certified_times_are_drawn_in_multiples_of_tau_with_a_mark_below_one(
     recording: Recording,
 ) -> None:
-    figure = steps.certified(recorded_history(recording))
+    figure = steps.certified(ReportHistory(recording))
     assert figure is not None
     (axes,) = figure.axes
     assert axes.get_yscale() == "log"
@@ -54,7 +62,7 @@ def test_certified_times_are_drawn_in_multiples_of_tau_with_a_mark_below_one(
 def test_a_recording_without_certified_times_has_no_figure_of_them(recording: Recording) -> None:
     made = [msgspec.structs.replace(step, certified=None) for step in recording.steps]
     bare = dataclasses.replace(recording, steps=made)
-    assert steps.certified(recorded_history(bare)) is None
+    assert steps.certified(ReportHistory(bare)) is None
 
 
 def test_where_the_inputs_lie_in_a_cube_their_infinity_norm_is_drawn_first() -> None:
@@ -64,27 +72,64 @@ def test_where_the_inputs_lie_in_a_cube_their_infinity_norm_is_drawn_first() -> 
     inputs = [(0.5, -1.5, 1.0), (0.0, 0.2, -0.1)]
     made = [msgspec.structs.replace(r, u=inputs[r.k]) for r in records if isinstance(r, Step)]
     recording = Recording(Path(), scenario, {}, states, made)
-    norm, *components = steps.inputs(recorded_history(recording), 0).axes
+    norm, *components = steps.inputs(ReportHistory(recording), 0).axes
     assert norm.get_ylabel() == "‖u‖∞ [m/s²]"
     assert [list(norm.lines[0].get_ydata()[:2]), len(components)] == [[1.5, 0.2], 3]
     bound = [line.get_ydata()[0] for line in norm.lines if line.get_linestyle() == ":"]
     assert bound == [2.0]
 
 
-def test_the_nominal_input_is_drawn_beside_the_applied_one_and_does_not_stretch_the_panel(
+class InDiamond(SingleIntegrator):
+    """A single integrator with |vx| + |vy| <= 1: no input has a bound of its own."""
+
+    def input_polytope(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
+        return ca.SX([[1, 1], [1, -1], [-1, 1], [-1, -1]]), ca.SX.ones(4)
+
+
+def test_where_the_inputs_lie_in_no_box_neither_norm_nor_shares_are_drawn() -> None:
+    scenario = load("one-on-one", [f"agents.0.dynamics.type='{__name__}:InDiamond'"])
+    records = drift(scenario, states=2, steps=2)
+    states, made = ([r for r in records if isinstance(r, kind)] for kind in (State, Step))
+    history = ReportHistory(Recording(Path(), scenario, {}, states, made))
+    panels = steps.inputs(history, 0).axes
+    assert [axes.get_ylabel() for axes in panels] == ["vx [m/s]", "vy [m/s]"]
+    shares, _ = steps.inputs_of_all(history).axes
+    assert not shares.lines
+
+
+class CountingHistory(ReportHistory):
+    """Counts the distances of pairs that are in memory at once."""
+
+    most = 0
+
+    def distance(self, pair: Pair) -> Array:
+        found = super().distance(pair)
+        self.alive = getattr(self, "alive", WeakValueDictionary())
+        self.alive[id(found)] = found
+        self.most = max(self.most, len(self.alive))
+        return found
+
+
+def test_distances_of_one_pair_at_a_time_are_in_memory(recording: Recording) -> None:
+    history = CountingHistory(recording)
+    assert len(distances(history).axes) == 3
+    assert history.most <= 2  # the next pair's, and the last one's until they take its place
+
+
+def test_the_nominal_input_is_drawn_with_the_applied_one_and_does_not_stretch_the_panel(
     recording: Recording,
 ) -> None:
     wanted = (9.0, -9.0)
     made = [msgspec.structs.replace(step, u_nom=wanted) for step in recording.steps]
     far = dataclasses.replace(recording, steps=made)
-    for axes, nominal in zip(steps.inputs(recorded_history(far), 0).axes, wanted, strict=True):
+    for axes, nominal in zip(steps.inputs(ReportHistory(far), 0).axes, wanted, strict=True):
         drawn = [line.get_ydata() for line in axes.lines if len(line.get_ydata()) > 2]
         assert [set(np.round(line, 12)) for line in drawn] == [{nominal}, {0.1}]
         assert max(map(abs, axes.get_ylim())) < 9.0
 
 
 def test_where_q_is_one_there_is_no_higher_psi(recording: Recording) -> None:
-    assert safety.psi(recorded_history(recording)) is None
+    assert safety.psi(ReportHistory(recording)) is None
 
 
 def test_psi_1_of_a_pair_that_closes_in_is_drawn_up_to_where_it_is_largest() -> None:
@@ -92,7 +137,7 @@ def test_psi_1_of_a_pair_that_closes_in_is_drawn_up_to_where_it_is_largest() -> 
     swarm, x = rows.swarm, rows.swarm.start()
     states = [State(0.1 * k, (x + 0.1 * k).tolist(), -1.0) for k in range(5)]
     recording = Recording(Path(), swarm.scenario, {}, states=states)
-    figure = safety.psi(RecordedHistory(recording, SafetyValues(rows)))
+    figure = safety.psi(ReportHistory(recording, SafetyValues(rows)))
     assert figure is not None
     (axes,) = figure.axes
     expected = [rows.invariants()(np.array(s.x)).reshape(-1, 2)[:, 1].max() for s in states]

@@ -1,4 +1,4 @@
-"""The space-time diagram: what became of each broadcast, and of each agent."""
+"""The space-time diagram: fates of broadcasts, and states of agents."""
 
 from pathlib import Path
 
@@ -8,10 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 
-from phalanx.curves.history import recorded_history
 from phalanx.recording.broadcasts import IN_TIME, LATE, LOST, broadcasts
 from phalanx.recording.read import Recording, read
 from phalanx.recording.records import Step
+from phalanx.report.history import ReportHistory
 from phalanx.report.lanes import space_time
 from phalanx.scenario.model import Scenario
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space, unicycles
@@ -36,7 +36,7 @@ def lossy(tmp_path_factory: pytest.TempPathFactory) -> Recording:
 
 
 def lines(axes: Axes) -> dict[str, int]:
-    """How many broadcasts are drawn of each fate."""
+    """Count the broadcasts that are drawn, by fate."""
     drawn = [c for c in axes.collections if isinstance(c, LineCollection)]
     return {str(c.get_label()): len(c.get_segments()) for c in drawn}
 
@@ -53,7 +53,7 @@ def test_a_broadcast_is_late_if_its_receiver_stepped_before_it_came(lossy: Recor
 
 
 def test_the_zoom_draws_what_was_sent_in_its_window_and_no_more(lossy: Recording) -> None:
-    figure = space_time(recorded_history(lossy))
+    figure = space_time(ReportHistory(lossy))
     assert figure is not None
     zoom = figure.axes[1]
     begin, end = zoom.get_xlim()
@@ -66,22 +66,23 @@ def test_the_zoom_draws_what_was_sent_in_its_window_and_no_more(lossy: Recording
 
 
 def test_an_agent_that_makes_no_step_for_longer_than_its_tau_is_silent(lossy: Recording) -> None:
-    figure = space_time(recorded_history(lossy))
+    figure = space_time(ReportHistory(lossy))
     assert figure is not None
     (image,) = figure.axes[0].images
     pixels = np.asarray(image.get_array())
     silent = np.all(np.isclose(pixels, to_rgb("#475569")), axis=2)
-    silent[:, silent.shape[1] // 2 :] = False  # nobody made a step in the last third
+    silent[:, silent.shape[1] // 2 :] = False  # no agent made a step in the last third
     assert list(np.flatnonzero(silent.any(axis=1))) == [4 * 1 + 2]
     shown = np.flatnonzero(silent[6]) / silent.shape[1] * image.get_extent()[1]
     assert SILENT_FROM < shown.min() < shown.max() < SILENT_UNTIL
 
 
+@pytest.mark.slow
 def test_of_many_agents_the_zoom_shows_twelve_with_the_worst_pair(tmp_path: Path) -> None:
     scenario = swarm_in_space(16, 3, {"network": {"loss": 0.3}})
     recording = recorded(tmp_path, scenario)
     recording.summary.worst_pair = "n0-n15"
-    figure = space_time(recorded_history(recording))
+    figure = space_time(ReportHistory(recording))
     assert figure is not None
     whole, zoom = figure.axes
     named = [text.get_text() for text in zoom.get_yticklabels()]
@@ -93,4 +94,4 @@ def test_of_many_agents_the_zoom_shows_twelve_with_the_worst_pair(tmp_path: Path
 
 def test_without_a_broadcast_there_is_no_diagram(tmp_path: Path) -> None:
     scenario = swarm_in_space(1, 2, {})
-    assert space_time(recorded_history(recorded(tmp_path, scenario))) is None
+    assert space_time(ReportHistory(recorded(tmp_path, scenario))) is None

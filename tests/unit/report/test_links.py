@@ -1,14 +1,16 @@
-"""What each link did, from the steps of those who received."""
+"""Statistics of links, from the steps of the receivers."""
 
 import re
 from pathlib import Path
 
+import pytest
+
 from phalanx.recording.read import Recording
 from phalanx.report.links import link_statistics
 from phalanx.scenario.model import Scenario
-from tests.unit.report.recordings import (
-    fate,
-)
+from tests.unit.report.recordings import fate
+
+pytestmark = pytest.mark.slow
 
 
 def test_link_statistics_are_those_of_the_links(recording: Recording, faulty: Scenario) -> None:

@@ -1,4 +1,4 @@
-"""The margin used beside the margin needed, of real runs."""
+"""The margin used and the margin needed, of real runs."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import phalanx
-from phalanx.curves.history import RecordedHistory
 from phalanx.curves.values import SafetyValues
 from phalanx.recording.read import Recording, read
+from phalanx.report.history import ReportHistory
 from phalanx.report.margins import MarginUse, margin_use, margins
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
@@ -35,8 +35,8 @@ class Ran(NamedTuple):
     rows: SafetyRows
 
     @property
-    def history(self) -> RecordedHistory:
-        return RecordedHistory(self.recording, SafetyValues(self.rows))
+    def history(self) -> ReportHistory:
+        return ReportHistory(self.recording, SafetyValues(self.rows))
 
     def used_and_needed(self, i: int) -> MarginUse:
         found = margin_use(self.history, i)
@@ -59,6 +59,7 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Ran]:
     return run
 
 
+@pytest.mark.slow
 def test_a_bound_of_all_inputs_is_at_least_what_the_applied_one_needs(ran):
     run = ran("guaranteed")
     for i in (0, 1, 2):
@@ -69,10 +70,12 @@ def test_a_bound_of_all_inputs_is_at_least_what_the_applied_one_needs(ran):
     assert "less than that at 0 of" in words
 
 
+@pytest.mark.slow
 def test_a_margin_scaled_down_is_short(ran):
     assert ran("guaranteed", "safety.margin_scale=0.5").used_and_needed(0).short.all()
 
 
+@pytest.mark.slow
 def test_of_a_given_margin_the_number_itself_was_used(ran):
     run = ran("unicycles")
     assert (run.used_and_needed(0).used == 8.0566).all()
@@ -83,10 +86,10 @@ def test_of_a_given_margin_the_number_itself_was_used(ran):
 
 
 @pytest.mark.parametrize("name", ["guaranteed", "unicycles"])
-def test_the_margin_that_an_agent_tells_is_the_one_its_row_used(ran, name):
+def test_the_margin_that_an_agent_reports_is_the_one_its_row_used(ran, name):
     run = ran(name)
-    told = [step.margin for step in run.recording.steps if step.agent == "1"]
-    assert told == pytest.approx(run.used_and_needed(0).used.tolist(), rel=1e-12)
+    reported = [step.margin for step in run.recording.steps if step.agent == "1"]
+    assert reported == pytest.approx(run.used_and_needed(0).used.tolist(), rel=1e-12)
     assert {step.margin for step in run.recording.steps if step.agent == "4"} == {None}
 
 
@@ -112,12 +115,14 @@ def test_the_margin_needed_is_the_bound_of_the_pair_that_the_input_left_least(ra
     assert run.used_and_needed(0).needed[0] == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_many_agents_are_summarised_as_shares_of_what_is_needed(ran):
     figure, _ = margins(ran("swarm2d").history)
     (axes,) = figure.axes
     assert axes.get_ylabel() == "margin used / needed"
 
 
+@pytest.mark.slow
 def test_where_nothing_can_be_bounded_the_figure_says_why(ran):
     _, words = margins(ran("unicycles", f"safety.function.type='{__name__}:Folded'").history)
     assert "no interval rule for the operation fmod" in words

@@ -4,18 +4,18 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from phalanx.curves.history import recorded_history
 from phalanx.recording.read import Recording, steps_by_agent
+from phalanx.report.history import ReportHistory
 
 
 def test_distances_are_those_of_the_output_points(recording: Recording) -> None:
-    history = recorded_history(recording)
+    history = ReportHistory(recording)
     composed = history.swarm.safe_set
     h = ca.Function("h", [composed.x], [composed.h])
     for state in (0, 59):
         between = np.array(h(recording.x[state]))[:, 0]
         for pair, expected in zip(composed.pairs, between, strict=True):
-            radius = 1.0 if pair.obstacle is None else 1.25
+            radius = 1.0 if pair.b < len(composed.members) else 1.25
             found = radius**2 - history.distance(pair)[state] ** 2
             assert found == pytest.approx(expected, rel=1e-9)
 

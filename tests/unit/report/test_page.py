@@ -7,6 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import msgspec
+import pytest
 
 from phalanx.recording.read import read
 from phalanx.recording.records import RECORDING, Step
@@ -14,12 +15,9 @@ from phalanx.report.safety import worst
 from phalanx.report.write import write_report
 from phalanx.scenario.load import digest, load
 from phalanx.theory.expressions.exact import LARGEST_SUM
-from tests.unit.report.recordings import (
-    drift,
-    record,
-    summary_of,
-    unicycles,
-)
+from tests.unit.report.recordings import drift, record, summary_of, unicycles
+
+pytestmark = pytest.mark.slow
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -72,9 +70,9 @@ def test_a_recording_cut_short_is_reported_with_its_damage(tmp_path: Path) -> No
     assert peak.h_tot == max(cut.h_tot)
 
 
-def test_the_largest_numbers_that_agents_may_tell_are_drawn(tmp_path: Path) -> None:
+def test_the_largest_numbers_that_agents_may_report_are_drawn(tmp_path: Path) -> None:
     scenario = unicycles()
-    told = [
+    records = [
         msgspec.structs.replace(
             each, residual=LARGEST_SUM, margin=-LARGEST_SUM, solve_time=LARGEST_SUM,
             u_nom=(LARGEST_SUM,) * len(each.u), ages=[(name, LARGEST_SUM) for name, _ in each.ages],
@@ -82,7 +80,7 @@ def test_the_largest_numbers_that_agents_may_tell_are_drawn(tmp_path: Path) -> N
         if isinstance(each, Step) and each.k % 3 == 0 else each
         for each in drift(scenario)
     ]  # fmt: skip
-    folder = record(tmp_path, scenario, told, summary_of(scenario))
+    folder = record(tmp_path, scenario, records, summary_of(scenario))
     assert "<strong>violated</strong>" in write_report(folder).read_text()
 
 
@@ -98,8 +96,8 @@ def test_the_heading_has_the_command_that_makes_it_again_the_date_and_versions(
     heading = reported.read_text().split("<h2>")[0]
     network = "network.delay={low = 0.002, high = 0.02}"
     fields = f"--set duration=0.6 --set network.loss=0.3 --set '{network}'"
-    told = re.search("<pre>(.*)</pre>", heading)
-    assert html.unescape(told[1]) == f"phalanx run unicycles --seed 0 {fields}"
+    command = re.search("<pre>(.*)</pre>", heading)
+    assert html.unescape(command[1]) == f"phalanx run unicycles --seed 0 {fields}"
     assert re.search(r"20\d\d-\d\d-\d\dT\d\d:\d\d:\d\d", heading)
     for library in ("phalanx", "eclipse-zenoh", "casadi", "python"):
         assert f"{library} {read(reported.parent).metadata[library]}" in heading
@@ -114,7 +112,7 @@ def test_the_command_of_the_heading_makes_the_same_scenario(reported: Path) -> N
 
 
 def test_a_report_says_what_would_take_too_long_to_draw(tmp_path: Path) -> None:
-    """Of 32 agents whose rows are each one expression of all pairs, built in a quarter minute."""
+    """A swarm of 32 agents whose rows are each one expression of all pairs."""
     scenario = load(
         "swarm2d",
         [

@@ -149,13 +149,16 @@ BROKEN = {
         {"network.reorder": {"gap": 0}},
         ["network.reorder.gap: expected greater than or equal to 1"],
     ),
-    "a preset that nobody knows": (
+    "an unknown preset": (
         {"network.preset": "carrier-pigeon"},
         ["network.preset: expected 'lan', 'wifi'", "got 'carrier-pigeon'"],
     ),
     "a rule that is none": (
         {"network.rules": [{"type": "dataclasses:Field"}]},
-        ["network.rules.0: expected a dataclass that is a Rule; it lacks treat"],
+        [
+            "network.rules.0: expected a dataclass that is a Rule: Field (",
+            "lacks treat(self, message)",
+        ],
     ),
     "a fault of no kind": (
         {"faults": [{"kind": "gremlin", "for": 1.0}]},
@@ -165,29 +168,29 @@ BROKEN = {
         {"faults": [{"kind": "hold"}]},
         ["faults.0.for: expected a value, got nothing"],
     ),
-    "a stranger in a group": (
+    "an unknown agent in a group": (
         partition(groups=[["9"]]),
-        ["faults.0.groups: expected agents' names", "got '9'"],
+        ["faults.0.groups: expected an agent's name, one of", "got '9'"],
     ),
     "in two groups at once": (
         partition(groups=[["1"], ["2", "1"]]),
         ["faults.0.groups: expected '1' in one group"],
     ),
-    "everybody together": (
+    "all agents in one group": (
         partition(groups=[["1", "2", "3", "4", "5"]]),
-        ["faults.0.groups: expected two groups, or somebody in none"],
+        ["faults.0.groups: expected two groups, or an agent in no group"],
     ),
     "groups and a shape": (
         partition(groups=[["1"]], shape="ring"),
         ["faults.0: expected groups, or a shape"],
     ),
-    "a liar that nobody knows": (
+    "an unknown liar": (
         lie(agent="9", says="zero"),
         ["faults.0.agent: expected an agent"],
     ),
     "a lie to oneself": (
         lie(to=["2"], says="zero"),
-        ["faults.0.to: expected others' names", "got '2'"],
+        ["faults.0.to: expected an agent's name, one of ['1', '3'", "got '2'"],
     ),
     "a lie without content": (
         lie(),
@@ -200,9 +203,9 @@ BROKEN = {
     ),
     "an input of another size": (lie(says=[1.0]), ["faults.0.says: expected 2 components"]),
     "a replay of the future": (lie(replay=0), ["faults.0.replay: expected greater than or equal"]),
-    "a fault of a stranger": (
+    "a fault of an unknown agent": (
         {"faults": [{"kind": "kill", "at": 1.0, "agents": ["9"]}]},
-        ["faults.0.agents: expected agents' names", "got '9'"],
+        ["faults.0.agents: expected an agent's name, one of", "got '9'"],
     ),
     "at a time and at random": (
         {"faults": [{"kind": "kill", "at": 1.0, "rate": 1.0}]},
@@ -228,11 +231,11 @@ BROKEN = {
         {"faults": [{"kind": "sensor", "at": 1.0, "for": 1.0, "silent": True, "bias": {"x": 1.0}}]},
         ["faults.0: expected silent = true, or bias and noise"],
     ),
-    "a state that nobody has": (
+    "an unknown state": (
         {"faults": [{"kind": "sensor", "at": 1.0, "for": 1.0, "bias": {"z": 1.0}}]},
         ["faults.0.bias: expected states of agent 1, of ['x', 'y', 'theta'], got 'z'"],
     ),
-    "a link of a stranger": (
+    "a link of an unknown agent": (
         {"faults": [{"kind": "link", "for": 1.0, "from": "9", "loss": 1.0}]},
         ["faults.0.from: expected an agent's name or '*'"],
     ),

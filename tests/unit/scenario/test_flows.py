@@ -12,12 +12,12 @@ SMALL = {"agents.0.count": 7, "agents.1.count": 1}
 
 
 def starts(scenario: Scenario) -> np.ndarray:
-    """Where every agent starts, shape (N, axes)."""
+    """Return every agent's start, shape (N, axes)."""
     return np.array([g.start[place][: g.axes] for _, g, place in scenario.roster()])
 
 
 def centers(scenario: Scenario) -> np.ndarray:
-    """Of the obstacles, shape (o, axes)."""
+    """Return the centers of the obstacles, shape (o, axes)."""
     return np.array([o.center for o in scenario.obstacles])
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from phalanx.theory.models.dynamics import box_polytope
+from phalanx.extend import box_polytope
 
 
 @dataclass(frozen=True)
@@ -159,7 +159,7 @@ DYNAMICS = {
     "NoInputs": "NoInputs.inputs: expected a tuple of different names, got ()",
     "ShortDrift": "ShortDrift.drift: expected shape (3,), got shape (2,)",
     "RowDrift": "RowDrift.drift: expected shape (3,), got shape (1, 3)",
-    "MathDrift": "MathDrift.drift: expected finite numbers at the start x = (0, 0, 0), got (nan,",
+    "MathDrift": "MathDrift.drift: expected shape (3,) made with casadi's functions, got nan: ",
     "ForeignDrift": "drift: expected an expression of its arguments alone, got one of wind too",
     "SilentDrift": "SilentDrift.drift: expected shape (3,), got None",
     "SingularDrift": "SingularDrift.drift: expected finite numbers at the start x = (0, 0, 0), got "
@@ -178,18 +178,18 @@ DYNAMICS = {
 }
 FUNCTIONS = {
     "Vector": "Vector.between: expected a scalar, got shape (2,)",
-    "Arity": "Arity.between: expected a scalar, got TypeError: ",
+    "Arity": " has between(self, a), write between(self, a, b), got 'mistaken:Arity'",
     "Infinite": "Infinite.between: expected a finite h of a and b at the start, got inf",
     "Wordless": "Wordless.to_obstacle: expected a scalar, got None",
     "Misspelt": "Misspelt.to_obstacle: expected a scalar, got AttributeError: ",
 }
 LAWS = {
     "Unprepared": "Unprepared.prepare: expected no error, got AttributeError: ",
-    "Listed": "Listed.input: expected an array of 2 finite numbers for agent a, got [0.0, 0.0]",
-    "Long": "Long.input: expected an array of 2 finite numbers for agent a, got shape (3,)",
-    "Undefined": "input: expected an array of 2 finite numbers for agent a, got (nan, nan)",
-    "Enormous": "input: expected an array of 2 finite numbers for agent a, got (1.7e+308, 1.7",
-    "Missing": "input: expected an array of 2 finite numbers for agent a, got KeyError: 17",
+    "Listed": "input: expected a numpy array of 2 finite numbers for agent a, got [0.0, 0.0]",
+    "Long": "Long.input: expected a numpy array of 2 finite numbers for agent a, got shape (3,)",
+    "Undefined": "input: expected a numpy array of 2 finite numbers for agent a, got (nan, nan)",
+    "Enormous": "input: expected a numpy array of 2 finite numbers for agent a, got (1.7e+308, 1.7",
+    "Missing": "input: expected a numpy array of 2 finite numbers for agent a, got KeyError: 17",
 }
 MISTAKES = [
     *[("agents.0.dynamics.type", *mistake) for mistake in DYNAMICS.items()],
@@ -207,6 +207,7 @@ def own(tmp_path, monkeypatch):
     sys.modules.pop("mistaken", None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("field", "name", "line"), MISTAKES, ids=[m[1] for m in MISTAKES])
 def test_a_mistake_is_one_line(own, capsys, field, name, line):
     began = time.process_time()
@@ -215,6 +216,7 @@ def test_a_mistake_is_one_line(own, capsys, field, name, line):
 
 
 # What the scenario, its rows at x(0) and a law are refused for; others come the same three ways.
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ShortDrift", "Vector", "Listed"])
 def test_it_is_said_before_any_process_starts(own, capsys, name):
     (field,) = (field for field, mistake, _ in MISTAKES if mistake == name)
@@ -231,5 +233,6 @@ def refusal(own, capsys, engine: str, field: str, name: str) -> str:
     return said
 
 
+@pytest.mark.slow
 def test_without_a_mistake_it_runs(own):
     assert status(["run", "own.toml", "--engine", "in-process", "--no-report"]) == 0

@@ -19,8 +19,7 @@ from typing import Annotated
 import casadi as ca
 from annotated_types import Gt
 
-from phalanx.theory.models.integrators import SingleIntegrator
-from phalanx.theory.models.dynamics import box_polytope
+from phalanx.extend import SingleIntegrator, box_polytope
 
 
 @dataclass(frozen=True)
@@ -208,7 +207,8 @@ def test_a_users_classes_in_the_working_directory_make_a_swarm(own):
             "agents.0.dynamics={ type = 'swimming_user:Headless' }",
             [
                 "agents.0.dynamics: expected a dataclass that is a Dynamics",
-                "position, input_metric",
+                "Headless (swimming_user.py, line ",
+                "lacks position(self, x), input_metric(self)",
             ],
         ),
         (
@@ -271,6 +271,7 @@ def test_input_bounds_that_vary_are_refused_by_name_where_a_row_cannot_take_them
         require_runnable(build_swarm(load("own.toml", [tired, *proven])))
 
 
+@pytest.mark.slow
 def test_a_check_of_varying_input_bounds_says_what_it_cannot_compute(own):
     report = check(load("own.toml", ["agents.0.dynamics.type=swimming_user:Tired"]))
     assert report.formula is None

@@ -9,6 +9,7 @@ from phalanx.scenario.load import shipped
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import compile_rows
 from phalanx.theory.margins.integrated import RowPart
+from phalanx.theory.margins.local import local_margin
 from phalanx.theory.margins.margin import ComposedMargin
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.composition import FAR
@@ -35,6 +36,7 @@ def states(rows: SafetyRows, count: int) -> np.ndarray:
 
 
 # Faults leave the safe set as it is.
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in shipped() if not name.startswith("faults/")])
 @pytest.mark.parametrize("radius", [None, 6.0])
 def test_terms_from_kinds_are_those_of_the_printed_chain(name, radius):
@@ -62,7 +64,7 @@ def test_terms_from_kinds_are_those_of_the_printed_chain(name, radius):
 
 @pytest.mark.parametrize("name", ["formation3d", "formation3d-distance", "unicycles"])
 def test_the_truths_largest_psi_is_that_of_the_chains(name):
-    """Of h_tot, or of every pair alone."""
+    """Compare chains of h_tot, or of every pair alone."""
     rows = rows_of_scenario(name)
     composed = rows.swarm.safe_set
     every = rows.swarm.pairs.every
@@ -97,6 +99,7 @@ def test_what_must_not_be_above_zero_is_every_pairs_or_every_agents_own():
     assert len(rows_of_scenario("unicycles").invariants()(limited.swarm.start()[:15])) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["guaranteed", "swarm", "formation3d"])
 def test_forked_programs_have_nothing_left_to_compile(name, monkeypatch):
     """But memory for as many pairs as they see."""
@@ -116,18 +119,22 @@ def test_forked_programs_have_nothing_left_to_compile(name, monkeypatch):
 @pytest.mark.parametrize("name", ["stale-inputs", "disturbance-gap"])
 @pytest.mark.parametrize("radius", [None, 4.0])
 def test_every_margin_has_the_terms_of_its_chain(name, margin, radius):
-    """Of what an agent sees: the margin `local` too, which is a bound of the whole expression."""
+    """Compare what an agent sees, with the margin `local`: a bound of the whole expression."""
     overrides = [f"safety.margin={margin}", *(["safety.eta=0"] if margin == "local" else [])]
     overrides += [f"safety.neighbourhood={radius}"] if radius else []
     rows = rows_of_scenario(name, *overrides)
     swarm, i = rows.swarm, rows.swarm.normal[0]
     active = None if radius is None else swarm.safe_set.within(i, radius)
-    known = rows.margin(i).of(rows.chain, i, active=active)
+    own, chain = rows.margin(i), rows.chain
+    known = own.of(chain, i)
+    if margin == "local":
+        bounds = own.bounds_of(chain)
+        known = local_margin(chain, i, own.horizon, bounds, RowPart.WHOLE, active)
     whole, terms = TermsFunction(rows.chain, active, known), rows.terms(i)
     for x in states(rows, 40):
         seen = swarm.seen(i, x)
         found, expected = terms(x, seen), whole(x, seen)
-        if found.psi[0] == FAR:  # nobody is near
+        if found.psi[0] == FAR:  # no agent is near
             continue
         numbers = [
             np.concatenate([t.psi, [t.unforced, t.margin], *[t.c[l] for l in seen]])

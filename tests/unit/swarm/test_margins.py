@@ -1,4 +1,4 @@
-"""Which margin an agent's rows have, in a swarm read from a scenario."""
+"""Margins of an agent's rows, in a swarm read from a scenario."""
 
 import numpy as np
 import pytest
@@ -9,6 +9,7 @@ from phalanx.theory.margins.local import local_margin
 from tests.unit.swarms import rows_of_scenario
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "margin"), [("local", local_margin), ("integrated", integrated_margin)]
 )

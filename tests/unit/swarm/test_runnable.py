@@ -1,4 +1,4 @@
-"""What is found at x(0), however many agents there are and however little one of them sees."""
+"""Mistakes found at x(0), for any number of agents and any sensing radius."""
 
 import sys
 
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from phalanx.theory.models.integrators import SingleIntegrator
+from phalanx.extend import SingleIntegrator
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""In which units h and the ψ of a scenario are."""
+"""Units of h and ψ in a scenario."""
 
 import pytest
 

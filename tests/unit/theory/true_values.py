@@ -115,7 +115,7 @@ def within(box: tuple[float, float], share: float) -> list[Number]:
 
 
 def true_value(operation: Operation, x: Number, y: Number | None) -> Number:
-    """Of one number or two; not a number where it is not defined."""
+    """The function of one number or two; NaN where it is undefined."""
     try:
         return operation.truly(*([x] if operation.arguments == 1 else [x, y]))
     except (ZeroDivisionError, ValueError):
@@ -123,7 +123,7 @@ def true_value(operation: Operation, x: Number, y: Number | None) -> Number:
 
 
 def is_held(low: float, truth: Number, high: float) -> bool:
-    """Whether a true value lies within the bounds; where it is not defined nothing is said."""
+    """Return whether a true value lies within the bounds; True where it is undefined."""
     if isinstance(truth, mpmath.mpc) or not mpmath.isfinite(truth):
         return True
     return bool(mpmath.mpf(low) <= truth <= mpmath.mpf(high))

@@ -8,19 +8,28 @@ from phalanx_viewer.plots.content import Curve, Plot
 from phalanx_viewer.plots.plots import content
 
 import phalanx
+from phalanx.recording.read import Recording
 from phalanx.report import safety, steps
+from phalanx.report.history import ReportHistory
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def replay() -> Replay:
+def recording() -> Recording:
     """A run whose h has relative degree 2."""
     scenario = phalanx.load("formation3d", ["duration=0.6"])
-    return Replay(phalanx.run(scenario, engine="in-process").recording)
+    return phalanx.run(scenario, engine="in-process").recording
 
 
 @pytest.fixture(scope="module")
-def plots(replay: Replay) -> list[Plot]:
-    return content(replay, range(4), seekable=True).plots
+def history(recording: Recording) -> ReportHistory:
+    return ReportHistory(recording)
+
+
+@pytest.fixture(scope="module")
+def plots(recording: Recording) -> list[Plot]:
+    return content(Replay(recording), range(4), seekable=True).plots
 
 
 def titled(plots: list[Plot], title: str) -> Plot:
@@ -28,28 +37,28 @@ def titled(plots: list[Plot], title: str) -> Plot:
 
 
 def agree(axes: Axes, line: int, curve: Curve) -> bool:
-    """Whether each point of a page's curve lies on the figure's line, but for rounding."""
+    """True if each point of a page's curve lies on the figure's line, but for rounding."""
     t, y = (np.asarray(values, dtype=float) for values in axes.lines[line].get_data())
     at = np.abs(t[:, None] - curve.t).argmin(axis=0)
     there = np.allclose(t[at], curve.t, rtol=1e-6, atol=1e-9)
     return len(curve.t) > 5 and there and np.allclose(y[at], curve.y, rtol=1e-3, atol=1e-9)
 
 
-def test_h_tot_and_every_psi_agree(replay, plots) -> None:
-    (h_tot,) = safety.safety(replay.history).axes
+def test_h_tot_and_every_psi_agree(history, plots) -> None:
+    (h_tot,) = safety.safety(history).axes
     assert agree(h_tot, 0, titled(plots, "h_tot").curves[0])
-    (psi,) = safety.psi(replay.history).axes
+    (psi,) = safety.psi(history).axes
     assert agree(psi, 0, titled(plots, "ψ_1").curves[0])
 
 
-def test_certified_times_agree(replay, plots) -> None:
-    (axes,) = steps.certified(replay.history).axes
+def test_certified_times_agree(history, plots) -> None:
+    (axes,) = steps.certified(history).axes
     for i, curve in enumerate(titled(plots, "Certified for").curves[:3]):
         assert agree(axes, i, curve)
 
 
-def test_inputs_applied_and_nominal_agree(replay, plots) -> None:
-    _, *components = steps.inputs(replay.history, 1).axes
+def test_inputs_applied_and_nominal_agree(history, plots) -> None:
+    _, *components = steps.inputs(history, 1).axes
     mine = [plot for plot in plots if plot.agent == 1]
     for axes, plot in zip(components, mine, strict=True):
         assert agree(axes, 0, plot.curves[0])
@@ -60,9 +69,9 @@ def test_inputs_applied_and_nominal_agree(replay, plots) -> None:
 
 def test_the_oldest_ages_agree() -> None:
     scenario = phalanx.load("unicycles", ["duration=0.6", "network.loss=0.2"])
-    replay = Replay(phalanx.run(scenario, engine="in-process").recording)
-    panels = steps.ages(replay.history).axes
-    plots = content(replay, range(5), seekable=True).plots
+    recording = phalanx.run(scenario, engine="in-process").recording
+    panels = steps.ages(ReportHistory(recording)).axes
+    plots = content(Replay(recording), range(5), seekable=True).plots
     curves = [c for c in titled(plots, "Age of the oldest received input").curves if c.t]
     assert len(panels) == len(curves) > 0
     for axes, curve in zip(panels, curves, strict=True):

@@ -1,7 +1,7 @@
 """Walls that enclose are drawn as a fence: each as far as the others leave room."""
 
 import numpy as np
-from phalanx_viewer.scene.backdrop import panel
+from phalanx_viewer.scene.static import panel
 
 SQUARE = [
     (np.array(normal), 5.0)

@@ -1,13 +1,13 @@
 """No text covers another, and the more important one stays."""
 
 import numpy as np
-from phalanx_viewer.scene.labels import LETTER, apart, beside
+from phalanx_viewer.scene.labels import LETTER, place_texts, text_position
 from phalanx_viewer.scene.view import View
 
 
 def placed(at: list[list[float]], letters: list[int]) -> list[int]:
-    """Which texts are shown that have a place each."""
-    return [text for text, _ in apart([np.array([place]) for place in at], letters)]
+    """Texts that are shown, each with a single place."""
+    return [text for text, _ in place_texts([np.array([place]) for place in at], letters)]
 
 
 def test_of_two_texts_in_one_place_the_first_stays() -> None:
@@ -16,22 +16,22 @@ def test_of_two_texts_in_one_place_the_first_stays() -> None:
 
 def test_a_text_with_several_places_takes_the_first_that_is_free() -> None:
     around = np.array([[0.0, 0.1], [0.0, -0.1], [0.1, 0.0]])
-    assert apart([around] * 4, [1] * 4) == [(0, 0), (1, 1), (2, 2)]
+    assert place_texts([around] * 4, [1] * 4) == [(0, 0), (1, 1), (2, 2)]
 
 
 def test_a_long_text_needs_more_room_to_its_sides_but_not_above() -> None:
-    beside, above = [[0.0, 0.0], [0.1, 0.0]], [[0.0, 0.0], [0.0, 0.1]]
-    assert placed(beside, [1, 1]) == [0, 1]
-    assert placed(beside, [20, 1]) == [0]
+    right, above = [[0.0, 0.0], [0.1, 0.0]], [[0.0, 0.0], [0.0, 0.1]]
+    assert placed(right, [1, 1]) == [0, 1]
+    assert placed(right, [20, 1]) == [0]
     assert placed(above, [20, 20]) == [0, 1]
 
 
-def test_what_gave_way_takes_no_room_itself() -> None:
+def test_a_text_that_is_not_shown_takes_no_room() -> None:
     assert placed([[0.0, 0.0], [0.02, 0.0], [0.04, 0.0]], [1, 1, 1]) == [0, 2]
 
 
-def test_the_text_beside_a_pair_at_the_pictures_edge_stays_inside() -> None:
+def test_the_text_next_to_a_pair_at_the_pictures_edge_stays_inside() -> None:
     view = View(np.array([0.0, 0.0, 10.0]), np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.5, 1.5)
     a, b = (np.array([0.74 * view.spans(np.zeros((1, 3)))[0], y, 0.0]) for y in (0.0, 0.1))
-    right = view.project(beside(a, b, letters=20, clear=0.1, view=view)[None])[0, 0]
+    right = view.project(text_position(a, b, letters=20, clear=0.1, view=view)[None])[0, 0]
     assert 0.0 < right <= 0.75 - 20 * LETTER / 2.0 + 1e-9

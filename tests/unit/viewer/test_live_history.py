@@ -1,4 +1,4 @@
-"""What a live run's past keeps of the frames that came."""
+"""The past of a live run, from its frames."""
 
 import msgspec
 import numpy as np
@@ -25,7 +25,7 @@ def frame(t: float, *events: LinkEvent) -> Frame:
     )  # fmt: skip
 
 
-def test_links_that_were_late_or_lost_are_counted_beside_all_that_lead_to_an_agent() -> None:
+def test_links_that_were_late_or_lost_are_counted_with_all_that_lead_to_an_agent() -> None:
     past = LiveHistory(MODEL)
     past.add(frame(0.0))
     past.add(frame(0.1, LinkEvent(0, 2, -1.0), LinkEvent(1, 2, 0.01)))
@@ -37,10 +37,10 @@ def test_links_that_were_late_or_lost_are_counted_beside_all_that_lead_to_an_age
     np.testing.assert_array_equal(fates.late, [0.0] * 7 + [1.0, 0.0, 0.0])
 
 
-def test_a_pair_that_was_unsafe_stays_marked_when_frames_tell_of_others_as_it_was_last_told():
+def test_a_pair_that_was_unsafe_stays_as_last_received_when_frames_name_others():
     past = LiveHistory(MODEL)
-    told = [[("1-2", 0.5), ("1-3", 0.1)], [("1-2", 0.7)], []]
-    for k, violations in enumerate(told):
+    received = [[("1-2", 0.5), ("1-3", 0.1)], [("1-2", 0.7)], []]
+    for k, violations in enumerate(received):
         each = tuple(Violation(pair, 0.0, worst, 0.0, 0.1) for pair, worst in violations)
         past.add(msgspec.structs.replace(frame(0.1 * k), violations=each))
     assert {v.pair: v.worst for v in past.violations.values()} == {"1-2": 0.7, "1-3": 0.1}

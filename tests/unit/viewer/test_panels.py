@@ -1,11 +1,11 @@
-"""What the panels say of an agent, and of the verdict."""
+"""The text panels of an agent and of the verdict."""
 
 from pathlib import Path
 
 import msgspec
 import pytest
 from phalanx_viewer.feeds.replay import Replay
-from phalanx_viewer.page.panels import agent_in_words, verdict_in_words
+from phalanx_viewer.page.panels import agent_text, verdict_text
 
 from phalanx.guarantee.verdict import Assumption
 from phalanx.recording.read import read
@@ -21,23 +21,23 @@ def step(residual: float = 0.0) -> AppliedStep:
 
 
 @pytest.mark.parametrize(
-    ("residual", "told"),
+    ("residual", "text"),
     [(-4.26e-14, "residual 0"), (3e-12, "residual 0"), (2e-9, "residual 2e-09"), (-20.3, "-20.3")],
 )
-def test_a_residual_of_rounding_alone_is_none(residual: float, told: str) -> None:
-    assert f"{told} ·" in agent_in_words(AgentStatus(step=step(residual)))
+def test_a_residual_of_rounding_alone_is_none(residual: float, text: str) -> None:
+    assert f"{text} ·" in agent_text(AgentStatus(step=step(residual)))
 
 
 def test_steps_with_empty_sets_are_counted_in_words() -> None:
-    assert "· 1 backup ·" in agent_in_words(AgentStatus(step=step(), backups=1))
-    told = agent_in_words(AgentStatus(step=step(), backups=2, without_authority=1))
-    assert "· 2 backups, 1 without authority ·" in told
+    assert "· 1 backup ·" in agent_text(AgentStatus(step=step(), backups=1))
+    text = agent_text(AgentStatus(step=step(), backups=2, without_authority=1))
+    assert "· 2 backups, 1 without authority ·" in text
 
 
-def test_without_anybody_near_there_is_no_residual() -> None:
-    told = agent_in_words(AgentStatus(step=step(FAR)))
-    assert "nobody near" in told
-    assert "e+09" not in told
+def test_without_an_agent_near_there_is_no_residual() -> None:
+    text = agent_text(AgentStatus(step=step(FAR)))
+    assert "no agent or obstacle near" in text
+    assert "e+09" not in text
 
 
 @pytest.fixture
@@ -47,13 +47,13 @@ def violated(tmp_path: Path) -> Replay:
 
 
 def test_a_violated_recording_says_so_from_its_beginning(violated: Replay) -> None:
-    told = verdict_in_words(violated.frame(0.0), violated.summary, violated.unfinished)
-    assert told.index("<b>violated</b>: h &lt;= 0") < told.index("<b>guaranteed until now</b>")
+    text = verdict_text(violated.frame(0.0), violated.summary, violated.unfinished)
+    assert text.index("<b>violated</b>: h &lt;= 0") < text.index("<b>guaranteed until now</b>")
 
 
 def test_a_failed_assumption_is_worded_as_a_failure(violated: Replay) -> None:
     certificates = Assumption("certificates", 3, 120, 0.2, "every pair was under one")
     frame = msgspec.structs.replace(violated.frame(0.0), assumptions=(certificates,))
-    told = verdict_in_words(frame, None, "")
-    failed = "certificates failed: 3 of 120, first at 0.200 s; expected was: every pair was"
-    assert failed in told
+    text = verdict_text(frame, None, "")
+    failed = "certificates failed: 3 of 120, first at 0.200 s; expected: every pair was"
+    assert failed in text

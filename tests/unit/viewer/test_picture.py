@@ -3,7 +3,7 @@
 import numpy as np
 from phalanx_viewer.scene.model import SceneModel, scene_model
 from phalanx_viewer.scene.overlay import banner
-from phalanx_viewer.scene.picture import Picture, alarms, past_alarms, picture
+from phalanx_viewer.scene.picture import Picture, past_lines, picture, unsafe_lines
 
 from phalanx.guarantee.verdict import Violation
 from phalanx.scenario.load import load
@@ -25,7 +25,7 @@ def shown(*second: float) -> Picture:
     return picture(MODEL, frame)
 
 
-def test_nobody_is_marked_while_all_are_safe() -> None:
+def test_no_agent_is_marked_while_all_are_safe() -> None:
     found = shown(1.001, 0.0)
     assert found.unsafe == []
     assert not found.unsafe_agents.any()
@@ -39,30 +39,30 @@ def test_the_two_of_a_pair_too_close_are_marked() -> None:
     np.testing.assert_array_equal(found.unsafe_ends, [[[0, 0, 0], [0.999, 0, 0]]])
 
 
-def test_of_several_pairs_the_deepest_comes_first() -> None:
+def test_of_several_pairs_the_one_with_the_largest_h_comes_first() -> None:
     x = MODEL.swarm.start().copy()
     x[2:4], x[4:6] = (0.5, 0.0), (0.0, 0.3)
     labels = [MODEL.label(int(pair)) for pair in MODEL.values.unsafe(x)]
     assert labels == ["1-3", "1-2"]
 
 
-def test_the_banner_says_who_how_deep_and_since_when() -> None:
+def test_the_banner_names_the_pair_its_h_and_since_when() -> None:
     x = MODEL.swarm.start().copy()
     x[2:4] = (0.5, 0.0)
     known = Violation(pair="1-2", first=1.25, worst=2.0, worst_at=3.0, duration=1.0)
     p = MODEL.kinematics.poses(x).positions
     unsafe = MODEL.values.unsafe(x).tolist()
-    (line,) = alarms(MODEL, unsafe, (known,), x, p)
+    (line,) = unsafe_lines(MODEL, unsafe, (known,), x, p)
     assert line == "1-2 unsafe: 0.50 m, h = 0.75 where 0 is allowed, since t = 1.250 s"
     assert line in banner([line], [])
-    assert past_alarms(MODEL, unsafe, (known,), 2.0) == []
+    assert past_lines(MODEL, unsafe, (known,), 2.0) == []
 
 
-def test_what_is_over_stays_told_but_not_what_is_still_to_come() -> None:
+def test_the_banner_keeps_past_violations_but_shows_none_before_they_happen() -> None:
     known = Violation(pair="1-2", first=1.25, worst=2.0, worst_at=3.0, duration=1.0)
-    assert past_alarms(MODEL, [], (known,), 1.0) == []
-    assert past_alarms(MODEL, [], (known,), 2.0) == ["1-2 was unsafe from t = 1.250 s on"]
-    (line,) = past_alarms(MODEL, [], (known,), 4.0)
+    assert past_lines(MODEL, [], (known,), 1.0) == []
+    assert past_lines(MODEL, [], (known,), 2.0) == ["1-2 was unsafe from t = 1.250 s on"]
+    (line,) = past_lines(MODEL, [], (known,), 4.0)
     assert line.endswith("on, up to h = 2")
     assert "phalanx-past" in banner([], [line])
 
@@ -86,11 +86,13 @@ def test_an_agent_outside_its_fence_is_unsafe_alone_and_has_no_distance_from_it(
     unsafe = model.values.unsafe(x).tolist()
     p = model.kinematics.poses(x).positions
     assert model.agents_of(unsafe) == {0}
-    assert alarms(model, unsafe, (), x, p) == ["1-limit 0 unsafe: h = 1.06 where 0 is allowed"]
+    assert unsafe_lines(model, unsafe, (), x, p) == [
+        "1-limit 0 unsafe: h = 1.06 where 0 is allowed"
+    ]
 
 
 def test_a_fence_is_drawn_where_the_scenario_has_it() -> None:
-    (outline,) = scene_model(load("fence", [])).surroundings.outlines
+    (outline,) = scene_model(load("fence", [])).static.outlines
     np.testing.assert_allclose(np.linalg.norm(outline, axis=1), 8.0)
     low, high = scene_model(load("fence", [])).extent
     assert (low[:2] < -8.0).all()

@@ -1,12 +1,21 @@
-"""What a replay says at a time is what had happened by then."""
+"""A replay shows at each time what had happened by then."""
 
+import gc
+import sys
+import weakref
+from collections.abc import Sequence
+
+import numpy as np
 import pytest
 from phalanx_viewer.feeds.replay import Replay
-from phalanx_viewer.page.panels import agent_in_words
+from phalanx_viewer.page.panels import agent_text
+from phalanx_viewer.plots.plots import content
 from phalanx_viewer.scene.picture import picture
 
 import phalanx
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy, Condition
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +43,7 @@ def test_at_t_0_a_replay_counts_what_had_happened_at_t_0(replay, frozen):
     assert [line.t for line in first.log] == [t for t in frozen.events["t"] if t <= 0.0]
 
 
-def test_how_often_an_assumption_failed_is_told_at_the_end_alone(replay, frozen):
+def test_how_often_an_assumption_failed_is_shown_at_the_end_alone(replay, frozen):
     failed = [a for a in frozen.summary.assumptions if a.failed]
     assert failed
     assert replay.frame(replay.end).assumptions == tuple(failed)
@@ -58,4 +67,21 @@ def test_a_liar_is_marked_from_its_first_lie_on():
     assert not picture(replay.model, before).liars.any()
     assert picture(replay.model, after).liars.tolist() == [False, True, False]
     assert end.agents[1].lies == sum(len(step.false) for step in recording.steps)
-    assert f"{end.agents[1].lies} false broadcasts" in agent_in_words(end.agents[1])
+    assert f"{end.agents[1].lies} false broadcasts" in agent_text(end.agents[1])
+
+
+def most_references(objects: Sequence[object]) -> int:
+    return max(sys.getrefcount(each) for each in objects)
+
+
+def test_a_replay_keeps_arrays_and_none_of_the_recordings_records():
+    scenario = phalanx.load("formation3d", ["duration=0.2", "network.loss=0.2"])
+    recording = phalanx.run(scenario, engine="in-process").recording
+    records, alive = [*recording.states, *recording.steps], weakref.ref(recording)
+    replay = Replay(recording)
+    del recording
+    content(replay, range(4), seekable=True)
+    gc.collect()
+    assert alive() is None
+    assert most_references(records) == most_references([object()])
+    assert np.shares_memory(replay.history.positions, replay.history.trajectory)

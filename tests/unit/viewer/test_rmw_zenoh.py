@@ -1,4 +1,4 @@
-"""Names, tokens and attachments beside the examples in docs/design.md of ros2/rmw_zenoh."""
+"""Names, tokens and attachments equal the examples in docs/design.md of ros2/rmw_zenoh."""
 
 from phalanx_viewer.ros2.rmw_zenoh import MessageType, NodeName, attachment, gid
 from zenoh import ZBytes

@@ -1,4 +1,4 @@
-"""What ROS 2 is told of a run, decoded by another library than the one that encodes."""
+"""ROS 2 messages of a run, decoded by another library than the one that encodes."""
 
 import importlib.util
 
@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from phalanx_viewer.feeds.replay import Replay
 from phalanx_viewer.ros2 import messages
-from phalanx_viewer.ros2.diagnostics import alike, diagnostics, so_far, verdict
-from phalanx_viewer.ros2.messages import message_type, serialized, stamped
+from phalanx_viewer.ros2.diagnostics import diagnostics, heads, interim_outcome, outcome
+from phalanx_viewer.ros2.messages import message_type, pose_messages, serialized
 from phalanx_viewer.ros2.republisher import pose_topics
-from phalanx_viewer.scene.kinematics import facing
-from phalanx_viewer.scene.model import scene_model
+from phalanx_viewer.scene.kinematics import rotations_to
+from phalanx_viewer.scene.model import SceneModel, scene_model
 from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticArray as Diagnostics
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__PoseStamped as PoseStamped
 from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__String as String
@@ -38,7 +38,7 @@ def drawn(replay: Replay, t: float) -> dict[tuple[str, int], ros.Marker]:
     message = messages.array(
         messages.agents(frame.t, model, poses, frame.agents, unsafe),
         messages.violations(frame.t, model, poses.positions, unsafe),
-        messages.around(frame.t, model),
+        messages.static_markers(frame.t, model),
     )
     found = ros.MarkerArray.deserialize(serialized(message)).markers
     by_name = {(marker.ns, marker.id): marker for marker in found}
@@ -46,57 +46,44 @@ def drawn(replay: Replay, t: float) -> dict[tuple[str, int], ros.Marker]:
     return by_name
 
 
-@pytest.mark.parametrize(
-    ("kind", "on_the_wire"),
-    # The first from docs/design.md of ros2/rmw_zenoh, the others as ROS 2 clients in other
-    # languages have them in their sources.
-    [
-        (
-            String,
-            "std_msgs::msg::dds_::String_/"
-            "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
-        ),
-        (
-            PoseStamped,
-            "geometry_msgs::msg::dds_::PoseStamped_/"
-            "RIHS01_10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8",
-        ),
-        (
-            MarkerArray,
-            "visualization_msgs::msg::dds_::MarkerArray_/"
-            "RIHS01_86cb8800b6fb05b5eff1abd7a56f62a5641d3ae9a1c29e78e67e704f1d067dcf",
-        ),
-        (
-            Diagnostics,
-            "diagnostic_msgs::msg::dds_::DiagnosticArray_/"
-            "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
-        ),
-    ],
-    ids=["String", "PoseStamped", "MarkerArray", "DiagnosticArray"],
-)
-def test_types_are_named_and_hashed_as_ros_2_does(kind, on_the_wire):
-    assert message_type(kind).on_the_wire == on_the_wire
+# The first from docs/design.md of ros2/rmw_zenoh, the others from ROS 2 clients in other languages.
+ON_THE_WIRE = {
+    String: "std_msgs::msg::dds_::String_/RIHS01_"
+    "df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
+    PoseStamped: "geometry_msgs::msg::dds_::PoseStamped_/RIHS01_"
+    "10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8",
+    MarkerArray: "visualization_msgs::msg::dds_::MarkerArray_/RIHS01_"
+    "86cb8800b6fb05b5eff1abd7a56f62a5641d3ae9a1c29e78e67e704f1d067dcf",
+    Diagnostics: "diagnostic_msgs::msg::dds_::DiagnosticArray_/RIHS01_"
+    "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
+}
 
 
+@pytest.mark.parametrize("kind", ON_THE_WIRE)
+def test_types_are_named_and_hashed_as_ros_2_does(kind):
+    assert message_type(kind).on_the_wire == ON_THE_WIRE[kind]
+
+
+@pytest.mark.slow
 def test_a_pose_is_little_endian_cdr_of_where_an_agent_is_and_faces():
     run = phalanx.run(phalanx.load("unicycles", ["duration=0.1"]), engine="in-process")
     model, x = scene_model(run.scenario), run.recording.x[-1]
     poses = model.kinematics.poses(x)
-    payloads = [serialized(message) for message in stamped(12.000000001, poses)]
+    payloads = [serialized(message) for message in pose_messages(12.000000001, poses)]
     assert {payload[:4] for payload in payloads} == {bytes([0, 1, 0, 0])}
     for i, payload in enumerate(payloads):
-        told = ros.PoseStamped.deserialize(payload)
-        assert (told.header.stamp.sec, told.header.stamp.nanosec) == (12, 1)
-        assert told.header.frame_id == "world"
-        place, turn = told.pose.position, told.pose.orientation
+        found = ros.PoseStamped.deserialize(payload)
+        assert (found.header.stamp.sec, found.header.stamp.nanosec) == (12, 1)
+        assert found.header.frame_id == "world"
+        place, turn = found.pose.position, found.pose.orientation
         assert [place.x, place.y, place.z] == poses.positions[i].tolist()
-        assert [turn.w, turn.x, turn.y, turn.z] == facing(poses.headings)[i].tolist()
+        assert [turn.w, turn.x, turn.y, turn.z] == rotations_to(poses.headings)[i].tolist()
 
 
 def test_every_agent_is_an_arrow_with_its_name_and_its_safety_radius(replay):
     found, names = drawn(replay, 0.0), replay.model.names
     for i, name in enumerate(names):
-        place = replay.trajectory[0][i]
+        place = replay.history.trajectory[0][i]
         disc = found["safety radius", i]
         assert disc.type == ros.CYLINDER
         assert (disc.scale.x, disc.scale.y) == (1.0, 1.0), "two touch at the radius of 1 m"
@@ -117,31 +104,41 @@ def test_a_violated_pair_is_red_and_joined_by_a_line_which_is_gone_before(replay
     assert after["agents", 0].color.r > after["agents", 0].color.b
 
 
+def static_markers(model: SceneModel) -> list[ros.Marker]:
+    message = messages.array(messages.static_markers(0.0, model))
+    found: list[ros.Marker] = ros.MarkerArray.deserialize(serialized(message)).markers
+    return found
+
+
 def test_obstacles_are_spheres_of_what_their_clearance_leaves_to_see():
     model = scene_model(phalanx.load("unicycles"))
-    message = ros.MarkerArray.deserialize(serialized(messages.array(messages.around(0.0, model))))
+    message = ros.MarkerArray.deserialize(
+        serialized(messages.array(messages.static_markers(0.0, model)))
+    )
     spheres = [marker for marker in message.markers if marker.ns == "obstacles"]
     assert spheres
-    for marker, (center, radius) in zip(spheres, model.surroundings.spheres, strict=True):
-        told = marker.pose.position
-        assert [told.x, told.y, told.z] == center.tolist()
+    for marker, (center, radius) in zip(spheres, model.static.spheres, strict=True):
+        center_drawn = marker.pose.position
+        assert [center_drawn.x, center_drawn.y, center_drawn.z] == center.tolist()
         assert marker.scale.x == 2.0 * radius
 
 
 def test_a_fence_is_a_line_around_where_one_may_be():
     model = scene_model(phalanx.load("fence"))
-    message = ros.MarkerArray.deserialize(serialized(messages.array(messages.around(0.0, model))))
+    message = ros.MarkerArray.deserialize(
+        serialized(messages.array(messages.static_markers(0.0, model)))
+    )
     (fence,) = [marker for marker in message.markers if marker.ns == "limits"]
     assert [(p.x, p.y, p.z) for p in fence.points] == [
-        tuple(point) for point in model.surroundings.outlines[0].tolist()
+        tuple(point) for point in model.static.outlines[0].tolist()
     ]
 
 
-def test_diagnostics_tell_the_run_and_every_agent(replay):
+def test_diagnostics_hold_the_run_and_every_agent(replay):
     frame, model = replay.frame(replay.end), replay.model
-    head = verdict(replay.summary)
-    told = ros.DiagnosticArray.deserialize(serialized(diagnostics(frame, model, head)))
-    run, *agents = told.status
+    head = outcome(replay.summary)
+    found = ros.DiagnosticArray.deserialize(serialized(diagnostics(frame, model, head)))
+    run, *agents = found.status
     assert (run.level, run.name) == (ros.ERROR, "phalanx: run")
     assert run.message == f"violated: {replay.summary.reason}"
     figures = {value.key: value.value for value in run.values}
@@ -152,22 +149,21 @@ def test_diagnostics_tell_the_run_and_every_agent(replay):
     assert agents[0].level in (ros.WARN, ros.ERROR), "surrounded, it has no authority"
 
 
-def test_so_far_a_run_is_fine_until_a_pair_is_violated(replay):
-    assert so_far(replay.frame(0.5)) == (ros.OK, "no pair left the safe set so far")
-    level, message = so_far(replay.frame(replay.end))
+def test_a_live_run_is_fine_until_a_pair_is_violated(replay):
+    assert interim_outcome(replay.frame(0.5)) == (ros.OK, "no pair left the safe set so far")
+    level, message = interim_outcome(replay.frame(replay.end))
     assert level == ros.ERROR
     assert message.startswith("violated: 1-2")
-    assert verdict(None) == (ros.ERROR, "the plant left without a verdict")
+    assert outcome(None) == (ros.ERROR, "the plant left without a verdict")
 
 
-def test_only_another_level_or_message_makes_diagnostics_differ(replay):
+def test_only_levels_and_messages_make_diagnostics_differ(replay):
     start, soon, end = (
-        diagnostics(frame, replay.model, so_far(frame))
+        heads(diagnostics(frame, replay.model, interim_outcome(frame)))
         for frame in map(replay.frame, (0.1, 0.2, replay.end))
     )
-    assert alike(start, soon)
-    assert not alike(start, end)
-    assert not alike(None, start)
+    assert start == soon
+    assert start != end
 
 
 def test_topics_have_names_that_ros_2_allows():

@@ -79,8 +79,8 @@ def test_a_camera_that_no_browser_can_have_is_refused() -> None:
 
 def test_things_take_more_of_a_small_picture_but_never_less_of_a_large_one() -> None:
     view = camera("from above", 1.0)
-    assert replace(view, pixels=155.0).smallness == 4.0
-    assert replace(view, pixels=3000.0).smallness == 1.0
+    assert replace(view, pixels=155.0).enlargement == 4.0
+    assert replace(view, pixels=3000.0).enlargement == 1.0
 
 
 def test_a_point_pulls_a_camera_no_farther_than_its_leash() -> None:

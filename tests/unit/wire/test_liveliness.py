@@ -1,4 +1,4 @@
-"""When an agent leaves: with the plant, and not with a router that comes back."""
+"""An agent leaves with the plant, and not with a router that comes back."""
 
 import threading
 
@@ -24,7 +24,7 @@ def presence():
 
 
 def test_without_a_router_the_hub_is_the_plant(presence) -> None:
-    presence.on_parting()
+    presence.on_disconnect()
     assert presence.reasons == ["the connection to the hub was lost"]
 
 
@@ -32,7 +32,7 @@ def test_before_the_first_sample_a_hub_that_comes_back_was_not_lost() -> None:
     left = threading.Event()
     presence = PlantPresence(PATIENCE, lambda _: left.set(), begun=lambda: False)
     presence.on_plant("", False)
-    presence.on_parting()
+    presence.on_disconnect()
     assert not left.is_set()
     presence.on_plant("", True)
     assert not left.wait(2.0 * PATIENCE)
@@ -43,7 +43,7 @@ def test_whoever_loses_the_router_waits_for_the_plant(presence, tokens_first: bo
     presence.on_router("", True)
     if tokens_first:
         presence.on_plant("", False)
-    presence.on_parting()
+    presence.on_disconnect()
     if not tokens_first:
         presence.on_plant("", False)
     presence.on_plant("", True)
@@ -55,7 +55,7 @@ def test_but_not_for_ever(presence, tokens_first: bool) -> None:
     presence.on_router("", True)
     if tokens_first:
         presence.on_plant("", False)
-    presence.on_parting()
+    presence.on_disconnect()
     assert presence.left.wait(30.0)
     assert presence.reasons == ["the plant is not back at its router"]
 

@@ -1,10 +1,10 @@
-"""What each program of a run is given to show who it is, and what it cannot make of that."""
+"""The keys of each program of a run, and those that it cannot derive."""
 
 import pickle
 
 import pytest
 
-from phalanx.wire.keys import EVERYBODY, PLANT, VIEWER, Keys, kind_and_name, owner
+from phalanx.wire.keys import PLANT, SHARED, VIEWER, Keys, kind_and_name, owner
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Actuation, Broadcast, Status
 from phalanx.wire.seal import Malformed
@@ -18,7 +18,7 @@ def test_a_program_gets_its_own_keys_and_nothing_from_which_others_could_be_made
     agent = ROOT.of("4", ("4",), NAMES)
     assert agent.credentials == Membership("r", "", b"hidden", "4").credentials
     assert agent.key_of("4") == ROOT.key_of("4")
-    assert agent.key_of(EVERYBODY) == ROOT.key_of(EVERYBODY)
+    assert agent.key_of(SHARED) == ROOT.key_of(SHARED)
     assert b"hidden" not in pickle.dumps(agent)
     assert agent.key_of("4>5") == ROOT.key_of("4>5")
     assert agent.key_of("5>4") == ROOT.key_of("5>4")
@@ -33,7 +33,7 @@ def test_a_controller_gets_the_keys_of_those_that_it_decides_for():
     assert controller.key_of("2") == ROOT.key_of("2")
 
 
-@pytest.mark.parametrize("name", ["1", VIEWER, EVERYBODY])
+@pytest.mark.parametrize("name", ["1", VIEWER, SHARED])
 def test_what_one_shows_at_the_door_is_no_key(name):
     assert bytes.fromhex(ROOT.password_of(name)) != ROOT.key_of(name)[:16]
 
@@ -77,4 +77,4 @@ def test_another_secret_makes_other_keys(seal_under_other_secret):
 )  # fmt: skip
 def test_what_is_no_key_of_a_run_names_nobody(key):
     assert kind_and_name(key) == ("", "")
-    assert owner(key) == EVERYBODY
+    assert owner(key) == SHARED

@@ -29,8 +29,7 @@ OF_TYPE = {
 }
 # What the page says in words: arrays in arrays, and maps.
 OF_FIELD = {
-    "version": VERSION,
-    "orders": [0.1, None, True, False],
+    "commands": [0.1, None, True, False],
     "ages": [[1, 0.01]],
     "received": [[1, 0.25, [1.5, -2.0]]],
     "fates": [[1, 6, 0.02, [2], [0.25, [1.5, -2.0]]], [1, 7, -1.0, [], None]],
@@ -45,16 +44,16 @@ PARTS = {"StepReport": StepReport, "AppliedStep": AppliedStep, "AgentStatus": Ag
 
 
 def tables() -> dict[str, list[tuple[str, str]]]:
-    """(field, type) of every message, as the page's tables have them."""
+    """(field, type) of every message but its version, as the page's tables have them."""
     sections = re.findall(r"^### (\w+)\n(.*?)(?=^##|\Z)", PAGE, re.DOTALL | re.MULTILINE)
     row = re.compile(r"^\| (\w+) \| ([\w ]+) \|", re.MULTILINE)
     return {name: row.findall(body)[1:] for name, body in sections}
 
 
 def fields(name: str) -> list[Any]:
-    """Those of a message or of a part of one, with examples of the types that the page says."""
-    inherited = fields("StepReport") if name == "AppliedStep" else []
-    return inherited + [OF_FIELD[f] if f in OF_FIELD else example(t) for f, t in tables()[name]]
+    """Return the fields of a message or a part, with examples of the page's types."""
+    first = fields("StepReport") if name == "AppliedStep" else [] if name in PARTS else [VERSION]
+    return first + [OF_FIELD[f] if f in OF_FIELD else example(t) for f, t in tables()[name]]
 
 
 def example(of_type: str) -> Any:
@@ -91,7 +90,7 @@ def test_the_page_has_every_message_and_no_other():
 @pytest.mark.parametrize("name", sorted(kinds()))
 def test_a_message_written_from_the_page_is_read_and_read_back(name, of, page):
     kind, key, examples = kinds()[name], f"phalanx/r/{of}", fields(name)
-    assert [field for field, _ in tables()[name]] == list(kind.__struct_fields__)
+    assert ["version", *[field for field, _ in tables()[name]]] == list(kind.__struct_fields__)
     message = MEMBERSHIP.sealer.open(key, page["sealed"](key, examples, SECRET), kind)
     again = MEMBERSHIP.sealer.seal(key, message)
     assert again[:16] == page["sealed"](key, msgpack.unpackb(again[16:]), SECRET)[:16]

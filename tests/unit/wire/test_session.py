@@ -17,7 +17,7 @@ def port_of(endpoint: str) -> int:
 
 
 def any_port() -> int:
-    """What the kernel gives to whoever asks for any port."""
+    """Return a port that the kernel chooses."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
@@ -50,7 +50,7 @@ with reserved_endpoint() as endpoint, open_hub(endpoint):
 
 
 def test_a_hub_that_a_client_started_does_not_forward_in_the_clients_single_thread():
-    """There a flood of one agent's peer held up everybody for as long as it lasted."""
+    """Without this a flood of one agent's peer blocked all programs while it lasted."""
     environment = {**os.environ, session._RUNTIME: session._CLIENT_RUNTIME}
     ran = subprocess.run(
         [sys.executable, "-c", HUB], env=environment, capture_output=True, text=True, check=True

@@ -1,4 +1,4 @@
-"""The scene in Foxglove's messages: who is where, what is around, which pair is violated."""
+"""The scene in Foxglove's messages: agents, static geometry and violated pairs."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
@@ -23,22 +23,22 @@ from google.protobuf.timestamp_pb2 import Timestamp
 
 from phalanx.arrays import Array
 from phalanx_viewer.scene.colours import DANGER
-from phalanx_viewer.scene.kinematics import Poses, facing
+from phalanx_viewer.scene.kinematics import Poses, rotations_to
 from phalanx_viewer.scene.model import SceneModel
-from phalanx_viewer.scene.shapes import Kind, Shape, agent_shapes, surroundings
+from phalanx_viewer.scene.shapes import Kind, Shape, agent_shapes, static_shapes
 
 WORLD = "world"
-"""The frame that stands still; every agent has one of its own, by its name."""
+"""The fixed frame; every agent has one of its own, by its name."""
 
 
 def stamp(t: float) -> Timestamp:
-    """A virtual time [s] as protobuf has times."""
+    """Convert a virtual time [s] to protobuf."""
     nanoseconds = round(t * 1e9)
     return Timestamp(seconds=nanoseconds // 1_000_000_000, nanos=nanoseconds % 1_000_000_000)
 
 
 def frames(t: float, poses: Poses, names: Sequence[str]) -> tuple[FrameTransforms, PosesInFrame]:
-    """Where all agents are at t [s]: as frames of their names, and as one list of poses."""
+    """Poses of all agents at t [s]: as frames of their names, and as one list."""
     now = stamp(t)
     listed = [_pose(*pose) for pose in zip(poses.positions, poses.headings, strict=True)]
     transforms = [
@@ -55,21 +55,24 @@ def frames(t: float, poses: Poses, names: Sequence[str]) -> tuple[FrameTransform
 
 
 def opening(model: SceneModel) -> SceneUpdate:
-    """Everything that is drawn once: agents move with their frames."""
-    return SceneUpdate(entities=[*_agents(model), *_around(model)])
+    """Everything that is drawn once: static geometry, and agents, which move with their frames."""
+    return SceneUpdate(entities=[*_agents(model), *_static(model)])
 
 
 def violations(
     t: float, ends: Mapping[str, tuple[Array, Array]], over: Sequence[str]
 ) -> SceneUpdate:
-    """Violated pairs at t [s] as red lines, by label, each from end to end [m]; and those over."""
+    """Draw violated pairs at t [s] as red lines, and delete those over.
+
+    ends: of each violated pair [m], by its label.
+    """
     now, entities = stamp(t), []
     for label, pair in ends.items():
         entity = SceneEntity(timestamp=now, frame_id=WORLD, id=f"violated {label}")
         entity.lines.append(_line(pair, _colour(DANGER), 4.0))
         entities.append(entity)
-    gone = [SceneEntityDeletion(timestamp=now, id=f"violated {label}") for label in over]
-    return SceneUpdate(entities=entities, deletions=gone)
+    deletions = [SceneEntityDeletion(timestamp=now, id=f"violated {label}") for label in over]
+    return SceneUpdate(entities=entities, deletions=deletions)
 
 
 def _agents(model: SceneModel) -> Iterator[SceneEntity]:
@@ -80,8 +83,8 @@ def _agents(model: SceneModel) -> Iterator[SceneEntity]:
         yield entity
 
 
-def _around(model: SceneModel) -> Iterator[SceneEntity]:
-    for shape in surroundings(model):
+def _static(model: SceneModel) -> Iterator[SceneEntity]:
+    for shape in static_shapes(model):
         number = "" if shape.group == "path" else f" {shape.number}"
         entity = SceneEntity(timestamp=stamp(0.0), frame_id=WORLD, id=f"{shape.group}{number}")
         _add(entity, shape)
@@ -89,7 +92,7 @@ def _around(model: SceneModel) -> Iterator[SceneEntity]:
 
 
 def _add(entity: SceneEntity, shape: Shape) -> None:
-    """Draw a shape as part of an entity."""
+    """Add a shape to an entity."""
     colour, pose = _colour(shape.colour, shape.opacity), _pose(shape.place, shape.heading)
     x, y, z = shape.size
     size = Vector3(x=x, y=y, z=z)
@@ -133,7 +136,7 @@ def _line(points: Iterable[Array], colour: Color, thickness: float) -> LinePrimi
 
 def _pose(place: Array, heading: Array) -> Pose:
     x, y, z = place
-    ((w, a, b, c),) = facing(heading[None])
+    ((w, a, b, c),) = rotations_to(heading[None])
     return Pose(position=Vector3(x=x, y=y, z=z), orientation=Quaternion(w=w, x=a, y=b, z=c))
 
 

@@ -14,13 +14,13 @@ from phalanx_viewer.scene.scene import Scene
 from phalanx_viewer.scene.server import SceneServer
 
 _FRAMES = 300
-"""Most frames in a file: it has to stay a small one."""
+"""Most frames in a file, to keep it small."""
 _FRAME_PERIOD = 1.0 / 30.0
 """Shortest time between frames [s]."""
 
 
 def document(replay: Replay, progress: Callable[[str], None] = lambda _: None) -> str:
-    """The whole document; progress is told how far the scene is."""
+    """Write the document; `progress` is called with texts such as "scene, t = 1.00 of 2.00 s"."""
     scene, summary = _scene(replay, progress), replay.summary
     page = files(__package__).joinpath("player.html").read_text(encoding="utf-8")
     player = files("phalanx.compat").joinpath("viser_player.js").read_text(encoding="utf-8")
@@ -29,7 +29,7 @@ def document(replay: Replay, progress: Callable[[str], None] = lambda _: None) -
         "verdict": ": ".join(verdict),
         "content": content(replay, range(len(replay.model.names)), seekable=True),
     }
-    # What looks like a tag, or a comment, could end the element that holds the data.
+    # A tag or a comment in the data could end the element that holds them.
     shown = msgspec.json.encode(data).decode().replace("<", "\\u003c")
     end = scene.rindex("</body>")
     parts = page.replace("/*PLAYER*/", player).replace("/*SCRIPT*/", script())
@@ -38,13 +38,12 @@ def document(replay: Replay, progress: Callable[[str], None] = lambda _: None) -
 
 
 def _scene(replay: Replay, progress: Callable[[str], None]) -> str:
-    """The scene with viser's player."""
-    # viser records what a server sends, and has no scene without a server. Nobody visits this one:
-    # it lets no page in.
+    """The scene as HTML, with viser's player."""
+    # viser has no scene without a server, and records what that sends. This one admits no page.
     server = SceneServer("127.0.0.1", 0, replay.model.scenario.name)
     try:
         scene = Scene(server, replay.model, lambda _: None)
-        scene.expect(replay.trajectory)
+        scene.expect(replay.history.trajectory)
         scene.show(picture(replay.model, replay.frame(replay.t)), None)
         film = server.get_scene_serializer()
         times = _frame_times(replay)

@@ -1,10 +1,10 @@
-"""A recording in Foxglove's messages, so that Foxglove and others show and plot it.
+"""A recording in Foxglove's messages, which Foxglove and other tools show and plot.
 
 | topic | message |
 |---|---|
 | /tf | foxglove.FrameTransforms: every agent's frame, by its name, in "world" |
 | /poses | foxglove.PosesInFrame: the same as one list, in the scenario's order |
-| /scene | foxglove.SceneUpdate: agents, surroundings, violated pairs |
+| /scene | foxglove.SceneUpdate: agents, static geometry, violated pairs |
 | /agents/<name>/state | every state by its name |
 | /agents/<name>/step | u_<input> and nominal_<input>, residual, margin and so on, origin |
 | /h | h_tot, and h of the pairs that were the worst one of some agent; safe is h <= 0 |
@@ -37,12 +37,12 @@ from phalanx.recording.read import Recording
 from phalanx.scenario.load import to_json
 from phalanx.theory.models.dynamics import Dynamics, units
 from phalanx.wire.step_report import QUANTITIES, numbers_of
+from phalanx_viewer.export.common import log_lines, near_pairs
 from phalanx_viewer.export.foxglove import frames, opening, stamp, violations
-from phalanx_viewer.export.shown import log_lines, near_pairs
 from phalanx_viewer.scene.model import SceneModel, scene_model
 
 
-class Topical(NamedTuple):
+class TimedMessage(NamedTuple):
     """A message on its topic, at a virtual time [s]."""
 
     t: float
@@ -53,13 +53,13 @@ class Topical(NamedTuple):
 
 
 def write_mcap(recording: Recording, path: Path) -> None:
-    """Write the whole recording. Raises OSError, and ScenarioError as building its swarm does."""
+    """Write the whole recording. Raises OSError, ScenarioError."""
     model = scene_model(recording.scenario)
     with path.open("wb") as file:
         channels = _Channels(Writer(file))
         sources = (_moving(recording, model), _steps(recording, model), _log(recording))
-        for topical in heapq.merge(*sources, key=lambda topical: topical.t):
-            channels.write(topical)
+        for timed in heapq.merge(*sources, key=lambda timed: timed.t):
+            channels.write(timed)
         channels.finish(recording)
 
 
@@ -71,16 +71,16 @@ class _Channels:
         self._schemas: dict[type[Message], int] = {}
         writer.start(profile="", library=f"phalanx {version('phalanx-swarm')}")
 
-    def write(self, topical: Topical) -> None:
-        if topical.topic not in self._numbers:
-            kind = type(topical.message)
+    def write(self, timed: TimedMessage) -> None:
+        if timed.topic not in self._numbers:
+            kind = type(timed.message)
             if kind not in self._schemas:
                 self._schemas[kind] = register_schema(self._writer, kind)
-            self._numbers[topical.topic] = self._writer.register_channel(
-                topical.topic, "protobuf", self._schemas[kind], dict(topical.units)
+            self._numbers[timed.topic] = self._writer.register_channel(
+                timed.topic, "protobuf", self._schemas[kind], dict(timed.units)
             )
-        at = round(topical.t * 1e9)
-        number, data = self._numbers[topical.topic], topical.message.SerializeToString()
+        at = round(timed.t * 1e9)
+        number, data = self._numbers[timed.topic], timed.message.SerializeToString()
         self._writer.add_message(number, log_time=at, publish_time=at, data=data)
 
     def finish(self, recording: Recording) -> None:
@@ -93,57 +93,59 @@ class _Channels:
         self._writer.finish()  # type: ignore[no-untyped-call]
 
 
-def _moving(recording: Recording, model: SceneModel) -> Iterator[Topical]:
-    """What there is of every state."""
+def _moving(recording: Recording, model: SceneModel) -> Iterator[TimedMessage]:
+    """Messages about every state."""
     swarm = model.swarm
-    yield Topical(0.0, "/scene", opening(model))
+    yield TimedMessage(0.0, "/scene", opening(model))
     kinds = _kinds(recording, _state_kind)
     near, h = near_pairs(swarm, recording.x)
     labels = [model.label(pair) for pair in near]
-    of_pairs, shown = Numbers("H", ["h_tot", *(f"h_{label}" for label in labels)]), set[str]()
+    h_message = NumberMessage("H", ["h_tot", *(f"h_{label}" for label in labels)])
+    shown = set[str]()
     for state, values in zip(recording.states, h.tolist(), strict=True):
         t, poses = state.t, model.kinematics.poses(np.array(state.x))
         transforms, listed = frames(t, poses, swarm.names)
-        yield Topical(t, "/tf", transforms)
-        yield Topical(t, "/poses", listed)
-        yield Topical(t, "/h", of_pairs([state.h_tot, *values]))
+        yield TimedMessage(t, "/tf", transforms)
+        yield TimedMessage(t, "/poses", listed)
+        yield TimedMessage(t, "/h", h_message([state.h_tot, *values]))
         for name, group, part in zip(swarm.names, swarm.groups, swarm.safe_set.parts, strict=True):
-            kind, of_field = kinds[type(group.dynamics_object())]
-            yield Topical(t, f"/agents/{name}/state", kind(state.x[part]), of_field)
+            kind, field_units = kinds[type(group.dynamics_object())]
+            yield TimedMessage(t, f"/agents/{name}/state", kind(state.x[part]), field_units)
         violated = {
             label: model.ends(pair, poses.positions)
             for label, pair, value in zip(labels, near, values, strict=True)
             if value > 0.0
         }
         if violated or shown:
-            yield Topical(t, "/scene", violations(t, violated, sorted(shown - violated.keys())))
+            over = sorted(shown - violated.keys())
+            yield TimedMessage(t, "/scene", violations(t, violated, over))
         shown = set(violated)
 
 
-def _steps(recording: Recording, model: SceneModel) -> Iterator[Topical]:
-    """Every control step."""
+def _steps(recording: Recording, model: SceneModel) -> Iterator[TimedMessage]:
+    """Messages about every control step."""
     kinds = _kinds(recording, partial(_step_kind, model))
-    of_agent = {n: kinds[type(g.dynamics_object())] for n, g, _ in recording.scenario.roster()}
+    kind_of = {n: kinds[type(g.dynamics_object())] for n, g, _ in recording.scenario.roster()}
     for step in sorted(recording.steps, key=lambda step: step.t):
-        kind, of_field = of_agent[step.agent]
+        kind, field_units = kind_of[step.agent]
         nominal: Sequence[float | None] = step.u_nom or [None] * len(step.u)
         message = kind([*step.u, *nominal, *numbers_of(step)], origin=step.origin)
-        yield Topical(step.t, f"/agents/{step.agent}/step", message, of_field)
+        yield TimedMessage(step.t, f"/agents/{step.agent}/step", message, field_units)
 
 
-class Numbers:
-    """A kind of protobuf message: a field for each name of a number, and perhaps some of text."""
+class NumberMessage:
+    """A kind of protobuf message: a field for each of its numbers and texts, by name."""
 
     def __init__(self, kind: str, names: Sequence[str], texts: Sequence[str] = ()) -> None:
         """kind: the message's name, without a package."""
         self.fields = dict(zip(names, identifiers(names), strict=True))
-        """The field's name by what it holds."""
+        """Fields by the names of their numbers."""
         file = FileDescriptorProto(name=f"phalanx/{kind}.proto", package="phalanx")
         message = file.message_type.add(name=kind)
         number, text = FieldDescriptorProto.TYPE_DOUBLE, FieldDescriptorProto.TYPE_STRING
         fields = [*((name, number) for name in self.fields.values()), *((t, text) for t in texts)]
         for place, (name, type_) in enumerate(fields, start=1):
-            # Optional, as proto2 has it: a number that is not there is not 0.
+            # Optional, as in proto2: a missing number is not 0.
             label = FieldDescriptorProto.LABEL_OPTIONAL
             message.field.add(name=name, number=place, type=type_, label=label)
         pool = DescriptorPool()
@@ -152,17 +154,17 @@ class Numbers:
         self._names = tuple(self.fields.values())
 
     def by_field(self, units: Mapping[str, str]) -> dict[str, str]:
-        """Units by field instead of by name; none where they are not known."""
+        """Units by field instead of by name; none where they are unknown."""
         return {self.fields[name]: unit for name, unit in units.items() if unit}
 
     def __call__(self, values: Iterable[float | None], **texts: str) -> Message:
-        """A message of numbers in the order of the names; None is left out."""
+        """Make a message of numbers in the order of the names; None is left out."""
         given = {n: v for n, v in zip(self._names, values, strict=True) if v is not None}
         return self._make(**given, **texts)
 
 
 def identifiers(names: Sequence[str]) -> list[str]:
-    """Names that protobuf takes, all different: letters, digits and underscores."""
+    """Convert names to ones that protobuf accepts: letters, digits and underscores, all unique."""
     found: list[str] = []
     for name in names:
         plain = re.sub(r"\W", "_", name, flags=re.ASCII)
@@ -172,7 +174,7 @@ def identifiers(names: Sequence[str]) -> list[str]:
     return found
 
 
-_Kind = tuple[Numbers, dict[str, str]]
+_Kind = tuple[NumberMessage, dict[str, str]]
 """A message, and the units of its fields."""
 
 
@@ -183,22 +185,21 @@ def _kinds(recording: Recording, make: Callable[[Dynamics], _Kind]) -> dict[type
 
 
 def _state_kind(dynamics: Dynamics) -> _Kind:
-    of_state = units(dynamics).states
-    kind = Numbers(f"{type(dynamics).__name__}State", list(of_state))
-    return kind, kind.by_field(of_state)
+    state_units = units(dynamics).states
+    kind = NumberMessage(f"{type(dynamics).__name__}State", list(state_units))
+    return kind, kind.by_field(state_units)
 
 
 def _step_kind(model: SceneModel, dynamics: Dynamics) -> _Kind:
     inputs = units(dynamics).inputs
-    of_field = {f"{side}_{i}": unit for side in ("u", "nominal") for i, unit in inputs.items()}
-    of_field |= {name: unit_of(quantity, model.swarm) for name, quantity in QUANTITIES.items()}
-    kind = Numbers(f"{type(dynamics).__name__}Step", list(of_field), texts=["origin"])
-    return kind, kind.by_field(of_field)
+    field_units = {f"{side}_{i}": unit for side in ("u", "nominal") for i, unit in inputs.items()}
+    field_units |= {name: unit_of(quantity, model.swarm) for name, quantity in QUANTITIES.items()}
+    kind = NumberMessage(f"{type(dynamics).__name__}Step", list(field_units), texts=["origin"])
+    return kind, kind.by_field(field_units)
 
 
-def _log(recording: Recording) -> Iterator[Topical]:
-    """Every line of the log."""
+def _log(recording: Recording) -> Iterator[TimedMessage]:
     for line in log_lines(recording):
-        level = FoxgloveLog.Level.Value(line.level.name)
-        told = FoxgloveLog(timestamp=stamp(line.t), level=level, message=line.text, name="phalanx")
-        yield Topical(line.t, "/log", told)
+        level, now = FoxgloveLog.Level.Value(line.level.name), stamp(line.t)
+        message = FoxgloveLog(timestamp=now, level=level, message=line.text, name="phalanx")
+        yield TimedMessage(line.t, "/log", message)

@@ -3,7 +3,7 @@
 | entity | what is logged |
 |---|---|
 | /world/agents/<name> | Transform3D at every state; an arrow with its name, a disc or ball |
-| /world/obstacles, /world/limits, /world/path | what stands still |
+| /world/obstacles, /world/limits, /world/path | static geometry |
 | /world/violated | pairs with h > 0 as lines, while they last |
 | /h | Scalars: h_tot, and h of the pairs that were the worst one of some agent |
 | /agents/<name>/state/<state> | Scalars |
@@ -25,23 +25,23 @@ from phalanx.arrays import Array
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Level, Step
 from phalanx.wire.step_report import QUANTITIES
-from phalanx_viewer.export.shown import log_lines, near_pairs
+from phalanx_viewer.export.common import log_lines, near_pairs
 from phalanx_viewer.scene.colours import DANGER
-from phalanx_viewer.scene.kinematics import facing
+from phalanx_viewer.scene.kinematics import rotations_to
 from phalanx_viewer.scene.model import SceneModel, scene_model
-from phalanx_viewer.scene.shapes import Kind, Shape, agent_shapes, surroundings
+from phalanx_viewer.scene.shapes import Kind, Shape, agent_shapes, static_shapes
 
 _TIMELINE = "t"
 _LEVELS = {Level.INFO: "INFO", Level.WARNING: "WARN", Level.ERROR: "ERROR"}
-"""As rerun calls and colours them."""
+"""rerun's names of levels, by which it colours them."""
 
 
 def write_rerun(recording: Recording, path: Path) -> None:
-    """Write the whole recording. Raises OSError, and ScenarioError as building its swarm does."""
+    """Write the whole recording. Raises OSError, ScenarioError."""
     model = scene_model(recording.scenario)
     stream = rr.RecordingStream(f"phalanx {recording.scenario.name}")
-    stream.save(path, default_blueprint=_arranged(model))
-    _log_surroundings(stream, model)
+    stream.save(path, default_blueprint=_blueprint(model))
+    _log_static(stream, model)
     _log_states(stream, recording, model)
     for name, steps in steps_by_agent(recording).items():
         _log_steps(stream, name, steps, model)
@@ -52,12 +52,12 @@ def write_rerun(recording: Recording, path: Path) -> None:
     stream.disconnect()
 
 
-def _arranged(model: SceneModel) -> rrb.Blueprint:
-    """The scene beside h, the certified times and the inputs, over the log."""
+def _blueprint(model: SceneModel) -> rrb.Blueprint:
+    """Arrange views: the scene left of h, certified times and residuals, above the log."""
     plots = rrb.Vertical(
         rrb.TimeSeriesView(origin="h", name="h: safe is at most 0"),
-        rrb.TimeSeriesView(name="certified [s]", contents=_of_agents(model, "certified")),
-        rrb.TimeSeriesView(name="residual", contents=_of_agents(model, "residual")),
+        rrb.TimeSeriesView(name="certified [s]", contents=_agent_paths(model, "certified")),
+        rrb.TimeSeriesView(name="residual", contents=_agent_paths(model, "residual")),
     )
     scene = rrb.Spatial3DView(origin="world", name=model.scenario.name)
     top = rrb.Horizontal(scene, plots, column_shares=[3, 2])
@@ -68,26 +68,26 @@ def _arranged(model: SceneModel) -> rrb.Blueprint:
     )
 
 
-def _of_agents(model: SceneModel, field: str) -> list[str]:
+def _agent_paths(model: SceneModel, field: str) -> list[str]:
     normal = [model.names[i] for i in model.swarm.normal]
     return [f"/agents/{name}/step/{field}" for name in normal]
 
 
-def _log_surroundings(stream: rr.RecordingStream, model: SceneModel) -> None:
-    """Everything that stands still, and what moves with each agent's frame."""
+def _log_static(stream: rr.RecordingStream, model: SceneModel) -> None:
+    """Log static geometry, and the shapes that move with each agent's frame."""
     stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    for shape in surroundings(model):
+    for shape in static_shapes(model):
         entity = "path" if shape.group == "path" else f"{shape.group}s/{shape.number}"
-        stream.log(f"world/{entity}", _drawn(shape), static=True)
+        stream.log(f"world/{entity}", _archetype(shape), static=True)
     for i, name in enumerate(model.names):
         arrow, _, *reach = agent_shapes(model, i, model.first_colour(i))
-        stream.log(f"world/agents/{name}/body", _drawn(arrow, [name]), static=True)
+        stream.log(f"world/agents/{name}/body", _archetype(arrow, [name]), static=True)
         for shape in reach:
-            stream.log(f"world/agents/{name}/radius", _drawn(shape), static=True)
+            stream.log(f"world/agents/{name}/radius", _archetype(shape), static=True)
 
 
-def _drawn(shape: Shape, labels: Sequence[str] | None = None) -> rr.AsComponents:
-    """A shape as rerun has it; an arrow has a label for its text."""
+def _archetype(shape: Shape, labels: Sequence[str] | None = None) -> rr.AsComponents:
+    """Convert a shape to rerun's; `labels` are an arrow's."""
     colours = [(*shape.colour, round(255 * shape.opacity))]
     if shape.kind is Kind.LINE:
         return rr.LineStrips3D([shape.points], colors=colours)
@@ -102,18 +102,18 @@ def _drawn(shape: Shape, labels: Sequence[str] | None = None) -> rr.AsComponents
     looks = {"centers": [shape.place], "half_sizes": [half], "colors": colours, "fill_mode": solid}
     if shape.kind is not Kind.BOX:
         return rr.Ellipsoids3D(**looks)
-    turn = np.roll(facing(shape.heading[None])[0], -1)
+    turn = np.roll(rotations_to(shape.heading[None])[0], -1)
     return rr.Boxes3D(**looks, quaternions=[rr.Quaternion(xyzw=turn)])
 
 
 def _log_states(stream: rr.RecordingStream, recording: Recording, model: SceneModel) -> None:
-    """Where everybody was, h, and the states by name."""
+    """Log every agent's pose and states, and h."""
     if not recording.states:
         return
     swarm, x, times = model.swarm, recording.x, [_at(recording.times)]
     poses = [model.kinematics.poses(state) for state in x]
     positions = np.array([p.positions for p in poses])
-    turns = np.array([np.roll(facing(p.headings), -1, axis=1) for p in poses])
+    turns = np.array([np.roll(rotations_to(p.headings), -1, axis=1) for p in poses])
     for i, (member, part) in enumerate(zip(swarm.members, swarm.safe_set.parts, strict=True)):
         moved = rr.Transform3D.columns(translation=positions[:, i], quaternion=turns[:, i])
         stream.send_columns(f"world/agents/{member.name}", times, moved)
@@ -131,7 +131,7 @@ def _log_states(stream: rr.RecordingStream, recording: Recording, model: SceneMo
 def _violated(
     recording: Recording, model: SceneModel, near: Sequence[int], h: Array, positions: Array
 ) -> Iterator[tuple[float, list[Array]]]:
-    """Violated pairs as lines, at each state at which there are any or there were."""
+    """Violated pairs as lines, at each state that has or ends any."""
     drawn = False
     for t, values, at in zip(recording.times, h, positions, strict=True):
         unsafe = np.flatnonzero(~(values <= 0.0))
@@ -143,13 +143,13 @@ def _violated(
 def _log_steps(
     stream: rr.RecordingStream, name: str, steps: Sequence[Step], model: SceneModel
 ) -> None:
-    """One agent's control steps."""
+    """Log one agent's control steps."""
     t = np.array([step.t for step in steps])
     inputs = model.swarm.members[model.names.index(name)].dynamics.inputs
-    for k, of_input in enumerate(inputs):
-        _plot(stream, f"agents/{name}/step/u_{of_input}", t, [s.u[k] for s in steps])
+    for k, input_name in enumerate(inputs):
+        _plot(stream, f"agents/{name}/step/u_{input_name}", t, [s.u[k] for s in steps])
         nominal = [s.u_nom[k] if s.u_nom else None for s in steps]
-        _plot(stream, f"agents/{name}/step/nominal_{of_input}", t, nominal)
+        _plot(stream, f"agents/{name}/step/nominal_{input_name}", t, nominal)
     for field in QUANTITIES:
         _plot(stream, f"agents/{name}/step/{field}", t, [getattr(s, field) for s in steps])
 
@@ -157,7 +157,7 @@ def _log_steps(
 def _plot(
     stream: rr.RecordingStream, entity: str, t: Array, values: Sequence[float | None] | Array
 ) -> None:
-    """Log the values that are known at times [s]."""
+    """Log values at times [s]; unknown ones are left out."""
     y = np.array(values, dtype=float)
     known = np.isfinite(y)
     if known.any():
@@ -170,5 +170,5 @@ def _at(t: Array) -> rr.TimeColumn:
 
 
 def _nanoseconds(t: Array | float) -> Any:
-    """Times [s] as rerun has them, rounded: of floats it would cut off what is left."""
+    """Convert times [s] for rerun, rounded to nanoseconds, which it would truncate."""
     return np.round(1e9 * np.asarray(t)).astype("timedelta64[ns]")

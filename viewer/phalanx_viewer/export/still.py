@@ -1,4 +1,4 @@
-"""A picture of a run at one time, with h_tot below; drawn without a browser."""
+"""A picture of a run at one time, with h_tot below it, drawn without a browser."""
 
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ def draw(replay: Replay, t: float, path: Path) -> None:
     grid = figure.add_gridspec(2, 1, height_ratios=[3.2, 1.0])
     scene = figure.add_subplot(grid[0], projection=None if model.flat else "3d")
     (_draw_in_plane if model.flat else _draw_in_space)(scene, model, shown, past)
-    worst = "; ".join(shown.alarms[:2]) or f"worst pair {shown.worst_pair_text}"
+    worst = "; ".join(shown.unsafe_lines[:2]) or f"worst pair {shown.worst_pair_text}"
     scene.set_title(f"{model.scenario.name}, t = {frame.t:.3f} s; {worst}", wrap=True)
     scene.legend(handles=_legend(shown), loc="upper left", fontsize="small")
     _h_tot_plot(figure.add_subplot(grid[1]), replay, frame.t)
@@ -35,14 +35,14 @@ def draw(replay: Replay, t: float, path: Path) -> None:
 
 def _draw_in_plane(axes: Any, model: SceneModel, shown: Picture, past: Array) -> None:
     axes.set_aspect("equal", adjustable="datalim")
-    axes.plot(*model.surroundings.path.T[:2], color=_GREEN, linewidth=1.5)
+    axes.plot(*model.static.path.T[:2], color=_GREEN, linewidth=1.5)
     axes.plot(past[:, :, 0], past[:, :, 1], color="#cbd5e1", linewidth=1.0)
-    for center, radius in model.surroundings.spheres:
+    for center, radius in model.static.spheres:
         axes.add_patch(Circle(tuple(center[:2]), radius, color="#64748b"))
-    for point, normal in model.surroundings.walls:
+    for point, normal in model.static.walls:
         along = point[:2] + np.array([-normal[1], normal[0]])
         axes.axline(point[:2], along, color="#64748b", linewidth=3.0)
-    for line in model.surroundings.outlines:
+    for line in model.static.outlines:
         axes.plot(*line.T[:2], color="#64748b", linewidth=3.0)
     colours = np.where(shown.unsafe_agents[:, None], np.array(DANGER) / 255.0, _rgb(shown))
     for position, colour, unsafe in zip(shown.positions, colours, shown.unsafe_agents, strict=True):
@@ -61,12 +61,12 @@ def _draw_in_plane(axes: Any, model: SceneModel, shown: Picture, past: Array) ->
 
 
 def _draw_in_space(axes: Any, model: SceneModel, shown: Picture, past: Array) -> None:
-    axes.plot(*model.surroundings.path.T, color=_GREEN, linewidth=1.5)
+    axes.plot(*model.static.path.T, color=_GREEN, linewidth=1.5)
     for agent in range(past.shape[1]):
         axes.plot(*past[:, agent].T, color="#cbd5e1", linewidth=1.0)
-    for center, radius in model.surroundings.spheres:
+    for center, radius in model.static.spheres:
         axes.plot_surface(*_sphere(center, radius), color="#64748b", alpha=0.4)
-    for line in model.surroundings.outlines:
+    for line in model.static.outlines:
         axes.plot(*line.T, color="#64748b", linewidth=1.5)
     for ends in (np.array(shown.worst_pair), *shown.unsafe_ends):
         axes.plot(*ends.T, color=_RED if shown.unsafe else _GREEN, linewidth=2.0)

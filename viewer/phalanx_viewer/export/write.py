@@ -1,4 +1,4 @@
-"""Write a recorded run to files that one can share."""
+"""Write a recorded run to files for sharing and for other tools."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -6,13 +6,7 @@ from pathlib import Path
 import polars as pl
 
 from phalanx.recording.read import Recording
-from phalanx.recording.tables import (
-    events_table,
-    h_table,
-    inputs_table,
-    links_table,
-    states_table,
-)
+from phalanx.recording.tables import events_table, h_table, inputs_table, links_table, states_table
 from phalanx.swarm.swarm import Swarm
 from phalanx_viewer.export.html import document
 from phalanx_viewer.export.still import draw
@@ -31,25 +25,20 @@ def run(
     csv: Path | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> list[Path]:
-    """Write what is asked for.
+    """Write every file that has a path.
 
     Args:
         recorded: the run.
-        html: where a self-contained page goes.
-        png: where a picture goes.
+        html: a self-contained page.
+        png: a picture.
         at: time of the picture [s]; by default the worst moment.
-        mcap: where a recording that Foxglove shows goes.
-        rerun: where one for rerun's viewer goes; needs rerun-sdk.
+        mcap: a recording for Foxglove.
+        rerun: a recording for rerun's viewer; needs rerun-sdk.
         parquet: folder for the run's tables, one file each.
-        csv: likewise.
-        progress: told what is made next.
+        csv: the same as CSV.
+        progress: called with the name of the next part.
 
-    Returns:
-        The files written.
-
-    Raises:
-        ValueError: nothing to export, or a time outside the run.
-        OSError: it cannot be written.
+    Returns the files written. Raises OSError, and ValueError for a time outside the run.
     """
     replay = Replay(recorded)
     if at is not None and not replay.times[0] <= at <= replay.end:
@@ -60,7 +49,7 @@ def run(
         draw(replay, replay.worst_at if at is None else at, png)
     if mcap is not None:
         progress("messages")
-        # Its libraries are for those who ask for it.
+        # Imported here: not every user needs its libraries.
         from phalanx_viewer.export.mcap import write_mcap
 
         write_mcap(recorded, mcap)
@@ -77,7 +66,7 @@ def run(
 
 
 def _write_tables(recording: Recording, swarm: Swarm, folder: Path, ending: str) -> list[Path]:
-    """Write states, h, inputs, links and events as <folder>/<table>.<ending>; the files."""
+    """Write states, h, inputs, links and events as <folder>/<table>.<ending>; return the paths."""
     tables = {
         "states": states_table(recording, swarm),
         "h": h_table(recording, swarm),
@@ -89,7 +78,7 @@ def _write_tables(recording: Recording, swarm: Swarm, folder: Path, ending: str)
     paths = {folder / f"{name}.{ending}": table for name, table in tables.items()}
     for path, table in paths.items():
         if ending == "csv":
-            # With lists as one text each, which is all that CSV holds.
+            # Lists become one text each: CSV has none.
             table.with_columns(pl.col(pl.List(pl.String)).list.join("; ")).write_csv(path)
         else:
             table.write_parquet(path)

@@ -1,1 +1,1 @@
-"""Where frames come from: a live run over Zenoh, or a recording."""
+"""Sources of a page's data: a live run, or a recording that is replayed."""

@@ -9,13 +9,13 @@ import numpy as np
 
 from phalanx.arrays import Array
 from phalanx.faults.commands import Command, CommandKind
-from phalanx.guarantee.verdict import Summary, Violation, read_summary
+from phalanx.guarantee.verdict import Summary, read_summary
 from phalanx.scenario.load import from_json
 from phalanx.schema.user_code import code_trusted
 from phalanx.wire import liveliness, pubsub
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
-from phalanx.wire.messages import CommandMessage, Ended, Frame, LogLine, Setup
+from phalanx.wire.messages import CommandMessage, Ended, Frame, Setup
 from phalanx.wire.seal import Malformed, Refusals, Sealer
 from phalanx.wire.session import open_client
 from phalanx_viewer.feeds.live_history import LiveHistory
@@ -34,24 +34,26 @@ class Live:
     def __init__(
         self, membership: Membership, command_secret: bytes = b"", trust: bool = True
     ) -> None:
-        """Join as a listener.
+        """Join the run as a listener.
 
         Args:
             membership: of the run.
-            command_secret: that of those who may command the run; empty: only look.
+            command_secret: seals commands to the run; empty: send none.
             trust: whether code that the run's scenario names may be imported.
 
         Raises:
-            HubError: nobody listens at the endpoint. NoRunError: it knows no such run.
-                ScenarioError: its scenario names code that is not trusted.
+            HubError: no hub listens at the endpoint. NoRunError: it knows no such run.
+            ScenarioError: its scenario names code that is not trusted.
         """
         self.summary: Summary | None = None
+        """The verdict, once there is one."""
         self.over = False
+        """True once the plant has left."""
         self._refusals = Refusals(log)
         self._keys, self._sealer = membership.keys, membership.sealer
         self._command_sealer = Sealer(command_secret)
-        # Frames come in a thread of Zenoh's, which must be free again at once, and are added to the
-        # history in the page's thread, where the plots read it.
+        # Frames arrive in a thread of Zenoh's, which must return at once. The page's thread adds
+        # them to the history, because its plots read that.
         self._frames: queue.SimpleQueue[Frame] = queue.SimpleQueue()
         self._session = open_client(membership.endpoint, membership.timeout, membership.credentials)
         try:
@@ -59,6 +61,7 @@ class Live:
             with code_trusted(trust):
                 self.model = scene_model(from_json(setup.scenario.decode()))
             self.history = LiveHistory(self.model)
+            self.log, self.violations = self.history.log, self.history.violations.values()
             self.commandable = setup.commandable and bool(command_secret)
             """Whether the plant will obey this viewer."""
             self._listen()
@@ -67,7 +70,7 @@ class Live:
             raise
 
     def take(self) -> Frame | None:
-        """The newest frame, unless it was taken before; all that came go into the history."""
+        """Return the newest frame, if one arrived, and add all that arrived to the history."""
         newest = None
         while not self._frames.empty():
             newest = self._frames.get()
@@ -76,29 +79,19 @@ class Live:
 
     @property
     def unfinished(self) -> str:
-        """That the plant left without a verdict; empty otherwise."""
+        """Reason why there will be no verdict; empty otherwise."""
         left = self.over and self.summary is None
         return "the plant left without a verdict" if left else ""
 
-    @property
-    def log(self) -> list[LogLine]:
-        """Every line of the event log that a frame told."""
-        return self.history.log
-
-    @property
-    def violations(self) -> list[Violation]:
-        """Every pair that a frame told was unsafe."""
-        return list(self.history.violations.values())
-
     def recent_paths(self, t: float) -> Array:
-        """Positions on the way here, shape (s, N, 3)."""
+        """Positions up to the last frame, shape (s, N, 3), the oldest first."""
         return self.history.recent_path
 
     def command(self, kind: CommandKind, agent: str = "", value: float = 0.0) -> None:
-        """Send the plant a command. Without the command secret it refuses."""
+        """Send the plant a command, which it rejects without the command secret."""
         command = Command(t=0.0, kind=kind, agent=agent, value=value)
-        # The plant refuses a number that is not above the last one. The wall clock numbers the
-        # commands of several viewers, and of one that was started anew.
+        # The plant rejects a number that is not above the last one. Wall clock time also increases
+        # from one viewer to the next, and over a restart.
         self._commands.put(CommandMessage(number=time.time_ns(), command=command))
 
     def __enter__(self) -> Self:
@@ -119,7 +112,7 @@ class Live:
             raise NoRunError(f"{what}: {reason}; is the secret right?") from reason
 
     def _listen(self) -> None:
-        """Everything is ready for what comes: Zenoh's threads call from here on."""
+        """Subscribe, when all is ready: Zenoh's threads call from here on."""
         self._commands = pubsub.SealedPublisher(
             self._session, self._command_sealer, self._keys.command
         )

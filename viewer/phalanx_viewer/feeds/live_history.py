@@ -7,10 +7,12 @@ import numpy as np
 
 from phalanx.arrays import Array
 from phalanx.curves.history import (
+    BROADCAST,
     EMPTY_CODES,
     AgentSeries,
     ConditionChange,
     Fates,
+    History,
     PairSeries,
     agent_series,
     pair_states,
@@ -19,16 +21,22 @@ from phalanx.curves.history import (
 )
 from phalanx.faults.commands import Condition
 from phalanx.guarantee.verdict import Violation
-from phalanx.recording.broadcasts import Broadcast
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import AgentStatus, Frame, LogLine
 from phalanx.wire.step_report import numbers_of
-from phalanx_viewer.feeds.feed import SPACING, path_points
 from phalanx_viewer.scene.model import SceneModel
 
+SPACING = 0.2
+"""Between two points of a recent path [s]."""
+_MOST_POINTS, _MOST_OF_ALL_AGENTS = 60, 3000
 _FIRST_CAPACITY = 256
 _PAIR_STATES = 200
-"""Most states of a run at which h of every pair is told."""
+"""Most states of a run at which h of every pair is computed."""
+
+
+def path_points(agents: int) -> int:
+    """Number of points of each recent path: every update sends all of them, in one message."""
+    return max(4, min(_MOST_POINTS, _MOST_OF_ALL_AGENTS // agents))
 
 
 class _TimeSeries:
@@ -38,7 +46,6 @@ class _TimeSeries:
         self._rows, self._count = np.zeros((_FIRST_CAPACITY, width)), 0
 
     def append(self, row: Array | list[float]) -> None:
-        """Add a row, shape (width,)."""
         if self._count == len(self._rows):
             self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
         self._rows[self._count] = row
@@ -50,10 +57,8 @@ class _TimeSeries:
         return self._rows[: self._count]
 
 
-class LiveHistory:
-    """A `History` of the frames that were added, and their recent paths."""
-
-    broadcasts: tuple[Broadcast, ...] = ()
+class LiveHistory(History):
+    """The past in the frames that were added, and the agents' recent paths."""
 
     def __init__(self, model: SceneModel) -> None:
         n, m = len(model.names), model.kinematics.inputs[-1].stop
@@ -62,25 +67,26 @@ class LiveHistory:
         self._path: deque[Array] = deque(maxlen=path_points(n))
         self._path_due = -np.inf
         self._scalars = series_width(0) - 1
-        """How many numbers of AgentSeries each agent has after t, before its inputs."""
+        """Numbers of AgentSeries that each agent has after t, before its inputs."""
         self._steps = _TimeSeries(1 + self._scalars * n + 2 * m)
-        """t; each of these of every agent; all u, all u_nom."""
+        """t; each of these numbers of every agent; all u; all u_nom."""
         pairs = len(model.swarm.safe_set.pairs)
         self._pairs = _TimeSeries(1 + pairs)
         self._pairs_due = -np.inf
         self._pairs_spacing = model.scenario.duration / pair_states(pairs, _PAIR_STATES)
         self._late_or_lost = _TimeSeries(1 + 2 * n)
-        """t; how many links to every agent were late since the row before, how many lost."""
+        """t; the number of links to each agent that were late since the row before, and lost."""
         self._links_to = np.array([len(model.swarm.heard_by(i)) for i in range(n)], dtype=float)
         self._empty = np.zeros((2, n))
         self._condition = [Condition.FINE] * n
+        self.broadcasts = np.recarray(0, BROADCAST)
         self.conditions: list[ConditionChange] = []
         self.log: list[LogLine] = []
         self.violations: dict[str, Violation] = {}
-        """By pair, as it was last told: a frame tells the worst ones alone."""
+        """By pair, from the last frame that named it: a frame holds the worst ones alone."""
 
     def add(self, frame: Frame) -> None:
-        """Append what a frame says."""
+        """Append a frame."""
         x = np.frombuffer(frame.x, dtype="<f8")
         positions = self._model.kinematics.poses(x).positions
         distance = smallest_distance(self._model.swarm, positions)
@@ -97,12 +103,12 @@ class LiveHistory:
         self._add_steps(frame.t, frame.agents)
         self._add_conditions(frame)
         self.violations.update((violation.pair, violation) for violation in frame.violations)
-        # A frame tells the last lines alone, most of which were told before.
+        # A frame holds the last lines alone, most of which came before.
         self.log += [line for line in frame.log if line not in self.log[-len(frame.log) :]]
 
     def _add_steps(self, t: float, agents: tuple[AgentStatus, ...]) -> None:
-        # A frame tells of each agent's last step alone. Its counts tell whether K_i was empty among
-        # the steps between two frames; it is plotted at the later frame.
+        # A frame holds each agent's last step alone. Its counts show whether K_i was empty in any
+        # step since the frame before; that is plotted at the later frame.
         empty = np.array([(s.backups, s.without_authority) for s in agents], dtype=float).T
         more = empty > self._empty
         steps = [status.step for status in agents if status.step is not None]
@@ -111,14 +117,14 @@ class LiveHistory:
                 more[1], EMPTY_CODES[Origin.NO_AUTHORITY], EMPTY_CODES[Origin.BACKUP] * more[0]
             )
             # NumPy makes NaN of None.
-            of_each = np.array([numbers_of(s) for s in steps], dtype=float).T.ravel()
+            numbers = np.array([numbers_of(s) for s in steps], dtype=float).T.ravel()
             u = [*chain.from_iterable(s.u for s in steps)]
             u_nom = [*chain.from_iterable(s.u_nom for s in steps)]
-            self._steps.append(np.concatenate([[t], codes, of_each, u, u_nom]))
+            self._steps.append(np.concatenate([[t], codes, numbers, u, u_nom]))
         self._empty = empty
 
     def _add_fates(self, frame: Frame) -> None:
-        # A frame tells the worst that became of each link since the frame before.
+        # A frame holds the worst event of each link since the frame before.
         n, events = len(self._links_to), frame.link_events
         late = np.bincount([e.receiver for e in events if e.delay >= 0.0], minlength=n)
         lost = np.bincount([e.receiver for e in events if e.delay < 0.0], minlength=n)
@@ -137,25 +143,21 @@ class LiveHistory:
 
     @property
     def totals(self) -> Array:
-        """As History has it."""
         return self._totals.rows
 
     @property
     def pairs(self) -> PairSeries:
-        """As History has it."""
         rows = self._pairs.rows
         return PairSeries(rows[:, 0], rows[:, 1:])
 
     @property
     def fates(self) -> Fates:
-        """As History has it."""
         rows, n = self._late_or_lost.rows, len(self._links_to)
         t, receiver = np.repeat(rows[:, 0], n), np.tile(np.arange(n, dtype=float), len(rows))
         late, lost = rows[:, 1 : 1 + n].ravel(), rows[:, 1 + n :].ravel()
         return Fates(t, receiver, np.tile(self._links_to, len(rows)), late, lost)
 
     def agent(self, i: int) -> AgentSeries:
-        """As History has it."""
         inputs = self._model.kinematics.inputs
         n, m, own = len(inputs), inputs[-1].stop, inputs[i]
         u = 1 + self._scalars * n + np.arange(own.start, own.stop)

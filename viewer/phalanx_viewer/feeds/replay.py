@@ -3,31 +3,37 @@
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.curves.history import RecordedHistory
+from phalanx.curves.history import AgentSeries, RecordedHistory
 from phalanx.faults.commands import Condition, FaultState
 from phalanx.guarantee.verdict import Assumption
-from phalanx.recording.read import Recording, UnreadableRecordingError, read
+from phalanx.recording.read import Recording, UnreadableRecordingError, read, steps_by_agent
 from phalanx.recording.records import Step
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import AgentStatus, Frame, LinkEvent, LogLine, worse
 from phalanx.wire.step_report import AppliedStep
-from phalanx_viewer.feeds.feed import SPACING, path_points
+from phalanx_viewer.feeds.live_history import SPACING, path_points
 from phalanx_viewer.scene.model import scene_model
 
 _EVENT_SHOWN = 0.05
-"""How long a lost or late broadcast stays in sight [s]."""
+"""Time for which a lost or late broadcast stays visible [s]."""
 
 
 class Replay:
-    """A recording, asked by time or by its cursor."""
+    """A recording, read at a time or at its cursor.
+
+    It holds arrays of what is shown, not the recording: records of many agents need much memory.
+    """
 
     def __init__(self, recording: Recording) -> None:
-        """Raises ScenarioError if its scenario cannot be built; if no state is in it, as read."""
+        """Raises ScenarioError if the scenario cannot be built, and the error of read if no state
+        was recorded.
+        """
         if not recording.states:
             raise UnreadableRecordingError(f"{recording.path}: the recording holds no state")
         self.model = scene_model(recording.scenario)
@@ -35,20 +41,22 @@ class Replay:
         self.summary, self.unfinished = recording.summary, recording.unfinished
         self.times = self.history.times
         self.log = [LogLine(line.t, line.text) for line in recording.log]
-        """The event log."""
         self.violations = list(self.summary.violations) if self.summary else []
         """Every pair that was unsafe."""
         self._commands = recording.commands
         self._worst = np.maximum.accumulate(self.history.h_tot)
-        self._agents = [_AgentSteps(steps) for steps in self.history.steps]
+        self._agents = [
+            _AgentSteps(steps, self.history.agent(i), self.model.names)
+            for i, steps in enumerate(steps_by_agent(recording).values())
+        ]
         false = [(sender, s.t_apply) for s in recording.steps for sender, *_ in s.false]
-        self._lies = [np.sort([t for who, t in false if who == name]) for name in self.model.names]
+        self._lies = [
+            np.sort([t for sender, t in false if sender == name]) for name in self.model.names
+        ]
         """Times of each agent's false broadcasts [s]."""
         self._applied = np.sort([s.t_apply for s in recording.steps])
-        planar = self.history.positions.shape[2] == 2
-        self.trajectory = np.pad(self.history.positions, ((0, 0), (0, 0), (0, int(planar))))
-        """Output points at every state [m], shape (s, N, 3)."""
         self.over = False
+        """True once a live run's plant has left: never here."""
         self.t = float(self.times[0])
         self.playing = False
         self.speed = 1.0
@@ -65,15 +73,15 @@ class Replay:
 
     @property
     def worst_at(self) -> float:
-        """When h_tot was largest [s]."""
+        """Time at which h_tot was largest [s]."""
         return float(self.times[self.history.worst])
 
     def index_at(self, t: float) -> int:
-        """The last state that is not after t [s], by its index."""
+        """Index of the last state that is not after t [s]."""
         return max(int(np.searchsorted(self.times, t, side="right")) - 1, 0)
 
     def frame(self, t: float) -> Frame:
-        """The run as it was at t [s], standing still."""
+        """The run as it was at t [s], paused."""
         index = self.index_at(t)
         x, faults = self.history.x[index], self._faults(t)
         return Frame(
@@ -99,29 +107,29 @@ class Replay:
         )
 
     def recent_paths(self, t: float) -> Array:
-        """Positions on the way to t [s], shape (s, N, 3)."""
+        """Positions up to t [s], shape (s, N, 3), the oldest first."""
         before = SPACING * np.arange(path_points(len(self.model.names)))[::-1]
         # On a fixed grid of time, so that the path's points stand still while it grows.
         instants = np.floor(t / SPACING) * SPACING - before
         known = instants[instants >= self.times[0]]
         indices = [self.index_at(float(at)) for at in (*known, t)]
-        return np.asarray(self.trajectory[indices])
+        return np.asarray(self.history.trajectory[indices])
 
     def seek(self, t: float) -> None:
-        """Put the cursor at t [s], and stand still."""
+        """Move the cursor to t [s], and pause."""
         with self._cursor:
             self.playing = False
             self._move(t)
 
     def step(self, states: int) -> None:
-        """Move the cursor by a number of recorded states, and stand still."""
+        """Move the cursor by a number of recorded states, and pause."""
         with self._cursor:
             self.playing = False
             index = self.index_at(self.t) + states
             self._move(self.times[int(np.clip(index, 0, len(self.times) - 1))])
 
     def play(self, playing: bool) -> None:
-        """Play on, or stand still; at the end, from the start."""
+        """Play on, or pause; at the end, play from the start."""
         with self._cursor:
             if playing and self.t >= self.end:
                 self._move(self.times[0])
@@ -135,7 +143,7 @@ class Replay:
             self.speed = float(np.clip(factor, 0.01, 100.0))
 
     def take(self) -> Frame | None:
-        """What is new since the last call: the frame at the cursor, which moves if it plays."""
+        """Return the frame at the cursor, which moves if it plays; None if nothing is new."""
         with self._cursor:
             self._play_on()
             t, playing, speed = self.t, self.playing, self.speed
@@ -161,61 +169,72 @@ class Replay:
         self.t = float(np.clip(t, self.times[0], self.end))
 
     def _failed(self, t: float) -> tuple[Assumption, ...]:
-        """The assumptions that had failed by t [s]: how often is recorded of the end alone."""
+        """Assumptions that had failed by t [s]; how often is only known at the end."""
         if self.summary is None:
             return ()
         found = [a for a in self.summary.assumptions if a.first is not None and a.first <= t]
         if t >= self.end:
             return tuple(found)
-        # What a note adds to the assumption's own text are figures of the whole run.
+        # A note adds figures of the whole run to the assumption's own text.
         return tuple(Assumption(a.name, 1, 0, a.first, a.note.partition(";")[0]) for a in found)
 
     def _faults(self, t: float) -> FaultState:
         faults = FaultState(self.model.names)
         for command in self._commands:
             if command.t <= t:
-                faults.obey(command)
+                faults.apply(command)
         return faults
 
     def _link_events(self, t: float) -> tuple[LinkEvent, ...]:
         found: dict[tuple[int, int], float] = {}
         for receiver, agent in enumerate(self._agents):
-            for step in agent.applied_within(t - _EVENT_SHOWN, t):
-                for sender, _, delay in step.fates:
-                    if delay != 0.0:
-                        link = self.model.names.index(sender), receiver
-                        found[link] = worse(found.get(link, 0.0), delay)
+            for sender, delay in agent.delays(t - _EVENT_SHOWN, t):
+                link = int(sender), receiver
+                found[link] = worse(found.get(link, 0.0), delay)
         return tuple(LinkEvent(*link, delay) for link, delay in found.items())
 
 
 class _AgentSteps:
     """One agent's recorded control steps in the order in which their inputs were applied."""
 
-    def __init__(self, steps: list[Step]) -> None:
-        self._steps = steps
-        self._applied = np.array([s.t_apply for s in steps], dtype=float)
+    def __init__(self, steps: list[Step], series: AgentSeries, names: tuple[str, ...]) -> None:
+        """names: of all agents."""
+        self._series, self._origins = series, [s.origin for s in steps]
         self._backups, self._without_authority = (
             np.cumsum([s.origin == origin for s in steps], dtype=int)
             for origin in (Origin.BACKUP, Origin.NO_AUTHORITY)
         )
+        place = {name: float(i) for i, name in enumerate(names)}
+        late = [(s.t_apply, place[sender], d) for s in steps for sender, _, d in s.fates if d]
+        self._late = np.array(late).reshape(-1, 3)
+        """t_apply [s], sender, delay [s] of the broadcasts to it that were delayed or lost."""
 
     def status(self, t: float, condition: Condition, lies: int) -> AgentStatus:
-        """The agent at t [s]; lies: false broadcasts that it sent so far."""
-        k = int(np.searchsorted(self._applied, t, side="right")) - 1
+        """The agent at t [s]; lies: false broadcasts that it had sent."""
+        k = int(np.searchsorted(self._series.t, t, side="right")) - 1
         if k < 0:
             return AgentStatus(condition)
         return AgentStatus(
             condition=condition,
-            step=msgspec.convert(self._steps[k], AppliedStep, from_attributes=True),
+            step=self._step(k),
             backups=int(self._backups[k]),
             without_authority=int(self._without_authority[k]),
             lies=lies,
         )
 
-    def applied_within(self, after: float, until: float) -> list[Step]:
-        """The steps whose input was applied after one time and not after another [s]."""
-        first, last = np.searchsorted(self._applied, [after, until], side="right")
-        return self._steps[first:last]
+    def _step(self, k: int) -> AppliedStep:
+        numbers = {name: float(values[k]) for name, values in self._series.numbers.items()}
+        known = {name: None if np.isnan(value) else value for name, value in numbers.items()}
+        u, u_nom = (tuple(of[k].tolist()) for of in (self._series.u, self._series.u_nom))
+        u_nom = () if np.isnan(u_nom).any() else u_nom
+        fields: dict[str, Any] = {"origin": self._origins[k], "u": u, "u_nom": u_nom, **known}
+        return AppliedStep(**fields)
+
+    def delays(self, after: float, until: float) -> list[list[float]]:
+        """[sender, delay] of late and lost broadcasts, by steps applied in (after, until] [s]."""
+        first, last = np.searchsorted(self._late[:, 0], [after, until], side="right")
+        found: list[list[float]] = self._late[first:last, 1:].tolist()
+        return found
 
 
 def open_replay(run: Path, trust: bool = False) -> Replay:

@@ -1,4 +1,4 @@
-"""Between the server and the page's script: contents and cursor down, what a visitor does up."""
+"""Messages between server and page: contents and cursor down, a visitor's actions up."""
 
 import json
 import logging
@@ -14,7 +14,7 @@ log = logging.getLogger("phalanx.viewer")
 _CONNECT = """
 if (!window.phalanx.connected) (() => {
   let socket = null, unsent = null;
-  // Who may command has the token in his address, and is asked for it by a name of his own.
+  // A visitor who may command has the token in the address; the server asks for it under a name.
   const answer = () => {
     const token = new URLSearchParams(location.search).get("token");
     const visitor = window.phalanxVisitor;
@@ -36,7 +36,7 @@ if (!window.phalanx.connected) (() => {
   window.phalanx.connected = true;
   window.phalanx.act = action => {
     if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(action));
-    // Later, what is meant for a server that is gone is not for one that comes after it.
+    // An action for a server that is gone is not for the one that comes after it.
     else if (unsent !== "") unsent = JSON.stringify(action);
   };
 })();
@@ -44,17 +44,17 @@ if (!window.phalanx.connected) (() => {
 
 
 class Action(msgspec.Struct, frozen=True):
-    """What a visitor does to the cursor; what is null he leaves as it is."""
+    """An action of a visitor; null leaves something as it is."""
 
     seek: float | None = None
     """[s]"""
     step: int | None = None
-    """So many recorded states."""
+    """Number of recorded states to move by."""
     play: bool | None = None
     speed: float | None = None
-    """Of a replay, times real time."""
+    """Speed of a replay, in multiples of real time."""
     visitor: str = ""
-    """By what name he was asked for the token, if he has one."""
+    """Name under which the server asked for the token, if the visitor has one."""
     token: str = ""
 
 
@@ -68,7 +68,7 @@ class Channel:
         server.run_script("script", script() + _CONNECT)
 
     def call(self, function: str, argument: object) -> None:
-        """Call a function of the script with what becomes JSON, on every page, now or later."""
+        """Call a function of the script with an argument as JSON, on every page, now or later."""
         quoted = json.dumps(msgspec.json.encode(argument).decode())  # parsed faster than a literal
         self._server.run_script(function, f"window.phalanx.{function}(JSON.parse({quoted}))")
 

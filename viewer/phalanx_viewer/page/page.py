@@ -1,4 +1,4 @@
-"""The page of one run: what is new in its feed goes to the scene, the texts and the plots."""
+"""The page of one run: scene, texts and plots, updated from its feed."""
 
 import time
 
@@ -15,11 +15,11 @@ from phalanx_viewer.scene.scene import Scene, add_display
 from phalanx_viewer.scene.server import open_page
 
 _TEXT_PERIOD = 0.2
-"""Wall time between two updates of texts [s]: they cost more than the scene."""
+"""Wall time between two updates of texts [s]: they are slower than the scene."""
 _PLOT_PERIOD = 1.0
-"""Least wall time between two updates of a live run's plots [s]: all of them are sent anew."""
+"""Least wall time between two updates of a live run's plots [s]: each sends all of them."""
 _PLOT_SHARE = 0.01
-"""Of the time, what making them may take at most: of many agents they come less often."""
+"""Largest share of the time spent on plots: with many agents they are updated less often."""
 
 
 class Page:
@@ -29,24 +29,11 @@ class Page:
     """
 
     def __init__(
-        self,
-        host: str,
-        port: int | None,
-        origins: tuple[str, ...],
-        feed: Feed,
-        token: str = "",
+        self, host: str, port: int | None, origins: tuple[str, ...], feed: Feed, token: str = ""
     ) -> None:
-        """Serve it.
+        """Serve the page at an address, as open_page() does.
 
-        Args:
-            host: address to listen on.
-            port: to listen on; None takes 8080 or the next free one.
-            origins: further origins whose pages may connect.
-            feed: what to show: a live run or a replay.
-            token: what visitors must show who may command a plant that obeys; empty: nobody may.
-
-        Raises:
-            ValueError, PortTakenError: the page cannot be served there.
+        token: secret of visitors that may command a live run; empty: none may.
         """
         model = feed.model
         self._feed = feed
@@ -54,7 +41,7 @@ class Page:
         self.server = open_page(host, port, f"Phalanx: {model.scenario.name}", origins)
         self._scene = Scene(self.server, model, self.select)
         if isinstance(feed, Replay):
-            self._scene.expect(feed.trajectory)
+            self._scene.expect(feed.history.trajectory)
         self._panels = Panels(self.server, model, self.select)
         self._channel = Channel(self.server, self._act)
         self._plotted: tuple[int, int, int] | None = None
@@ -67,7 +54,7 @@ class Page:
         self.server.gui.main_panel.dock_left()
         self.server.gui.main_panel.set_width(360)
         self._frame: Frame | None = None
-        self._standing = feed.summary, feed.over
+        self._outcome = feed.summary, feed.over
         self._stale, self._texts_due = True, 0.0
         self.server.admit()
 
@@ -78,16 +65,15 @@ class Page:
         self._stale, self._plots_due = True, 0.0
 
     def replay(self, replay: Replay) -> None:
-        """Go on with the recording of the run that was shown live, from where that ended."""
+        """Continue with the recording of the run that was shown live, at its end."""
         replay.seek(replay.end)
         self.server.run(lambda: self._show_instead(replay))
 
     def tick(self) -> None:
-        """Show what is new."""
         self.server.run(self._tick)
 
     def _show_instead(self, replay: Replay) -> None:
-        self._scene.expect(replay.trajectory)
+        self._scene.expect(replay.history.trajectory)
         self._feed, self._frame, self._plotted, self._plots_due = replay, None, None, 0.0
         if self._commands:
             self._commands.remove()
@@ -97,35 +83,34 @@ class Page:
     def _tick(self) -> None:
         frame = self._feed.take()
         self._plot()
-        self._scene.cameras.ask_for_shapes()
+        self._scene.cameras.request_shapes()
         if frame == self._frame:  # a paused plant repeats its frame
             frame = None
-        standing = self._feed.summary, self._feed.over
-        # The verdict and the plant's end come after the last frame: the texts have to be told once
-        # more though no frame will ever come again.
-        if frame is not None or standing != self._standing:
-            self._standing, self._stale = standing, True
+        outcome = self._feed.summary, self._feed.over
+        # The verdict and the plant's end come after the last frame, but change the texts.
+        if frame is not None or outcome != self._outcome:
+            self._outcome, self._stale = outcome, True
         self._frame = frame or self._frame
         if self._frame is None or not (self._stale or self._scene.stale):
             return
-        if not self.server.get_clients():  # drawn when somebody comes
+        if not self.server.get_clients():  # drawn when a visitor comes
             return
         now = time.monotonic()
         if texts_due := now >= self._texts_due:
-            # Before anything is shown: what is selected meanwhile shows at the next tick.
+            # Before anything is shown: a selection made meanwhile shows at the next tick.
             self._stale, self._texts_due = False, now + _TEXT_PERIOD
         self._scene.show(picture(self._feed.model, self._frame), self.selected)
         if texts_due or isinstance(self._feed, Replay):
             self._channel.call("at", self._clock(self._frame))
         if texts_due:
-            self._tell(self._frame)
+            self._show_texts(self._frame)
 
     def _clock(self, frame: Frame) -> dict[str, object]:
         values = values_at(self._feed, frame, self.selected, self._pair)
         return {"t": frame.t, "playing": not frame.paused, "speed": frame.speed, "values": values}
 
-    def _tell(self, frame: Frame) -> None:
-        """Texts, in one message to every page."""
+    def _show_texts(self, frame: Frame) -> None:
+        """Send texts and recent paths, in one message to every page."""
         with self.server.atomic():
             self._panels.show(frame, self.selected, self._feed)
             self._scene.lines.show_recent_paths(self._feed.recent_paths(frame.t))
@@ -133,25 +118,22 @@ class Page:
                 self._commands.show(frame)
 
     def _plot(self) -> None:
-        """Send the plots anew if there is more to plot, and somebody to see it."""
+        """Send the plots if there is more to plot, and a visitor to see it."""
         now, rows = time.monotonic(), self._feed.history.totals
         shown = self.selected, len(rows), len(self._feed.log)
         if shown == self._plotted or now < self._plots_due or not self.server.get_clients():
             return
-        began, chosen = time.thread_time(), [self.selected]
-        drawn = content(self._feed, self._told(), isinstance(self._feed, Replay), chosen)
+        began, names = time.thread_time(), self._feed.model.names
+        others = [] if self._feed.model.crowded else range(len(names))
+        curves_of = [self.selected, *(i for i in others if i != self.selected)]
+        seekable = isinstance(self._feed, Replay)
+        drawn = content(self._feed, curves_of, seekable, inputs_of=[self.selected])
         self._channel.call("show", drawn)
         self._pair, self._stale = drawn.pair, True
         taken = time.thread_time() - began
         self._plotted, self._plots_due = shown, now + max(_PLOT_PERIOD, taken / _PLOT_SHARE)
 
-    def _told(self) -> list[int]:
-        """The agents whose curves are sent, the selected one first."""
-        others = [] if self._feed.model.crowded else range(len(self._feed.model.names))
-        return [self.selected, *(i for i in others if i != self.selected)]
-
     def _act(self, action: Action) -> None:
-        """Do what a visitor asks."""
         if self._commands and action.visitor:
             self._commands.answer(action.visitor, action.token)
         replay = self._feed

@@ -1,1 +1,1 @@
-"""What the plots and the timeline show, and the script that draws them in a browser."""
+"""Content of the plots and the timeline, and the script that draws them in a browser."""

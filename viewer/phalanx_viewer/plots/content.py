@@ -1,4 +1,7 @@
-"""Curves, bands and marks as a page's plots and timeline show them, and the script that does."""
+"""Curves, bands and marks of a page's plots and timeline, and the script that draws them.
+
+All times are in seconds.
+"""
 
 import functools
 import json
@@ -11,15 +14,14 @@ class Curve(msgspec.Struct, omit_defaults=True):
     """A line in a plot, or with `to` the band between two lines."""
 
     t: list[float]
-    """[s]"""
     y: list[float]
     to: list[float] | None = None
     """The band's other edge."""
     name: str = ""
     agent: int | None = None
-    """Whose it is: bold when that agent is chosen."""
+    """The agent that it belongs to: bold when that is chosen."""
     role: str = ""
-    """How it is drawn otherwise: "chosen" bold, "guide" dashed, by default pale."""
+    """Style otherwise: "chosen" bold, "guide" dashed, by default pale."""
 
 
 class Lane(msgspec.Struct):
@@ -28,11 +30,11 @@ class Lane(msgspec.Struct):
     late: str
     """Share of the broadcasts to it that came too late for its next step: 0 none, 9 all."""
     lost: str
-    """Likewise of those that were lost."""
+    """Share of the broadcasts to it that were lost."""
     state: str
-    """How it did: a place in LANE_STATES."""
+    """Its gravest state: a place in LANE_STATES."""
     false: str
-    """Whether it sent a false broadcast: 0 or 1."""
+    """1 if it sent a false broadcast, else 0."""
 
 
 FALSE = "false"
@@ -43,13 +45,11 @@ class Zoom(msgspec.Struct):
     """A few control steps around the worst moment, broadcast by broadcast."""
 
     begin: float
-    """[s]"""
     end: float
-    """[s]"""
     steps: list[list[float]]
-    """When each agent had its steps [s]."""
+    """Times of each agent's steps."""
     broadcasts: list[tuple[int, float, int, float, str]]
-    """Of each its sender, when it was sent, its receiver, when it arrived [s], and its fate."""
+    """Sender, time sent, receiver, time of arrival and fate of each."""
 
 
 class Plot(msgspec.Struct):
@@ -59,38 +59,35 @@ class Plot(msgspec.Struct):
     unit: str
     curves: list[Curve]
     safe: tuple[float | None, float | None] = (None, None)
-    """Between which values all is well; beyond them the plot is shaded."""
+    """Least and largest safe value; beyond them the plot is shaded."""
     logarithmic: bool = False
     of_agents: bool = False
-    """Whether the chosen agent's backup periods are shown; else everybody's faults."""
+    """If true, the chosen agent's backup periods are shown; else all agents' faults."""
     agent: int | None = None
     """Shown only when that agent is chosen; null: always."""
     lanes: list[Lane] = []
     """A space-time diagram, instead of curves."""
     zoom: Zoom | None = None
-    """Its worst moment; of a recorded run."""
+    """The worst moment of a recorded run."""
 
 
 class Period(msgspec.Struct):
-    """From when to when an agent was on its backup, without authority, or not fine."""
+    """A period in which an agent was on its backup, without authority, or not fine."""
 
     agent: int
     kind: str
     """An Origin or a Condition."""
     begin: float
-    """[s]"""
     end: float
-    """[s]"""
 
 
 class Mark(msgspec.Struct):
     """A moment worth jumping to."""
 
     t: float
-    """[s]"""
     text: str
     kind: str = "log"
-    """What it is drawn as: "worst", "backup", "violation", "fault" or "log"."""
+    """Its kind: "worst", "backup", "violation", "fault" or "log"."""
 
 
 class Content(msgspec.Struct):
@@ -98,13 +95,11 @@ class Content(msgspec.Struct):
 
     title: str
     begin: float
-    """[s]"""
     end: float
-    """[s]"""
     step: float
-    """By how much an arrow key moves the cursor [s]."""
+    """Time by which an arrow key moves the cursor."""
     seekable: bool
-    """Whether the cursor can be put elsewhere; else it is where the run is."""
+    """If true, visitors can move the cursor; else it follows the run."""
     agents: list[str]
     adversaries: list[bool]
     chosen: int
@@ -121,7 +116,7 @@ _PARTS = ("state.js", "lanes.js", "plots.js", "timeline.js", "keys.js")
 
 @functools.cache
 def script() -> str:
-    """Source that adds the panels to a page, and `phalanx` to its window.
+    """JavaScript that adds the panels to a page, and `phalanx` to its window.
 
     phalanx.show(content) draws a Content, phalanx.at({t, playing, speed}) moves the cursor, and
     phalanx.act is called with {seek: t}, {play: true or false} or {speed: factor}.
@@ -129,5 +124,5 @@ def script() -> str:
     here = files(__package__)
     style = json.dumps(here.joinpath("panels.css").read_text("utf-8"))
     parts = "\n".join(here.joinpath(part).read_text("utf-8") for part in _PARTS)
-    # A page that lost its connection for a while is sent everything again.
+    # A page that lost its connection for a while receives everything again.
     return f"if (!window.phalanx) (() => {{\nconst STYLE = {style};\n{parts}\n}})();"

@@ -1,4 +1,4 @@
-// The keyboard, wherever nobody types: before the scene, whose camera also turns by arrows.
+// Keys outside text fields: handled before the scene, whose camera also turns by arrow keys.
 const KEYS = {
   " ": () => togglePlay(),
   ArrowLeft: event => seek(clock.t - (event.shiftKey ? 10 : 1) * content.step),

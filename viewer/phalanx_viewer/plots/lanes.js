@@ -7,7 +7,7 @@ function toggleZoom() {
   redraw(true);
 }
 
-// In each lane four rows: late, lost, the agent's state, and whether it sent a false broadcast.
+// Each lane has four rows: late, lost, the agent's state, and false broadcasts that it sent.
 const STATES = [null, "#f97316", "#c084fc", "#475569"];
 function drawLanes(p, lanes, X, down) {
   const high = down / lanes.length, row = high * 0.9 / 4;

@@ -1,10 +1,10 @@
-// The plots: curves are drawn once into a layer; the cursor and the veil over what is to come,
-// which move thirty times a second, go on top of it.
+// The plots: curves are drawn once into a layer; the cursor and the veil over the time after it,
+// which move thirty times a second, are drawn on top of it.
 const panel = element("aside", { id: "phx-plots" });
 document.body.append(panel);
 let shown = [], drawn = [];
 
-// From when to when a plot shows the run.
+// Begin and end of a plot.
 const spanOf = what => zoomed && what.zoom ? what.zoom : content;
 const timeAt = (x, width, { begin, end }) =>
   begin + (end - begin) * (x - LEFT) / (width - LEFT - RIGHT);
@@ -18,16 +18,16 @@ function plotOf(index) {
   return { nodes, title, value, zoom, canvas, layer: element("canvas"), index };
 }
 
-function drawPlots(anew) {
+function drawPlots(all) {
   if (!panel.clientWidth) return;
-  if (anew) shown = content.plots.filter(p => p.agent == null || p.agent === content.chosen);
+  if (all) shown = content.plots.filter(p => p.agent == null || p.agent === content.chosen);
   if (drawn.length !== shown.length) {
     drawn.forEach(plot => plot.nodes.forEach(node => node.remove()));
     drawn = shown.map((_, index) => plotOf(index));
   }
   panel.classList.toggle("phx-seekable", content.seekable);
   for (const plot of drawn) {
-    if (anew || plot.width !== plot.canvas.clientWidth) drawLayer(plot);
+    if (all || plot.width !== plot.canvas.clientWidth) drawLayer(plot);
     drawCursor(plot);
   }
 }
@@ -36,7 +36,7 @@ function rangeOf({ curves, safe, logarithmic }) {
   let low = Infinity, high = -Infinity;
   const extend = v => { if (v < low) low = v; if (v > high) high = v; };
   for (const curve of curves.filter(curve => curve.role !== "guide")) {
-    // Of pairs other than the worst one what counts is how near they came.
+    // Of pairs other than the worst one only the largest h counts.
     const isPair = curve.agent == null && !curve.role && !curve.to;
     if (isPair) extend(curve.y.reduce((a, b) => Math.max(a, b)));
     else [curve.y, curve.to || []].forEach(values => values.forEach(extend));
@@ -93,7 +93,7 @@ function drawLayer(plot) {
     p.fillRect(LEFT, Math.min(Y(limit), Y(edge)), across, Math.abs(Y(limit) - Y(edge)));
     line(p, [[LEFT, Y(limit)], [width - RIGHT, Y(limit)]], colour("limit"), 1, [4, 3]);
   }
-  // Of many agents, whose curves are in an envelope, the chosen one's alone.
+  // Many agents are in an envelope, and only the chosen one has a curve.
   const crowded = what.curves.some(curve => curve.to);
   what.curves.filter(curve => isBold(curve) || !(crowded && curve.agent != null))
     .sort((a, b) => isBold(a) - isBold(b)).forEach(curve => drawCurve(p, X, Y, curve));
@@ -149,12 +149,12 @@ function drawCursor(plot) {
     p.fillRect(x, TOP, width - RIGHT - x, height - TOP - BOTTOM);
   }
   line(p, [[x, TOP], [x, height - BOTTOM]], colour("ink"), 1);
-  value.textContent = toldValue(shown[plot.index], clock);
+  value.textContent = valueText(shown[plot.index], clock);
 }
 
-// The bold curve's value, and the curve's name if the title does not say whose it is. A server tells
-// it; a file has the curve alone, which is thinned.
-function toldValue({ curves, title }, { t, values }) {
+// The bold curve's value, and the curve's name if the title does not have it. A server sends the
+// value; a file holds the curve alone, which is thinned.
+function valueText({ curves, title }, { t, values }) {
   const chosen = curves.find(isBold);
   if (!chosen) return "";
   const value = values && title in values ? values[title] : valueAt(chosen, t);
@@ -184,10 +184,10 @@ function decades(low, high) {
   return found;
 }
 
-// What is as small as that differs from 0 by rounding alone.
+// Numbers this small differ from 0 by rounding alone.
 const label = v => String(Math.abs(v) < 1e-9 ? 0 : Number(v.toPrecision(4)));
 
 redraws.push(drawPlots);
-// What is drawn into layers keeps the colours of the page that it was drawn on.
+// Layers keep the colours of the page on which they were drawn.
 new MutationObserver(() => redraw(true)).observe(
   document.documentElement, { attributeFilter: ["data-mantine-color-scheme"] });

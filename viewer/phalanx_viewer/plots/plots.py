@@ -1,4 +1,4 @@
-"""Which plots there are of a run, and what is marked on its timeline."""
+"""The plots of a run, and the marks on its timeline."""
 
 from collections.abc import Iterable, Sequence
 
@@ -7,9 +7,10 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.curves.history import EMPTY_CODES, AgentSeries, ConditionChange
 from phalanx.curves.lanes import lanes, zoom_window
-from phalanx.curves.quantities import input_curves, of_steps, plotted, plotted_unit
+from phalanx.curves.quantities import input_curves, plotted, plotted_unit, step_series
 from phalanx.curves.thinning import Series, envelope, kept
 from phalanx.faults.commands import Condition
+from phalanx.recording.broadcasts import FATES
 from phalanx.swarm.swarm import unit_of_psi
 from phalanx.theory.rows.origin import Origin
 from phalanx.wire.messages import Frame
@@ -20,35 +21,35 @@ from phalanx_viewer.plots.content import FALSE, Content, Curve, Lane, Mark, Peri
 Safe = tuple[float | None, float | None]
 
 _MOST_POINTS, _LEAST_POINTS = 400, 60
-"""Of one curve."""
+"""Points of one curve."""
 _POINTS_OF_ALL = 3000
-"""Of one quantity's curves, if there are many agents."""
+"""Points of one quantity's curves together, if there are many agents."""
 _MOST_INTERVALS = 50, 200
-"""Of an envelope, and of a space-time diagram."""
+"""Intervals of an envelope, and of a space-time diagram."""
 _NEAR_PAIRS = 6
 _H_TOT, _WORST_PAIRS, _DISTANCE = "h_tot", "h of the worst pairs", "Smallest distance"
 _STEPS = 500
-"""An arrow key moves the cursor by this share of the run."""
+"""Presses of an arrow key from the run's begin to its end."""
 _UNSAFE_ABOVE_0: Safe = (None, 0.0)
 
 
 def content(
-    feed: Feed, told: Sequence[int], seekable: bool, inputs_of: Sequence[int] | None = None
+    feed: Feed, curves_of: Sequence[int], seekable: bool, inputs_of: Sequence[int] | None = None
 ) -> Content:
-    """What to draw of a feed.
+    """Make the plots and the timeline of a feed.
 
     Args:
         feed: live or recorded.
-        told: the agents that have curves of their own; the first one is chosen.
-        seekable: whether the cursor can be moved: the end is then that of the past.
-        inputs_of: the agents whose inputs are told; by default all that have curves.
+        curves_of: the agents with curves of their own; the first one is chosen.
+        seekable: whether visitors can move the cursor; the plots then end where the past does.
+        inputs_of: the agents whose inputs are plotted; by default those with curves.
     """
     model, past = feed.model, feed.history
     rows = past.totals
     begin, now = (float(rows[0, 0]), float(rows[-1, 0])) if len(rows) else (0.0, 0.0)
     end = max(now if seekable else model.scenario.duration, begin + 1e-3)
-    plots = _Plots(feed, told, (begin, end, now))
-    inputs = plots.of_inputs(told if inputs_of is None else inputs_of)
+    plots = _Plots(feed, curves_of, (begin, end, now))
+    inputs = plots.input_plots(curves_of if inputs_of is None else inputs_of)
     return Content(
         title=f"{model.scenario.name}, seed {model.scenario.seed}",
         begin=begin,
@@ -57,19 +58,19 @@ def content(
         seekable=seekable,
         agents=list(model.names),
         adversaries=model.adversary.tolist(),
-        chosen=told[0],
+        chosen=curves_of[0],
         pair=plots.worst_pair,
-        plots=plots.of_swarm() + plots.of_agents(inputs),
+        plots=plots.swarm_plots() + plots.agent_plots(inputs),
         periods=[
             *fault_periods(past.conditions, now),
-            *(period for i in told for period in empty_periods(i, plots.steps[i])),
+            *(period for i in curves_of for period in empty_periods(i, plots.steps[i])),
         ],
         marks=_marks(feed, plots.steps.values()),
     )
 
 
 def values_at(feed: Feed, frame: Frame, chosen: int, pair: int) -> dict[str, float | None]:
-    """What the bold curves are at a frame, by plot: the curves themselves are thinned."""
+    """Values of the bold curves at a frame, by plot: the curves themselves are thinned."""
     model, x, status = feed.model, np.frombuffer(frame.x, dtype="<f8"), frame.agents[chosen]
     rows = feed.history.totals
     found: dict[str, float | None] = {_WORST_PAIRS: model.values.h(pair, x)}
@@ -90,18 +91,21 @@ def values_at(feed: Feed, frame: Frame, chosen: int, pair: int) -> dict[str, flo
 class _Plots:
     """The plots of a feed's past."""
 
-    def __init__(self, feed: Feed, told: Sequence[int], times: tuple[float, float, float]) -> None:
-        """times: of the plots' begin and end, and how far the run has come [s]."""
+    def __init__(
+        self, feed: Feed, curves_of: Sequence[int], times: tuple[float, float, float]
+    ) -> None:
+        """times: begin and end of the plots, and the latest time known of the run [s]."""
         self._model, self._past = feed.model, feed.history
-        self._told, self._times = told, times
+        self._curves_of, self._times = curves_of, times
         self.steps = {i: self._past.agent(i) for i in range(len(self._model.names))}
-        self._most = int(np.clip(_POINTS_OF_ALL // max(len(told), 1), _LEAST_POINTS, _MOST_POINTS))
+        each = _POINTS_OF_ALL // max(len(curves_of), 1)
+        self._most = int(np.clip(each, _LEAST_POINTS, _MOST_POINTS))
         h = self._past.pairs.h
         every = h.max(axis=0) if len(h) else np.zeros(1)
         self._nearest = np.argsort(every)[-_NEAR_PAIRS:].tolist()
         self.worst_pair = self._nearest[-1]
 
-    def of_swarm(self) -> list[Plot]:
+    def swarm_plots(self) -> list[Plot]:
         rows, scenario = self._past.totals, self._model.scenario
         radius = self._model.radius
 
@@ -119,8 +123,8 @@ class _Plots:
             ),
         ]
 
-    def of_inputs(self, agents: Sequence[int]) -> list[Plot]:
-        """Each input of these agents: applied, nominal, and its bounds."""
+    def input_plots(self, agents: Sequence[int]) -> list[Plot]:
+        """Plot each input of these agents: applied, nominal, and its bounds."""
         return [
             Plot(
                 _input(found.name), found.unit,
@@ -134,17 +138,17 @@ class _Plots:
             for found in input_curves(self._model.swarm, i, self.steps[i])
         ]  # fmt: skip
 
-    def of_agents(self, inputs: list[Plot]) -> list[Plot]:
-        plots = {name: self._of_steps(name, quantity) for name, quantity in QUANTITIES.items()}
+    def agent_plots(self, inputs: list[Plot]) -> list[Plot]:
+        plots = {name: self._step_plot(name, quantity) for name, quantity in QUANTITIES.items()}
         return [plots.pop("certified"), *inputs, *plots.values(), *self._space_time()]
 
-    def _of_steps(self, name: str, quantity: Quantity) -> Plot:
-        """A number of every agent's control steps; in an envelope where there are many."""
+    def _step_plot(self, name: str, quantity: Quantity) -> Plot:
+        """Plot a number of every agent's control steps; many agents in an envelope."""
         swarm, lowest = self._model.swarm, quantity.safe[0] is not None
-        series = of_steps(swarm, name, self.steps)
+        series = step_series(swarm, name, self.steps)
         own = [
             curve(series[i], agent=i, most=self._most, lowest=lowest, highest=not lowest)
-            for i in self._told
+            for i in self._curves_of
         ]
         return Plot(
             quantity.title, plotted_unit(quantity, swarm),
@@ -153,13 +157,13 @@ class _Plots:
         )  # fmt: skip
 
     def _space_time(self) -> list[Plot]:
-        """Of a run in which somebody broadcast something; live, when something was late or lost."""
+        """Plot the space-time diagram; none without a broadcast, or live with many agents."""
         past, swarm, (begin, end, now) = self._past, self._model.swarm, self._times
         if not len(past.fates.t):
             return []
         recorded = len(past.broadcasts) > 0
         steps = list(self.steps.values())
-        # A frame of a live run tells no agent's last step: nobody is silent.
+        # A live run's frames do not hold every step: no agent counts as silent.
         taus = [swarm.horizon(i) if recorded else np.inf for i in self.steps]
         found = lanes(past, steps, taus, (begin, end), now, _MOST_INTERVALS[1])
         shares = (np.ceil(9.0 * share) for share in found[:2])
@@ -170,14 +174,16 @@ class _Plots:
         return [Plot(title, "", [], lanes=drawn, zoom=self._zoom(steps))]
 
     def _zoom(self, steps: Sequence[AgentSeries]) -> Zoom:
-        """The worst moment; of many agents, the chosen one's broadcasts."""
-        only, rows = self._told[0] if self._model.crowded else None, self._past.totals
+        """Plot the worst moment; with many agents, the chosen one's broadcasts alone."""
+        only, rows = self._curves_of[0] if self._model.crowded else None, self._past.totals
         worst = float(rows[np.argmax(rows[:, 1]), 0])
         begin, end = zoom_window(steps, worst, float(rows[-1, 0]))
+        sent = self._past.broadcasts
+        sent = sent[(begin <= sent.sent) & (sent.sent <= end)].tolist()
         seen = [
-            (b.sender, b.sent, b.receiver, b.arrival, FALSE if b.false else b.fate)
-            for b in self._past.broadcasts
-            if begin <= b.sent <= end and only in (None, b.sender, b.receiver)
+            (sender, t, receiver, arrival, FALSE if false else FATES[fate])
+            for sender, receiver, t, arrival, fate, false in sent
+            if only in (None, sender, receiver)
         ]
         times = [s.sampled[(begin <= s.sampled) & (s.sampled <= end)].tolist() for s in steps]
         return Zoom(begin, end, times, seen)
@@ -196,15 +202,15 @@ def curve(
     series: Series, name: str = "", *, agent: int | None = None, role: str = "",
     most: int = _MOST_POINTS, highest: bool = True, lowest: bool = True,
 ) -> Curve:  # fmt: skip
-    """A series as a page draws it, through its largest, its smallest values or both."""
+    """Thin a series to a curve through its largest values, its smallest, or both."""
     t, y = series.known()
     shown = kept(y, most, highest=highest, lowest=lowest)
     return Curve(numbers(t[shown], 7), numbers(y[shown], 4), name=name, agent=agent, role=role)
 
 
-def bands(of_all: Sequence[Series]) -> list[Curve]:
-    """Of many agents: the bands of all and of 10 to 90 %, and the median."""
-    edges, quantiles = envelope(of_all, _MOST_INTERVALS[0])
+def bands(curves: Sequence[Series]) -> list[Curve]:
+    """Many agents' bands, least to largest and 10 to 90 %, and their median."""
+    edges, quantiles = envelope(curves, _MOST_INTERVALS[0])
     if not len(edges):
         return []
     times = numbers(edges.ravel(), 7)
@@ -217,7 +223,7 @@ def bands(of_all: Sequence[Series]) -> list[Curve]:
 
 
 def numbers(values: Array, digits: int) -> list[float]:
-    """Rounded to so many significant digits: a plot shows no more, and the page loads sooner."""
+    """Round to significant digits: a plot shows no more, and the page loads sooner."""
     with np.errstate(divide="ignore"):
         size = np.floor(np.log10(np.abs(values)))
     unit = 10.0 ** (np.where(np.isfinite(size), size, 0.0) - digits + 1)
@@ -238,7 +244,7 @@ def _input(name: str) -> str:
 
 
 def _marks(feed: Feed, steps: Iterable[AgentSeries]) -> list[Mark]:
-    """The worst moment, the first backup, violations, faults and every line of the log."""
+    """Mark the worst moment, the first backup, violations, faults and every line of the log."""
     rows, names = feed.history.totals, feed.model.names
     if not len(rows):
         return []
@@ -254,7 +260,7 @@ def _marks(feed: Feed, steps: Iterable[AgentSeries]) -> list[Mark]:
 
 
 def empty_periods(agent: int, steps: AgentSeries) -> list[Period]:
-    """From the step at which K_i was empty until the next at which it was not."""
+    """Periods from a step with empty K_i until the next step without."""
     found = []
     for kind, value in EMPTY_CODES.items():
         held = np.concatenate([[False], steps.empty == value, [False]])
@@ -267,7 +273,7 @@ def empty_periods(agent: int, steps: AgentSeries) -> list[Period]:
 
 
 def fault_periods(changes: Sequence[ConditionChange], end: float) -> list[Period]:
-    """From each change of condition to the agent's next, or to the end [s]."""
+    """Periods from each change of condition to the agent's next, or to the end [s]."""
     found = []
     for k, change in enumerate(changes):
         later = (c.t for c in changes[k + 1 :] if c.agent == change.agent)

@@ -1,24 +1,24 @@
-// What is shown: the content, where the cursor is, and who wants to know.
+// The state of the page: its content, its cursor, and the functions that draw them.
 let content = null;
 let clock = { t: 0, playing: false, speed: 1 };
-const redraws = [];  // called with whether the content is new
+const redraws = [];  // called with true if the content is new
 let due = false, fresh = false;
 
 const phalanx = window.phalanx = {
   act: () => {},
   show(shown) { content = shown; redraw(true); },
-  at(told) { clock = told; redraw(false); },
+  at(time) { clock = time; redraw(false); },
 };
 
 // At most once for each frame that the browser paints.
-function redraw(anew) {
-  fresh ||= anew;
+function redraw(all) {
+  fresh ||= all;
   if (due) return;
   due = true;
   requestAnimationFrame(() => {
-    const anew = fresh;
+    const all = fresh;
     due = fresh = false;
-    if (content) redraws.forEach(draw => draw(anew));
+    if (content) redraws.forEach(draw => draw(all));
   });
 }
 
@@ -35,14 +35,14 @@ const isSeekable = () => content !== null && content.seekable;
 function seek(t) {
   if (!isSeekable()) return;
   t = clamp(t, content.begin, content.end);
-  phalanx.at({ ...clock, t, playing: false, values: null });  // what comes back says the same, a little later
+  phalanx.at({ ...clock, t, playing: false, values: null });  // the server confirms a little later
   phalanx.act({ seek: t });
 }
 
 // Margins of a plot.
 const LEFT = 44, RIGHT = 8, TOP = 4, BOTTOM = 16;
 
-// A canvas in the screen's own pixels; drawn in CSS pixels.
+// A context for drawing in CSS pixels on a canvas of the screen's own pixels.
 function pen(canvas) {
   const scale = devicePixelRatio, width = canvas.clientWidth, height = canvas.clientHeight;
   canvas.width = width * scale;
@@ -62,7 +62,7 @@ function line(p, points, stroke, wide, dash = []) {
   p.stroke();
 }
 
-// Press and drag on a canvas: the times under the pointer, for as long as it is down.
+// Press and drag on a canvas: seek the times under the pointer while it is down.
 function scrub(canvas, timeAt) {
   const move = event => seek(timeAt(event.clientX - canvas.getBoundingClientRect().left));
   canvas.addEventListener("pointerdown", event => {

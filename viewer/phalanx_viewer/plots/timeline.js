@@ -17,7 +17,7 @@ const speed = element("select", { title: "Speed", className: "phx-seek",
 const plotsButton = button("plots", "Show or fold the plots", foldPlots, "");
 const firstViolation = () => content.marks.filter(mark => mark.kind === "violation")
   .reduce((first, mark) => !first || mark.t < first.t ? mark : first, null);
-// The first state of which the violation is known lies after it.
+// The first recorded state with the violation lies after it.
 const violationButton = button("violation", "To the first violation", () => {
   seek(firstViolation().t);
   phalanx.act({ step: 1 });

@@ -1,19 +1,18 @@
-"""phalanx ros2: a run for ROS 2 nodes over rmw_zenoh, live or recorded."""
+"""phalanx ros2: publish a run to ROS 2 nodes over rmw_zenoh, live or recorded."""
 
 import importlib.util
 from typing import Annotated
 
 import typer
 
-from phalanx.cli.allowed import require_timeout
-from phalanx.cli.endpoints import certificates_for, live_run, require_endpoint, require_here
-from phalanx.cli.options import Insecure, KeysFolder, Secret, Trust
-from phalanx.cli.terminal import complain
-from phalanx_viewer.commands import Connect, LiveRun, RunOrRecording, require_either
+from phalanx.cli.endpoints import identity_for, live_run, require_endpoint, require_here
+from phalanx.cli.option_checks import require_timeout
+from phalanx.cli.options import Connect, Insecure, KeysFolder, Secret, Trust
+from phalanx.cli.terminal import echo_error
+from phalanx_viewer.commands import LiveRun, RunOrRecording, require_either
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command."""
     app.command()(ros2)
 
 
@@ -80,11 +79,11 @@ def ros2(
             return run_replay(recording, graph, trust=trust)
         if found is not None:
             return run_live(found.membership, graph, trust=trust)
-        certificates = certificates_for(keys, connect, insecure)
-        membership = Membership(run, connect, secret.encode(), VIEWER, timeout, certificates)
+        identity_folder = identity_for(keys, connect, insecure)
+        membership = Membership(run, connect, secret.encode(), VIEWER, timeout, identity_folder)
         return run_live(membership, graph, trust=trust)
     except (RuntimeError, ValueError, OSError) as error:
-        complain(error)
+        echo_error(error)
         return 3
 
 

@@ -1,6 +1,6 @@
-"""How the run and every agent stand, as the DiagnosticArray that ROS 2's monitors show."""
+"""Status of the run and of every agent, as the DiagnosticArray that ROS 2's monitors show."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticArray as Diagnostics
 from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticStatus as Status
@@ -15,7 +15,7 @@ from phalanx_viewer.scene.colours import Role, role
 from phalanx_viewer.scene.model import SceneModel
 
 Head = tuple[int, str]
-"""Level and message."""
+"""Level and message of a status."""
 
 _OF_OUTCOME = {
     Outcome.GUARANTEED: Status.OK,
@@ -33,38 +33,34 @@ _OF_ROLE = {
 }
 
 
-def diagnostics(frame: Frame, model: SceneModel, outcome: Head) -> Diagnostics:
-    """The run first, with so_far or verdict, then every agent, at the frame's time."""
+def diagnostics(frame: Frame, model: SceneModel, head: Head) -> Diagnostics:
+    """Status of the run, with this head, then of every agent, at the frame's time."""
     each = zip(model.names, model.adversary, frame.agents, strict=True)
     agents = [_agent(name, bool(adversary), status, model) for name, adversary, status in each]
-    return Diagnostics(header=header(frame.t), status=[_run(frame, model, outcome), *agents])
+    return Diagnostics(header=header(frame.t), status=[_run(frame, model, head), *agents])
 
 
-def so_far(frame: Frame) -> Head:
-    """What a run that goes on has come to."""
+def interim_outcome(frame: Frame) -> Head:
+    """Outcome of a live run up to a frame."""
     if frame.violations:
         pairs = ", ".join(violation.pair for violation in frame.violations)
         return Status.ERROR, f"violated: {pairs}"
     return Status.OK, "no pair left the safe set so far"
 
 
-def verdict(summary: Summary | None) -> Head:
-    """What a run that is over came to; None: its plant was killed."""
+def outcome(summary: Summary | None) -> Head:
+    """Outcome of a run that is over; None: its plant was killed."""
     if summary is None:
         return Status.ERROR, "the plant left without a verdict"
     return _OF_OUTCOME[summary.outcome], f"{summary.outcome}: {summary.reason}"
 
 
-def alike(one: Diagnostics | None, other: Diagnostics) -> bool:
-    """Whether nobody's level and message changed; figures change all the time."""
-    return one is not None and list(_heads(one)) == list(_heads(other))
+def heads(found: Diagnostics) -> list[Head]:
+    """Level and message of each status; only its figures change all the time."""
+    return [(status.level, status.message) for status in found.status]
 
 
-def _heads(told: Diagnostics) -> Iterator[Head]:
-    return ((status.level, status.message) for status in told.status)
-
-
-def _run(frame: Frame, model: SceneModel, outcome: Head) -> Status:
+def _run(frame: Frame, model: SceneModel, head: Head) -> Status:
     figures = {
         "t [s]": frame.t,
         "h_tot": frame.h_tot,
@@ -73,7 +69,7 @@ def _run(frame: Frame, model: SceneModel, outcome: Head) -> Status:
         "steps": frame.steps,
     }
     figures |= {a.name: f"failed since t = {a.first:.3f} s" for a in frame.assumptions if a.failed}
-    return _status("run", outcome, model.scenario.name, figures)
+    return _status("run", head, model.scenario.name, figures)
 
 
 def _agent(name: str, adversary: bool, status: AgentStatus, model: SceneModel) -> Status:

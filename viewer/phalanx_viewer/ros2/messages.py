@@ -27,12 +27,12 @@ from phalanx.arrays import Array
 from phalanx.wire.messages import AgentStatus
 from phalanx_viewer.ros2.rmw_zenoh import MessageType
 from phalanx_viewer.scene.colours import COLOURS, DANGER, role
-from phalanx_viewer.scene.kinematics import Poses, facing
+from phalanx_viewer.scene.kinematics import Poses, rotations_to
 from phalanx_viewer.scene.model import SceneModel
-from phalanx_viewer.scene.shapes import Kind, Shape, agent_shapes, surroundings
+from phalanx_viewer.scene.shapes import Kind, Shape, agent_shapes, static_shapes
 
 WORLD = "world"
-"""The frame that everything is told in; it stands still."""
+"""The fixed frame of all positions."""
 _STORE = get_typestore(Stores.ROS2_JAZZY)
 _TYPES = {
     Kind.ARROW: Marker.ARROW,
@@ -54,23 +54,23 @@ _NAMESPACES = {
 
 @cache
 def message_type(kind: type) -> MessageType:
-    """Name and hash of a class of messages."""
+    """Type name and hash of a class of messages."""
     name: str = kind.__msgtype__  # type: ignore[attr-defined]
     return MessageType(name, _STORE.hash_rihs01(name))
 
 
 def serialized(message: Any) -> bytes:
-    """A message of one of the library's classes, with CDR's header of four bytes."""
+    """Serialize a message, with CDR's header of four bytes."""
     return bytes(_STORE.serialize_cdr(message, message.__msgtype__, little_endian=True))
 
 
 def header(t: float) -> Header:
-    """Of a message about virtual time t [s], which is its stamp."""
+    """Header of a message about virtual time t [s], which is its stamp."""
     seconds, nanoseconds = divmod(round(t * 1e9), 1_000_000_000)
     return Header(stamp=Time(sec=seconds, nanosec=nanoseconds), frame_id=WORLD)
 
 
-def stamped(t: float, poses: Poses) -> Iterator[PoseStamped]:
+def pose_messages(t: float, poses: Poses) -> Iterator[PoseStamped]:
     """Each agent's pose at t [s]."""
     now = header(t)
     for place, heading in zip(poses.positions, poses.headings, strict=True):
@@ -78,20 +78,15 @@ def stamped(t: float, poses: Poses) -> Iterator[PoseStamped]:
 
 
 def agents(
-    t: float, model: SceneModel, poses: Poses, told: Sequence[AgentStatus], unsafe: Sequence[int]
+    t: float, model: SceneModel, poses: Poses, status: Sequence[AgentStatus], unsafe: Sequence[int]
 ) -> Iterator[Marker]:
-    """Every agent, its name and its safety radius, coloured by its role; red if a pair is violated.
+    """Every agent, its name and its safety radius, coloured by its role.
 
-    Args:
-        t: virtual time [s].
-        model: of the swarm.
-        poses: at t.
-        told: of each agent.
-        unsafe: the violated pairs.
+    Agents of `unsafe`, the violated pairs, are red.
     """
     now, violated = header(t), model.agents_of(list(unsafe))
     for i, pose in enumerate(zip(poses.positions, poses.headings, strict=True)):
-        colour = DANGER if i in violated else COLOURS[role(told[i], bool(model.adversary[i]))]
+        colour = DANGER if i in violated else COLOURS[role(status[i], bool(model.adversary[i]))]
         for shape in agent_shapes(model, i, colour, *pose):
             yield _marker(now, shape, model)
 
@@ -99,31 +94,31 @@ def agents(
 def violations(
     t: float, model: SceneModel, positions: Array, unsafe: Sequence[int]
 ) -> Iterator[Marker]:
-    """A red line between the sides of every violated pair; positions has shape (N, 3)."""
+    """A red line between the sides of every violated pair; positions [m], shape (N, 3)."""
     ends = [end for pair in unsafe for end in model.ends(pair, positions)]
     lines = Shape("violated pairs", 0, Kind.LINE, DANGER, points=np.array(ends).reshape(-1, 3))
     drawn = _marker(header(t), lines, model)
     drawn.type = Marker.LINE_LIST
-    # Without any, what was drawn there is taken away.
+    # Without violated pairs, earlier lines are deleted.
     drawn.action = Marker.ADD if ends else Marker.DELETE
     yield drawn
 
 
-def around(t: float, model: SceneModel) -> Iterator[Marker]:
+def static_markers(t: float, model: SceneModel) -> Iterator[Marker]:
     """Obstacles, walls, limits and the formation's path."""
     now = header(t)
-    return (_marker(now, shape, model) for shape in surroundings(model))
+    return (_marker(now, shape, model) for shape in static_shapes(model))
 
 
 def array(*markers: Iterator[Marker]) -> MarkerArray:
-    """All of them in one message."""
+    """Put markers into one message."""
     # The library types the elements as those of ROS 2's first release.
     every: list[Any] = [marker for some in markers for marker in some]
     return MarkerArray(markers=every)
 
 
 def _marker(now: Header, shape: Shape, model: SceneModel) -> Marker:
-    """A marker that stays until one of the same name and number takes its place."""
+    """Convert a shape to a marker, which stays until one of the same name and number comes."""
     x, y, z = (0.15 * model.body, 0.0, 0.0) if shape.kind is Kind.LINE else shape.size
     red, green, blue = (part / 255 for part in shape.colour)
     nothing = np.zeros(0, dtype=np.uint8)
@@ -153,7 +148,7 @@ def _marker(now: Header, shape: Shape, model: SceneModel) -> Marker:
 
 def _pose(place: Array, heading: Array) -> Pose:
     """A pose at a place [m], shape (3,), whose x-axis is along a unit heading, shape (3,)."""
-    w, x, y, z = facing(heading[None])[0].tolist()
+    w, x, y, z = rotations_to(heading[None])[0].tolist()
     return Pose(position=_point(place), orientation=Quaternion(x=x, y=y, z=z, w=w))
 
 

@@ -1,8 +1,7 @@
-"""A ROS 2 node as rmw_zenoh sees one: the key expressions, tokens and attachments of its design.
+"""A ROS 2 node for rmw_zenoh: the key expressions, tokens and attachments of its design.
 
-They are those of docs/design.md in ros2/rmw_zenoh, as Jazzy and Kilted speak them: a publisher here
-is one to every ROS 2 program with RMW_IMPLEMENTATION=rmw_zenoh_cpp, in a client's session that the
-ROS 2 router serves as any other.
+They follow docs/design.md in ros2/rmw_zenoh, as Jazzy and Kilted use it. Every ROS 2 program with
+RMW_IMPLEMENTATION=rmw_zenoh_cpp sees the publishers; the node is a client of the ROS 2 router.
 """
 
 import itertools
@@ -21,34 +20,34 @@ _ATTACHMENT = struct.Struct("<qqB16s")
 """Sequence number, source timestamp [ns], and the publisher's gid behind its length."""
 _GID_BYTES = 16
 _QOS = "::,10:,:,:,,"
-"""Reliable, volatile, keep the last 10: what differs from rmw_zenoh's defaults is the depth."""
+"""Reliable, volatile, keep the last 10: only the depth differs from rmw_zenoh's defaults."""
 _NO_ENCLAVE = "%"
 
 
 @dataclass(frozen=True)
 class MessageType:
-    """What a topic carries, as ROS 2 tells types apart."""
+    """A ROS 2 message type: its name and the hash of its definition."""
 
     name: str
     """Such as "geometry_msgs/msg/PoseStamped"."""
     digest: str
-    """Its RIHS01 hash; a subscriber with another definition of the type hears nothing."""
+    """Its RIHS01 hash; a subscriber with another definition of the type receives nothing."""
 
     @property
     def on_the_wire(self) -> str:
-        """As it stands in key expressions: DDS's name, then the hash."""
+        """The type in key expressions: DDS's name, then the hash."""
         package, kind, name = self.name.split("/")
         return f"{package}::{kind}::dds_::{name}_/{self.digest}"
 
 
 @dataclass(frozen=True)
 class NodeName:
-    """Which node of which graph."""
+    """A node's name in its graph."""
 
     domain: int
     """ROS_DOMAIN_ID."""
     namespace: str
-    """With a slash before it, as ROS 2 writes it: "/phalanx"."""
+    """Begins with a slash: "/phalanx"."""
     name: str
 
     def token(self, zid: str) -> str:
@@ -60,7 +59,7 @@ class NodeName:
         return f"{self._token(zid, number, 'MP')}/{_mangled(topic)}/{kind.on_the_wire}/{_QOS}"
 
     def topic_key(self, topic: str, kind: MessageType) -> str:
-        """Key expression that a topic's messages are put on."""
+        """Key expression of a topic's messages."""
         return f"{self.domain}/{topic.strip('/')}/{kind.on_the_wire}"
 
     def _token(self, zid: str, number: int, entity: str) -> str:
@@ -69,7 +68,7 @@ class NodeName:
 
 
 def _mangled(name: str) -> str:
-    """A name of ROS 2's as one chunk of a key expression."""
+    """A ROS 2 name as one chunk of a key expression."""
     return name.replace("/", "%")
 
 
@@ -79,12 +78,12 @@ def gid(token: str) -> bytes:
 
 
 def attachment(sequence: int, nanoseconds: int, publisher: bytes) -> bytes:
-    """What goes beside a message: its number from 1 on, when it was put, and whose it is."""
+    """Attachment of a message: its number, from 1 on, its time, and its publisher's gid."""
     return _ATTACHMENT.pack(sequence, nanoseconds, _GID_BYTES, publisher)
 
 
 class Node:
-    """A node that ROS 2 programs see, with publishers that they hear, until it is closed."""
+    """A node that ROS 2 programs see, with its publishers, until it is closed."""
 
     def __init__(self, router: str, name: NodeName, timeout: float) -> None:
         """Join the ROS 2 router. Raises HubError."""
@@ -94,18 +93,16 @@ class Node:
             raise HubError(f"{error}; is rmw_zenohd running there?") from error
         self._name, self._zid = name, str(self._session.zid())
         self._numbers = itertools.count(1)
-        # A token lives as long as somebody holds it.
+        # A token lives as long as a reference to it.
         self._tokens = [liveliness.announce(self._session, name.token(self._zid))]
 
     def publisher(self, topic: str, kind: MessageType) -> "Publisher":
         """Announce a topic, absolute, such as "/phalanx/markers"."""
         token = self._name.publisher_token(self._zid, next(self._numbers), topic, kind)
         key = self._name.topic_key(topic, kind)
-        publisher = Publisher(
-            pubsub.publisher(self._session, key, pubsub.Delivery.VIEW), gid(token)
-        )
+        publisher = pubsub.publisher(self._session, key, pubsub.Delivery.VIEW)
         self._tokens.append(liveliness.announce(self._session, token))
-        return publisher
+        return Publisher(publisher, gid(token))
 
     def __enter__(self) -> Self:
         return self
@@ -115,18 +112,18 @@ class Node:
 
 
 class Publisher:
-    """Puts serialized messages on a topic; who is too slow for them misses some."""
+    """Puts serialized messages on a topic; a subscriber that is too slow misses some."""
 
     def __init__(self, publisher: pubsub.Publisher, own_gid: bytes) -> None:
         self._publisher, self._gid = publisher, own_gid
         self._sequence: Iterator[int] = itertools.count(1)
 
     @property
-    def heard(self) -> bool:
-        """Whether somebody subscribes: only then a message is worth its making."""
+    def has_subscriber(self) -> bool:
+        """True if a message would have a receiver."""
         return pubsub.has_listener(self._publisher)
 
     def put(self, payload: bytes) -> None:
         """Publish one message, serialized as CDR with its header."""
-        beside = attachment(next(self._sequence), time.time_ns(), self._gid)
-        self._publisher.put(payload, attachment=beside)
+        added = attachment(next(self._sequence), time.time_ns(), self._gid)
+        self._publisher.put(payload, attachment=added)

@@ -1,1 +1,1 @@
-"""What there is to draw, what one frame looks like, and the 3-D scene that shows it."""
+"""The 3-D scene: its model, the picture of one frame, and the viser nodes that draw it."""

@@ -1,4 +1,4 @@
-"""The agents in the scene: bodies, safety radii, halos, shadows, inputs and the chosen one."""
+"""The agents in the scene: bodies, safety radii, halos, shadows, inputs and selection."""
 
 from collections.abc import Callable
 
@@ -7,30 +7,21 @@ import viser
 
 from phalanx.arrays import Array
 from phalanx_viewer.scene.colours import DANGER, LIE, Palette
-from phalanx_viewer.scene.kinematics import facing
+from phalanx_viewer.scene.kinematics import rotations_to
 from phalanx_viewer.scene.model import SceneModel
-from phalanx_viewer.scene.nodes import (
-    HIDDEN,
-    add_batch,
-    ball,
-    body,
-    disc,
-    ring,
-    single,
-    update,
-)
+from phalanx_viewer.scene.nodes import HIDDEN, add_batch, ball, body, disc, ring, single, update
 from phalanx_viewer.scene.picture import Picture
 from phalanx_viewer.scene.server import in_loop
 
 Click = viser.SceneNodePointerEvent[viser.BatchedMeshHandle]
 
-_FILL, _ALARM = 0.16, 0.5
-"""Opacities of the discs of agents that are safe, and of those that are not."""
-_BADGE = 0.4
-"""Radius of a liar's ring, in bodies."""
+_FILL, _UNSAFE_FILL = 0.16, 0.5
+"""Opacities of the discs of safe and of unsafe agents."""
+_LIE_RADIUS = 0.4
+"""Radius of the ring of an agent that sent false broadcasts, in bodies."""
 _LONGEST, _HEAD = 3.5, 0.4
 """Lengths of the longest arrow and of an arrow's head, in bodies."""
-_AROUND = 1.12
+_SELECTION_RADIUS = 1.12
 """Radius of the ring, in bodies: a little less than a disc's, so that it crosses no other's."""
 _RED = np.array(DANGER, dtype=np.uint8)
 
@@ -38,8 +29,8 @@ _RED = np.array(DANGER, dtype=np.uint8)
 class AgentNodes:
     """Nodes that move with the agents.
 
-    All bodies are one batched node, and so are all discs: a node for each agent would cost a
-    message for each agent and frame, and the page could not keep up.
+    All bodies are one batched node, and so are all discs: with a node for each agent, each frame
+    would need a message for each agent, too many for the page.
     """
 
     def __init__(self, scene: viser.SceneApi, model: SceneModel) -> None:
@@ -60,36 +51,34 @@ class AgentNodes:
             node.visible = model.radius > 0.0
 
     def show(self, picture: Picture, sizes: Array) -> None:
-        """Move and colour them; sizes of the bodies [m], shape (N,)."""
-        positions, alarmed = single(picture.positions), picture.unsafe_agents
+        """Move and colour the agents; sizes of the bodies [m], shape (N,)."""
+        positions, unsafe = single(picture.positions), picture.unsafe_agents
         discs = {
             "batched_positions": positions,
             "batched_scales": single(self._radii),
-            "batched_colors": np.where(alarmed[:, None], _RED, picture.colours),
+            "batched_colors": np.where(unsafe[:, None], _RED, picture.colours),
         }
         update(
             self._bodies,
             batched_positions=positions,
-            batched_wxyzs=single(facing(picture.headings)),
+            batched_wxyzs=single(rotations_to(picture.headings)),
             batched_scales=single(sizes),
             batched_colors=picture.colours,
         )
-        update(self._fills, **discs, batched_opacities=single(np.where(alarmed, _ALARM, _FILL)))
+        opacities = single(np.where(unsafe, _UNSAFE_FILL, _FILL))
+        update(self._fills, **discs, batched_opacities=opacities)
         if self._rims:
             update(self._rims, **discs)
-        around = np.where(alarmed, np.maximum(1.5 * self._radii, 2.2 * sizes), HIDDEN)
-        hidden = np.where(alarmed[:, None], positions, 0.0)
-        update(self._halos, batched_positions=single(hidden), batched_scales=single(around))
-        badges = np.where(picture.liars, _BADGE * sizes, HIDDEN)
-        above = positions + single(np.outer(badges, [0.0, 0.0, 2.0]))  # of the body, which is flat
-        update(self._liars, batched_positions=above, batched_scales=single(badges))
+        halos = np.where(unsafe, np.maximum(1.5 * self._radii, 2.2 * sizes), HIDDEN)
+        centers = np.where(unsafe[:, None], positions, 0.0)
+        update(self._halos, batched_positions=single(centers), batched_scales=single(halos))
+        rings = np.where(picture.liars, _LIE_RADIUS * sizes, HIDDEN)
+        above = positions + single(np.outer(rings, [0.0, 0.0, 2.0]))  # the body, which is flat
+        update(self._liars, batched_positions=above, batched_scales=single(rings))
         if self._shadows:
             ground = np.column_stack([positions[:, :2], np.full(len(positions), self._floor)])
-            update(
-                self._shadows,
-                batched_positions=single(ground),
-                batched_scales=single(0.7 * sizes),
-            )
+            shadows = single(0.7 * sizes)
+            update(self._shadows, batched_positions=single(ground), batched_scales=shadows)
 
     def on_click(self, clicked: Callable[[Click], None]) -> None:
         """Call `clicked` when a body is clicked."""
@@ -97,22 +86,22 @@ class AgentNodes:
 
 
 class ArrowNodes:
-    """One node for all applied inputs, and one for all nominal ones."""
+    """The inputs as arrows: one node for all applied ones, and one for all nominal ones."""
 
     def __init__(self, scene: viser.SceneApi, palette: Palette) -> None:
         nothing = np.zeros((0, 2, 3))
-        self._applied = scene.add_arrows("/arrows/applied", nothing, palette.ink)
-        self._u_nom = scene.add_arrows("/arrows/nominal", nothing, palette.faint)
+        self.applied = scene.add_arrows("/arrows/applied", nothing, palette.ink)
+        self.u_nom = scene.add_arrows("/arrows/nominal", nothing, palette.faint)
 
     def show(self, picture: Picture, size: float) -> None:
-        """Point them; size of a body [m]."""
-        # Nominal inputs may be many times as large as any that can be applied: they are cut.
+        """Draw a picture's inputs; size of a body [m]."""
+        # Nominal inputs may be many times as large as any applied input: they are cut.
         longest = float(np.linalg.norm(picture.applied, axis=1).max())
         scale = _LONGEST * size / max(1.0, longest)
-        # The applied input lies above the nominal one, which is often the same.
+        # The applied input is drawn above the nominal one, which is often the same.
         for arrows, vectors, height in (
-            (self._applied, scale * picture.applied, 0.9 * size),
-            (self._u_nom, scale * picture.u_nom, 0.5 * size),
+            (self.applied, scale * picture.applied, 0.9 * size),
+            (self.u_nom, scale * picture.u_nom, 0.5 * size),
         ):
             lengths = np.linalg.norm(vectors, axis=1)
             seen = lengths > _HEAD * size
@@ -124,17 +113,12 @@ class ArrowNodes:
             update(arrows, head_length=_HEAD * size)
 
     def set_palette(self, palette: Palette) -> None:
-        """Wear the colours of a page."""
-        self._applied.colors = np.array(palette.ink, dtype=np.uint8)
-        self._u_nom.colors = np.array(palette.faint, dtype=np.uint8)
-
-    def set_visible(self, visible: bool) -> None:
-        """Show them, or hide them."""
-        self._applied.visible = self._u_nom.visible = visible
+        self.applied.colors = np.array(palette.ink, dtype=np.uint8)
+        self.u_nom.colors = np.array(palette.faint, dtype=np.uint8)
 
 
 class SelectionNodes:
-    """What marks one agent."""
+    """A ring around the selected agent."""
 
     def __init__(self, scene: viser.SceneApi, palette: Palette) -> None:
         self._ring = scene.add_mesh_simple(
@@ -142,19 +126,18 @@ class SelectionNodes:
         )
 
     def show(self, positions: Array, selected: int | None, sizes: Array) -> None:
-        """Mark an agent, or none; positions (N, 3) and sizes of the bodies (N,) in metres."""
+        """Mark an agent, or none; positions (N, 3) and sizes of the bodies (N,) [m]."""
         self._ring.visible = selected is not None
         if selected is not None:
             self._ring.position = tuple(positions[selected])
-            update(self._ring, scale=_AROUND * float(sizes[selected]))
+            update(self._ring, scale=_SELECTION_RADIUS * float(sizes[selected]))
 
     def set_palette(self, palette: Palette) -> None:
-        """Wear the colours of a page."""
         self._ring.color = palette.ink
 
 
 def nearest_to_ray(positions: Array, origin: Array, direction: Array) -> int:
-    """The index of the position, shape (N, 3), nearest to a ray of unit direction."""
+    """Index of the position, of shape (N, 3), nearest to a ray of unit direction."""
     offsets = positions - origin
     along = offsets @ direction
     return int(np.linalg.norm(offsets - along[:, None] * direction, axis=1).argmin())

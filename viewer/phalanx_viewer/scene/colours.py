@@ -1,4 +1,4 @@
-"""Colours: of agents by their role, of other marks, and of a light page and a dark one."""
+"""Colours of agents by their role, of other marks, and of light and dark pages."""
 
 from enum import StrEnum
 from typing import NamedTuple
@@ -17,7 +17,7 @@ OBSTACLE: Colour = (100, 116, 139)
 
 
 class Palette(NamedTuple):
-    """Colours that depend on the page's."""
+    """Colours that differ between a light and a dark page."""
 
     background: Colour
     ink: Colour
@@ -31,7 +31,7 @@ DARK = Palette((20, 21, 23), (226, 232, 240), (100, 116, 139), (38, 41, 46), (58
 
 
 class Role(StrEnum):
-    """What an agent's colour says."""
+    """An agent's role as its colour shows it."""
 
     NORMAL = "normal"
     ADVERSARY = "adversary"
@@ -50,7 +50,7 @@ COLOURS: dict[Role, Colour] = {
 
 
 def role(status: AgentStatus, adversary: bool) -> Role:
-    """An agent's role now; adversary: from the start."""
+    """An agent's role now; adversary: whether it was one from the start."""
     if status.condition.silent:
         return Role.SILENT
     if adversary or status.condition == Condition.TURNED:

@@ -1,4 +1,4 @@
-"""Poses of a stacked state, what inputs do to them, and directions and rotations in space."""
+"""Poses of a stacked state, effects of inputs on them, and directions and rotations in space."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ _HEADING_STATES = ("theta", "psi", "yaw", "heading")
 
 @dataclass(frozen=True)
 class Poses:
-    """Where all agents are and which way they face, in 3-D."""
+    """Positions and headings of all agents, in 3-D."""
 
     positions: Array
     """Output points [m], shape (N, 3)."""
@@ -27,13 +27,13 @@ class Poses:
 
 @dataclass(frozen=True)
 class Kinematics:
-    """The maps from a swarm's state and inputs to what is drawn of them, compiled when needed."""
+    """Maps from a swarm's state and inputs to poses and arrows, compiled when needed."""
 
     composed: ComposedSet
 
     @cached_property
     def inputs(self) -> tuple[slice, ...]:
-        """Where each agent's input lies in the stack of all."""
+        """Each agent's slice of the stacked inputs."""
         return stacked_slices([len(m.dynamics.inputs) for m in self.composed.members])
 
     def poses(self, x: Array) -> Poses:
@@ -41,13 +41,13 @@ class Kinematics:
         return self._kept_poses(x.tobytes())
 
     def effects(self, x: Array, u: Array) -> Array:
-        """What inputs, shape (Σ m_i,), do: the lowest derivative of p they act on, (N, 3)."""
+        """Effects of inputs, shape (Σ m_i,), on the lowest derivative of p they reach, (N, 3)."""
         found: Array = self._effects(x, u)[0].reshape(-1, 3)
         return found
 
     @cached_property
     def _kept_poses(self) -> Callable[[bytes], Poses]:
-        """At the last state: a frame's are asked for by the history and by the picture."""
+        """Poses, cached for the last state: history and picture need those of each frame."""
 
         def poses(x: bytes) -> Poses:
             positions, headings = self._poses(np.frombuffer(x))
@@ -62,7 +62,7 @@ class Kinematics:
             _heading(m.dynamics, composed.x[part])
             for m, part in zip(composed.members, composed.parts, strict=True)
         ]
-        positions = ca.vertcat(*[_lift(p) for p in composed.positions])
+        positions = ca.vertcat(*[_in_space(p) for p in composed.positions])
         return CompiledFunction([composed.x], [positions, ca.vertcat(*headings)])
 
     @cached_property
@@ -76,16 +76,16 @@ class Kinematics:
         return CompiledFunction([composed.x, u], [ca.vertcat(*effects)])
 
 
-def _lift(p: ca.SX) -> ca.SX:
+def _in_space(p: ca.SX) -> ca.SX:
     return ca.vertcat(p, ca.SX.zeros(3 - p.numel()))
 
 
 def _heading(dynamics: Dynamics, x: ca.SX) -> ca.SX:
-    """Where an agent faces: along its heading angle, else along its velocity where x has it."""
+    """An agent's heading: along its heading angle, else along its velocity if x has that."""
     for k, name in enumerate(dynamics.states):
         if name in _HEADING_STATES:
             return ca.vertcat(ca.cos(x[k]), ca.sin(x[k]), 0)
-    return _lift(ca.jacobian(dynamics.position(x), x) @ dynamics.drift(x))
+    return _in_space(ca.jacobian(dynamics.position(x), x) @ dynamics.drift(x))
 
 
 def _effect(dynamics: Dynamics, x: ca.SX, u: ca.SX) -> ca.SX:
@@ -95,11 +95,11 @@ def _effect(dynamics: Dynamics, x: ca.SX, u: ca.SX) -> ca.SX:
     for _ in range(x.numel()):
         y = ca.jacobian(y, x) @ rate
         if ca.depends_on(y, u):
-            return _lift(y)
+            return _in_space(y)
     return ca.SX.zeros(3)
 
 
-def lift(p: Array) -> Array:
+def in_space(p: Array) -> Array:
     """A point of the plane or of space as one of space, shape (3,)."""
     return np.pad(p, (0, 3 - len(p)))
 
@@ -111,11 +111,14 @@ def unit(vectors: Array) -> Array:
     return units
 
 
-def facing(headings: Array) -> Array:
-    """Quaternions, shape (N, 4), that turn +x to unit headings, shape (N, 3); zero: no turn."""
+def rotations_to(headings: Array) -> Array:
+    """Quaternions, shape (N, 4), that rotate +x to unit headings, shape (N, 3).
+
+    A zero heading gives no rotation.
+    """
     x, y, z = headings.T
-    # Half-way between no turn and twice the turn; for a heading of -x that is the zero quaternion,
-    # and any half turn will do: about z.
+    # Half-way between no rotation and twice the rotation; for a heading of -x that is the zero
+    # quaternion, and any half turn will do: about z.
     half = np.stack([1.0 + x, np.zeros_like(x), -z, y], axis=1)
     behind = x < -1.0 + 1e-9
     half[behind] = [0.0, 0.0, 0.0, 1.0]

@@ -14,17 +14,17 @@ from phalanx_viewer.scene.view import View
 _NODES = 24
 """Most labels at a time: each is a node of its own."""
 _PAIR = -1
-"""Whose text the worst pair's is."""
+"""The worst pair's key among agents."""
 _STEADY = 0.003
-"""What moves by less, in shorter sides of the picture, seems to stand still: two pixels."""
+"""Smallest visible move, in shorter sides of the picture: two pixels."""
 LETTER, _LINE = 0.013, 0.032
 """Width of a letter and height of a line, in the shorter side of a usual picture."""
 
 
 class LabelNodes:
-    """The most important texts first: unsafe agents, the chosen one, the worst pair, the others.
+    """Texts by importance: unsafe agents, the chosen one, the worst pair, the others.
 
-    Names of the first two stand wherever there is room around their agents, the others above.
+    Names of the first two are placed wherever there is room around their agents, others above.
     """
 
     def __init__(self, scene: viser.SceneApi, model: SceneModel) -> None:
@@ -35,13 +35,13 @@ class LabelNodes:
             for k in range(count)
         ]
         self._shown: dict[int, viser.LabelHandle] = {}
-        """By agent, or _PAIR: each keeps its node, and so its text, for as long as it is shown."""
+        """By agent, or _PAIR: each keeps its node, and so its text, while it is shown."""
 
     def show(self, picture: Picture, selected: int | None, sizes: Array, view: View) -> None:
-        """Write what there is room for; sizes of the bodies [m], shape (N,)."""
+        """Show the texts that there is room for; sizes of the bodies [m], shape (N,)."""
         whose, texts, places = self._wanted(picture, selected, sizes, view)
-        on_page = [view.project(each) / view.smallness for each in places]
-        shown = apart(on_page, [len(text) for text in texts])
+        on_page = [view.project(each) / view.enlargement for each in places]
+        shown = place_texts(on_page, [len(text) for text in texts])
         shown = shown[: len(self._free) + len(self._shown)]
         for gone in self._shown.keys() - {whose[k] for k, _ in shown}:
             self._free.append(self._shown.pop(gone))
@@ -58,7 +58,7 @@ class LabelNodes:
     def _wanted(
         self, picture: Picture, selected: int | None, sizes: Array, view: View
     ) -> tuple[list[int], list[str], list[Array]]:
-        """Whose texts, and these, the most important first; of each its places, shapes (c, 3)."""
+        """Agents (or _PAIR) by importance, their texts, and each one's places, shapes (c, 3)."""
         model = self._model
         chosen = [] if selected is None else [selected]
         first = list(dict.fromkeys([*np.flatnonzero(picture.unsafe_agents).tolist(), *chosen]))
@@ -67,18 +67,18 @@ class LabelNodes:
         whose = [*first, _PAIR, *(i for i in later if i not in first)]
         texts = [picture.worst_pair_text if i == _PAIR else model.names[i] for i in whose]
         clear_of = 1.5 * float(sizes[sorted(model.agents_of([picture.pair]))].max())
-        beside_pair = beside(*picture.worst_pair, len(picture.worst_pair_text), clear_of, view)
+        letters = len(picture.worst_pair_text)
+        at_pair = text_position(*picture.worst_pair, letters, clear_of, view)
         around = [
-            beside_pair[None] if i == _PAIR else self._around(picture, i, sizes[i], view)
-            for i in whose
+            at_pair[None] if i == _PAIR else self._around(picture, i, sizes[i], view) for i in whose
         ]
-        ways = [8 if i in first else 1 for i in whose]
-        return whose, texts, [at[:count] for at, count in zip(around, ways, strict=True)]
+        counts = [8 if i in first else 1 for i in whose]
+        return whose, texts, [at[:count] for at, count in zip(around, counts, strict=True)]
 
     def _around(self, picture: Picture, i: int, size: float, view: View) -> Array:
-        """Above an agent and at seven other places around it, shape (8, 3)."""
+        """Places for an agent's name: above it and seven others around it, shape (8, 3)."""
         at, (right, up, _) = picture.positions[i], view.axes
-        letter = view.smallness * float(view.spans(at[None])[0])
+        letter = view.enlargement * float(view.spans(at[None])[0])
         high = (1.1 * size + 0.5 * _LINE * letter) * up
         wide = (1.1 * size + 0.5 * LETTER * (len(self._model.names[i]) + 1.0) * letter) * right
         sides = [high, -high, wide, -wide]
@@ -86,35 +86,38 @@ class LabelNodes:
         return found
 
 
-def beside(a: Array, b: Array, letters: int, clear: float, view: View) -> Array:
-    """Where the middle of a text stands beside the line from a to b [m], and off it, (3,)."""
+def text_position(a: Array, b: Array, letters: int, clear: float, view: View) -> Array:
+    """Middle of a text next to the line from a to b and `clear` off it [m], shape (3,)."""
     right, up = view.axes[:2] @ (b - a)
     # Square to the line in the picture, and downwards rather than up.
     off = np.array([up, -right]) / max(float(np.hypot(right, up)), 1e-9)
     off = -off if off[1] > 0.0 else off
     middle = (a + b) / 2.0
     span = float(view.spans(middle[None])[0])
-    halves = view.smallness * span * np.array([LETTER * letters, _LINE]) / 2.0
+    halves = view.enlargement * span * np.array([LETTER * letters, _LINE]) / 2.0
     found: Array = middle + (clear + np.abs(off) @ halves) * off @ view.axes[:2]
-    # Beside a pair at the picture's edge it would be cut off.
+    # Next to a pair at the picture's edge it would be cut off.
     at, edge = float(view.project(found[None])[0, 0]), max(1.0, view.aspect) / 2.0
     inside = max(edge - halves[0] / span, 0.0)
     found += span * (min(max(at, -inside), inside) - at) * view.axes[0]
     return found
 
 
-def apart(places: Sequence[Array], letters: Sequence[int]) -> list[tuple[int, int]]:
-    """Which texts, the first ones first, cover none of those before them, and at which place.
+def place_texts(places: Sequence[Array], letters: Sequence[int]) -> list[tuple[int, int]]:
+    """Choose texts that do not overlap, each with its place; the first ones have priority.
 
     Args:
-        places: where each may stand in a usual picture, in its shorter sides, shapes (c, 2).
-        letters: how long each is.
+        places: possible places of each in a usual picture, in its shorter sides, shapes (c, 2).
+        letters: length of each.
+
+    Returns:
+        Index of each text shown, and of its place.
     """
     shown: list[tuple[int, int]] = []
     taken: list[tuple[float, float, float]] = []
-    for k, (ways, count) in enumerate(zip(places, letters, strict=True)):
+    for k, (possible, count) in enumerate(zip(places, letters, strict=True)):
         half = LETTER * (count + 1.0) / 2.0
-        for place, (x, y) in enumerate(ways.tolist()):
+        for place, (x, y) in enumerate(possible.tolist()):
             if all(abs(x - a) >= half + wide or abs(y - b) >= _LINE for a, b, wide in taken):
                 shown.append((k, place))
                 taken.append((x, y, half))

@@ -11,26 +11,26 @@ from phalanx_viewer.scene.nodes import single, update
 from phalanx_viewer.scene.picture import Picture
 
 _NOTHING = np.zeros((1, 2, 3))
-"""A line without length, for a node that has none to show."""
+"""A line without length, for a node with nothing to show."""
 
 
 class LineNodes:
-    """Nodes that are redrawn as a whole, one for each kind of line."""
+    """Nodes for lines, one for each kind; each is redrawn as a whole."""
 
     def __init__(self, scene: viser.SceneApi, model: SceneModel, palette: Palette) -> None:
         self._model, self._palette = model, palette
-        # viser never shows a colour for each end of a node that began with one for all.
-        self._paths = _lines(scene, "/recent paths", np.tile(palette.faint, (1, 2, 1)), 2.0)
+        # viser needs a colour for each end from the start, if the node shall ever have them.
+        self.paths = _lines(scene, "/recent paths", np.tile(palette.faint, (1, 2, 1)), 2.0)
         self._drops = _lines(scene, "/ground/drops", self._of_drops(palette), 1.0)
         self._worst_pair = _lines(scene, "/worst pair", WORST_PAIR, 3.0)
         self._unsafe = _lines(scene, "/unsafe pairs", DANGER, 6.0)
-        self._links = _lines(scene, "/links", np.tile(LATE, (1, 2, 1)), 1.5)
-        self._links.visible = False
+        self.links = _lines(scene, "/links", np.tile(LATE, (1, 2, 1)), 1.5)
+        self.links.visible = False
         self._colours = np.tile(palette.faint, (len(model.names), 1))
         self._past = np.zeros((0, len(model.names), 3))
 
     def show(self, picture: Picture, selected: int | None) -> None:
-        """Redraw the pairs and the link events; in a crowd, those of the selected agent."""
+        """Redraw pairs and link events; with many agents, events of the selected agent alone."""
         self._colours = picture.colours
         self._worst_pair.points = single(np.array([picture.worst_pair]))
         unsafe = picture.unsafe_ends if picture.unsafe else _NOTHING
@@ -46,35 +46,26 @@ class LineNodes:
             links = picture.links[shown]
             colour = np.where(picture.lost[shown, None], np.array(DANGER), np.array(LATE))
             colours = np.repeat(colour[:, None], 2, axis=1)  # of both ends
-        update(self._links, points=single(links), colors=colours.astype(np.uint8))
+        update(self.links, points=single(links), colors=colours.astype(np.uint8))
 
     def show_recent_paths(self, positions: Array) -> None:
         """Draw paths through past positions, shape (s, N, 3), in the agents' colours, fading."""
         self._past = positions
         if len(positions) > 1:
             past = single(positions)
-            self._paths.points = np.stack([past[:-1], past[1:]], axis=2).reshape(-1, 2, 3)
+            self.paths.points = np.stack([past[:-1], past[1:]], axis=2).reshape(-1, 2, 3)
             fresh = np.linspace(0.0, 1.0, len(past))[:, None, None]
             colours = fresh * self._colours + (1.0 - fresh) * np.array(self._palette.background)
             ends = np.stack([colours[:-1], colours[1:]], axis=2).reshape(-1, 2, 3)
-            self._paths.colors = ends.astype(np.uint8)
+            self.paths.colors = ends.astype(np.uint8)
 
     def set_palette(self, palette: Palette) -> None:
-        """Wear the colours of a page."""
         self._palette = palette
         self._drops.colors = np.array(self._of_drops(palette), dtype=np.uint8)
         self.show_recent_paths(self._past)
 
     def _of_drops(self, palette: Palette) -> Colour:
         return palette.sections if self._model.crowded else palette.faint
-
-    def set_paths_visible(self, visible: bool) -> None:
-        """Where agents were."""
-        self._paths.visible = visible
-
-    def set_links_visible(self, visible: bool) -> None:
-        """Links that lost or delayed a broadcast."""
-        self._links.visible = visible
 
 
 def _lines(

@@ -1,4 +1,4 @@
-"""Nodes that show something of every agent at once, and the shapes of size one that they are."""
+"""Batched nodes, one for something of every agent, and the unit meshes that they show."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ from phalanx.arrays import Array
 Mesh = tuple[Array, Array]
 """Vertices and faces."""
 HIDDEN = 1e-6
-"""Scale of what is not shown: a batch keeps its number of instances."""
+"""Scale of a hidden instance: a batch keeps its number of instances."""
 
 
 def add_batch(
@@ -23,19 +23,19 @@ def add_batch(
     opacity: float | None = None,
     lit: bool = True,
 ) -> viser.BatchedMeshHandle:
-    """A mesh in so many places, hidden at first: one message moves all of them."""
+    """Add `count` instances of a mesh, hidden at first: one message moves all of them."""
     return scene.add_batched_meshes_simple(
         name, *mesh, batched_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
         batched_positions=np.zeros((count, 3)), batched_scales=np.full(count, HIDDEN),
         batched_colors=np.zeros((count, 3), dtype=np.uint8), opacity=opacity,
         batched_opacities=None if opacity is None else np.ones(count),
-        lod="off",  # so few faces leave nothing to simplify
+        lod="off",  # so few faces need no simplification
         flat_shading=lit, cast_shadow=False, receive_shadow=False,
     )  # fmt: skip
 
 
 def update(node: object, **properties: Any) -> None:
-    """Set what differs: viser would find that out too, but takes ten times as long."""
+    """Set the properties that differ: viser would compare too, but takes ten times as long."""
     for name, value in properties.items():
         now = getattr(node, name)
         same = np.array_equal(now, value) if isinstance(value, np.ndarray) else now == value
@@ -44,7 +44,7 @@ def update(node: object, **properties: Any) -> None:
 
 
 def single(values: Array) -> NDArray[np.float32]:
-    """As browsers get it."""
+    """Single precision, as viser sends it to browsers."""
     return values.astype(np.float32)
 
 

@@ -1,4 +1,4 @@
-"""What one frame looks like: poses, roles, arrows and lines; the same for page, file and PNG."""
+"""The picture of one frame: poses, roles, arrows and lines; the same for page, HTML and PNG."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,53 +20,52 @@ Colours = NDArray[np.uint8]
 class Picture:
     """One frame, ready to draw; everything in 3-D and in metres."""
 
-    t: float
     positions: Array
     """Output points, shape (N, 3)."""
     headings: Array
-    """Unit vectors, shape (N, 3): where an agent faces, else where its input points, else zero."""
+    """Unit vectors, shape (N, 3): an agent's heading, else its input's direction, else zero."""
     roles: list[Role]
     applied: Array
-    """Where the applied inputs point, shape (N, 3)."""
+    """Applied inputs as arrows, shape (N, 3)."""
     u_nom: Array
-    """Where the nominal inputs point, shape (N, 3)."""
+    """Nominal inputs as arrows, shape (N, 3)."""
     pair: int
     """The pair whose h is largest."""
     worst_pair: tuple[Array, Array]
     """Its ends, shapes (3,)."""
     worst_pair_text: str
     unsafe: list[int]
-    """The pairs with h > 0, the deepest first."""
+    """The pairs with h > 0, the largest h first."""
     unsafe_ends: Array
-    """Where their sides are, shape (v, 2, 3)."""
+    """Positions of their sides, shape (v, 2, 3)."""
     unsafe_agents: Mask
-    """Which agents are in one of them, shape (N,)."""
+    """True for agents in one of them, shape (N,)."""
     liars: Mask
     """Agents that sent false broadcasts, shape (N,)."""
-    alarms: list[str]
-    """A line for each of them: who, how deep and since when."""
-    past_alarms: list[str]
-    """A line for each pair that was unsafe before."""
+    unsafe_lines: list[str]
+    """A line of text for each unsafe pair: its name, distance, h, and since when."""
+    past_lines: list[str]
+    """A line of text for each pair that was unsafe before."""
     links: Array
     """Links that lost or delayed a broadcast, from sender to receiver, shape (l, 2, 3)."""
     link_agents: Index
     """Their senders and receivers, shape (l, 2)."""
     lost: Mask
-    """Which of them lost it, shape (l,)."""
+    """True for links that lost it, shape (l,)."""
 
     def links_of(self, i: int | None) -> Mask:
-        """Which links agent i sends or receives on, shape (l,)."""
+        """True for links that agent i sends or receives on, shape (l,)."""
         found: Mask = (self.link_agents == (-1 if i is None else i)).any(axis=1)
         return found
 
     @cached_property
     def colours(self) -> Colours:
-        """Of the agents, shape (N, 3)."""
+        """The agents' colours, shape (N, 3)."""
         return np.array([COLOURS[role] for role in self.roles], dtype=np.uint8)
 
 
 def picture(model: SceneModel, frame: Frame) -> Picture:
-    """Work out what a frame looks like."""
+    """Compute the picture of a frame."""
     x = np.frombuffer(frame.x, dtype="<f8")
     poses = model.kinematics.poses(x)
     p = poses.positions
@@ -78,7 +77,6 @@ def picture(model: SceneModel, frame: Frame) -> Picture:
     sides = [(event.sender, event.receiver) for event in frame.link_events]
     links = np.array(sides, dtype=np.intp).reshape(-1, 2)
     return Picture(
-        t=frame.t,
         positions=p,
         headings=np.where(has_heading, poses.headings, unit(applied)),
         roles=[role(s, bool(bad)) for s, bad in zip(frame.agents, model.adversary, strict=True)],
@@ -86,13 +84,13 @@ def picture(model: SceneModel, frame: Frame) -> Picture:
         u_nom=_arrows(model, x, [step.u_nom if step else () for step in steps]),
         pair=frame.pair,
         worst_pair=model.ends(frame.pair, p),
-        worst_pair_text=f"{model.label(frame.pair)}: {model.told(frame.pair, x, p)}",
+        worst_pair_text=f"{model.label(frame.pair)}: {model.pair_text(frame.pair, x, p)}",
         unsafe=unsafe,
         unsafe_ends=np.array([model.ends(pair, p) for pair in unsafe]).reshape(-1, 2, 3),
         unsafe_agents=np.isin(np.arange(len(p)), list(model.agents_of(unsafe))),
         liars=np.array([status.lies > 0 for status in frame.agents]),
-        alarms=alarms(model, unsafe, frame.violations, x, p),
-        past_alarms=past_alarms(model, unsafe, frame.violations, frame.t),
+        unsafe_lines=unsafe_lines(model, unsafe, frame.violations, x, p),
+        past_lines=past_lines(model, unsafe, frame.violations, frame.t),
         links=p[links],
         link_agents=links,
         lost=np.array([event.delay < 0.0 for event in frame.link_events], dtype=bool),
@@ -100,7 +98,7 @@ def picture(model: SceneModel, frame: Frame) -> Picture:
 
 
 def _arrows(model: SceneModel, x: Array, inputs: list[tuple[float, ...]]) -> Array:
-    """Where each agent's input points, shape (N, 3); an agent without one has no arrow."""
+    """Each agent's input as an arrow, shape (N, 3); zero for an agent without one."""
     parts = model.kinematics.inputs
     u = np.zeros(parts[-1].stop)
     for own, given in zip(parts, inputs, strict=True):
@@ -109,31 +107,26 @@ def _arrows(model: SceneModel, x: Array, inputs: list[tuple[float, ...]]) -> Arr
     return model.kinematics.effects(x, u)
 
 
-def alarms(
+def unsafe_lines(
     model: SceneModel, unsafe: list[int], violations: tuple[Violation, ...], x: Array, p: Array
 ) -> list[str]:
-    """A line for each unsafe pair, the deepest first.
+    """A line of text for each unsafe pair, at a state, shape (n̄,).
 
-    Args:
-        model: of the swarm.
-        unsafe: the pairs with h > 0.
-        violations: what is known of the run so far.
-        x: the state, shape (n̄,).
-        p: output points, shape (N, 3).
+    p: output points, shape (N, 3).
     """
     since = {violation.pair: violation.first for violation in violations}
     lines = []
     for pair in unsafe:
         label = model.label(pair)
         first = f", since t = {since[label]:.3f} s" if label in since else ""
-        lines.append(f"{label} unsafe: {model.told(pair, x, p)} where 0 is allowed{first}")
+        lines.append(f"{label} unsafe: {model.pair_text(pair, x, p)} where 0 is allowed{first}")
     return lines
 
 
-def past_alarms(
+def past_lines(
     model: SceneModel, unsafe: list[int], violations: tuple[Violation, ...], t: float
 ) -> list[str]:
-    """A line for each pair that was unsafe before t [s], and is not any more."""
+    """A line of text for each pair that was unsafe before t [s], and is not any more."""
     now = {model.label(pair) for pair in unsafe}
     lines = []
     for violation in violations:

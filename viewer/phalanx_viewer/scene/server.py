@@ -1,4 +1,4 @@
-"""A viser server to draw on: on a free port, for pages of given origins, without a public link."""
+"""A viser server: on a free port, for pages of given origins, without a public link."""
 
 import asyncio
 import contextlib
@@ -19,27 +19,27 @@ DEFAULT_PORT = 8080
 _LAST_PORT = 65535
 _TRIED = 100
 ACTIONS = "/actions"
-"""Where pages of the server's own origin send what a visitor does."""
+"""Path to which pages of the server's own origin send a visitor's actions."""
 
 
 class SceneServer(viser.ViserServer):
-    """viser without its public share link, which any visitor could ask for, and without greetings.
+    """viser without its public share link, which any visitor could request, and without greetings.
 
-    Standard output is for what the command has to say; other programs read it.
+    Other programs read the command's standard output.
 
-    Once visitors are admitted, everything that is sent to them is sent from the server's own
-    thread: from another one viser would, now and then, die of "deque mutated during iteration".
+    Once visitors are admitted, everything is sent to them from the server's own thread: from
+    another one viser sometimes fails with "deque mutated during iteration".
     """
 
     def __init__(self, host: str, port: int, title: str, origins: tuple[str, ...] = ()) -> None:
-        """Listen; nobody is let in before admit() is called.
+        """Listen; visitors wait until admit() is called.
 
         Args:
             host: address to listen on.
-            port: to listen on, or the next free one: ask get_port(). 0: any free one.
+            port: to listen on, or the next free one, see get_port(). 0: any free one.
             title: of the page.
-            origins: whose pages may connect, such as "https://viewer.example"; by default none. A
-                program that is no browser says no origin, and may connect.
+            origins: origins such as "https://viewer.example" whose pages may connect; by default
+                none. A program that is no browser sends no origin, and may connect.
         """
         self.on_action: Callable[[str | bytes], None] = lambda _: None
         """Called with each message to ACTIONS, in the server's thread."""
@@ -48,11 +48,11 @@ class SceneServer(viser.ViserServer):
             super().__init__(host=host, port=port, label=title, verbose=False)
 
     def admit(self) -> None:
-        """Let visitors in: the page is complete."""
+        """Admit visitors: the page is complete."""
         self._complete.set_result(None)
 
     def run(self, act: Callable[[], T]) -> T:
-        """Run a function in the server's thread; what it returns. To be called from another one."""
+        """Run a function in the server's thread, and return its result; call from another one."""
 
         async def called() -> T:
             return act()
@@ -62,18 +62,17 @@ class SceneServer(viser.ViserServer):
     def run_script(self, name: str, source: str, client: viser.ClientHandle | None = None) -> None:
         """Run JavaScript on one client's page; or on every page, and on later ones, in order.
 
-        Those get the last script of each name.
+        Later ones run the last script of each name.
         """
         to = self._websock_server if client is None else client._websock_connection
         to.queue_message(named_script(name, source))
 
     def stop(self) -> None:
-        """Stop serving."""
         with contextlib.redirect_stdout(io.StringIO()):
             super().stop()
 
     def request_share_url(self, verbose: bool = True) -> str | None:
-        """Refuse: a run is shown where its user wants it, and nowhere else."""
+        """Return None: a run is shown nowhere but where its user serves it."""
         return None
 
     async def _let_in(self, handler: Handler, connection: ServerConnection) -> None:
@@ -85,8 +84,11 @@ class SceneServer(viser.ViserServer):
             self.on_action(message)
 
 
-def in_loop(act: Callable[[Any], None]) -> Callable[[Any], Coroutine[Any, Any, None]]:
-    """A callback that viser runs in the server's thread; those that are not async it does not."""
+Callback = Callable[[Any], Coroutine[Any, Any, None]]
+
+
+def in_loop(act: Callable[[Any], None]) -> Callback:
+    """Make a callback async: viser runs others outside the server's thread."""
 
     async def called(event: Any) -> None:
         act(event)
@@ -95,11 +97,11 @@ def in_loop(act: Callable[[Any], None]) -> Callable[[Any], Coroutine[Any, Any, N
 
 
 class PortTakenError(OSError):
-    """The port cannot be listened on; the message names it."""
+    """A port cannot be listened on; the message names it."""
 
 
 def choose_port(host: str, port: int | None) -> int:
-    """The port itself; or, if none was asked for, the first free one from DEFAULT_PORT on.
+    """Return the port, if it is free; for None the first free one from DEFAULT_PORT on.
 
     Raises:
         ValueError: no port has this number.
@@ -124,14 +126,8 @@ def open_page(
 ) -> SceneServer:
     """Serve a page, to be filled before it admits visitors; pages of other origins are refused.
 
-    Args:
-        host: address to listen on.
-        port: to listen on; None takes DEFAULT_PORT or the next free one.
-        title: of the page.
-        origins: further origins, such as "https://viewer.example", that may connect.
-
-    Raises:
-        ValueError, PortTakenError: as choose_port does.
+    Arguments as of SceneServer, but `origins` are further ones, and port None takes DEFAULT_PORT or
+    the next free one. Raises ValueError, PortTakenError.
     """
     names = dict.fromkeys((host, "127.0.0.1", "localhost"))
     for _ in range(_TRIED):
@@ -143,7 +139,7 @@ def open_page(
                 show_logo=False, show_share_button=False, control_width="medium"
             )
             return server
-        # Somebody took it since it was chosen, such as a viewer started at the same time. viser
-        # moved on in silence to a port whose own pages it would refuse: choose again.
+        # Another program took it since it was chosen, such as a viewer started at the same time.
+        # viser silently took another port, whose own pages it would refuse: choose again.
         server.stop()
     raise PortTakenError(f"cannot listen on {host}: each port was taken as soon as it was chosen")

@@ -1,4 +1,4 @@
-"""What a camera sees: where points fall in its picture, and where it has to be to see them all."""
+"""Camera views: projections of points, and positions from which all points are seen."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -10,10 +10,10 @@ from phalanx.arrays import Array
 from phalanx_viewer.scene.kinematics import unit
 
 _FAR = 1e9
-"""Beyond any scene [m]."""
+"""Farther than any scene reaches [m]."""
 _USUAL = 620.0
 """Shorter side of a usual picture [pixels]."""
-_STRAIGHT = 1e-4
+_SAME_DIRECTION = 1e-4
 """Directions that differ by less are the same [rad]."""
 
 
@@ -24,7 +24,7 @@ class View:
     position: Array
     """[m], shape (3,)."""
     look_at: Array
-    """What is in the middle of the picture [m], shape (3,)."""
+    """Point in the middle of the picture [m], shape (3,)."""
     up: Array
     """Shape (3,), not along the line of sight."""
     fov: float
@@ -36,7 +36,7 @@ class View:
 
     @property
     def possible(self) -> bool:
-        """Whether it can be reckoned with: finite, and looking somewhere."""
+        """True if all numbers are finite, and the direction is defined."""
         numbers = np.array([*self.position, *self.look_at, *self.up, self.fov, self.aspect])
         finite = bool((np.abs(numbers) < _FAR).all())
         return finite and 0.0 < self.fov < np.pi and bool(self.axes.any(axis=1).all())
@@ -50,34 +50,34 @@ class View:
 
     @property
     def distance(self) -> float:
-        """From the camera to what it looks at [m]."""
+        """Distance from the camera to the point that it looks at [m]."""
         return float(np.linalg.norm(self.look_at - self.position))
 
     @property
-    def smallness(self) -> float:
-        """How much more of a small picture is taken by what is as large as in a usual one."""
+    def enlargement(self) -> float:
+        """Factor by which a thing of the same pixels takes more of a picture smaller than usual."""
         # Never less than 1: on a screen with finer pixels there are more of them.
         return max(1.0, _USUAL / self.pixels)
 
     def spans(self, points: Array) -> Array:
-        """How many metres span the shorter side of the picture at each point, shape (N,)."""
+        """Length that fills the shorter side of the picture at each point [m], shape (N,)."""
         depths = np.maximum((points - self.position) @ self.axes[2], 1e-6)
         found: Array = 2.0 * np.tan(self.fov / 2.0) * min(1.0, self.aspect) * depths
         return found
 
     def project(self, points: Array) -> Array:
-        """Where points, shape (N, 3), fall: right and up of the middle, in its shorter sides."""
+        """Project points, shape (N, 3): right and up of the middle, in shorter sides, (N, 2)."""
         found: Array = (points - self.position) @ self.axes[:2].T / self.spans(points)[:, None]
         return found
 
     def holds(self, points: Array) -> bool:
-        """Whether all points, shape (N, 3), are in the picture."""
+        """True if all points, shape (N, 3), are in the picture."""
         across, high = np.abs(self.project(points)).T * min(1.0, self.aspect)
         in_front = (points - self.position) @ self.axes[2] > 0.0
         return bool((in_front & (across <= 0.5 * self.aspect) & (high <= 0.5)).all())
 
     def fitted(self, points: Array, reach: float) -> Self:
-        """The nearest camera of the same direction that sees balls around points, (N, 3).
+        """Return the nearest camera of the same direction that sees balls around points, (N, 3).
 
         Args:
             points: centres [m].
@@ -96,7 +96,7 @@ class View:
         return replace(self, position=position, look_at=position + self.axes[2] * (middle - depth))
 
     def pulled(self, towards: Array, leash: float) -> Array:
-        """What it looks at once a point pulls it along [m], by a leash in the shorter side."""
+        """The point to look at [m] to keep `towards` within `leash` shorter sides of it."""
         pull = towards - self.look_at
         slack = leash * float(self.spans(self.look_at[None])[0])
         length = max(float(np.linalg.norm(pull)), 1e-9)
@@ -104,18 +104,18 @@ class View:
         return found
 
     def moved(self, look_at: Array, distance: float) -> Self:
-        """The same direction, towards another point and from another distance [m]."""
+        """Return a view of another point from another distance [m], in the same direction."""
         return replace(self, look_at=look_at, position=look_at - distance * self.axes[2])
 
 
 def looks_at(point: Array, position: Array, wxyz: Array) -> bool:
-    """Whether a camera of this orientation, a unit quaternion, has a point right ahead."""
+    """True if a camera of this orientation, a unit quaternion, has a point straight ahead."""
     w, x, y, z = wxyz
     forward = np.array([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)])
-    return bool(np.linalg.norm(unit(point - position) - forward) < _STRAIGHT)
+    return bool(np.linalg.norm(unit(point - position) - forward) < _SAME_DIRECTION)
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Of two vectors, shapes (3,): a fifth of the time that NumPy takes for any number of them."""
+    """Cross product of two vectors, shapes (3,), in a fifth of NumPy's time."""
     (x, y, z), (u, v, w) = a.tolist(), b.tolist()
     return np.array([y * w - z * v, z * u - x * w, x * v - y * u])

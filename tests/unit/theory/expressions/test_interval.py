@@ -30,6 +30,7 @@ def expressions(x: ca.SX) -> list[ca.SX]:
     ]
 
 
+@pytest.mark.slow
 @given(seed=seeds)
 @settings(max_examples=25, deadline=None)
 def test_an_interval_extension_holds_every_value_over_the_box(seed):

@@ -4,10 +4,12 @@ import tracemalloc
 
 import casadi as ca
 import numpy as np
+import pytest
 
 from phalanx.theory.expressions.compiled import MappedFunction
 
 
+@pytest.mark.slow
 def test_many_states_take_no_more_memory_than_a_few_and_give_the_same_bits() -> None:
     a, b = ca.SX.sym("a"), ca.SX.sym("b")
     function = MappedFunction([a, b], [ca.sin(a) * b])

@@ -1,15 +1,15 @@
-"""What is of one argument alone is evaluated once, and the whole stays what it was."""
+"""Terms of one argument alone are evaluated once, and the whole expression is unchanged."""
 
 import casadi as ca
 import numpy as np
 
-from phalanx.theory.expressions.portable import take_out
+from phalanx.theory.expressions.portable import factor_out
 
 
 def test_what_is_taken_out_and_what_is_left_make_the_expression_again():
     a, b, number = ca.SX.sym("a", 2), ca.SX.sym("b"), ca.SX.sym("number")
     whole = ca.vertcat(ca.sin(ca.exp(a[0])) * b, ca.cos(a[1] + b) + ca.sqrt(number), ca.exp(number))
-    parts, symbols, rest = take_out([a, b], number, whole)
+    parts, symbols, rest = factor_out([a, b], number, whole)
     # exp and its sine are of a alone; cos(a + b) is of both, exp(number) of neither.
     assert [part.numel() for part in parts] == [2, 0]
     assert [symbol.numel() for symbol in symbols] == [2, 0]

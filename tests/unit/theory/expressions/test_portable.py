@@ -72,16 +72,17 @@ def power():
 
 
 def off(found: float, right: float) -> float:
-    """How many units in the last place two numbers are apart."""
+    """Difference of two numbers in units in the last place."""
     return abs(found - right) / math.ulp(right)
 
 
 def by_libm(function, *values: float) -> float:
-    """What C would give where Python raises."""
+    """The value as C computes it, where Python raises."""
     with np.errstate(all="ignore"):
         return float(function(*[np.array([value]) for value in values])[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ONE)
 def test_a_function_is_right_to_a_few_units_in_the_last_place(name):
     most, low, high = ONE[name]
@@ -173,6 +174,7 @@ def test_a_number_has_the_bits_of_its_expression():
         assert portable_value(cos, angle) == functions()["cos"](angle)
 
 
+@pytest.mark.slow
 def test_bits_are_those_of_a_cpu_without_fused_operations():
     here, there = digests(), digests_elsewhere()
     if here["libm"] == there["libm"]:
@@ -181,7 +183,7 @@ def test_bits_are_those_of_a_cpu_without_fused_operations():
 
 
 def digests() -> dict[str, str]:
-    """Of many values of every function, and of libm's own beside them."""
+    """A hash over many values of every function, and of libm's own."""
     return {
         "ours": digest(functions(), power()),
         "libm": digest({name: getattr(math, name) for name in ONE}, math.pow),

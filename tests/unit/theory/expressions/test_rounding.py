@@ -28,6 +28,7 @@ def bounds(name: str) -> CompiledFunction:
     return CompiledFunction([given_ends], [ca.vertcat(*found)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in OPERATIONS if name not in REFUSED])
 @given(a=boxes, b=boxes, share=st.floats(0, 1))
 @settings(max_examples=150, deadline=None)

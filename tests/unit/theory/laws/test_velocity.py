@@ -105,6 +105,7 @@ def test_a_pursuer_heads_for_the_nearest_normal_agent(seed):
     assert output_velocity(x, 3, u) == pytest.approx(5.0 * nearest, rel=1e-5, abs=1e-5)
 
 
+@pytest.mark.slow
 @given(seed=seeds)
 @settings(max_examples=40)
 def test_no_input_in_the_polytope_pushes_harder_than_the_worst_case(seed):

@@ -1,4 +1,4 @@
-"""Where a state can be within a horizon, and which inputs an actuator takes."""
+"""Enclosures of a state within a horizon, and the inputs that an actuator accepts."""
 
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -41,6 +41,7 @@ def compiled(dynamics, held, proven=False):
     return box, CompiledFunction([x, e.u, e.phi], [e.rate])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("held", [True, False])
 @pytest.mark.parametrize("name", CASES)
 @given(seed=st.integers(0, 2**32 - 1))
@@ -114,6 +115,7 @@ DRAGGED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DRAGGED)
 @given(seed=st.integers(0, 2**32 - 1), T=st.sampled_from([0.2, 1.0]))
 @settings(max_examples=25, deadline=None)

@@ -22,7 +22,7 @@ def pair_of(dynamics, function) -> ComposedSet:
 
 
 def moving(pair: ComposedSet, bound: float) -> list:
-    """Where both can be within the horizon, agent a with the input that it holds."""
+    """Enclosures of both agents within the horizon; agent a holds its input."""
     own = (None, admissible_inputs(pair.members[1]))
     return [
         enclose(member, pair.x[part], inputs, bound, HORIZON, INFLATIONS)

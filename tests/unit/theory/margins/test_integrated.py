@@ -84,7 +84,7 @@ class Case:
         self.corners = constant_polytope(*dynamics.input_polytope(ca.SX.sym("x", 9))).corners
 
     def trajectory(self, x, u, greedy, rng, excess=1.0):
-        """V at the ends of STEPS steps in which nobody's input or φ changes."""
+        """V at the ends of STEPS steps, in each of which all inputs and φ are constant."""
         dt, found = self.horizon / STEPS, []
         for k in range(STEPS):
             pull, force = self.pull(x, self.horizon - k * dt)
@@ -120,6 +120,7 @@ def limits(case: Case, x, u):
     return value + t * (rate + disturbance) + t * t / 2 * bend, known
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("obstacle", [False, True])
 @pytest.mark.parametrize(("name", "kind"), KINDS)
 @given(seed=seeds, greedy=st.booleans())
@@ -170,7 +171,7 @@ def test_the_time_until_zero_is_where_the_parabola_crosses(value, rate, disturba
     ],
 )
 def test_the_time_until_zero_by_hand(value, rate, bend, expected):
-    """With D = .5 m²/s, and nothing beyond .3 s."""
+    """A pair with D = .5 m²/s, and no bound beyond .3 s."""
     time = time_until_zero(Growth(*map(ca.SX, (value, rate, 0.5, bend, 1.0))), 0.3)
     assert float(ca.DM(time)) == pytest.approx(expected, rel=1e-12)
 

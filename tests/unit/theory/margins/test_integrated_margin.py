@@ -105,6 +105,7 @@ def pair_of(name: str, part: RowPart) -> Pair:
     return Pair(name, part)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 @given(seed=seeds)
 @settings(max_examples=12, deadline=None)
@@ -140,6 +141,7 @@ def halves(pair: Pair, seed: int, scale: float, gaps: int):
     return np.array(values)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 @given(seed=seeds)
 @settings(max_examples=8, deadline=None)
@@ -150,6 +152,7 @@ def test_two_halves_that_are_barely_kept_keep_the_pair_whatever_their_clocks(nam
     assert values[0] > 0 or (values <= np.exp(-t) * values[0] + 1e-9).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_such_trajectories_are_long_and_break_the_pair_with_less_margin(name):
     kept = [halves(pair_of(name, RowPart.HALF), seed, 1.0, gaps=20) for seed in range(10)]
@@ -207,7 +210,7 @@ def test_where_a_kink_of_h_is_within_reach_no_number_is_large_enough(part):
 
 
 def test_a_margin_has_room_for_what_actuators_take_beyond_u():
-    """Of so short a gap that nothing else is left of it."""
+    """The margin of a gap so short that only the allowance for actuators is left."""
     integrator = SingleIntegrator(1.5)
     members = [Member("a", integrator, False), Member("b", integrator, True)]
     pair = compose(members, [], Separation(1.0), 1.0).alone(0)

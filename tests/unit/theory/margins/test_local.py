@@ -65,12 +65,13 @@ def pair_of(name: str, part: RowPart) -> Pair:
     return Pair(name, part)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", RowPart)
 @pytest.mark.parametrize("name", CASES)
 @given(seed=seeds)
 @settings(max_examples=15, deadline=None)
 def test_the_local_margin_covers_every_drift_of_the_row_until_the_next_sample(name, part, seed):
-    """Against trajectories whose inputs and disturbances are drawn anew all the time."""
+    """Compare with trajectories whose inputs and disturbances are drawn again all the time."""
     pair, rng = pair_of(name, part), np.random.default_rng(seed)
     x = rng.uniform(-3, 3, 2 * pair.n)
     margin = float(pair.margin(x)[0][0])
@@ -165,7 +166,7 @@ def test_there_is_no_margin_where_h_itself_can_jump(function, near, far, part):
 
 
 def test_a_margin_of_micrometres_is_not_taken_for_an_unknown_one():
-    """In units of 1e-9 m a row has numbers of 1e13 and more: they are margins like any other."""
+    """Keep margins of 1e13 and more, which a row in units of 1e-9 m has."""
     members = [Member(name, SingleIntegrator(1e7), False) for name in "ab"]
     chain = build_chain(compose(members, [], Separation(1e9), 1.0), [1.0], None, [0.0, 0.0])
     margin = CompiledFunction(

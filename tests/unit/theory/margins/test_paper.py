@@ -28,7 +28,7 @@ def test_eta_is_of_class_k_in_the_sampling_time(one, other, mu):
 
 @given(gammas, mus, lipschitz)
 def test_of_all_epsilon_it_takes_the_tightest(gamma, mu, l):
-    """Those of the paper are integrals of μ growing at a rate L', any above 0."""
+    """The paper's bounds are integrals of μ growing at a rate L', any above 0."""
     integral, _ = quad(lambda t: mu * np.exp(l * t), 0.0, gamma)
     assert eta(gamma, mu) <= integral
     least, _ = quad(lambda t: mu * np.exp(1e-9 * t), 0.0, gamma)

@@ -116,6 +116,7 @@ def mixed() -> TermsFunction:
     return TermsFunction(build_chain(swarm_of(dynamics).composed, [1.0]))
 
 
+@pytest.mark.slow
 @given(seed=seeds)
 @settings(max_examples=12)
 def test_terms_have_the_extremes_of_every_members_own_polytope_at_this_state(mixed, seed):

@@ -1,4 +1,4 @@
-"""How far an output point gets: never farther than its dynamics say, and hardly less."""
+"""Travel of an output point: never more than its dynamics' bound, and hardly less."""
 
 import casadi as ca
 import numpy as np
@@ -29,6 +29,7 @@ def motion(dynamics: Dynamics) -> tuple[CompiledFunction, CompiledFunction]:
     return CompiledFunction([x, u], [rate]), CompiledFunction([x], [dynamics.position(x)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BOUNDED)
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=12)

@@ -32,6 +32,7 @@ def nearest(u_nom, weights, box, a, bound) -> list[float] | None:
     )
 
 
+@pytest.mark.slow
 @given(seed=seeds, m=st.integers(1, 3), log_size=st.floats(-6, 3), share=st.floats(0.0, 1.2))
 @settings(max_examples=100)
 def test_it_finds_the_nearest_input_that_satisfies_the_row(seed, m, log_size, share):
@@ -45,6 +46,7 @@ def test_it_finds_the_nearest_input_that_satisfies_the_row(seed, m, log_size, sh
     assert a @ u - bound <= 1e-9 * np.abs(a).sum()
 
 
+@pytest.mark.slow
 @given(seed=seeds, m=st.integers(1, 3), share=st.floats(0.01, 0.9))
 @settings(max_examples=50)
 def test_it_answers_as_osqp_does(seed, m, share):
@@ -67,6 +69,7 @@ def test_a_row_that_no_input_keeps_has_no_answer(seed, m, gap):
     assert nearest(u_nom, weights, box, a, least - gap) is None
 
 
+@pytest.mark.slow
 @given(seed=seeds, m=st.integers(1, 3))
 def test_a_row_that_one_corner_keeps_but_for_rounding_is_answered_by_that_corner(seed, m):
     rng, box, weights, u_nom = drawn(seed, m)

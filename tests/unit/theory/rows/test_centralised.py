@@ -27,10 +27,11 @@ def qp(swarm: Swarm) -> JointInput:
 
 @cache
 def all_terms() -> TermsFunction:
-    """Of all pairs, as the one controller has them."""
+    """Terms of all pairs, for the one controller."""
     return TermsFunction(rows_of_scenario("unicycles").chain)
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 2**32 - 1), least=st.floats(-30.0, 5.0).filter(lambda v: abs(v) > 1e-6))
 @settings(max_examples=60, deadline=None)
 def test_the_joint_input_keeps_the_condition_of_theorem_1_whenever_any_input_does(
@@ -55,7 +56,7 @@ def test_the_joint_input_keeps_the_condition_of_theorem_1_whenever_any_input_doe
 
 
 def test_it_changes_the_nominal_inputs_no_more_than_needed(swarm, qp):
-    """If the nominal inputs keep the condition, they are what is applied."""
+    """Nominal inputs that keep the condition are applied."""
     terms, normal = all_terms()(swarm.start()), swarm.normal
     wanted = [np.array([0.3, -0.1]), np.array([0.0, 0.2]), np.array([1.0, 0.0])]
     row = joint_row(terms, normal)

@@ -35,7 +35,7 @@ def swarm_terms(name: str) -> SwarmTerms:
 
 @cache
 def reference(name: str, i: int | None) -> TermsFunction:
-    """Of all pairs, or of those within agent i's neighbourhood."""
+    """Terms of all pairs, or of those within agent i's neighbourhood."""
     composed = sample_swarm(name)
     chain = build_chain(composed, ALPHAS[: DEGREES[name]], XI)
     return TermsFunction(chain, None if i is None else composed.within(i, REACH), ETA * SCALE)
@@ -61,9 +61,10 @@ def largest_difference(found: np.ndarray, expected: np.ndarray) -> float:
     return float((np.abs(found - expected) / np.maximum(1.0, np.abs(expected))).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DEGREES)
 def test_terms_of_all_pairs_are_those_of_the_whole_chain(name):
-    """At 10 200 states in all, from all in one place to far apart."""
+    """Compare at 10 200 states in all, from agents in one place to agents far apart."""
     composed, rng = sample_swarm(name), np.random.default_rng(7)
     found, expected = composed_terms(name, 0, None), reference(name, None)
     apart = np.geomspace(0.1, 30.0, 1700)
@@ -72,6 +73,7 @@ def test_terms_of_all_pairs_are_those_of_the_whole_chain(name):
     assert largest_difference(both[:, 0], both[:, 1]) < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DEGREES)
 @given(seed=seeds)
 @settings(max_examples=15)
@@ -99,10 +101,11 @@ def test_what_is_not_seen_has_no_part_and_may_be_anything(name, seed):
         assert largest_difference(numbers(found), numbers(known)) < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DEGREES)
 @pytest.mark.parametrize("xi", [XI, None])
 def test_terms_with_all_that_disturbances_push_are_those_of_the_whole_chain(name, xi):
-    """At 10 200 states in all, of margins that are corrected, and with D_1 in place of ξ."""
+    """Compare at 10 200 states in all, with corrected margins, and with D_1 in place of ξ."""
     composed, rng = sample_swarm(name), np.random.default_rng(9)
     bounds = [0.3 + 0.1 * l for l in range(len(composed.members))]
     swarm = swarm_terms(name)
@@ -116,6 +119,7 @@ def test_terms_with_all_that_disturbances_push_are_those_of_the_whole_chain(name
     assert largest_difference(both[:, 0], both[:, 1]) < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DEGREES)
 def test_by_derivatives_too_what_is_not_seen_has_no_part(name):
     composed, swarm = sample_swarm(name), swarm_terms(name)
@@ -188,6 +192,7 @@ def test_one_pair_is_its_own_composition():
     assert terms.psi[0] == pytest.approx(float(h(x)), rel=1e-15)
 
 
+@pytest.mark.slow
 def test_a_crowd_is_composed_like_a_few():
     """Memory is for more pairs and members than there are: what fills it has no part."""
     members = [Member(f"a{l}", Unicycle(4.0, 2.0), l >= 17) for l in range(19)]

@@ -1,4 +1,4 @@
-"""What an agent makes of several rows: the nearest input that keeps all, or the backup."""
+"""Decisions under several rows: the nearest input that keeps all, or the backup."""
 
 import numpy as np
 import pytest
@@ -47,6 +47,7 @@ def test_with_no_solution_the_backup_has_the_least_worst_violation(seed):
     assert decision.residual <= ((others @ a.T) - rows.bound).max(axis=1).min() + 1e-9
 
 
+@pytest.mark.slow
 @given(seed=seeds)
 @settings(max_examples=100, deadline=None)
 def test_where_a_margin_is_unknown_no_input_keeps_the_row_and_the_backup_goes_against_it(seed):

@@ -1,4 +1,4 @@
-"""What an agent may count on: received inputs only while they are in force."""
+"""Information models: received inputs count only while they are in force."""
 
 import pytest
 

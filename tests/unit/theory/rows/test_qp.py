@@ -49,6 +49,7 @@ def cutting_row(rng: np.random.Generator, u_set: Polytope, size: float, share: f
     return Row(a, least + share * (most - least))
 
 
+@pytest.mark.slow
 @given(seed=seeds, m=st.integers(1, 3), log_size=st.floats(-6, 3), share=st.floats(0.02, 1.2))
 @settings(max_examples=60)
 def test_the_qp_finds_the_nearest_input_that_satisfies_the_row(seed, m, log_size, share):
@@ -106,6 +107,7 @@ def test_a_row_without_authority_holds_for_all_inputs_or_for_none(bound, feasibl
     assert (u is not None) is feasible
 
 
+@pytest.mark.slow
 @given(seed=seeds, m=st.integers(1, 3))
 @settings(max_examples=15)
 def test_a_solver_updated_many_times_answers_bit_for_bit_as_a_fresh_one(seed, m):
@@ -123,6 +125,7 @@ def test_a_solver_updated_many_times_answers_bit_for_bit_as_a_fresh_one(seed, m)
             assert again.tobytes() == fresh.tobytes()
 
 
+@pytest.mark.slow
 @given(seed=seeds)
 @settings(max_examples=30)
 def test_zeros_in_the_polytope_do_not_upset_the_kept_solver(seed):
@@ -158,6 +161,7 @@ def test_the_exact_solver_used_here_is_itself_right_on_a_known_answer():
 BOX = polytope(np.vstack([np.eye(3), -np.eye(3)]), np.array([4.0, 2.0, 1.0, 4.0, 2.0, 1.0]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1e3, 1e6, 1e9, 1e12])
 def test_a_nominal_input_of_any_size_is_brought_to_the_nearest_one(size):
     """No point of the set lies beyond u in the direction of u_nom: that makes u the nearest."""

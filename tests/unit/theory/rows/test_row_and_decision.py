@@ -37,7 +37,7 @@ def terms_function() -> TermsFunction:
 
 
 def spans_of(terms: Terms, who: Sequence[int]) -> np.ndarray:
-    """How far each one's input moves ψ_q."""
+    """The span of each agent: the largest effect of its input on ψ_q."""
     return np.array([terms.most[l] - terms.least[l] for l in who])
 
 
@@ -60,6 +60,7 @@ def drawn(seed: int) -> tuple[np.random.Generator, np.ndarray, dict[int, np.ndar
     return rng, x, inputs
 
 
+@pytest.mark.slow
 @given(seed=seeds, i=st.sampled_from(NORMAL))
 def test_with_true_inputs_the_papers_row_is_the_joint_condition(seed, i):
     _, x, u = drawn(seed)
@@ -67,6 +68,7 @@ def test_with_true_inputs_the_papers_row_is_the_joint_condition(seed, i):
     assert row.a @ u[i] - row.bound == pytest.approx(joint_condition(x, u), rel=1e-4, abs=1e-4)
 
 
+@pytest.mark.slow
 @given(seed=seeds, i=st.sampled_from(NORMAL), silent=st.sampled_from(NORMAL))
 def test_who_was_never_heard_counts_at_its_worst(seed, i, silent):
     _, x, u = drawn(seed)
@@ -77,6 +79,7 @@ def test_who_was_never_heard_counts_at_its_worst(seed, i, silent):
     assert row.a @ u[i] - row.bound == pytest.approx(joint_condition(x, worst), rel=1e-4, abs=1e-4)
 
 
+@pytest.mark.slow
 @given(seed=seeds)
 def test_shares_of_all_normal_agents_add_up_to_the_joint_condition(seed):
     _, x, u = drawn(seed)
@@ -92,6 +95,7 @@ def best_joint_condition(x: np.ndarray) -> float:
     return joint_condition(x, best)
 
 
+@pytest.mark.slow
 @given(seed=seeds, offset=st.floats(-3, 3).filter(lambda o: abs(o) > 1e-3))
 def test_shares_are_feasible_exactly_when_the_joint_condition_is(seed, offset):
     """η is chosen so that T = offset, on either side of zero."""
@@ -103,6 +107,7 @@ def test_shares_are_feasible_exactly_when_the_joint_condition_is(seed, offset):
         assert feasible == (offset <= 0)
 
 
+@pytest.mark.slow
 @given(seed=seeds, kept_back=st.floats(0.0, 9.0))
 def test_shares_are_positive_and_sum_to_one_and_go_by_what_an_agent_can_do(seed, kept_back):
     terms = terms_function()(drawn(seed)[1])
@@ -115,11 +120,12 @@ def test_shares_are_positive_and_sum_to_one_and_go_by_what_an_agent_can_do(seed,
     assert sum(bounds) == pytest.approx(-joint_sum(terms, NORMAL) - kept_back)
 
 
+@pytest.mark.slow
 @given(
     seed=seeds, used=st.floats(0.0, 1.5), missing=st.tuples(*[st.sets(st.sampled_from(NORMAL))] * 3)
 )
 def test_who_takes_others_for_silent_keeps_a_share_that_is_no_larger(seed, used, missing):
-    """Whoever believes what. Everybody uses all of its share; η is such that T = -used W."""
+    """Any agent's view of the others. All use all of their share; η is such that T = -used W."""
     terms = terms_function()(drawn(seed)[1])
     offset = joint_sum(terms, NORMAL) + used * spans_of(terms, NORMAL).sum()
     terms = terms._replace(margin=terms.margin - offset)
@@ -130,6 +136,7 @@ def test_who_takes_others_for_silent_keeps_a_share_that_is_no_larger(seed, used,
     assert joint <= 0.01 * len(NORMAL), "but for what an agent without authority counts as"
 
 
+@pytest.mark.slow
 @given(seed=seeds)
 def test_an_agent_without_authority_leaves_what_is_left_to_the_others(seed):
     terms = terms_function()(drawn(seed)[1])
@@ -141,6 +148,7 @@ def test_an_agent_without_authority_leaves_what_is_left_to_the_others(seed):
     assert sum(others) >= 1.0 - 0.01 / spans.sum()
 
 
+@pytest.mark.slow
 @given(seed=seeds)
 def test_shares_change_no_faster_than_spans_do(seed):
     """|ω(x) - ω(y)| summed is at most twice what the spans changed, over their sum."""
@@ -156,6 +164,7 @@ def solver(i: int) -> NearestInput:
     return NearestInput(swarm().composed.members[i].dynamics.input_metric())
 
 
+@pytest.mark.slow
 @given(seed=seeds, i=st.sampled_from(NORMAL), share=st.floats(0.01, 1.5))
 def test_a_qp_input_is_in_the_safety_preserving_set(seed, i, share):
     rng, x, _ = drawn(seed)
@@ -170,6 +179,7 @@ def test_a_qp_input_is_in_the_safety_preserving_set(seed, i, share):
     assert decision.residual == pytest.approx(row.a @ decision.u - row.bound)
 
 
+@pytest.mark.slow
 @given(seed=seeds, i=st.sampled_from(NORMAL), gap=st.floats(0.01, 5.0))
 def test_without_solution_the_agent_does_what_helps_most(seed, i, gap):
     rng, x, _ = drawn(seed)
@@ -183,6 +193,7 @@ def test_without_solution_the_agent_does_what_helps_most(seed, i, gap):
     assert decision.residual == pytest.approx(gap)
 
 
+@pytest.mark.slow
 @given(seed=seeds, i=st.sampled_from(NORMAL))
 def test_an_agent_that_cannot_help_goes_on_as_it_wants_within_its_bounds(seed, i):
     rng, x, _ = drawn(seed)
@@ -199,6 +210,7 @@ def test_an_agent_that_cannot_help_goes_on_as_it_wants_within_its_bounds(seed, i
     assert busier.origin == Origin.BACKUP
 
 
+@pytest.mark.slow
 @given(seed=seeds)
 @settings(max_examples=30)
 def test_no_decision_is_zero_or_the_raw_wish_when_that_is_outside(seed):

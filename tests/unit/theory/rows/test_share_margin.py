@@ -1,4 +1,4 @@
-"""What shares keep back: the rate at which the joint condition tightens, and that they add up."""
+"""The margin of shares: the rate at which the joint condition tightens, and sums of shares."""
 
 from functools import cache
 
@@ -102,6 +102,7 @@ def worst_motion(
     return u, phi
 
 
+@pytest.mark.slow
 @given(seed=seeds, q=degrees)
 def test_it_is_the_fastest_fall_of_what_every_agent_may_use(seed, q):
     _, x, eta = drawn(seed, q)
@@ -113,10 +114,11 @@ def test_it_is_the_fastest_fall_of_what_every_agent_may_use(seed, q):
     assert margin == pytest.approx(expected, rel=1e-4, abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("q", [1, 2])
 @pytest.mark.parametrize("xi", [0.0, None])
 def test_it_is_that_of_the_whole_expression(q, xi):
-    """At 2000 states, of the printed chain and of one with all D_k."""
+    """Compare at 2000 states, for the printed chain and for one with all D_k."""
     whole = Whole(build_chain(case(q).chain.set, GAINS[:q], xi, None if xi == 0.0 else BOUNDS))
     for seed in range(1000):
         _, x, eta = drawn(seed, q)
@@ -165,10 +167,10 @@ HORIZON, STEPS = 1e-3, 10
 
 
 def joint_sum_at_the_end(seed: int, q: int, keeps: bool) -> tuple[float, float]:
-    """J when agents have sampled at different instants of a horizon, and what they kept back.
+    """J when agents have sampled at different instants of a horizon, and their margins.
 
-    Each uses just its share, in the direction of its worst to its best input; from the first
-    instant on the adversary, the disturbances and whoever has no input yet do their worst.
+    Each uses just its share, in the direction of its worst to its best input. From the first
+    instant on the adversary, the disturbances and agents without an input yet do their worst.
     """
     rng, x, eta = drawn(seed, q)
     margin = share_margin(q, HORIZON)
@@ -192,6 +194,7 @@ def joint_sum_at_the_end(seed: int, q: int, keeps: bool) -> tuple[float, float]:
     return float(joint), most
 
 
+@pytest.mark.slow
 @given(seed=seeds, q=degrees)
 @settings(max_examples=25)
 def test_shares_from_different_samples_add_up_while_they_are_held(seed, q):

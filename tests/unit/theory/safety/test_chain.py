@@ -34,7 +34,7 @@ def state(n: int, seed: int) -> np.ndarray:
 
 @cache
 def terms_of(dynamics: Dynamics, *alphas: float | Power) -> TermsFunction:
-    """Of a pair of such agents, with these gains."""
+    """Terms of a pair of such agents, with these gains."""
     return TermsFunction(build_chain(pair_of(dynamics), alphas, XI))
 
 

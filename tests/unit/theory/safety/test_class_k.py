@@ -1,4 +1,4 @@
-"""What is taken for a class K function, and what is not."""
+"""Functions that are accepted as class K, and others that are not."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -38,6 +38,7 @@ def test_a_class_k_function_may_have_kinks_and_any_steepness(alpha):
     require_class_k(alpha)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("function", "expected"),
     [

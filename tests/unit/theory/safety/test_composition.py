@@ -41,7 +41,7 @@ def test_equal_h_give_the_upper_end_of_the_bracket(h, rho):
 
 @pytest.mark.parametrize("far", [1e3, 1e5])
 def test_the_composed_set_chooses_sigma_so_that_nothing_overflows_or_vanishes(far):
-    """With σ = 0, exp(-ρ d²) is 0 for distant agents and ln 0 is -∞."""
+    """σ matters: with σ = 0, exp(-ρ d²) is 0 for distant agents and ln 0 is -∞."""
     case = swarm_of([POINT, POINT, POINT], rho=5.0)
     settled = CompiledFunction([case.composed.x], [case.composed.substitute(case.composed.h_tot)])
     x = far * np.array([1.0, 0.0, -1.0, 0.5, 0.0, -1.0])
@@ -62,7 +62,7 @@ def test_pairs_are_normal_normal_normal_adversary_and_normal_obstacle_and_no_oth
     wanted = {
         Pair(0, 2),
         *(Pair(i, j) for i in (0, 2) for j in (1, 3)),
-        *(Pair(i, None, k) for i in (0, 2) for k in (0, 1)),
+        *(Pair(i, 4 + k) for i in (0, 2) for k in (0, 1)),
     }
     assert set(composed.pairs) == wanted
     assert len(composed.pairs) == len(wanted)
@@ -70,6 +70,7 @@ def test_pairs_are_normal_normal_normal_adversary_and_normal_obstacle_and_no_oth
     assert {"n1-n2", "n1-a1", "n2-obstacle 1"} <= set(labels)
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(-6, 6), min_size=9, max_size=9))
 def test_every_h_is_the_pairs_own_function_of_output_points(x):
     for function in (Separation(1.3), Oval()):

@@ -66,6 +66,7 @@ def test_distance_is_the_hand_formula_and_its_gradient_has_length_one(seed):
     assert found == pytest.approx(by_differences(composed, x), abs=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("adversary", [True, False])
 @given(seed=seeds)
 def test_heading_aware_is_the_hand_formula(adversary, seed):
@@ -93,6 +94,7 @@ def test_heading_aware_is_the_hand_formula(adversary, seed):
     assert gradients(composed, x) == pytest.approx(by_differences(composed, x), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_wherever_it_faces_a_unicycle_can_open_its_distance_at_nearly_full_speed():
     """Effect of its best input on h' by heading; with h = R - d it is ωb side-on."""
 

@@ -28,7 +28,7 @@ def test_psi_at_several_states_is_what_each_has_alone_and_pairs_without_weight_c
 
 @pytest.mark.parametrize("q", [1, 2, 3])
 def test_weights_are_the_slopes_of_the_last_psi_by_each_pairs_derivatives(q):
-    """By central differences; from q = 3 on the product rule counts terms twice."""
+    """Compare with central differences; from q = 3 on the product rule counts terms twice."""
     rng = np.random.default_rng(q)
     jets = LogSumExpJets(0.7, [Linear(0.4 + 0.2 * k) for k in range(q)], 0.5)
     h, step = rng.normal(size=(4, q + 1)), 1e-5

@@ -1,10 +1,10 @@
-"""Limits of one agent alone: fences and bands, beside pairs and obstacles."""
+"""Limits of one agent alone, fences and bands, together with pairs and obstacles."""
 
 import casadi as ca
 import numpy as np
 import pytest
 from phalanx_plant.world.composition import LargestPsi
-from phalanx_plant.world.near import NearPairs
+from phalanx_plant.world.relevant_pairs import RelevantPairs
 
 import phalanx
 from phalanx.guarantee.verdict import Outcome
@@ -44,6 +44,7 @@ def test_a_band_is_safe_between_its_ends():
     assert h_of(band, [50.0, 50.0, 7.0]) < 0.0 < h_of(band, [0.0, 0.0, 1.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("center", "circles"), [((1.0, 2.0), 1), ((1.0, 2.0, 3.0), 3)])
 def test_the_outline_of_a_fence_is_where_its_h_is_zero(center, circles):
     fence = Fence(center, 8.0)
@@ -54,6 +55,7 @@ def test_the_outline_of_a_fence_is_where_its_h_is_zero(center, circles):
         assert [h_of(fence, point) for point in line] == pytest.approx([0.0] * len(line))
 
 
+@pytest.mark.slow
 def test_agents_stay_in_a_fence_that_their_path_leads_out_of():
     run = phalanx.run(phalanx.load("fence", overrides=LEAD_OUT), engine="in-process")
     assert run.summary.outcome is Outcome.GUARANTEED
@@ -62,6 +64,7 @@ def test_agents_stay_in_a_fence_that_their_path_leads_out_of():
     assert max(worst) > -0.2
 
 
+@pytest.mark.slow
 def test_without_the_fence_they_leave_it():
     free = phalanx.load("fence", overrides={**LEAD_OUT, "limits": []})
     run = phalanx.run(free, engine="in-process")
@@ -73,7 +76,7 @@ def test_no_limit_is_left_out_where_distant_pairs_are():
     swarm = build_swarm(phalanx.load("swarm", overrides={**SWARM, "limits": BALL}))
     x, functions = swarm.start(), LargestPsi(build_rows(swarm)).functions
     p = swarm.positions(x)
-    which, values, _ = NearPairs(swarm, functions)(np.array([x, x]), np.array([p, p]))
+    which, values, _ = RelevantPairs(swarm, functions)(np.array([x, x]), np.array([p, p]))
     composed = swarm.safe_set
     limits = {k for k, p in enumerate(composed.pairs) if "limit" in composed.label(p)}
     every = swarm.pairs.choose(swarm.pairs.every).h(x)

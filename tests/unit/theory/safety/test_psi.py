@@ -50,6 +50,7 @@ def state(n: int, seed: int) -> np.ndarray:
     return np.random.default_rng(seed).uniform(-2.5, 2.5, n)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SWARMS)
 @given(seed=seeds)
 @settings(max_examples=10)
@@ -76,7 +77,7 @@ A1, A2, XI = 1.2, 0.9, 4.0
 
 @pytest.fixture(scope="module")
 def pair() -> Chain:
-    """Of two double integrators with drag."""
+    """The chain of two double integrators with drag."""
     return build_chain(swarm_of([Draggy(), Draggy()], obstacles=()).composed, [A1, A2], XI)
 
 

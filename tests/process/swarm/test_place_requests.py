@@ -1,4 +1,4 @@
-"""Agents without numbers: each claims a place, and with it may be that agent and nobody else."""
+"""Agents without numbers: each gets a place, and may then be that agent and no other."""
 
 import datetime
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 import zenoh
 
 from phalanx.guarantee.verdict import Summary
-from phalanx.hosts.authority import make_certificates
+from phalanx.hosts.authority import make_identities
 from phalanx.launcher.engine import RunOptions, execute
 from phalanx.scenario.load import load
 from phalanx.wire.keys import CLAIMANT, PLANT, ROUTER
@@ -32,7 +32,7 @@ class Site:
     def __init__(self, phalanx, out: Path, *overrides: str, claims: bool = True) -> None:
         self.keys, self.out, self.overrides = out / "keys", out / "plant", overrides
         self.out.mkdir()
-        make_certificates(self.keys, [PLANT, ROUTER, CLAIMANT], HOSTS, MONTH, claims)
+        make_identities(self.keys, [PLANT, ROUTER, CLAIMANT], HOSTS, MONTH, claims)
         self.endpoint = free_endpoint().replace("tcp/", "tls/")
         self._phalanx = phalanx
         self.plant = self.start("plant", PLANT, "--listen", self.endpoint, "--out", str(self.out))
@@ -50,19 +50,19 @@ class Site:
         return Membership("r", self.endpoint, b"", identity, 60.0, self.keys / identity)
 
     def summary(self) -> Summary:
-        """When the plant has ended."""
+        """Wait for the plant, and return the summary."""
         status, said = self.plant.finish()
         assert status == 0, said
         return msgspec.json.decode((self.out / "summary.json").read_bytes(), type=Summary)
 
 
 def into(payloads: list[bytes]) -> zenoh.handlers.Callback:
-    """What keeps all payloads that come."""
+    """Make a callback that appends payloads to a list."""
     return zenoh.handlers.Callback(lambda m: payloads.append(m.payload.to_bytes()), indirect=False)
 
 
 def alone(folder: Path, *overrides: str) -> Summary:
-    """The run on one host, without anything of this."""
+    """Run the scenario on one host, in one process."""
     (into := folder / "alone").mkdir()
     return execute(load("one-on-one", overrides), into, RunOptions("in-process"))
 
@@ -73,7 +73,7 @@ def test_claimants_that_nobody_numbered_make_the_run(phalanx, tmp_path: Path) ->
     summary = site.summary()
     ended = [claimant.finish() for claimant in claimants]
     assert [status for status, _ in ended] == [0, 0, 0]
-    assert sum("claimed the place of" in said for _, said in ended) == 2, "the third was a spare"
+    assert sum("got the place of" in said for _, said in ended) == 2, "the third was a spare"
     assert summary.trajectory == alone(tmp_path, FOR_ALL).trajectory
     assert not summary.rejected
 
@@ -84,7 +84,7 @@ def test_a_spare_takes_the_place_of_an_agent_that_died(phalanx, tmp_path: Path) 
     summary = site.summary()
     ended = [claimant.finish() for claimant in claimants]
     assert sorted(status for status, _ in ended) == [-9, 0, 0]
-    assert [said.count("claimed the place of") for _, said in ended] == [1, 1, 1]
+    assert [said.count("got the place of") for _, said in ended] == [1, 1, 1]
     assert summary.trajectory == alone(tmp_path, SHORT, DIES).trajectory
 
 

@@ -1,4 +1,4 @@
-"""Checks of options: a wrong value is refused in one line, before anything is made."""
+"""Checks of command-line options: a wrong value is rejected before anything is created."""
 
 import ipaddress
 import os
@@ -12,14 +12,15 @@ import typer
 from phalanx.wire.credentials import COMMAND_SECRET, SECRET
 
 LARGEST_SEED = 2**63 - 1
-_LONGEST = 1e6
-"""Of a wait [s]; Zenoh counts in milliseconds."""
-_REFUSED = {"--secret": SECRET, "--command-secret": COMMAND_SECRET}
+_LONGEST_WAIT = 1e6
+"""[s]; Zenoh counts in milliseconds."""
+_SECRETS = {"--secret": SECRET, "--command-secret": COMMAND_SECRET}
+"""Options that do not exist, by the variables to use in their place."""
 _LABEL = re.compile(r"(?!-)[A-Za-z0-9_-]{1,63}(?<!-)")
 
 
 def require_values(arguments: Sequence[str]) -> None:
-    """Refuse an empty argument, which is most often a variable of the shell that is not set."""
+    """Reject an empty argument, which is most often an unset shell variable."""
     for before, argument in zip(["", *arguments], arguments, strict=False):
         if not argument or re.fullmatch("--[a-z-]+=", argument):
             option = argument or (before if before.startswith("--") else "an argument")
@@ -27,14 +28,14 @@ def require_values(arguments: Sequence[str]) -> None:
 
 
 def require_run(run: str) -> str:
-    """A run's name, one chunk of a key expression; or none. Raises BadParameter."""
+    """Reject a run's name that is not one chunk of a key expression; empty is allowed."""
     if run and not re.fullmatch(r"[A-Za-z0-9][\w.-]*", run):
         raise typer.BadParameter(f"expected letters, digits, '.', '_' and '-', got {run!r}")
     return run
 
 
 def require_number(expected: str, holds: Callable[[float], bool]) -> Callable[[Any], Any]:
-    """A callback: refuse a number of which something does not hold, and say what is expected."""
+    """Make a callback that rejects numbers for which `holds` is false; expected: in words."""
 
     def check(number: Any) -> Any:
         if number is not None and not holds(number):
@@ -45,14 +46,16 @@ def require_number(expected: str, holds: Callable[[float], bool]) -> Callable[[A
 
 
 require_port = require_number("1 to 65535", lambda port: 1 <= port <= 65535)
-require_timeout = require_number(f"0 to {_LONGEST:.0f} s", lambda wait: 0.0 <= wait <= _LONGEST)
+require_timeout = require_number(
+    f"0 to {_LONGEST_WAIT:.0f} s", lambda wait: 0.0 <= wait <= _LONGEST_WAIT
+)
 require_speed = require_number(
     "a finite number, or 0: as fast as it goes", lambda speed: 0.0 <= speed < float("inf")
 )
 
 
 def require_hosts(hosts: list[str] | None) -> list[str] | None:
-    """Refuse what no host can be reached as."""
+    """Reject texts that are neither a host's name nor an IP address."""
     for host in hosts or ():
         if not _is_address(host) and not all(map(_LABEL.fullmatch, host.split("."))):
             expected = "expected a host's name or address, such as plant.example.org"
@@ -61,31 +64,31 @@ def require_hosts(hosts: list[str] | None) -> list[str] | None:
 
 
 def require_file(path: Path | None) -> Path | None:
-    """Refuse a folder, and a file in a folder that there is not."""
+    """Reject a folder, and a file in a folder that does not exist."""
     if path is not None and (path.is_dir() or not path.parent.is_dir()):
         raise typer.BadParameter(f"expected a file in a folder that exists, got {path}")
     return path
 
 
 def require_other(option: str, path: Path | None, recordings: Sequence[Path]) -> None:
-    """Refuse to write over a recording that is read."""
+    """Reject an output file that is one of the recordings that are read."""
     if path is not None and path.exists() and any(map(path.samefile, recordings)):
         raise typer.BadParameter(f"{option}: expected another file than the recording, got {path}")
 
 
 def require_png(path: Path | None) -> Path | None:
-    """Refuse a picture that its name calls something else."""
+    """Reject a picture file whose name does not end in .png."""
     if path is not None and path.suffix != ".png":
         raise typer.BadParameter(f"expected a file whose name ends in .png, got {path}")
     return require_file(path)
 
 
 def require_folder(path: Path | None) -> Path | None:
-    """Refuse a folder that cannot be made because a file is in its place, or above it."""
+    """Reject a folder that cannot be made because it, or one of its parents, is a file."""
     if path is not None:
-        there = next(above for above in (path, *path.absolute().parents) if above.exists())
-        if not there.is_dir():
-            raise typer.BadParameter(f"expected a folder, got {path}: {there} is a file")
+        nearest = next(p for p in (path, *path.absolute().parents) if p.exists())
+        if not nearest.is_dir():
+            raise typer.BadParameter(f"expected a folder, got {path}: {nearest} is a file")
     return path
 
 
@@ -98,18 +101,18 @@ def _is_address(host: str) -> bool:
 
 
 def refuse_secrets(arguments: Sequence[str]) -> None:
-    """Refuse a secret among the arguments: every user of this host can read those."""
+    """Reject a secret among the arguments: every user of this host can read those."""
     for option in (argument.partition("=")[0] for argument in arguments):
-        if option in _REFUSED:
+        if option in _SECRETS:
             raise typer.BadParameter(
                 f"{option}: every user of this host can read a program's arguments: make a new "
-                f"secret, and give it in the environment, {_REFUSED[option]}, or in a file, "
+                f"secret, and give it in the environment, {_SECRETS[option]}, or in a file, "
                 f"{option}-file"
             )
 
 
 def secret_from(variable: str) -> Callable[[str], str]:
-    """A callback: the secret in the file that the option names; without one the variable's."""
+    """Make a callback that reads the secret from the option's file, else from the variable."""
 
     def read(file: str) -> str:
         if not file:

@@ -1,4 +1,4 @@
-"""A run with certificates: the same trajectory, and nobody is let in without one of its own."""
+"""A run with TLS identities: the same trajectory, and programs without one are rejected."""
 
 import contextlib
 import datetime
@@ -18,7 +18,7 @@ import zenoh
 
 from phalanx.faults.commands import Command, CommandKind
 from phalanx.guarantee.verdict import Outcome, Summary
-from phalanx.hosts.authority import make_certificates
+from phalanx.hosts.authority import make_identities
 from phalanx.launcher.engine import RunOptions, execute
 from phalanx.scenario.load import load
 from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, ROUTER, VIEWER, Keys
@@ -40,7 +40,7 @@ BLOCK = zenoh.CongestionControl.BLOCK
 @pytest.fixture(scope="module")
 def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("keys")
-    make_certificates(folder, NAMES, HOSTS, MONTH)
+    make_identities(folder, NAMES, HOSTS, MONTH)
     return folder
 
 
@@ -68,12 +68,12 @@ class Programs:
         self.running += [self.start("agent", n, "--connect", self.endpoint) for n in ("1", "2")]
 
     def membership(self, identity: str, keys: Path | None = None) -> Membership:
-        """Of somebody who tries for a moment only."""
+        """Return the membership of a program with a short timeout."""
         folder = keys or self.keys
         return Membership("r", self.endpoint, b"", identity, 1.5, folder / identity)
 
     def summary(self) -> Summary:
-        """Of the run, when all have ended."""
+        """Return the run's summary when all programs have ended."""
         ended = [program.communicate(timeout=90) for program in self.running]
         assert [p.returncode for p in self.running] == [0] * len(self.running), ended
         return msgspec.json.decode((self.out / "summary.json").read_bytes(), type=Summary)
@@ -96,7 +96,7 @@ def open_patiently(membership: Membership) -> zenoh.Session:
 
 
 def refused(membership: Membership) -> bool:
-    """Whether the hub lets it in; it is there."""
+    """Return whether the hub rejects the program."""
     try:
         open_client(membership.endpoint, membership.timeout, membership.credentials).close()
     except HubError:
@@ -105,8 +105,8 @@ def refused(membership: Membership) -> bool:
 
 
 def test_certificates_keep_strangers_out_and_change_nothing(programs: Programs, tmp_path: Path):
-    make_certificates(other := tmp_path / "other", NAMES, HOSTS, MONTH)
-    make_certificates(expired := tmp_path / "expired", NAMES, HOSTS, -MONTH)
+    make_identities(other := tmp_path / "other", NAMES, HOSTS, MONTH)
+    make_identities(expired := tmp_path / "expired", NAMES, HOSTS, -MONTH)
     plain = programs.endpoint.replace("tls/", "tcp/")
     assert refused(programs.membership("1", other)), "a certificate of another authority"
     assert refused(programs.membership("1", expired)), "one that is no longer valid"
@@ -146,7 +146,7 @@ def test_who_has_a_certificate_speaks_for_himself_alone(programs: Programs):
 
 
 def not_of_1(keys: Keys) -> list[str]:
-    """What agent 1 may not put."""
+    """Return keys that agent 1 may not put on."""
     of_2 = [keys.actuation("2"), keys.telemetry("2"), keys.sample("2"), keys.broadcast("2", "1")]
     return [*of_2, keys.status, keys.verdict, keys.command, keys.scenario, "**", keys.everything]
 
@@ -197,7 +197,7 @@ def pretended_hub(shown: Path) -> Iterator[tuple[str, SimpleQueue[bool]]]:
 
 
 def connect_until(answered: SimpleQueue[bool], who: Membership) -> bool:
-    """What the first connection of a program came to, which tries until one was answered."""
+    """Return the result of a program's first connection; it tries until one is answered."""
     if who.identity == ROUTER:
         with open_hub(free_endpoint(), None, [who.endpoint], who.credentials):
             return answered.get()
@@ -213,7 +213,7 @@ def test_none_but_plant_and_router_can_play_the_hub(
     connects: str, plays_the_hub: str, keys: Path
 ) -> None:
     with pretended_hub(keys / plays_the_hub) as (endpoint, answered):
-        who = Membership("r", endpoint, b"", connects, certificates=keys / connects)
+        who = Membership("r", endpoint, b"", connects, identity_folder=keys / connects)
         assert connect_until(answered, who) == (plays_the_hub in (PLANT, ROUTER))
 
 
@@ -221,9 +221,9 @@ def test_none_but_plant_and_router_can_play_the_hub(
 def test_a_hub_that_is_reached_by_another_name_than_its_own_is_not_believed(
     connects: str, tmp_path: Path
 ) -> None:
-    make_certificates(tmp_path, [PLANT, connects], ["plant.example.org"], MONTH)
+    make_identities(tmp_path, [PLANT, connects], ["plant.example.org"], MONTH)
     with pretended_hub(tmp_path / PLANT) as (endpoint, answered):
-        who = Membership("r", endpoint, b"", connects, certificates=tmp_path / connects)
+        who = Membership("r", endpoint, b"", connects, identity_folder=tmp_path / connects)
         assert not connect_until(answered, who)
 
 

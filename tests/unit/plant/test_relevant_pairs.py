@@ -1,10 +1,10 @@
-"""Pairs that are left out of the truth: none that could count, wherever agents go."""
+"""Pairs that are left out: none that is relevant, wherever agents go."""
 
 import numpy as np
 import pytest
-from phalanx_plant.world import near
+from phalanx_plant.world import relevant_pairs
 from phalanx_plant.world.composition import LargestPsi, LogSumExp
-from phalanx_plant.world.near import Near, NearPairs
+from phalanx_plant.world.relevant_pairs import PairValues, RelevantPairs
 
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import SafetyRows, build_rows
@@ -15,19 +15,19 @@ from tests.unit.swarms import rows_of_scenario
 LARGE = ("agents.0.count=28", "agents.1.count=4")
 
 
-def both(rows: SafetyRows, monkeypatch: pytest.MonkeyPatch) -> tuple[NearPairs, NearPairs]:
-    """One that looks up who is near, and one that takes every pair."""
+def both(rows: SafetyRows, monkeypatch: pytest.MonkeyPatch) -> tuple[RelevantPairs, RelevantPairs]:
+    """One that searches for relevant pairs, and one that evaluates every pair."""
     functions = LargestPsi(rows).functions
     for limit in ("_FEW", "_FEW_ROWS"):
-        monkeypatch.setattr(near, limit, 0)
-    looking = NearPairs(rows.swarm, functions)
+        monkeypatch.setattr(relevant_pairs, limit, 0)
+    looking = RelevantPairs(rows.swarm, functions)
     for limit in ("_FEW", "_FEW_ROWS"):
-        monkeypatch.setattr(near, limit, 1_000_000)
-    return looking, NearPairs(rows.swarm, functions)
+        monkeypatch.setattr(relevant_pairs, limit, 1_000_000)
+    return looking, RelevantPairs(rows.swarm, functions)
 
 
-def at(pairs: NearPairs, swarm: Swarm, x: np.ndarray) -> Near:
-    """At states x, shape (s, n̄)."""
+def at(pairs: RelevantPairs, swarm: Swarm, x: np.ndarray) -> PairValues:
+    """Evaluate at states x, shape (s, n̄)."""
     return pairs(x, np.stack([swarm.positions(each) for each in x]))
 
 
@@ -40,7 +40,7 @@ def test_what_is_left_out_changes_no_digit_of_h_tot_nor_of_psi_nor_who_is_unsafe
     walk = np.random.default_rng(0)
     x, fewest = swarm.start(), np.inf
     for step in range(150):
-        # Now and then somebody is thrown far, as by a restart from another state.
+        # Now and then an agent is thrown far, as by a restart from another state.
         size = 3.0 if step % 50 == 49 else 0.05
         x = x + size * walk.standard_normal(x.shape)
         two = np.stack([x, x + 0.01])
@@ -64,7 +64,7 @@ def test_what_is_left_out_changes_no_digit_of_h_tot_nor_of_psi_nor_who_is_unsafe
 FAR_APART = 1000.0
 
 
-def two_twos_and_one_beside_a_sphere() -> SafetyRows:
+def two_pairs_and_one_near_a_sphere() -> SafetyRows:
     """a and b, c and d, e and the sphere: all else is too far apart to count."""
     agents = {
         "names": list("abcde"),
@@ -72,7 +72,7 @@ def two_twos_and_one_beside_a_sphere() -> SafetyRows:
         "dynamics": {"type": "single-integrator", "speed": 1.0},
         "law": {"type": "track-velocity"},
         "clock": {"period": 0.01},
-        "start": beside(7.07, 9.0, 9.0).reshape(5, 2).tolist(),
+        "start": line(7.07, 9.0, 9.0).reshape(5, 2).tolist(),
     }
     function = {"type": "separation", "radius": 1.0}
     safety = {"function": function, "rho": 5.0, "alpha": [1.0], "eta": 0.0}
@@ -81,7 +81,7 @@ def two_twos_and_one_beside_a_sphere() -> SafetyRows:
     return build_rows(build_swarm(load({**scenario, "agents": [agents]})))
 
 
-def beside(ab: float, cd: float, of_sphere: float) -> np.ndarray:
+def line(ab: float, cd: float, of_sphere: float) -> np.ndarray:
     """A stacked state by distances [m]; two that approach each go half the way."""
     x = np.zeros((5, 2))
     x[:, 0] = [-ab / 2, ab / 2, FAR_APART - cd / 2, FAR_APART + cd / 2, 2 * FAR_APART + of_sphere]
@@ -92,7 +92,7 @@ def beside(ab: float, cd: float, of_sphere: float) -> np.ndarray:
     ("before", "after"),
     [
         # The largest h is that of a and b, about -49, and falls by less than is in reserve; the
-        # others come from outside of the reach, about 7.9 m, but nobody goes farther than 1 m.
+        # others come from outside of the reach, about 7.9 m, but no agent goes farther than 1 m.
         ([(7.07, 9.69, 90.0)], [(7.2, 7.79, 90.0)]),
         ([(7.07, 90.0, 8.7)], [(7.2, 90.0, 7.79)]),
         # What has moved does so by little more than the slack, about 0.98 m.
@@ -103,7 +103,7 @@ def beside(ab: float, cd: float, of_sphere: float) -> np.ndarray:
         # It falls by more, so that others count which were too far away.
         ([(7.07, 10.5, 90.0)], [(8.9, 8.7, 90.0)]),
         ([(7.07, 10.5, 90.0)], [(7.07, 10.5, 90.0), (8.9, 8.7, 90.0)]),
-        # Somebody goes far, seen at the second of two states only.
+        # An agent goes far, seen at the second of two states only.
         ([(7.07, 90.0, 90.0)], [(7.07, 90.0, 90.0), (7.07, 5.0, 90.0)]),
     ],
     ids=[
@@ -117,10 +117,10 @@ def beside(ab: float, cd: float, of_sphere: float) -> np.ndarray:
         "a later state",
     ],
 )
-def test_who_has_come_near_since_one_looked_is_not_left_out(before, after, monkeypatch):
-    rows = two_twos_and_one_beside_a_sphere()
+def test_agents_that_came_near_since_the_last_search_are_not_left_out(before, after, monkeypatch):
+    rows = two_pairs_and_one_near_a_sphere()
     looking, taking_all = both(rows, monkeypatch)
-    then, now = (np.stack([beside(*distances) for distances in those]) for those in (before, after))
+    then, now = (np.stack([line(*distances) for distances in those]) for those in (before, after))
     assert len(at(looking, rows.swarm, then).pairs) < 3
     pairs, _, least = at(looking, rows.swarm, now)
     every, of_all, _ = at(taking_all, rows.swarm, now)
@@ -132,7 +132,7 @@ def test_who_has_come_near_since_one_looked_is_not_left_out(before, after, monke
 @pytest.mark.parametrize(
     "function", ["Oval", "Reaches", "ShortSighted"], ids=["silent", "a field", "too short"]
 )
-def test_a_users_function_has_all_its_pairs_whatever_it_says_of_its_reach(function, monkeypatch):
+def test_a_users_function_has_all_its_pairs_whatever_reach_it_returns(function, monkeypatch):
     radius = ", radius = 1.0" if function == "ShortSighted" else ""
     own = f'safety.function={{ type = "tests.unit.theory.users_own:{function}"{radius} }}'
     rows = rows_of_scenario("swarm2d", *LARGE, own)
@@ -149,7 +149,7 @@ def test_pairs_are_numbered_as_the_safe_set_has_them(monkeypatch):
     x = swarm.start().reshape(8, 6)[:, :3]
     for number, value in zip(which.tolist(), values[0, :, 0], strict=True):
         pair = swarm.safe_set.pairs[number]
-        obstacle = pair.obstacle is not None and swarm.scenario.obstacles[pair.obstacle]
+        obstacle = pair.b >= 8 and swarm.scenario.obstacles[pair.b - 8]
         there = np.array(obstacle.center) if obstacle else x[pair.b]
         keep_out = obstacle.clearance if obstacle else 5.0
         assert value == pytest.approx(keep_out**2 - np.sum((x[pair.a] - there) ** 2))

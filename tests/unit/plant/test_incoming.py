@@ -1,10 +1,10 @@
-"""What comes to the plant is bounded, and what is refused is counted without filling the log."""
+"""The plant's queue is bounded, and refusals are counted without filling the log."""
 
 import logging
 import queue
 
 import pytest
-from phalanx_plant.hub.session import _MOST, Arrivals
+from phalanx_plant.hub.session import _MOST, IncomingQueue
 
 from phalanx.wire.messages import MAX_BYTES
 from phalanx.wire.seal import Malformed, Refusals
@@ -21,30 +21,30 @@ def refusals() -> Refusals:
 
 
 @pytest.fixture
-def arrivals(refusals) -> Arrivals:
-    return Arrivals((KEY, OTHER), refusals, require_awaited)
+def incoming(refusals) -> IncomingQueue:
+    return IncomingQueue((KEY, OTHER), refusals, require_pending)
 
 
-def require_awaited(_: str, payload: bytes) -> None:
+def require_pending(_: str, payload: bytes) -> None:
     if payload != ANSWER:
         raise Malformed("bad seal")
 
 
-def taken(arrivals: Arrivals) -> list[tuple[str, bytes | bool]]:
+def taken(incoming: IncomingQueue) -> list[tuple[str, bytes | bool]]:
     found = []
     while True:
         try:
-            found.append(arrivals.get(timeout=0.0))
+            found.append(incoming.get(timeout=0.0))
         except queue.Empty:
             return found
 
 
-def test_a_flood_is_bounded_and_leaves_room_for_others(arrivals, refusals):
+def test_a_flood_is_bounded_and_leaves_room_for_others(incoming, refusals):
     for _ in range(10 * _MOST):
-        arrivals.put_payload(KEY, b"?")
-    arrivals.put_payload(OTHER, b"!")
-    arrivals.put_token("phalanx/r/alive/1/d", False)
-    assert taken(arrivals) == [
+        incoming.put_payload(KEY, b"?")
+    incoming.put_payload(OTHER, b"!")
+    incoming.put_token("phalanx/r/alive/1/d", False)
+    assert taken(incoming) == [
         *[(KEY, b"?")] * _MOST,
         (OTHER, b"!"),
         ("phalanx/r/alive/1/d", False),
@@ -52,44 +52,44 @@ def test_a_flood_is_bounded_and_leaves_room_for_others(arrivals, refusals):
     assert refusals.counts == {"bad seal": 9 * _MOST}
 
 
-def test_a_flood_does_not_drown_an_answer_that_is_awaited(arrivals, refusals):
+def test_a_flood_does_not_drown_an_answer_that_is_awaited(incoming, refusals):
     for _ in range(10):
         for _ in range(_MOST):
-            arrivals.put_payload(KEY, b"?")
-        arrivals.put_payload(KEY, ANSWER)
-    assert taken(arrivals).count((KEY, ANSWER)) == 10
+            incoming.put_payload(KEY, b"?")
+        incoming.put_payload(KEY, ANSWER)
+    assert taken(incoming).count((KEY, ANSWER)) == 10
     for _ in range(10 * _MOST):
-        arrivals.put_payload(KEY, ANSWER)
-    assert len(taken(arrivals)) == 2 * _MOST
+        incoming.put_payload(KEY, ANSWER)
+    assert len(taken(incoming)) == 2 * _MOST
     assert refusals.counts == {"bad seal": 9 * _MOST, "too many": 8 * _MOST}
 
 
-def test_there_is_room_again_for_what_was_taken(arrivals, refusals):
+def test_there_is_room_again_for_what_was_taken(incoming, refusals):
     for _ in range(3):
         for _ in range(_MOST):
-            arrivals.put_payload(KEY, b"?")
-        assert len(taken(arrivals)) == _MOST
+            incoming.put_payload(KEY, b"?")
+        assert len(taken(incoming)) == _MOST
     assert refusals.counts == {}
 
 
 @pytest.mark.parametrize(
     "key", ["**", "phalanx/r/**", "phalanx/r/actuation/*", "phalanx/r/actuation/3", ""]
 )
-def test_under_any_other_key_nothing_comes(arrivals, refusals, key):
-    arrivals.put_payload(key, b"?")
-    assert taken(arrivals) == []
+def test_under_any_other_key_nothing_comes(incoming, refusals, key):
+    incoming.put_payload(key, b"?")
+    assert taken(incoming) == []
     assert refusals.counts == {"unknown sender": 1}
 
 
-def test_what_is_too_large_does_not_wait(arrivals, refusals):
-    arrivals.put_payload(KEY, bytes(MAX_BYTES + 1))
-    assert taken(arrivals) == []
+def test_what_is_too_large_does_not_wait(incoming, refusals):
+    incoming.put_payload(KEY, bytes(MAX_BYTES + 1))
+    assert taken(incoming) == []
     assert refusals.counts == {"oversized": 1}
 
 
-def test_a_signal_that_outlasts_a_wait_leaves_it_its_end(arrivals):
-    with outlasting_a_wait(lambda: arrivals.put_token("at last", True)), pytest.raises(queue.Empty):
-        arrivals.get(timeout=0.03)
+def test_a_signal_that_outlasts_a_wait_leaves_it_its_end(incoming):
+    with outlasting_a_wait(lambda: incoming.put_token("at last", True)), pytest.raises(queue.Empty):
+        incoming.get(timeout=0.03)
 
 
 def test_a_hundred_thousand_refusals_are_six_lines(refusals, caplog):

@@ -1,4 +1,4 @@
-"""What never moves: the ground, obstacles and the corridor of the formation."""
+"""The static part of the scene: ground, light, obstacles and the corridor of the formation."""
 
 import math
 
@@ -14,18 +14,18 @@ from phalanx_viewer.scene.nodes import ball, polygon, ribbon
 _RAIL = 4.0
 """Thickness of a fence [pixels]."""
 _HATCHES = 40
-"""Strokes along a fence of the scene's length: they point to where nobody may be."""
+"""Strokes along a fence of the scene's length, on its unsafe side."""
 HalfSpace = tuple[Array, float]
 """Unit normal out of it, shape (3,), and offset [m]: n·p <= offset."""
 
 
-class Backdrop:
-    """Drawn once; only its colours change."""
+class StaticNodes:
+    """Nodes that are drawn once; only their colours change."""
 
     def __init__(self, scene: viser.SceneApi, model: SceneModel, palette: Palette) -> None:
         low, high = model.extent
         middle, span = (low + high) / 2.0, float((high - low).max())
-        # viser's own lights wash out the colours by which agents are told apart.
+        # viser's own lights wash out the colours that distinguish agents.
         scene.configure_default_lights(enabled=False)
         scene.configure_environment_map(None)
         ambient, sun = (1.8, 0.2) if model.flat else (1.2, 1.4)
@@ -41,17 +41,16 @@ class Backdrop:
             section_size=5.0 * cell, fade_distance=8.0 * span, fade_strength=2.0,
         )  # fmt: skip
         self.set_palette(palette)
-        draw_obstacles(scene, model, middle, span)
+        _draw_obstacles(scene, model, middle, span)
         _draw_corridor(scene, model)
 
     def set_palette(self, palette: Palette) -> None:
-        """Wear the colours of a page."""
         self._grid.cell_color, self._grid.section_color = palette.cells, palette.sections
 
 
 def _draw_corridor(scene: viser.SceneApi, model: SceneModel) -> None:
-    """Where the formation is to go: its centre's path, as wide as the formation."""
-    path, width = model.surroundings.path, model.surroundings.corridor
+    """Draw the path of the formation's centre, and a corridor as wide as the formation."""
+    path, width = model.static.path, model.static.corridor
     if not len(path):
         return
     if width > 0.0 and model.flat:
@@ -65,13 +64,13 @@ def _draw_corridor(scene: viser.SceneApi, model: SceneModel) -> None:
     )
 
 
-def draw_obstacles(scene: viser.SceneApi, model: SceneModel, middle: Array, reach: float) -> None:
-    """Draw them once; walls reach so far [m] from the scene's middle, shape (3,)."""
+def _draw_obstacles(scene: viser.SceneApi, model: SceneModel, middle: Array, reach: float) -> None:
+    """Draw obstacles and limits; walls reach so far [m] from the scene's middle, shape (3,)."""
     _draw_spheres(scene, model)
-    for number, line in enumerate(model.surroundings.outlines):
+    for number, line in enumerate(model.static.outlines):
         rail = np.stack([line[:-1], line[1:]], axis=1)
         _draw_lines(scene, f"/limits/{number}", rail, _RAIL)
-    walls = [(normal, float(normal @ point)) for point, normal in model.surroundings.walls]
+    walls = [(normal, float(normal @ point)) for point, normal in model.static.walls]
     for number, wall in enumerate(walls):
         others = [other for other in walls if other is not wall]
         corners = panel(wall, others, middle, reach)
@@ -87,7 +86,7 @@ def draw_obstacles(scene: viser.SceneApi, model: SceneModel, middle: Array, reac
 
 
 def _draw_spheres(scene: viser.SceneApi, model: SceneModel) -> None:
-    spheres = model.surroundings.spheres
+    spheres = model.static.spheres
     if not spheres:
         return
     scene.add_batched_meshes_simple(
@@ -102,7 +101,7 @@ def _draw_spheres(scene: viser.SceneApi, model: SceneModel) -> None:
 def _draw_fence(
     scene: viser.SceneApi, number: int, corners: Array, normal: Array, step: float
 ) -> None:
-    """The line where the panel meets the plane, hatched on its far side."""
+    """Draw the line where a wall's panel meets the plane, hatched on its far side."""
     along = np.cross([0.0, 0.0, 1.0], normal)
     places = corners @ along
     begin, end = (corners[k] * [1.0, 1.0, 0.0] for k in (places.argmin(), places.argmax()))
@@ -118,13 +117,9 @@ def _draw_lines(scene: viser.SceneApi, name: str, segments: Array, pixels: float
 
 
 def panel(wall: HalfSpace, others: list[HalfSpace], middle: Array, reach: float) -> Array:
-    """The corners of a wall's surface, shape (c, 3), where the other walls leave room for it.
+    """Corners of a wall's surface, shape (c, 3), where the other walls leave room for it.
 
-    Args:
-        wall: whose surface.
-        others: walls that cut it off.
-        middle: what the scene is around [m], shape (3,).
-        reach: half the side of the square that a wall without others is [m].
+    Without others it is a square around the scene's middle [m], shape (3,), of half-width `reach`.
     """
     normal, offset = wall
     foot = middle + (offset - normal @ middle) * normal
@@ -139,14 +134,14 @@ def panel(wall: HalfSpace, others: list[HalfSpace], middle: Array, reach: float)
 
 
 def _clipped(corners: Array, keep: HalfSpace) -> Array:
-    """A convex polygon's part in a half-space (Sutherland and Hodgman's way)."""
+    """Clip a convex polygon to a half-space (Sutherland-Hodgman)."""
     normal, offset = keep
     beyond = corners @ normal - offset
     found: list[Array] = []
     for k, corner in enumerate(corners):
-        before, was = corners[k - 1], beyond[k - 1]
-        if (was > 0.0) != (beyond[k] > 0.0):
-            found.append(before + was / (was - beyond[k]) * (corner - before))
+        last, last_beyond = corners[k - 1], beyond[k - 1]
+        if (last_beyond > 0.0) != (beyond[k] > 0.0):
+            found.append(last + last_beyond / (last_beyond - beyond[k]) * (corner - last))
         if beyond[k] <= 0.0:
             found.append(corner)
     return np.array(found).reshape(-1, 3)

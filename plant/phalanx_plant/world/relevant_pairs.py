@@ -1,9 +1,8 @@
-"""The pairs whose h can count for anything, found by where agents are; the others are left out.
+"""The relevant pairs: those whose h can be above zero or can change h_tot.
 
-Of the safe-set functions that come with Phalanx it is known beyond which distance h is below any
-level. Pairs whose h is below zero, and so far below the largest one that h_tot is the same number
-without them, are then left out. Who is near whom is looked up in a spatial index, and stands until
-somebody has moved too far.
+For the safe-set functions that come with Phalanx the distance is known beyond which h is below a
+given level. Pairs whose h is below zero, and too far below the largest one to change h_tot, are
+left out. A spatial index finds the others; its answer is kept until an agent has moved too far.
 """
 
 import math
@@ -18,37 +17,34 @@ from phalanx.theory.expressions.exact import dot
 from phalanx.theory.safety.function import Reaching, proven_reach
 from phalanx.theory.safety.limits import static_reach
 from phalanx.theory.safety.pairs import PairFunctions
-from phalanx_plant.world.composition import allowance
+from phalanx_plant.world.composition import negligible_below
 
 _SLACK = 0.25
-"""How much farther than it must one looks, so that what is found stands for a while."""
+"""Share by which the search goes farther than it must, so that its result lasts for a while."""
 _FEW = 40
 """So many pairs take as long to evaluate as to look up (18 of `unicycles`: 6 % more), and need no
 tree, whose import alone takes .3 s."""
 _FEW_ROWS = 500
-"""So many have all their ψ looked at where each has a row of its own, wherever its agents are; in
-time it makes no difference (`guaranteed`, `swarm2d`: within 10 %)."""
+"""The same where each pair has a row of its own, so that all its ψ are evaluated wherever its
+agents are; in time it makes no difference (`guaranteed`, `swarm2d`: within 10 %)."""
 
 
-class Near(NamedTuple):
-    """The pairs that count at s states."""
+class PairValues(NamedTuple):
+    """The relevant pairs at s states."""
 
     pairs: Index
-    """Which they are, by index, shape (r,)."""
+    """Indices of the pairs, shape (r,)."""
     values: Array
-    """What was asked of each, h first, shape (s, r, q)."""
+    """Values of the functions, h first, shape (s, r, q)."""
     least: Array
-    """Pairs whose h is less do not count, left out or not, shape (s,)."""
+    """Pairs with a smaller h are irrelevant, whether left out or not, shape (s,)."""
 
 
-class NearPairs:
-    """The numbers of the pairs that count."""
+class RelevantPairs:
+    """Evaluates functions of the relevant pairs."""
 
     def __init__(self, swarm: Swarm, functions: PairFunctions) -> None:
-        """Begin with every pair.
-
-        functions: h of a pair, and what else is asked of it.
-        """
+        """Begin with every pair; `functions` are h of a pair, and others to evaluate with it."""
         scenario, function = swarm.scenario, swarm.safety.safe_set_function
         self._functions = functions
         self._obstacles = scenario.static
@@ -58,23 +54,23 @@ class NearPairs:
         self._function = None if few else proven_reach(function)
         if self._function is not None:
             _spatial_index()  # now, and not in the middle of the run
-        self._allowance = allowance(swarm.safety.rho, len(self._every))
+        self._negligible = negligible_below(swarm.safety.rho, len(self._every))
         members = len(swarm.members)
         self._numbers = np.full((members, members + len(scenario.static)), -1)
         self._numbers[tuple(self._every.T)] = np.arange(len(self._every))
         """The number of a pair of members at (a, b), of a and obstacle k at (a, N + k)."""
         self._choose(self._every)
 
-    def __call__(self, x: Array, positions: Array) -> Near:
-        """At stacked states x, (s, n̄), where output positions are these [m], (s, N, d)."""
+    def __call__(self, x: Array, positions: Array) -> PairValues:
+        """Evaluate at stacked states x, (s, n̄), with output positions [m], (s, N, d)."""
         found = self._chosen(x)
-        if self._function is not None and not self._stands(positions, found[..., 0]):
-            self._look(self._function, positions[0], found[..., 0])
+        if self._function is not None and not self._complete(positions, found[..., 0]):
+            self._search(self._function, positions[0], found[..., 0])
             found = self._chosen(x)
-            if not self._stands(positions, found[..., 0]):
+            if not self._complete(positions, found[..., 0]):
                 self._choose(self._every)
                 found = self._chosen(x)
-        return Near(self._which, found, self._least(found[..., 0]))
+        return PairValues(self._which, found, self._least(found[..., 0]))
 
     def _choose(self, pairs: Index) -> None:
         self._chosen = self._functions.choose(pairs)
@@ -83,23 +79,23 @@ class NearPairs:
         self._from: Array | None = None
 
     def _least(self, h: Array) -> Array:
-        """As Near has it, of the h of some pairs."""
+        """Return PairValues.least for the h of some pairs."""
         if self._function is None:
             return np.full(len(h), -np.inf)
-        # Of pairs that are too few the largest h is too small, which is safe.
-        least: Array = np.minimum(0.0, h.max(axis=1) - self._allowance)
+        # If pairs are missing, the largest h found is too small, which is safe.
+        least: Array = np.minimum(0.0, h.max(axis=1) - self._negligible)
         return least
 
-    def _stands(self, positions: Array, h: Array) -> bool:
-        """Whether the pairs that were chosen are all that count at these states."""
+    def _complete(self, positions: Array, h: Array) -> bool:
+        """Return whether the chosen pairs include all that are relevant at these states."""
         if self._from is None or not self._level <= self._least(h).min():
             return False
         moved = positions - self._from
         return bool(dot(moved, moved).max() <= self._room * self._room)
 
-    def _look(self, function: Reaching, positions: Array, h: Array) -> None:
-        """Choose the pairs that count near these positions, (N, d), given h of some."""
-        self._level = float(self._least(h).min()) - _SLACK * self._allowance
+    def _search(self, function: Reaching, positions: Array, h: Array) -> None:
+        """Choose the pairs that are relevant near these positions, (N, d), given h of some."""
+        self._level = float(self._least(h).min()) - _SLACK * self._negligible
         reach = function.reach(self._level)
         self._room = _SLACK * reach / 2.0
         if not math.isfinite(reach):
@@ -107,21 +103,20 @@ class NearPairs:
             return
         tree = _spatial_index()(positions)
         pairs = tree.query_pairs(reach + 2.0 * self._room, output_type="ndarray")
-        # A normal member comes first; adversaries' own collisions are nobody's.
+        # A normal member comes first; two adversaries are no pair of the safe set.
         pairs = np.where(self._normal[pairs[:, :1]], pairs, pairs[:, ::-1])
         found = [pairs[self._normal[pairs[:, 0]]]]
         for k, obstacle in enumerate(self._obstacles):
             close = static_reach(function, self._level, obstacle) + self._room
-            near = self._normal & (obstacle.distances(positions) <= close)
-            beside = np.flatnonzero(near)
-            found.append(np.stack([beside, np.full(len(beside), len(positions) + k)], axis=1))
+            near = np.flatnonzero(self._normal & (obstacle.distances(positions) <= close))
+            found.append(np.stack([near, np.full(len(near), len(positions) + k)], axis=1))
         every = np.concatenate(found)
         self._choose(every[np.lexsort(every.T[::-1])])
         self._from = positions
 
 
 def _spatial_index() -> Callable[[Array], Any]:
-    """cKDTree, which takes most of a second to import: small swarms need not wait for it."""
+    """Import cKDTree, which takes most of a second: small swarms do without it."""
     from scipy.spatial import cKDTree
 
     found: Callable[[Array], Any] = cKDTree

@@ -1,10 +1,10 @@
-"""What sensors lose and actuators get late: who samples when, and what is applied when."""
+"""Links on board: lost samples, late and lost inputs, and the schedule that follows."""
 
 from typing import Any
 
 import numpy as np
 import pytest
-from phalanx_plant.sampling.schedule import Harness, Schedule
+from phalanx_plant.sampling.schedule import OnboardLinks, Schedule
 
 from phalanx.scenario.load import ScenarioError, load
 from phalanx.swarm.swarm import Swarm, build_swarm
@@ -16,11 +16,13 @@ def swarm_with(**network: Any) -> Swarm:
     return build_swarm(load("unicycles", {"duration": END, "network": network}))
 
 
-def course(swarm: Swarm, end: float = END) -> tuple[Harness, dict[int, list[float]], list[Any]]:
-    """The harness, when each agent samples, and each input: (agent, k, due, takes effect)."""
+def course(
+    swarm: Swarm, end: float = END
+) -> tuple[OnboardLinks, dict[int, list[float]], list[Any]]:
+    """The links, each agent's sampling times, and each input: (agent, k, due, takes effect)."""
     latency = swarm.time.latency
-    harness = Harness(swarm)
-    schedule = Schedule([swarm.clock(i) for i in range(len(swarm.names))], latency, harness)
+    links = OnboardLinks(swarm)
+    schedule = Schedule([swarm.clock(i) for i in range(len(swarm.names))], latency, links)
     samples: dict[int, list[float]] = {i: [] for i in range(len(swarm.names))}
     inputs, newest = [], {}
     while (t := schedule.next_event()) < end:
@@ -30,22 +32,22 @@ def course(swarm: Swarm, end: float = END) -> tuple[Harness, dict[int, list[floa
         for i in schedule.applying_at(t):
             inputs.append((i, newest[i], t, not schedule.loses_input(i)))
             schedule.applied(i)
-    return harness, samples, inputs
+    return links, samples, inputs
 
 
 def test_a_lost_sample_is_missed_and_the_clock_goes_on_as_it_would_have():
     _, whole, _ = course(swarm_with())
-    harness, kept, inputs = course(swarm_with(sample={"loss": 0.3}))
+    links, kept, inputs = course(swarm_with(sample={"loss": 0.3}))
     count = sum(map(len, whole.values()))
     for i, times in kept.items():
         assert set(times) < set(whole[i])
         assert [k for j, k, *_ in inputs if j == i] == list(range(len(times)))
     missed = count - sum(map(len, kept.values()))
-    assert harness.faults == {0: missed}
+    assert links.faults == {0: missed}
     assert missed / count == pytest.approx(0.3, abs=4.0 * np.sqrt(0.21 / count))
 
 
-def test_without_faults_everybody_samples_whenever_its_clock_ticks():
+def test_without_faults_all_agents_sample_whenever_their_clocks_tick():
     swarm = swarm_with()
     _, samples, _ = course(swarm)
     for i, times in samples.items():
@@ -56,10 +58,10 @@ def test_without_faults_everybody_samples_whenever_its_clock_ticks():
 
 
 def test_samples_that_all_are_lost_end_with_the_run():
-    harness, samples, inputs = course(swarm_with(sample={"loss": 1.0}))
+    links, samples, inputs = course(swarm_with(sample={"loss": 1.0}))
     assert not any(samples.values())
     assert not inputs
-    assert harness.faults[0] > 0
+    assert links.faults[0] > 0
 
 
 def test_a_late_input_takes_effect_late():
@@ -95,17 +97,17 @@ def test_an_input_that_comes_at_the_very_instant_of_the_next_sample_is_never_app
 
 
 def test_a_lost_input_is_lost_and_the_others_are_not_late():
-    harness, samples, inputs = course(swarm_with(actuation={"loss": {"mean": 0.2, "burst": 3.0}}))
+    links, samples, inputs = course(swarm_with(actuation={"loss": {"mean": 0.2, "burst": 3.0}}))
     lost = [takes for *_, takes in inputs].count(False)
-    assert harness.faults == {0: lost}
+    assert links.faults == {0: lost}
     assert lost / len(inputs) == pytest.approx(0.2, abs=0.06)
     assert all(t == samples[i][k] for i, k, t, _ in inputs)
 
 
-def test_one_robots_harness_is_no_other_robots():
-    links = [{"of": "sample", "to": "2", "loss": 0.5}]
+def test_one_robots_links_do_not_affect_another_robot():
+    faulty = [{"of": "sample", "to": "2", "loss": 0.5}]
     _, whole, _ = course(swarm_with())
-    _, kept, _ = course(swarm_with(links=links))
+    _, kept, _ = course(swarm_with(links=faulty))
     assert {i for i in whole if whole[i] != kept[i]} == {1}
 
 
@@ -128,9 +130,9 @@ def test_samples_are_not_late(overrides, message):
         load("unicycles", overrides)
 
 
-def test_who_goes_on_samples_at_once_but_not_before_its_last_input_has_taken_effect():
+def test_an_agent_that_continues_samples_at_once_but_not_before_its_last_input_has_taken_effect():
     swarm = swarm_with()
-    schedule = Schedule([swarm.clock(0)], 0.004, Harness(swarm))
+    schedule = Schedule([swarm.clock(0)], 0.004, OnboardLinks(swarm))
     schedule.sampled(0, 0.0)
     for t, goes_on in ((0.002, np.nextafter(0.004, 1.0)), (0.5, 0.5)):
         schedule.silence(0)

@@ -1,4 +1,4 @@
-"""What exported recordings show besides the scene: the pairs a run was about, and its log."""
+"""Contents that the exports for Foxglove and rerun share: the nearest pairs, and the log."""
 
 import numpy as np
 
@@ -20,14 +20,14 @@ _LEVELS = {
 
 
 def near_pairs(swarm: Swarm, x: Array) -> tuple[list[int], Array]:
-    """The pairs that were the worst one of some agent at some state, and their h.
+    """Find the pairs that were the worst one of some agent at some state, and their h.
 
     Args:
-        swarm: whose pairs they are.
+        swarm: of the pairs.
         x: states, shape (s, n̄).
 
     Returns:
-        The pairs' indices in the composed set, r of them; and h, shape (s, r).
+        The r pairs' indices in the composed set, and h, shape (s, r).
     """
     pairs = swarm.pairs.every
     every = swarm.pairs.choose(pairs)
@@ -45,14 +45,14 @@ def near_pairs(swarm: Swarm, x: Array) -> tuple[list[int], Array]:
 
 
 def log_lines(recording: Recording) -> list[Log]:
-    """Events and failed assumptions by time, the verdict last."""
+    """List events and failed assumptions by time, the verdict last."""
     end = recording.states[-1].t if recording.states else 0.0
     summary, failed = recording.summary, []
     if summary is None:
         verdict = Log(end, f"no verdict: {recording.unfinished}", Level.ERROR)
     else:
-        told = f"{summary.outcome}: {summary.reason}"
-        verdict = Log(max(summary.t, end), told, _LEVELS[summary.outcome])
+        text = f"{summary.outcome}: {summary.reason}"
+        verdict = Log(max(summary.t, end), text, _LEVELS[summary.outcome])
         failed = [
             Log(a.first, f"failed: {a.name} ({a.failed} of {a.checked} checks)", Level.WARNING)
             for a in summary.assumptions

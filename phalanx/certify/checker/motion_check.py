@@ -1,4 +1,4 @@
-"""Whether recorded states may follow one another: what the equation allows within that time.
+"""Check that each recorded state can follow the one before under the equation of motion.
 
 Let y be the motion without disturbance from one recorded state, and x the real one, both within a
 box B. With J the Jacobian of f + g u and μ at least the largest eigenvalue of (J + Jᵀ)/2 over B,
@@ -6,12 +6,12 @@ box B. With J the Jacobian of f + g u and μ at least the largest eigenvalue of 
     ‖x(h) - y(h)‖ <= e^{μh} ‖x(0) - y(0)‖ + φ^max (e^{μh} - 1)/μ,
 
 and (e^{μh} - 1)/μ, h times the mean of e^s from 0 to μh, is at most h (1 + e^{μh})/2. y(h) is
-enclosed by a Taylor expansion along f + g u: all derivatives but the last at y(0), that over B. Its
-order is the highest at which nothing jumps in B; where J has no bound it is the first, and
+enclosed by a Taylor expansion along f + g u: the last derivative is taken over B, all others at
+y(0). Its order is the highest without a jump in B; where J has no bound it is the first, and
 
     x(h) is within ‖x(0) - y(0)‖ + h φ^max of y(0) + h F(B).
 
-The time is divided until a state is certain to be within the distance, or to be beyond it.
+The time is divided until a state is proven to be within that distance, or beyond it.
 """
 
 from collections.abc import Sequence
@@ -36,31 +36,30 @@ from phalanx.certify.checker.intervals import (
 from phalanx.certify.checker.motions import GroupMotion, Motion
 
 _PIECES = (1, 4, 16, 64, 256)
-"""Into so many pieces a time is divided."""
+"""Numbers of pieces into which a time is divided, in turn."""
 _ORDER = 5
-"""Of Taylor expansions."""
+"""Highest order of Taylor expansions."""
 _ROUNDING = 1e-12
-"""How far a recorded state may be off its motion, relative to both: the plant rounds at each step.
-"""
-_NOTHING = 1e-150
-"""Of smaller numbers the squares underflow."""
+"""Allowed rounding error of a recorded state, relative to its size and to the distance moved."""
+_TINY = 1e-150
+"""Squares of smaller numbers underflow."""
 
 
 class Reached(NamedTuple):
-    """Where s motions may be after their times."""
+    """The ends of s motions, bounded."""
 
     y: Interval
-    """Without disturbance, shape (n, s)."""
+    """The end without disturbance, shape (n, s)."""
     distance: Array
-    """How far at most from there with it, shape (s,)."""
+    """Largest distance from there with disturbance, shape (s,)."""
     speed: Array
-    """How fast at most on the way, shape (s,)."""
+    """Largest speed on the way, shape (s,)."""
     known: Mask
-    """shape (s,)"""
+    """Whether these bounds are proven, shape (s,)."""
 
 
-class Departures:
-    """The enclosure of a group's motions under inputs that are known."""
+class MotionCheck:
+    """Encloses a group's motions under known inputs, and compares recorded states with them."""
 
     def __init__(self, motion: GroupMotion) -> None:
         self._motion = motion
@@ -110,7 +109,7 @@ class Departures:
             )
 
     def _followed(self, t: Array, x: Array, u: Array) -> tuple[Mask, Array]:
-        """Which states may follow, shape (e - 1,), and how far others are beyond what may."""
+        """Return which states may follow, shape (e - 1,), and by how much others are too far."""
         begin, end, dt = point(x[:, :-1]), point(x[:, 1:]), subtract(point(t[1:]), point(t[:-1]))
         may, beyond = np.zeros(len(t) - 1, dtype=bool), np.zeros(len(t) - 1)
         for pieces in _PIECES:
@@ -121,13 +120,13 @@ class Departures:
             found = self.reached(begin[:, todo], point(u[:, todo]), span, pieces)
             off = norm(absolute(subtract(end[:, todo], found.y)))
             way, size = span.hi * found.speed, np.abs(begin.lo[:, todo]).max(axis=0)
-            allowed = _NOTHING + found.distance + _ROUNDING * (size + way)
+            allowed = _TINY + found.distance + _ROUNDING * (size + way)
             may[todo] = found.known & (off.hi <= allowed)
             beyond[todo] = np.where(found.known, np.maximum(off.lo - allowed, 0.0), 0.0)
         return may, beyond
 
     def reached(self, begin: Interval, u: Interval, T: Interval, pieces: int) -> Reached:
-        """Where motions from `begin`, shape (n, s), are after T, shape (s,), in so many pieces."""
+        """Bound motions from `begin`, shape (n, s), after T, shape (s,), divided into pieces."""
         h = multiply(T, point(1.0 / pieces))
         y, distance, speed = begin, np.zeros_like(h.lo), np.zeros_like(h.lo)
         known = np.ones(h.lo.shape, dtype=bool)
@@ -139,7 +138,7 @@ class Departures:
             (grown,), _ = self._distance(mu, h[None], point(distance[None]), phi)
             lipschitz = np.isfinite(grown.hi[0])
             y = self._undisturbed(y, u, h, within, lipschitz)
-            # Without J: the way is h F somewhere in B, and what φ adds.
+            # Without a bound of J: a motion of h F within B, and the effect of φ.
             pushed = add(point(distance), multiply(phi[0], h)).hi
             distance = np.where(lipschitz, grown.hi[0], pushed)
             speed = np.maximum(speed, norm(absolute(within.rates)).hi + self._motion.disturbance)
@@ -151,7 +150,7 @@ class Departures:
     def _undisturbed(
         self, y: Interval, u: Interval, h: Interval, within: Motion, smooth: Mask
     ) -> Interval:
-        """Where motions from y are after h without disturbance; of first order unless smooth."""
+        """Bound motions from y after h without disturbance; of first order unless smooth."""
         found, left = add(y, multiply(h, within.rates)), smooth.copy()
         derivatives, _ = self._at(y, u)
         for order, function in self._over.items():

@@ -1,0 +1,116 @@
+"""Check the words of docstrings, comments and pages; with --count, count dialect in any checkout.
+
+A docstring begins with a verb or a noun phrase. Words that stop a reader who is new are banned.
+`--count FOLDER...` prints how often they occur, to compare this project with others.
+"""
+
+import argparse
+import ast
+import io
+import re
+import tokenize
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parent.parent
+SOURCES = ("phalanx", "agent", "plant", "viewer", "tests", "bench", "evidence", "examples")
+PAGES = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs")
+
+NO_FIRST_WORD = re.compile(
+    r"(what|who|whom|whose|whoever|whatever|how|whether|which|when|where|why|that|those|if|of|from"
+    r"|as|at|for|in|to|by|with)\b",
+    re.IGNORECASE,
+)
+DIALECT = re.compile(
+    r"\b(whoever|whomever|whosever|beside|besides|alike|told|somebody|everybody|nobody|anybody"
+    r"|thereby|whence|anew|door|strikes?|scribe|harness|what (?:\w+ ){1,3}c[ao]mes? to|put to use"
+    r"|lean(?:s|ed)? on)\b",
+    re.IGNORECASE,
+)
+LONGEST = 25
+
+
+class Passage(NamedTuple):
+    """A docstring, a comment or a line of a page, and where it is."""
+
+    path: Path
+    line: int
+    text: str
+    docstring: bool = False
+
+
+def python_passages(path: Path) -> Iterator[Passage]:
+    source = path.read_text()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            text = ast.get_docstring(node)
+            if text:
+                yield Passage(path, node.body[0].lineno, text, docstring=True)
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.COMMENT:
+            yield Passage(path, token.start[0], token.string.lstrip("# "))
+
+
+def page_passages(path: Path) -> Iterator[Passage]:
+    """Return the lines of a page that are prose: no code, no table's rule, no front matter."""
+    fenced = False
+    for number, line in enumerate(path.read_text().splitlines(), 1):
+        if line.lstrip().startswith("```"):
+            fenced = not fenced
+        elif not fenced:
+            yield Passage(path, number, re.sub(r"`[^`]*`|\]\([^)]*\)", " ", line))
+
+
+def passages(folders: list[Path]) -> Iterator[Passage]:
+    for folder in folders:
+        for path in sorted([folder] if folder.is_file() else folder.rglob("*")):
+            if path.suffix == ".py":
+                yield from python_passages(path)
+            elif path.suffix == ".md":
+                yield from page_passages(path)
+
+
+def faults_of(passage: Passage) -> Iterator[str]:
+    if passage.docstring and (first := NO_FIRST_WORD.match(passage.text)):
+        yield f"a docstring begins with a verb or a noun phrase, not with {first.group()!r}"
+    for word in DIALECT.findall(passage.text):
+        yield f"{word!r}: say it in plainer words"
+
+
+def print_count(found: list[Passage]) -> None:
+    words: Counter[str] = Counter()
+    total = sentences = long = docstrings = first = 0
+    for passage in found:
+        total += len(re.findall(r"[A-Za-z'-]+", passage.text))
+        words.update(word.lower() for word in DIALECT.findall(passage.text))
+        docstrings += passage.docstring
+        first += passage.docstring and bool(NO_FIRST_WORD.match(passage.text))
+        for sentence in re.split(r"[.:;?!](?:\s|$)|\n\n", passage.text):
+            sentences += bool(sentence.strip())
+            long += len(sentence.split()) > LONGEST
+    dialect = sum(words.values())
+    print(f"{total} words, {dialect} of dialect: {1000 * dialect / max(total, 1):.2f} in 1000")
+    print(f"{docstrings} docstrings, {first} begin with neither a verb nor a noun phrase")
+    print(f"{sentences} sentences, {long} of more than {LONGEST} words")
+    print(", ".join(f"{word} {count}" for word, count in words.most_common(15)))
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", nargs="*", type=Path, metavar="FOLDER")
+    options = parser.parse_args()
+    if options.count is not None:
+        print_count(list(passages(options.count or [ROOT / name for name in (*SOURCES, *PAGES)])))
+        return 0
+    wrong = 0
+    for passage in passages([ROOT / name for name in (*SOURCES, *PAGES)]):
+        for fault in faults_of(passage):
+            print(f"{passage.path.relative_to(ROOT)}:{passage.line}: {fault}")
+            wrong += 1
+    return int(wrong > 0)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,104 @@
+"""Public names for code of your own: dynamics, safe sets, laws, margins, link rules, commands.
+
+A class of your own is a dataclass with the methods of one of the protocols here. A scenario names
+it as `type = "package.module:Name"`; the other fields of that table are its own. Expressions are
+CasADi's, arrays numpy's, units SI, and safe is h <= 0.
+
+    from phalanx.extend import Body, ClassK, Obstacle, box_polytope
+
+Names that are not in this module may change at any time.
+"""
+
+from phalanx.arrays import Array
+from phalanx.cli.terminal import echo, echo_error
+from phalanx.network.rule import (
+    CORRUPT,
+    DELIVER,
+    DROP,
+    DUPLICATE,
+    Copy,
+    Message,
+    Rule,
+    Treatment,
+    delay,
+)
+from phalanx.theory.laws.attacks import Chase, WorstCase
+from phalanx.theory.laws.formation import Goal
+from phalanx.theory.laws.law import Law, TeamLaw, View
+from phalanx.theory.laws.tracking import Pursue, Track, TrackVelocity
+from phalanx.theory.margins.kinds import IntegratedMargin, LocalMargin, Margin, PairRow
+from phalanx.theory.models.dynamics import Bounded, Dynamics, Measured, box_polytope
+from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
+from phalanx.theory.models.wheeled import KinematicBicycle, Unicycle
+from phalanx.theory.safety.chain import Chain
+from phalanx.theory.safety.class_k import ClassK, Linear, Power
+from phalanx.theory.safety.composition import Member
+from phalanx.theory.safety.function import (
+    Body,
+    Distance,
+    HeadingAware,
+    SafeSetFunction,
+    Separation,
+)
+from phalanx.theory.safety.limits import Band, Drawable, Fence, Limit
+from phalanx.theory.safety.obstacles import Obstacle, Sphere, Wall
+
+__all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
+    # Dynamics
+    "Dynamics",
+    "Bounded",
+    "Measured",
+    "box_polytope",
+    "SingleIntegrator",
+    "DoubleIntegrator",
+    "TripleIntegrator",
+    "Unicycle",
+    "KinematicBicycle",
+    # Safe-set functions, obstacles, limits
+    "SafeSetFunction",
+    "Body",
+    "Separation",
+    "Distance",
+    "HeadingAware",
+    "Obstacle",
+    "Sphere",
+    "Wall",
+    "Limit",
+    "Drawable",
+    "Fence",
+    "Band",
+    # Class-K functions and margins
+    "ClassK",
+    "Linear",
+    "Power",
+    "Margin",
+    "PairRow",
+    "Chain",
+    "LocalMargin",
+    "IntegratedMargin",
+    # Laws and attacks
+    "Law",
+    "TeamLaw",
+    "View",
+    "Goal",
+    "Member",
+    "Track",
+    "TrackVelocity",
+    "Chase",
+    "Pursue",
+    "WorstCase",
+    # Link rules
+    "Rule",
+    "Message",
+    "Treatment",
+    "Copy",
+    "DELIVER",
+    "DROP",
+    "DUPLICATE",
+    "CORRUPT",
+    "delay",
+    # Arrays, and the output of commands
+    "Array",
+    "echo",
+    "echo_error",
+]

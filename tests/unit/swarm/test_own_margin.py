@@ -1,0 +1,151 @@
+"""A user's own margin: added to its pair's row, refused in one line, and never called proven."""
+
+import numpy as np
+import pytest
+
+from phalanx.cli.check_table import requirements
+from phalanx.guarantee.check import check
+from phalanx.scenario.load import ScenarioError, load
+from phalanx.swarm.runnable import require_runnable
+from phalanx.swarm.swarm import build_swarm
+
+MODULE = """
+from dataclasses import dataclass
+
+import casadi as ca
+
+from phalanx.extend import LocalMargin, PairRow
+
+
+@dataclass(frozen=True)
+class Reserve:
+    speed: float
+
+    def at_sample(self, row: PairRow):
+        steepness = ca.norm_2(row.chain.actuation[row.own])
+        return row.share * row.horizon * self.speed * steepness + row.bounds[1 - row.own]
+
+class Pair(Reserve):
+    def at_sample(self, row): return ca.vertcat(1, 2)
+
+class Worded(Reserve):
+    def at_sample(self, row): return "much"
+
+class Silent(Reserve):
+    def at_sample(self, row): row.horizon
+
+class Foreign(Reserve):
+    def at_sample(self, row): return ca.SX.sym("wind")
+
+class Lost(Reserve):
+    def at_sample(self, row): return row.chian
+
+class Infinite(Reserve):
+    def at_sample(self, row): return 1 / ca.sumsqr(row.chain.set.x[1])
+
+@dataclass(frozen=True)
+class Absent:
+    speed: float
+
+@dataclass(frozen=True)
+class Subclass(LocalMargin):
+    speed: float = 0.0
+"""
+
+SCENARIO = """
+name = "own"
+duration = 0.1
+
+[safety]
+function = { type = "separation", radius = 1.0 }
+rho = 5.0
+alpha = [5.0]
+composition = "pairs"
+information = "split"
+margin = { type = "reserves:Reserve", speed = 2.0 }
+
+[[agents]]
+names = ["a", "b"]
+role = "normal"
+dynamics = { type = "single-integrator", speed = 2.0 }
+law = { type = "track-velocity", gain = 1.0 }
+clock = { period = 0.05, jitter = 0.01 }
+disturbance = { bound = 0.25 }
+start = [[-2.0, 0.0], [2.0, 0.0]]
+"""
+MISTAKES = {
+    "Pair": "own: Pair.at_sample: expected a scalar, got shape (2,) (reserves.py, line ",
+    "Worded": "own: Worded.at_sample: expected a scalar, got a str that is no expression",
+    "Silent": "own: Silent.at_sample: expected a scalar, got None (reserves.py, line ",
+    "Foreign": "own: Foreign.at_sample: expected an expression of its arguments alone, got one",
+    "Lost": "own: Lost.at_sample: expected a scalar, got AttributeError: 'PairRow' object has no",
+    "Infinite": "own: Infinite.at_sample: expected a finite margin of a and b at the start, got no",
+    "Absent": "own.toml: safety.margin: expected a dataclass that is a Margin: Absent (res",
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """One folder, since a module is imported once."""
+    folder = tmp_path_factory.mktemp("own")
+    (folder / "reserves.py").write_text(MODULE)
+    (folder / "own.toml").write_text(SCENARIO)
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def own(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.5])
+def test_it_is_what_a_pairs_row_keeps_back(scale):
+    rows = require_runnable(build_swarm(load("own.toml", {"safety.margin_scale": scale})))
+    x, steepness = rows.swarm.start(), 2.0 * 4.0  # ∂h/∂x = -2 (x_a - x_b)
+    for i in (0, 1):
+        for sharing, share in (((), 1.0), (rows.swarm.normal, 0.5)):
+            (found,) = rows.pair_terms(i)(x, sharing=sharing).margin
+            assert found == pytest.approx(scale * (share * 0.06 * 2.0 * steepness + 0.25))
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_in_it_is_one_line(name):
+    with pytest.raises(ScenarioError) as error:
+        require_runnable(build_swarm(load("own.toml", {"safety.margin.type": f"reserves:{name}"})))
+    assert str(error.value).startswith(MISTAKES[name])
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("override", "line"),
+    [
+        ("safety.composition=lse", "safety.margin: expected composition = 'pairs', or another"),
+        ("safety.eta=1.0", "safety.eta: expected no value, or 0: margin = 'reserves:Reserve'"),
+        ("safety.margin=locale", "safety.margin: expected one of paper, corrected, local, integr"),
+        ("safety.margin=5", "safety.margin: expected a valid string, got 5"),
+    ],
+)
+def test_a_choice_that_does_not_fit_is_named(override, line):
+    with pytest.raises(ScenarioError) as error:
+        load("own.toml", [override])
+    assert str(error.value).startswith(f"own.toml: {line}")
+
+
+@pytest.mark.parametrize("name", ["Reserve", "Subclass"])
+def test_a_check_claims_no_proof_for_it(name):
+    scenario = load("own.toml", {"safety.margin.type": f"reserves:{name}"})
+    report = check(scenario)
+    (gap,) = report.gaps
+    assert gap.startswith(f"nothing proves that the margin reserves:{name} is a bound")
+    rows = [row for row in requirements(scenario, report) if row.name.startswith("margin")]
+    assert [(row.found, row.holds) for row in rows] == [(f"by reserves:{name}", None)]
+
+
+def test_a_table_of_a_built_in_name_is_that_name():
+    table = load("own.toml", {"safety.margin": {"type": "local"}}).safety
+    assert table.margin == "local"
+    assert table.bounds_margin
+    x = np.array([-2.0, 0.0, 2.0, 0.0])
+    named = [load("own.toml", {"safety.margin": m}) for m in ("local", {"type": "local"})]
+    a, b = (require_runnable(build_swarm(s)).pair_terms(0)(x).margin for s in named)
+    assert a.tolist() == b.tolist()

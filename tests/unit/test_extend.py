@@ -1,0 +1,73 @@
+"""The public names for code of one's own: pinned, documented, and all that is needed."""
+
+import ast
+import inspect
+import itertools
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import phalanx.extend
+from phalanx.schema.registry import BUILT_IN
+
+SOURCE = ast.parse(inspect.getsource(phalanx.extend))
+NAMES = """
+    Dynamics Bounded Measured box_polytope SingleIntegrator DoubleIntegrator TripleIntegrator
+    Unicycle KinematicBicycle
+    SafeSetFunction Body Separation Distance HeadingAware Obstacle Sphere Wall
+    Limit Drawable Fence Band
+    ClassK Linear Power Margin PairRow Chain LocalMargin IntegratedMargin
+    Law TeamLaw View Goal Member Track TrackVelocity Chase Pursue WorstCase
+    Rule Message Treatment Copy DELIVER DROP DUPLICATE CORRUPT delay
+    Array echo echo_error
+"""
+HOMES = {
+    alias.name: sys.modules[node.module]
+    for node in SOURCE.body
+    if isinstance(node, ast.ImportFrom) and node.module
+    for alias in node.names
+}
+_OF_THE_PAPER = {"PaperMargin", "CorrectedMargin"}  # which a field makes, and no code of one's own
+
+
+def test_its_names_are_these():
+    assert phalanx.extend.__all__ == NAMES.split()
+    assert set(HOMES) == set(NAMES.split())
+
+
+def test_every_kind_that_a_scenario_names_and_every_class_of_it_is_public():
+    kinds = {kind.__name__ for kind in BUILT_IN}
+    classes = {found.__name__ for known in BUILT_IN.values() for found in known.values()}
+    assert kinds | classes - _OF_THE_PAPER <= set(NAMES.split())
+
+
+@pytest.mark.parametrize("name", NAMES.split())
+def test_every_name_is_documented(name):
+    found = getattr(phalanx.extend, name)
+    if not (inspect.isclass(found) or inspect.isfunction(found)):
+        assert name in documented_values(HOMES[name])
+        return
+    assert found.__doc__
+    assert not found.__doc__.startswith(f"{name}(")  # which a dataclass has by itself
+    if getattr(found, "_is_protocol", False):
+        methods = [m for n, m in vars(found).items() if not n.startswith("_")]
+        assert methods
+        assert all(inspect.getdoc(m) for m in methods)
+
+
+def documented_values(module) -> set[str]:
+    """The values of a module with a docstring below them."""
+    body = ast.parse(inspect.getsource(module)).body
+    found = set()
+    for value, below in itertools.pairwise(body):
+        targets = value.targets if isinstance(value, ast.Assign) else [getattr(value, "target", 0)]
+        if isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
+            found |= {target.id for target in targets if isinstance(target, ast.Name)}
+    return found
+
+
+def test_to_import_phalanx_is_not_to_import_it():
+    check = "import phalanx, sys; sys.exit(any(m.startswith('phalanx.') for m in sys.modules))"
+    subprocess.run([sys.executable, "-c", check], cwd=Path(__file__).parents[2], check=True)
