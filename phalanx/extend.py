@@ -22,6 +22,9 @@ from phalanx.network.rule import (
     Treatment,
     delay,
 )
+from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.expressions.exact import added, dot, length
+from phalanx.theory.expressions.portable import portable_value
 from phalanx.theory.laws.attacks import Chase, WorstCase
 from phalanx.theory.laws.formation import Goal
 from phalanx.theory.laws.law import Law, TeamLaw, View
@@ -97,6 +100,12 @@ __all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
     "DUPLICATE",
     "CORRUPT",
     "delay",
+    # Arithmetic that is the same on every machine
+    "CompiledFunction",
+    "dot",
+    "length",
+    "added",
+    "portable_value",
     # Arrays, and the output of commands
     "Array",
     "echo",

@@ -21,6 +21,7 @@ NAMES = """
     ClassK Linear Power Margin PairRow Chain LocalMargin IntegratedMargin
     Law TeamLaw View Goal Member Track TrackVelocity Chase Pursue WorstCase
     Rule Message Treatment Copy DELIVER DROP DUPLICATE CORRUPT delay
+    CompiledFunction dot length added portable_value
     Array echo echo_error
 """
 HOMES = {
