@@ -24,7 +24,7 @@ class VirtualClock:
 
     def lacks(self, inbox: BroadcastInbox, existing: Mapping[int, BroadcastRange]) -> bool:
         """Return whether to wait for one of the broadcasts that exist, by sender."""
-        return bool(inbox.missing(existing))
+        return inbox.lacks(existing)
 
     def counted(
         self, inbox: BroadcastInbox, existing: Mapping[int, BroadcastRange]

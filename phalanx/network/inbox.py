@@ -96,6 +96,11 @@ class BroadcastInbox:
         """
         return self._incoming[sender].put(message, at)
 
+    def lacks(self, counted: Mapping[int, BroadcastRange]) -> bool:
+        """Return whether a counted broadcast has yet to arrive."""
+        # Called at every arrival, so it stops at the first.
+        return any(self._incoming[sender].missing(*n) for sender, n in counted.items())
+
     def missing(self, counted: Mapping[int, BroadcastRange]) -> dict[int, list[int]]:
         """Return by sender the counted broadcasts that have yet to arrive."""
         found = {sender: self._incoming[sender].missing(*n) for sender, n in counted.items()}

@@ -110,7 +110,7 @@ def test_a_sample_that_cannot_be_the_plants_next_is_dropped(agent: Agent, which:
 def test_a_broadcast_that_cannot_be_its_senders_is_dropped(agent: Agent, which: str) -> None:
     agent.answering.on_broadcast(*BROADCASTS[which])
     assert agent.step.rejected == 1
-    assert agent.step.inbox.missing({1: BroadcastRange(0, 0)})
+    assert agent.step.inbox.lacks({1: BroadcastRange(0, 0)})
 
 
 def test_a_broadcast_that_came_before_is_dropped(agent: Agent) -> None:

@@ -128,20 +128,20 @@ def test_what_was_received_does_not_depend_on_the_order_of_arrival(order):
 
 def test_a_broadcast_is_missing_until_it_is_here_and_not_again_after_it_was_decided():
     inbox = inbox_of(model(), senders=2)
-    assert not inbox.missing(upto(-1, -1))
-    assert inbox.missing(upto(0, -1))
+    assert not inbox.lacks(upto(-1, -1))
+    assert inbox.lacks(upto(0, -1))
     inbox.put(0, broadcast(0))
-    assert not inbox.missing(upto(0, -1))
-    assert inbox.missing(upto(0, 0))
-    assert inbox.missing(upto(1, -1))
+    assert not inbox.lacks(upto(0, -1))
+    assert inbox.lacks(upto(0, 0))
+    assert inbox.lacks(upto(1, -1))
     inbox.put(0, broadcast(2))
-    assert inbox.missing(upto(2, -1))
+    assert inbox.lacks(upto(2, -1))
     assert inbox.missing(upto(3, -1)) == {0: [1, 3]}
     inbox.put(0, broadcast(1))
-    assert not inbox.missing(upto(2, -1))
+    assert not inbox.lacks(upto(2, -1))
     inbox.advance(upto(2, -1), 1.0)
-    assert not inbox.missing(upto(2, -1))
-    assert inbox.missing(upto(3, -1))
+    assert not inbox.lacks(upto(2, -1))
+    assert inbox.lacks(upto(3, -1))
     assert inbox.missing(upto(4, 0)) == {0: [3, 4], 1: [0]}
 
 
@@ -268,7 +268,7 @@ def test_who_comes_back_is_heard_again_from_its_first_broadcast_since():
     inbox.advance({0: BroadcastRange(0, 1)}, 0.02)
     inbox.advance({}, 0.03)
     back = {0: BroadcastRange(5, 6)}
-    assert not inbox.missing(back)
+    assert not inbox.lacks(back)
     told = inbox.advance(back, 0.07)
     assert [fate.k for fate in told] == [5, 6], "broadcast 2 was of the contact before"
     assert newest(inbox) == 6
@@ -316,7 +316,7 @@ def test_in_real_time_a_broadcast_counts_from_when_it_came_and_what_did_not_come
     exist = {1: BroadcastRange(0, 3)}
     arrived = inbox.up_to_newest(exist)
     assert arrived == {1: BroadcastRange(0, 2)}
-    assert inbox.missing(exist)
+    assert inbox.lacks(exist)
     (first, second) = inbox.advance(arrived, 0.03)
     assert (first.k, first.delay) == (0, pytest.approx(0.014))
     assert (second.k, second.delay) == (2, pytest.approx(0.013))
