@@ -30,9 +30,10 @@ from phalanx.theory.laws.formation import Goal
 from phalanx.theory.laws.law import Law, TeamLaw, View
 from phalanx.theory.laws.tracking import Pursue, Track, TrackVelocity
 from phalanx.theory.margins.kinds import IntegratedMargin, LocalMargin, Margin, PairRow
+from phalanx.theory.models.aerial import PlanarQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import Bounded, Dynamics, Measured, box_polytope
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
-from phalanx.theory.models.wheeled import KinematicBicycle, Unicycle
+from phalanx.theory.models.wheeled import DifferentialDrive, KinematicBicycle, Unicycle
 from phalanx.theory.safety.chain import Chain
 from phalanx.theory.safety.class_k import ClassK, Linear, Power
 from phalanx.theory.safety.composition import Member
@@ -56,7 +57,10 @@ __all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
     "DoubleIntegrator",
     "TripleIntegrator",
     "Unicycle",
+    "DifferentialDrive",
     "KinematicBicycle",
+    "PlanarQuadrotor",
+    "Quadrotor",
     # Safe-set functions, obstacles, limits
     "SafeSetFunction",
     "Body",

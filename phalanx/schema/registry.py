@@ -22,9 +22,10 @@ from phalanx.theory.margins.kinds import (
     Margin,
     PaperMargin,
 )
+from phalanx.theory.models.aerial import PlanarQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
-from phalanx.theory.models.wheeled import KinematicBicycle, Unicycle
+from phalanx.theory.models.wheeled import DifferentialDrive, KinematicBicycle, Unicycle
 from phalanx.theory.safety.class_k import ClassK, Linear, Power
 from phalanx.theory.safety.function import Distance, HeadingAware, SafeSetFunction, Separation
 from phalanx.theory.safety.limits import Band, Fence, Limit
@@ -35,7 +36,10 @@ BUILT_IN: Mapping[type, Mapping[str, type]] = {
         "single-integrator": SingleIntegrator,
         "double-integrator": DoubleIntegrator,
         "triple-integrator": TripleIntegrator,
+        "differential-drive": DifferentialDrive,
         "bicycle": KinematicBicycle,
+        "planar-quadrotor": PlanarQuadrotor,
+        "quadrotor": Quadrotor,
     },
     ClassK: {"linear": Linear, "power": Power},
     SafeSetFunction: {

@@ -15,7 +15,7 @@ from phalanx.schema.registry import BUILT_IN
 SOURCE = ast.parse(inspect.getsource(phalanx.extend))
 NAMES = """
     Dynamics Bounded Measured box_polytope SingleIntegrator DoubleIntegrator TripleIntegrator
-    Unicycle KinematicBicycle
+    Unicycle DifferentialDrive KinematicBicycle PlanarQuadrotor Quadrotor
     SafeSetFunction Body Separation Distance HeadingAware Obstacle Sphere Wall
     Limit Drawable Fence Band
     ClassK Linear Power Margin PairRow Chain LocalMargin IntegratedMargin

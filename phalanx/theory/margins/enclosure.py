@@ -38,7 +38,7 @@ class Enclosure(NamedTuple):
     phi: ca.SX
     """The disturbance, shape (n,)."""
     rate: ca.SX
-    """x' = f + g u + φ, shape (n,)."""
+    """f + g u, which is x' but for φ, shape (n,)."""
     states: list[Interval]
     """The box B, which contains every state from the sample to the horizon."""
     inputs: list[Interval]
@@ -76,7 +76,8 @@ def enclose(
     """
     u = ca.SX.sym(f"u_{member.name}", len(member.dynamics.inputs))
     phi = ca.SX.sym(f"phi_{member.name}", len(member.dynamics.states))
-    rate = member.dynamics.drift(x) + member.dynamics.actuation(x) @ u + phi
+    undisturbed = member.dynamics.drift(x) + member.dynamics.actuation(x) @ u
+    rate = undisturbed + phi
     pushed = [Interval(ca.SX(-bound), ca.SX(bound)) for _ in member.dynamics.states]
     allowed = [point(c) for c in ca.vertsplit(u)] if inputs is None else list(inputs)
     symbols = scalars([x, u, phi])
@@ -111,7 +112,7 @@ def enclose(
     for start, a, b in zip(starts, final, box, strict=True):
         within = ca.logic_and(b.lo < start.lo, start.hi < b.hi)  # false where 1e-9 is rounded off
         certain = ca.logic_and(certain, ca.logic_and(within, inside(a, b)))
-    return Enclosure(x, u, phi, rate, final, allowed, pushed, certain)
+    return Enclosure(x, u, phi, undisturbed, final, allowed, pushed, certain)
 
 
 def _sides(box: Sequence[Interval]) -> list[ca.SX]:

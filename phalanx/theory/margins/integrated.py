@@ -100,7 +100,7 @@ def growth(
     slopes = [ca.jacobian(row, e.x) for e in moving]
     change = disturbance_bound(slopes, bounds)
     for slope, e in zip(slopes, moving, strict=True):
-        change += slope @ (e.rate - e.phi)
+        change += slope @ e.rate
 
     numbers = scalars([pair.parameters])
     states, inputs = scalars([e.x for e in moving]), scalars([e.u for e in moving])

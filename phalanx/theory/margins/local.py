@@ -61,7 +61,7 @@ def local_margin(
 
     share = part.value
     slope = ca.jacobian(_row(chain, i, fixed, part), x)
-    rates = ca.vertcat(*[e.rate for e in moving])
+    rates = ca.vertcat(*[e.rate + e.phi for e in moving])
     growth, disturbance = extend([slope @ rates, share * chain.disturbance], symbols, intervals)
     forces = [chain.set.substitute(c, active) for c in chain.actuation]
     outside = ACTUATION * ca.sum1(ca.vertcat(*[ca.norm_1(c.T) for c in forces]))

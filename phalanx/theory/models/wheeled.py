@@ -1,4 +1,4 @@
-"""Wheeled robots: the unicycle of Simulation 1 and the kinematic bicycle."""
+"""Wheeled robots: Simulation 1's unicycle, the differential drive and the kinematic bicycle."""
 
 import math
 from dataclasses import dataclass
@@ -49,6 +49,52 @@ class Unicycle:
     def travel(self, x: Array, time: float, disturbance: float) -> float:
         # p' = ν (cos θ, sin θ) + b (ω + φ_θ) (-sin θ, cos θ) + φ_xy.
         fastest = math.hypot(self.speed, self.offset * self.turn_rate)
+        return (fastest + math.hypot(1.0, self.offset) * disturbance) * time
+
+
+@dataclass(frozen=True)
+class DifferentialDrive:
+    """Two driven wheels, whose rates are the inputs, and an output point ahead of the axle.
+
+    State (x, y, θ); inputs the rates ω_l and ω_r of the left and right wheel. The robot moves as a
+    unicycle with ν = r (ω_r + ω_l) / 2 and ω = r (ω_r - ω_l) / track: fast turns leave less speed.
+    """
+
+    wheel_rate: Positive
+    """Bound on every wheel's rate [rad/s]."""
+    wheel_radius: Positive
+    """r [m]"""
+    track: Positive
+    """Distance between the wheels [m]."""
+    offset: Positive = 0.25
+    """Distance of the output point from the axle [m]."""
+
+    states = ("x", "y", "theta")
+    inputs = ("omega_l", "omega_r")
+    state_units = ("m", "m", "rad")
+    input_units = ("rad/s", "rad/s")
+
+    def drift(self, x: ca.SX) -> ca.SX:
+        return ca.SX.zeros(3)
+
+    def actuation(self, x: ca.SX) -> ca.SX:
+        ahead, turn = self.wheel_radius / 2, self.wheel_radius / self.track
+        forward = ahead * ca.vertcat(ca.cos(x[2]), ca.sin(x[2]))
+        return ca.vertcat(ca.horzcat(forward, forward), ca.SX([[-turn, turn]]))
+
+    def position(self, x: ca.SX) -> ca.SX:
+        return x[:2] + self.offset * ca.vertcat(ca.cos(x[2]), ca.sin(x[2]))
+
+    def input_polytope(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
+        return box_polytope((self.wheel_rate, self.wheel_rate))
+
+    def input_metric(self) -> tuple[float, ...]:
+        return (1.0, 1.0)
+
+    def travel(self, x: Array, time: float, disturbance: float) -> float:
+        # ‖p'‖ is convex in the wheels' rates, so the largest is at a corner: straight on or a spin.
+        turn = self.offset * 2.0 / self.track
+        fastest = self.wheel_rate * self.wheel_radius * max(1.0, turn)
         return (fastest + math.hypot(1.0, self.offset) * disturbance) * time
 
 

@@ -337,6 +337,11 @@ MODELS = {
         4,
     ),
     "triple-integrator": ({"type": "triple-integrator", "jerk": 20.0, "dimension": 2}, 0.2, 6),
+    "differential-drive": (
+        {"type": "differential-drive", "wheel_rate": 20.0, "wheel_radius": 0.1, "track": 0.4},
+        0.5,
+        3,
+    ),
     "bicycle": ({"type": "bicycle", "acceleration": 4.0, "steering": 0.5}, 0.3, 4),
 }
 

@@ -17,13 +17,14 @@ from phalanx.theory.margins.integrated import (
     keeps_chain,
     time_until_zero,
 )
+from phalanx.theory.models.aerial import PlanarQuadrotor
 from phalanx.theory.models.integrators import (
     DoubleIntegrator,
     SingleIntegrator,
     TripleIntegrator,
 )
 from phalanx.theory.models.polytope import constant_polytope
-from phalanx.theory.models.wheeled import KinematicBicycle, Unicycle
+from phalanx.theory.models.wheeled import DifferentialDrive, KinematicBicycle, Unicycle
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.class_k import Linear, Power
 from phalanx.theory.safety.composition import Member, compose
@@ -40,6 +41,8 @@ CASES = {
     "double integrators": (DoubleIntegrator(2.0, 0.5, 2), [0.6, 0.9], 0.1),
     "bicycles": (KinematicBicycle(2.0, 0.7), [0.6, 0.9], 0.05),
     "triple integrators": (TripleIntegrator(2.0, 2), [0.6, 0.9, 1.1], 0.1),
+    "differential drives": (DifferentialDrive(20.0, 0.1, 0.4), [2.0], 0.05),
+    "planar quadrotors": (PlanarQuadrotor(4.0, 0.5), [0.6, 0.9, 1.1], 0.05),
 }
 KINDS = [(name, kind) for name, case in CASES.items() for kind in {0, len(case[1]) - 1}]
 
@@ -73,7 +76,7 @@ class Case:
             [pair.x, moving[0].u], list(growth(V, pair, 0, moving, self.bounds))
         )
         u = ca.vertcat(*[e.u for e in moving])
-        rates = ca.vertcat(*[ca.substitute(e.rate, e.phi, 0 * e.phi) for e in moving])
+        rates = ca.vertcat(*[e.rate for e in moving])
         f = ca.substitute(rates, u, 0 * u)
         left = ca.SX.sym("left")
         pull = ca.jacobian(V + left * (ca.jacobian(V, pair.x) @ f), pair.x)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.polytope import constant_polytope, polytope
-from phalanx.theory.models.wheeled import Unicycle
+from phalanx.theory.models.wheeled import DifferentialDrive, Unicycle
 from tests.unit.theory.users_own import OutputUnicycle
 
 NATIVE, PRINTED = Unicycle(4.0, 2.0, 0.25), OutputUnicycle(4.0, 2.0, 0.25)
@@ -72,3 +72,14 @@ def test_both_forms_move_the_unicycle_alike_and_the_output_by_u(fields, theta, n
 def test_a_single_integrator_lives_in_two_or_three_dimensions(dimension):
     with pytest.raises(ValueError, match=f"dimension: expected 2 or 3, got {dimension}"):
         SingleIntegrator(1.0, dimension)
+
+
+@given(angles, st.floats(-20.0, 20.0), st.floats(-20.0, 20.0))
+def test_a_differential_drive_is_a_unicycle_whose_speed_and_turn_rate_share_two_wheels(
+    theta, left, right
+):
+    drive = DifferentialDrive(20.0, wheel_radius=0.1, track=0.4)
+    x = ca.SX([1.0, 2.0, theta])
+    nu, omega = 0.1 * (right + left) / 2, 0.1 * (right - left) / 0.4
+    driven = drive.actuation(x) @ ca.SX([left, right])
+    assert np.allclose(ca.DM(driven), ca.DM(NATIVE.actuation(x) @ ca.SX([nu, omega])))
