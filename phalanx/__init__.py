@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from phalanx.launcher.run import open_run as open
     from phalanx.launcher.run import verify_run as verify
     from phalanx.launcher.start import run
+    from phalanx.launcher.stepped import SteppedRun, start
     from phalanx.launcher.verify import Verification
     from phalanx.recording.read import UnreadableRecordingError
     from phalanx.scenario.load import ScenarioError, load, shipped
@@ -45,6 +46,7 @@ _HOMES = {
     "Scenario": "phalanx.scenario.model",
     "ScenarioError": "phalanx.scenario.load",
     "Status": "phalanx.wire.messages",
+    "SteppedRun": "phalanx.launcher.stepped",
     "Summary": "phalanx.guarantee.verdict",
     "UnreadableRecordingError": "phalanx.recording.read",
     "Verification": "phalanx.launcher.verify",
@@ -54,6 +56,7 @@ _HOMES = {
     "open": "phalanx.launcher.run:open_run",
     "run": "phalanx.launcher.start",
     "shipped": "phalanx.scenario.load",
+    "start": "phalanx.launcher.stepped",
     "verify": "phalanx.launcher.run:verify_run",
 }
 """The module of each public name, imported when the name is first used: some take a second."""
@@ -62,9 +65,11 @@ __all__ = [  # noqa: RUF022 - in the order of the documentation
     "load",
     "check",
     "run",
+    "start",
     "open",
     "verify",
     "Run",
+    "SteppedRun",
     "Scenario",
     "ScenarioError",
     "shipped",

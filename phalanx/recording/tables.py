@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import polars as pl
 
+from phalanx.arrays import Array
 from phalanx.guarantee.verdict import Summary
 from phalanx.profile.stopwatch import TimeSpent
 from phalanx.recording.read import Recording
@@ -30,17 +31,21 @@ def states_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
 
 def h_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
     """Make a row for each event: t [s], and every pair's h as "<agent>-<agent>"; safe is h <= 0."""
-    composed = swarm.safe_set
-    labels = [composed.label(pair) for pair in composed.pairs]
-    every = swarm.pairs.choose(swarm.pairs.every)
-    h = np.empty((len(recording.states), len(labels)))
-    if len(h):
-        h[:, every.order] = every.h(recording.x)
+    found = h_of_pairs(swarm, recording.x)
     table = pl.DataFrame(
-        {"t": recording.times} | {label: h[:, column] for column, label in enumerate(labels)},
-        schema=dict.fromkeys(("t", *labels), pl.Float64),
+        {"t": recording.times} | found, schema=dict.fromkeys(("t", *found), pl.Float64)
     )
     return _of_run(recording, table)
+
+
+def h_of_pairs(swarm: Swarm, x: Array) -> dict[str, Array]:
+    """Return every pair's h at stacked states x, shape (s, n̄), as "<agent>-<agent>"."""
+    composed, every = swarm.safe_set, swarm.pairs.choose(swarm.pairs.every)
+    labels = [composed.label(pair) for pair in composed.pairs]
+    h = np.empty((len(labels), len(x)))
+    if len(x):
+        h[every.order] = every.h(x).T
+    return dict(zip(labels, h, strict=True))
 
 
 def inputs_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:

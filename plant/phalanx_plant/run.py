@@ -3,14 +3,14 @@
 import logging
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from phalanx.guarantee.verdict import FaultCount, Outcome, Punctuality, Summary, judge
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.write import RecordingError, RecordingWriter
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.watchdog import endless_loops
-from phalanx.theory.expressions.user_methods import MistakenMethodError
+from phalanx.theory.expressions.user_methods import MistakenMethodError, error_line
 from phalanx.wire.messages import Status, Telemetry
 from phalanx_plant.clock.commands import CommandQueue, declared
 from phalanx_plant.judge.event_queue import EventQueue
@@ -52,6 +52,35 @@ class Clock(Protocol):
 
 ClockFactory = Callable[[World, Sampling, Any, EventQueue, CommandQueue], Clock]
 """Makes the clock of a run at time 0; the third argument is the agents as that clock uses them."""
+
+
+class End(NamedTuple):
+    """The outcome of a run, and why."""
+
+    outcome: Outcome
+    reason: str
+
+
+ENDINGS = (
+    StoppedError,
+    KeyboardInterrupt,
+    MistakenMethodError,
+    SwarmBrokenError,
+    AbandonedError,
+    RecordingError,
+    DivergedError,
+)
+"""The errors that end a run early, with a summary."""
+
+
+def ended_by(error: BaseException) -> End:
+    """Return how an error ends a run, one of ENDINGS or an unexpected one."""
+    match error:
+        case StoppedError() | KeyboardInterrupt():
+            return End(Outcome.STOPPED, str(error) or "stopped by the user")
+        case MistakenMethodError():
+            return End(Outcome.BROKEN, error.during_run("the plant"))
+    return End(Outcome.BROKEN, str(error) if isinstance(error, ENDINGS) else error_line(error))
 
 
 class PlantRun:
@@ -121,24 +150,30 @@ class PlantRun:
             began = time.monotonic()
             with endless_loops(self._scenario.time.timeout):
                 self._clock.run(self._scenario.duration)
-            self._publisher.show(last=True)
-            extremes = self._judge.extremes
-            outcome, reason = judge(
+            end = self.complete()
+        except ENDINGS as error:
+            end = ended_by(error)
+        return self.summary(end, time.monotonic() - began, rejected())
+
+    def complete(self) -> End:
+        """Judge a run that went to the end of its scenario."""
+        self._publisher.show(last=True)
+        assumptions, extremes = self._judge.assumptions, self._judge.extremes
+        return End(
+            *judge(
                 extremes.violations(),
-                self._judge.assumptions.of_guarantee,
-                self._judge.assumptions.of_theorem,
+                assumptions.of_guarantee,
+                assumptions.of_theorem,
                 extremes.apart(),
             )
-        except (StoppedError, KeyboardInterrupt) as error:
-            outcome, reason = Outcome.STOPPED, str(error) or "stopped by the user"
-        except MistakenMethodError as error:
-            outcome, reason = Outcome.BROKEN, error.during_run("the plant")
-        except (SwarmBrokenError, AbandonedError, RecordingError, DivergedError) as error:
-            outcome, reason = Outcome.BROKEN, str(error)
+        )
+
+    def summary(self, end: End, wall: float, rejected: Mapping[str, int]) -> Summary:
+        """Return the key figures of a run that ended; wall: its wall time [s]."""
+        outcome, reason = end
         log.info("%s at t = %.3f s: %s", outcome, self._world.t, reason)
-        wall = time.monotonic() - began
         dropped = {
-            **rejected(),
+            **rejected,
             **self._commands.refusals.counts,
             **self._judge.rejected,
         }

@@ -3,6 +3,8 @@
 import gc
 import multiprocessing
 import pickle
+import subprocess
+import sys
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
@@ -173,3 +175,21 @@ def test_a_profile_accounts_for_all_of_every_programs_time(run: phalanx.Run, eng
     plant = profile.filter(pl.col("phase") == "integrate")
     assert plant["seconds"].sum() <= timed.summary.wall_time
     assert profile.filter(pl.col("phase") == "compute")["per_step"].min() > 1e-6
+
+
+LEAVES = """
+import sys, phalanx
+run = phalanx.start(phalanx.load("unicycles", {"duration": 0.2}), out=sys.argv[1])
+run.until(0.1)
+raise SystemExit("in the middle")
+"""
+
+
+def test_a_stepped_run_that_its_program_leaves_is_on_record(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", LEAVES, str(tmp_path)], check=False, capture_output=True, text=True
+    )
+    assert done.stderr == "in the middle\n"
+    found = phalanx.open(tmp_path / "unicycles-1")
+    assert found.verdict is phalanx.Outcome.STOPPED
+    assert found.states["t"].max() > 0.09

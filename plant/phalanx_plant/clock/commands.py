@@ -130,6 +130,12 @@ class CommandQueue:
         """Schedule these too, before others of the same times."""
         self._schedule = _in_order([*commands, *self._schedule])
 
+    def add(self, command: Command) -> None:
+        """Schedule a command, after others of the same time. Raises ValueError if it is invalid."""
+        if why := refusal(command, self._names):
+            raise ValueError(why)
+        self._schedule = _in_order([*self._schedule, command])
+
     def _scheduled(self, t: float) -> list[Command]:
         taken = []
         while self._schedule and self._schedule[0].t <= t:

@@ -7,7 +7,7 @@ as these cannot change them. Events are judged in order, once they are known.
 """
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -105,10 +105,25 @@ class Lockstep:
 
     def run(self, duration: float) -> None:
         """Run to `duration` [s]. Raises as Clock.run does."""
+        for _ in self.instants(duration):
+            pass
+
+    @property
+    def next_instant(self) -> float:
+        """Time of the next event, or scheduled command [s]; infinite if there is none."""
+        return min(self._schedule.next_event(), self._commands.next)
+
+    def instants(self, duration: float) -> Generator[float, None, None]:
+        """Run to `duration` [s], and yield the time of each instant [s] when it has been handled.
+
+        With agents that answer at once it is complete then: the world is there, with its inputs.
+        Closing the iterator judges what is left. Raises as Clock.run does.
+        """
         self._commands.pace.restart(0.0)
         with self._events:
-            while (t := min(self._schedule.next_event(), self._commands.next)) < duration:
+            while (t := self.next_instant) < duration:
                 self._event_at(t)
+                yield t
             self._complete_all()
             self._reach(duration)
 

@@ -1,0 +1,24 @@
+"""Advance a run as you like, look into it, and ask what would happen if.
+
+python examples/step_by_step.py
+"""
+
+import phalanx
+
+scenario = phalanx.load("unicycles", overrides={"duration": 6.0})
+with phalanx.start(scenario) as run:
+    run.until(2.0)
+    print(run, "agent 1 at", run.states["1"])
+
+    lossy = run.branch()  # the same run up to here, to the last bit
+    lossy.command("loss", value=0.9)
+    lossy.command("kill", "2", at=3.0)
+
+    for each in (run, lossy):
+        closest = max(max(each.h.values()) for _ in each)  # to the end, instant by instant
+        print(f"{len(each.commands)} commands: {each.end().verdict}, largest h {closest:.2f}")
+
+again = phalanx.run(
+    scenario, engine="in-process", commands=phalanx.CommandPolicy(schedule=lossy.commands)
+)
+print("the same bits:", again.summary.trajectory == lossy.end().summary.trajectory)

@@ -1,0 +1,179 @@
+"""A run in steps has the bits of a run in one go, and is on record however its program ends."""
+
+import gc
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import phalanx
+from phalanx import Command, CommandPolicy, Outcome, SteppedRun
+from phalanx.launcher.engine import EngineError
+
+SOON = {"duration": 0.2, "network.loss": 0.3, "network.delay": 0.004}
+
+
+def begin(**more: object) -> SteppedRun:
+    return phalanx.start(phalanx.load("unicycles", {**SOON, **more}))
+
+
+def in_one_go(run: SteppedRun) -> str:
+    """The trajectory of phalanx.run with the same commands."""
+    commands = CommandPolicy(schedule=run.commands)
+    return phalanx.run(run.scenario, engine="in-process", commands=commands).summary.trajectory
+
+
+@pytest.mark.slow
+def test_stepped_or_in_strides_it_has_the_bits_of_a_run():
+    stepped, strides = begin(), begin()
+    times = list(stepped)
+    for t in (0.03, 0.03, 0.1, 0.2):
+        strides.until(t)
+        assert strides.t == max(x for x in [*times, 0.2] if x <= t)
+    assert stepped.over
+    assert not stepped.step()
+    a, b = stepped.end(), strides.end()
+    assert a.verdict is b.verdict is Outcome.GUARANTEED
+    assert a.summary.trajectory == b.summary.trajectory == in_one_go(stepped)
+    assert times == [t for t in a.states["t"].to_list() if t < 0.2]
+    assert a.summary.wall_time > 0.0
+
+
+@pytest.mark.slow
+def test_commanded_and_branched_it_has_the_bits_of_a_run_with_these_commands():
+    run = begin()
+    run.until(0.05)
+    run.command("loss", value=0.8)
+    run.command("kill", "2", at=0.1)
+    run.until(0.12)
+    same, other = run.branch(), run.branch()
+    assert other.command("restart", "2").t > 0.12
+    for each in (run, same, other):
+        each.until()
+    assert same.commands == run.commands
+    hashes = [each.end().summary.trajectory for each in (run, same, other)]
+    assert hashes[0] == hashes[1] != hashes[2]
+    assert hashes[1:] == [in_one_go(each) for each in (run, other)]
+    assert len({each.folder for each in (run, same, other)}) == 3
+    assert phalanx.verify(other.end(), engine="in-process")
+
+
+@pytest.mark.slow
+def test_it_shows_what_its_tables_have():
+    with begin(duration=0.05) as run:
+        assert run.t == 0.0
+        assert all((u == 0.0).all() for u in run.inputs.values())
+        seen = [(t, run.states, run.h, run.inputs) for t in run]
+    finished = run.end()
+    for row, h_row, (t, states, h, _) in zip(
+        finished.states.iter_rows(named=True), finished.h.iter_rows(named=True), seen, strict=False
+    ):
+        assert row["t"] == t
+        assert [row["1.x"], row["1.y"], row["1.theta"]] == states["1"].tolist()
+        assert {label: h_row[label] for label in h} == h
+    last = finished.inputs.filter(agent="1").row(-1, named=True)
+    assert [v for n, v in last.items() if n.startswith("u.")] == seen[-1][3]["1"].tolist()
+
+
+@pytest.mark.slow
+def test_what_it_hands_out_is_a_copy():
+    run = begin()
+    run.until(0.02)
+    run.states["1"][:] = np.nan
+    run.inputs["1"][:] = np.nan
+    run.until()
+    assert run.end().verdict is Outcome.GUARANTEED
+
+
+@pytest.mark.slow
+def test_ended_early_it_is_stopped_and_can_be_verified():
+    run = begin()
+    run.until(0.1)
+    finished = run.end()
+    assert finished.verdict is Outcome.STOPPED
+    assert finished.summary.reason == "ended by its program"
+    assert finished.summary.t == run.t <= 0.1
+    assert run.end().summary is finished.summary
+    assert phalanx.verify(finished, engine="in-process")
+    for call in (run.branch, lambda: run.command("turn", "1")):
+        with pytest.raises(ValueError, match="the run is over"):
+            call()
+
+
+@pytest.mark.slow
+def test_an_error_of_its_program_ends_it_and_goes_on(tmp_path: Path):
+    scenario = phalanx.load("unicycles", SOON)
+    with pytest.raises(KeyError), phalanx.start(scenario, out=tmp_path) as run:  # noqa: PT012
+        run.until(0.1)
+        run.states["nobody"]
+    found = phalanx.open(run.folder)
+    assert found.verdict is Outcome.STOPPED
+    assert found.summary.reason == "ended by KeyError: 'nobody'"
+    assert found.states["t"].max() == run.t
+
+
+@pytest.mark.slow
+def test_ctrl_c_in_a_step_ends_it_and_is_raised(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    run = phalanx.start(phalanx.load("unicycles", SOON), out=tmp_path)
+    run.until(0.05)
+
+    def press(_: float) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(run._course.world, "advance", press)
+    with pytest.raises(KeyboardInterrupt):
+        run.step()
+    assert run.over
+    assert phalanx.open(run.folder).summary.reason == "stopped by the user"
+
+
+@pytest.mark.slow
+def test_an_error_of_ours_is_raised_and_never_taken_for_the_end(monkeypatch: pytest.MonkeyPatch):
+    run = begin()
+    monkeypatch.setattr(run._course.world, "advance", lambda _: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        run.until()
+    assert run.end().summary.outcome is Outcome.BROKEN
+    assert run.end().summary.reason == "ZeroDivisionError: division by zero"
+
+
+@pytest.mark.slow
+def test_forgotten_it_is_on_record(tmp_path: Path):
+    run = phalanx.start(phalanx.load("unicycles", SOON), out=tmp_path)
+    run.until(0.1)
+    folder, t = run.folder, run.t
+    del run
+    gc.collect()
+    found = phalanx.open(folder)
+    assert found.summary.reason == "its program left it"
+    assert found.states["t"].max() == t
+
+
+@pytest.mark.slow
+def test_commands_that_cannot_be_given_are_refused_in_a_line():
+    run = begin()
+    run.until(0.1)
+    for arguments, message in (
+        (("warp",), "kind: expected one of pause, "),
+        (("kill", "9"), "agent: expected one of 1, 2, 3, "),
+        (("loss", "", 2.0), "value: expected 0 to 1, got 2.0"),
+        (("pause",), "kind: 'pause' changes the pace only"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            run.command(*arguments)
+    for t in (0.1, 0.2):
+        with pytest.raises(ValueError, match="at: expected a time from the next instant"):
+            run.command("kill", "1", at=t)
+    assert run.commands == ()
+    with pytest.raises(ValueError, match="has no hub"):
+        phalanx.start(run.scenario, commands=CommandPolicy(secret=b"s"))
+
+
+@pytest.mark.slow
+def test_a_branch_that_arrives_elsewhere_is_refused():
+    run = begin()
+    run.until(0.05)
+    # As code that keeps a state between runs would do.
+    run._given.append(Command(0.01, "loss", value=1.0))
+    with pytest.raises(EngineError, match=r"branch: stepped again to t = 0\.0\d+ s, the run arriv"):
+        run.branch()
