@@ -34,6 +34,7 @@ from phalanx.theory.models.aerial import PlanarQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import Bounded, Dynamics, Measured, box_polytope
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
 from phalanx.theory.models.wheeled import DifferentialDrive, KinematicBicycle, Unicycle
+from phalanx.theory.safety.box import Box
 from phalanx.theory.safety.chain import Chain
 from phalanx.theory.safety.class_k import ClassK, Linear, Power
 from phalanx.theory.safety.composition import Member
@@ -70,6 +71,7 @@ __all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
     "Obstacle",
     "Sphere",
     "Wall",
+    "Box",
     "Limit",
     "Drawable",
     "Fence",

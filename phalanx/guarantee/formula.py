@@ -12,7 +12,7 @@ from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.margins.constants import Constant, constants, margin_constants
 from phalanx.theory.safety.chain import Chain
-from phalanx.theory.safety.obstacles import Sphere
+from phalanx.theory.safety.obstacles import Wall
 
 _BISECTIONS = 40
 _AROUND = 10.0
@@ -24,7 +24,7 @@ def workspace(swarm: Swarm) -> tuple[Array, Array] | list[str]:
     """Return the box's least and largest states, or the names of states without bounds."""
     given, scenario = swarm.scenario.workspace, swarm.scenario
     points = [swarm.positions(swarm.start())]
-    points += [np.array([o.center]) for o in scenario.obstacles if isinstance(o, Sphere)]
+    points += [np.array([o.center]) for o in scenario.obstacles if not isinstance(o, Wall)]
     if scenario.formation:
         reach = scenario.formation.radius
         times = np.linspace(0.0, scenario.duration, 50)

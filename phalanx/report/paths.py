@@ -13,8 +13,9 @@ from phalanx.curves.history import RecordedHistory
 from phalanx.report.distances import required_distance
 from phalanx.report.style import MUTED, PEAK, WORST, colours, legend, style_axes
 from phalanx.scenario.model import Scenario
+from phalanx.theory.safety.box import Box
 from phalanx.theory.safety.limits import Drawable, Line
-from phalanx.theory.safety.obstacles import Wall
+from phalanx.theory.safety.obstacles import Sphere, Wall
 
 _PATH_POINTS = 3000
 _MANY_POINTS = 400
@@ -77,7 +78,7 @@ def _outline(history: RecordedHistory) -> Array:
     d, scenario = history.positions.shape[2], history.scenario
     points = [history.positions.reshape(-1, d)]
     for obstacle in scenario.obstacles:
-        if isinstance(obstacle, Wall):
+        if not isinstance(obstacle, Sphere):
             continue
         center = np.array(obstacle.center)
         points.append(np.array([center - obstacle.clearance, center + obstacle.clearance]))
@@ -86,9 +87,11 @@ def _outline(history: RecordedHistory) -> Array:
 
 
 def _outlines(scenario: Scenario) -> list[Line]:
-    """Lines of the limits that can be drawn."""
+    """Lines of the limits that can be drawn, and edges of boxes."""
     limits = [field.boundary.limit for field in scenario.limits]
-    return [line for limit in limits if isinstance(limit, Drawable) for line in limit.outline()]
+    lines = [line for limit in limits if isinstance(limit, Drawable) for line in limit.outline()]
+    boxes = [o for o in scenario.obstacles if isinstance(o, Box)]
+    return lines + [list(edge) for box in boxes for edge in box.edges()]
 
 
 def _kept_states(history: RecordedHistory, most: int) -> Index:
@@ -149,7 +152,9 @@ def _draw_scene(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) ->
             _draw_wall(axes, obstacle, plane)
             continue
         center = obstacle.center[plane[0]], obstacle.center[plane[1]]
-        axes.add_patch(Circle(center, obstacle.clearance, facecolor="#c9ccd1", edgecolor="#6b7078"))
+        if isinstance(obstacle, Sphere):
+            reach = obstacle.clearance
+            axes.add_patch(Circle(center, reach, facecolor="#c9ccd1", edgecolor="#6b7078"))
         axes.annotate(str(k), center, ha="center", va="center", fontsize=8, color="#33363b")
     for line in _outlines(scenario):
         axes.plot(*np.array(line)[:, plane].T, color="#6b7078", linewidth=1.2)

@@ -24,6 +24,7 @@ from phalanx.scenario.declared import AnyFault, Links
 from phalanx.scenario.placement import Flows, Scatter
 from phalanx.scenario.safety import Safety
 from phalanx.schema.fields import (
+    BOX,
     CONTROLLER,
     LIMIT,
     SPHERE,
@@ -38,19 +39,25 @@ from phalanx.schema.fields import (
     field_error,
 )
 from phalanx.theory.laws.formation import Formation
+from phalanx.theory.safety.box import Box
 from phalanx.theory.safety.limits import Boundary, Limit, Static
 from phalanx.theory.safety.obstacles import Sphere, Wall
 
 MAX_AGENTS = 256
 
 
-def _sphere_or_wall(value: Any) -> str:
-    has_normal = "normal" in value if isinstance(value, dict) else isinstance(value, Wall)
-    return WALL if has_normal else SPHERE
+_BY_FIELD = {"normal": WALL, "size": BOX}
+"""The kind of an obstacle by a field that no other kind has; else it is a sphere."""
+
+
+def _kind_of_obstacle(value: Any) -> str:
+    known = value if isinstance(value, dict) else vars(value)
+    return next((kind for field, kind in _BY_FIELD.items() if field in known), SPHERE)
 
 
 ObstacleField = Annotated[
-    Annotated[Sphere, Tag(SPHERE)] | Annotated[Wall, Tag(WALL)], Discriminator(_sphere_or_wall)
+    Annotated[Sphere, Tag(SPHERE)] | Annotated[Wall, Tag(WALL)] | Annotated[Box, Tag(BOX)],
+    Discriminator(_kind_of_obstacle),
 ]
 
 

@@ -32,11 +32,12 @@ NonNegative = Annotated[Finite, Field(ge=0)]
 Probability = Annotated[Finite, Field(ge=0, le=1)]
 Table = dict[str, Any]
 
-NUMBER, TABLE, SPHERE, WALL = "number", "table", "sphere", "wall"
+NUMBER, TABLE = "number", "table"
+SPHERE, WALL, BOX = "sphere", "wall", "box"
 BOUNDS, JITTER, CHANCE, BURST, GEMODEL = "bounds", "jittered", "chance", "bursts", "gemodel"
 WORD, INPUT, LIMIT = "word", "input", "limit"
 ALTERNATIVES = frozenset(
-    (NUMBER, TABLE, SPHERE, WALL, BOUNDS, JITTER, CHANCE, BURST, GEMODEL, WORD, INPUT, LIMIT)
+    {NUMBER, TABLE, SPHERE, WALL, BOX, BOUNDS, JITTER, CHANCE, BURST, GEMODEL, WORD, INPUT, LIMIT}
 )
 """Tags of unions: pydantic puts them into an error's location, but no field has such a name."""
 

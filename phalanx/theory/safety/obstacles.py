@@ -1,4 +1,4 @@
-"""Static obstacles: a sphere or disc, and a wall."""
+"""Static obstacles: a sphere or disc, a wall, and a box."""
 
 import math
 from dataclasses import dataclass
@@ -11,6 +11,7 @@ from annotated_types import Ge
 from phalanx.arrays import Array
 from phalanx.theory.expressions.exact import dot, length
 from phalanx.theory.models.dynamics import Positive
+from phalanx.theory.safety.box import Box
 
 WIDER = 1.0 + 1e-9
 """Factor that makes a reach large enough in spite of rounding."""
@@ -94,5 +95,5 @@ class Wall:
         return n
 
 
-Obstacle = Sphere | Wall
+Obstacle = Sphere | Wall | Box
 """A static obstacle, from which normal agents keep a distance."""

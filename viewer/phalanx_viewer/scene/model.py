@@ -9,6 +9,7 @@ from phalanx.curves.values import SafetyValues
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.safety.box import Box
 from phalanx.theory.safety.limits import Boundary, Drawable
 from phalanx.theory.safety.obstacles import Sphere, Wall
 from phalanx_viewer.scene.colours import COLOURS, Colour, Role
@@ -36,8 +37,10 @@ class StaticGeometry:
         """A point of each surface, shape (3,), which discs touch where h = 0, and its normal."""
         limits = [field.boundary.limit for field in scenario.limits]
         lines = [line for l in limits if isinstance(l, Drawable) for line in l.outline()]
+        boxes = [o for o in scenario.obstacles if isinstance(o, Box)]
+        lines += [list(edge) for box in boxes for edge in box.edges()]
         self.outlines = [np.array([in_space(np.array(point)) for point in line]) for line in lines]
-        """Lines of the limits that can be drawn, such as a fence [m], shapes (s, 3)."""
+        """Lines of limits such as a fence, and edges of boxes [m], shapes (s, 3)."""
         path: list[Array] = []
         if formation:
             times = np.linspace(0.0, formation.finish, _PATH_POINTS).tolist()
@@ -48,17 +51,17 @@ class StaticGeometry:
         """Width of the formation on that path [m]; 0 without one."""
 
     def nearest(self, obstacle: int, p: Array) -> Array:
-        """The point of an obstacle that lines from p end at: a center, or a wall's foot [m].
+        """The point of an obstacle that lines from p end at: its center, or a wall's foot [m].
 
         For a limit, which is everywhere, p itself.
         """
         found = self._scenario.static[obstacle]
         if isinstance(found, Boundary):
             return p
-        if isinstance(found, Sphere):
-            return in_space(np.array(found.center))
-        normal = in_space(found.unit_normal)
-        return np.asarray(p + (found.offset - normal @ p) * normal)
+        if isinstance(found, Wall):
+            normal = in_space(found.unit_normal)
+            return np.asarray(p + (found.offset - normal @ p) * normal)
+        return in_space(np.array(found.center))
 
 
 class SceneModel:
