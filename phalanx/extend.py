@@ -26,7 +26,16 @@ from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import added, dot, length
 from phalanx.theory.expressions.portable import portable_value
 from phalanx.theory.laws.attacks import Chase, WorstCase
-from phalanx.theory.laws.formation import Goal
+from phalanx.theory.laws.goals import (
+    FixedPoint,
+    Follow,
+    Goal,
+    Motion,
+    PathAtSpeed,
+    Reference,
+    Sight,
+    Waypoints,
+)
 from phalanx.theory.laws.law import Law, TeamLaw, View
 from phalanx.theory.laws.tracking import Pursue, Track, TrackVelocity
 from phalanx.theory.margins.kinds import IntegratedMargin, LocalMargin, Margin, PairRow
@@ -96,6 +105,14 @@ __all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
     "Chase",
     "Pursue",
     "WorstCase",
+    # Goals
+    "Reference",
+    "Sight",
+    "Motion",
+    "FixedPoint",
+    "Waypoints",
+    "PathAtSpeed",
+    "Follow",
     # Link rules
     "Rule",
     "Message",

@@ -65,7 +65,7 @@ class DistributedController:
         """Decide, as a Controller does."""
         i, terms = self._i, self._terms(x, seen)
         states = {l: x[self._parts[l]] for l in seen}
-        goal = self._goal(t, states[i])
+        goal = self._goal(t, states)
         normal = [l for l in seen if not self._members[l].adversary]
         u_nom = self._nominal(View(i, states, normal, goal, terms))
         now = FilterInput(t + self._latency, x, seen, terms, u_nom, received)
@@ -110,7 +110,7 @@ class CentralisedController:
         terms, normal = self._terms(x), self._normal
         states = {l: x[part] for l, part in enumerate(self._parts)}
         u_nom = [
-            nominal(View(l, states, normal, goal(t, states[l]), terms))
+            nominal(View(l, states, normal, goal(t, states), terms))
             for l, nominal, goal in zip(normal, self._nominal, self._goals, strict=True)
         ]
         decisions = self._qp.decide(terms, normal, u_nom, self._authority)

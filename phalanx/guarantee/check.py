@@ -19,7 +19,7 @@ from phalanx.guarantee.formula import (
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import require_runnable
-from phalanx.swarm.swarm import build_swarm
+from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.margins.margin import ComposedMargin
 from phalanx.theory.rows.row import joint_sum
 
@@ -27,6 +27,9 @@ _SAMPLES = 2000
 _BOUNDARY_STATES = 200
 _MOST_PAIRS = 500
 """With more, h_tot as one expression and the states of Theorem 3 take minutes."""
+
+_MOST_NAMES = 8
+"""Most names of agents in one sentence."""
 
 
 def check(scenario: Scenario) -> CheckReport:
@@ -80,8 +83,17 @@ def check(scenario: Scenario) -> CheckReport:
         gaps=proof_gaps(swarm),
         certified=certified_start(swarm),
     )
-    report.words.extend(advice(swarm, report, unknown))
+    report.words.extend([*advice(swarm, report, unknown), *_resting(swarm)])
     return report
+
+
+def _resting(swarm: Swarm) -> list[str]:
+    """Return a sentence on normal agents that have no goal."""
+    names = [swarm.names[i] for i in swarm.normal if not swarm.has_goal(i)]
+    if not names:
+        return []
+    shown = ", ".join(names[:_MOST_NAMES]) + (", ..." if len(names) > _MOST_NAMES else "")
+    return [f"Without goal, slots or flows: {shown}. A law that tracks keeps them at their start."]
 
 
 def _psi(rows: SafetyRows, x: Array) -> tuple[float, ...]:

@@ -1,12 +1,13 @@
 """The [[agents]] tables: groups of agents with their dynamics, law, clock and disturbance."""
 
 from functools import cached_property
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import casadi as ca
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import Field, PrivateAttr, field_validator, model_validator
 
 from phalanx.faults.fault import AgentFacts
+from phalanx.scenario.goals import GoalField, steers_by_goal
 from phalanx.schema.fields import (
     Finite,
     Name,
@@ -69,6 +70,9 @@ class AgentGroup(Strict):
     safety.neighbourhood for normal agents, no limit for adversaries."""
     slots: tuple[Annotated[int, Field(ge=0)], ...] = ()
     """The formation slot of each agent: its goal, and its start unless start is given."""
+    goal: tuple[GoalField, ...] = ()
+    """The goal of each agent, instead of a slot: a point [m], or a table with a type. Without goal,
+    slots and flows an agent stays where it starts."""
     start: tuple[tuple[Finite, ...], ...] = ()
     """Each agent's state at t = 0."""
     spread: tuple[NonNegative, ...] = ()
@@ -76,6 +80,13 @@ class AgentGroup(Strict):
 
     _dynamics: Dynamics = PrivateAttr()
     _law: Law = PrivateAttr()
+
+    @field_validator("goal", mode="before")
+    @classmethod
+    def _list_of_goals(cls, value: Any) -> Any:
+        if not isinstance(value, list | tuple) or (value and isinstance(value[0], int | float)):
+            raise ValueError("expected a list with one for each agent, such as [[4.0, 2.0]]")
+        return value
 
     @model_validator(mode="after")
     def _resolve(self) -> Self:
@@ -88,7 +99,11 @@ class AgentGroup(Strict):
         if bool(self.names) == (self.count is not None):
             got = "both" if self.names else "neither"
             raise field_error((), "expected names, or a count and no names", got)
-        for field, per_agent in (("slots", self.slots), ("start", self.start)):
+        for field, per_agent in (
+            ("slots", self.slots),
+            ("start", self.start),
+            ("goal", self.goal),
+        ):
             if per_agent and len(per_agent) != self.size:
                 message = f"expected one for each of the {self.size} agents"
                 raise field_error((field,), message, per_agent)
@@ -97,7 +112,20 @@ class AgentGroup(Strict):
             if any(vector and len(vector) != len(states) for vector in vectors):
                 message = f"expected {len(states)} components {states}"
                 raise field_error((field,), message, getattr(self, field))
+        if self.goal:
+            self._check_goals()
         return self
+
+    def _check_goals(self) -> None:
+        if self.slots:
+            raise field_error(("goal",), "expected goal or slots, not both", self.slots)
+        if not self.steers_by_goal:
+            message = f"expected none: the law {self.law['type']} does not steer by a goal"
+            raise field_error(("goal",), message, [goal.root for goal in self.goal])
+        for place, goal in enumerate(self.goal):
+            if goal.axes not in (None, self.axes):
+                message = f"expected {self.axes} coordinates, as the agents' positions have"
+                raise field_error(("goal", place), message, goal.root)
 
     @property
     def size(self) -> int:
@@ -109,6 +137,11 @@ class AgentGroup(Strict):
         """Dimension of the space in which the agents move: 2 or 3."""
         state = ca.SX.sym("x", len(self._dynamics.states))
         return int(self._dynamics.position(state).numel())
+
+    @property
+    def steers_by_goal(self) -> bool:
+        """True if the agents' law uses their goals; of a user's law it is assumed."""
+        return steers_by_goal(self._law)
 
     @property
     def facts(self) -> AgentFacts:

@@ -124,7 +124,7 @@ class Scenario(Strict):
     faults: tuple[AnyFault, ...] = ()
     formation: Formation | None = None
     flows: Flows | None = None
-    """Goals of agents without a slot, and their starts unless given."""
+    """Goals of agents without another, and their starts unless given."""
     obstacles: tuple[ObstacleField, ...] = ()
     limits: tuple[LimitField, ...] = ()
     """Conditions of every normal agent alone, such as { type = "fence", center, radius }."""
@@ -152,6 +152,7 @@ class Scenario(Strict):
             raise field_error(("agents",), "expected at least one normal agent", "adversaries only")
         for index, group in enumerate(self.agents):
             self._check_places(index, group)
+            self._check_leaders(index, names)
             if group.role == "normal" and group.sensing and self.safety.needs_all_states:
                 message = "expected no value: with this safety.control and information all is seen"
                 raise field_error(("agents", index, "sensing"), message, group.sensing)
@@ -179,6 +180,14 @@ class Scenario(Strict):
         if self.flows and group.axes != self.agents[0].axes:
             message = f"expected {self.agents[0].axes} axes, as the group before it has in [flows]"
             raise field_error((*where[:2], "dynamics"), message, group.axes)
+
+    def _check_leaders(self, index: int, names: list[str]) -> None:
+        group = self.named()[index]
+        for place, goal in enumerate(group.goal):
+            own = group.names[place]
+            if goal.leader and (goal.leader not in names or goal.leader == own):
+                message = f"expected the name of an agent other than {own}"
+                raise field_error(("agents", index, "goal", place, "agent"), message, goal.leader)
 
     def resolved(self) -> "Scenario":
         """Return the scenario with names instead of counts, and random starts and obstacles drawn.

@@ -10,7 +10,8 @@ from annotated_types import Ge, Gt
 from phalanx.arrays import Array
 from phalanx.seeded.draws import Draws
 from phalanx.theory.expressions.exact import length
-from phalanx.theory.laws.formation import Formation, Goal
+from phalanx.theory.laws.formation import Formation
+from phalanx.theory.laws.goals import Goal, Sight
 from phalanx.theory.safety.obstacles import Sphere
 
 Positive = Annotated[float, Gt(0)]
@@ -71,6 +72,23 @@ class Flows:
         velocity = np.zeros(len(start))
         velocity[axis] = -self.speed if backwards else self.speed
         return Goal(start + t * velocity, velocity, np.zeros(len(start)))
+
+
+@dataclass(frozen=True)
+class Flow:
+    """An agent's place in the flows as a reference."""
+
+    flows: Flows
+    i: int
+    """Index of the agent."""
+    start: Array
+    """[m]"""
+
+    def goal(self, sight: Sight) -> Goal:
+        return self.flows.goal(self.i, self.start, sight.t)
+
+    def end(self) -> Array | None:
+        return None
 
 
 def _spheres(centers: Sequence[Array] | Array, clearance: float) -> tuple[Sphere, ...]:

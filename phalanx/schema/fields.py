@@ -35,9 +35,10 @@ Table = dict[str, Any]
 NUMBER, TABLE = "number", "table"
 SPHERE, WALL, BOX = "sphere", "wall", "box"
 BOUNDS, JITTER, CHANCE, BURST, GEMODEL = "bounds", "jittered", "chance", "bursts", "gemodel"
-WORD, INPUT, LIMIT = "word", "input", "limit"
+WORD, INPUT, LIMIT, REFERENCE = "word", "input", "limit", "reference"
 ALTERNATIVES = frozenset(
     {NUMBER, TABLE, SPHERE, WALL, BOX, BOUNDS, JITTER, CHANCE, BURST, GEMODEL, WORD, INPUT, LIMIT}
+    | {REFERENCE}
 )
 """Tags of unions: pydantic puts them into an error's location, but no field has such a name."""
 
@@ -74,7 +75,7 @@ def built(field: str | int, kind: type, table: Table) -> Any:
                     "value", "{msg}", {"msg": _message(e["msg"], kind, table)}
                 ),
                 loc=(field, *e["loc"]),
-                input=e["input"],
+                input=e["input"] if e["loc"] else dict(table),
             )
             for e in error.errors()
         ]
@@ -90,6 +91,8 @@ def built(field: str | int, kind: type, table: Table) -> Any:
 
 def _message(message: str, kind: type, table: Table) -> str:
     """Return pydantic's message, with the fields of a user's class for one that it has not."""
+    if message.startswith("Tuple should have"):
+        return f"expected{message.partition('have')[2].partition(' after')[0]}"
     if message != "Unexpected keyword argument" or not is_users(table):
         return message
     cls = lookup(kind, str(table["type"]))

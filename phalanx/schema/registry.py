@@ -13,6 +13,7 @@ import pydantic
 from phalanx.schema.user_code import import_named
 from phalanx.theory.expressions.user_methods import located_class
 from phalanx.theory.laws.attacks import Chase, WorstCase
+from phalanx.theory.laws.goals import FixedPoint, Follow, PathAtSpeed, Reference, Waypoints
 from phalanx.theory.laws.law import Law
 from phalanx.theory.laws.tracking import Pursue, Track, TrackVelocity
 from phalanx.theory.margins.kinds import (
@@ -54,6 +55,12 @@ BUILT_IN: Mapping[type, Mapping[str, type]] = {
         "local": LocalMargin,
         "integrated": IntegratedMargin,
     },
+    Reference: {
+        "point": FixedPoint,
+        "waypoints": Waypoints,
+        "path": PathAtSpeed,
+        "follow": Follow,
+    },
     Law: {
         "track-velocity": TrackVelocity,
         "track": Track,
@@ -71,7 +78,8 @@ def lookup(kind: type, name: str) -> type:
     """Return the class that a scenario names.
 
     Args:
-        kind: Dynamics, SafeSetFunction, Limit, ClassK, Margin, Law or Rule: a protocol.
+        kind: Dynamics, SafeSetFunction, Limit, ClassK, Margin, Reference, Law or Rule: a
+            protocol.
         name: a built-in name, or "package.module:Name" of a dataclass. The working directory is
             searched too.
 

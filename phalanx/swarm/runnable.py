@@ -53,6 +53,9 @@ def _runnable(swarm: Swarm) -> SafetyRows:
         else:
             terms = rows.terms(i)(x, seen)
             terms.psi, terms.margin  # noqa: B018
+        states = dict(enumerate(x[part] for part in swarm.safe_set.parts))
+        for l in range(len(swarm.members)):
+            swarm.goal(l)(0.0, states)
         for l in first:
             _require_law(rows, l, x)
         _require_rules(swarm, x)
@@ -86,7 +89,7 @@ def _require_law(rows: SafetyRows, i: int, x: Array) -> None:
     terms = rows.terms(i)(x, seen)
     states = {l: x[swarm.safe_set.parts[l]] for l in seen}
     normal = [l for l in swarm.normal if l in states]
-    view = View(i, states, normal, swarm.goal(i)(0.0, states[i]), terms)
+    view = View(i, states, normal, swarm.goal(i)(0.0, states), terms)
     NominalInput(law, swarm.members[i])(view)
 
 

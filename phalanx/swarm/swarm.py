@@ -1,7 +1,7 @@
 """A scenario's agents with their dynamics, starts, clocks and safe set."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, cast
@@ -17,10 +17,11 @@ from phalanx.scenario.model import Scenario, Time
 from phalanx.scenario.safety import Safety
 from phalanx.seeded.clock import SamplingClock
 from phalanx.seeded.draws import Draws
+from phalanx.swarm.goals import AgentGoal, Output, motion_function, reference_of
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import added, dot
 from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user
-from phalanx.theory.laws.formation import Goal, hold
+from phalanx.theory.laws.goals import Stay
 from phalanx.theory.laws.law import Law, TeamLaw
 from phalanx.theory.models.polytope import EmptyPolytopeError
 from phalanx.theory.rows.information import InformationModel
@@ -215,20 +216,21 @@ class Swarm:
             ) from error
         return cast(Law, joined)
 
-    def goal(self, i: int) -> Callable[[float, Array], Goal]:
-        """Return agent i's goal as a function of t [s] and its state, shape (n_i,).
+    def goal(self, i: int) -> AgentGoal:
+        """Build agent i's goal; it may keep state, so that each controller has one of its own."""
+        group = self.groups[i]
+        reference = reference_of(self.scenario, i, group, self._place(i))
+        return AgentGoal(self.names[i], group.axes, reference, self._outputs)
 
-        Its formation slot or its place in a flow; without either, its position.
-        """
-        formation, flows, slots = self.scenario.formation, self.scenario.flows, self.groups[i].slots
-        if slots and formation:
-            slot = slots[self._place(i)]
-            return lambda t, _: formation.goal(slot, t)
-        if flows:
-            start = np.array(self.groups[i].start[self._place(i)][: self.groups[i].axes])
-            return lambda t, _: flows.goal(i, start, t)
-        position = self.position(i)
-        return lambda _, x: hold(position(x)[0])
+    def has_goal(self, i: int) -> bool:
+        """Return whether agent i's law steers it to a goal, other than to stay where it is."""
+        steers = self.groups[i].steers_by_goal
+        return steers and not isinstance(self.goal(i).reference, Stay)
+
+    @cached_property
+    def _outputs(self) -> dict[str, Output]:
+        functions = {id(m.dynamics): motion_function(m.dynamics) for m in self.members}
+        return {m.name: Output(i, functions[id(m.dynamics)]) for i, m in enumerate(self.members)}
 
     def start(self) -> Array:
         """Return x(0), shape (n̄,): each agent's start plus its spread, drawn by (seed, name)."""
@@ -240,7 +242,7 @@ class Swarm:
         if group.start:
             x[:] = group.start[self._place(i)]
         else:
-            goal = self.goal(i)(0.0, x)
+            goal = self.goal(i)(0.0, {i: x})
             x[: len(goal.position)] = goal.position
         if group.spread:
             draw = Draws(self.seed, "start", self.names[i], width=len(x))[0]

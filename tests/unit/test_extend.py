@@ -20,6 +20,7 @@ NAMES = """
     Limit Drawable Fence Band
     ClassK Linear Power Margin PairRow Chain LocalMargin IntegratedMargin
     Law TeamLaw View Goal Member Track TrackVelocity Chase Pursue WorstCase
+    Reference Sight Motion FixedPoint Waypoints PathAtSpeed Follow
     Rule Message Treatment Copy DELIVER DROP DUPLICATE CORRUPT delay
     CompiledFunction dot length added portable_value
     Array echo echo_error

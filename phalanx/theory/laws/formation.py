@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt, MinLen
@@ -12,17 +12,7 @@ from phalanx.arrays import Array
 from phalanx.theory.expressions.circular import cos, sin
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.expressions.portable import portable_value
-
-
-class Goal(NamedTuple):
-    """A desired position with its first two time derivatives, shapes (2,) or (3,)."""
-
-    position: Array
-    """p^d [m]"""
-    velocity: Array
-    """v^d [m/s]"""
-    acceleration: Array
-    """a^d [m/s²]"""
+from phalanx.theory.laws.goals import Goal, Sight
 
 
 @dataclass(frozen=True)
@@ -87,10 +77,19 @@ class Formation:
         return shifted
 
 
+@dataclass(frozen=True)
+class Slot:
+    """A formation's slot as a reference."""
+
+    formation: Formation
+    slot: int
+
+    def goal(self, sight: Sight) -> Goal:
+        return self.formation.goal(self.slot, sight.t)
+
+    def end(self) -> Array | None:
+        return self.formation.goal(self.slot, self.formation.finish).position
+
+
 def _product(A: Array, B: Array) -> Array:
     return dot(A[:, None], B.T)
-
-
-def hold(position: Array) -> Goal:
-    """The goal of an agent that stays at a position."""
-    return Goal(position, np.zeros_like(position), np.zeros_like(position))

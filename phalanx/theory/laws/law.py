@@ -11,7 +11,7 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user, first_numbers
-from phalanx.theory.laws.formation import Goal
+from phalanx.theory.laws.goals import Goal
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.rows.row import Terms
 from phalanx.theory.safety.composition import Member

@@ -5,7 +5,7 @@ import pytest
 
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
-from phalanx.theory.laws.formation import hold
+from phalanx.theory.laws.goals import hold
 from phalanx.theory.laws.law import View
 from phalanx.theory.laws.tracking import OutputDerivatives
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator

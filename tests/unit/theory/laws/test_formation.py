@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phalanx.theory.laws.formation import Formation, hold
+from phalanx.theory.laws.formation import Formation
+from phalanx.theory.laws.goals import hold
 
 PATH = ((0.0, 0.0), (16.0, 12.0), (24.0, -12.0), (40.0, 0.0))
 PLANE = Formation(PATH, finish=24.0, radius=4.0, slots=5)

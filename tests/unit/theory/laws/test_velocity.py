@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phalanx.theory.laws.attacks import WorstCase
-from phalanx.theory.laws.formation import Goal, hold
+from phalanx.theory.laws.goals import Goal, hold
 from phalanx.theory.laws.law import View
 from phalanx.theory.laws.tracking import OutputVelocity, Pursue, TrackVelocity
 from phalanx.theory.models.integrators import SingleIntegrator

@@ -1,0 +1,88 @@
+"""Each agent's goal as a function of the time and of the states that it sees."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from phalanx.arrays import Array
+from phalanx.scenario.agents import AgentGroup
+from phalanx.scenario.model import Scenario
+from phalanx.scenario.placement import Flow
+from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.expressions.exact import LARGEST
+from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user
+from phalanx.theory.laws.formation import Slot
+from phalanx.theory.laws.goals import Goal, Motion, Reference, Sight, Stay
+from phalanx.theory.models.dynamics import Dynamics
+
+
+def reference_of(scenario: Scenario, i: int, group: AgentGroup, place: int) -> Reference:
+    """Build a new reference of agent i, which is at a place of its group.
+
+    It is the agent's own goal, its formation slot, its place in the flows, or to stay.
+    """
+    if group.goal:
+        return group.goal[place].reference()
+    if group.slots and scenario.formation:
+        return Slot(scenario.formation, group.slots[place])
+    if scenario.flows:
+        return Flow(scenario.flows, i, np.array(group.start[place][: group.axes]))
+    return Stay()
+
+
+class Output(NamedTuple):
+    """An agent's output point as a function of its state."""
+
+    i: int
+    motion: CompiledFunction
+    """p [m] and the drift of p [m/s], shape (2 d,), at a state, shape (n_i,)."""
+
+
+def motion_function(dynamics: Dynamics) -> CompiledFunction:
+    """Compile the output point p [m] and ∂p/∂x f [m/s], stacked, as a function of the state."""
+    x = ca.SX.sym("x", len(dynamics.states))
+    p = dynamics.position(x)
+    return CompiledFunction([x], [ca.vertcat(p, ca.jacobian(p, x) @ dynamics.drift(x))])
+
+
+@dataclass(frozen=True)
+class AgentGoal:
+    """An agent's goal at t [s], given the states that it sees, its own among them."""
+
+    agent: str
+    axes: int
+    reference: Reference
+    outputs: Mapping[str, Output]
+    """Of every agent, by name."""
+
+    def __call__(self, t: float, states: Mapping[int, Array]) -> Goal:
+        """Return the goal. Raises MistakenMethodError of a user's reference."""
+        sight = Sight(t, self.agent, partial(self._motion, states))
+        if type(self.reference).__module__.startswith("phalanx."):
+            return self.reference.goal(sight)
+        expected = f"a Goal of three numpy arrays of {self.axes} finite numbers"
+        goal = call_user(self.reference, "goal", expected, sight, agent=self.agent)
+        if not self._fits(goal):
+            got = repr(goal)
+            raise MistakenMethodError(self.reference, "goal", expected, got, agent=self.agent)
+        found: Goal = goal
+        return found
+
+    def _fits(self, goal: object) -> bool:
+        return isinstance(goal, Goal) and all(
+            isinstance(part, np.ndarray)
+            and part.shape == (self.axes,)
+            and bool((np.abs(part) <= LARGEST).all())
+            for part in goal
+        )
+
+    def _motion(self, states: Mapping[int, Array], agent: str) -> Motion | None:
+        output = self.outputs.get(agent)
+        if output is None or output.i not in states:
+            return None
+        p, velocity = output.motion(states[output.i])[0].reshape(2, -1)
+        return Motion(p, velocity)

@@ -1,0 +1,120 @@
+"""Goals in runs: agents reach them in every shipped dynamics, by their outputs and samples."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+import phalanx
+from phalanx.scenario.load import ScenarioError, load
+from phalanx.swarm.runnable import require_runnable
+from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.laws.goals import Goal, hold
+
+TRACKED = {
+    "unicycle": ({"speed": 2.0, "turn_rate": 2.0}, [], 1),
+    "single-integrator": ({"speed": 2.0, "dimension": 2}, [], 1),
+    "double-integrator": ({"acceleration": 2.0, "drag": 0.5, "dimension": 3}, [1.0, 2.0], 2),
+    "triple-integrator": ({"jerk": 4.0, "dimension": 2}, [1.0, 3.0, 3.0], 3),
+    "bicycle": ({"acceleration": 2.0, "steering": 1.0}, [1.0, 2.0], 2),
+}
+
+
+def scenario_of(name: str, start: list[list[float]], goal: list[Any]) -> dict[str, Any]:
+    """Return a scenario of agents of one dynamics, far from an obstacle."""
+    fields, gains, q = TRACKED[name]
+    axes = fields.get("dimension", 2)
+    law = {"type": "track", "gains": gains} if gains else {"type": "track-velocity"}
+    return {
+        "name": "goals",
+        "duration": 12.0,
+        "safety": {
+            "function": {"type": "distance", "radius": 0.5},
+            "rho": 5.0,
+            "alpha": [1.0] * q,
+            "composition": "pairs",
+            "margin": "integrated",
+            "information": "split",
+        },
+        "obstacles": [{"center": [30.0] * axes, "clearance": 1.0}],
+        "agents": [
+            {
+                "names": [f"a{place}" for place in range(len(start))],
+                "role": "normal",
+                "dynamics": {"type": name, **fields},
+                "law": law,
+                "clock": {"period": 0.05},
+                "start": start,
+                "goal": goal,
+            }
+        ],
+    }
+
+
+def last_positions(table: dict[str, Any]) -> np.ndarray:
+    """Run a scenario; return the output points at its end, shape (N, d)."""
+    run = phalanx.run(load(table), engine="in-process")
+    return build_swarm(run.scenario).positions(run.recording.x[-1])
+
+
+@pytest.mark.parametrize("name", TRACKED)
+def test_an_agent_arrives_in_every_shipped_dynamics(name):
+    fields, _, q = TRACKED[name]
+    axes = fields.get("dimension", 2)
+    states = {"unicycle": 3, "bicycle": 4}.get(name, q * axes)
+    point = [2.0, 1.0, -1.0][:axes]
+    (end,) = last_positions(scenario_of(name, [[0.0] * states], [point]))
+    assert end == pytest.approx(point, abs=0.02)
+
+
+def test_a_follower_keeps_its_offset():
+    follow = {"type": "follow", "agent": "a0", "offset": [-1.0, 2.0]}
+    start = [[0.0, 0.0], [-4.0, -4.0]]
+    ends = last_positions(scenario_of("single-integrator", start, [[3.0, 0.0], follow]))
+    assert ends[1] - ends[0] == pytest.approx([-1.0, 2.0], abs=0.01)
+
+
+def test_a_restarted_agent_begins_its_waypoints_again():
+    swarm = build_swarm(load("crossing"))
+    first, nowhere = np.array([-2.25, 0.0, 0.0]), np.array([5.0, 0.0, 0.0])
+    before, after = swarm.goal(3), swarm.goal(3)
+    assert before(0.0, {3: first}).position.tolist() == [0.0, 6.0]
+    assert before(1.0, {3: nowhere}).position.tolist() == [0.0, 6.0]
+    assert after(1.0, {3: nowhere}).position.tolist() == [-2.0, 0.0]
+
+
+@dataclass
+class Circle:
+    """A user's reference, right or wrong by its field."""
+
+    kind: str
+
+    def goal(self, sight):
+        if self.kind == "raises":
+            raise RuntimeError("no way")
+        if self.kind == "flat":
+            return hold(np.zeros(3))
+        if self.kind == "list":
+            return [1.0, 2.0]
+        turned = np.array([np.cos(sight.t), np.sin(sight.t)])
+        return Goal(turned, turned[::-1] * [-1.0, 1.0], -turned)
+
+    def end(self):
+        return None
+
+
+def test_a_users_reference_is_followed():
+    own = {"type": "tests.unit.swarm.test_goals:Circle", "kind": "right"}
+    (end,) = last_positions(scenario_of("single-integrator", [[1.0, 0.0]], [own]))
+    assert end == pytest.approx([np.cos(12.0), np.sin(12.0)], abs=0.05)
+
+
+@pytest.mark.parametrize("kind", ["raises", "flat", "list"])
+def test_a_users_mistaken_reference_is_one_line_before_the_run(kind):
+    own = {"type": "tests.unit.swarm.test_goals:Circle", "kind": kind}
+    swarm = build_swarm(load(scenario_of("single-integrator", [[1.0, 0.0]], [own])))
+    with pytest.raises(
+        ScenarioError, match=r"goals: Circle\.goal: expected a Goal .* for agent a0"
+    ):
+        require_runnable(swarm)
