@@ -1,7 +1,7 @@
 """A finished run: its verdict, tables, report and page, and how to repeat it."""
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -147,14 +147,36 @@ class Run:
 
         return profile_table(read_profile(self.folder / PROFILE), self.summary)
 
-    def report(self, progress: Callable[[str], None] | None = None) -> Path:
+    def report(
+        self, progress: Callable[[str], None] | None = None, *, style: str = "screen"
+    ) -> Path:
         """Write report.html and its figures into the run's folder; return the path of report.html.
 
-        progress: called with the name of each figure before it is drawn.
+        Args:
+            progress: called with the name of each figure before it is drawn.
+            style: "screen", or "paper": figures as wide as a paper's column, also as PDF.
+
+        Raises ValueError: there is no such style.
         """
         require_functions(progress=progress or silent)
-        written: Path = extension("report")(self._opened, progress)
+        written: Path = extension("report")(self._opened, progress, style)
         return written
+
+    def plot(
+        self, *panels: str, axes: Mapping[str, Any] | None = None, style: str = "screen"
+    ) -> dict[str, Any]:
+        """Draw the run on matplotlib axes, and return them by panel.
+
+        Args:
+            panels: some of "paths" (seen from above), "h", "inputs" (the share of their bounds),
+                "certified"; by default those of `axes`, or all.
+            axes: those to draw on, by panel; by default a new figure's, which pyplot shows.
+            style: "screen", or "paper": as wide as a paper's column.
+
+        Raises ValueError: there is no such panel or style, or the recording holds no state.
+        """
+        drawn: dict[str, Any] = extension("plot")(self.recording, panels, axes, style)
+        return drawn
 
     def view(self, port: int | None = None) -> Page:
         """Replay the run on a page; port: by default 8080 or the next free one."""

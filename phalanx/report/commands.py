@@ -1,5 +1,6 @@
 """phalanx report and compare: figures of one run, and runs side by side."""
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -15,7 +16,20 @@ def register(app: typer.Typer) -> None:
     app.command()(compare)
 
 
-def report(run: RunArgument, trust: Trust = False) -> int:
+class Style(StrEnum):
+    """The styles of figures."""
+
+    SCREEN = "screen"
+    PAPER = "paper"
+
+
+def report(
+    run: RunArgument,
+    trust: Trust = False,
+    style: Annotated[
+        Style, typer.Option(help="paper: figures as wide as a paper's column, also as PDF.")
+    ] = Style.SCREEN,
+) -> int:
     """Make the report of a run: one HTML file, and the figures as PNG.
 
     A recording that was cut short gives a report of what it holds. Prints the report's path and
@@ -29,7 +43,7 @@ def report(run: RunArgument, trust: Trust = False) -> int:
     recorded = phalanx.open(run, trust=trust)
     warn_of_damage(recorded.recording)
     with spinner("drawing the report") as show:
-        written = recorded.report(show)
+        written = recorded.report(show, style=style)
     echo(written)
     echo(f"recording: {size_in_words(recorded.recording)}")
     return 0

@@ -14,7 +14,7 @@ from phalanx.arrays import Array
 from phalanx.curves.lanes import LANE_STATES, lanes, zoom_window
 from phalanx.recording.broadcasts import FATES, IN_TIME, LATE, LOST
 from phalanx.report.history import ReportHistory
-from phalanx.report.style import MOST_NAMED, legend
+from phalanx.report.style import MOST_NAMED, current, legend
 from phalanx.theory.rows.origin import Origin
 
 _COLOURS = {
@@ -29,7 +29,7 @@ _MOST_INTERVALS = 400
 """Most intervals of the whole run."""
 _MOST_LANES = 24
 """Most lanes of three rows each, and most agents' names on the axis."""
-_WIDTH, _LANE, _MOST_HIGH = 9.0, 0.34, 7.0
+_LANE, _MOST_HIGH = 0.34, 7.0
 """[inch]"""
 
 
@@ -39,7 +39,8 @@ def space_time(history: ReportHistory) -> Figure | None:
         return None
     names, shown = history.swarm.names, _shown(history)
     heights = [min(_LANE * len(names), _MOST_HIGH), _LANE * len(shown)]
-    figure = Figure(figsize=(_WIDTH, sum(heights) + 1.6), layout="constrained", facecolor="white")
+    size = current().width, (sum(heights) + 1.6) * current().heights
+    figure = Figure(figsize=size, layout="constrained", facecolor="white")
     whole, zoom = figure.subplots(2, 1, height_ratios=[h + 0.3 for h in heights])
     steps = [history.agent(i) for i in range(len(names))]
     moment = float(history.times[history.worst])
@@ -75,16 +76,22 @@ def _draw_whole(axes: Axes, history: ReportHistory) -> None:
         aspect="auto", interpolation="nearest", extent=(0.0, end, count - 0.5, -0.5),
     )  # fmt: skip
     shown = range(0, count, -(-count // _MOST_LANES))
-    axes.set_yticks(list(shown), [swarm.names[i] for i in shown], fontsize=8)
+    axes.set_yticks(list(shown), [swarm.names[i] for i in shown], fontsize=current().small)
     axes.set_ylabel("agent")
     axes.set_xlabel("t [s]")
     axes.spines[["top", "right"]].set_visible(False)
     found = np.bincount(history.broadcasts.fate, minlength=len(FATES))
     counts = ", ".join(f"{count} {fate}" for count, fate in zip(found, FATES, strict=True))
-    axes.set_title(f"{found.sum()} broadcasts on all links: {counts}", loc="right", fontsize=10)
+    axes.set_title(
+        f"{found.sum()} broadcasts on all links: {counts}", loc="right", fontsize=current().title
+    )
     handles = [Patch(color=c, label=name) for name, c in _COLOURS.items() if name != IN_TIME]
     axes.legend(
-        handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.02), fontsize=8, frameon=False
+        handles=handles,
+        loc="upper left",
+        bbox_to_anchor=(1.0, 1.02),
+        fontsize=current().small,
+        frameon=False,
     )
 
 
@@ -114,12 +121,12 @@ def _draw_zoom(
         axes.add_collection(LineCollection(list(segments), linewidths=0.8, zorder=2, **looks))
     axes.set_xlim(begin, end)
     axes.set_ylim(len(shown) - 0.5, -0.5)
-    axes.set_yticks(range(len(shown)), [names[i] for i in shown], fontsize=8)
+    axes.set_yticks(range(len(shown)), [names[i] for i in shown], fontsize=current().small)
     left = len(names) - len(shown)
     axes.set_ylabel("agent" + (f", {left} more not drawn" if left else ""))
     axes.set_xlabel("t [s]")
     axes.spines[["top", "right"]].set_visible(False)
-    axes.set_title("around the worst moment", loc="right", fontsize=10)
+    axes.set_title("around the worst moment", loc="right", fontsize=current().title)
     legend(axes)
 
 

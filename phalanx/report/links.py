@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from phalanx.network.link import LinkModel
 from phalanx.recording.read import Recording, steps_by_agent
-from phalanx.report.style import FEW, LIMIT, MUTED, WORST, legend, panels, summarises
+from phalanx.report.style import FEW, LIMIT, MUTED, WORST, current, legend, panels, summarises
 
 _MOST_LINKS = 40
 
@@ -85,10 +85,10 @@ def _draw_worst(axes: Axes, links: Sequence[LinkStatistics]) -> None:
         label="link model, ±2 standard deviations of independent losses",
     )  # fmt: skip
     axes.set_xticks(places, [f"{link.sender} → {link.receiver}" for link in shown])
-    axes.tick_params(axis="x", rotation=90 if len(shown) > 14 else 0, labelsize=8)
+    axes.tick_params(axis="x", rotation=90 if len(shown) > 14 else 0, labelsize=current().small)
     axes.set_ylim(0.0, max(1.0, 1.25 * axes.get_ylim()[1]))
     axes.set_ylabel("lost broadcasts [%]")
-    axes.legend(fontsize=8, frameon=False, loc="upper right", ncols=2)
+    axes.legend(fontsize=current().small, frameon=False, loc="upper right", ncols=2)
 
 
 def _draw_all(axes: Axes, links: Sequence[LinkStatistics]) -> None:

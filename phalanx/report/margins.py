@@ -114,7 +114,7 @@ def _each_figure(history: ReportHistory, uses: dict[str, MarginUse]) -> Figure:
         style.logarithmic(axes)
         axes.margins(x=0.01, y=0.15)
         axes.set_ylabel(f"margin [{unit}]")
-        axes.set_title(_counted(use), loc="right", fontsize=9)
+        axes.set_title(_counted(use), loc="right", fontsize=style.current().title - 1.0)
         style.legend(axes, f"agent {name}")
     rows[-1].set_xlabel("t [s]")
     return figure

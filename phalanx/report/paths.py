@@ -11,7 +11,7 @@ from matplotlib.patches import Circle
 from phalanx.arrays import Array, Index
 from phalanx.curves.history import RecordedHistory
 from phalanx.report.distances import required_distance
-from phalanx.report.style import MUTED, PEAK, WORST, colours, legend, style_axes
+from phalanx.report.style import LIMIT, MUTED, PEAK, WORST, colours, current, legend, style_axes
 from phalanx.scenario.model import Scenario
 from phalanx.theory.safety.box import Box
 from phalanx.theory.safety.limits import Drawable, Line
@@ -21,7 +21,7 @@ _PATH_POINTS = 3000
 _MANY_POINTS = 400
 _OF_ROLE = {"normal": "#8fb3e6", "adversary": "#e8938f"}
 """A colour for each role, where there are too many agents for a colour each."""
-_WIDTH, _MARGIN = 9.0, 1.3
+_MARGIN = 1.3
 
 
 class WorstPairs(NamedTuple):
@@ -48,29 +48,35 @@ def paths(history: RecordedHistory, worst: WorstPairs | None = None) -> Figure:
     worst: if given, agents are drawn by role, and only the worst pair's by name.
     """
     planes = [(0, 1)] if history.positions.shape[2] == 2 else [(0, 1), (0, 2)]
-    points = _outline(history)
-    margin = 0.04 * float(np.ptp(points, axis=0).max()) + 0.5
-    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
-    width = high[0] - low[0]
-    heights = [(_WIDTH - _MARGIN) * (high[v] - low[v]) / width for _, v in planes]
+    low, high = scene_box(history)
+    width, style = high[0] - low[0], current()
+    heights = [(style.width - _MARGIN) * (high[v] - low[v]) / width for _, v in planes]
     # A flat or tall scene would make a sliver or a tower of a figure.
-    heights = [min(max(h, 2.5), 8.5) for h in heights]
-    figure = Figure((_WIDTH, sum(heights) + 0.5), layout="constrained", facecolor="white")
+    heights = [min(max(h, 2.5 * style.heights), 8.5 * style.heights) for h in heights]
+    figure = Figure((style.width, sum(heights) + 0.5), layout="constrained", facecolor="white")
     rows = figure.subplots(len(planes), 1, squeeze=False, height_ratios=heights)[:, 0]
     for axes, plane in zip(rows, planes, strict=True):
-        style_axes(axes)
-        _draw_scene(axes, history, plane)
-        if worst is None:
-            _draw_agents(axes, history, plane)
-        else:
-            _draw_roles(axes, history, plane, worst)
-        axes.set_aspect("equal")
-        axes.set_xlim(low[plane[0]], high[plane[0]])
-        axes.set_ylim(low[plane[1]], high[plane[1]])
-        axes.set_xlabel(f"{'xyz'[plane[0]]} [m]")
-        axes.set_ylabel(f"{'xyz'[plane[1]]} [m]")
+        draw_scene(axes, history, plane)
+        draw_paths(axes, history, plane, worst)
     legend(rows[0])
     return figure
+
+
+def draw_paths(
+    axes: Axes, history: RecordedHistory, plane: tuple[int, int], worst: WorstPairs | None
+) -> None:
+    """Draw the paths of all agents; worst: as paths takes it."""
+    if worst is None:
+        _draw_agents(axes, history, plane)
+    else:
+        _draw_roles(axes, history, plane, worst)
+
+
+def scene_box(history: RecordedHistory) -> tuple[Array, Array]:
+    """Lowest and highest coordinates of what is drawn, with a margin [m], shapes (d,)."""
+    points = _outline(history)
+    margin = 0.04 * float(np.ptp(points, axis=0).max()) + 0.5
+    return points.min(axis=0) - margin, points.max(axis=0) + margin
 
 
 def _outline(history: RecordedHistory) -> Array:
@@ -144,8 +150,15 @@ def _draw_roles(
             axes.plot([], [], " ", label=f"{other}, of the worst pair")
 
 
-def _draw_scene(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) -> None:
-    """Draw obstacles, and the path of the formation's centre up to the last state."""
+def draw_scene(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) -> None:
+    """Draw obstacles, and the path of the formation's centre up to the last state, to scale."""
+    style_axes(axes)
+    low, high = scene_box(history)
+    axes.set_aspect("equal")
+    axes.set_xlim(low[plane[0]], high[plane[0]])
+    axes.set_ylim(low[plane[1]], high[plane[1]])
+    axes.set_xlabel(f"{'xyz'[plane[0]]} [m]")
+    axes.set_ylabel(f"{'xyz'[plane[1]]} [m]")
     scenario = history.scenario
     for k, obstacle in enumerate(scenario.obstacles):
         if isinstance(obstacle, Wall):
@@ -155,7 +168,8 @@ def _draw_scene(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) ->
         if isinstance(obstacle, Sphere):
             reach = obstacle.clearance
             axes.add_patch(Circle(center, reach, facecolor="#c9ccd1", edgecolor="#6b7078"))
-        axes.annotate(str(k), center, ha="center", va="center", fontsize=8, color="#33363b")
+        small = current().small
+        axes.annotate(str(k), center, ha="center", va="center", fontsize=small, color=LIMIT)
     for line in _outlines(scenario):
         axes.plot(*np.array(line)[:, plane].T, color="#6b7078", linewidth=1.2)
     if scenario.formation:

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from phalanx.arrays import Array
@@ -10,7 +11,7 @@ from phalanx.curves.history import RecordedHistory
 from phalanx.curves.thinning import kept
 from phalanx.recording.read import Recording
 from phalanx.report.history import ReportHistory
-from phalanx.report.style import LIMIT, NORMAL, PEAK, legend, panels, summarises
+from phalanx.report.style import LIMIT, NORMAL, PEAK, current, legend, panels, summarises
 from phalanx.swarm.swarm import unit_of_psi
 
 _PSI_POINTS, _MANY_PSI_POINTS = 600, 100
@@ -43,27 +44,34 @@ def safety(history: ReportHistory, largest: Array | None = None) -> Figure:
     peak = worst(history.recording)
     assert peak is not None
     figure, rows = panels(2 if peak.h_tot > 0.0 else 1, 3.0)
-    shown = kept(history.h_tot)
-    t, h = history.times[shown], history.h_tot[shown]
     for axes in rows:
-        axes.plot(t, h, color=NORMAL, linewidth=1.2, label=r"$h_{tot}$")
-        if largest is not None:
-            label = "largest h of a pair"
-            axes.plot(history.times, largest, color="#111111", linewidth=0.9, label=label)
-        axes.axhline(0.0, color=LIMIT, linewidth=1.2)
-        axes.fill_between(t, h, 0.0, where=h > 0.0, interpolate=True, color=PEAK, alpha=0.5)
-        axes.plot([peak.t], [peak.h_tot], "o", color=PEAK, markersize=5)
-        axes.set_ylabel(f"$h_{{tot}}$ [{unit_of_psi(history.scenario) or 'SI'}]")
-        axes.margins(x=0.01)
-    rows[0].set_ylim(top=max(rows[0].get_ylim()[1], 0.06 * np.ptp(h), 0.1))
+        draw_h(axes, history, peak, largest)
     if peak.h_tot > 0.0:
+        rows[0].set_xlabel("")
         rows[1].set_ylim(-2.0 * peak.h_tot, 1.3 * peak.h_tot)
-    title = f"worst {peak.h_tot:.4g} at {peak.t:.3f} s"
-    rows[0].set_title(title, loc="right", color=PEAK, fontsize=10)
-    rows[-1].set_xlabel("t [s]")
+        rows[1].set_title("", loc="right")
     if largest is not None:
         legend(rows[0])
     return figure
+
+
+def draw_h(axes: Axes, history: RecordedHistory, peak: Worst, largest: Array | None) -> None:
+    """Draw h_tot over time, with its worst value; largest: as safety takes it."""
+    shown = kept(history.h_tot)
+    t, h = history.times[shown], history.h_tot[shown]
+    axes.plot(t, h, color=NORMAL, linewidth=1.2, label=r"$h_{tot}$")
+    if largest is not None:
+        label = "largest h of a pair"
+        axes.plot(history.times, largest, color="#111111", linewidth=0.9, label=label)
+    axes.axhline(0.0, color=LIMIT, linewidth=1.2)
+    axes.fill_between(t, h, 0.0, where=h > 0.0, interpolate=True, color=PEAK, alpha=0.5)
+    axes.plot([peak.t], [peak.h_tot], "o", color=PEAK, markersize=5)
+    axes.set_ylabel(f"$h_{{tot}}$ [{unit_of_psi(history.scenario) or 'SI'}]")
+    axes.margins(x=0.01)
+    axes.set_ylim(top=max(axes.get_ylim()[1], 0.06 * np.ptp(h), 0.1))
+    title = f"worst {peak.h_tot:.4g} at {peak.t:.3f} s"
+    axes.set_title(title, loc="right", color=PEAK, fontsize=current().title)
+    axes.set_xlabel("t [s]")
 
 
 def psi(history: RecordedHistory) -> Figure | None:
@@ -85,6 +93,7 @@ def psi(history: RecordedHistory) -> Figure | None:
         axes.margins(x=0.01)
         at = int(values.argmax())
         title = f"largest {values[at]:.4g} at {t[at]:.3f} s"
-        axes.set_title(title, loc="right", color=PEAK if values[at] > 0.0 else LIMIT, fontsize=10)
+        colour = PEAK if values[at] > 0.0 else LIMIT
+        axes.set_title(title, loc="right", color=colour, fontsize=current().title)
     rows[-1].set_xlabel("t [s]")
     return figure

@@ -24,18 +24,23 @@ _LIGHT = "#f2a7a0"
 
 def certified(history: RecordedHistory) -> Figure | None:
     """Draw certified times of each normal agent's inputs, in its τ; None without any."""
-    swarm = history.swarm
-    every = step_series(swarm, "certified", {i: history.agent(i) for i in swarm.normal})
-    curves = {swarm.names[i]: known for i, s in every.items() if len((known := s.known()).t)}
+    curves = _certified_curves(history)
     if not curves:
         return None
     figure, (axes,) = style.panels(1, 3.0)
+    draw_certified(axes, history)
+    return figure
+
+
+def draw_certified(axes: Axes, history: RecordedHistory) -> None:
+    """Draw the same on given axes, with what is below τ counted in a title."""
+    curves = _certified_curves(history)
     if style.summarises(history.scenario):
         worst = sorted(curves, key=lambda n: (curves[n].y.min(), curves[n].y.mean()))
         style.draw_many(axes, curves, worst, "normal agents", " τ")
         ratios = np.concatenate([ratio for _, ratio in curves.values()])
         below = f"{(ratios < 1.0).sum()} of {len(ratios)} inputs below τ"
-        axes.set_title(below, loc="right", fontsize=10)
+        axes.set_title(below, loc="right", fontsize=style.current().title)
     else:
         _draw_certified(axes, history, curves)
     axes.axhline(1.0, color=style.LIMIT, linewidth=1.2)
@@ -43,7 +48,12 @@ def certified(history: RecordedHistory) -> Figure | None:
     axes.margins(x=0.01)
     axes.set_ylabel("certified time [τ]")
     axes.set_xlabel("t [s]")
-    return figure
+
+
+def _certified_curves(history: RecordedHistory) -> dict[str, Series]:
+    swarm = history.swarm
+    every = step_series(swarm, "certified", {i: history.agent(i) for i in swarm.normal})
+    return {swarm.names[i]: known for i, s in every.items() if len((known := s.known()).t)}
 
 
 def _draw_certified(axes: Axes, history: RecordedHistory, curves: dict[str, Series]) -> None:
@@ -162,25 +172,43 @@ def inputs_of_all(history: RecordedHistory) -> Figure:
 
     Only where U_i is a box: other polytopes have no bound of one input alone.
     """
-    swarm, curves = history.swarm, {}
-    made = [history.agent(i) for i in swarm.normal]
+    made = [history.agent(i) for i in history.swarm.normal]
     any_empty = any(steps.empty.any() for steps in made)
     figure, rows = style.panels(2 if any_empty else 1, 2.6)
-    for i, steps in zip(swarm.normal, made, strict=True):
-        U = input_polytope(swarm, i)
-        if len(steps.t) and U and U.box:
-            low, high = U.box.low, U.box.high
-            share = np.abs(steps.u - (high + low) / 2.0) / ((high - low) / 2.0)
-            curves[swarm.names[i]] = Series(steps.t, share.max(axis=1))
-    if curves:
-        worst = sorted(curves, key=lambda name: -curves[name].y.mean())
-        style.draw_many(rows[0], curves, worst, "normal agents", "")
-        rows[0].axhline(1.0, color=style.LIMIT, linestyle=":", linewidth=1.2)
-    rows[0].set_ylabel("largest share\nof an input's bound")
+    draw_shares(rows[0], history)
     for axes in rows[1:]:
         _draw_empty(axes, made)
     rows[-1].set_xlabel("t [s]")
     return figure
+
+
+def draw_shares(axes: Axes, history: RecordedHistory) -> None:
+    """Draw the share of their bounds that normal agents use; each by name if they are few."""
+    curves, palette = _shares(history), style.colours(history.scenario)
+    if curves and style.summarises(history.scenario):
+        worst = sorted(curves, key=lambda name: -curves[name].y.mean())
+        style.draw_many(axes, curves, worst, "normal agents", "")
+    elif curves:
+        for name, series in curves.items():
+            label = f"{name}: {series.y.mean():.0%} on average"
+            style.draw_line(axes, series, colour=palette[name], held=True, label=label)
+        axes.margins(x=0.01)
+        style.legend(axes, "agent")
+    if curves:
+        axes.axhline(1.0, color=style.LIMIT, linestyle=":", linewidth=1.2)
+    axes.set_ylabel("largest share\nof an input's bound")
+
+
+def _shares(history: RecordedHistory) -> dict[str, Series]:
+    """Share of its bound that each normal agent's inputs use, where U_i is a box."""
+    swarm, curves = history.swarm, {}
+    for i in swarm.normal:
+        U, steps = input_polytope(swarm, i), history.agent(i)
+        if len(steps.t) and U and U.box:
+            low, high = U.box.low, U.box.high
+            share = np.abs(steps.u - (high + low) / 2.0) / ((high - low) / 2.0)
+            curves[swarm.names[i]] = Series(steps.t, share.max(axis=1))
+    return curves
 
 
 def _draw_empty(axes: Axes, made: Sequence[AgentSeries]) -> None:

@@ -1,8 +1,11 @@
 """The style of every figure: size, axes, legends, and one colour for each agent throughout."""
 
-from collections.abc import Mapping, Sequence
+import contextlib
+from collections.abc import Iterator, Mapping, Sequence
+from contextvars import ContextVar
 from typing import Any, NamedTuple
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -23,7 +26,54 @@ MOST_NAMED = 12
 """Most entries of a legend, and most agents that are drawn one by one."""
 FEW = 4
 """Number of the worst agents drawn by name where there are more than MOST_NAMED."""
-_WIDTH = 9.0
+
+
+class Style(NamedTuple):
+    """Sizes of figures, for one kind of reader."""
+
+    width: float
+    """[inch]"""
+    heights: float
+    """Factor of all heights."""
+    title: float
+    """Size of titles [pt]."""
+    small: float
+    """Size of legends and of many labels [pt]."""
+    beside: bool
+    """Whether legends stand to the right of panels, and not in them."""
+    settings: Mapping[str, Any]
+    """Of matplotlib."""
+
+
+STYLES = {
+    "screen": Style(9.0, 1.0, 10.0, 8.0, beside=True, settings={}),
+    # A column of a two-column paper. Type 42: many publishers refuse matplotlib's type 3.
+    "paper": Style(
+        3.45, 0.62, 7.0, 6.0, beside=False,
+        settings={"font.size": 7.0, "pdf.fonttype": 42, "lines.markersize": 3.0},
+    ),
+}  # fmt: skip
+"""The styles by name, the default first."""
+SCREEN = next(iter(STYLES))
+_current = ContextVar("style", default=STYLES[SCREEN])
+
+
+@contextlib.contextmanager
+def drawn_for(name: str) -> Iterator[None]:
+    """Draw in the style of this name during the block. Raises ValueError if there is none."""
+    if name not in STYLES:
+        raise ValueError(f"style: expected {' or '.join(map(repr, STYLES))}, got {name!r}")
+    before = _current.set(STYLES[name])
+    try:
+        with mpl.rc_context(dict(STYLES[name].settings)):
+            yield
+    finally:
+        _current.reset(before)
+
+
+def current() -> Style:
+    """Return the style to draw in."""
+    return _current.get()
 
 
 class ReportFigure(NamedTuple):
@@ -51,7 +101,9 @@ def summarises(scenario: Scenario) -> bool:
 
 def panels(rows: int, height: float) -> tuple[Figure, list[Axes]]:
     """Make a figure with a column of panels of this height [inch] that share their x axis."""
-    figure = Figure(figsize=(_WIDTH, rows * height + 0.3), layout="constrained", facecolor="white")
+    style = current()
+    size = style.width, (rows * height + 0.3) * style.heights
+    figure = Figure(figsize=size, layout="constrained", facecolor="white")
     axes = list(figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0])
     for each in axes:
         style_axes(each)
@@ -74,12 +126,17 @@ def logarithmic(axes: Axes) -> None:
 
 
 def legend(axes: Axes, title: str | None = None, most: int = MOST_NAMED) -> None:
-    """Name the first lines to the right of the panel, as many as fit."""
+    """Name the first lines to the right of the panel, as many as fit; or in it."""
     handles, labels = axes.get_legend_handles_labels()
+    style = current()
+    place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.02), "frameon": False}
+    if not style.beside:
+        looks = {"framealpha": 0.7, "edgecolor": "none", "borderpad": 0.1}
+        place = {"loc": "best", "labelspacing": 0.2, "handlelength": 1.2, **looks}
     if handles:
         axes.legend(
-            handles[:most], labels[:most], title=title, loc="upper left",
-            bbox_to_anchor=(1.0, 1.02), fontsize=8, title_fontsize=8, frameon=False,
+            handles[:most], labels[:most], title=title, fontsize=style.small,
+            title_fontsize=style.small, **place,
         )  # fmt: skip
 
 

@@ -16,23 +16,33 @@ from phalanx.report.links import LinkStatistics, link_statistics, losses
 from phalanx.report.margins import margins
 from phalanx.report.page import page
 from phalanx.report.paths import paths, worst_pairs
-from phalanx.report.style import FEW, MOST_NAMED, ReportFigure, summarises
+from phalanx.report.style import FEW, MOST_NAMED, SCREEN, ReportFigure, drawn_for, summarises
 
 REPORT = "report.html"
 _DPI = 110
+_DATELESS = {"CreationDate": None}
+"""Metadata of PDF: the same run gives the same file."""
 _MARGIN = 0.1
 """Margin around the drawn part of a figure [inch]."""
 
 
-def write_report(run: Path, progress: Callable[[str], None] | None = None) -> Path:
+def write_report(
+    run: Path, progress: Callable[[str], None] | None = None, style: str = SCREEN
+) -> Path:
     """Write report.html and figures/*.png next to a recording, whole or cut short.
 
     Args:
         run: a run's folder, or its recording.
         progress: called with the name of each figure before it is drawn.
+        style: of STYLES; for "paper" also figures/*.pdf.
 
-    Returns the path of report.html. Raises UnreadableRecordingError, OSError.
+    Returns the path of report.html. Raises UnreadableRecordingError, OSError, ValueError.
     """
+    with drawn_for(style):
+        return _write_report(run, progress, vector=style == "paper")
+
+
+def _write_report(run: Path, progress: Callable[[str], None] | None, vector: bool) -> Path:
     recording = read(run)
     folder = recording.path.parent
     (folder / "figures").mkdir(exist_ok=True)
@@ -41,6 +51,8 @@ def write_report(run: Path, progress: Callable[[str], None] | None = None) -> Pa
     for figure in draw_figures(history, links):
         if progress:
             progress(figure.name)
+        if vector:
+            figure.figure.savefig(folder / "figures" / f"{figure.name}.pdf", metadata=_DATELESS)
         image = image_of(figure)
         (folder / "figures" / f"{figure.name}.png").write_bytes(image)
         drawn.append((figure.caption, image))

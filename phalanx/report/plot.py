@@ -1,0 +1,95 @@
+"""One look at a run: its paths, h, inputs and certified times, as matplotlib axes."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+
+from phalanx.curves.history import RecordedHistory
+from phalanx.recording.read import Recording
+from phalanx.report.history import ReportHistory
+from phalanx.report.paths import draw_paths, draw_scene, worst_pairs
+from phalanx.report.safety import draw_h, worst
+from phalanx.report.steps import draw_certified, draw_shares
+from phalanx.report.style import SCREEN, current, drawn_for, legend, style_axes, summarises
+
+_HEIGHT, _PATHS = 2.5, 5.0
+"""Of a panel, and of the paths [inch]."""
+
+
+def plot(
+    recording: Recording,
+    panels: Sequence[str] = (),
+    axes: Mapping[str, Axes] | None = None,
+    style: str = SCREEN,
+) -> dict[str, Axes]:
+    """Draw panels of a run on given axes, or on a new figure of pyplot.
+
+    Args:
+        recording: of the run.
+        panels: their names, of PANELS; by default those of `axes`, or all.
+        axes: on which to draw, by panel.
+        style: of STYLES.
+
+    Returns the axes by panel.
+
+    Raises ValueError: there is no such panel or style, or the recording holds no state.
+    """
+    chosen = tuple(panels or axes or PANELS)
+    if unknown := [name for name in chosen if name not in PANELS]:
+        raise ValueError(f"panel: expected {', '.join(PANELS)}, got {unknown[0]!r}")
+    if lacking := [name for name in chosen if axes is not None and name not in axes]:
+        raise ValueError(f"axes: expected some for each panel, got none for {lacking[0]!r}")
+    if not recording.states:
+        raise ValueError(f"{recording.path}: the recording holds no state: nothing to draw")
+    history = ReportHistory(recording)
+    with drawn_for(style):
+        drawn = dict(axes) if axes is not None else _new_axes(chosen)
+        for name in chosen:
+            PANELS[name](drawn[name], history)
+    return {name: drawn[name] for name in chosen}
+
+
+def _new_axes(panels: Sequence[str]) -> dict[str, Axes]:
+    """Make a figure with a column of these panels, which pyplot shows."""
+    style = current()
+    heights = [_PATHS if name == "paths" else _HEIGHT for name in panels]
+    size = style.width, (sum(heights) + 0.3) * style.heights
+    figure = plt.figure(figsize=size, layout="constrained", facecolor="white")
+    rows = figure.subplots(len(panels), 1, squeeze=False, height_ratios=heights)[:, 0]
+    return dict(zip(panels, rows, strict=True))
+
+
+def _paths(axes: Axes, history: RecordedHistory) -> None:
+    draw_scene(axes, history, (0, 1))
+    draw_paths(
+        axes, history, (0, 1), worst_pairs(history) if summarises(history.scenario) else None
+    )
+    legend(axes)
+
+
+def _h(axes: Axes, history: ReportHistory) -> None:
+    peak = worst(history.recording)
+    assert peak is not None
+    style_axes(axes)
+    draw_h(axes, history, peak, worst_pairs(history).h if summarises(history.scenario) else None)
+
+
+def _inputs(axes: Axes, history: RecordedHistory) -> None:
+    style_axes(axes)
+    draw_shares(axes, history)
+    axes.set_xlabel("t [s]")
+
+
+def _certified(axes: Axes, history: RecordedHistory) -> None:
+    style_axes(axes)
+    draw_certified(axes, history)
+
+
+PANELS: dict[str, Callable[[Axes, ReportHistory], None]] = {
+    "paths": _paths,
+    "h": _h,
+    "inputs": _inputs,
+    "certified": _certified,
+}
+"""What draws each panel, by its name."""
