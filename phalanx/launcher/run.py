@@ -178,6 +178,23 @@ class Run:
         drawn: dict[str, Any] = extension("plot")(self.recording, panels, axes, style)
         return drawn
 
+    def animate(self, path: str | Path, *, speed: float = 1.0, per_second: int = 15) -> Path:
+        """Write the run as a moving picture: agents, broadcasts, h_tot, and the verdict at its end.
+
+        Args:
+            path: a name that ends in .gif, .webp or, with the program ffmpeg, .mp4.
+            speed: virtual seconds in a second.
+            per_second: frames.
+
+        Returns the path.
+
+        Raises:
+            ValueError: there is no such format, or ffmpeg or a state to draw is missing.
+            OSError: it cannot be written.
+        """
+        written: Path = extension("animate")(self.recording, Path(path), speed, per_second)
+        return written
+
     def view(self, port: int | None = None) -> Page:
         """Replay the run on a page; port: by default 8080 or the next free one."""
         page: Page = extension("page")(self._opened, port)

@@ -1,0 +1,126 @@
+"""A run as a moving picture: what a frame shows, its file's formats, and what is refused."""
+
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.colors import to_rgb
+from PIL import Image
+
+import phalanx
+from phalanx.faults.commands import Command
+from phalanx.report.history import ReportHistory
+from phalanx.report.stage import Film, Stage
+from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space, unicycles
+
+FRAMES = 0.6 * 10 + 1
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> phalanx.Run:
+    scenario = unicycles("network.loss=0.5")
+    records = [*drift(scenario), Command(0.3, "kill", "2")]
+    return phalanx.open(record(tmp_path, scenario, records, summary_of(scenario)))
+
+
+def staged(run: phalanx.Run, times: list[float]) -> Stage:
+    return Stage(ReportHistory(run.recording), Film(np.array(times), 10, 1.0))
+
+
+def moving(stage: Stage, kind: type) -> list:
+    return [each for each in stage.figure.axes[0].collections if isinstance(each, kind)]
+
+
+@pytest.mark.slow
+def test_a_frame_shows_where_agents_are_and_which_are_dead(run: phalanx.Run):
+    stage = staged(run, [0.0, 0.25, 0.45])
+    (discs,) = moving(stage, EllipseCollection)
+    frames, history = stage.frames(), ReportHistory(run.recording)
+    grey = to_rgb("#9aa0a8")
+    for t, dead in ((0.0, False), (0.25, False), (0.45, True)):
+        next(frames)
+        at = np.abs(history.times - t).argmin()
+        assert discs.get_offsets() == pytest.approx(history.positions[at], abs=0.02)
+        assert (tuple(discs.get_facecolor()[1][:3]) == grey) == dead
+        assert tuple(discs.get_facecolor()[0][:3]) != grey
+        assert stage.figure.axes[0].get_title(loc="left") == f"unicycles, t = {t:.1f} s"
+
+
+@pytest.mark.slow
+def test_a_link_is_the_redder_the_more_broadcasts_it_lost(run: phalanx.Run):
+    stage, history = staged(run, [0.0, 0.2]), ReportHistory(run.recording)
+    *_, last = (frame for frame, _ in zip(stage.frames(), range(2), strict=False))
+    lines = moving(stage, LineCollection)[0]
+    sent = history.broadcasts[(history.broadcasts.sent > 0.0) & (history.broadcasts.sent <= 0.2)]
+    shares = {}
+    for link in {tuple(sorted(pair)) for pair in zip(sent.sender, sent.receiver, strict=True)}:
+        own = [b for b in sent if tuple(sorted((b.sender, b.receiver))) == link]
+        shares[link] = np.mean([b.arrival == b.sent and b.fate == 2 for b in own])
+    assert last == 1
+    assert len(set(shares.values())) > 1
+    reds = [colour[0] for colour in lines.get_color()]
+    assert (
+        np.argsort(reds).tolist() == np.argsort([shares[link] for link in sorted(shares)]).tolist()
+    )
+
+
+@pytest.mark.slow
+def test_the_verdict_comes_last(run: phalanx.Run):
+    stage = staged(run, [0.0, 0.3, 0.6])
+    texts = [[t.get_text() for t in stage.figure.axes[0].texts] for _ in stage.frames()]
+    assert ["violated" in shown for shown in texts] == [False, False, True]
+
+
+@pytest.mark.slow
+def test_it_is_written_as_gif_or_webp(run: phalanx.Run, tmp_path: Path):
+    for name in ("run.gif", "run.webp"):
+        path = run.animate(tmp_path / name, per_second=10)
+        picture = Image.open(path)
+        assert picture.n_frames == FRAMES
+        picture.seek(picture.n_frames - 1)
+        picture.load()
+        assert picture.info["duration"] == 2500
+        assert picture.convert("RGB").getpixel((2, 2)) == (255, 255, 255)
+    assert not any(pixels % 2 for pixels in picture.size)
+
+
+@pytest.mark.slow
+def test_it_is_written_as_mp4_by_ffmpeg(
+    run: phalanx.Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(ValueError, match=r"path: \.mp4 needs the program ffmpeg: install it"):
+        run.animate(tmp_path / "run.mp4")
+    # It stands for ffmpeg, and keeps what it gets: raw frames.
+    stand_in = tmp_path / "ffmpeg"
+    stand_in.write_text('#!/bin/sh\nfor last; do :; done\n/bin/cat > "$last"\n')
+    stand_in.chmod(0o755)
+    film = run.animate(tmp_path / "run.mp4", per_second=10)
+    wide, high = staged(run, [0.0]).figure.canvas.get_width_height()
+    assert os.path.getsize(film) == (FRAMES + 25) * 4 * wide * high
+
+
+@pytest.mark.slow
+def test_a_swarm_in_space_is_seen_from_above(tmp_path: Path):
+    scenario = swarm_in_space(13, 1, {})
+    made = record(tmp_path, scenario, drift(scenario, steps=3), summary_of(scenario))
+    run = phalanx.open(made)
+    assert run.animate(tmp_path / "run.gif", speed=10.0, per_second=2).exists()
+
+
+@pytest.mark.slow
+def test_what_cannot_be_drawn_is_refused_in_a_line(run: phalanx.Run, tmp_path: Path):
+    for arguments, message in (
+        ({"path": "run.avi"}, "path: expected a name that ends in .gif, .webp, .mp4, got run.avi"),
+        ({"path": "run.gif", "speed": 0.0}, "speed and per_second: expected above 0, and 1 to 60"),
+        ({"path": "run.gif", "per_second": 0}, "got 1.0 and 0"),
+    ):
+        with pytest.raises(ValueError, match=re.escape(message)):
+            run.animate(**arguments)
+    (tmp_path / "empty").mkdir()
+    empty = phalanx.open(record(tmp_path / "empty", unicycles(), [], None))
+    with pytest.raises(ValueError, match="the recording holds no state: nothing to draw"):
+        empty.animate("run.gif")
