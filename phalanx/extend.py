@@ -1,4 +1,4 @@
-"""Public names for code of your own: dynamics, safe sets, laws, margins, link rules, commands.
+"""Public names for code of your own: dynamics, safe sets, laws, controllers, margins, link rules.
 
 A class of your own is a dataclass with the methods of one of the protocols here. A scenario names
 it as `type = "package.module:Name"`; the other fields of that table are its own. Expressions are
@@ -10,6 +10,10 @@ Names that are not in this module may change at any time.
 """
 
 from phalanx.arrays import Array
+from phalanx.baselines.barrier import BarrierQP
+from phalanx.baselines.escape import Escape
+from phalanx.baselines.nominal import Nominal
+from phalanx.baselines.orca import Orca
 from phalanx.cli.terminal import echo, echo_error
 from phalanx.network.rule import (
     CORRUPT,
@@ -21,6 +25,12 @@ from phalanx.network.rule import (
     Rule,
     Treatment,
     delay,
+)
+from phalanx.theory.controllers.controller import (
+    ControlledAgent,
+    Controller,
+    ControllerView,
+    Received,
 )
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import added, dot, length
@@ -42,7 +52,12 @@ from phalanx.theory.margins.kinds import IntegratedMargin, LocalMargin, Margin, 
 from phalanx.theory.models.aerial import PlanarQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import Bounded, Dynamics, Measured, box_polytope
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
+from phalanx.theory.models.polytope import Polytope
 from phalanx.theory.models.wheeled import DifferentialDrive, KinematicBicycle, Unicycle
+from phalanx.theory.rows.decision import least_violation
+from phalanx.theory.rows.pairs import PairTerms
+from phalanx.theory.rows.qp import NearestInput
+from phalanx.theory.rows.row import Rows
 from phalanx.theory.safety.box import Box
 from phalanx.theory.safety.chain import Chain
 from phalanx.theory.safety.class_k import ClassK, Linear, Power
@@ -113,6 +128,20 @@ __all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
     "Waypoints",
     "PathAtSpeed",
     "Follow",
+    # Controllers
+    "Controller",
+    "ControllerView",
+    "ControlledAgent",
+    "Received",
+    "PairTerms",
+    "Polytope",
+    "Rows",
+    "NearestInput",
+    "least_violation",
+    "Nominal",
+    "BarrierQP",
+    "Escape",
+    "Orca",
     # Link rules
     "Rule",
     "Message",

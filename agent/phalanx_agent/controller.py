@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from typing import NamedTuple, Protocol, Self
 
 from phalanx.arrays import Array
+from phalanx.guarantee.certificates import certified_for
+from phalanx.swarm.own_controller import own_controller
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.laws.attacks import WorstCase
 from phalanx.theory.laws.law import NominalInput, View
@@ -46,7 +48,7 @@ class Controller(Protocol):
 
 
 class DistributedController:
-    """An agent's own law, row and QP, as in (QPdistributed)."""
+    """An agent's own law, row and QP, as in (QPdistributed); or another controller's input."""
 
     def __init__(self, rows: SafetyRows, i: int) -> None:
         """Compile agent i's own copy of the theory."""
@@ -57,25 +59,33 @@ class DistributedController:
         self._goal = swarm.goal(i)
         self._terms = rows.terms(i)
         self._filter = rows.filter(i)
+        self._own = own_controller(rows, i, certified_for(swarm, i))
         self._latency = swarm.time.latency
 
     def __call__(
         self, x: Array, seen: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
     ) -> StepResult:
         """Decide, as a Controller does."""
+        view = self._view(x, seen, t)
+        u_nom = self._nominal(view)
+        if self._own is not None:
+            return StepResult(self._own(view, u_nom, x, seen, t, received), u_nom, [])
+        now = FilterInput(t + self._latency, x, seen, view.terms, u_nom, received)
+        decision, used = self._filter(now)
+        return StepResult(decision, u_nom, used)
+
+    def _view(self, x: Array, seen: tuple[int, ...], t: float) -> View:
         i, terms = self._i, self._terms(x, seen)
         states = {l: x[self._parts[l]] for l in seen}
         goal = self._goal(t, states)
         normal = [l for l in seen if not self._members[l].adversary]
-        u_nom = self._nominal(View(i, states, normal, goal, terms))
-        now = FilterInput(t + self._latency, x, seen, terms, u_nom, received)
-        decision, used = self._filter(now)
-        return StepResult(decision, u_nom, used)
+        return View(i, states, normal, goal, terms)
 
     def as_adversary(self) -> Self:
         """Attack from now on, without a row."""
         self._nominal = NominalInput(WorstCase(), self._members[self._i])
         self._filter = self._rows.unfiltered(self._i)
+        self._own = None
         return self
 
 

@@ -35,9 +35,7 @@ def requirements(scenario: Scenario, report: CheckReport) -> list[Requirement]:
     return [
         *_start(scenario, report),
         _for_all_agents("agents certified at the start", report.certified.agents, ""),
-        _for_all_agents(
-            "agents with an input in K_i", report.rows_at_start, _row(scenario, report)
-        ),
+        *_rows(scenario, report),
         *_margins(scenario, report),
         _boundary(scenario, report),
         _gap(report),
@@ -58,6 +56,13 @@ def _start(scenario: Scenario, report: CheckReport) -> list[Requirement]:
         )
         for k, (name, psi) in enumerate(zip(names, report.psi_at_start, strict=True))
     ]
+
+
+def _rows(scenario: Scenario, report: CheckReport) -> list[Requirement]:
+    """None where all agents have a controller of their own, and so no rows."""
+    holds = report.rows_at_start
+    name = "agents with an input in K_i"
+    return [_for_all_agents(name, holds, _row(scenario, report))] if holds else []
 
 
 def _for_all_agents(name: str, holds: dict[str, bool], equation: str) -> Requirement:

@@ -35,7 +35,10 @@ def proof_gaps(swarm: Swarm) -> list[str]:
     """
     safety = swarm.safety
     steepest = _steepest(swarm) / _longest(swarm)
+    others = [n for n, group in zip(swarm.names, swarm.groups, strict=True) if group.controller]
     gaps = {
+        f"a controller of their own, not the paper's filter, decides for {', '.join(others)}: "
+        "leave out agents.controller": bool(others),
         "the margin η is a given number, not a bound: set safety.margin = 'integrated'": (
             not safety.computes_margin
         ),

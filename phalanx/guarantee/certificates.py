@@ -1,6 +1,7 @@
 """The certificates of a swarm: compiled once for each kind of pair, evaluated for inputs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import casadi as ca
@@ -186,6 +187,22 @@ class AgentCertificates:
         """Return the time for which each pair is proven safe with one input [s]."""
         (times,) = self._swarm.proven([Held(self, x, u, near)])
         return times
+
+
+def certified_for(swarm: Swarm, i: int) -> Callable[[Array, Array, Sequence[int]], float]:
+    """Return (stacked state, own input, agents seen) -> time proven safe [s], of normal agent i.
+
+    It is that of the verdict for the pairs in sight. Compiled when it is first called.
+    """
+    compiled = cache(lambda: SwarmCertificates(swarm).of(i))
+
+    def certified(x: Array, u: Array, seen: Sequence[int]) -> float:
+        each, known = compiled(), {*seen, *range(len(swarm.members), len(swarm.safe_set.labels))}
+        pairs = [swarm.safe_set.pairs[number] for number in each.pairs]
+        near = np.array([known.issuperset(pair) for pair in pairs], dtype=np.float64)
+        return float(each(x, u, near).min(initial=each.longest))
+
+    return certified
 
 
 class CertifiedStart(NamedTuple):

@@ -24,10 +24,14 @@ _SHORTEST, _LONGEST, _BISECTIONS = 1e-6, 10.0, 20
 
 
 def rows_at_start(rows: SafetyRows) -> dict[str, bool]:
-    """Return for each normal agent whether K_i(x(0)) is non-empty, with nothing received yet."""
+    """Return for each normal agent whether K_i(x(0)) is non-empty, with nothing received yet.
+
+    Agents with a controller of their own have no K_i.
+    """
     swarm = rows.swarm
     x = swarm.start()
-    return {swarm.names[i]: _feasible(rows, i, x) for i in swarm.normal}
+    filtered = [i for i in swarm.normal if swarm.groups[i].controller is None]
+    return {swarm.names[i]: _feasible(rows, i, x) for i in filtered}
 
 
 def rigorous(swarm: Swarm) -> SafetyRows:

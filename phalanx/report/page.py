@@ -20,7 +20,7 @@ from phalanx.report.html import (
 )
 from phalanx.report.links import LinkStatistics
 from phalanx.report.safety import worst
-from phalanx.theory.rows.origin import EMPTY, Origin, origin_label
+from phalanx.theory.rows.origin import EMPTY, origin_label, origins_of_normal
 
 _NO_VERSION = ("run", "seed", "scenario_digest")
 """Entries of a recording's metadata that are no library's version."""
@@ -115,7 +115,8 @@ def key_figures(recording: Recording) -> list[tuple[str, str]]:
 
 def origins(recording: Recording) -> dict[str, int]:
     """Count recorded steps of normal agents by the origin of their input."""
-    counts = {str(origin): 0 for origin in Origin if origin is not Origin.ATTACK}
+    named = any(group.controller for group in recording.scenario.agents)
+    counts = {str(origin): 0 for origin in origins_of_normal(named)}
     for step in recording.steps:
         if step.origin in counts:
             counts[step.origin] += 1

@@ -20,6 +20,7 @@ from phalanx.schema.fields import (
     field_error,
 )
 from phalanx.schema.registry import is_users
+from phalanx.theory.controllers.controller import Controller
 from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user
 from phalanx.theory.laws.law import Law
 from phalanx.theory.models.dynamics import Dynamics, require_sound
@@ -63,6 +64,9 @@ class AgentGroup(Strict):
     """For example { type = "unicycle", speed = 4.0, turn_rate = 2.0 }."""
     law: Table
     """A normal agent's nominal law, or an adversary's attack."""
+    controller: Table | None = None
+    """What makes a normal agent's input, for example { type = "cbf-qp" }; default: the paper's
+    filter."""
     clock: Clock
     disturbance: Disturbance = Disturbance(bound=0.0)
     sensing: Positive | None = None
@@ -96,6 +100,11 @@ class AgentGroup(Strict):
         except MistakenMethodError as error:
             raise field_error(("dynamics",), error.expected, Unquoted(error.got)) from error
         self._law = self.fresh_law()
+        if self.controller is not None:
+            if self.role == "adversary":
+                message = "expected none for adversaries, whose law is the attack"
+                raise field_error(("controller",), message, self.controller)
+            self.fresh_controller()
         if bool(self.names) == (self.count is not None):
             got = "both" if self.names else "neither"
             raise field_error((), "expected names, or a count and no names", got)
@@ -163,6 +172,13 @@ class AgentGroup(Strict):
                 raise field_error(("law",), str(error.__cause__), self.law) from error
             raise field_error(("law",), error.expected, Unquoted(error.got)) from error
         return law
+
+    def fresh_controller(self) -> Controller | None:
+        """Build one agent's controller, if a table describes one; it is not prepared."""
+        if self.controller is None:
+            return None
+        controller: Controller = built("controller", Controller, self.controller)
+        return controller
 
     def law_object(self) -> Law:
         """Return one agent's law, prepared; a user's law may have a state, built-in ones do not."""

@@ -156,6 +156,11 @@ class Scenario(Strict):
             if group.role == "normal" and group.sensing and self.safety.needs_all_states:
                 message = "expected no value: with this safety.control and information all is seen"
                 raise field_error(("agents", index, "sensing"), message, group.sensing)
+            if group.controller is not None and self.safety.centralised:
+                message = (
+                    "expected none: with safety.control = 'centralised' one QP decides for all"
+                )
+                raise field_error(("agents", index, "controller"), message, group.controller)
             gap = group.clock.period - group.clock.jitter
             if self.time.latency >= gap:
                 message = f"expected less than {gap:g} s, the shortest time between two samples"

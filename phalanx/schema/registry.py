@@ -10,7 +10,12 @@ from typing import Any
 
 import pydantic
 
+from phalanx.baselines.barrier import BarrierQP
+from phalanx.baselines.escape import Escape
+from phalanx.baselines.nominal import Nominal
+from phalanx.baselines.orca import Orca
 from phalanx.schema.user_code import import_named
+from phalanx.theory.controllers.controller import Controller
 from phalanx.theory.expressions.user_methods import located_class
 from phalanx.theory.laws.attacks import Chase, WorstCase
 from phalanx.theory.laws.goals import FixedPoint, Follow, PathAtSpeed, Reference, Waypoints
@@ -68,6 +73,12 @@ BUILT_IN: Mapping[type, Mapping[str, type]] = {
         "chase": Chase,
         "worst": WorstCase,
     },
+    Controller: {
+        "none": Nominal,
+        "cbf-qp": BarrierQP,
+        "escape": Escape,
+        "orca": Orca,
+    },
 }
 
 _EXPRESSIONS = {Dynamics, ClassK, SafeSetFunction, Limit, Margin}
@@ -78,8 +89,8 @@ def lookup(kind: type, name: str) -> type:
     """Return the class that a scenario names.
 
     Args:
-        kind: Dynamics, SafeSetFunction, Limit, ClassK, Margin, Reference, Law or Rule: a
-            protocol.
+        kind: Dynamics, SafeSetFunction, Limit, ClassK, Margin, Reference, Law, Controller or Rule:
+            a protocol.
         name: a built-in name, or "package.module:Name" of a dataclass. The working directory is
             searched too.
 
@@ -164,7 +175,7 @@ def _choices(kind: type) -> str:
 @cache
 def _validated(cls: type) -> Any:
     """Return the dataclass with its fields validated on construction."""
-    forbid = pydantic.ConfigDict(extra="forbid")
+    forbid = pydantic.ConfigDict(extra="forbid", arbitrary_types_allowed=True)
     frozen = cls.__dataclass_params__.frozen  # type: ignore[attr-defined]
     return pydantic.dataclasses.dataclass(cls, config=forbid, frozen=frozen)
 

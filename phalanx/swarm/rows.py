@@ -139,27 +139,50 @@ class SafetyRows:
         margin = replace(self.margin(i), kind=kind, eta=0.0, scale=1.0, symbols=(held,))
         return self._pair_terms(i, margin)
 
+    def plain_pairs(self, i: int) -> OwnPairTerms:
+        """Return the terms of agent i's pairs as printed for continuous time: no margin, ξ or D_k.
+
+        Disturbances and the time between samples have no place in them.
+        """
+        return self._own_pairs(i, lambda other, _: self._plain_row(i, other))
+
+    def _plain_row(self, i: int, other: int) -> PairRowFunction:
+        swarm, key = self.swarm, ("plain", *self._row_key(i, other))
+        if key not in self._row_functions:
+            a, b = swarm.pairs.ordered(i, other)
+            chain = build_chain(swarm.pairs.alone(a, b), swarm.safety.class_k)
+            pair = OwnPair(chain, 0 if a == i else 1)
+            self._row_functions[key] = PairRowFunction(pair, RowPart.WHOLE, ca.SX(0))
+        return self._row_functions[key]
+
     def _pair_terms(self, i: int, margin: AgentMargin) -> OwnPairTerms:
+        return self._own_pairs(i, lambda other, part: self.row_function(i, other, part, margin))
+
+    def _own_pairs(
+        self, i: int, function: Callable[[int, RowPart], PairRowFunction]
+    ) -> OwnPairTerms:
         swarm, radius = self.swarm, self.swarm.sensing(i)
         near = self.composed.in_sight.of(swarm.members[i].dynamics, radius)
-        return OwnPairTerms(
-            swarm.pairs, i, lambda other, part: self.row_function(i, other, part, margin), near
-        )
+        return OwnPairTerms(swarm.pairs, i, function, near)
 
     def row_function(
         self, i: int, other: int, part: RowPart, margin: AgentMargin
     ) -> PairRowFunction:
         """Return agent i's row for own_pair(i, other), compiled once for equal expressions."""
-        swarm = self.swarm
-        a, b = swarm.pairs.ordered(i, other)
-        (kind,) = swarm.pairs.kinds_of(np.array([[a, b]])).tolist()
-        sides = [l for l in (i, other) if l < len(swarm.members)]
-        key = kind, a == i, *[id(swarm.groups[l]) for l in sides], part, str(margin.symbols)
+        key = *self._row_key(i, other), part, str(margin.symbols)
         if key not in self._row_functions:
             pair = self.own_pair(i, other)
             known = margin.of(pair.chain, pair.own, part)
             self._row_functions[key] = PairRowFunction(pair, part, known, margin.symbols)
         return self._row_functions[key]
+
+    def _row_key(self, i: int, other: int) -> tuple[object, ...]:
+        """Return what rows with equal expressions have in common: kind, side and groups."""
+        swarm = self.swarm
+        a, b = swarm.pairs.ordered(i, other)
+        (kind,) = swarm.pairs.kinds_of(np.array([[a, b]])).tolist()
+        sides = [l for l in (i, other) if l < len(swarm.members)]
+        return kind, a == i, *[id(swarm.groups[l]) for l in sides]
 
     def pair_chain(self, pair: int) -> Chain:
         """Return the chain of one pair alone, by its index in the safe set."""

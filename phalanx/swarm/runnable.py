@@ -10,6 +10,7 @@ from phalanx.arrays import Array
 from phalanx.network.link import RuleError
 from phalanx.scenario.load import ScenarioError
 from phalanx.swarm.finite import require_dynamics, require_h, require_margin
+from phalanx.swarm.own_controller import own_controller
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm
 from phalanx.swarm.watchdog import endless_loops
@@ -83,14 +84,17 @@ def _require_rules(swarm: Swarm, x: Array) -> None:
 
 
 def _require_law(rows: SafetyRows, i: int, x: Array) -> None:
-    """Compute agent i's first input by a new law, since a law may have a state."""
+    """Compute agent i's first input by a new law and controller, since they may have a state."""
     swarm = rows.swarm
     law, seen = swarm.law(i), swarm.seen(i, x)
     terms = rows.terms(i)(x, seen)
     states = {l: x[swarm.safe_set.parts[l]] for l in seen}
     normal = [l for l in swarm.normal if l in states]
     view = View(i, states, normal, swarm.goal(i)(0.0, states), terms)
-    NominalInput(law, swarm.members[i])(view)
+    u_nom = NominalInput(law, swarm.members[i])(view)
+    own = own_controller(rows, i, lambda *_: 0.0)
+    if own is not None:
+        own(view, u_nom, x, seen, 0.0, {})
 
 
 _MOST_IN_SIGHT = 40

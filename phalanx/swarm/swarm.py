@@ -216,6 +216,11 @@ class Swarm:
             ) from error
         return cast(Law, joined)
 
+    @property
+    def controllers(self) -> bool:
+        """True if some normal agent has a controller other than the paper's filter."""
+        return any(group.controller is not None for group in self.groups)
+
     def goal(self, i: int) -> AgentGoal:
         """Build agent i's goal; it may keep state, so that each controller has one of its own."""
         group = self.groups[i]

@@ -33,7 +33,8 @@ class StepReport(msgspec.Struct, array_like=True, forbid_unknown_fields=True, kw
 
     origin: Origin
     residual: Annotated[float | None, Quantity("Residual of the row", OF_ROW, safe=(None, 0.0))]
-    """aᵀu - bound of its row; 0 for an adversary, null where no margin is known."""
+    """aᵀu - bound of its row; 0 for an adversary, null where no margin is known, and for a
+    controller without rows."""
     margin: Annotated[float | None, Quantity("Margin of the row", OF_ROW)] = None
     """η with all that its row adds to it; null for an adversary, where none of several rows binds
     anything, and where none is known."""

@@ -21,6 +21,8 @@ NAMES = """
     ClassK Linear Power Margin PairRow Chain LocalMargin IntegratedMargin
     Law TeamLaw View Goal Member Track TrackVelocity Chase Pursue WorstCase
     Reference Sight Motion FixedPoint Waypoints PathAtSpeed Follow
+    Controller ControllerView ControlledAgent Received PairTerms Polytope Rows NearestInput
+    least_violation Nominal BarrierQP Escape Orca
     Rule Message Treatment Copy DELIVER DROP DUPLICATE CORRUPT delay
     CompiledFunction dot length added portable_value
     Array echo echo_error

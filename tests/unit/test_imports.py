@@ -22,7 +22,8 @@ def rooms(text: str, *above: set[str]) -> set[str]:
 
 
 THEORY = rooms(
-    "theory.expressions theory.models theory.safety theory.margins theory.rows theory.laws"
+    "theory.expressions theory.models theory.safety theory.margins theory.rows theory.laws "
+    "theory.controllers"
 )
 SCENARIO = rooms("seeded schema network faults scenario", THEORY)
 SWARM = rooms("swarm", SCENARIO)
@@ -46,10 +47,12 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.theory.models": rooms("theory.expressions"),
     "phalanx.theory.safety": rooms("theory.expressions theory.models"),
     "phalanx.theory.margins": rooms("theory.expressions theory.models theory.safety"),
-    "phalanx.theory.rows": THEORY - rooms("theory.laws"),
-    "phalanx.theory.laws": THEORY,
+    "phalanx.theory.rows": THEORY - rooms("theory.laws theory.controllers"),
+    "phalanx.theory.laws": THEORY - rooms("theory.controllers"),
+    "phalanx.theory.controllers": THEORY,
+    "phalanx.baselines": THEORY,
     "phalanx.seeded": set(),
-    "phalanx.schema": THEORY,
+    "phalanx.schema": THEORY | rooms("baselines"),
     "phalanx.network": THEORY | rooms("seeded schema"),
     "phalanx.faults": rooms("seeded schema network"),
     "phalanx.scenario": SCENARIO,
@@ -63,7 +66,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     # The in-process engine is where agents and plant are put together without a wire.
     "phalanx.launcher": LAUNCHER | PLANT | rooms("agent plant"),
     "phalanx.cli": LAUNCHER | {"phalanx"},
-    "phalanx": LAUNCHER | rooms("cli"),
+    "phalanx": LAUNCHER | rooms("cli baselines"),
     "phalanx_agent": WIRE,
     "phalanx_plant": RECORDING | PLANT,
     "phalanx_plant.world": RECORDING,
@@ -99,7 +102,9 @@ ONLY_IN_WIRE = {"zenoh"}  # and its workarounds
 BY_ALL = {"phalanx.arrays", "phalanx.compat", "phalanx.extensions"}
 APART = {"bench", "evidence"}
 PUBLIC = {"phalanx", "phalanx.extend"}
-SHOWN = THEORY | rooms("arrays network cli")  # the rooms that have names in phalanx.extend
+SHOWN = THEORY | rooms(
+    "arrays network cli baselines"
+)  # the rooms that have names in phalanx.extend
 SHOWING = {".md", ".py"}
 
 

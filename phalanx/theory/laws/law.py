@@ -4,7 +4,7 @@ Both compute an input before it is made safe or projected onto U_i.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -66,8 +66,7 @@ class NominalInput:
     def __init__(self, law: Law, member: Member) -> None:
         """member: the agent."""
         self._law, self._agent = law, member.name
-        self._shape = (len(member.dynamics.inputs),)
-        self._expected = f"a numpy array of {self._shape[0]} finite numbers"
+        self._size = len(member.dynamics.inputs)
         # A built-in law needs neither the watch for endless loops nor a message with its place.
         built_in = type(law).__module__.startswith("phalanx.")
         self._input = law.input if built_in else self._call_user
@@ -78,21 +77,33 @@ class NominalInput:
         Raises:
             MistakenMethodError: a user's law returned something else, raised, or does not return.
         """
-        u = self._input(view)
-        # The usual case, decided in a fraction of a microsecond.
-        usual = type(u) is np.ndarray and u.dtype is _FLOAT and u.shape == self._shape
-        if usual and sum(map(abs, u.tolist())) <= LARGEST:
-            return u
-        if not isinstance(u, np.ndarray):
-            got = repr(u)
-        elif u.shape != self._shape or u.dtype.kind not in "fi":
-            got = f"shape {u.shape} of {u.dtype}"
-        elif not (np.abs(u) <= LARGEST).all():
-            got = first_numbers(u)
-        else:
-            return u
-        raise MistakenMethodError(self._law, "input", self._expected, got, agent=self._agent)
+        return checked_input(self._law, self._input(view), self._size, self._agent)
 
-    def _call_user(self, view: View) -> Array:
-        found: Array = call_user(self._law, "input", self._expected, view, agent=self._agent)
+    def _call_user(self, view: View) -> Any:
+        return call_user(self._law, "input", expected_input(self._size), view, agent=self._agent)
+
+
+def expected_input(size: int) -> str:
+    """An input of m_i numbers in words."""
+    return f"a numpy array of {size} finite numbers"
+
+
+def checked_input(of: object, u: Any, size: int, agent: str) -> Array:
+    """Return what the method `input` of a law or controller returned, if it is an input.
+
+    Raises MistakenMethodError if it is anything else.
+    """
+    # The usual case, decided in a fraction of a microsecond.
+    usual = type(u) is np.ndarray and u.dtype is _FLOAT and u.shape == (size,)
+    if usual and sum(map(abs, u.tolist())) <= LARGEST:
+        found: Array = u
         return found
+    if not isinstance(u, np.ndarray):
+        got = repr(u)
+    elif u.shape != (size,) or u.dtype.kind not in "fi":
+        got = f"shape {u.shape} of {u.dtype}"
+    elif not (np.abs(u) <= LARGEST).all():
+        got = first_numbers(u)
+    else:
+        return u
+    raise MistakenMethodError(of, "input", expected_input(size), got, agent=agent)

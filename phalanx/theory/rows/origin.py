@@ -1,4 +1,4 @@
-"""The origin of an agent's input: QP, backup or attack."""
+"""The origin of an agent's input: QP, backup, attack, or another controller."""
 
 from enum import StrEnum
 
@@ -16,10 +16,24 @@ class Origin(StrEnum):
     """K_i was empty, but the agent cannot move ψ_q: its nominal input, projected onto U_i."""
     ATTACK = "attack"
     """An adversary's input."""
+    CONTROLLER = "controller"
+    """Of the controller that the agent's group names in place of the paper's filter."""
+    PROJECTED = "controller-projected"
+    """The same, but it was outside U_i: projected onto U_i."""
 
 
 EMPTY = (Origin.BACKUP, Origin.NO_AUTHORITY)
 """The origins of inputs for which K_i was empty."""
+
+OF_CONTROLLERS = (Origin.CONTROLLER, Origin.PROJECTED)
+"""The origins of inputs that no row made: nothing is known of K_i."""
+
+
+def origins_of_normal(controllers: bool) -> list[Origin]:
+    """Return the origins that inputs of normal agents may have; with controllers, two more."""
+    return [
+        o for o in Origin if o is not Origin.ATTACK and (controllers or o not in OF_CONTROLLERS)
+    ]
 
 
 def origin_label(origin: str) -> str:

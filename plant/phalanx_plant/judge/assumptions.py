@@ -12,7 +12,7 @@ from phalanx.guarantee.certificate import DEFECT
 from phalanx.guarantee.verdict import Assumption
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.rows.origin import EMPTY, Origin
+from phalanx.theory.rows.origin import EMPTY, OF_CONTROLLERS, Origin
 from phalanx.wire.messages import Telemetry
 from phalanx_plant.world.evaluation import EvaluatedSteps
 from phalanx_plant.world.events import InputApplied, InputLost, Sampled, StateReached
@@ -65,6 +65,8 @@ class Assumptions:
         )
         self._margin = _proven_margin(swarm)
         self._stayed = Assumption("stayed in S_I", note=_STAYED)
+        self._filtered = any(swarm.groups[i].controller is None for i in swarm.normal)
+        """Whether some agent has rows, as the paper's filter has and other controllers have not."""
         self._latency = swarm.time.latency
         self._longest_gap = [g.clock.period + g.clock.jitter + _ROUNDING for g in swarm.groups]
         self._bounds = np.array([g.disturbance.bound for g in swarm.groups])
@@ -94,13 +96,15 @@ class Assumptions:
     @property
     def of_theorem(self) -> list[Assumption]:
         """The assumptions of the paper's theorem."""
-        found = [self._start_kept, self._gap, self._disturbance, self._rows, self._margin]
+        found = [self._start_kept, self._gap, self._disturbance]
+        found += [self._rows, self._margin] if self._filtered else [self._margin]
         found += [self._stayed] if self._stayed.checked else []
         found += [each for each in (self._prompt, self._faithful, self._truthful) if each.failed]
         safety = self._swarm.safety
         if safety.centralised:
             return [*found, self._synchronous]
-        return [*found, self._fresh, self._broadcasts] if safety.counts_on_received else found
+        believed = safety.counts_on_received and self._filtered
+        return [*found, self._fresh, self._broadcasts] if believed else found
 
     def add(self, piece: EvaluatedSteps | DisturbanceKnot) -> None:
         """Check a piece of the world's history."""
@@ -163,7 +167,8 @@ class Assumptions:
     def _made(self, event: InputApplied, telemetry: Telemetry) -> None:
         """Check the control step of a normal agent."""
         t = event.t
-        self._rows.check(telemetry.report.origin not in EMPTY, t)
+        if telemetry.report.origin not in OF_CONTROLLERS:
+            self._rows.check(telemetry.report.origin not in EMPTY, t)
         self._synchronous.check(self._instants.setdefault(event.k, t) == t, t)
         for other, age in telemetry.ages:
             # Before its first input an agent has none in force; a report of its age is false.

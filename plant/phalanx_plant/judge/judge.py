@@ -18,7 +18,7 @@ from phalanx.recording.records import Level, Log
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.expressions.user_methods import located_method
-from phalanx.theory.rows.origin import Origin
+from phalanx.theory.rows.origin import Origin, origins_of_normal
 from phalanx.wire.messages import Telemetry
 from phalanx.wire.step_report import AppliedStep
 from phalanx_plant.judge.assumptions import Assumptions
@@ -66,7 +66,7 @@ class Judge:
         self.assumptions = Assumptions(rows, self.coverage.assumption, self.claims.truthful)
         self.steps = 0
         """Inputs applied."""
-        self.origins = {str(o): 0 for o in Origin if o is not Origin.ATTACK}
+        self.origins = {str(o): 0 for o in origins_of_normal(swarm.controllers)}
         """Steps of normal agents by how their input was made."""
         self._names, self._telemetry = swarm.names, telemetry
         self._latency = swarm.time.latency

@@ -1,0 +1,1 @@
+"""Controllers to compare with, by the short names that a scenario's `controller` may have."""

@@ -1,0 +1,22 @@
+"""`escape`: flee from whatever is nearest, and forget the task."""
+
+from dataclasses import dataclass
+
+from phalanx.arrays import Array
+from phalanx.theory.controllers.controller import ControlledAgent, ControllerView
+from phalanx.theory.models.polytope import minimiser
+
+
+@dataclass(frozen=True)
+class Escape:
+    """The input that does most against the pair with the largest h."""
+
+    def prepare(self, agent: ControlledAgent) -> None:
+        """Prepare nothing."""
+
+    def input(self, view: ControllerView) -> Array:
+        """Return the corner of U_i that lowers ψ_q of that pair most; u_nom if none is in sight."""
+        pairs = view.pairs
+        if not len(pairs.psi):
+            return view.u_nom
+        return minimiser(pairs.a[pairs.psi[:, 0].argmax()], view.inputs.corners)

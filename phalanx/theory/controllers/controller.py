@@ -1,0 +1,125 @@
+"""The protocol of a controller: from what one agent knows at a sample to its input.
+
+It takes the place of the paper's filter in normal agents whose group names it. The run judges its
+inputs like all others, from the true state and the applied input alone.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple, Protocol, runtime_checkable
+
+from phalanx.arrays import Array
+from phalanx.theory.laws.goals import Goal
+from phalanx.theory.models.dynamics import Dynamics
+from phalanx.theory.models.polytope import Polytope
+from phalanx.theory.rows.pairs import PairTerms
+from phalanx.theory.rows.row import Terms
+from phalanx.theory.safety.class_k import ClassK
+from phalanx.theory.safety.composition import Member
+from phalanx.theory.safety.function import SafeSetFunction
+from phalanx.theory.safety.limits import Static
+
+
+class ControlledAgent(NamedTuple):
+    """The agent that a controller serves, and the swarm around it: what is known before a run."""
+
+    i: int
+    """The agent's index."""
+    members: Sequence[Member]
+    """All agents in order: name, dynamics, and whether an adversary."""
+    static: Sequence[Static]
+    """Obstacles and limits."""
+    function: SafeSetFunction
+    """h of pairs."""
+    alpha: Sequence[ClassK]
+    """α_1 ... α_q of the scenario."""
+    period: float
+    """Γ_i: nominal time between two samples [s]."""
+    longest: float
+    """τ = Γ_i + δ_i^max and the latency: the longest that an input is in force [s]."""
+    sensing: float | None
+    """How far the agent sees [m]; None if it has no limit."""
+    seed: int
+    """The run's seed, for controllers with random numbers of their own."""
+
+    @property
+    def dynamics(self) -> Dynamics:
+        """The agent's own dynamics."""
+        return self.members[self.i].dynamics
+
+
+class Received(NamedTuple):
+    """The newest broadcast that the agent has received from another normal agent."""
+
+    u: Array
+    """The input that the sender says it applies, shape (m_l,)."""
+    age: float
+    """Time since it took effect, at the agent's sample [s]; negative if it is yet to."""
+
+
+@dataclass(frozen=True)
+class ControllerView:
+    """One agent's knowledge at a sample. Agents go by their index in the swarm."""
+
+    t: float
+    """Time of the sample [s]."""
+    i: int
+    """The agent's own index."""
+    x: Mapping[int, Array]
+    """States of the agents in sight, its own among them."""
+    normal: Sequence[int]
+    """The normal agents in sight, itself included."""
+    goal: Goal
+    u_nom: Array
+    """The input that the scenario's nominal law wants, shape (m_i,)."""
+    received: Mapping[int, Received]
+    """By sender, in sight or not."""
+    inputs: Polytope
+    """U_i at the sampled state, {u : A u <= b}."""
+    terms: Terms
+    """Terms of h_tot, all pairs in sight composed."""
+    _pairs: Callable[[], PairTerms]
+    _certified: Callable[[Array], float]
+
+    @property
+    def positions(self) -> Mapping[int, Array]:
+        """Output positions of the agents in sight [m]."""
+        return self.terms.positions
+
+    @cached_property
+    def pairs(self) -> PairTerms:
+        """Each of the agent's own pairs in sight apart, with a margin of 0.
+
+        ψ_q of a pair is a u_i + unforced + forces u_l, where l is the other member.
+        """
+        return self._pairs()
+
+    def certified(self, u: Array) -> float:
+        """Time for which all its pairs in sight are proven safe if it holds an input [s].
+
+        It is the verdict's certificate at the sampled state, for all inputs of the others, as if
+        the input took effect at once. In the check before a run it is 0.
+
+        Args:
+            u: shape (m_i,).
+        """
+        return self._certified(u)
+
+
+@runtime_checkable
+class Controller(Protocol):
+    """The maker of an agent's inputs from its samples; a scenario names it ``package.module:Name``.
+
+    Each agent has an object of its own, which may keep state in its attributes. A restarted agent
+    gets a new one.
+    """
+
+    def prepare(self, agent: ControlledAgent) -> None:
+        """Prepare for an agent; called once, before its first input.
+
+        Raises ValueError if the controller does not fit the agent.
+        """
+
+    def input(self, view: ControllerView) -> Array:
+        """Return the agent's input, shape (m_i,); outside U_i it is projected onto U_i."""

@@ -1,0 +1,210 @@
+"""Controllers in place of the paper's filter: what they see, and what their mistakes say."""
+
+import pytest
+
+import phalanx
+from phalanx.cli.app import USAGE_ERROR, status
+from phalanx.scenario.load import ScenarioError, load
+from phalanx.theory.rows.origin import Origin
+
+MODULE = '''"""Controllers that a new user may write."""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass
+class Held:
+    """Keeps a part of its last input: it has a state."""
+
+    keep: float = 0.5
+
+    def prepare(self, agent):
+        self.last = np.zeros(len(agent.dynamics.inputs))
+
+    def input(self, view):
+        self.last = self.keep * self.last + (1.0 - self.keep) * view.u_nom
+        return self.last
+
+
+@dataclass
+class Silent(Held):
+    def input(self, view):
+        pass
+
+
+@dataclass
+class Listing(Held):
+    def input(self, view):
+        return [1.0, 0.0]
+
+
+@dataclass
+class Long(Held):
+    def input(self, view):
+        return np.zeros(3)
+
+
+@dataclass
+class Infinite(Held):
+    def input(self, view):
+        return view.u_nom / 0.0
+
+
+@dataclass
+class Raising(Held):
+    def input(self, view):
+        return view.states[0]
+
+
+@dataclass
+class Choosy(Held):
+    def prepare(self, agent):
+        raise ValueError("it wants three inputs")
+
+
+@dataclass
+class Unready(Held):
+    def prepare(self, agent):
+        self.gain = agent.gain
+
+
+@dataclass
+class Mute:
+    def prepare(self, agent):
+        pass
+
+
+@dataclass
+class Late(Held):
+    def input(self, view):
+        if view.t > 0.2:
+            return None
+        return view.u_nom
+
+
+@dataclass
+class Endless(Held):
+    def input(self, view):
+        while True:
+            time.sleep(0.001)
+
+
+@dataclass
+class Looking(Held):
+    """Writes down what it sees."""
+
+    def input(self, view):
+        seen.append((view, view.certified(view.u_nom)))
+        return view.u_nom
+
+
+seen = []
+'''
+MISTAKES = {
+    "Silent": "Silent.input: expected a numpy array of 2 finite numbers for agent 1, got None",
+    "Listing": "Listing.input: expected a numpy array of 2 finite numbers for agent 1, got [1.0, 0",
+    "Long": "Long.input: expected a numpy array of 2 finite numbers for agent 1, got shape (3,)",
+    "Infinite": "Infinite.input: expected a numpy array of 2 finite numbers for agent 1, got (",
+    "Raising": "got AttributeError: 'ControllerView' object has no attribute 'states' (keeping.py",
+    "Choosy": "controller of 1: it wants three inputs",
+    "Unready": "got AttributeError: 'ControlledAgent' object has no attribute 'gain' (keeping.py",
+    "Mute": "Mute (keeping.py, line 65) lacks input(self, view)",
+    "Endless": "got an endless loop, or too slow (keeping.py",
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("controllers")
+    (made / "keeping.py").write_text(MODULE, encoding="utf-8")
+    return made
+
+
+@pytest.fixture(autouse=True)
+def beside_the_module(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+
+
+def run(controller, scenario="one-on-one", **overrides):
+    table = {"type": controller} if isinstance(controller, str) else controller
+    settings = {"agents.0.controller": table, "duration": 0.5, **overrides}
+    return phalanx.run(load(scenario, settings), engine="in-process")
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_is_one_line(name, capsys):
+    options = ["--set", f"agents.0.controller={{ type = 'keeping:{name}' }}"]
+    options += ["--set", "time.timeout=0.5", "--engine", "in-process", "--no-report"]
+    assert status(["run", "unicycles", *options]) == USAGE_ERROR
+    (line,) = capsys.readouterr().err.splitlines()
+    assert MISTAKES[name] in line
+
+
+def test_a_tenth_mistake_comes_late_and_names_agent_and_sample():
+    found = run("keeping:Late").summary
+    assert found.outcome == "broken"
+    assert "Late.input returned None for agent" in found.reason
+    assert "keeping.py, line" in found.reason
+
+
+def test_a_controller_is_for_normal_agents_under_distributed_control():
+    with pytest.raises(ScenarioError, match=r"controller: expected none for adversaries"):
+        load("unicycles", {"agents.1.controller": {"type": "none"}})
+    with pytest.raises(ScenarioError, match=r"agents.0.controller: expected none: with safety.con"):
+        load("unicycles", {"agents.0.controller.type": "none", "safety.control": "centralised"})
+
+
+def test_a_controller_with_a_state_begins_anew_in_every_run():
+    kept = {"type": "keeping:Held", "keep": 0.9}
+    first, second = (run(kept, "unicycles").summary.trajectory for _ in range(2))
+    assert first == second
+    assert first != run("keeping:Held", "unicycles").summary.trajectory
+
+
+def test_its_inputs_count_as_its_own_and_no_row_is_claimed():
+    found = run("none").summary
+    origins = {Origin(name): count for name, count in found.origins.items() if count}
+    assert set(origins) <= {Origin.CONTROLLER, Origin.PROJECTED}
+    assert "non-empty K_i" not in {each.name for each in found.theorem}
+    assert "controller" not in run("none", **{"agents.0.controller": None}).summary.origins
+
+
+def test_inputs_outside_its_polytope_are_projected_and_counted():
+    inputs = run("none", "unicycles").inputs
+    projected = inputs.filter(inputs["origin"] == Origin.PROJECTED)
+    assert len(projected)
+    wanted, applied = projected["nominal.omega"].abs(), projected["u.omega"].abs()
+    assert (wanted > 2.0).all()
+    assert (applied == 2.0).all()
+
+
+def test_what_it_asks_for_is_the_certificate_of_the_verdict():
+    scenario = load("unicycles", {"agents.0.controller.type": "keeping:Looking", "duration": 0.1})
+    made = phalanx.run(scenario, engine="in-process").inputs
+    import keeping
+
+    asked = {(str(view.i + 1), view.t): found for view, found in keeping.seen}
+    for row in made.filter(made["origin"] == Origin.CONTROLLER).iter_rows(named=True):
+        assert asked[row["agent"], row["t"]] == row["certified"]
+
+
+def test_a_check_names_the_agents_that_decide_by_themselves():
+    found = phalanx.check(load("unicycles", {"agents.0.controller.type": "escape"}))
+    assert found.may_be_guaranteed
+    assert found.rows_at_start == {}
+    assert any("decides for 1, 2, 3" in gap for gap in found.gaps)
+
+
+@pytest.mark.parametrize("name", ["none", "cbf-qp", "escape"])
+@pytest.mark.parametrize("scenario", ["unicycles", "formation3d", "swarm2d", "faults/loss"])
+def test_every_baseline_runs_on(scenario, name):
+    assert run(name, scenario, duration=0.2).summary.outcome != "broken"
+
+
+def test_without_a_filter_two_agents_that_head_for_each_other_collide():
+    with_filter = phalanx.run("one-on-one", engine="in-process")
+    without = run("none", duration=with_filter.scenario.duration)
+    assert without.summary.worst_h_tot > with_filter.summary.worst_h_tot
