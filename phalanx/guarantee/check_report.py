@@ -1,6 +1,7 @@
 """The report of a check of a scenario."""
 
 from dataclasses import dataclass, field
+from html import escape
 
 from phalanx.guarantee.certificates import CertifiedStart
 from phalanx.guarantee.formula import Formula
@@ -67,6 +68,11 @@ class CheckReport:
 
     def __repr__(self) -> str:
         return "\n".join([self.answer, *(f"- {words}" for words in self.words)])
+
+    def _repr_html_(self) -> str:
+        """Return the answer and the sentences for a notebook."""
+        words = "".join(f"<li>{escape(each)}</li>" for each in self.words)
+        return f"<p><b>{escape(self.answer)}</b></p><ul>{words}</ul>"
 
     @property
     def worst_at_start(self) -> float:

@@ -2,9 +2,13 @@
 
 from collections.abc import Sequence
 from enum import StrEnum
+from html import escape
 
 import msgspec
 import numpy as np
+
+from phalanx.schema.notebook import html_table
+from phalanx.theory.rows.origin import origin_label
 
 
 class Percentiles(msgspec.Struct):
@@ -173,6 +177,26 @@ class Summary(msgspec.Struct):
     def __repr__(self) -> str:
         worst = f"worst h_tot {self.worst_h_tot:.4g} at t = {self.worst_at:.3f} s"
         return f"Summary({self.outcome} after {self.t:g} s: {self.reason!r}, {worst})"
+
+    def _repr_html_(self) -> str:
+        """Return the key figures for a notebook."""
+        return f"{html_table(self._key_figures)}<p>{escape(self.reason)}</p>"
+
+    @property
+    def _key_figures(self) -> list[tuple[str, str]]:
+        steps = ", ".join(f"{count} {origin_label(name)}" for name, count in self.origins.items())
+        failed = ", ".join(a.name for a in self.assumptions if a.failed) or "none"
+        return [
+            ("verdict", str(self.outcome)),
+            ("virtual time", f"{self.t:.3f} s, seed {self.seed}"),
+            ("worst h_tot", f"{self.worst_h_tot:.4g} at t = {self.worst_at:.3f} s"),
+            ("worst pair", self.worst_pair),
+            ("control steps of normal agents", steps),
+            ("assumptions that failed", failed),
+            ("certified", certified(self)),
+            ("real-time factor", f"{self.real_time_factor:.1f}"),
+            ("trajectory", self.trajectory[:16]),
+        ]
 
     @property
     def notes(self) -> list[str]:

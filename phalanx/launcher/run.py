@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
 from phalanx.extensions.registered import extension
-from phalanx.guarantee.verdict import Outcome, Summary, certified
+from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.engine import DEFAULT_ENGINE, Progress, require_functions, silent
 from phalanx.profile.stopwatch import read_profile
 from phalanx.recording.read import Recording, UnreadableRecordingError, read
@@ -17,7 +17,6 @@ from phalanx.recording.records import PROFILE
 from phalanx.scenario.load import ScenarioError
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import Swarm, build_swarm
-from phalanx.theory.rows.origin import origin_label
 
 if TYPE_CHECKING:
     import polars as pl
@@ -238,11 +237,7 @@ class Run:
         if self.summary is None:
             why = escape(self.recording.unfinished)
             return f"<p>{escape(str(self.folder))}: no verdict, {why}</p>"
-        rows = "".join(
-            f"<tr><th style='text-align:left'>{escape(name)}</th><td>{escape(value)}</td></tr>"
-            for name, value in _key_figures(self.summary)
-        )
-        return f"<table>{rows}</table><p>{escape(self.summary.reason)}</p>"
+        return self.summary._repr_html_()
 
 
 def open_run(folder: str | Path, *, trust: bool = False) -> Run:
@@ -281,19 +276,3 @@ def verify_run(
     """
     finished = run if isinstance(run, Run) else open_run(run, trust=trust)
     return finished.verify(engine=engine, progress=progress)
-
-
-def _key_figures(summary: Summary) -> list[tuple[str, str]]:
-    steps = ", ".join(f"{count} {origin_label(name)}" for name, count in summary.origins.items())
-    failed = ", ".join(a.name for a in summary.assumptions if a.failed) or "none"
-    return [
-        ("verdict", str(summary.outcome)),
-        ("virtual time", f"{summary.t:.3f} s, seed {summary.seed}"),
-        ("worst h_tot", f"{summary.worst_h_tot:.4g} at t = {summary.worst_at:.3f} s"),
-        ("worst pair", summary.worst_pair),
-        ("control steps of normal agents", steps),
-        ("assumptions that failed", failed),
-        ("certified", certified(summary)),
-        ("real-time factor", f"{summary.real_time_factor:.1f}"),
-        ("trajectory", summary.trajectory[:16]),
-    ]

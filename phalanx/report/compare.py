@@ -8,16 +8,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from phalanx.curves.thinning import Series
 from phalanx.recording.read import Recording, read
 from phalanx.report.history import ReportHistory
 from phalanx.report.html import document, figure, note, section, table
 from phalanx.report.links import link_statistics
+from phalanx.report.overlay import overlay
 from phalanx.report.page import key_figures
+from phalanx.report.style import ReportFigure
 from phalanx.report.write import draw_figures, image_of
 
 _SAME = ("name", "description", "reading")
 """Fields of a scenario without effect on the run."""
 _ABSENT = "–"
+_TOGETHER = "h_tot of all runs; below, their differences from the first run at the same times."
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,8 @@ class ComparedRun:
     """Key figures by name."""
     figures: dict[str, bytes]
     """PNG by name; none unless they were asked for."""
+    h_tot: Series
+    """At every recorded state."""
 
 
 def compared_run(run: Path, *, drawn: bool, trust: bool = False) -> ComparedRun:
@@ -63,6 +69,7 @@ def _compared(run: Recording, drawn: bool) -> ComparedRun:
         settings | {path: digest[:12] for path, digest in run.modules.items()},
         {"Verdict": verdict, **dict(key_figures(run))},
         {each.name: image_of(each) for each in figures},
+        Series(run.times, run.h_tot),
     )
 
 
@@ -78,6 +85,10 @@ def write_comparison(runs: Sequence[ComparedRun], path: Path) -> Path:
         section("Differences", table(head, differences(runs))),
         section("Results", table(head, results(runs))),
     ]
+    if all(len(run.h_tot.t) for run in runs):
+        both = overlay({name: run.h_tot for name, run in zip(names, runs, strict=True)})
+        image = image_of(ReportFigure("together", "", both))
+        parts.append(section("h_tot of all", figure(_TOGETHER, image)))
     for drawn in dict.fromkeys(name for run in runs for name in run.figures):
         shown = "".join(
             figure(name, run.figures[drawn])

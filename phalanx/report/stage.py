@@ -164,7 +164,7 @@ def _words(axes: Axes, history: ReportHistory, film: Film) -> Show:
     at: dict[str, Any] = {"transform": axes.transAxes, "zorder": 5}
     log = axes.text(0.015, 0.98, "", va="top", fontsize=9, color=PEAK, **at)
     card = {"boxstyle": "round,pad=0.5", "facecolor": "white", "edgecolor": LIMIT, "alpha": 0.92}
-    end = axes.text(0.5, 0.9, "", ha="center", va="center", fontsize=15, weight="bold", **at)
+    end = axes.text(0.5, 0.1, "", ha="center", va="center", fontsize=15, weight="bold", **at)
     sent = np.sort(history.broadcasts["sent"])
     gone = np.sort(history.broadcasts["sent"][history.broadcasts["fate"] == FATES.index(LOST)])
 

@@ -3,6 +3,7 @@
 import shlex
 from collections.abc import Iterator
 from dataclasses import replace
+from html import escape
 from itertools import count, islice
 from typing import Annotated, Any, Self
 
@@ -38,12 +39,15 @@ from phalanx.schema.fields import (
     built,
     field_error,
 )
+from phalanx.schema.notebook import html_table
 from phalanx.theory.laws.formation import Formation
 from phalanx.theory.safety.box import Box
 from phalanx.theory.safety.limits import Boundary, Limit, Static
 from phalanx.theory.safety.obstacles import Sphere, Wall
 
 MAX_AGENTS = 256
+_SHOWN = 12
+"""Most names of a group in a notebook."""
 
 
 _BY_FIELD = {"normal": WALL, "size": BOX}
@@ -261,6 +265,22 @@ class Scenario(Strict):
         return f"Scenario({self.name!r}, {agents}, {self.duration:g} s, seed {self.seed})"
 
     __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        """Return the groups of agents for a notebook."""
+        rows = [
+            (
+                ", ".join(group.names[:_SHOWN]) + (", ..." if group.size > _SHOWN else ""),
+                f"{group.size} {group.role}",
+                str(group.dynamics["type"]),
+                str(group.law["type"]),
+                f"{1e3 * group.clock.period:g} ms",
+            )
+            for group in self.agents
+        ]
+        head = ("agents", "role", "dynamics", "law", "period")
+        text = f"{self.name}: {self.description}, {self.duration:g} s, seed {self.seed}"
+        return f"<p>{escape(text)}</p>{html_table(rows, head)}"
 
     def roster(self) -> Iterator[tuple[str, AgentGroup, int]]:
         """Yield every agent in order: name, group, place in the group."""

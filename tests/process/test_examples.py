@@ -1,9 +1,12 @@
 """Every example does what its first line says, when it is run from another folder."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
+import matplotlib.pyplot as plt
 import pytest
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -28,6 +31,24 @@ def test_there_is_a_test_for_every_example():
 @pytest.mark.parametrize("example", sorted(EXAMPLES.glob("*.py")), ids=lambda f: f.name)
 def test_an_example_is_a_page(example: Path) -> None:
     assert len(example.read_text().splitlines()) < MOST_LINES
+
+
+@pytest.mark.slow
+def test_the_notebook_runs_cell_by_cell(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    notebook = json.loads((EXAMPLES / "what_if.ipynb").read_text("utf-8"))
+    cells = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    assert not any(cell["outputs"] for cell in cells)
+    names: dict[str, Any] = {}
+    for cell in cells:
+        exec("".join(cell["source"]), names)
+    plt.close("all")
+    assert "t = 1.99854 of 6 s, running" in capsys.readouterr().out
+    assert names["calm"].verdict == "guaranteed"
+    assert names["broken"].verdict == "safe"
+    assert (tmp_path / "broken.gif").stat().st_size < 2**20
 
 
 @pytest.mark.swarm

@@ -23,6 +23,27 @@ def test_a_scenario_a_check_and_a_summary_say_what_they_are() -> None:
     )
 
 
+@pytest.mark.slow
+def test_a_notebook_shows_them_as_tables_with_every_text_escaped() -> None:
+    scenario = phalanx.load("one-on-one", {"description": "x<y>"}, seed=4)
+    shown = scenario._repr_html_()
+    assert shown.startswith("<p>one-on-one: x&lt;y&gt;, 20 s, seed 4</p><table>")
+    assert "1 normal" in shown
+    assert "10 ms" in shown
+    report = phalanx.check(scenario)
+    assert report._repr_html_().startswith(f"<p><b>{report.answer}</b></p><ul><li>")
+    summary = summary_of(scenario, "too <i>close")._repr_html_()
+    assert "too &lt;i&gt;close" in summary
+    assert "0.25 at t = 0.300 s" in summary
+
+
+@pytest.mark.slow
+def test_a_large_group_is_named_by_its_first() -> None:
+    shown = phalanx.load("swarm2d")._repr_html_()
+    assert "10, 11, 12, ...</th><td" in shown
+    assert "14 normal" in shown
+
+
 def test_what_is_no_function_is_refused_before_anything_is_made(tmp_path: Path) -> None:
     refused = pytest.raises(ValueError, match="expected a function to call, got True")
     with refused:

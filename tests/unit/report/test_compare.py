@@ -5,10 +5,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from phalanx.cli.app import USAGE_ERROR, status
+from phalanx.curves.thinning import Series
 from phalanx.report.compare import ComparedRun, compared_run, differences, results, titles
+from phalanx.report.overlay import overlay
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space
 
 
@@ -50,11 +53,21 @@ def test_the_page_has_the_same_figures_of_all_runs(folders: list[Path], tmp_path
     page = tmp_path / "compared.html"
     assert status(["compare", *map(str, folders), "--html", str(page)]) == 0
     html = page.read_text()
-    for name in ("h_tot", "paths", "distances", "losses"):
+    for name in ("h_tot of all", "h_tot", "paths", "distances", "losses"):
         section = html.split(f"<h2>{name}</h2>")[1].split("<h2>")[0]
-        drawn = 1 if name == "losses" else 2
+        drawn = 1 if name in ("h_tot of all", "losses") else 2
         assert len(re.findall("<img", section)) == drawn
     assert "loss-0.0: nothing to draw" in html.split("<h2>losses</h2>")[1]
+
+
+def test_runs_lie_over_one_another_and_their_differences_below() -> None:
+    t = np.linspace(0.0, 1.0, 11)
+    longer = np.linspace(0.0, 2.0, 5)
+    above, below = overlay({"a": Series(t, t - 2.0), "b": Series(longer, longer - 1.5)}).axes
+    assert [line.get_label() for line in above.lines[:2]] == ["a: worst -1", "b: worst 0.5"]
+    (apart,) = below.lines[:1]
+    assert apart.get_label() == "b: at most 0.5"
+    assert apart.get_xydata().tolist() == [[0.0, 0.5], [0.5, 0.5], [1.0, 0.5]]
 
 
 def test_one_run_is_not_compared(folders: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
