@@ -15,6 +15,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from phalanx import metrics
     from phalanx.faults.commands import Command, CommandKind, CommandPolicy
     from phalanx.guarantee.check import check
     from phalanx.guarantee.check_report import CheckReport
@@ -53,6 +54,7 @@ _HOMES = {
     "Violation": "phalanx.guarantee.verdict",
     "check": "phalanx.guarantee.check",
     "load": "phalanx.scenario.load",
+    "metrics": "phalanx.metrics",
     "open": "phalanx.launcher.run:open_run",
     "run": "phalanx.launcher.start",
     "shipped": "phalanx.scenario.load",
@@ -68,6 +70,7 @@ __all__ = [  # noqa: RUF022 - in the order of the documentation
     "start",
     "open",
     "verify",
+    "metrics",
     "Run",
     "SteppedRun",
     "Scenario",
@@ -93,7 +96,9 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, _, attribute = _HOMES[name].partition(":")
-    value = getattr(importlib.import_module(module), attribute or name)
+    value = importlib.import_module(module)
+    if module != f"{__name__}.{name}":  # a package of ours is its own value
+        value = getattr(value, attribute or name)
     globals()[name] = value
     return value
 

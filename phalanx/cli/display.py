@@ -117,8 +117,8 @@ def last_line(summary: Summary) -> str:
     return f"{words}; until then these left the safe set: {pairs}{more}"
 
 
-def print_summary(summary: Summary) -> None:
-    """Print the table of a run's key figures."""
+def print_summary(summary: Summary, task: str = "") -> None:
+    """Print the table of a run's key figures, and how its task was done."""
     table = TextTable(show_header=False)
     table.add_column(style="dim")
     table.add_column()
@@ -129,6 +129,8 @@ def print_summary(summary: Summary) -> None:
     worst = f"{summary.worst_h_tot:.4g} at t = {summary.worst_at:.3f} s"
     pair = f"worst pair {summary.worst_pair}{', counted or not' if summary.apart else ''}"
     table.add_row("worst h_tot", f"{worst}, {pair}; safe is at most 0")
+    if task:
+        table.add_row("task", task)
     table.add_row("control steps", _steps(summary))
     table.add_row("certified", certified(summary))
     for assumption in summary.assumptions:

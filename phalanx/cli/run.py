@@ -174,13 +174,35 @@ def _show(finished: "Run", profile: bool, report: bool) -> "Outcome":
 
     summary = finished.summary
     assert summary is not None
-    print_summary(summary)
+    print_summary(summary, _task(finished))
     if profile:
         print_profile(finished)
     if report:
         _write_report(finished)
     echo(f"{last_line(summary)} ({finished.folder})")
     return summary.outcome
+
+
+def _task(finished: "Run") -> str:
+    """Describe how the swarm did its task; of a large recording, where to find that."""
+    from phalanx import UnreadableRecordingError
+    from phalanx.metrics.table import metrics_of
+    from phalanx.metrics.words import in_words
+    from phalanx.recording.read import find, swarm_of
+    from phalanx.theory.expressions.user_methods import MistakenMethodError
+
+    try:
+        if find(finished.folder).stat().st_size > _LARGE:
+            return "a large recording: see phalanx compare, or metrics in the report"
+        swarm = swarm_of(finished.recording)
+        normal = [swarm.names[i] for i in swarm.normal]
+        return in_words(metrics_of(finished.recording, swarm), normal)
+    except (UnreadableRecordingError, MistakenMethodError, OSError) as error:
+        return f"unknown: {error}"
+
+
+_LARGE = 16 * 2**20
+"""Size of a recording that takes too many seconds to read after each run [bytes]."""
 
 
 def _wait_for(page: Any) -> None:

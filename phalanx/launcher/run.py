@@ -12,11 +12,10 @@ from phalanx.extensions.registered import extension
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.engine import DEFAULT_ENGINE, Progress, require_functions, silent
 from phalanx.profile.stopwatch import read_profile
-from phalanx.recording.read import Recording, UnreadableRecordingError, read
+from phalanx.recording.read import Recording, read, swarm_of
 from phalanx.recording.records import PROFILE
-from phalanx.scenario.load import ScenarioError
 from phalanx.scenario.model import Scenario
-from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx.swarm.swarm import Swarm
 
 if TYPE_CHECKING:
     import polars as pl
@@ -136,6 +135,13 @@ class Run:
         return events_table(self.recording)
 
     @cached_property
+    def metrics(self) -> "pl.DataFrame":
+        """Metrics of the task, of each agent and the swarm: `phalanx.metrics.of(run)`."""
+        from phalanx.metrics.table import of
+
+        return of(self)
+
+    @cached_property
     def profile(self) -> "pl.DataFrame":
         """Shares of every program's wall time, if the run was made with profile=True; else empty.
 
@@ -223,10 +229,7 @@ class Run:
 
     @cached_property
     def _swarm(self) -> Swarm:
-        try:
-            return build_swarm(self.scenario)
-        except ScenarioError as error:
-            raise UnreadableRecordingError(f"{self.recording.path}: {error}") from error
+        return swarm_of(self.recording)
 
     def __repr__(self) -> str:
         verdict = self.verdict or f"none: {self.recording.unfinished}"

@@ -28,6 +28,7 @@ from phalanx.recording.records import RECORDING, TOPICS, Log, State, Step, StepD
 from phalanx.scenario.load import ScenarioError, from_json
 from phalanx.scenario.model import Scenario
 from phalanx.schema.user_code import code_trusted
+from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.expressions.exact import LARGEST_SUM
 
 _LARGEST_CHUNK = 4 * 2**20
@@ -129,6 +130,14 @@ def read(run: Path, trust: bool = False) -> Recording:
     if unfit := misfit(recording):
         raise UnreadableRecordingError(f"{path}: {unfit}: not of its scenario")
     return recording
+
+
+def swarm_of(recording: Recording) -> Swarm:
+    """Build the recorded scenario's swarm. Raises UnreadableRecordingError."""
+    try:
+        return build_swarm(recording.scenario)
+    except ScenarioError as error:
+        raise UnreadableRecordingError(f"{recording.path}: {error}") from error
 
 
 def steps_by_agent(recording: Recording) -> dict[str, list[Step]]:

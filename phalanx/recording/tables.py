@@ -26,7 +26,7 @@ def states_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
         | {name: x[:, column] for column, name in enumerate(names)},
         schema=dict.fromkeys(("t", "h_tot", *names), pl.Float64),
     )
-    return _of_run(recording, table)
+    return of_run(recording, table)
 
 
 def h_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
@@ -35,7 +35,7 @@ def h_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
     table = pl.DataFrame(
         {"t": recording.times} | found, schema=dict.fromkeys(("t", *found), pl.Float64)
     )
-    return _of_run(recording, table)
+    return of_run(recording, table)
 
 
 def h_of_pairs(swarm: Swarm, x: Array) -> dict[str, Array]:
@@ -73,7 +73,7 @@ def inputs_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
         columns[f"nominal.{name}"] = [_component(s.u_nom, inputs[s.agent], name) for s in steps]
     kinds = {"agent": pl.String, "k": pl.Int64, "origin": pl.String}
     table = pl.DataFrame(columns, schema={c: kinds.get(c, pl.Float64) for c in columns})
-    return _of_run(recording, table)
+    return of_run(recording, table)
 
 
 def links_table(recording: Recording) -> pl.DataFrame:
@@ -102,17 +102,18 @@ def links_table(recording: Recording) -> pl.DataFrame:
         "faults": pl.List(pl.String),
         "lied": pl.Boolean,
     }
-    return _of_run(recording, pl.DataFrame(rows, schema=schema, orient="row"))
+    return of_run(recording, pl.DataFrame(rows, schema=schema, orient="row"))
 
 
 def events_table(recording: Recording) -> pl.DataFrame:
     """Make a row for each line of the event log: t [s] and the text."""
     rows = [(line.t, line.text) for line in recording.log]
     table = pl.DataFrame(rows, schema={"t": pl.Float64, "text": pl.String}, orient="row")
-    return _of_run(recording, table)
+    return of_run(recording, table)
 
 
-def _of_run(recording: Recording, table: pl.DataFrame) -> pl.DataFrame:
+def of_run(recording: Recording, table: pl.DataFrame) -> pl.DataFrame:
+    """Put the columns run, scenario and seed before those of a table."""
     return table.select(
         pl.lit(recording.metadata.get("run", "")).alias("run"),
         pl.lit(recording.scenario.name).alias("scenario"),

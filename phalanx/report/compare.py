@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from phalanx.curves.thinning import Series
-from phalanx.recording.read import Recording, read
+from phalanx.metrics.table import metrics_of
+from phalanx.metrics.words import swarm_rows
+from phalanx.recording.read import Recording, read, swarm_of
 from phalanx.report.history import ReportHistory
 from phalanx.report.html import document, figure, note, section, table
 from phalanx.report.links import link_statistics
@@ -33,7 +35,7 @@ class ComparedRun:
     settings: dict[str, str]
     """Every number or text of the scenario by its path, and the SHA-256 of the user's modules."""
     results: dict[str, str]
-    """Key figures by name."""
+    """Key figures and the swarm's metrics by name."""
     figures: dict[str, bytes]
     """PNG by name; none unless they were asked for."""
     h_tot: Series
@@ -64,10 +66,11 @@ def _compared(run: Recording, drawn: bool) -> ComparedRun:
     settings = dict(_leaves({k: v for k, v in scenario.items() if k not in _SAME}))
     verdict = str(run.summary.outcome) if run.summary else f"unfinished: {run.unfinished}"
     figures = draw_figures(ReportHistory(run), link_statistics(run)) if drawn else ()
+    metrics = swarm_rows(metrics_of(run, swarm_of(run)))
     return ComparedRun(
         run.path.resolve().parent.name,
         settings | {path: digest[:12] for path, digest in run.modules.items()},
-        {"Verdict": verdict, **dict(key_figures(run))},
+        {"Verdict": verdict, **dict(key_figures(run)), **dict(metrics)},
         {each.name: image_of(each) for each in figures},
         Series(run.times, run.h_tot),
     )

@@ -5,6 +5,7 @@ from html import escape
 from itertools import starmap
 
 from phalanx.guarantee.verdict import Outcome, Summary, certified, timing_rows
+from phalanx.metrics.words import METRIC_HEAD
 from phalanx.network.link import DELAY, LOSS
 from phalanx.recording.read import Recording, size_in_words
 from phalanx.report.html import (
@@ -40,11 +41,15 @@ _MEANING = {
 
 def page(
     recording: Recording,
+    metrics: Sequence[Sequence[str]],
     links: Sequence[LinkStatistics],
     figures: Sequence[tuple[str, bytes]],
     notes: Sequence[str],
 ) -> str:
-    """The whole report; figures are (caption, PNG), notes say what is not drawn and why."""
+    """The whole report.
+
+    Metrics are rows of METRIC_HEAD, figures are (caption, PNG), notes say what is not drawn.
+    """
     title = f"{recording.scenario.name}, seed {recording.scenario.seed}"
     parts = [
         f"<h1>{escape(title)}</h1>",
@@ -52,6 +57,7 @@ def page(
         *_origin(recording),
         _verdict(recording),
         section("Key figures", table((), key_figures(recording))),
+        section("Metrics of the task", table(METRIC_HEAD, metrics)),
         *_judgement(recording.summary),
         section("Links", _links(links)),
         section("Figures", "\n".join([*starmap(figure, figures), *map(note, notes)])),

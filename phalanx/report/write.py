@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from phalanx.metrics.table import metrics_of
+from phalanx.metrics.words import metric_rows
 from phalanx.recording.read import Recording, read
 from phalanx.report import safety, steps
 from phalanx.report.distances import distances, required_distance
@@ -57,7 +59,8 @@ def _write_report(run: Path, progress: Callable[[str], None] | None, vector: boo
         (folder / "figures" / f"{figure.name}.png").write_bytes(image)
         drawn.append((figure.caption, image))
     report = folder / REPORT
-    report.write_text(page(recording, links, drawn, notes(history)), encoding="utf-8")
+    metrics = metric_rows(metrics_of(recording, history.swarm))
+    report.write_text(page(recording, metrics, links, drawn, notes(history)), encoding="utf-8")
     return report
 
 

@@ -66,19 +66,24 @@ class AgentGoal:
             return self.reference.goal(sight)
         expected = f"a Goal of three numpy arrays of {self.axes} finite numbers"
         goal = call_user(self.reference, "goal", expected, sight, agent=self.agent)
-        if not self._fits(goal):
+        if not (isinstance(goal, Goal) and all(map(self._is_vector, goal))):
             got = repr(goal)
             raise MistakenMethodError(self.reference, "goal", expected, got, agent=self.agent)
         found: Goal = goal
         return found
 
-    def _fits(self, goal: object) -> bool:
-        return isinstance(goal, Goal) and all(
-            isinstance(part, np.ndarray)
-            and part.shape == (self.axes,)
-            and bool((np.abs(part) <= LARGEST).all())
-            for part in goal
-        )
+    def end(self) -> Array | None:
+        """Return where the goal comes to rest [m]. Raises MistakenMethodError as a call does."""
+        expected = f"None or a numpy array of {self.axes} finite numbers"
+        end: Array | None = call_user(self.reference, "end", expected, agent=self.agent)
+        if end is not None and not self._is_vector(end):
+            raise MistakenMethodError(self.reference, "end", expected, repr(end), agent=self.agent)
+        return end
+
+    def _is_vector(self, value: object) -> bool:
+        if not isinstance(value, np.ndarray) or value.shape != (self.axes,):
+            return False
+        return value.dtype.kind in "fi" and bool((np.abs(value) <= LARGEST).all())
 
     def _motion(self, states: Mapping[int, Array], agent: str) -> Motion | None:
         output = self.outputs.get(agent)

@@ -56,7 +56,8 @@ def _runnable(swarm: Swarm) -> SafetyRows:
             terms.psi, terms.margin  # noqa: B018
         states = dict(enumerate(x[part] for part in swarm.safe_set.parts))
         for l in range(len(swarm.members)):
-            swarm.goal(l)(0.0, states)
+            goal = swarm.goal(l)
+            goal(0.0, states), goal.end()
         for l in first:
             _require_law(rows, l, x)
         _require_rules(swarm, x)

@@ -30,8 +30,9 @@ SWARM = rooms("swarm", SCENARIO)
 GUARANTEE = rooms("guarantee", SWARM)
 WIRE = rooms("profile wire", GUARANTEE)
 RECORDING = rooms("recording", WIRE)
-CURVES = rooms("curves", RECORDING)
-LAUNCHER = rooms("launcher", RECORDING)
+METRICS = rooms("metrics", RECORDING)
+CURVES = rooms("curves", METRICS)
+LAUNCHER = rooms("launcher", METRICS)
 PLANT = rooms("plant.world plant.sampling plant.judge plant.clock plant.observers plant.hub")
 VIEWER = rooms("viewer.scene viewer.feeds viewer.plots viewer.page viewer.export viewer.ros2")
 
@@ -63,6 +64,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     # Who may do what at the hub: the core of sessions and messages is handed it.
     "phalanx.identities": WIRE,
     "phalanx.recording": RECORDING,
+    "phalanx.metrics": METRICS,
     # The in-process engine is where agents and plant are put together without a wire.
     "phalanx.launcher": LAUNCHER | PLANT | rooms("agent plant"),
     "phalanx.cli": LAUNCHER | {"phalanx"},

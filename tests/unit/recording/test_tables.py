@@ -41,7 +41,7 @@ def in_general(column: str) -> str:
 
 def test_the_page_names_every_column_in_order(run: phalanx.Run) -> None:
     documented = {name: re.findall(r"`([^`]+)`", cells) for name, cells in ROW.findall(PAGE)}
-    columns = {name: getattr(run, name).columns for name in (*TABLES, "profile")}
+    columns = {name: getattr(run, name).columns for name in (*TABLES, "metrics", "profile")}
     assert documented.keys() == columns.keys()
     for name, found in columns.items():
         leading = [] if name == "profile" else EVERY

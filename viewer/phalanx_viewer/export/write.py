@@ -5,6 +5,7 @@ from pathlib import Path
 
 import polars as pl
 
+from phalanx.metrics.table import metrics_table
 from phalanx.recording.read import Recording
 from phalanx.recording.tables import events_table, h_table, inputs_table, links_table, states_table
 from phalanx.swarm.swarm import Swarm
@@ -66,13 +67,14 @@ def run(
 
 
 def _write_tables(recording: Recording, swarm: Swarm, folder: Path, ending: str) -> list[Path]:
-    """Write states, h, inputs, links and events as <folder>/<table>.<ending>; return the paths."""
+    """Write every table as <folder>/<table>.<ending>; return the paths."""
     tables = {
         "states": states_table(recording, swarm),
         "h": h_table(recording, swarm),
         "inputs": inputs_table(recording, swarm),
         "links": links_table(recording),
         "events": events_table(recording),
+        "metrics": metrics_table(recording, swarm),
     }
     folder.mkdir(parents=True, exist_ok=True)
     paths = {folder / f"{name}.{ending}": table for name, table in tables.items()}

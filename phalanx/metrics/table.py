@@ -1,0 +1,140 @@
+"""The metrics of a run as a data frame: one row for each agent, and one for the swarm."""
+
+from collections.abc import Callable, Mapping, Sequence
+from numbers import Real
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
+
+from phalanx.metrics.agents import Value, metrics_of_agents
+from phalanx.metrics.measures import Thresholds
+from phalanx.recording.read import Recording, swarm_of
+from phalanx.swarm.swarm import Swarm
+
+if TYPE_CHECKING:
+    import polars as pl
+
+SWARM = "swarm"
+"""The agent and the role of the swarm's row."""
+
+
+class Metric(NamedTuple):
+    """A number of each agent, and how those of all normal agents become one of the swarm."""
+
+    unit: str
+    meaning: str
+    of_swarm: Callable[[Sequence[Any]], float | bool]
+
+
+def _mean(values: Sequence[float]) -> float:
+    return sum(values) / len(values)
+
+
+METRICS: Mapping[str, Metric] = {
+    "tracking_error_mean": Metric("m", "distance from the goal, mean over the time", _mean),
+    "tracking_error_final": Metric("m", "distance from the goal at the end", max),
+    "distance_to_goal": Metric("m", "distance at the end from where the goal comes to rest", max),
+    "arrived": Metric("", "at the end within reach of where the goal comes to rest", all),
+    "arrival_time": Metric("s", "since when it has been there", max),
+    "deadlock_time": Metric("s", "time that it stood away from its goal", sum),
+    "input_deviation_mean": Metric("of u", "‖u - u_nom‖, mean over the time", _mean),
+    "input_energy": Metric("of u², s", "∫ ‖u‖² dt", sum),
+    "backup_time": Metric("s", "time on the backup", sum),
+    "no_authority_time": Metric("s", "time without authority", sum),
+    "least_distance": Metric("m", "least distance from another agent", min),
+    "least_clearance": Metric("m", "least distance from an obstacle less its clearance", min),
+}
+"""Every metric by its name, in the order of columns."""
+
+
+def metrics_of(
+    recording: Recording, swarm: Swarm, limits: Thresholds | None = None
+) -> dict[str, dict[str, Value]]:
+    """Return all metrics by agent's name, those of the swarm last, by `SWARM`.
+
+    Raises MistakenMethodError of a user's reference.
+    """
+    found = metrics_of_agents(recording, swarm, limits or Thresholds())
+    complete = [{name: agent.get(name) for name in METRICS} for agent in found]
+    normal = [complete[i] for i in swarm.normal]
+    return dict(zip(swarm.names, complete, strict=True)) | {SWARM: _of_swarm(normal)}
+
+
+def _of_swarm(normal: Sequence[Mapping[str, Value]]) -> dict[str, Value]:
+    """Combine the normal agents' metrics; None are left out, but for a time of arrival."""
+    found: dict[str, Value] = {}
+    for name, metric in METRICS.items():
+        values = [agent[name] for agent in normal if agent[name] is not None]
+        found[name] = metric.of_swarm(values) if values else None
+    if not found["arrived"]:
+        found["arrival_time"] = None
+    return found
+
+
+class Recorded(Protocol):
+    """A run with its recording."""
+
+    @property
+    def recording(self) -> Recording: ...
+
+
+R = TypeVar("R", bound=Recorded)
+
+
+def of(
+    run: R,
+    limits: Thresholds | None = None,
+    **own: Callable[[R], float | Mapping[str, float]],
+) -> "pl.DataFrame":
+    """Return a run's metrics: a row for each agent, and one for the swarm of its normal agents.
+
+    Args:
+        run: a finished run.
+        limits: what counts as arrived and as a deadlock.
+        own: metrics of your own by name. Each is called with the run, and returns a number of the
+            swarm, or numbers by agent's name.
+
+    Raises:
+        UnreadableRecordingError: the recorded scenario cannot be built.
+        ValueError: a metric of your own has the name of another, or returns something else.
+    """
+    swarm = swarm_of(run.recording)
+    values = {name: _of_own(name, function(run), swarm.names) for name, function in own.items()}
+    return metrics_table(run.recording, swarm, limits, values)
+
+
+def metrics_table(
+    recording: Recording,
+    swarm: Swarm,
+    limits: Thresholds | None = None,
+    own: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
+) -> "pl.DataFrame":
+    """Return the metrics as a data frame; own: more of them by name, by agent."""
+    import polars as pl
+
+    from phalanx.recording.tables import of_run
+
+    found = metrics_of(recording, swarm, limits)
+    for name, values in own.items():
+        for agent, row in found.items():
+            row[name] = values.get(agent)
+    roles = ["adversary" if member.adversary else "normal" for member in swarm.members]
+    rows = [
+        {"agent": agent, "role": role, **values}
+        for (agent, values), role in zip(found.items(), [*roles, SWARM], strict=True)
+    ]
+    kinds = {"agent": pl.String, "role": pl.String, "arrived": pl.Boolean}
+    columns = ("agent", "role", *METRICS, *own)
+    table = pl.DataFrame(rows, schema={name: kinds.get(name, pl.Float64) for name in columns})
+    return of_run(recording, table)
+
+
+def _of_own(name: str, value: Any, agents: Sequence[str]) -> dict[str, float]:
+    if name in METRICS:
+        raise ValueError(f"{name}: expected a name that no other metric has")
+    if isinstance(value, Real):
+        return {SWARM: float(value)}
+    if isinstance(value, Mapping) and all(isinstance(v, Real) for v in value.values()):
+        if unknown := [agent for agent in value if agent not in agents]:
+            raise ValueError(f"{name}: expected names of agents, got {unknown[0]!r}")
+        return {agent: float(v) for agent, v in value.items()}
+    raise ValueError(f"{name}: expected a number, or numbers by agent's name, got {value!r}")
