@@ -39,6 +39,7 @@ def run_in_process(
 
 
 # A Ctrl-C must not interrupt writing: it ends the run at the next sample.
+@interrupt.handled()
 @interrupt.deferred()
 def _run(rows: SafetyRows, folder: Path, options: RunOptions) -> Summary:
     with RecordingWriter(folder / RECORDING, rows.swarm.scenario, folder.name) as recording:

@@ -6,6 +6,7 @@ end of an import's lock, the exception is printed and dropped, and the program g
 
 import contextlib
 import signal
+import threading
 from collections.abc import Iterator
 
 _pending = False
@@ -36,6 +37,29 @@ def clear() -> None:
     """Forget the Ctrl-C that came: the caller reacts to it."""
     global _pending
     _pending = False
+
+
+@contextlib.contextmanager
+def handled() -> Iterator[None]:
+    """Remember a Ctrl-C of the block, in a program that did not call install.
+
+    One without a reaction raises at the block's end. Elsewhere than in the main thread, and
+    with a handler of the program's own, it does nothing.
+    """
+    usual = signal.default_int_handler
+    main = threading.current_thread() is threading.main_thread()
+    if not main or signal.getsignal(signal.SIGINT) is not usual:
+        yield
+        return
+    signal.signal(signal.SIGINT, _on_interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, usual)
+        came = _pending
+        clear()
+    if came:
+        raise KeyboardInterrupt
 
 
 @contextlib.contextmanager

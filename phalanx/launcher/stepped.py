@@ -21,6 +21,7 @@ from phalanx_plant.run import ENDINGS, End, PlantRun, ended_by
 from phalanx.arrays import Array
 from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Outcome, Summary
+from phalanx.launcher import interrupt
 from phalanx.launcher.engine import EngineError, RunOptions, silent
 from phalanx.launcher.in_process_engine import DirectAgents
 from phalanx.launcher.run import Run
@@ -249,6 +250,9 @@ class _Course:
         self.clock = Lockstep(*parts)
         return self.clock
 
+    # A Ctrl-C must not interrupt judging or writing: it ends the run after the instant.
+    @interrupt.handled()
+    @interrupt.deferred()
     def advance(self, t: float = math.inf, *, steps: float = math.inf) -> bool:
         """Go on through instants up to t [s], so many at most; return False if the run is over."""
         last = self.steps + steps
@@ -256,6 +260,8 @@ class _Course:
         try:
             while self.summary is None and self.steps < last and self._next <= t:
                 self._step()
+                if self.summary is None:
+                    interrupt.raise_pending()
         except BaseException as error:
             self._finish(ended_by(error))
             if isinstance(error, KeyboardInterrupt) or not isinstance(error, ENDINGS):
@@ -273,14 +279,16 @@ class _Course:
         else:
             self.steps += 1
 
+    @interrupt.handled()
+    @interrupt.deferred()
     def stop(self, reason: str) -> None:
         """End the run before its end, if it goes on: judge and record what happened."""
         if self.summary is None:
-            self._instants.close()
             self._stopwatch -= time.monotonic()
             self._finish(End(Outcome.STOPPED, reason))
 
     def _finish(self, end: End) -> None:
+        self._instants.close()  # judges and records what is left
         wall = self._stopwatch + time.monotonic()
         self.summary = self._plant.summary(end, wall, rejected={})
         write_summary(self.summary, self.folder / SUMMARY, self._recording)

@@ -1,7 +1,11 @@
 """A run in steps has the bits of a run in one go, and is on record however its program ends."""
 
+import functools
 import gc
+import signal
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +13,8 @@ import pytest
 import phalanx
 from phalanx import Command, CommandPolicy, Outcome, SteppedRun
 from phalanx.launcher.engine import EngineError
+from phalanx.recording.records import State
+from phalanx.recording.write import RecordingWriter
 
 SOON = {"duration": 0.2, "network.loss": 0.3, "network.delay": 0.004}
 
@@ -112,19 +118,53 @@ def test_an_error_of_its_program_ends_it_and_goes_on(tmp_path: Path):
     assert found.states["t"].max() == run.t
 
 
+def pressing(call: Callable[..., Any]) -> Callable[..., Any]:
+    """The same call, in the middle of which Ctrl-C is pressed."""
+
+    def pressed(*arguments: Any) -> Any:
+        signal.raise_signal(signal.SIGINT)
+        return call(*arguments)
+
+    return pressed
+
+
 @pytest.mark.slow
-def test_ctrl_c_in_a_step_ends_it_and_is_raised(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+@pytest.mark.parametrize("call", ["clock._reach", "clock._sample", "_recording.write"])
+def test_ctrl_c_in_a_step_ends_it_and_is_raised(
+    call: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
     run = phalanx.start(phalanx.load("unicycles", SOON), out=tmp_path)
     run.until(0.05)
-
-    def press(_: float) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(run._course.world, "advance", press)
+    *path, name = call.split(".")
+    of = functools.reduce(getattr, path, run._course)
+    monkeypatch.setattr(of, name, pressing(getattr(of, name)))
     with pytest.raises(KeyboardInterrupt):
-        run.step()
+        run.until()
     assert run.over
-    assert phalanx.open(run.folder).summary.reason == "stopped by the user"
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    found = phalanx.open(run.folder)
+    assert found.summary.reason == "stopped by the user"
+    assert phalanx.verify(found, engine="in-process")
+
+
+@pytest.mark.slow
+def test_ctrl_c_of_a_whole_run_in_a_program_of_ones_own_tears_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    pressed = False
+
+    def write(self: RecordingWriter, record: State) -> None:
+        nonlocal pressed
+        if not pressed and record.t > 0.1:
+            pressed = True
+            signal.raise_signal(signal.SIGINT)
+        written(self, record)
+
+    written = RecordingWriter.write
+    monkeypatch.setattr(RecordingWriter, "write", write)
+    run = phalanx.run(phalanx.load("unicycles", SOON), engine="in-process")
+    assert run.verdict is Outcome.STOPPED
+    assert phalanx.verify(run, engine="in-process")
 
 
 @pytest.mark.slow
