@@ -162,7 +162,8 @@ def _words(axes: Axes, history: ReportHistory, film: Film) -> Show:
     clock = axes.set_title("", loc="left", fontsize=11)
     network = axes.set_title("", loc="right", fontsize=9, color=LIMIT)
     at: dict[str, Any] = {"transform": axes.transAxes, "zorder": 5}
-    log = axes.text(0.015, 0.98, "", va="top", fontsize=9, color=PEAK, **at)
+    # A recorded text may hold what matplotlib would take for a formula.
+    log = axes.text(0.015, 0.98, "", va="top", fontsize=9, color=PEAK, parse_math=False, **at)
     card = {"boxstyle": "round,pad=0.5", "facecolor": "white", "edgecolor": LIMIT, "alpha": 0.92}
     end = axes.text(0.5, 0.1, "", ha="center", va="center", fontsize=15, weight="bold", **at)
     sent = np.sort(history.broadcasts["sent"])

@@ -12,6 +12,7 @@ from PIL import Image
 
 import phalanx
 from phalanx.faults.commands import Command
+from phalanx.recording.records import Log
 from phalanx.report.history import ReportHistory
 from phalanx.report.stage import Film, Stage
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space, unicycles
@@ -65,6 +66,18 @@ def test_a_link_is_the_redder_the_more_broadcasts_it_lost(run: phalanx.Run):
     assert (
         np.argsort(reds).tolist() == np.argsort([shares[link] for link in sorted(shares)]).tolist()
     )
+
+
+@pytest.mark.slow
+def test_a_line_of_the_log_is_shown_as_it_is(tmp_path: Path):
+    scenario = unicycles()
+    records = [*drift(scenario), Log(0.2, r"cost $\frac{1$ each")]
+    run = phalanx.open(record(tmp_path, scenario, records, summary_of(scenario)))
+    stage = staged(run, [0.0, 0.3])
+    texts = [[t.get_text() for t in stage.figure.axes[0].texts] for _ in stage.frames()]
+    stage.figure.draw_without_rendering()
+    assert r"0.2 s: cost $\frac{1$ each" in texts[1]
+    assert run.animate(tmp_path / "run.gif", per_second=4).exists()
 
 
 @pytest.mark.slow
