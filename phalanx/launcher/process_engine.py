@@ -17,6 +17,7 @@ from phalanx.launcher.processes import Processes
 from phalanx.launcher.programs import Program
 from phalanx.recording.records import PROFILE, SUMMARY
 from phalanx.scenario.model import Scenario
+from phalanx.schema.user_code import of_session
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Status
@@ -29,6 +30,11 @@ def run_processes(
     scenario: Scenario, make_folder: Callable[[], Path], options: RunOptions
 ) -> Summary:
     """Run a scenario to its verdict, as an Engine; progress is called in a thread of Zenoh's."""
+    for name in of_session(scenario.model_dump(mode="json")):
+        raise EngineError(
+            f"{name} is of this script or notebook, which other processes cannot import: write it "
+            "into a file of its own, or take engine 'in-process'"
+        )
     with Processes(scenario) as processes, reserved_endpoint() as endpoint:
         processes.require_runnable()
         folder = make_folder()

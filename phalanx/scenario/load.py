@@ -16,6 +16,7 @@ from pydantic import ValidationError
 from phalanx.scenario.declared import KINDS
 from phalanx.scenario.model import Reading, Scenario
 from phalanx.schema.fields import ALTERNATIVES
+from phalanx.schema.instances import as_table
 from phalanx.schema.user_code import UntrustedCodeError
 
 _CHECKOUT = Path(__file__).parents[2]
@@ -56,7 +57,8 @@ def load(
     Args:
         source: path of a TOML file, the name of a shipped scenario, or a scenario's table.
         overrides: values by "path.to.field", or texts "path.to.field=value" with the value as
-            TOML, in which a bare word is a string.
+            TOML, in which a bare word is a string. A value may be an object of a dataclass, such
+            as a controller: its class and fields count.
         seed: replaces the scenario's seed.
 
     Raises:
@@ -69,6 +71,7 @@ def load(
         table = _parsed(where)
     if not isinstance(overrides, Mapping):
         overrides = dict(map(field_and_value, overrides))
+    overrides = {path: _as_table(path, value) for path, value in overrides.items()}
     for path, value in overrides.items():
         set_field(table, path, value)
     if seed is not None:
@@ -155,6 +158,13 @@ def _index(node: list[Any], key: str, override: str) -> int:
         last = len(node) - 1
         raise ScenarioError(f"--set {override}: expected an index from 0 to {last}, got {key!r}")
     return int(key)
+
+
+def _as_table(path: str, value: Any) -> Any:
+    try:
+        return as_table(value)
+    except ValueError as error:
+        raise ScenarioError(f"{path}: {error}") from error
 
 
 def _toml(value: Any) -> str:

@@ -84,6 +84,11 @@ def imported_sources(table: Any = None) -> dict[str, bytes]:
     return {path: text for module in modules for path, text in _sources.get(module, {}).items()}
 
 
+def of_session(table: Any) -> list[str]:
+    """Return what a scenario's table names of the running script or notebook, "__main__:Name"."""
+    return [name for name in _names(table) if name.startswith("__main__:")]
+
+
 def _names(table: Any) -> Iterator[str]:
     """Yield every value of a field `type` in a table, at any depth."""
     if isinstance(table, dict):

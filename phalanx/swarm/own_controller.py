@@ -41,6 +41,7 @@ class OwnController:
 
         Raises as CheckedController.
         """
+        inputs = view.terms.polytopes[view.i]
         return self._controller(
             ControllerView(
                 t,
@@ -50,9 +51,10 @@ class OwnController:
                 view.goal,
                 u_nom,
                 {l: Received(np.array(h.u), t - h.t_apply) for l, h in received.items()},
-                view.terms.polytopes[view.i],
+                inputs,
                 view.terms,
                 lambda: self._pairs(x, seen),
+                lambda u: self._controller.project(u, inputs),
                 lambda u: self._certified(x, u, seen),
             )
         )

@@ -57,6 +57,20 @@ VARIANTS = {
 }
 
 
+CONTROLLER = """
+from dataclasses import dataclass
+
+@dataclass
+class Filtering:
+    def prepare(self, agent):
+        self.ages = 0.0
+
+    def input(self, view):
+        self.ages += sum(each.age for each in view.received.values())
+        return view.u_nom / (1.0 + self.ages) if view.certified(view.u_nom) else 0.0 * view.u_nom
+"""
+
+
 def trajectory(scenario: phalanx.Scenario, engine: str) -> tuple[str, int]:
     summary = phalanx.run(scenario, engine=engine).summary
     assert summary is not None
@@ -77,6 +91,17 @@ def test_whatever_network_clock_and_controller_the_trajectory_is_one(overrides: 
     assert (first.trajectory, first.steps) == (second.trajectory, second.steps)
     assert (first.faults, first.rejected) == (second.faults, second.rejected)
     assert first.notes == []
+
+
+def test_a_controller_with_a_state_has_one_trajectory(tmp_path, monkeypatch) -> None:
+    (tmp_path / "filtering.py").write_text(CONTROLLER, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    table = {"type": "filtering:Filtering"}
+    overrides = {"duration": 0.5, "network.loss": 0.3, "agents.0.controller": table}
+    scenario = phalanx.load("unicycles", overrides)
+    assert trajectory(scenario, "processes") == trajectory(scenario, "in-process")
+    verification = phalanx.run(scenario, engine="in-process").verify(engine="processes")
+    assert verification, verification.difference
 
 
 def test_commands_take_effect_alike_on_both_engines() -> None:

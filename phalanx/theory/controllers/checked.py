@@ -4,6 +4,7 @@ from phalanx.arrays import Array
 from phalanx.theory.controllers.controller import ControlledAgent, Controller, ControllerView
 from phalanx.theory.expressions.user_methods import call_user
 from phalanx.theory.laws.law import checked_input, expected_input
+from phalanx.theory.models.polytope import Polytope
 from phalanx.theory.rows.decision import Decision
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.qp import NearestInput
@@ -31,10 +32,14 @@ class CheckedController:
         u = self._input(view)
         if view.inputs.takes(u):
             return Decision(u, Origin.CONTROLLER, None)
-        inside = self._nearest.solve(u, view.inputs)
+        return Decision(self.project(u, view.inputs), Origin.PROJECTED, None)
+
+    def project(self, u: Array, inputs: Polytope) -> Array:
+        """The input nearest to u by the dynamics' metric. Raises ArithmeticError if it fails."""
+        inside = self._nearest.solve(u, inputs)
         if inside is None:
-            raise ArithmeticError(f"its input {u} cannot be brought within its input polytope")
-        return Decision(inside, Origin.PROJECTED, None)
+            raise ArithmeticError(f"the input {u} cannot be brought within the input polytope")
+        return inside
 
     def _input(self, view: ControllerView) -> Array:
         controller, size, agent = self._controller, self._size, self._agent

@@ -80,6 +80,7 @@ class ControllerView:
     terms: Terms
     """Terms of h_tot, all pairs in sight composed."""
     _pairs: Callable[[], PairTerms]
+    _nearest: Callable[[Array], Array]
     _certified: Callable[[Array], float]
 
     @property
@@ -94,6 +95,10 @@ class ControllerView:
         ψ_q of a pair is a u_i + unforced + forces u_l, where l is the other member.
         """
         return self._pairs()
+
+    def nearest(self, u: Array) -> Array:
+        """The input of U_i nearest to another by the dynamics' metric, shapes (m_i,)."""
+        return self._nearest(u)
 
     def certified(self, u: Array) -> float:
         """Time for which all its pairs in sight are proven safe if it holds an input [s].

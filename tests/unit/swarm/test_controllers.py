@@ -1,11 +1,25 @@
 """Controllers in place of the paper's filter: what they see, and what their mistakes say."""
 
+from dataclasses import dataclass
+from pathlib import Path
+
 import pytest
 
 import phalanx
+from phalanx.baselines.escape import Escape
 from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.scenario.load import ScenarioError, load
 from phalanx.theory.rows.origin import Origin
+
+ROOT = Path(__file__).parents[3]
+
+
+@dataclass(frozen=True)
+class Hoard(Escape):
+    """Has a field that no scenario can hold."""
+
+    weights: object = None
+
 
 MODULE = '''"""Controllers that a new user may write."""
 
@@ -164,6 +178,34 @@ def test_a_controller_with_a_state_begins_anew_in_every_run():
     assert first != run("keeping:Held", "unicycles").summary.trajectory
 
 
+def test_an_object_stands_for_its_class_and_fields():
+    from keeping import Held
+
+    by_object = load("unicycles", {"agents.0.controller": Held(keep=0.9)})
+    by_table = load("unicycles", {"agents.0.controller": {"type": "keeping:Held", "keep": 0.9}})
+    assert by_object.agents == by_table.agents
+    assert "keeping:Held" in by_object.reading.command(0)
+    short = load("unicycles", {"agents.0.controller": Escape()})
+    assert short.agents[0].controller == {"type": "escape"}
+
+
+def test_an_object_that_cannot_be_named_is_refused():
+    @dataclass(frozen=True)
+    class Hidden(Escape):
+        weights: object = None
+
+    with pytest.raises(ScenarioError, match=r"^agents.0.controller: expected a class that has a"):
+        load("unicycles", {"agents.0.controller": Hidden()})
+    with pytest.raises(ScenarioError, match=r"^x: expected numbers, .* in Hoard.weights, .*object"):
+        load("unicycles", {"x": Hoard(object())})
+    session = {"type": "__main__:Filter"}
+    scenario = load("unicycles")
+    group = scenario.agents[0].model_copy(update={"controller": session})
+    scenario = scenario.model_copy(update={"agents": (group, *scenario.agents[1:])})
+    with pytest.raises(phalanx.EngineError, match=r"^__main__:Filter is of this script or noteb"):
+        phalanx.run(scenario, engine="processes")
+
+
 def test_its_inputs_count_as_its_own_and_no_row_is_claimed():
     found = run("none").summary
     origins = {Origin(name): count for name, count in found.origins.items() if count}
@@ -202,6 +244,14 @@ def test_a_check_names_the_agents_that_decide_by_themselves():
 @pytest.mark.parametrize("scenario", ["unicycles", "formation3d", "swarm2d", "faults/loss"])
 def test_every_baseline_runs_on(scenario, name):
     assert run(name, scenario, duration=0.2).summary.outcome != "broken"
+
+
+def test_the_page_has_the_example_that_was_compared():
+    page, source = (
+        (ROOT / name).read_text(encoding="utf-8")
+        for name in ("docs/your-controller.md", "evidence/controllers/shield.py")
+    )
+    assert source.partition('"""\n\n')[2] in page
 
 
 def test_without_a_filter_two_agents_that_head_for_each_other_collide():
