@@ -1,6 +1,7 @@
 """Compare controllers on the same scenarios, seeds, network and nominal law.
 
-    python evidence/controllers/compare.py --seeds 20 --only unicycles
+    pip install -e '.[bench]' pyrvo
+    python evidence/controllers/compare.py --seeds 20 --only unicycles --duration 16
 
 Every result is a file under build/controllers, written as soon as it is there; what is there is not
 run again. Delete the folder after a change that moves trajectories. The tables go to the terminal.
@@ -25,6 +26,7 @@ CONTROLLERS: dict[str, dict[str, Any]] = {
     "the paper's filter": {},
     "Shield": {"agents.0.controller.type": "shield:Shield"},
     "cbf-qp": {"agents.0.controller.type": "cbf-qp"},
+    "cbfpy": {"agents.0.controller.type": "cbfpy_filter:CbfPy"},
     "orca": {"agents.0.controller.type": "orca"},
     "escape": {"agents.0.controller.type": "escape"},
     "none": {"agents.0.controller.type": "none"},
@@ -88,7 +90,9 @@ def measured(name: str, overrides: dict[str, Any], seed: int) -> Result | None:
     """Run once, in this process; None if the controller does not fit the scenario."""
     try:
         run = phalanx.run(phalanx.load(name, overrides, seed=seed), engine="in-process")
-    except phalanx.ScenarioError:
+    except phalanx.ScenarioError as error:
+        if "cannot be imported" in str(error) or "needs the library" in str(error):
+            raise
         return None
     summary = run.summary
     assert summary is not None

@@ -15,7 +15,7 @@ from phalanx.curves.lanes import LANE_STATES, lanes, zoom_window
 from phalanx.recording.broadcasts import FATES, IN_TIME, LATE, LOST
 from phalanx.report.history import ReportHistory
 from phalanx.report.style import MOST_NAMED, current, legend
-from phalanx.theory.rows.origin import Origin
+from phalanx.theory.rows.origin import OF_CONTROLLERS, Origin
 
 _COLOURS = {
     IN_TIME: "#9fb2ca",
@@ -131,7 +131,7 @@ def _draw_zoom(
 
 
 _DOTS = (
-    ("#1f5fbf", "o", {Origin.QP, Origin.SOLVER_FAILED}),
+    ("#1f5fbf", "o", {Origin.QP, Origin.SOLVER_FAILED, *OF_CONTROLLERS}),
     ("#8f0f2a", "o", {Origin.ATTACK}),
     (_COLOURS[Origin.BACKUP], "s", {Origin.BACKUP}),
     (_COLOURS[Origin.NO_AUTHORITY], "s", {Origin.NO_AUTHORITY}),

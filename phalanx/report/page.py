@@ -21,7 +21,12 @@ from phalanx.report.html import (
 )
 from phalanx.report.links import LinkStatistics
 from phalanx.report.safety import worst
-from phalanx.theory.rows.origin import EMPTY, origin_label, origins_of_normal
+from phalanx.theory.rows.origin import (
+    EMPTY,
+    OF_CONTROLLERS,
+    origin_label,
+    origins_of_normal,
+)
 
 _NO_VERSION = ("run", "seed", "scenario_digest")
 """Entries of a recording's metadata that are no library's version."""
@@ -95,10 +100,13 @@ def key_figures(recording: Recording) -> list[tuple[str, str]]:
     """Key figures of a run, each with its name."""
     summary, peak = recording.summary, worst(recording)
     counts = origins(recording)
-    steps, normal = len(recording.steps), sum(counts.values())
+    steps, own = len(recording.steps), sum(counts.get(o, 0) for o in OF_CONTROLLERS)
+    normal = sum(counts.values()) - own
     empty = sum(counts[o] for o in EMPTY)
     share = f"{empty} of {normal} normal steps ({percent(empty, normal)}): " if normal else ""
     kinds = ", ".join(f"{counts[o]} {origin_label(o)}" for o in EMPTY)
+    if own:
+        kinds += f"; {own} steps by another controller, which has no K_i"
     reached = recording.states[-1].t if recording.states else 0.0
     rows = [
         ("Run", recording.metadata.get("run", "unknown")),

@@ -8,6 +8,7 @@ import pytest
 import phalanx
 from phalanx.baselines.escape import Escape
 from phalanx.cli.app import USAGE_ERROR, status
+from phalanx.report.page import key_figures
 from phalanx.scenario.load import ScenarioError, load
 from phalanx.theory.rows.origin import Origin
 
@@ -212,6 +213,13 @@ def test_its_inputs_count_as_its_own_and_no_row_is_claimed():
     assert set(origins) <= {Origin.CONTROLLER, Origin.PROJECTED}
     assert "non-empty K_i" not in {each.name for each in found.theorem}
     assert "controller" not in run("none", **{"agents.0.controller": None}).summary.origins
+
+
+def test_a_report_claims_no_empty_k_for_it():
+    found = run("none", "unicycles")
+    figures = dict(key_figures(found.recording))
+    assert figures["Empty K_i"].endswith("steps by another controller, which has no K_i")
+    assert "normal steps" not in figures["Empty K_i"]
 
 
 def test_inputs_outside_its_polytope_are_projected_and_counted():
