@@ -1,26 +1,32 @@
-# `make run` sets up and runs Simulation 1, `make test` sets up and passes the tests, `make quick`
-# only the fast ones, which start no process. `make check` lints, `make docs` builds the pages into
-# build/site. `make locks` and `make base` record what is installed, by hashes.
+# `make run` sets up and runs Simulation 1. Tests are in three layers, see CONTRIBUTING.md: `make
+# quick` starts no process, `make test` sets up and passes all that carry a safeguard, `make nightly`
+# the rest. `make check` lints, `make docs` builds the pages into build/site. `make locks` and `make
+# base` record what is installed, by hashes.
 PYTHON ?= python3
 VENV ?= .venv
 READY := $(VENV)/.ready
+PYTEST := $(VENV)/bin/python -m pytest -q --durations 10
 
 BASE := python:3.12-slim
 LOCK := uv pip compile --quiet --universal --python-version 3.11.5 --generate-hashes \
 	--no-annotate --no-header --constraint constraints.txt pyproject.toml -
 
-.PHONY: run quick test check docs locks base clean
+.PHONY: run quick test nightly check docs locks base clean
 
 run: $(READY)
 	$(VENV)/bin/phalanx run unicycles
 
 quick: $(READY)
-	$(VENV)/bin/python -m pytest -q -n 2 --dist loadscope -m "not slow" tests/unit
+	$(PYTEST) -n 2 --dist loadscope -m "not slow and not nightly" tests/unit
 
 test: $(READY)
-	@echo "Testing: about 15 minutes on two cores; the first minute starts no processes."
-	$(VENV)/bin/python -m pytest -q -n 2 --dist loadscope --durations 15 tests/unit
-	$(VENV)/bin/python -m pytest -q -n 3 --durations 15 tests/process tests/containers
+	@echo "Testing: about 5 minutes on two cores; the first starts no processes."
+	$(PYTEST) -n 2 --dist loadscope -m "not nightly" tests/unit
+	$(PYTEST) -n 4 -m "not nightly" tests/process tests/containers
+
+nightly: $(READY)
+	@echo "Testing what \`make test\` leaves out: about 8 minutes on two cores."
+	$(PYTEST) -n 4 -m nightly tests
 
 check: $(READY)
 	$(VENV)/bin/ruff check .

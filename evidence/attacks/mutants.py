@@ -1,8 +1,9 @@
-"""Break safeguards on purpose, one at a time, and see whether a test fails.
+"""Break safeguards on purpose, one at a time, and see which layer of tests notices first.
 
     python evidence/attacks/mutants.py [WORD]
 
-In a copy of the sources. One line for each; exit with 1 if one was not noticed.
+In a copy of the sources. One line for each: `quick`, `test` or `SURVIVED`. Exits with 1 if one
+was not noticed.
 """
 
 import os
@@ -10,41 +11,53 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections import Counter
 from pathlib import Path
 
 from tests.hostile.mutants import MUTANTS, ROOT, Mutant, broken
 
 COPIED = ("phalanx", "agent", "plant", "viewer", "tests", "scenarios", "docs")
+LAYERS = {"quick": "not slow and not nightly and not swarm", "test": "not nightly"}
+"""What each selects, as in the Makefile; the first is the fastest."""
+SURVIVED = "SURVIVED"
+_PASSED, _FAILED, _NONE_SELECTED = 0, 1, 5
+"""Exit statuses of pytest."""
 
 
-def noticed(mutant: Mutant) -> bool:
-    """Return whether a test fails in a copy of the sources with the safeguard broken."""
+def first_to_notice(mutant: Mutant) -> str:
+    """Return the first layer of which a test fails in a copy with the safeguard broken."""
     with tempfile.TemporaryDirectory() as parent:
         copy = Path(parent)
         for name in COPIED:
             shutil.copytree(ROOT / name, copy / name)
         shutil.copy(ROOT / "pyproject.toml", copy)
         (copy / mutant.file).write_text(broken(mutant), encoding="utf-8")
-        command = [sys.executable, "-m", "pytest", "-q", "-x", *mutant.tests.split()]
-        paths = [str(copy / name) for name in ("", "agent", "plant", "viewer")]
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
-        ended = subprocess.run(command, cwd=copy, env=environment, capture_output=True, text=True)
-        if ended.returncode not in (0, 1):
-            raise RuntimeError(f"{mutant.what}: {ended.stdout[-500:]}")
-        return ended.returncode == 1
+        found = (layer for layer, marked in LAYERS.items() if notices(mutant, copy, marked))
+        return next(found, SURVIVED)
+
+
+def notices(mutant: Mutant, copy: Path, marked: str) -> bool:
+    """Return whether one of the mutant's tests that are so marked fails in the copy."""
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-m", marked, *mutant.tests.split()]
+    paths = [str(copy / name) for name in ("", "agent", "plant", "viewer")]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+    ended = subprocess.run(command, cwd=copy, env=environment, capture_output=True, text=True)
+    if ended.returncode not in (_PASSED, _FAILED, _NONE_SELECTED):
+        raise RuntimeError(f"{mutant.what}: {ended.stdout[-500:]}")
+    return ended.returncode == _FAILED
 
 
 def main() -> None:
     """Try all, or those whose description contains the word."""
     word = (*sys.argv, "")[1]
-    chosen = [mutant for mutant in MUTANTS if word in mutant.what]
-    survivors = 0
-    for mutant in chosen:
-        found = noticed(mutant)
-        survivors += not found
-        print(f"{'noticed' if found else 'SURVIVED':9} {mutant.what}", flush=True)
-    print(f"{len(chosen) - survivors} of {len(chosen)} noticed")
-    sys.exit(bool(survivors))
+    found: Counter[str] = Counter()
+    for mutant in MUTANTS:
+        if word in mutant.what:
+            layer = first_to_notice(mutant)
+            found[layer] += 1
+            print(f"{layer:9} {mutant.what}", flush=True)
+    print(f"of {found.total()}: {', '.join(f'{found[layer]} by {layer}' for layer in LAYERS)}")
+    sys.exit(bool(found[SURVIVED]))
 
 
 if __name__ == "__main__":

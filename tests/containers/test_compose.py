@@ -25,7 +25,7 @@ from tests.process.runs import wait_for
 
 ROOT = Path(__file__).parents[2]
 SEED = 3
-pytestmark = pytest.mark.timeout(600)
+pytestmark = [pytest.mark.timeout(600), pytest.mark.nightly]
 
 
 class Stack:

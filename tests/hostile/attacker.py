@@ -341,6 +341,12 @@ INSIDERS: dict[str, Attack] = {
     }.items()
 }
 ATTACKS = {**STRANGERS, **INSIDERS}
+_AT_FULL_SPEED = ("flood", "large", "answers", "orders", "enormous")
+
+
+def is_at_full_speed(attack: str) -> bool:
+    """Return whether an attack goes as fast as its processor, which slows a run."""
+    return any(word in attack for word in _AT_FULL_SPEED)
 
 
 def _declared_and_withdrawn(by: Attacker, *keys: str) -> Iterator[None]:
@@ -368,10 +374,7 @@ def main() -> None:
     """Attack until killed; a first line says whether the hub let it in."""
     name, endpoint, run, *secret = sys.argv[1:]
     attacker = Attacker(endpoint, run, bytes.fromhex(secret[0]) if secret else None)
-    at_full_speed = any(
-        word in name for word in ("flood", "large", "answers", "orders", "largest", "enormous")
-    )
-    assail(attacker, ATTACKS[name], at_full_speed)
+    assail(attacker, ATTACKS[name], is_at_full_speed(name))
 
 
 def assail(attacker: Attacker, attack: Attack, at_full_speed: bool) -> None:

@@ -32,7 +32,7 @@ class Gallery(NamedTuple):
 
     def calm(self, name: str) -> Overrides:
         """The scenario without this fault."""
-        return {**self.without, **BESIDE.get(name, NOTHING)}
+        return {**self.without, **ALONGSIDE.get(name, NOTHING)}
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ LINKS: Mapping[str, Overrides] = {
     "slot = 0.1": {"network.slot": 0.1},
     "rules (Rain)": {"network.rules": [{"type": f"{__name__}:Rain", "per_metre": 0.2}]},
 }
-BESIDE: Mapping[str, Overrides] = {
+ALONGSIDE: Mapping[str, Overrides] = {
     name: {"network.delay": LINKS[name]["network.delay"]} for name in ("duplicate = 0.5", "reorder")
 }
 """What goes wrong without the fault too: without a delay it would do nothing."""

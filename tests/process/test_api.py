@@ -127,12 +127,12 @@ def test_an_engine_that_there_is_not_is_refused_by_all_who_take_one(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_progress_is_told_while_the_run_goes_on():
-    told: list[phalanx.Status] = []
+def test_progress_is_reported_while_the_run_goes_on():
+    statuses: list[phalanx.Status] = []
     phalanx.run(phalanx.load("unicycles", {"duration": 3.0}), engine="in-process",
-                progress=told.append)  # fmt: skip
-    assert [status.t for status in told] == sorted(status.t for status in told)
-    assert 0 < told[-1].t <= 3.0
+                progress=statuses.append)  # fmt: skip
+    assert [status.t for status in statuses] == sorted(status.t for status in statuses)
+    assert 0 < statuses[-1].t <= 3.0
 
 
 def test_overrides_are_values_by_path_or_texts():

@@ -1,8 +1,11 @@
 """Two engines, one trajectory: what the fast one says holds for the real one, to the last bit."""
 
+from collections.abc import Container, Iterable
+
 import pytest
 
 import phalanx
+from phalanx.guarantee.verdict import Summary
 
 pytestmark = pytest.mark.swarm
 
@@ -71,26 +74,32 @@ class Filtering:
 """
 
 
-def trajectory(scenario: phalanx.Scenario, engine: str) -> tuple[str, int]:
-    summary = phalanx.run(scenario, engine=engine).summary
-    assert summary is not None
-    return summary.trajectory, summary.steps
-
-
-@pytest.mark.parametrize("name", phalanx.shipped())
-def test_every_shipped_scenario_has_one_trajectory(name: str) -> None:
-    shipped = phalanx.load(name, seed=1)
-    scenario = phalanx.load(name, {"duration": min(DURATION, shipped.duration)}, seed=1)
-    assert trajectory(scenario, "in-process") == trajectory(scenario, "processes")
-
-
-@pytest.mark.parametrize("overrides", VARIANTS.values(), ids=VARIANTS)
-def test_whatever_network_clock_and_controller_the_trajectory_is_one(overrides: dict) -> None:
-    scenario = phalanx.load("unicycles", {"duration": DURATION, **overrides})
-    first, second = (phalanx.run(scenario, engine=e).summary for e in ("in-process", "processes"))
+def one_trajectory(scenario: phalanx.Scenario) -> Summary:
+    """Assert that both engines agree on every state and step, on faults and events."""
+    runs = [phalanx.run(scenario, engine=engine) for engine in ("in-process", "processes")]
+    first, second = (run.summary for run in runs)
     assert (first.trajectory, first.steps) == (second.trajectory, second.steps)
     assert (first.faults, first.rejected) == (second.faults, second.rejected)
-    assert first.notes == []
+    assert runs[0].events.drop("run").equals(runs[1].events.drop("run"))
+    return first
+
+
+def layered(names: Iterable[str], in_test: Container[str]) -> list[object]:
+    """Leave all but a few to the nightly layer."""
+    nightly = pytest.mark.nightly
+    return [pytest.param(n, marks=() if n in in_test else nightly, id=n) for n in names]
+
+
+@pytest.mark.parametrize("name", layered(phalanx.shipped(), ("unicycles", "faults/robot")))
+def test_every_shipped_scenario_has_one_trajectory(name: str) -> None:
+    shipped = phalanx.load(name, seed=1)
+    one_trajectory(phalanx.load(name, {"duration": min(DURATION, shipped.duration)}, seed=1))
+
+
+@pytest.mark.parametrize("name", layered(VARIANTS, ("losses and delays", "one controller")))
+def test_whatever_network_clock_and_controller_the_trajectory_is_one(name: str) -> None:
+    scenario = phalanx.load("unicycles", {"duration": DURATION, **VARIANTS[name]})
+    assert one_trajectory(scenario).notes == []
 
 
 def test_a_controller_with_a_state_has_one_trajectory(tmp_path, monkeypatch) -> None:
@@ -99,7 +108,7 @@ def test_a_controller_with_a_state_has_one_trajectory(tmp_path, monkeypatch) -> 
     table = {"type": "filtering:Filtering"}
     overrides = {"duration": 0.5, "network.loss": 0.3, "agents.0.controller": table}
     scenario = phalanx.load("unicycles", overrides)
-    assert trajectory(scenario, "processes") == trajectory(scenario, "in-process")
+    one_trajectory(scenario)
     verification = phalanx.run(scenario, engine="in-process").verify(engine="processes")
     assert verification, verification.difference
 

@@ -52,6 +52,7 @@ def test_the_notebook_runs_cell_by_cell(
 
 
 @pytest.mark.swarm
+@pytest.mark.nightly
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("name", SAYS)
 def test_an_example_runs(name: str, tmp_path: Path) -> None:

@@ -87,7 +87,7 @@ def failed(run: phalanx.Run, name: str) -> int:
     return found.get(name, 0)
 
 
-def told(run: phalanx.Run, text: str) -> bool:
+def logged(run: phalanx.Run, text: str) -> bool:
     return any(text in line for line in run.events["text"])
 
 
@@ -101,19 +101,19 @@ EFFECTS: dict[str, Callable[[phalanx.Run], bool]] = {
     "distance": lambda run: 0.0 < lost(run) < 1.0 and slow(run) > 0.5,
     "duplicate": lambda run: sum(fault.count for fault in run.summary.faults) > 20,
     "hold": lambda run: slow(run) > 0.2,
-    "kill": lambda run: silent(run, "1", AT, 1.0) and told(run, "1 killed; lost with it: the"),
+    "kill": lambda run: silent(run, "1", AT, 1.0) and logged(run, "1 killed; lost with it: the"),
     "link": lambda run: lost(run) > 0.0 and slow(run) > 0.0,
     "loss": lambda run: 0.25 < lost(run) < 0.45,
     "partition": lambda run: lost(run) > 0.1,
     "pause": lambda run: silent(run, "1", AT, OVER) and OVER in samples(run, "1"),
     "rate": lambda run: lost(run) > 0.0 and slow(run) > 0.2,
     "reorder": overtaken,
-    "restart": lambda run: silent(run, "1", AT, OVER) and told(run, "1 restarted"),
+    "restart": lambda run: silent(run, "1", AT, OVER) and logged(run, "1 restarted"),
     "robot": lambda run: failed(run, "sampling gap") > 5 and failed(run, "inputs in time") > 20,
     "sensor": lambda run: silent(run, "1", AT, 0.6) and failed(run, "truthful sensors") == 15,
     "slot": in_slots,
     "turn": lambda run: (
-        [v.pair for v in run.summary.apart] == ["1-4"] and told(run, "1 turned adversary")
+        [v.pair for v in run.summary.apart] == ["1-4"] and logged(run, "1 turned adversary")
     ),
 }
 
@@ -128,9 +128,10 @@ def test_every_fault_that_ships_is_looked_at() -> None:
 
 
 @pytest.mark.parametrize("name", EFFECTS)
-def test_a_fault_has_its_effect_and_its_count_and_without_it_there_is_none(
+def test_a_fault_has_its_effect_and_its_count_and_is_repeated_bit_by_bit(
     name: str, calm: phalanx.Run
 ) -> None:
+    """Without it there is no effect."""
     scenario = phalanx.load(f"faults/{name}")
     assert calmed(scenario) == calm.scenario
     run = phalanx.run(scenario, engine="in-process")
@@ -138,20 +139,5 @@ def test_a_fault_has_its_effect_and_its_count_and_without_it_there_is_none(
     assert not EFFECTS[name](calm)
     assert run.summary.faults
     assert run.summary.notes == []
-
-
-@pytest.mark.parametrize("name", EFFECTS)
-def test_a_fault_is_repeated_bit_by_bit(name: str) -> None:
-    run = phalanx.run(phalanx.load(f"faults/{name}"), engine="in-process")
     again = phalanx.verify(run, engine="in-process")
     assert again, again.difference
-
-
-@pytest.mark.swarm
-@pytest.mark.parametrize("name", EFFECTS)
-def test_a_fault_is_the_same_on_both_engines(name: str) -> None:
-    scenario = phalanx.load(f"faults/{name}")
-    runs = [phalanx.run(scenario, engine=engine) for engine in ("in-process", "processes")]
-    first, second = (run.summary for run in runs)
-    assert (first.trajectory, first.faults) == (second.trajectory, second.faults)
-    assert runs[0].events.drop("run").equals(runs[1].events.drop("run"))

@@ -88,17 +88,17 @@ def test_corrupt_broadcasts_are_counted_as_refused(tmp_path):
     assert sum(found.rejected.values()) == found.faults[0].count > 0
 
 
-def test_a_step_whose_input_is_lost_tells_of_what_it_heard(tmp_path):
+def test_a_step_whose_input_is_lost_reports_what_it_heard(tmp_path):
     heard = [
         run({"network.loss": 0.2, "network.actuation.loss": loss}, tmp_path / str(loss)).links
         for loss in (0.0, 0.3)
     ]
-    told = [links.drop("t").sort("receiver", "sender", "k") for links in heard]
-    before_the_end = [links.filter(links["k"] < 40) for links in told]
+    reported = [links.drop("t").sort("receiver", "sender", "k") for links in heard]
+    before_the_end = [links.filter(links["k"] < 40) for links in reported]
     assert before_the_end[0].equals(before_the_end[1])
 
 
-def test_lost_and_late_inputs_are_told_of_in_the_verdict(tmp_path):
+def test_lost_and_late_inputs_are_counted_in_the_verdict(tmp_path):
     for name in ("lost inputs", "late inputs"):
         found = run(FAULTS[name], tmp_path / name).summary
         (prompt,) = (a for a in found.assumptions if a.name == "inputs in time")

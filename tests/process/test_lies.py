@@ -70,9 +70,9 @@ def test_the_log_says_when_who_lied_first(tmp_path):
 def test_who_asks_nobody_is_not_moved_by_a_lie(information, name, tmp_path):
     believing = {"safety.information": information}
     lied_to = run(name, tmp_path / "lie", **believing).summary
-    told_the_truth = run(name, tmp_path / "truth", **believing, faults=[]).summary
-    assert lied_to.trajectory == told_the_truth.trajectory
-    assert lied_to.certificates == told_the_truth.certificates
+    honest = run(name, tmp_path / "truth", **believing, faults=[]).summary
+    assert lied_to.trajectory == honest.trajectory
+    assert lied_to.certificates == honest.certificates
     assert lied_to.faults[0].count > 0
 
 
@@ -90,8 +90,8 @@ def attacked(information: str, folder, **overrides) -> phalanx.Run:
 def test_a_lie_that_ends_in_a_collision_was_never_certified(information, tmp_path):
     """Agent 1 evades if it receives the truth."""
     lied_to = attacked(information, tmp_path / "lie")
-    told = attacked(information, tmp_path / "truth", faults=[])
-    assert told.verdict is phalanx.Outcome.GUARANTEED
+    honest = attacked(information, tmp_path / "truth", faults=[])
+    assert honest.verdict is phalanx.Outcome.GUARANTEED
     assert lied_to.verdict is phalanx.Outcome.VIOLATED
     summary = lied_to.summary
     assert summary.certificates.uncovered_at <= summary.violations[0].first

@@ -18,6 +18,7 @@ from tests.network.testbed import (
 
 pytestmark = [
     pytest.mark.swarm,
+    pytest.mark.nightly,
     pytest.mark.skipif(reason := unavailable() or False, reason=str(reason)),
 ]
 

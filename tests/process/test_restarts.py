@@ -12,8 +12,10 @@ KINDS = phalanx.CommandKind
 KILLED, RESTARTED, DURATION = 0.2, 0.45, 0.8
 VARIANTS = {
     "as printed": {},
-    "with latency": {"time.latency": 0.004, "safety.information": "in-flight"},
-    "one controller": {"safety.control": "centralised"},
+    "with latency": pytest.param(
+        {"time.latency": 0.004, "safety.information": "in-flight"}, marks=pytest.mark.nightly
+    ),
+    "one controller": pytest.param({"safety.control": "centralised"}, marks=pytest.mark.nightly),
 }
 
 
@@ -45,13 +47,14 @@ def test_another_process_takes_the_place_of_the_one_that_died() -> None:
     scenario = phalanx.load("unicycles", {"duration": DURATION})
     run = phalanx.run(scenario, commands=killed_and_restarted("2"))
     assert run.summary.outcome is phalanx.Outcome.SAFE
-    told = (run.folder / "logs" / "2.log").read_text()
-    assert (told.count("joined run"), told.count("left; ")) == (2, 1), "the first took no leave"
+    log = (run.folder / "logs" / "2.log").read_text()
+    assert (log.count("joined run"), log.count("left; ")) == (2, 1), "the first took no leave"
     texts = run.events["text"].to_list()
     assert "agent 2 killed; lost with it: the inputs received of 1, 3" in texts
     assert "agent 2 restarted, with nothing received" in texts
 
 
+@pytest.mark.nightly
 def test_a_run_with_a_restart_by_hand_is_verified() -> None:
     scenario = phalanx.load("unicycles", {"duration": DURATION})
     run = phalanx.run(scenario, engine="in-process", commands=killed_and_restarted("3"))

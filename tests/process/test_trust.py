@@ -19,7 +19,14 @@ class Mine(TrackVelocity):
     pass
 """
 NAMES_CODE = "agents.0.law.type=mine:Mine"
-READERS = ("report", "verify", "certify", "view", "export --png picture.png")
+READERS = (
+    "report",
+    "verify",
+    *(
+        pytest.param(command, marks=pytest.mark.nightly)
+        for command in ("certify", "view", "export --png picture.png")
+    ),
+)
 
 
 @pytest.fixture(scope="module")
@@ -142,6 +149,7 @@ def test_elsewhere_a_recording_without_trust_runs_nothing_and_says_what_it_broug
     assert not (moved / "it-ran").exists()
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "command", ["report", "verify", "verify --engine in-process", "certify", "export --csv csv"]
 )

@@ -23,6 +23,7 @@ from tests.process.runs import wait_for
 
 pytestmark = [
     pytest.mark.swarm,
+    pytest.mark.nightly,
     pytest.mark.skipif(reason := unavailable() or False, reason=str(reason)),
 ]
 

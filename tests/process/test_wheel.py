@@ -15,7 +15,7 @@ COLLIDING = ("agent.py", "plant.py", "viewer.py", "scenarios.py", "launcher.py")
 _LONGEST = 900
 """Of one command on a busy machine [s]: the README's snippet runs a whole simulation."""
 
-pytestmark = [pytest.mark.swarm, pytest.mark.timeout(_LONGEST + 60)]
+pytestmark = [pytest.mark.swarm, pytest.mark.nightly, pytest.mark.timeout(_LONGEST + 60)]
 
 
 @pytest.fixture(scope="module")

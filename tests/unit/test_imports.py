@@ -235,21 +235,23 @@ def test_the_table_lists_every_folder_and_no_other():
 
 def test_the_page_on_architecture_says_what_every_room_is_for():
     page = (ROOT / "docs" / "architecture.md").read_text("utf-8")
-    told = {folder.rstrip("/") for folder in re.findall(r"`([\w/]+/)`", page)}
+    listed = {folder.rstrip("/") for folder in re.findall(r"`([\w/]+/)`", page)}
     loose = ("__init__.py", "__main__.py", "extend.py")
     rooms = {f.parent for _, f in modules() if f.name not in loose}
-    assert {str(room.relative_to(ROOT)) for room in rooms} - told == set()
+    assert {str(room.relative_to(ROOT)) for room in rooms} - listed == set()
 
 
 def test_the_page_on_certificates_lists_all_that_the_checker_shares():
     page = (ROOT / "docs" / "certificate.md").read_text("utf-8")
     shared = page.partition("### What it shares")[2].partition("\n## ")[0]
     rows = re.findall(r"^\| `(phalanx[\w.]+)` \| (.*): ", shared, re.MULTILINE)
-    told = {f"{module}.{name}" for module, names in rows for name in re.findall(r"`(\w+)`", names)}
+    listed = {
+        f"{module}.{name}" for module, names in rows for name in re.findall(r"`(\w+)`", names)
+    }
     home = "phalanx.certify.checker"
     own = {target for name, found in imports().items() if room_of(name) == home for target in found}
-    assert told == {t for t in own if t.startswith("phalanx.") and room_of(t) != home}
-    assert len(told) > 5
+    assert listed == {t for t in own if t.startswith("phalanx.") and room_of(t) != home}
+    assert len(listed) > 5
 
 
 def test_nothing_lies_loose_at_the_top():

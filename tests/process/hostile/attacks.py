@@ -1,8 +1,9 @@
-"""An attacker's process during a run, from its beginning to its end."""
+"""Attackers' processes during a run, from its beginning to its end."""
 
 import subprocess
 import sys
 import threading
+from collections.abc import Iterable
 from pathlib import Path
 
 from phalanx.faults.commands import CommandPolicy
@@ -49,20 +50,23 @@ class AttackUnderWay:
 
 
 def assailed(
-    attack: str, folder: Path, policy: CommandPolicy = HELD
-) -> tuple[Summary, AttackUnderWay]:
-    """Run a scenario under attack by a process that waits for its hub to listen.
+    attacks: Iterable[str], folder: Path, policy: CommandPolicy = HELD
+) -> tuple[Summary, dict[str, AttackUnderWay]]:
+    """Run a scenario under attack by processes that wait for its hub to listen.
 
-    By default the run stands nearly still until the attack is under way.
+    By default the run stands nearly still until every attack is under way, or refused.
     """
     endpoint = free_endpoint()
-    attacker = AttackUnderWay(attack, endpoint, folder.name)
+    attackers: dict[str, AttackUnderWay] = {}
     try:
-        wait_for(lambda: attacker.said)
+        for attack in attacks:
+            attackers[attack] = AttackUnderWay(attack, endpoint, folder.name)
+        wait_for(lambda: all(each.said for each in attackers.values()))
         with live_run(SCENARIO, folder, policy, endpoint) as run:
             if policy is HELD:
-                wait_for(lambda: attacker.let_in is not None)
+                wait_for(lambda: all(each.let_in is not None for each in attackers.values()))
                 run.set_speed(0.2)
-            return run.summary(), attacker
+            return run.summary(), attackers
     finally:
-        attacker.end()
+        for attacker in attackers.values():
+            attacker.end()

@@ -1,11 +1,14 @@
 """An agent of the run can change nothing but its own answers."""
 
+from pathlib import Path
+
 import pytest
 
+from phalanx.faults.commands import CommandPolicy
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.engine import RunOptions, execute
 from phalanx.scenario.load import load
-from tests.hostile.attacker import INSIDERS
+from tests.hostile.attacker import INSIDERS, is_at_full_speed
 from tests.hostile.attacker import SCENARIO as NAME
 from tests.process.hostile.attacks import assailed
 from tests.process.runs import HELD, PACED
@@ -16,14 +19,26 @@ IN_HIS_OWN_NAME = "in his own name"
 WITHHOLDING = 'agents.0.law={ type = "tests.hostile.withholding:Withholding" }'
 
 
-@pytest.mark.parametrize("attack", INSIDERS)
-def test_an_insider_changes_nothing(attack: str, calm: Summary, tmp_path) -> None:
-    # A flood that is let in may drown the command that lets a held run go.
-    policy = PACED if IN_HIS_OWN_NAME in attack else HELD
-    summary, attacker = assailed(attack, tmp_path / "assailed", policy)
+FLOODS = [name for name in INSIDERS if is_at_full_speed(name)]
+IN_OTHERS_NAMES = [name for name in FLOODS if IN_HIS_OWN_NAME not in name]
+IN_HIS_NAME = [name for name in FLOODS if IN_HIS_OWN_NAME in name]
+GROUPS = {
+    "no floods": ([name for name in INSIDERS if name not in FLOODS], HELD),
+    "floods": pytest.param(IN_OTHERS_NAMES, HELD, marks=pytest.mark.nightly),
+    # One that is let in may drown the command that lets a held run go.
+    "floods in his own name": pytest.param(IN_HIS_NAME, PACED, marks=pytest.mark.nightly),
+}
+
+
+@pytest.mark.parametrize(("attacks", "policy"), GROUPS.values(), ids=GROUPS)
+def test_insiders_change_nothing(
+    attacks: list[str], policy: CommandPolicy, calm: Summary, tmp_path: Path
+) -> None:
+    """All of a group at once: the hub keeps each from speaking for others."""
+    summary, attackers = assailed(attacks, tmp_path / "assailed", policy)
     found, expected = (summary.trajectory, summary.outcome), (calm.trajectory, calm.outcome)
     assert found == expected, summary.reason
-    assert attacker.let_in
+    assert [name for name, each in attackers.items() if not each.let_in] == []
 
 
 def test_one_who_withholds_a_broadcast_is_named_with_who_waits_for_it(tmp_path) -> None:

@@ -8,13 +8,18 @@ from tests.process.hostile.attacks import assailed
 
 pytestmark = pytest.mark.swarm
 
-# To be let in is no harm by itself: it only opens a connection, and says nothing.
-NO_SESSION_NEEDED = {"stranger: holds 200 connections half-open"}
+NEEDS_NO_SESSION = "stranger: holds 200 connections half-open"
+"""It is let in, which is no harm by itself: it only opens connections, and says nothing."""
 
 
-@pytest.mark.parametrize("attack", STRANGERS)
-def test_a_stranger_changes_nothing(attack: str, calm: Summary, tmp_path) -> None:
-    summary, attacker = assailed(attack, tmp_path / "assailed")
+def test_strangers_are_refused_and_change_nothing(calm: Summary, tmp_path) -> None:
+    """All at once: each is refused by itself, and says so."""
+    summary, attackers = assailed(STRANGERS.keys() - {NEEDS_NO_SESSION}, tmp_path / "assailed")
     assert (summary.trajectory, summary.outcome) == (calm.trajectory, calm.outcome)
-    assert READ not in attacker.said
-    assert attacker.let_in == (attack in NO_SESSION_NEEDED)
+    assert [name for name, each in attackers.items() if READ in each.said or each.let_in] == []
+
+
+def test_connections_held_half_open_change_nothing(calm: Summary, tmp_path) -> None:
+    summary, attackers = assailed([NEEDS_NO_SESSION], tmp_path / "assailed")
+    assert (summary.trajectory, summary.outcome) == (calm.trajectory, calm.outcome)
+    assert attackers[NEEDS_NO_SESSION].let_in

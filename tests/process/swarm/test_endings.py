@@ -368,7 +368,7 @@ CLOSED = {
 }
 
 
-@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("unbuffered", ["", pytest.param("1", marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("closed", CLOSED)
 def test_whatever_stream_is_closed_the_run_goes_on_to_its_end(tmp_path, closed, unbuffered):
     command = f"{sys.executable} -m phalanx run one-on-one --no-report --set duration=0.2"

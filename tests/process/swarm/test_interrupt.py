@@ -11,7 +11,7 @@ import pytest
 from tests.process.runs import wait_for
 from tests.process.swarm.processes import Run
 
-pytestmark = pytest.mark.swarm
+pytestmark = [pytest.mark.swarm, pytest.mark.nightly]
 
 MOMENTS: dict[str, Callable[[Run], object]] = {
     "when its libraries load": lambda run: loads(run, "pydantic_core"),

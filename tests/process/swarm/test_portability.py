@@ -5,7 +5,7 @@ import pytest
 
 from phalanx.recording.read import read
 
-pytestmark = pytest.mark.swarm
+pytestmark = [pytest.mark.swarm, pytest.mark.nightly]
 
 FEATURES = np._core._multiarray_umath.__cpu_features__
 DISPATCHED = np._core._multiarray_umath.__cpu_dispatch__

@@ -21,7 +21,7 @@ from phalanx.wire.session import open_hub, reserved_endpoint
 from tests import ros2_messages as ros
 from tests.process.runs import HELD, PACED, live_run, wait_for
 
-pytestmark = pytest.mark.swarm
+pytestmark = [pytest.mark.swarm, pytest.mark.nightly]
 
 
 class Listener:
@@ -50,20 +50,20 @@ class Listener:
         else:
             self.tokens.discard(token)
 
-    def told(self, topic: str, kind: type) -> list:
+    def messages(self, topic: str, kind: type) -> list:
         return [kind.deserialize(payload) for payload, _ in self.samples[topic]]
 
     def poses(self, name: str) -> list[ros.PoseStamped]:
         topic = f"phalanx/agent_{name}/pose/geometry_msgs::msg::dds_::PoseStamped_"
-        return self.told(topic, ros.PoseStamped)
+        return self.messages(topic, ros.PoseStamped)
 
     def diagnostics(self) -> list[ros.DiagnosticArray]:
         topic = "diagnostics/diagnostic_msgs::msg::dds_::DiagnosticArray_"
-        return self.told(topic, ros.DiagnosticArray)
+        return self.messages(topic, ros.DiagnosticArray)
 
     def markers(self) -> list[ros.MarkerArray]:
         topic = "phalanx/markers/visualization_msgs::msg::dds_::MarkerArray_"
-        return self.told(topic, ros.MarkerArray)
+        return self.messages(topic, ros.MarkerArray)
 
 
 @contextlib.contextmanager
@@ -107,9 +107,9 @@ def test_every_pose_is_a_state_of_the_recording(heard):
     recording = read(folder)
     model, times = scene_model(recording.scenario), np.round(recording.times, 9)
     for i, name in enumerate(model.names):
-        told = listener.poses(name)
-        assert len(told) > 20
-        for message in told:
+        published = listener.poses(name)
+        assert len(published) > 20
+        for message in published:
             at = int(np.searchsorted(times, round(message.header.t, 9)))
             assert times[at] == pytest.approx(message.header.t, abs=2e-9)
             poses = model.kinematics.poses(recording.x[at])
@@ -138,11 +138,11 @@ def test_tokens_tell_the_node_and_its_publishers_and_go_with_it(heard):
 def test_messages_of_a_publisher_are_numbered_from_1_on_under_one_gid(heard):
     _, listener = heard
     for samples in listener.samples.values():
-        beside = [struct.unpack("<qqB16s", attachment) for _, attachment in samples]
-        assert [number for number, *_ in beside] == list(range(1, len(samples) + 1))
-        assert {length for _, _, length, _ in beside} == {16}
-        assert len({gid for *_, gid in beside}) == 1
-        stamps = [nanoseconds for _, nanoseconds, *_ in beside]
+        attachments = [struct.unpack("<qqB16s", attachment) for _, attachment in samples]
+        assert [number for number, *_ in attachments] == list(range(1, len(samples) + 1))
+        assert {length for _, _, length, _ in attachments} == {16}
+        assert len({gid for *_, gid in attachments}) == 1
+        stamps = [nanoseconds for _, nanoseconds, *_ in attachments]
         assert stamps == sorted(stamps)
     gids = {samples[0][1][-16:] for samples in listener.samples.values()}
     assert len(gids) == len(listener.samples)
@@ -160,9 +160,9 @@ def test_the_swarm_is_drawn_and_what_stands_still_comes_again_for_the_late(heard
 def test_the_verdict_is_the_last_that_is_told(heard):
     folder, listener = heard
     summary = json.loads((folder / "summary.json").read_text())
-    told = [message.status[0].message for message in listener.diagnostics()]
-    assert told[-1] == f"{summary['outcome']}: {summary['reason']}"
-    assert set(told[:-1]) == {"no pair left the safe set so far"}
+    statuses = [message.status[0].message for message in listener.diagnostics()]
+    assert statuses[-1] == f"{summary['outcome']}: {summary['reason']}"
+    assert set(statuses[:-1]) == {"no pair left the safe set so far"}
 
 
 def test_a_recording_is_published_once_in_real_time_and_its_verdict_at_its_end(heard):
@@ -171,12 +171,12 @@ def test_a_recording_is_published_once_in_real_time_and_its_verdict_at_its_end(h
     with ros2_router(3) as (router, listener):
         finish(ros2(folder, "--router", router, "--domain", "3", "--namespace", "/late"))
     topic = "late/agent_1/pose/geometry_msgs::msg::dds_::PoseStamped_"
-    stamps = [message.header.t for message in listener.told(topic, ros.PoseStamped)]
+    stamps = [message.header.t for message in listener.messages(topic, ros.PoseStamped)]
     assert stamps == sorted(set(stamps))
     assert stamps[-1] == pytest.approx(times[-1])
-    told = [message.status[0].message for message in listener.diagnostics()]
-    assert ": " in told[-1]
-    assert set(told[:-1]) == {"no pair left the safe set so far"}
+    statuses = [message.status[0].message for message in listener.diagnostics()]
+    assert ": " in statuses[-1]
+    assert set(statuses[:-1]) == {"no pair left the safe set so far"}
 
 
 def test_a_router_that_is_not_there_is_one_line(heard):

@@ -16,7 +16,7 @@ from phalanx.wire.session import open_client
 from tests.process.runs import wait_for
 from tests.process.swarm.programs import Programs
 
-pytestmark = pytest.mark.swarm
+pytestmark = [pytest.mark.swarm, pytest.mark.nightly]
 
 
 @pytest.fixture

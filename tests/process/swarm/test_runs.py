@@ -54,6 +54,7 @@ def test_strict_turns_safe_into_a_failure(phalanx):
     assert status == 1
 
 
+@pytest.mark.nightly
 def test_without_a_margin_the_set_is_left_and_the_verdict_says_where(phalanx):
     run = phalanx("run", "unicycles", "--set", "safety.eta=0", "--set", "duration=20")
     status, output = run.finish()
@@ -61,6 +62,7 @@ def test_without_a_margin_the_set_is_left_and_the_verdict_says_where(phalanx):
     assert re.search(r"violated: \S+ left the safe set at t = [\d.]+ s, up to h = ", output)
 
 
+@pytest.mark.nightly
 def test_the_same_seed_gives_the_same_trajectory_whatever_the_load(phalanx):
     quiet = {trajectory(phalanx(*SHORT)) for _ in range(3)}
     with busy_cores():

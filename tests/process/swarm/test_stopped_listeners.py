@@ -14,7 +14,7 @@ from phalanx.wire.pubsub import Addressed, Delivery, ViewerCopies, publisher
 from phalanx.wire.session import free_endpoint, open_hub
 from tests.process.runs import SECRET, live_run, wait_for
 
-pytestmark = pytest.mark.swarm
+pytestmark = [pytest.mark.swarm, pytest.mark.nightly]
 
 KEYS = Keys("r")
 FRAME = bytes(10_000)

@@ -8,11 +8,16 @@ from pathlib import Path
 
 import pytest
 
+from phalanx.faults.commands import CommandPolicy
 from phalanx.scenario.load import load
 from phalanx.wire.messages import VERSION
-from tests.process.runs import PACED, SECRET, live_run, wait_for
+from tests.process.runs import COMMAND_SECRET, SECRET, live_run, wait_for
 
-pytestmark = pytest.mark.swarm
+pytestmark = [pytest.mark.swarm, pytest.mark.nightly]
+
+
+SLOW = CommandPolicy(secret=COMMAND_SECRET, speed=0.05)
+"""A minute in which two readers come, and a hundred messages a second."""
 
 
 def tap(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -22,8 +27,8 @@ def tap(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_tap_prints_every_kind_of_message_of_a_run_that_goes_on(tmp_path: Path):
-    scenario = load("unicycles", {"duration": 20.0})
-    with live_run(scenario, tmp_path / "live", PACED) as run:
+    scenario = load("unicycles", {"duration": 3.0})
+    with live_run(scenario, tmp_path / "live", SLOW) as run:
         wait_for(lambda: run.status is not None and run.status.t > 0)
         done = tap(str(run.folder), "--count", "60")
         only = tap(

@@ -747,6 +747,7 @@ def test_progress_goes_from_nothing_to_all(unicycles):
     assert len(shares) > 5
 
 
+@pytest.mark.nightly
 def test_memory_does_not_grow_with_the_number_of_pairs(tmp_path):
     """The 6216 pairs of normal agents among 128 agents are compiled once for each kind."""
     overrides = {"duration": 0.003, "time.recording_step": 0.0}

@@ -175,6 +175,7 @@ def test_beyond_the_largest_gap_the_start_has_no_solution_and_below_it_has(guara
         assert all(rows_at_start(rows).values()) is holds
 
 
+@pytest.mark.nightly
 def test_the_largest_gap_does_not_grow_with_a_margin_that_proves_less(guaranteed):
     scaled = checked("guaranteed", "safety.margin_scale=0.5")
     assert scaled.largest_gap == guaranteed.largest_gap

@@ -81,6 +81,7 @@ def test_what_is_missing_is_named_with_its_setting(check):
     assert "give bounds for vx, vy, vz in [workspace]" in words
 
 
+@pytest.mark.nightly
 def test_numbers_have_no_powers_of_ten(check):
     _, _, table, words = check("formation3d")
     assert re.fullmatch(r"at least \d\d \d00 m²/s²", table["margin η, by the formula"][1])

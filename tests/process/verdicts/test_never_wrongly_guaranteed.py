@@ -352,9 +352,9 @@ def nominal(name: str, sample: Sample, answer: np.ndarray) -> Sequence[float]:
 
 def test_lies_about_how_inputs_were_made_change_nothing(tmp_path):
     given = load("unicycles", overrides={"duration": 3.0})
-    honest, told = judged(given, tmp_path, nominal)
+    honest, recorded = judged(given, tmp_path, nominal)
     lying, claimed = judged(given, tmp_path, nominal, Liars)
-    assert {s.origin for s in claimed.steps} == {"qp"} != {s.origin for s in told.steps}
+    assert {s.origin for s in claimed.steps} == {"qp"} != {s.origin for s in recorded.steps}
     assert lying.trajectory == honest.trajectory
     assert lying.certificates == honest.certificates
     assert lying.assumptions == honest.assumptions

@@ -33,6 +33,7 @@ def test_one_equal_adversary_does_no_harm():
     assert summary.origins["backup"] == 0
 
 
+@pytest.mark.nightly
 def test_the_printed_margin_forgets_a_disturbance_that_the_corrected_one_bounds():
     printed = run("disturbance-gap", "duration=9.0")
     assert printed.outcome is Outcome.VIOLATED
@@ -52,6 +53,7 @@ def test_the_papers_own_simulations_are_guaranteed_although_its_theorem_does_not
     assert "proven margin" in failed(summary)
 
 
+@pytest.mark.nightly
 def test_without_a_margin_the_certificate_is_gone_before_the_pair_leaves():
     summary = run("unicycles", "duration=24.0", "safety.eta=0")
     assert summary.outcome is Outcome.VIOLATED
@@ -68,6 +70,7 @@ def test_a_proven_margin_split_shares_and_a_lossy_network_give_the_theorem_all_i
     assert lost.outcome is Outcome.GUARANTEED
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "duration", "seed"),
     [("heading-aware", 2.0, 1), ("heading-aware", 2.0, 2), ("formation3d-distance", 8.0, 1)],

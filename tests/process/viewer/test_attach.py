@@ -13,7 +13,7 @@ from phalanx.scenario.load import load
 from tests.process.runs import HELD, SECRET, live_run
 from tests.process.viewer.pages import viewer
 
-pytestmark = pytest.mark.swarm
+pytestmark = [pytest.mark.swarm, pytest.mark.nightly]
 
 
 def test_viewers_attached_killed_attached_again_and_stopped_leave_the_trajectory_as_it_is(

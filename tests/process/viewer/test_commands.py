@@ -81,6 +81,7 @@ def test_a_run_with_live_faults_is_recorded_and_replays_to_the_same_hash(tmp_pat
         assert untouched.summary().trajectory != recorded.trajectory
 
 
+@pytest.mark.nightly
 def test_pause_stops_virtual_time_and_step_moves_it_by_what_was_asked(tmp_path: Path) -> None:
     with live_run(SHORT, tmp_path / "live", PACED) as run, run.watch() as live:
         watcher = Watcher(live)
@@ -99,7 +100,10 @@ def test_pause_stops_virtual_time_and_step_moves_it_by_what_was_asked(tmp_path: 
         assert run.summary().t == SHORT.duration
 
 
-@pytest.mark.parametrize("plant", ["with another command secret", "without one"])
+@pytest.mark.parametrize(
+    "plant",
+    ["with another command secret", pytest.param("without one", marks=pytest.mark.nightly)],
+)
 def test_a_viewer_without_the_command_secret_changes_nothing(tmp_path: Path, plant: str) -> None:
     secret = COMMAND_SECRET if plant == "with another command secret" else b""
     policy = CommandPolicy(secret=secret, speed=0.3)

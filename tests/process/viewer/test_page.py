@@ -62,6 +62,7 @@ def click_at(tab: "Tab", canvas: "Locator", share: float) -> None:
     canvas.click(position={"x": across, "y": box["height"] / 2.0})
 
 
+@pytest.mark.nightly
 def test_a_click_on_a_plot_or_on_the_timeline_moves_the_run_there(
     tab: "Tab", finished: Path
 ) -> None:
@@ -86,6 +87,7 @@ def test_a_click_on_a_plot_or_on_the_timeline_moves_the_run_there(
         assert tab.get_by_text("Command", exact=True).count() == 0
 
 
+@pytest.mark.nightly
 def test_a_page_that_turns_dark_keeps_nothing_of_the_light_one(tab: "Tab", finished: Path) -> None:
     def painted() -> str:
         tab.evaluate("new Promise(then => requestAnimationFrame(() => setTimeout(then)))")
@@ -106,6 +108,7 @@ def test_a_page_that_turns_dark_keeps_nothing_of_the_light_one(tab: "Tab", finis
         wait_for(lambda: paths.colors[0, 0].max() < 60)
 
 
+@pytest.mark.nightly
 def test_the_keyboard_plays_pauses_and_moves_the_cursor(tab: "Tab", finished: Path) -> None:
     replay = open_replay(finished)
     with served(replay) as page:
@@ -128,6 +131,7 @@ def test_the_keyboard_plays_pauses_and_moves_the_cursor(tab: "Tab", finished: Pa
         wait_for(lambda: not replay.playing)
 
 
+@pytest.mark.nightly
 def test_everything_sent_to_a_visitor_is_sent_from_the_servers_thread(
     tab: "Tab", finished: Path
 ) -> None:
@@ -150,6 +154,7 @@ def test_everything_sent_to_a_visitor_is_sent_from_the_servers_thread(
         assert not any(name.startswith("ThreadPoolExecutor") for name in added)  # viser's own
 
 
+@pytest.mark.nightly
 def test_an_action_for_a_page_that_is_gone_does_not_move_the_next_one(
     tab: "Tab", finished: Path
 ) -> None:
@@ -178,6 +183,7 @@ def test_an_action_for_a_page_that_is_gone_does_not_move_the_next_one(
         assert next_one.t < next_one.end / 2.0
 
 
+@pytest.mark.nightly
 def test_the_space_time_diagram_shows_the_worst_moment_in_detail(
     tab: "Tab", finished: Path
 ) -> None:
@@ -201,6 +207,7 @@ def test_the_space_time_diagram_shows_the_worst_moment_in_detail(
         wait_for(lambda: replay.t == pytest.approx(0.25 * replay.end, abs=0.05))
 
 
+@pytest.mark.nightly
 def test_a_page_says_that_the_run_is_over_long_after_its_last_frame(
     tab: "Tab", finished: Path
 ) -> None:
@@ -212,6 +219,7 @@ def test_a_page_says_that_the_run_is_over_long_after_its_last_frame(
         tab.get_by_text("the run is over").wait_for()
 
 
+@pytest.mark.nightly
 def test_the_page_of_a_live_run_goes_on_with_its_replay(tab: "Tab", tmp_path: Path) -> None:
     with live_run(load("unicycles", ["duration=3.0"]), tmp_path / "live", HELD) as run:
         wait_for((run.folder / "live.json").exists)
@@ -232,6 +240,7 @@ def test_the_page_of_a_live_run_goes_on_with_its_replay(tab: "Tab", tmp_path: Pa
             assert tab.evaluate("window.sameVisit")
 
 
+@pytest.mark.nightly
 def test_a_commanding_page_changes_the_loss_and_pauses_the_swarm(
     tab: "Tab", tmp_path: Path
 ) -> None:
@@ -326,6 +335,7 @@ def test_a_page_without_the_token_shows_and_cannot_command(tab: "Tab", tmp_path:
     assert kinds == ["pause", "resume", "speed"]
 
 
+@pytest.mark.nightly
 def test_a_read_only_page_of_a_live_run_offers_no_commands(tab: "Tab", tmp_path: Path) -> None:
     with (
         live_run(load("unicycles", ["duration=3.0"]), tmp_path / "live", HELD) as run,

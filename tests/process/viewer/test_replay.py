@@ -18,7 +18,7 @@ from phalanx.scenario.load import load
 from phalanx.wire.messages import Frame
 from tests.process.runs import HELD, PACED, live_run, wait_for
 
-pytestmark = pytest.mark.swarm
+pytestmark = [pytest.mark.swarm, pytest.mark.nightly]
 
 
 @pytest.fixture(scope="module")

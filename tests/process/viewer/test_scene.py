@@ -25,7 +25,7 @@ from tests.process.viewer.pages import served, visitor
 if TYPE_CHECKING:
     from playwright.sync_api import Page as Tab
 
-pytestmark = [pytest.mark.browser, pytest.mark.swarm]
+pytestmark = [pytest.mark.browser, pytest.mark.swarm, pytest.mark.nightly]
 
 
 @pytest.fixture(scope="module")

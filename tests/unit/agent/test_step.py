@@ -132,8 +132,8 @@ def test_after_a_long_pause_it_tells_of_what_it_heard_in_reports_that_are_taken(
     reports = [
         step(step.accept_sample(sample(step, k, latest=999))).telemetry for k in (1, 2, 3, 4)
     ]
-    told = [(fate.sender, fate.k) for report in reports for fate in report.fates]
-    assert sorted(told) == [(j, k) for j in step.swarm.heard_by(0) for k in range(1000)]
+    reported = [(fate.sender, fate.k) for report in reports for fate in report.fates]
+    assert sorted(reported) == [(j, k) for j in step.swarm.heard_by(0) for k in range(1000)]
     assert all(len(msgspec.msgpack.encode(report)) < MAX_BYTES for report in reports)
     assert len(reports[0].fates) > 800
 

@@ -35,8 +35,8 @@ def test_whoever_is_left_out_is_certified_for_as_long_as_any_certificate_lasts(n
         near = around.near(i, others, step * 0.01, x)
         # Whatever it does now: its input has no part in it.
         u = rng.uniform(-0.5, 0.5, len(inputs[i].inputs))
-        asked, told = agent(x, u), agent(x, u, near)
-        assert (asked == told).all()
+        asked, given = agent(x, u), agent(x, u, near)
+        assert (asked == given).all()
         assert (asked[~near] == MULTIPLES[0] * agent.tau).all()
         left_out += int((~near).sum())
         pushed = rng.uniform(-0.5, 0.5, sum(len(d.inputs) for d in inputs))
@@ -92,8 +92,8 @@ def test_boxes_reach_as_far_as_the_longest_certificate_asked_for_while_they_are_
     """It lasts 8 periods of 0.05 s, and boxes are kept for half of one."""
     swarm = three_on_a_line_and_a_sphere()
     function = swarm.safety.safe_set_function
-    apart, beside = 1.0 + (2.0 + PUSHED) * within, 3.0 + (1.0 + PUSHED) * within
-    for where, other in (([apart, 0.0], 0), ([0.0, 50.0 - beside], 3)):
+    apart, to_obstacle = 1.0 + (2.0 + PUSHED) * within, 3.0 + (1.0 + PUSHED) * within
+    for where, other in (([apart, 0.0], 0), ([0.0, 50.0 - to_obstacle], 3)):
         x = np.array([0.0, 0.0, -500.0, 0.0, *where])
         near = ReachableBoxes(swarm, function).near(2, np.array([other]), 0.0, x)
         assert near.tolist() == [met]

@@ -108,8 +108,8 @@ def test_everybody_may_see_whether_the_plant_lives(name: str) -> None:
 
 def test_nobody_comes_in_as_the_plant_where_that_is_the_hub_itself():
     assert PLANT not in {subject["id"] for subject in RULES["subjects"]}
-    beside = access_control(KEYS, {"4": ("4",)}, NAMES, with_plant=True)
-    assert may(beside, PLANT, "ingress", "put", KEYS.sample("4"))
+    shared = access_control(KEYS, {"4": ("4",)}, NAMES, with_plant=True)
+    assert may(shared, PLANT, "ingress", "put", KEYS.sample("4"))
 
 
 def may(rules: dict[str, Any], name: str, flow: str, message: str, key: str) -> bool:

@@ -96,9 +96,9 @@ def test_an_empty_line_of_one_column_is_a_message_that_was_lost(tmp_path, capsys
     capture = tmp_path / "capture.csv"
     capture.write_text(in_one_column(delays))
     assert status(["network", "fit", str(capture)]) == 0
-    told = capsys.readouterr().out
-    assert f"# 3000 messages, {delays.count(None)} lost" in told
-    assert "loss = " in told
+    printed = capsys.readouterr().out
+    assert f"# 3000 messages, {delays.count(None)} lost" in printed
+    assert "loss = " in printed
 
 
 def test_a_blank_line_among_several_columns_is_none():
@@ -115,7 +115,7 @@ def test_delays_in_milliseconds_are_not_taken_for_seconds(tmp_path, capsys):
     median = 1e3 * statistics.median(d for d in delays if d is not None)
     assert f"half of the delays are above {median:.4g} s" in capsys.readouterr().err
     assert status([*fitting, "--unit", "ms"]) == 0
-    told = capsys.readouterr().out
-    assert f"half of the delays are below {median:.4g} ms" in told
-    assert tomllib.loads(told)["network"]["delay"]["time"] == pytest.approx(0.1, rel=0.05)
+    printed = capsys.readouterr().out
+    assert f"half of the delays are below {median:.4g} ms" in printed
+    assert tomllib.loads(printed)["network"]["delay"]["time"] == pytest.approx(0.1, rel=0.05)
     assert status([*fitting, "--unit", "s"]) == 0

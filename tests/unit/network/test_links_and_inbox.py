@@ -223,7 +223,7 @@ def test_each_fate_is_told_once_with_its_delay_and_a_negative_one_for_a_loss():
     for s in (0, 1):
         for k in range(30):
             inbox.put(s, broadcast(k))
-    told = [
+    fates = [
         *inbox.advance(upto(9, 4), 0.1),
         *inbox.advance(upto(9, 4), 0.2),
         *inbox.advance(upto(29, 4), 0.3),
@@ -235,8 +235,8 @@ def test_each_fate_is_told_once_with_its_delay_and_a_negative_one_for_a_loss():
             lost = delivery.delay is None
             said = None if lost else Claim(broadcast(k).t_apply, broadcast(k).u)
             expected.append(Fate(s, k, -1.0 if lost else delivery.delay, delivery.faults, said))
-    assert sorted(told, key=lambda f: (f.sender, f.k)) == expected
-    assert any(f.delay < 0 for f in told)
+    assert sorted(fates, key=lambda f: (f.sender, f.k)) == expected
+    assert any(f.delay < 0 for f in fates)
 
 
 def test_senders_do_not_disturb_one_another():
@@ -269,8 +269,8 @@ def test_who_comes_back_is_heard_again_from_its_first_broadcast_since():
     inbox.advance({}, 0.03)
     back = {0: BroadcastRange(5, 6)}
     assert not inbox.lacks(back)
-    told = inbox.advance(back, 0.07)
-    assert [fate.k for fate in told] == [5, 6], "broadcast 2 was of the contact before"
+    fates = inbox.advance(back, 0.07)
+    assert [fate.k for fate in fates] == [5, 6], "broadcast 2 was of the contact before"
     assert newest(inbox) == 6
     assert not inbox.put(0, broadcast(2))
 

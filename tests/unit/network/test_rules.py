@@ -68,9 +68,9 @@ def test_a_damaged_broadcast_is_lost_and_refused_by_the_seal():
     damaged = [k for k in range(MANY) if link.fate(k).delay is None]
     assert len(damaged) / MANY == pytest.approx(0.2, abs=4.0 * np.sqrt(0.16 / MANY))
     inbox = inbox_of(model(corrupt=0.2), 200)
-    told = inbox.advance({0: BroadcastRange(0, 199)}, 9.0)
+    fates = inbox.advance({0: BroadcastRange(0, 199)}, 9.0)
     taken = inbox.take_corrupt()
-    assert [m.k for _, m in taken] == [f.k for f in told if f.delay < 0.0] == damaged[: len(taken)]
+    assert [m.k for _, m in taken] == [f.k for f in fates if f.delay < 0.0] == damaged[: len(taken)]
     assert inbox.take_corrupt() == []
     key, sealer = Keys("run").broadcast("a", "b"), Sealer(b"secret")
     for _, message in taken:

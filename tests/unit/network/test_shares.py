@@ -11,9 +11,9 @@ from tests.unit.network.models import MANY, model
 from tests.unit.network.test_loss import chi_square_of_geometric, runs
 
 SHARE = 0.2
-BESIDE = {"reorder": {"delay": 0.01}}
+COMBINED_WITH = {"reorder": {"delay": 0.01}}
 """Without a delay nothing could be reordered."""
-BEFALLEN: dict[str, Callable[[Delivery], bool]] = {
+AFFECTED: dict[str, Callable[[Delivery], bool]] = {
     "corrupt": lambda delivery: delivery.delay is None,
     "duplicate": lambda delivery: len(delivery.copies) == 2,
     "reorder": lambda delivery: delivery.delay == 0.0,
@@ -22,13 +22,13 @@ BEFALLEN: dict[str, Callable[[Delivery], bool]] = {
 
 def befallen(field: str, **table: float) -> np.ndarray:
     """Return for each message whether the rule treated it, shape (MANY,)."""
-    fields = {field: {"probability": SHARE, **table}, **BESIDE.get(field, {})}
+    fields = {field: {"probability": SHARE, **table}, **COMBINED_WITH.get(field, {})}
     link = Link(0, "a", "b", model(**fields))
-    return np.array([BEFALLEN[field](link.fate(k)) for k in range(MANY)])
+    return np.array([AFFECTED[field](link.fate(k)) for k in range(MANY)])
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("field", BEFALLEN)
+@pytest.mark.parametrize("field", AFFECTED)
 def test_without_correlation_no_message_knows_of_another(field):
     found = befallen(field)
     assert np.mean(found) == pytest.approx(SHARE, abs=4.0 * np.sqrt(SHARE * (1 - SHARE) / MANY))

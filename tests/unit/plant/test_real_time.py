@@ -152,9 +152,9 @@ def test_commands_take_effect_at_their_times_and_those_who_are_lost_are_told(run
     assert max(s.t for _, s in of(agents, 0)) < 0.05
     assert agents.still == [0]
     assert max(s.t for _, s in of(agents, 1)) > 0.18
-    told = [line.text for line in recording.log]
-    assert told[:2] == ["agent 1 frozen", "agent 2 is lost; its actuator holds its input"]
-    assert told[2] == "agent 2 is back"
+    texts = [line.text for line in recording.log]
+    assert texts[:2] == ["agent 1 frozen", "agent 2 is lost; its actuator holds its input"]
+    assert texts[2] == "agent 2 is back"
     assert summary.outcome is not Outcome.BROKEN
 
 

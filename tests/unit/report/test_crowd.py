@@ -17,7 +17,7 @@ from phalanx.report.paths import paths, worst_pairs
 from phalanx.report.write import notes, write_report
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 WORST_RECEIVER = "n11"
 

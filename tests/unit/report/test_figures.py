@@ -23,7 +23,7 @@ from phalanx.theory.safety.composition import Pair
 from tests.unit.report.recordings import drift
 from tests.unit.swarms import rows_of_scenario
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 
 def test_a_mark_stands_at_every_step_with_an_empty_set(recording: Recording) -> None:

@@ -10,7 +10,7 @@ from phalanx.report.links import link_statistics
 from phalanx.scenario.model import Scenario
 from tests.unit.report.recordings import fate
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 
 def test_link_statistics_are_those_of_the_links(recording: Recording, faulty: Scenario) -> None:

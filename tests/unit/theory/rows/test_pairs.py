@@ -84,8 +84,8 @@ def test_a_neighbour_that_shares_no_more_counts_at_its_worst_and_a_received_inpu
     alpha = 1.5 * (1 - 2.25)
     alone = pair_rows(terms, {})
     assert alone.bound[0] == pytest.approx(-(alpha + 3.0 * 2.0 + ETA))
-    told = pair_rows(terms, {1: np.array([0.5, -1.0])})
-    assert told.bound[0] == pytest.approx(-(alpha - 3.0 * 0.5 + ETA))
+    informed = pair_rows(terms, {1: np.array([0.5, -1.0])})
+    assert informed.bound[0] == pytest.approx(-(alpha - 3.0 * 0.5 + ETA))
 
 
 def test_there_are_rows_for_what_is_seen_alone():
