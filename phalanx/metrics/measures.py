@@ -16,6 +16,9 @@ from phalanx.theory.expressions.exact import dot, length
 _WINDOW = 50
 """Steps into which an agent's patience is divided."""
 
+_MOST_STEPS = 10**6
+"""A day of virtual time; a damaged recording may have any time."""
+
 
 @dataclass(frozen=True)
 class Thresholds:
@@ -85,13 +88,16 @@ def deadlock_time(t: Array, position: Array, error: Array, limits: Thresholds) -
         limits: the definition's constants.
     """
     step = limits.patience / _WINDOW
-    steps = round((t[-1] - t[0]) / step, 6) // 1 if len(t) else 0
+    steps = int(min(round(float(t[-1] - t[0]) / step, 6), _MOST_STEPS)) if len(t) else 0
     if steps < _WINDOW:
         return 0.0
     grid = t[0] + step * np.arange(steps + 1)
     places = np.column_stack([np.interp(grid, t, axis) for axis in position.T])
-    windows = sliding_window_view(places, _WINDOW + 1, axis=0).swapaxes(1, 2)
-    moved = length(windows - windows[:, :1]).max(axis=1)
+    stretches = len(grid) - _WINDOW
+    moved = np.zeros(stretches)
+    for later in range(1, _WINDOW + 1):
+        apart = length(places[later : later + stretches] - places[:stretches])
+        np.maximum(moved, apart, out=moved)
     away = sliding_window_view(np.interp(grid, t, error), _WINDOW + 1).min(axis=1)
     stuck = (moved <= limits.still) & (away > limits.arrival)
     covered = np.convolve(stuck, np.ones(_WINDOW)) > 0

@@ -55,7 +55,7 @@ _BY_FIELD = {"normal": WALL, "size": BOX}
 
 
 def _kind_of_obstacle(value: Any) -> str:
-    known = value if isinstance(value, dict) else vars(value)
+    known = value if isinstance(value, dict) else getattr(value, "__dict__", {})
     return next((kind for field, kind in _BY_FIELD.items() if field in known), SPHERE)
 
 

@@ -91,7 +91,7 @@ def try_recording(draw: random.Random, folder: Path) -> str:
     path.write_bytes(spoil(recorded(), draw))
     try:
         run = phalanx.open(path)
-        for table in (run.states, run.h, run.inputs, run.links, run.events):
+        for table in (run.states, run.h, run.inputs, run.links, run.events, run.metrics):
             assert table is not None
     except phalanx.UnreadableRecordingError as error:
         return "refused" if str(error) else "refused without a word"

@@ -209,7 +209,8 @@ def test_rerun_shows_the_log_with_its_levels(for_rerun):
 )
 def test_tables_are_read_back_as_they_were(finished, tmp_path, kind, read):
     written = run(finished.recording, **{kind: tmp_path / "tables"})
-    assert {path.stem for path in written} == {"states", "h", "inputs", "links", "events"}
+    names = {"states", "h", "inputs", "links", "events", "metrics"}
+    assert {path.stem for path in written} == names
     states = read(tmp_path / "tables" / f"states.{kind}")
     assert np.array_equal(states.to_numpy(), finished.states.to_numpy())
 

@@ -158,6 +158,10 @@ BROKEN: Mapping[str, tuple[Edit, list[str]]] = {
         replace("clearance = 1.25", "clearance = 0.0"),
         ["obstacles.0.clearance: expected greater than 0", "got 0.0"],
     ),
+    "obstacle that is no table": (
+        lambda t: "obstacles = [3.0]\n" + t.replace("[[obstacles]]", "[[ignored]]"),
+        ["obstacles.0: expected a dictionary", "got 3.0"],
+    ),
     "path with one point": (
         replace("[[0.0, 0.0], [16.0, 12.0], [24.0, -12.0], [40.0, 0.0]]", "[[0.0, 0.0]]"),
         ["formation.path: ", "at least 2 items"],
