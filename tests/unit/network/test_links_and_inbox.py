@@ -34,8 +34,8 @@ def test_a_fate_depends_on_seed_link_and_number_alone_not_on_the_order_of_asking
 
 def test_links_in_each_direction_and_seeds_have_fates_of_their_own():
     drawn = [
-        tuple(fates(Link(seed, *ends, LOSSY), range(50)))
-        for seed, *ends in [
+        tuple(fates(Link(seed, sender, receiver, LOSSY), range(50)))
+        for seed, sender, receiver in [
             (0, "a", "b"),
             (0, "b", "a"),
             (0, "a", "c"),

@@ -27,9 +27,8 @@ def normal(rng: np.random.Generator, m: int, log_size: float) -> np.ndarray:
 
 
 def nearest(u_nom, weights, box, a, bound) -> list[float] | None:
-    return nearest_in_box(
-        *(v.tolist() for v in (u_nom, weights, box.box.low, box.box.high, a)), bound, 1e-6
-    )
+    low, high = box.box.low.tolist(), box.box.high.tolist()
+    return nearest_in_box(u_nom.tolist(), weights.tolist(), low, high, a.tolist(), bound, 1e-6)
 
 
 @pytest.mark.slow
