@@ -43,7 +43,7 @@ from phalanx.schema.notebook import html_table
 from phalanx.theory.laws.formation import Formation
 from phalanx.theory.safety.box import Box
 from phalanx.theory.safety.limits import Boundary, Limit, Static
-from phalanx.theory.safety.obstacles import Sphere, Wall
+from phalanx.theory.safety.obstacles import Obstacle, Sphere, Wall
 
 MAX_AGENTS = 256
 _SHOWN = 12
@@ -169,6 +169,8 @@ class Scenario(Strict):
             if self.time.latency >= gap:
                 message = f"expected less than {gap:g} s, the shortest time between two samples"
                 raise field_error(("time", "latency"), message, self.time.latency)
+        for index, obstacle in enumerate(self.obstacles):
+            self._check_axes(index, obstacle)
         for index, link in enumerate(self.network.links):
             link.check_names(names, ("network", "links", index))
         agents = {name: group.facts for group in self.named() for name in group.names}
@@ -189,6 +191,14 @@ class Scenario(Strict):
         if self.flows and group.axes != self.agents[0].axes:
             message = f"expected {self.agents[0].axes} axes, as the group before it has in [flows]"
             raise field_error((*where[:2], "dynamics"), message, group.axes)
+
+    def _check_axes(self, index: int, obstacle: Obstacle) -> None:
+        # CasADi would take a center of one number for all axes.
+        field = "normal" if isinstance(obstacle, Wall) else "center"
+        given, axes = getattr(obstacle, field), self.agents[0].axes
+        if len(given) != axes:
+            message = f"expected {axes} coordinates, as the agents' positions have"
+            raise field_error(("obstacles", index, field), message, given)
 
     def _check_leaders(self, index: int, names: list[str]) -> None:
         group = self.named()[index]

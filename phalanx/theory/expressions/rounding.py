@@ -18,6 +18,8 @@ _STEP = 2.0**-52
 """|x| times this is one to two spacings of float64 at x."""
 LEAST = 2.0**-1022
 """The smallest normal number: products and quotients below it may have lost digits."""
+WIDER = 1.0 + 1e-9
+"""Factor that makes a distance large enough in spite of rounding."""
 
 
 @contextmanager

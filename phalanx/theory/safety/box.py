@@ -14,6 +14,7 @@ from phalanx.arrays import Array
 from phalanx.theory.expressions.circular import cos, sin
 from phalanx.theory.expressions.exact import added, dot
 from phalanx.theory.expressions.portable import portable_value
+from phalanx.theory.expressions.rounding import WIDER
 from phalanx.theory.models.dynamics import Positive
 
 
@@ -47,19 +48,18 @@ class Box:
 
     def reach(self, level: float) -> float:
         """Distance beyond which the intrusion is below a level <= 0 [m]."""
-        return (self.clearance - level) * (1.0 + 1e-9)
+        return (self.clearance - level) * WIDER
 
     def distance(self, p: ca.SX) -> ca.SX:
         """A smooth lower bound of p's distance from the box [m]; below 0 inside."""
-        if p.numel() != len(self.center):
-            raise ValueError(f"center: expected {p.numel()} axes, got {len(self.center)}")
         q = ca.vertsplit(ca.DM(self._axes) @ (p - ca.DM(list(self.center))))
         found: ca.SX = self._smooth(q, ca.sqrt)
         return found
 
     def away(self, p: ca.SX) -> ca.SX:
-        """Unit vector in which the distance grows."""
-        gradient = ca.gradient(self.distance(p), p)
+        """Unit vector in which the distance grows; undefined at the center."""
+        point = ca.SX.sym("p", len(self.center))  # p may be an expression, as of an offset output
+        (gradient,) = ca.substitute([ca.gradient(self.distance(point), point)], [point], [p])
         return gradient / ca.norm_2(gradient)
 
     def distances(self, points: Array) -> Array:

@@ -9,8 +9,9 @@ from typing import Protocol, runtime_checkable
 
 import casadi as ca
 
+from phalanx.theory.expressions.rounding import WIDER
 from phalanx.theory.models.dynamics import Positive
-from phalanx.theory.safety.obstacles import WIDER, Obstacle
+from phalanx.theory.safety.obstacles import Obstacle
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,9 @@ from annotated_types import Ge
 
 from phalanx.arrays import Array
 from phalanx.theory.expressions.exact import dot, length
+from phalanx.theory.expressions.rounding import WIDER
 from phalanx.theory.models.dynamics import Positive
 from phalanx.theory.safety.box import Box
-
-WIDER = 1.0 + 1e-9
-"""Factor that makes a reach large enough in spite of rounding."""
 
 
 @dataclass(frozen=True)

@@ -162,6 +162,25 @@ BROKEN: Mapping[str, tuple[Edit, list[str]]] = {
         lambda t: "obstacles = [3.0]\n" + t.replace("[[obstacles]]", "[[ignored]]"),
         ["obstacles.0: expected a dictionary", "got 3.0"],
     ),
+    "obstacle with one coordinate": (
+        replace(
+            "clearance = 1.25", "clearance = 1.25\n\n[[obstacles]]\ncenter = [50.0]\nclearance = 1"
+        ),
+        ["obstacles.1.center: expected 2 coordinates, as the agents' positions have, got (50.0,)"],
+    ),
+    "box in space among agents in the plane": (
+        replace(
+            "clearance = 1.25",
+            "clearance = 1.25\n\n[[obstacles]]\ncenter = [50.0, 0, 0]\nsize = [1.0, 1, 1]",
+        ),
+        ["obstacles.1.center: expected 2 coordinates"],
+    ),
+    "wall with one coordinate": (
+        replace(
+            "clearance = 1.25", "clearance = 1.25\n\n[[obstacles]]\nnormal = [1.0]\noffset = 50"
+        ),
+        ["obstacles.1.normal: expected 2 coordinates"],
+    ),
     "path with one point": (
         replace("[[0.0, 0.0], [16.0, 12.0], [24.0, -12.0], [40.0, 0.0]]", "[[0.0, 0.0]]"),
         ["formation.path: ", "at least 2 items"],
@@ -251,10 +270,6 @@ BROKEN: Mapping[str, tuple[Edit, list[str]]] = {
 # Parts that do not fit together are refused when the swarm is built.
 MISMATCHED: Mapping[str, tuple[Edit, str]] = {
     "two gains for q = 1": (replace("alpha = [2.0]", "alpha = [2.0, 1.0]"), "expected 1 gains"),
-    "obstacle in space for agents in the plane": (
-        replace("center = [14.0, 9.0]", "center = [14.0, 9.0, 1.0]"),
-        "unicycles: ",
-    ),
     "one agent alone": (alone, "one agent alone"),
 }
 

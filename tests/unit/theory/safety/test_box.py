@@ -6,7 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.safety.box import Box
+from phalanx.theory.safety.function import Body, HeadingAware
 
 seeds = st.integers(0, 2**32 - 1)
 BOXES = {
@@ -48,6 +50,22 @@ def test_near_a_face_an_agent_keeps_little_more_than_the_clearance():
     h = ca.Function("h", [x], [Box((0.0, 0.0), (4.0, 2.0), 0.5).intrusion(x)])
     assert float(h([0.0, 1.0 + 0.5])) > 0.0
     assert float(h([0.0, 1.0 + 0.5 + 0.15])) < 0.0
+
+
+def test_a_unicycle_that_heads_for_a_box_has_a_larger_h_than_one_that_turns_away():
+    """Its output point is an expression of its state, in which no derivative can be taken."""
+    dynamics = Unicycle(1.0, 1.0)
+    x, box = ca.SX.sym("x", 3), BOXES["in the plane"]
+    a = Body(x, dynamics.position(x), dynamics.states)
+    of_state = ca.Function("h", [x], [HeadingAware(1.0, 0.3).to_obstacle(a, box)])
+    point = np.array([5.0, 3.0])
+    slopes = [(box.distances(point + s)[0] for s in (e, -e)) for e in 1e-6 * np.eye(2)[:, None]]
+    away = np.array([ahead - behind for ahead, behind in slopes])
+    heading = np.arctan2(away[1], away[0])
+    for turned, more in ((0.0, 0.0), (np.pi / 2, 0.3), (np.pi, 0.6)):
+        c, s = np.cos(heading + turned), np.sin(heading + turned)
+        h = float(of_state([5.0 - 0.25 * c, 3.0 - 0.25 * s, heading + turned]))
+        assert h == pytest.approx(box.clearance + more - box.distances(point[None])[0], abs=1e-6)
 
 
 def test_a_box_has_its_edges():
