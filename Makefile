@@ -20,12 +20,12 @@ quick: $(READY)
 	$(PYTEST) -n 2 --dist loadscope -m "not slow and not nightly" tests/unit
 
 test: $(READY)
-	@echo "Testing: about 5 minutes on two cores; the first starts no processes."
+	@echo "Testing: some minutes on two cores; the first starts no processes."
 	$(PYTEST) -n 2 --dist loadscope -m "not nightly" tests/unit
 	$(PYTEST) -n 4 -m "not nightly" tests/process tests/containers
 
 nightly: $(READY)
-	@echo "Testing what \`make test\` leaves out: about 8 minutes on two cores."
+	@echo "Testing what \`make test\` leaves out."
 	$(PYTEST) -n 4 -m nightly tests
 
 check: $(READY)

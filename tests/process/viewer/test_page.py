@@ -289,6 +289,8 @@ def messages(frame: bytes) -> list[dict[str, object]]:
     return [message for message in found if isinstance(message, dict)]
 
 
+# On busy cores the browser draws for minutes.
+@pytest.mark.timeout(600)
 def test_a_page_without_the_token_shows_and_cannot_command(tab: "Tab", tmp_path: Path) -> None:
     frames: list[bytes] = []
     tab.on("websocket", lambda s: s.on("framereceived", lambda f: frames.append(f)))
