@@ -169,6 +169,13 @@ def refusal(command: Command, names: tuple[str, ...]) -> str | None:
     return None
 
 
+def require_valid(commands: Iterable[Command], names: tuple[str, ...]) -> None:
+    """Raise ValueError if a command is invalid in a swarm of these agents."""
+    for command in commands:
+        if why := refusal(command, names):
+            raise ValueError(why)
+
+
 class ActiveCommands(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """Commands in force for one agent, repeated in each of its samples."""
 

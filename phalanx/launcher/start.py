@@ -3,7 +3,7 @@
 import tempfile
 from pathlib import Path
 
-from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
+from phalanx.faults.commands import NO_COMMANDS, CommandPolicy, require_valid
 from phalanx.launcher.engine import (
     DEFAULT_ENGINE,
     Announce,
@@ -53,8 +53,8 @@ def run(
     Raises:
         ScenarioError: the scenario cannot be run.
         EngineError: the run could not begin, or ended without a verdict.
-        ValueError: there is no such engine, it does not support an option, or a callback cannot
-            be called.
+        ValueError: there is no such engine, it does not support an option, a callback cannot be
+            called, or a scheduled command is invalid.
         OSError: no folder can be made.
     """
     options = RunOptions(
@@ -69,6 +69,9 @@ def run(
     )
     if not isinstance(scenario, Scenario):
         scenario = load(scenario)
+    require_valid(
+        commands.schedule, tuple(name for group in scenario.named() for name in group.names)
+    )
     temporary = tempfile.TemporaryDirectory(prefix="phalanx-") if out is None else None
     parent, name = Path(temporary.name if temporary else out or ""), scenario.name
     folders: list[Path] = []

@@ -19,7 +19,13 @@ from phalanx_plant.clock.lockstep import Lockstep
 from phalanx_plant.run import ENDINGS, End, PlantRun, ended_by
 
 from phalanx.arrays import Array
-from phalanx.faults.commands import NO_COMMANDS, Command, CommandKind, CommandPolicy
+from phalanx.faults.commands import (
+    NO_COMMANDS,
+    Command,
+    CommandKind,
+    CommandPolicy,
+    require_valid,
+)
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher import interrupt
 from phalanx.launcher.engine import EngineError, RunOptions, silent
@@ -56,13 +62,14 @@ def start(
 
     Raises:
         ScenarioError: the scenario cannot be run.
-        ValueError: the commands have a secret, which needs a hub.
+        ValueError: a command is invalid, or they have a secret, which needs a hub.
         OSError: no folder can be made.
     """
     RunOptions("in-process", commands=commands)
     if not isinstance(scenario, Scenario):
         scenario = load(scenario)
     rows = require_runnable(build_swarm(scenario))
+    require_valid(commands.schedule, rows.swarm.names)
     compile_rows(rows)
     return SteppedRun(rows, out, commands)
 

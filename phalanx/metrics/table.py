@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 SWARM = "swarm"
 """The agent and the role of the swarm's row."""
+_OF_ROW = ("run", "scenario", "seed", "agent", "role")
+"""The columns that say of what a row is."""
 
 
 class Metric(NamedTuple):
@@ -95,7 +97,7 @@ def of(
 
     Raises:
         UnreadableRecordingError: the recorded scenario cannot be built.
-        ValueError: a metric of your own has the name of another, or returns something else.
+        ValueError: a metric of your own has the name of another column, or returns something else.
     """
     swarm = swarm_of(run.recording)
     values = {name: _of_own(name, function(run), swarm.names) for name, function in own.items()}
@@ -129,8 +131,8 @@ def metrics_table(
 
 
 def _of_own(name: str, value: Any, agents: Sequence[str]) -> dict[str, float]:
-    if name in METRICS:
-        raise ValueError(f"{name}: expected a name that no other metric has")
+    if name in (*METRICS, *_OF_ROW):
+        raise ValueError(f"{name}: expected a name that no other column has")
     if isinstance(value, Real):
         return {SWARM: float(value)}
     if isinstance(value, Mapping) and all(isinstance(v, Real) for v in value.values()):

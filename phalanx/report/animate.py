@@ -14,6 +14,8 @@ from phalanx.report.history import ReportHistory
 from phalanx.report.stage import RESOLUTION, Film, Stage
 
 FORMATS = (".gif", ".webp", ".mp4")
+_UNITS = {".gif": 10, ".webp": 1}
+"""In what the format counts time [ms]."""
 _COLOURS = 128
 _VERDICT = 2.5
 """How long the last frame is shown [s]."""
@@ -69,15 +71,22 @@ def _write_video(stage: Stage, path: Path) -> None:
 
 def _write_image(stage: Stage, path: Path) -> None:
     canvas = FigureCanvasAgg(stage.figure)
-    pictures = []
-    for _ in stage.frames():
+
+    def drawn() -> Image.Image:
         canvas.draw()
-        pictures.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
+        return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+
     # One palette with its white, and no dithering: half the size, and the ground does not flicker.
-    palette = pictures[-1].quantize(_COLOURS, method=Image.Quantize.MAXCOVERAGE)
-    first, *rest = (p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures)
-    each, last = 1e3 / stage.film.per_second, 1e3 * _VERDICT
-    duration = [*[round(each)] * len(rest), round(last)]
+    stage.show(len(stage.film.times) - 1)
+    palette = drawn().quantize(_COLOURS, method=Image.Quantize.MAXCOVERAGE)
+    # Each at once, since a picture of all colours takes three times the memory.
+    first, *rest = [
+        drawn().quantize(palette=palette, dither=Image.Dither.NONE) for _ in stage.frames()
+    ]
+    # The ends of frames are rounded, not their lengths, which would change the speed.
+    unit = _UNITS[path.suffix]
+    ends = np.round(np.arange(len(rest) + 1) * 1e3 / stage.film.per_second / unit) * unit
+    duration = [*np.diff(ends).astype(int).tolist(), round(1e3 * _VERDICT)]
     lossless: dict[str, Any] = {"lossless": True, "method": 1, "quality": 30}
     looks = lossless if path.suffix == ".webp" else {}
     first.save(path, save_all=True, append_images=rest, duration=duration, loop=0, **looks)

@@ -65,16 +65,19 @@ class Stage:
             _words(arena, history, film),
             _progress(strip, history, film),
         ]
-        for show in self._shows:
-            show(0)
+        self.show(0)
         self.figure.draw_without_rendering()
         self.figure.set_layout_engine("none")  # to lay out a frame takes as long as to draw it
 
+    def show(self, number: int) -> None:
+        """Show a frame, by its number; the last one has the verdict."""
+        for show in self._shows:
+            show(number)
+
     def frames(self) -> Iterator[int]:
-        """Show each frame, and yield its number; the last one has the verdict."""
+        """Show each frame, and yield its number."""
         for number in range(len(self.film.times)):
-            for show in self._shows:
-                show(number)
+            self.show(number)
             yield number
 
 
@@ -166,6 +169,9 @@ def _words(axes: Axes, history: ReportHistory, film: Film) -> Show:
     log = axes.text(0.015, 0.98, "", va="top", fontsize=9, color=PEAK, parse_math=False, **at)
     card = {"boxstyle": "round,pad=0.5", "facecolor": "white", "edgecolor": LIMIT, "alpha": 0.92}
     end = axes.text(0.5, 0.1, "", ha="center", va="center", fontsize=15, weight="bold", **at)
+    if summary:
+        end.set_color(_OF_OUTCOME.get(summary.outcome, PEAK))
+        end.set_bbox(card)
     sent = np.sort(history.broadcasts["sent"])
     gone = np.sort(history.broadcasts["sent"][history.broadcasts["fate"] == FATES.index(LOST)])
 
@@ -173,15 +179,11 @@ def _words(axes: Axes, history: ReportHistory, film: Film) -> Show:
         t = film.times[number]
         clock.set_text(f"{name}, t = {t:.1f} s")
         total, lost = np.searchsorted(sent, t), np.searchsorted(gone, t)
-        if total:
-            network.set_text(f"{total} broadcasts, {lost / total:.0%} lost")
+        network.set_text(f"{total} broadcasts, {lost / total:.0%} lost" if total else "")
         since = t - _NOTICE * film.speed
         new = [line for line in history.recording.log if since < line.t <= t]
         log.set_text("\n".join(f"{line.t:.1f} s: {line.text}" for line in new[-3:]))
-        if summary and number == len(film.times) - 1:
-            end.set_text(str(summary.outcome))
-            end.set_color(_OF_OUTCOME.get(summary.outcome, PEAK))
-            end.set_bbox(card)
+        end.set_text(str(summary.outcome) if summary and number == len(film.times) - 1 else "")
 
     return show
 

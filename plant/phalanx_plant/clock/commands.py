@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 import msgspec
 import numpy as np
 
-from phalanx.faults.commands import Command, CommandKind, CommandPolicy, refusal
+from phalanx.faults.commands import Command, CommandKind, CommandPolicy, refusal, require_valid
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.messages import CommandMessage
 from phalanx.wire.seal import Malformed, Refusals, Sealer
@@ -132,8 +132,7 @@ class CommandQueue:
 
     def add(self, command: Command) -> None:
         """Schedule a command, after others of the same time. Raises ValueError if it is invalid."""
-        if why := refusal(command, self._names):
-            raise ValueError(why)
+        require_valid([command], self._names)
         self._schedule = _in_order([*self._schedule, command])
 
     def _scheduled(self, t: float) -> list[Command]:

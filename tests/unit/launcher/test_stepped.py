@@ -205,6 +205,10 @@ def test_commands_that_cannot_be_given_are_refused_in_a_line():
         with pytest.raises(ValueError, match="at: expected a time from the next instant"):
             run.command("kill", "1", at=t)
     assert run.commands == ()
+    nobody = CommandPolicy(schedule=(Command(0.1, "kill", "9"),))
+    for begun in (phalanx.start, functools.partial(phalanx.run, engine="in-process")):
+        with pytest.raises(ValueError, match="agent: expected one of 1, 2, 3, "):
+            begun(run.scenario, commands=nobody)
     with pytest.raises(ValueError, match="has no hub"):
         phalanx.start(run.scenario, commands=CommandPolicy(secret=b"s"))
 

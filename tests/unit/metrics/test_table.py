@@ -186,7 +186,9 @@ def test_a_metric_of_ones_own_is_a_function_of_the_run():
     [
         ({"mine": lambda run: "far"}, "mine: expected a number, or numbers by agent's name"),
         ({"mine": lambda run: {"z": 1.0}}, "mine: expected names of agents, got 'z'"),
-        ({"arrived": lambda run: 1.0}, "arrived: expected a name that no other metric has"),
+        ({"arrived": lambda run: 1.0}, "arrived: expected a name that no other column has"),
+        ({"role": lambda run: 1.0}, "role: expected a name that no other column has"),
+        ({"seed": lambda run: 1.0}, "seed: expected a name that no other column has"),
     ],
 )
 def test_a_mistaken_metric_of_ones_own_is_one_line(own, expected):

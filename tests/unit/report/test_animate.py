@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.colors import to_rgb
 from PIL import Image
@@ -98,6 +99,32 @@ def test_it_is_written_as_gif_or_webp(run: phalanx.Run, tmp_path: Path):
         assert picture.info["duration"] == 2500
         assert picture.convert("RGB").getpixel((2, 2)) == (255, 255, 255)
     assert not any(pixels % 2 for pixels in picture.size)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["run.gif", "run.webp"])
+def test_it_takes_as_long_as_the_run_though_formats_round_each_frame(
+    name: str, run: phalanx.Run, tmp_path: Path
+):
+    picture, shown = Image.open(run.animate(tmp_path / name, per_second=15)), 0
+    for number in range(picture.n_frames - 1):
+        picture.seek(number)
+        picture.load()
+        shown += picture.info["duration"]
+    assert shown == 600
+
+
+@pytest.mark.slow
+def test_a_frame_looks_the_same_after_a_later_one(run: phalanx.Run):
+    stage = staged(run, [0.0, 0.3, 0.6])
+    canvas = FigureCanvasAgg(stage.figure)
+    looks = []
+    for number in (0, 1, 2, 1, 0):
+        stage.show(number)
+        canvas.draw()
+        looks.append(bytes(canvas.buffer_rgba()))
+    assert looks == looks[::-1]
+    assert len(set(looks)) == 3
 
 
 @pytest.mark.slow
