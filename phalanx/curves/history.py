@@ -180,7 +180,7 @@ class RecordedHistory(History):
         return self.trajectory[:, :, : self.swarm.safe_set.positions[0].numel()]
 
     def distance(self, pair: Pair) -> Array:
-        """Distance between a pair's output points, or from a center or a wall [m], (s,).
+        """Distance between a pair's output points, or from a center, a wall or a box [m], (s,).
 
         0 from a limit, which is everywhere.
         """

@@ -239,19 +239,21 @@ class _Course:
     def __init__(self, rows: SafetyRows, folder: Path, policy: CommandPolicy) -> None:
         self.folder, self.steps = folder, 0
         self.summary: Summary | None = None
-        scenario, self._opened = rows.swarm.scenario, ExitStack()
-        self._recording = self._opened.enter_context(
-            RecordingWriter(folder / RECORDING, scenario, folder.name)
-        )
-        self.queue = CommandQueue(policy, rows.swarm.names)
-        agents = DirectAgents(rows, silent)
-        self._plant = PlantRun(rows, agents, self._recording, self.queue, self._make_clock)
-        self.world, self._duration = self.clock.world, scenario.duration
-        self._instants = self.clock.instants(scenario.duration)
+        scenario = rows.swarm.scenario
         self._stopwatch = 0.0
         """Time spent in steps, less the time at which the current ones began [s]."""
-        # One thread for all steps: to start one takes as long as a step.
-        self._opened.enter_context(endless_loops(scenario.time.timeout))
+        with ExitStack() as opened:
+            self._recording = opened.enter_context(
+                RecordingWriter(folder / RECORDING, scenario, folder.name)
+            )
+            self.queue = CommandQueue(policy, rows.swarm.names)
+            agents = DirectAgents(rows, silent)
+            self._plant = PlantRun(rows, agents, self._recording, self.queue, self._make_clock)
+            self.world, self._duration = self.clock.world, scenario.duration
+            self._instants = self.clock.instants(scenario.duration)
+            # One thread for all steps: to start one takes as long as a step.
+            opened.enter_context(endless_loops(scenario.time.timeout))
+            self._opened = opened.pop_all()
 
     def _make_clock(self, *parts: Any) -> Lockstep:
         self.clock = Lockstep(*parts)

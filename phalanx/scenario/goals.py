@@ -5,6 +5,7 @@ from typing import Any
 from pydantic import ConfigDict, RootModel, model_validator
 
 from phalanx.schema.fields import REFERENCE, Table, built
+from phalanx.schema.registry import is_users
 from phalanx.theory.laws.attacks import Chase, WorstCase
 from phalanx.theory.laws.goals import Follow, Reference
 from phalanx.theory.laws.law import Law
@@ -40,7 +41,7 @@ class GoalField(RootModel[Table]):
     @property
     def axes(self) -> int | None:
         """Dimension of the goal's space; None of a user's class, which is asked at x(0)."""
-        return getattr(self.reference(), "axes", None)
+        return None if is_users(self.root) else getattr(self.reference(), "axes", None)
 
     @property
     def leader(self) -> str | None:

@@ -12,6 +12,7 @@ import pytest
 
 import phalanx
 from phalanx import Command, CommandPolicy, Outcome, SteppedRun
+from phalanx.launcher import stepped
 from phalanx.launcher.engine import EngineError
 from phalanx.recording.records import State
 from phalanx.recording.write import RecordingWriter
@@ -211,6 +212,25 @@ def test_commands_that_cannot_be_given_are_refused_in_a_line():
             begun(run.scenario, commands=nobody)
     with pytest.raises(ValueError, match="has no hub"):
         phalanx.start(run.scenario, commands=CommandPolicy(secret=b"s"))
+
+
+@pytest.mark.slow
+def test_a_run_that_cannot_begin_leaves_its_recording_closed(monkeypatch: pytest.MonkeyPatch):
+    closed = []
+
+    class Watched(RecordingWriter):
+        def __exit__(self, *error: Any) -> None:
+            closed.append(True)
+            super().__exit__(*error)
+
+    def fails(*_: object) -> None:
+        raise OSError("no plant")
+
+    monkeypatch.setattr(stepped, "RecordingWriter", Watched)
+    monkeypatch.setattr(stepped, "PlantRun", fails)
+    with pytest.raises(OSError, match="no plant"):
+        begin()
+    assert closed == [True]
 
 
 @pytest.mark.slow

@@ -107,6 +107,8 @@ class Circle:
     """A user's reference, right or wrong by its field."""
 
     kind: str
+    axes: str = "xy"
+    """Its own; of goals that ship it is their dimension."""
 
     def goal(self, sight):
         if self.kind == "raises":
