@@ -19,6 +19,7 @@ from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.dynamics import box_polytope
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.wheeled import Unicycle
+from phalanx.theory.safety.box import Box
 from phalanx.theory.safety.class_k import Linear
 from phalanx.theory.safety.composition import Member, compose
 from phalanx.theory.safety.function import Body, Separation
@@ -274,6 +275,19 @@ def test_obstacles_are_pairs_too():
     found = pair_certificate(pair, 0, [Linear(1.0)], [0.3], TAU)
     time = held(found, np.array([1.9, 0.0]), np.array([1.0, 0.0]))
     assert 0.9 * 0.1 / 1.3 < time <= 0.1 / 1.3
+
+
+def test_a_box_is_certified_up_to_where_its_smooth_distance_is_the_clearance():
+    box = Box((3.0, 0.0), (2.0, 2.0), 0.5, rounding=0.01)
+    pair = compose([Member("a", SingleIntegrator(1.0), False)], [box], Separation(1.0), 1.0).alone(
+        0
+    )
+    found = pair_certificate(pair, 0, [Linear(1.0)], [0.3], TAU)
+    apart, u = np.array([[1.45, 0.3]]), np.array([1.0, 0.0])
+    time = held(found, apart[0], u)
+    assert time > 0.0
+    assert box.distances(apart + 1.3 * time * u)[0] >= box.clearance
+    assert box.distances(apart + 1.2 * 1.3 * time * u)[0] < box.clearance
 
 
 class Port:
