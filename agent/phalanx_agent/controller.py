@@ -32,7 +32,7 @@ class StepResult(NamedTuple):
         return StepReport(u_nom=tuple(self.u_nom.tolist()), solve_time=solve_time, **made)
 
 
-class Controller(Protocol):
+class AgentController(Protocol):
     """One agent's controller: its own, or its part of the centralised one."""
 
     def __call__(
@@ -43,7 +43,7 @@ class Controller(Protocol):
         x is NaN for agents that are not in `seen`.
         """
 
-    def as_adversary(self) -> "Controller":
+    def as_adversary(self) -> "AgentController":
         """Return the agent's controller after a command has made it an adversary."""
 
 
@@ -65,7 +65,7 @@ class DistributedController:
     def __call__(
         self, x: Array, seen: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
     ) -> StepResult:
-        """Decide, as a Controller does."""
+        """Decide, as an AgentController does."""
         view = self._view(x, seen, t)
         u_nom = self._nominal(view)
         if self._own is not None:
@@ -139,7 +139,7 @@ class CentralisedPart:
     def __call__(
         self, x: Array, seen: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
     ) -> StepResult:
-        """Decide, as a Controller does; the centralised one sees all."""
+        """Decide, as an AgentController does; the centralised one sees all."""
         return self._whole.at(x, t)[self._i]
 
     def as_adversary(self) -> DistributedController:

@@ -31,9 +31,9 @@ from phalanx.wire.messages import (
 from phalanx.wire.seal import Malformed
 from phalanx_agent.clock import LOCKSTEP, VirtualClock, clock_of
 from phalanx_agent.controller import (
+    AgentController,
     CentralisedController,
     CentralisedPart,
-    Controller,
     DistributedController,
     StepResult,
 )
@@ -81,7 +81,7 @@ class ControlStep:
         self,
         rows: SafetyRows,
         i: int,
-        controller: Controller | None = None,
+        controller: AgentController | None = None,
         membership: Membership = _AT_HOME,
     ) -> None:
         """controller: by default agent i's own. membership: of its program."""
@@ -107,7 +107,7 @@ class ControlStep:
         """Fates that are decided and not yet reported to the plant."""
         self._past: deque[tuple[float, ...]] = deque(maxlen=self._lies.steps_back)
         """Inputs that lies may repeat, the newest last."""
-        self._controller: Controller = controller or DistributedController(rows, i)
+        self._controller: AgentController = controller or DistributedController(rows, i)
 
     def accept_sample(self, sample: Sample) -> Accepted:
         """Validate and decode the next sample. Raises Malformed.
