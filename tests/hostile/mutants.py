@@ -162,7 +162,7 @@ MUTANTS = (
            "(self._prompt,) if",
            _TEST_JUDGE),
     Mutant("a theorem without a disturbance bound", _ASSUMED,
-           "[self._start_kept, self._gap, self._disturbance,", "[self._start_kept, self._gap,",
+           "[self._start_kept, self._gap, self._disturbance]", "[self._start_kept, self._gap]",
            _TEST_JUDGE),
     Mutant("a theorem that believes broadcasts", _ASSUMED, "self._fresh, self._broadcasts]",
            "self._fresh]", _TEST_JUDGE),

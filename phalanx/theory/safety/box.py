@@ -80,11 +80,9 @@ class Box:
     def _smooth(self, q: Sequence[Any], sqrt: Callable[[Any], Any]) -> Any:
         """The distance of points with these coordinates: expressions or arrays."""
 
-        def above(t: Any) -> Any:
-            return 0.5 * (t + sqrt(t * t + self.rounding * self.rounding))
-
+        e2 = self.rounding * self.rounding
         squares = [
-            (above(c - side / 2) + above(-c - side / 2)) ** 2
+            ((sqrt((c - side / 2) ** 2 + e2) + sqrt((c + side / 2) ** 2 + e2) - side) / 2) ** 2
             for c, side in zip(q, self.size, strict=True)
         ]
         # Both faces of a side err by ε together, at most.
