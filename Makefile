@@ -20,12 +20,12 @@ quick: $(READY)
 	$(PYTEST) -n 2 --dist loadscope -m "not slow and not nightly" tests/unit
 
 test: $(READY)
-	@echo "Testing: some minutes on two cores; the first starts no processes."
+	@echo "Testing: about 6 minutes on two cores; the first two start no processes."
 	$(PYTEST) -n 2 --dist loadscope -m "not nightly" tests/unit
 	$(PYTEST) -n 4 -m "not nightly" tests/process tests/containers
 
 nightly: $(READY)
-	@echo "Testing what \`make test\` leaves out."
+	@echo "Testing what \`make test\` leaves out: about 8 minutes on two cores."
 	$(PYTEST) -n 4 -m nightly tests
 
 check: $(READY)

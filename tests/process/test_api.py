@@ -161,7 +161,9 @@ def test_a_replay_is_served_until_it_is_closed(run: phalanx.Run):
         urllib.request.urlopen(page.url, timeout=5)
 
 
-@pytest.mark.parametrize("engine", ["processes", "in-process"])
+@pytest.mark.parametrize(
+    "engine", [pytest.param("processes", marks=pytest.mark.nightly), "in-process"]
+)
 def test_a_profile_accounts_for_all_of_every_programs_time(run: phalanx.Run, engine):
     assert run.profile.is_empty()
     timed = phalanx.run(run.scenario, engine=engine, profile=True)

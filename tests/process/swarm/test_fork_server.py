@@ -53,9 +53,8 @@ def test_a_run_whose_fork_server_dies_before_it_has_forked_the_agents_says_so(ph
 
 def stopped_before_agents(phalanx):
     """A run whose fork server stands still between forking the plant and the agents."""
-    timeout, many = ("--set", "time.timeout=3.0"), ("--set", "agents.0.count=96")
     for _ in range(10):
-        run = phalanx("run", "swarm", *many, *timeout)
+        run = phalanx("run", "quadrotors", "--set", "time.timeout=3.0")
         wait_for(run.programs)
         fork_server(run).suspend()
         # The agents' theory takes longer than to fork the plant, but a busy machine may run this

@@ -87,6 +87,7 @@ def writes(run: Run) -> bool:
     return False
 
 
+@pytest.mark.nightly
 def test_one_that_breaks_alone_when_it_is_run_again_is_no_difference(phalanx, long):
     run = phalanx("verify", str(long))
     wait_for(lambda: "phx-agent-2" in run.programs())
