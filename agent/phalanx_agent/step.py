@@ -227,7 +227,11 @@ class ControlStep:
         past, names = self._past, self.swarm.names
         told = {
             l: self._lies.claim(
-                names[l], sample.k, truth, lambda ago: past[-ago] if ago <= len(past) else None
+                names[l],
+                sample.k,
+                truth,
+                lambda ago: past[-ago] if ago <= len(past) else None,
+                sample.t,
             )
             for l in sample.hearers
         }
@@ -256,7 +260,7 @@ class ControlStep:
     def _link(self, sender: int) -> Link:
         swarm, receiver = self.swarm, self.name
         model = swarm.links.model(swarm.names[sender], receiver)
-        return Link(swarm.seed, swarm.names[sender], receiver, model)
+        return Link(swarm.seeds, swarm.names[sender], receiver, model)
 
     def apply_commands(self, commands: ActiveCommands | None) -> None:
         """Apply the commands in force from this sample on."""

@@ -76,9 +76,9 @@ class AgentClock:
                 jumps.append(_Jump(each.end, -fault.skew, each.number))
         self._jumps = sorted(jumps)
 
-    def after(self, k: int, t: float) -> float:
-        """Return the time of tick k + 1 [s], given that tick k was at t [s]."""
-        due = right = self._clock.after(k, t)
+    def after(self, k: int, t: float, now: float = 0.0) -> float:
+        """Return the time of tick k + 1 [s], given that tick k was at t [s]; decided now [s]."""
+        due = right = self._clock.after(k, t, now)
         for drift, occurrence in self._drifts:
             if occurrence.in_force(t):
                 due += drift * (right - t)

@@ -15,7 +15,7 @@ from phalanx.faults.commands import CommandKind
 from phalanx.network.link import Kind
 from phalanx.network.rule import During, Rule
 from phalanx.schema.fields import Name, NonNegative, Positive, Strict, field_error
-from phalanx.seeded.draws import Draws
+from phalanx.seeded.seeds import Seeds, Tables
 
 FieldPath = tuple[str | int, ...]
 """Location of a field in the scenario, for error messages."""
@@ -41,7 +41,7 @@ class RunFacts(NamedTuple):
     """All agents, in the scenario's order."""
     duration: float
     """[s]"""
-    seed: int
+    seeds: Seeds
 
 
 class LinkEnds(NamedTuple):
@@ -141,8 +141,8 @@ class AgentFault(Fault):
         agents = self.agents or run.names
         if self.rate is None:
             return ((self.at or 0.0, name) for name in agents)
-        draws = Draws(run.seed, "fault", str(place), width=2)
-        return random_times(self.rate, agents, run.duration, draws)
+        tables = Tables(run.seeds, "fault", str(place), width=2)
+        return random_times(self.rate, agents, run.duration, tables)
 
 
 class TemporaryAgentFault(AgentFault):
@@ -163,14 +163,14 @@ def require_names(names: Iterable[str], known: Collection[str], where: FieldPath
 
 
 def random_times(
-    rate: float, agents: Sequence[str], duration: float, draws: Draws
+    rate: float, agents: Sequence[str], duration: float, tables: Tables
 ) -> Iterator[tuple[float, str]]:
     """Yield times up to `duration` [s], `rate` per second on average, each with one agent.
 
-    draws: of width 2. They are only compared, never put through a logarithm, so that times are the
-    same on every CPU.
+    tables: of width 2. Draws are only compared, never put through a logarithm, so that times are
+    the same on every CPU.
     """
     for n in range(math.ceil(duration / _GRID)):
-        happens, which = draws[n].tolist()
+        happens, which = tables.decide(n, n * _GRID)()[n].tolist()
         if happens < rate * _GRID:
             yield n * _GRID, agents[int(which * len(agents))]

@@ -21,6 +21,7 @@ from phalanx.network.inbox import Claim
 from phalanx.network.rule import Cut
 from phalanx.schema.fields import INPUT, WORD, Finite, Name, field_error
 from phalanx.seeded.draws import Draws
+from phalanx.seeded.seeds import Seeds
 
 _LIES = ("says", "equivocate", "replay", "apply_time", "silent")
 
@@ -98,24 +99,26 @@ class PeerClaim(NamedTuple):
 class Lies:
     """The declared lies of one agent; simultaneous lies change the claim one after the other."""
 
-    def __init__(self, seed: int, name: str, declared: Mapping[int, LieFault]) -> None:
+    def __init__(self, seeds: Seeds, name: str, declared: Mapping[int, LieFault]) -> None:
         """Keep the lies of one agent among those declared, by number."""
         own = {number: fault for number, fault in declared.items() if fault.agent == name}
         self.declared = {number: fault for number, fault in own.items() if not fault.silent}
         self.steps_back = max((fault.replay or 0 for fault in own.values()), default=0)
         """The most steps that a replay goes back."""
-        self._seed, self._name = seed, name
+        self._seeds, self._name = seeds, name
 
-    def claim(self, receiver: str, k: int, truth: Claim, past: Past) -> PeerClaim:
-        """Return the claim that broadcast k makes to one peer."""
+    def claim(self, receiver: str, k: int, truth: Claim, past: Past, now: float = 0.0) -> PeerClaim:
+        """Return the claim that broadcast k makes to one peer; decided now [s]."""
         claim, changed_by = truth, list[int]()
         for number, fault in self.declared.items():
             if fault.at <= truth.t_apply < fault.end and fault.is_for(receiver):
-                before, claim = claim, self._changed(claim, fault, receiver, k, past)
+                before, claim = claim, self._changed(claim, fault, receiver, k, past, now)
                 changed_by += [number] if claim != before else []
         return PeerClaim(claim, tuple(changed_by))
 
-    def _changed(self, claim: Claim, fault: LieFault, receiver: str, k: int, past: Past) -> Claim:
+    def _changed(
+        self, claim: Claim, fault: LieFault, receiver: str, k: int, past: Past, now: float
+    ) -> Claim:
         u = claim.u
         if fault.apply_time is not None:
             return Claim(claim.t_apply + fault.apply_time, u)
@@ -126,7 +129,8 @@ class Lies:
         elif fault.replay is not None:
             u = past(fault.replay) or u
         else:
-            draws = Draws(self._seed, "equivocation", self._name, receiver, width=len(u))[k]
+            seed = self._seeds.at(now)
+            draws = Draws(seed, "equivocation", self._name, receiver, width=len(u))[k]
             pairs = zip(u, draws.tolist(), strict=True)
             u = tuple(value * (2.0 * draw - 1.0) for value, draw in pairs)
         return Claim(claim.t_apply, u)

@@ -59,7 +59,8 @@ class Partition(TimedFault):
     def on_links(self, run: RunFacts, place: int) -> LinkRules:
         """Cut the links between the groups."""
         if self.shape:
-            cut = links_cut(self.shape, run.names, Draws(run.seed, "partition", str(place)))
+            draws = Draws(run.seeds.at(self.at), "partition", str(place))
+            cut = links_cut(self.shape, run.names, draws)
         else:
             cut = links_between(self._complete(run.names), self.one_way)
         dropped = (self.during(Cut()),)

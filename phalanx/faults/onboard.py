@@ -21,7 +21,7 @@ from phalanx.network.delay import quantile
 from phalanx.network.link import Kind
 from phalanx.network.rule import Cut, During
 from phalanx.schema.fields import Finite, NonNegative, field_error
-from phalanx.seeded.draws import Draws
+from phalanx.seeded.seeds import Seeds, Tables
 
 
 class OnboardFault(TemporaryAgentFault):
@@ -93,11 +93,11 @@ class _Error(NamedTuple):
     bias: Array
     noise: Array
     """Standard deviations, shape (n_i,)."""
-    draws: Draws
+    tables: Tables
 
-    def at(self, k: int) -> Array:
-        """Return the error of sample k, shape (n_i,)."""
-        drawn = [quantile("normal", float(u)) for u in self.draws[k]]
+    def at(self, k: int, t: float) -> Array:
+        """Return the error of sample k, taken at t [s], shape (n_i,)."""
+        drawn = [quantile("normal", float(u)) for u in self.tables.decide(k, t)()[k]]
         error: Array = self.bias + self.noise * np.array(drawn)
         return error
 
@@ -108,7 +108,7 @@ class Sensors:
     def __init__(
         self,
         states: Mapping[str, tuple[str, ...]],
-        seed: int,
+        seeds: Seeds | int,
         occurrences: Iterable[Occurrence] = (),
     ) -> None:
         """states: names by agent. occurrences: those not of sensors are ignored."""
@@ -124,8 +124,8 @@ class Sensors:
                 bias = np.array([fault.bias.get(state, 0.0) for state in own])
                 noise = np.array([fault.noise.get(state, 0.0) for state in own])
                 purpose = "fault", str(each.place), "noise", each.agent
-                draws = Draws(seed, *purpose, width=len(own))
-                error = _Error(each, bias, noise, draws)
+                tables = Tables(seeds, *purpose, width=len(own))
+                error = _Error(each, bias, noise, tables)
                 self._errors[names.index(each.agent)].append(error)
 
     def measured(self, i: int, k: int, t: float, x: Array) -> Array:
@@ -136,6 +136,6 @@ class Sensors:
         for error in self._errors[i]:
             if error.occurrence.in_force(t):
                 x = x.copy()
-                x[self._parts[i]] += error.at(k)
+                x[self._parts[i]] += error.at(k, t)
                 self.faults[error.occurrence.number] += 1
         return x

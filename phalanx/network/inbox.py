@@ -168,7 +168,7 @@ class BroadcastInbox:
             # they are added to the real delay.
             begins = message.t_apply
             sent = max(begins, min(at, t))
-            delivery = link.fate(k, sent, apart)
+            delivery = link.fate(k, sent, apart, t)
             after = math.inf
             for copy in delivery.copies:
                 if copy.corrupt:

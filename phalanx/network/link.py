@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, partial
 from typing import Literal
 
 import msgspec
@@ -12,6 +11,7 @@ from phalanx.network.delay import ConstantDelay
 from phalanx.network.loss import Chance, RandomLoss
 from phalanx.network.rule import DELIVER, Copy, Message, Rule, Treatment, asks_distance
 from phalanx.seeded.draws import Draws
+from phalanx.seeded.seeds import Seeds, Tables
 from phalanx.theory.expressions.user_methods import MistakenMethodError
 
 LOSS, DELAY = "loss", "delay"
@@ -99,17 +99,17 @@ class Link:
 
     def __init__(
         self,
-        seed: int,
+        seeds: Seeds | int,
         sender: str,
         receiver: str,
         model: LinkModel,
         kind: Kind = "broadcast",
     ) -> None:
-        """Draws are keyed by seed, names and kind, so that links are independent."""
+        """Draws are keyed by seeds, names and kind, so that links are independent."""
         self._as_declared = model
         self._ends = sender, receiver
         purpose = () if kind == "broadcast" else (kind,)
-        self._table = cache(partial(_table, seed, "link", sender, receiver, *purpose))
+        self._tables = Tables(seeds, "link", sender, receiver, *purpose, width=2)
         self.override(None, None)
 
     def override(self, loss: float | None, delay: float | None) -> None:
@@ -122,19 +122,23 @@ class Link:
         self.asks_distance = any(asks_distance(stage.rule) for stage in stages)
         """True if the delivery depends on the distance between the ends."""
 
-    def fate(self, k: int, sent: float = 0.0, distance: float = math.nan) -> Delivery:
+    def fate(
+        self, k: int, sent: float = 0.0, distance: float = math.nan, now: float = 0.0
+    ) -> Delivery:
         """Compute the delivery of message k.
 
         Args:
             k: sequence number; in increasing order if a rule has a memory.
             sent: time of sending [s].
             distance: between the ends [m].
+            now: when this is decided [s].
 
         Raises:
             RuleError: a rule raised, or lets a message arrive before it was sent.
         """
         copies: Treatment = DELIVER
         faults: tuple[int, ...] = ()
+        self._tables.decide(k, now)
         for own in self._stages:
             came, copies, stage = copies, (), own.stage
             try:
@@ -164,8 +168,5 @@ class Link:
 
     def _draws_of(self, field: str) -> Callable[[str], Draws]:
         # Built-in rules have different purposes; users' rules may not, so their place is added.
-        return (lambda purpose: self._table(f"{field} {purpose}")) if "." in field else self._table
-
-
-def _table(seed: int, *purpose: str) -> Draws:
-    return Draws(seed, *filter(None, purpose), width=2)
+        tables = self._tables
+        return (lambda purpose: tables(f"{field} {purpose}")) if "." in field else tables

@@ -38,6 +38,8 @@ class Links:
 
     def __init__(self, network: Network, faults: tuple[AnyFault, ...], run: RunFacts) -> None:
         self._network, self._faults, self._run = network, faults, run
+        self.seeds = run.seeds
+        """Of all that the run draws."""
         tables: list[tuple[str, LinkTable]] = [
             ("network", network),
             ("network.sample", network.sample),
@@ -100,13 +102,13 @@ class Links:
             for stage in _stages(table, 0):
                 if isinstance(stage.rule, UsersRule):
                     model = LinkModel((stage,))
-                    yield sender, receiver, Link(self._run.seed, sender, receiver, model, of)
+                    yield sender, receiver, Link(self._run.seeds, sender, receiver, model, of)
 
     def lies(self, name: str) -> Lies:
         """Return the declared lies of an agent."""
         numbered = enumerate(self._faults, self._first_fault)
         lies = {number: fault for number, fault in numbered if isinstance(fault, LieFault)}
-        return Lies(self._run.seed, name, lies)
+        return Lies(self._run.seeds, name, lies)
 
     @cached_property
     def occurrences(self) -> tuple[Occurrence, ...]:

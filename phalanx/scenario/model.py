@@ -40,11 +40,13 @@ from phalanx.schema.fields import (
     field_error,
 )
 from phalanx.schema.notebook import html_table
+from phalanx.seeded.seeds import Seeds
 from phalanx.theory.laws.formation import Formation
 from phalanx.theory.safety.box import Box
 from phalanx.theory.safety.limits import Boundary, Limit, Static
 from phalanx.theory.safety.obstacles import Obstacle, Sphere, Wall
 
+Seed = Annotated[int, Field(ge=0, lt=2**63)]
 MAX_AGENTS = 256
 _SHOWN = 12
 """Most names of a group in a notebook."""
@@ -98,6 +100,14 @@ class Time(Strict):
     """Longest wait of the plant for an agent, in wall time [s]."""
 
 
+class Reseed(Strict):
+    """A time from which on all that is random is drawn again."""
+
+    at: Positive
+    """[s]"""
+    seed: Seed
+
+
 class Reading(Strict):
     """Source and overrides of a scenario; they have no effect on the run."""
 
@@ -121,7 +131,9 @@ class Scenario(Strict):
     description: str = ""
     duration: Positive
     """[s] of virtual time."""
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    seed: Seed = 0
+    reseed: tuple[Reseed, ...] = ()
+    """Seeds in force from given times on, in the place of `seed`."""
     time: Time = Time()
     safety: Safety
     network: Network = Network()
@@ -173,10 +185,19 @@ class Scenario(Strict):
             self._check_axes(index, obstacle)
         for index, link in enumerate(self.network.links):
             link.check_names(names, ("network", "links", index))
+        self._check_reseed()
         agents = {name: group.facts for group in self.named() for name in group.names}
         for index, fault in enumerate(self.faults):
             fault.check(agents, ("faults", index))
         return self
+
+    def _check_reseed(self) -> None:
+        before = 0.0
+        for index, each in enumerate(self.reseed):
+            if not before < each.at < self.duration:
+                message = f"expected more than {before:g} s, and less than the run's duration"
+                raise field_error(("reseed", index, "at"), message, each.at)
+            before = each.at
 
     def _check_places(self, index: int, group: AgentGroup) -> None:
         where = ("agents", index, "slots")
@@ -301,7 +322,8 @@ class Scenario(Strict):
     def links(self) -> Links:
         """Build the link models and faults of a run."""
         names = tuple(name for name, _, _ in self.roster())
-        return Links(self.network, self.faults, RunFacts(names, self.duration, self.seed))
+        seeds = Seeds(self.seed, [(each.at, each.seed) for each in self.reseed])
+        return Links(self.network, self.faults, RunFacts(names, self.duration, seeds))
 
     @property
     def static(self) -> tuple[Static, ...]:

@@ -5,7 +5,7 @@ draw.
 """
 
 import hashlib
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterable
 from functools import lru_cache
 from typing import Protocol
 
@@ -27,10 +27,15 @@ class Condition(Hashable, Protocol):
 class Draws:
     """An endless table of uniform draws in [0, 1): row `index` holds `width` of them."""
 
-    def __init__(self, seed: int, *purpose: str, width: int = 1) -> None:
-        """Name the table by seed and purpose, for example (0, "jitter", "agent-1")."""
-        name = "\x1f".join([str(seed), *purpose]).encode()
-        self._key = int.from_bytes(hashlib.blake2b(name, digest_size=16).digest(), "little")
+    def __init__(
+        self, seed: int, *purpose: str, width: int = 1, later: Iterable[tuple[int, int]] = ()
+    ) -> None:
+        """Name the table by seed and purpose, for example (0, "jitter", "agent-1").
+
+        later: rows, increasing, from which on the table is that of another seed.
+        """
+        self._keys = [(first, _key(given, purpose)) for first, given in ((0, seed), *later)]
+        """First rows, each with the key of the generator from there on."""
         self._width = width
         self._drawn: tuple[int, Array] = -1, np.empty((0, width))
         """Number and rows of the block that was generated last."""
@@ -60,13 +65,24 @@ class Draws:
     def _rows(self, block: int) -> Array:
         drawn, rows = self._drawn
         if drawn != block:
-            # The block number is the counter's high word, so blocks never overlap.
-            generator = Generator(Philox(key=self._key, counter=block << 192))
-            rows = generator.random((_BLOCK, self._width))
+            rows = self._generated(block, self._keys[0][1])
+            for first, key in self._keys[1:]:
+                begin = max(first - block * _BLOCK, 0)
+                rows[begin:] = self._generated(block, key)[begin:]
             self._drawn = block, rows
         return rows
+
+    def _generated(self, block: int, key: int) -> Array:
+        # The block number is the counter's high word, so blocks never overlap.
+        generator = Generator(Philox(key=key, counter=block << 192))
+        return generator.random((_BLOCK, self._width))
 
     def _latest_in(self, block: int, holds: Condition) -> list[int]:
         """Return for each row of a block the last row up to it that meets a condition, or -1."""
         rows = np.where(holds(self._rows(block)), np.arange(_BLOCK), -1)
         return [int(row) for row in np.maximum.accumulate(rows)]
+
+
+def _key(seed: int, purpose: tuple[str, ...]) -> int:
+    name = "\x1f".join([str(seed), *purpose]).encode()
+    return int.from_bytes(hashlib.blake2b(name, digest_size=16).digest(), "little")

@@ -17,6 +17,7 @@ from phalanx.scenario.model import Scenario, Time
 from phalanx.scenario.safety import Safety
 from phalanx.seeded.clock import SamplingClock
 from phalanx.seeded.draws import Draws
+from phalanx.seeded.seeds import Seeds
 from phalanx.swarm.goals import AgentGoal, Output, motion_function, reference_of
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import added, dot
@@ -61,6 +62,11 @@ class Swarm:
     @property
     def seed(self) -> int:
         return self.scenario.seed
+
+    @property
+    def seeds(self) -> Seeds:
+        """The seed in force at each time."""
+        return self.links.seeds
 
     @property
     def members(self) -> tuple[Member, ...]:
@@ -187,7 +193,7 @@ class Swarm:
     def clock(self, i: int) -> SamplingClock:
         """Return agent i's perturbed sampling clock."""
         clock = self.groups[i].clock
-        return SamplingClock(self.seed, self.names[i], clock.period, clock.jitter)
+        return SamplingClock(self.seeds, self.names[i], clock.period, clock.jitter)
 
     def horizon(self, i: int) -> float:
         """Return τ = Γ_i + δ_i^max + latency [s], the longest time from agent i's sample to the end

@@ -56,6 +56,12 @@ VARIANTS = {
     "one controller": {"safety.control": "centralised"},
     "one row for each pair": {"safety.composition": "pairs", "safety.information": "split"},
     "agents that come and go": {"safety.neighbourhood": 4.7, "agents.1.sensing": 7.6},
+    "another seed on the way": {
+        "network.loss": {"mean": 0.3, "burst": 3.0},
+        "network.sample.loss": 0.2,
+        "faults": [{"kind": "lie", "agent": "2", "at": 0.4, "for": 0.9, "equivocate": True}],
+        "reseed": [{"at": 0.7, "seed": 17}, {"at": 1.1, "seed": 3}],
+    },
     "adverse disturbances": {"agents.0.disturbance.kind": "adverse"},
 }
 

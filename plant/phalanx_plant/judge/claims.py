@@ -35,7 +35,7 @@ class Claims:
         self.truthful = Assumption("truthful broadcasts", note=_NOTE)
         self.faults: Counter[int] = Counter()
         """Messages and agents on which each declared fault had an effect."""
-        self._names = swarm.names
+        self._names, self._latency = swarm.names, swarm.time.latency
         self._lies = [swarm.links.lies(name) for name in swarm.names]
         self._truth = [_Inputs(len(m.dynamics.inputs)) for m in swarm.members]
         self._early: defaultdict[tuple[int, int], list[tuple[int, Claim, float]]]
@@ -70,7 +70,9 @@ class Claims:
         self._false[self._names[i]] += 1
         counts = ", ".join(f"{count} by {name}" for name, count in self._false.items())
         self.truthful.note = f"{_NOTE}; false were {counts}"
-        lies = self._lies[i].claim(self._names[receiver], k, truth, self._before(i, k)).lies
+        sampled = truth.t_apply - self._latency
+        liar, past = self._lies[i], self._before(i, k)
+        lies = liar.claim(self._names[receiver], k, truth, past, sampled).lies
         self.faults.update(lies)
         return Finding(True, lies)
 

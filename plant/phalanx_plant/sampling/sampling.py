@@ -53,7 +53,7 @@ class Sampling:
         self.schedule = Schedule(self._clocks, latency, self._links)
         self.sensing = Sensing(swarm)
         states = {member.name: member.dynamics.states for member in swarm.members}
-        self._sensors = Sensors(states, swarm.seed, occurrences)
+        self._sensors = Sensors(states, swarm.seeds, occurrences)
         self._commanded = FaultState(swarm.names)
         self._states = StateCodec(swarm)
         self._contacts = Contacts(len(swarm.members), latency)

@@ -20,21 +20,26 @@ class OnboardLinks:
         self._actuators = _links(swarm, "actuation")
         self._end = swarm.scenario.duration
 
-    def brings_sample(self, i: int, tick: int, t: float) -> bool:
+    def brings_sample(self, i: int, tick: int, t: float, now: float = 0.0) -> bool:
         """Return whether agent i's sample at this tick of its clock, at t [s], arrives.
+
+        now: when this is decided [s].
 
         A delayed sample is lost: it is used when it is taken, or not at all. After the end of the
         run nothing is lost.
         """
-        return t >= self._end or self._decided(self._sensors[i], tick, t).delay == 0.0
+        return t >= self._end or self._decided(self._sensors[i], tick, t, now).delay == 0.0
 
-    def input_delay(self, i: int, k: int, t: float) -> float | None:
-        """Delay after t [s] of the input for agent i's sample k; None if it is lost."""
-        return self._decided(self._actuators[i], k, t).delay
+    def input_delay(self, i: int, k: int, t: float, now: float = 0.0) -> float | None:
+        """Delay after t [s] of the input for agent i's sample k; None if it is lost.
 
-    def _decided(self, link: Link, number: int, t: float) -> Delivery:
+        now: when this is decided [s].
+        """
+        return self._decided(self._actuators[i], k, t, now).delay
+
+    def _decided(self, link: Link, number: int, t: float, now: float) -> Delivery:
         try:
-            delivery = link.fate(number, t, 0.0)
+            delivery = link.fate(number, t, 0.0, now)
         except RuleError as error:
             raise SwarmBrokenError(f"a robot's own link: {error}") from error
         for fault in delivery.faults:
@@ -43,15 +48,15 @@ class OnboardLinks:
 
 
 def _links(swarm: Swarm, kind: Kind) -> list[Link]:
-    seed, models = swarm.seed, swarm.links
-    return [Link(seed, name, name, models.model(name, name, kind), kind) for name in swarm.names]
+    seeds, models = swarm.seeds, swarm.links
+    return [Link(seeds, name, name, models.model(name, name, kind), kind) for name in swarm.names]
 
 
 class Clock(Protocol):
     """An agent's sampling clock."""
 
-    def after(self, k: int, t: float) -> float:
-        """Time of the tick after tick k, which was at t [s]."""
+    def after(self, k: int, t: float, now: float) -> float:
+        """Time of the tick after tick k, which was at t [s]; decided now [s]."""
 
 
 class Schedule:
@@ -66,6 +71,8 @@ class Schedule:
             links: lose samples, and delay or lose inputs.
         """
         self._clocks, self._latency, self._links = clocks, latency, links
+        self._now = 0.0
+        """Time of the last sample [s], at which what comes next is decided."""
         self._k = [0 for _ in clocks]
         self._tick = [0 for _ in clocks]
         """Number of each clock's next tick at which no sample is lost."""
@@ -99,11 +106,11 @@ class Schedule:
 
     def sampled(self, i: int, t: float) -> int:
         """Record that agent i samples at t [s], and return the sample's number."""
-        k = self._k[i]
+        k, self._now = self._k[i], t
         self._k[i] = k + 1
         self.skip_tick(i)
         due = t + self._latency
-        late = self._links.input_delay(i, k, due)
+        late = self._links.input_delay(i, k, due, t)
         if late is None or (late and due + late >= self._next_sample[i]):
             # By then there is a newer sample: an input that late is never applied.
             self._lost.add(i)
@@ -132,11 +139,13 @@ class Schedule:
 
     def _tick_on(self, i: int) -> None:
         # The clock continues from its tick, not from when the plant reached it.
-        self._next_sample[i] = self._clocks[i].after(self._tick[i], self._next_sample[i])
+        tick, t = self._tick[i], self._next_sample[i]
+        self._next_sample[i] = self._clocks[i].after(tick, t, self._now)
         self._tick[i] += 1
 
     def _skip_lost(self, i: int) -> None:
-        while not self._links.brings_sample(i, self._tick[i], self._next_sample[i]):
+        brings = self._links.brings_sample
+        while not brings(i, self._tick[i], self._next_sample[i], self._now):
             self._tick_on(i)
 
     def silence(self, i: int) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 
 from phalanx.arrays import Array
 from phalanx.scenario.agents import Disturbance
-from phalanx.seeded.draws import Draws
+from phalanx.seeded.seeds import Seeds, Tables
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.expressions.exact import length
 
@@ -34,19 +34,21 @@ class RandomDisturbance:
     the lines between knots stay inside.
     """
 
-    def __init__(self, seed: int, agent: str, model: Disturbance, n: int) -> None:
+    def __init__(self, seeds: Seeds | int, agent: str, model: Disturbance, n: int) -> None:
         """Draw φ_i for a state of n components."""
-        self._draws = Draws(seed, "disturbance", agent, width=n)
+        self._tables = Tables(seeds, "disturbance", agent, width=n)
         self._half_width = model.bound / math.sqrt(n)
         self._every = model.every
 
     def line(self, t: float, _x: Array | None = None) -> Line:
         """Return the line that holds from t [s] on."""
         knot = _last_knot(t, self._every)
+        # The knot ahead is decided at the one before it, which keeps φ continuous.
+        self._tables.decide(knot + 1, knot * self._every)
         return _between(knot, self._every, self._knot(knot), self._knot(knot + 1))
 
     def _knot(self, index: int) -> Array:
-        value: Array = self._half_width * (2.0 * self._draws[index] - 1.0)
+        value: Array = self._half_width * (2.0 * self._tables()[index] - 1.0)
         return value
 
 
@@ -122,7 +124,7 @@ class SwarmDisturbance:
                 self._each.append(AdverseDisturbance(gradient, part, model))
             else:
                 name, states = swarm.names[i], part.stop - part.start
-                self._each.append(RandomDisturbance(swarm.seed, name, model, states))
+                self._each.append(RandomDisturbance(swarm.seeds, name, model, states))
 
     def line(self, t: float, x: Array) -> Line:
         """Return the stack's line from t [s], in state x there, to the first knot of any agent."""

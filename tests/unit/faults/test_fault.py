@@ -5,7 +5,7 @@ import pytest
 
 from phalanx.faults.fault import Occurrence, random_times
 from phalanx.scenario.load import load
-from phalanx.seeded.draws import Draws
+from phalanx.seeded.seeds import Tables
 
 NAMES = ("1", "2", "3")
 
@@ -17,7 +17,7 @@ def occurrences(seed: int = 0, **fault: object) -> tuple[Occurrence, ...]:
 
 def test_random_times_have_the_given_rate_and_hit_all_agents_equally():
     rate, duration = 5.0, 400.0
-    found = list(random_times(rate, NAMES, duration, Draws(1, "fault", "0", width=2)))
+    found = list(random_times(rate, NAMES, duration, Tables(1, "fault", "0", width=2)))
     times = np.array([t for t, _ in found])
     expected = rate * duration
     assert len(found) == pytest.approx(expected, abs=4.0 * np.sqrt(expected))
@@ -30,7 +30,7 @@ def test_random_times_have_the_given_rate_and_hit_all_agents_equally():
 
 
 def test_a_longer_run_begins_with_the_same_occurrences():
-    draws = Draws(1, "fault", "0", width=2)
+    draws = Tables(1, "fault", "0", width=2)
     short, longer = (list(random_times(3.0, NAMES, duration, draws)) for duration in (4.0, 9.0))
     assert 0 < len(short) < len(longer)
     assert longer[: len(short)] == short

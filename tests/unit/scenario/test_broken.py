@@ -79,6 +79,14 @@ BROKEN: Mapping[str, tuple[Edit, list[str]]] = {
         replace("duration = 24.0", "duration = 24.0\nseed = -3"),
         ["seed: expected greater than or equal to 0", "got -3"],
     ),
+    "a seed that replaces another after the end": (
+        under("duration = 24.0", "reseed = [{ at = 24.0, seed = 1 }]"),
+        ["reseed.0.at: expected more than 0 s, and less than the run's duration", "got 24.0"],
+    ),
+    "seeds that replace one another in the wrong order": (
+        under("duration = 24.0", "reseed = [{ at = 2.0, seed = 1 }, { at = 2.0, seed = 2 }]"),
+        ["reseed.1.at: expected more than 2 s", "got 2.0"],
+    ),
     "misspelt table": (
         replace("[formation]", "[formatoin]"),
         ["formatoin: unknown field (misspelt?)"],
