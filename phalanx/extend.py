@@ -11,7 +11,9 @@ Names that are not in this module may change at any time.
 
 from phalanx.arrays import Array
 from phalanx.baselines.barrier import BarrierQP
+from phalanx.baselines.cbfpy import CbfPy
 from phalanx.baselines.escape import Escape
+from phalanx.baselines.lyapunov import LyapunovBarrierQP
 from phalanx.baselines.nominal import Nominal
 from phalanx.baselines.orca import Orca
 from phalanx.cli.terminal import echo, echo_error
@@ -140,6 +142,8 @@ __all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
     "least_violation",
     "Nominal",
     "BarrierQP",
+    "LyapunovBarrierQP",
+    "CbfPy",
     "Escape",
     "Orca",
     # Link rules

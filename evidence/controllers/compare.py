@@ -1,13 +1,14 @@
 """Compare controllers on the same scenarios, seeds, network and nominal law.
 
-    pip install -e '.[bench]' pyrvo
-    python evidence/controllers/compare.py --seeds 20 --only unicycles --duration 16
+    pip install -e '.[orca,cbfpy]'
+    python evidence/controllers/compare.py --seeds 20
 
 Every result is a file under build/controllers, written as soon as it is there; what is there is not
 run again. Delete the folder after a change that moves trajectories. The tables go to the terminal.
 """
 
 import argparse
+import itertools
 import statistics
 from collections import Counter
 from pathlib import Path
@@ -17,34 +18,31 @@ import msgspec
 import numpy as np
 
 import phalanx
-from phalanx.arrays import Array
 from phalanx.guarantee.verdict import Outcome
-from phalanx.swarm.swarm import build_swarm
 
 KEPT = Path("build/controllers")
-CONTROLLERS: dict[str, dict[str, Any]] = {
-    "the paper's filter": {},
-    "Shield": {"agents.0.controller.type": "shield:Shield"},
-    "cbf-qp": {"agents.0.controller.type": "cbf-qp"},
-    "cbfpy": {"agents.0.controller.type": "cbfpy_filter:CbfPy"},
-    "orca": {"agents.0.controller.type": "orca"},
-    "escape": {"agents.0.controller.type": "escape"},
-    "none": {"agents.0.controller.type": "none"},
+OURS = "the paper's filter"
+CONTROLLERS: dict[str, dict[str, Any]] = {OURS: {}} | {
+    name.partition(":")[2] or name: {"agents.0.controller.type": name}
+    for name in ("shield:Shield", "cbf-qp", "clf-cbf", "cbfpy", "orca", "escape", "none")
 }
 BAD = {"network.loss": 0.2, "network.delay": {"low": 0.0, "high": 0.05}}
 SCENARIOS: dict[str, dict[str, Any]] = {
-    "unicycles": BAD,
-    "formation3d": BAD,
-    "swarm2d": {},
+    "unicycles": {**BAD, "duration": 16.0},
+    "formation3d": {**BAD, "duration": 40.0},
+    "swarm2d": {"duration": 10.0},
     "faults/turn": BAD,
 }
-"""With the network's faults, where the scenario has none."""
-_UNFIT = ("needs a planar agent", "is for integrators and unicycles")
+"""With the network's faults, where the scenario has none, and the first part of long ones [s]."""
+_UNFIT = ("orca needs", "cbfpy is for")
 """In the errors of controllers that cannot serve a scenario's agents."""
-_COMPILING = {"time.timeout": 120.0}
-"""JAX takes its time to compile [s]."""
-_EVERY = 0.1
-"""Time between two states of which the distance to the goal counts [s]."""
+METRICS = {
+    "input_deviation_mean": "‖u − u_nom‖",
+    "tracking_error_mean": "from the goal [m]",
+    "least_distance": "least distance [m]",
+    "deadlock_time": "deadlock [s]",
+}
+"""Of Run.metrics, the swarm's, by title."""
 
 
 class Result(msgspec.Struct):
@@ -55,38 +53,44 @@ class Result(msgspec.Struct):
     """Share of the normal agents' inputs that were certified until the next sample."""
     worst: float
     """Largest h_tot."""
-    changed: float
-    """Mean ‖u − u_nom‖ of normal agents, with u_nom as the law wants it, also outside U_i."""
-    goal: float
-    """Mean distance of normal agents from their goals [m]."""
-    solve: float
-    """Median wall time of a normal agent's step [s]."""
+    step: float
+    """Median wall time of an agent's step [s]."""
+    metrics: dict[str, float | None]
+    """Of the swarm, in the order of METRICS."""
 
 
 def main() -> None:
-    """Run what is missing, and print a table for each scenario."""
+    """Run what is missing, seed by seed, and print a table for each scenario."""
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     arguments.add_argument("--seeds", type=int, default=20, help="seeds 0 to SEEDS - 1")
     arguments.add_argument("--only", choices=SCENARIOS, action="append", help="of the scenarios")
-    arguments.add_argument("--duration", type=float, help="[s], instead of the scenario's")
+    arguments.add_argument("--whole", action="store_true", help="whole runs")
     options = arguments.parse_args()
-    for name in options.only or SCENARIOS:
-        duration = {} if options.duration is None else {"duration": options.duration}
-        results = {
-            title: [of_run(name, title, seed, duration) for seed in range(options.seeds)]
-            for title in CONTROLLERS
-        }
-        print(table(name, results, options.seeds), flush=True)
+    names = options.only or list(SCENARIOS)
+    found = {
+        (seed, name, title): of_run(seed, name, title, options.whole)
+        for seed, name, title in itertools.product(range(options.seeds), names, CONTROLLERS)
+    }
+    for name in names:
+        print(f"{name}, {options.seeds} seeds\n\n{_HEAD}")
+        for title in CONTROLLERS:
+            print(row(title, [found[seed, name, title] for seed in range(options.seeds)]))
+        print(flush=True)
 
 
-def of_run(name: str, title: str, seed: int, duration: dict[str, float]) -> Result | None:
+def settings(name: str, title: str, whole: bool = False) -> dict[str, Any]:
+    """Return the overrides of a scenario and a controller; whole: for its own duration."""
+    overrides = {**SCENARIOS[name], **CONTROLLERS[title]}
+    return {k: v for k, v in overrides.items() if not (whole and k == "duration")}
+
+
+def of_run(seed: int, name: str, title: str, whole: bool) -> Result | None:
     """Return the kept result of a run, or that of a new one; None if the controller cannot run."""
-    words = [name.replace("/", "-"), *title.replace(",", "").split(), *map(str, duration.values())]
-    path = KEPT / f"{'-'.join(words)}-{seed}.json"
+    words = [name.replace("/", "-"), *title.split(), *["whole"] * whole, str(seed)]
+    path = KEPT / f"{'-'.join(words)}.json"
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
-        overrides = {**SCENARIOS[name], **CONTROLLERS[title], **_COMPILING, **duration}
-        path.write_bytes(msgspec.json.encode(measured(name, overrides, seed)))
+        path.write_bytes(msgspec.json.encode(measured(name, settings(name, title, whole), seed)))
     return msgspec.json.decode(path.read_bytes(), type=Result | None)
 
 
@@ -100,66 +104,47 @@ def measured(name: str, overrides: dict[str, Any], seed: int) -> Result | None:
         raise
     summary = run.summary
     assert summary is not None
-    swarm = build_swarm(run.scenario)
-    names = [swarm.names[i] for i in swarm.normal]
-    inputs = run.inputs.filter(run.inputs["agent"].is_in(names))
-    columns = [c.partition(".")[2] for c in inputs.columns if c.startswith("u.")]
-    u, wanted = (inputs[[f"{k}.{c}" for c in columns]].to_numpy() for k in ("u", "nominal"))
-    found = summary.certificates
+    table = run.metrics
+    swarm = table.filter(table["role"] == "swarm")
+    certificates = summary.certificates
+    inputs = run.inputs
     return Result(
         summary.outcome,
-        found.certified / max(1, found.samples),
+        certificates.certified / max(1, certificates.samples),
         summary.worst_h_tot,
-        float(np.nanmean(np.sqrt(np.nansum((u - wanted) ** 2, axis=1)))),
-        distance_to_goal(run, swarm),
-        float(np.median(inputs["solve_time"].to_numpy())),
+        float(np.median(inputs.filter(inputs["origin"] != "attack")["solve_time"].to_numpy())),
+        swarm.select(list(METRICS)).to_dicts()[0],
     )
 
 
-def distance_to_goal(run: phalanx.Run, swarm: Any) -> float:
-    """Return the mean distance of normal agents from their goals [m]."""
-    goals = {i: swarm.goal(i) for i in swarm.normal}
-    found, due = list[float](), 0.0
-    for state in run.recording.states:
-        if state.t < due:
-            continue
-        due = state.t + _EVERY
-        x: Array = np.array(state.x)
-        points = swarm.positions(x)
-        states = {l: x[part] for l, part in enumerate(swarm.safe_set.parts)}
-        found += [
-            float(np.linalg.norm(points[i] - goal(state.t, states).position))
-            for i, goal in goals.items()
-        ]
-    return statistics.mean(found)
+_HEAD = (
+    "| controller | guaranteed | safe | violated | certified | largest h_tot | "
+    f"{' | '.join(METRICS.values())} | step [ms] |\n|{'---|' * (7 + len(METRICS))}"
+)
 
 
-def table(name: str, results: dict[str, list[Result | None]], seeds: int) -> str:
-    """Return the table of a scenario."""
-    rows = [
-        f"{name}, {seeds} seeds",
-        "",
-        "| controller | guaranteed | safe | violated | certified | largest h_tot | "
-        "‖u − u_nom‖ | from the goal [m] | step [ms] |",
-        "|---|---|---|---|---|---|---|---|---|",
+def row(title: str, found: list[Result | None]) -> str:
+    """Return a controller's row: sums of the verdicts, the largest h_tot, means, least distance."""
+    some = [result for result in found if result is not None]
+    if len(some) < len(found):
+        return f"| {title} | does not fit |{' |' * (5 + len(METRICS))}"
+    counts = Counter(result.outcome for result in some)
+    share = statistics.mean(r.certified for r in some)
+    cells = [
+        *(str(counts[o]) for o in (Outcome.GUARANTEED, Outcome.SAFE, Outcome.VIOLATED)),
+        f"{share:.2%}",
+        f"{max(r.worst for r in some):.3g}",
+        *(_metric(name, [r.metrics[name] for r in some]) for name in METRICS),
+        f"{1e3 * statistics.median(r.step for r in some):.2f}",
     ]
-    for title, each in results.items():
-        if None in each:
-            rows.append(f"| {title} | does not fit |  |  |  |  |  |  |  |")
-            continue
-        some = [result for result in each if result is not None]
-        counts = Counter(result.outcome for result in some)
-        share = statistics.mean(r.certified for r in some)
-        cells = [
-            *(str(counts[o]) for o in (Outcome.GUARANTEED, Outcome.SAFE, Outcome.VIOLATED)),
-            f"{share:.2%}",
-            f"{max(r.worst for r in some):.3g}",
-            f"{statistics.mean(r.changed for r in some):.2f}",
-            f"{statistics.mean(r.goal for r in some):.2f}",
-            f"{1e3 * statistics.median(r.solve for r in some):.2f}",
-        ]
-        rows.append(f"| {title} | {' | '.join(cells)} |")
-    return "\n".join([*rows, ""])
+    return f"| {title} | {' | '.join(cells)} |"
+
+
+def _metric(name: str, values: list[float | None]) -> str:
+    known = [value for value in values if value is not None]
+    if not known:
+        return "–"
+    return f"{min(known) if name.startswith('least') else statistics.mean(known):.2f}"
 
 
 if __name__ == "__main__":

@@ -26,9 +26,13 @@ class BarrierQP:
 
     def input(self, view: ControllerView) -> Array:
         """Return the QP's input; without one, that of the least worst violation."""
-        pairs = view.pairs
-        shared = np.array([other in view.normal for other in pairs.others], dtype=np.bool_)
-        rest = np.where(shared, 0.5 * pairs.unforced, pairs.unforced + pairs.most)
-        rows = Rows(pairs.a, -rest)
+        rows = barrier_rows(view)
         u = self._qp.solve(view.u_nom, view.inputs, rows)
         return least_violation(view.inputs, rows) if u is None else u
+
+
+def barrier_rows(view: ControllerView) -> Rows:
+    """Return a row for each pair in sight, with η = 0."""
+    pairs = view.pairs
+    shared = np.array([other in view.normal for other in pairs.others], dtype=np.bool_)
+    return Rows(pairs.a, -np.where(shared, 0.5 * pairs.unforced, pairs.unforced + pairs.most))

@@ -37,7 +37,7 @@ class Orca:
         try:
             self._rvo = import_module("pyrvo")
         except ImportError as error:
-            raise ValueError("orca needs the library pyrvo: pip install pyrvo") from error
+            raise ValueError("orca is not here: pip install 'phalanx-swarm[orca]'") from error
         dynamics = agent.dynamics
         x = ca.SX.sym("x", len(dynamics.states))
         slope = ca.jacobian(dynamics.position(x), x)

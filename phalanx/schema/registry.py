@@ -11,7 +11,9 @@ from typing import Any
 import pydantic
 
 from phalanx.baselines.barrier import BarrierQP
+from phalanx.baselines.cbfpy import CbfPy
 from phalanx.baselines.escape import Escape
+from phalanx.baselines.lyapunov import LyapunovBarrierQP
 from phalanx.baselines.nominal import Nominal
 from phalanx.baselines.orca import Orca
 from phalanx.schema.user_code import import_named
@@ -76,6 +78,8 @@ BUILT_IN: Mapping[type, Mapping[str, type]] = {
     Controller: {
         "none": Nominal,
         "cbf-qp": BarrierQP,
+        "clf-cbf": LyapunovBarrierQP,
+        "cbfpy": CbfPy,
         "escape": Escape,
         "orca": Orca,
     },

@@ -22,7 +22,7 @@ NAMES = """
     Law TeamLaw View Goal Member Track TrackVelocity Chase Pursue WorstCase
     Reference Sight Motion FixedPoint Waypoints PathAtSpeed Follow
     Controller ControllerView ControlledAgent Received PairTerms Polytope Rows NearestInput
-    least_violation Nominal BarrierQP Escape Orca
+    least_violation Nominal BarrierQP LyapunovBarrierQP CbfPy Escape Orca
     Rule Message Treatment Copy DELIVER DROP DUPLICATE CORRUPT delay
     CompiledFunction dot length added portable_value
     Array echo echo_error

@@ -1,5 +1,6 @@
 """Controllers in place of the paper's filter: what they see, and what their mistakes say."""
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -248,10 +249,34 @@ def test_a_check_names_the_agents_that_decide_by_themselves():
     assert any("decides for 1, 2, 3" in gap for gap in found.gaps)
 
 
-@pytest.mark.parametrize("name", ["none", "cbf-qp", "escape"])
+@pytest.mark.parametrize("name", ["none", "cbf-qp", "clf-cbf", "escape"])
 @pytest.mark.parametrize("scenario", ["unicycles", "formation3d", "swarm2d", "faults/loss"])
 def test_every_baseline_runs_on(scenario, name):
     assert run(name, scenario, duration=0.2).summary.outcome != "broken"
+
+
+@pytest.mark.parametrize("name", ["orca", "cbfpy"])
+def test_a_baseline_by_a_library_runs_if_the_library_is_here(name):
+    pytest.importorskip({"orca": "pyrvo"}.get(name, name))
+    found = run(name, "unicycles", duration=0.2)
+    assert found.summary.outcome == "guaranteed"
+    assert found.metrics["input_deviation_mean"][0] > 0.0
+
+
+@pytest.mark.parametrize(("name", "library"), [("orca", "pyrvo"), ("cbfpy", "cbfpy")])
+def test_a_baseline_whose_library_is_not_here_names_the_extra(name, library, monkeypatch):
+    monkeypatch.setitem(sys.modules, library, None)
+    monkeypatch.delitem(sys.modules, "phalanx.baselines.cbfpy_pairs", raising=False)
+    with pytest.raises(ScenarioError, match=rf"controller of 1: .*'phalanx-swarm\[{name}\]'$"):
+        run(name, "unicycles")
+
+
+@pytest.mark.parametrize("scenario", ["unicycles", "formation3d"])
+def test_the_lyapunov_function_takes_agents_to_their_goals(scenario):
+    found = run("clf-cbf", scenario, duration=3.0)
+    far = run("escape", scenario, duration=3.0)
+    error = [each.metrics["tracking_error_final"][-1] for each in (found, far)]
+    assert error[0] < 0.5 * error[1]
 
 
 def test_the_page_has_the_example_that_was_compared():
