@@ -65,6 +65,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.identities": WIRE,
     "phalanx.recording": RECORDING,
     "phalanx.metrics": METRICS,
+    "phalanx.statistics": rooms("seeded"),
     # The in-process engine is where agents and plant are put together without a wire.
     "phalanx.launcher": LAUNCHER | PLANT | rooms("agent plant"),
     "phalanx.cli": LAUNCHER | {"phalanx"},

@@ -1,0 +1,59 @@
+"""Statements about a whole distribution, whatever its kind, from independent values of it."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import bdtr
+
+from phalanx.arrays import Array
+from phalanx.statistics.rates import LEVEL
+
+
+class Band(NamedTuple):
+    """A distribution function at the values seen, with bounds that hold everywhere at once.
+
+    Between two values each curve is constant; arrays of shape (n,).
+    """
+
+    values: Array
+    """In ascending order."""
+    share: Array
+    """Of the values at or below each."""
+    low: Array
+    high: Array
+
+
+def dkw_band(values: ArrayLike, level: float = LEVEL) -> Band:
+    """Return the band of Dvoretzky, Kiefer and Wolfowitz around the empirical distribution.
+
+    Half its height is sqrt(ln(2 / α) / 2n), with the constant of Massart (Annals of Probability
+    18, 1990). Below the first value `low` is 0, and `high` is half the height.
+    """
+    x = np.sort(np.asarray(values, dtype=float))
+    n = max(len(x), 1)
+    share = np.searchsorted(x, x, side="right") / n
+    half = math.sqrt(math.log(2.0 / (1.0 - level)) / (2.0 * n))
+    return Band(x, share, np.maximum(share - half, 0.0), np.minimum(share + half, 1.0))
+
+
+def tolerance_bound(values: ArrayLike, share: float, level: float = LEVEL) -> float:
+    """Return a bound that at least this share of the distribution does not exceed.
+
+    It is the least order statistic that does so with this confidence (Wilks, Annals of
+    Mathematical Statistics 12, 1941); infinite if there are fewer values than `tolerance_runs`.
+    """
+    x = np.sort(np.asarray(values, dtype=float))
+    confident = np.flatnonzero(bdtr(np.arange(len(x)), len(x), share) >= level)
+    return float(x[confident[0]]) if len(confident) else math.inf
+
+
+def tolerance_runs(share: float, level: float = LEVEL) -> int:
+    """Return the least number of values whose largest is a tolerance bound: 1 - share^n >= level.
+
+    Raises ValueError unless both lie between 0 and 1.
+    """
+    if not (0.0 < share < 1.0 and 0.0 < level < 1.0):
+        raise ValueError("share, level: expected numbers between 0 and 1")
+    return math.ceil(math.log1p(-level) / math.log(share))
