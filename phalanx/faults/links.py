@@ -56,6 +56,10 @@ class Partition(TimedFault):
         if len(self._complete(tuple(agents))) < 2 and not self.shape:
             raise field_error(place, "expected two groups, or an agent in no group", self.groups)
 
+    @property
+    def drawn_ahead(self) -> bool:
+        return self.shape is not None
+
     def on_links(self, run: RunFacts, place: int) -> LinkRules:
         """Cut the links between the groups."""
         if self.shape:

@@ -90,7 +90,7 @@ class PlantRun:
         self,
         rows: SafetyRows,
         agents: ReportingAgents,
-        recording: RecordingWriter,
+        recording: RecordingWriter | None,
         commands: CommandQueue,
         clock: ClockFactory,
         audience: FrameAudience | None = None,
@@ -100,7 +100,7 @@ class PlantRun:
         Args:
             rows: of the scenario.
             agents: of the run, as its clock uses them.
-            recording: of the run.
+            recording: of the run; None: it is not recorded.
             commands: of the run.
             clock: makes its clock.
             audience: receives frames.
@@ -117,9 +117,10 @@ class PlantRun:
         self._publisher = Publisher(
             self._world, self._judge, commands, agents.publish_status, audience
         )
-        recorder = Recorder(swarm, recording)
         # They receive each judged event in this order.
-        observers = (self._trajectory.add, self._publisher.see, recorder.record)
+        observers = [self._trajectory.add, self._publisher.see]
+        if recording is not None:
+            observers.append(Recorder(swarm, recording).record)
         events = EventQueue(self._judge, observers, self._publisher.idle)
         self._clock = clock(self._world, self._sampling, agents, events, commands)
 
@@ -129,7 +130,8 @@ class PlantRun:
         stopwatch.time(self._judge.evaluation, "of", "truth")
         for call in ("prepare", "judge"):
             stopwatch.time(self._judge, call, "judge")
-        stopwatch.time(self._recording, "write", "record")
+        if self._recording is not None:
+            stopwatch.time(self._recording, "write", "record")
         stopwatch.time(self._publisher, "show", "show")
         stopwatch.time(self._commands, "wait_until", "wait")
 

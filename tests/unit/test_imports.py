@@ -81,6 +81,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     # Extensions: each may import the core, and what it says; the core imports none of them.
     "phalanx.curves": CURVES,
     "phalanx.report": COMMANDED | CURVES,
+    "phalanx.branches": COMMANDED | CURVES | rooms("report statistics"),
     "phalanx.hosts": COMMANDED,
     "phalanx.certify": COMMANDED | rooms("certify.checker"),
     # Shares what docs/certificate.md lists; records are handed to it.
@@ -96,6 +97,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
 EXTENSIONS = {
     "phalanx.curves",
     "phalanx.report",
+    "phalanx.branches",
     "phalanx.hosts",
     "phalanx.certify",
     "phalanx_viewer",

@@ -1,0 +1,1 @@
+"""Branches of a run, which say from when on a violation was inevitable (phalanx branch)."""

@@ -1,0 +1,39 @@
+"""Draw which share of the branches violates, over the time at which they left the run."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from phalanx.branches.inevitable import BranchesAt, landmarks
+from phalanx.guarantee.verdict import Summary
+from phalanx.report.style import NORMAL, PEAK, current, legend, panels
+
+_HEIGHT = 3.0
+"""[inch]"""
+
+
+def draw_branches(curve: Sequence[BranchesAt], summary: Summary | None) -> Figure:
+    """Draw shares with their intervals; with the run's loss of a certificate and violation."""
+    figure, (axes,) = panels(1, _HEIGHT)
+    t = [each.t for each in curve]
+    low, high = zip(*(each.interval for each in curve), strict=True)
+    axes.fill_between(t, low, high, color=NORMAL, alpha=0.2, linewidth=0, label="95 % interval")
+    shares = [each.share for each in curve]
+    axes.plot(t, shares, "o-", color=NORMAL, markersize=4, label="branches that violate")
+    for landmark, dashes in zip(landmarks(summary), ("-", "--"), strict=False):
+        axes.axvline(
+            landmark.t, color=PEAK, linestyle=dashes, linewidth=1.2, label=landmark.happens
+        )
+    axes.set_ylim(-0.03, 1.03)
+    axes.set_ylabel("share of branches")
+    axes.set_xlabel("time at which they leave the run [s]")
+    title = f"{len(curve[0].summaries)} branches at each time"
+    axes.set_title(title, loc="right", fontsize=current().title)
+    legend(axes)
+    return figure
+
+
+def save_picture(curve: Sequence[BranchesAt], summary: Summary | None, file: Path) -> None:
+    """Write the figure as PNG. Raises OSError."""
+    draw_branches(curve, summary).savefig(file, dpi=110)

@@ -1,0 +1,90 @@
+"""A run in this process without a recording, which branches on its way.
+
+A branch is a forked process that goes on with another seed. Its bits are those of a run of the
+scenario whose `reseed` says so.
+"""
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from phalanx_plant.clock.commands import CommandQueue
+from phalanx_plant.clock.lockstep import Lockstep
+from phalanx_plant.run import ENDINGS, PlantRun, ended_by
+
+from phalanx.arrays import Array
+from phalanx.faults.commands import Command, CommandPolicy
+from phalanx.guarantee.verdict import Summary
+from phalanx.launcher.engine import silent
+from phalanx.launcher.in_process_engine import DirectAgents
+from phalanx.scenario.model import Reseed, Scenario
+from phalanx.swarm.rows import SafetyRows
+from phalanx.swarm.runnable import compile_rows, require_runnable
+from phalanx.swarm.swarm import build_swarm
+from phalanx.swarm.watchdog import endless_loops
+
+
+class Trunk:
+    """A run between two instants, from which branches start; it is not recorded."""
+
+    def __init__(self, scenario: Scenario, commands: Sequence[Command] = ()) -> None:
+        """Begin at t = 0. Raises ScenarioError if it cannot be run."""
+        self._scenario, self._commands, self._began = scenario, commands, time.monotonic()
+        rows = require_runnable(build_swarm(scenario))
+        compile_rows(rows)
+        self._begin(rows)
+
+    def _begin(self, rows: SafetyRows) -> None:
+        swarm = self._swarm = rows.swarm
+        queue = CommandQueue(CommandPolicy(schedule=tuple(self._commands)), swarm.names)
+        agents = DirectAgents(rows, silent)
+        self._plant = PlantRun(rows, agents, None, queue, self._make_clock)
+        self._instants = self._clock.instants(self._scenario.duration)
+
+    def _make_clock(self, *parts: Any) -> Lockstep:
+        self._clock = Lockstep(*parts)
+        return self._clock
+
+    @property
+    def t(self) -> float:
+        """Virtual time reached [s]."""
+        return self._clock.world.t
+
+    @property
+    def x(self) -> Array:
+        """True stacked state, shape (n̄,)."""
+        return self._clock.world.x
+
+    def advance(self, t: float) -> None:
+        """Go on through all instants before t [s]. Raises one of ENDINGS if the run breaks."""
+        with endless_loops(self._scenario.time.timeout):
+            while self._clock.next_instant < min(t, self._scenario.duration):
+                next(self._instants)
+
+    def reseeded(self, t: float, seed: int) -> Summary:
+        """Go to the end with another seed from t [s] on; t is after the last instant.
+
+        It is for a forked process: this run is used up.
+        """
+        if any(fault.drawn_ahead for fault in self._scenario.faults):
+            # What is drawn before a run is drawn again by a run from its start alone.
+            later = (*self._scenario.reseed, Reseed(at=t, seed=seed))
+            again = self._scenario.model_copy(update={"reseed": later})
+            return Trunk(again, self._commands).finish()
+        self._swarm.seeds.change(t, seed)
+        return self.finish()
+
+    def close(self) -> None:
+        """End the run where it is."""
+        self._instants.close()
+
+    def finish(self) -> Summary:
+        """Go to the end, and judge the run."""
+        try:
+            with endless_loops(self._scenario.time.timeout):
+                for _ in self._instants:
+                    pass
+            end = self._plant.complete()
+        except ENDINGS as error:
+            end = ended_by(error)
+        return self._plant.summary(end, time.monotonic() - self._began, rejected={})
