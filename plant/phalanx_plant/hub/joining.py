@@ -1,7 +1,9 @@
 """Membership of a run: agents that have joined or left, and the assignment of free places."""
 
+import math
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping
 
 from phalanx.swarm.swarm import Swarm
@@ -34,6 +36,8 @@ class Joining:
         """Agents that were ordered to exit."""
         self._here: set[str] = set()
         """Agents whose liveliness token exists."""
+        self._arrived: Counter[str] = Counter()
+        """How many processes of each agent have come."""
         self._places = set(swarm.names)
         """Agents whose places may be assigned if they are free."""
         self._begun = False
@@ -69,9 +73,13 @@ class Joining:
         """Let another process take a dead agent's place."""
         self._places.add(name)
 
-    def vacant(self) -> tuple[str, ...]:
-        """Agents without a process that may be assigned one. Called in any thread."""
-        return tuple(n for n in self._names if n in self._places and n not in self._here)
+    def vacant(self) -> dict[str, int]:
+        """Agents without a process that may be assigned one, and how many each has had.
+
+        Called in any thread.
+        """
+        free = (n for n in self._names if n in self._places and n not in self._here)
+        return {name: self._arrived[name] for name in free}
 
     def take_changes(self) -> list[tuple[int, bool]]:
         """Return agents that were lost or came back since the last call: (i, is back)."""
@@ -84,6 +92,7 @@ class Joining:
         if name not in self._names:
             return None
         if found == self.digest:
+            self._arrived[name] += alive
             (self._here.add if alive else self._here.discard)(name)
         if name in self._joined and self._may_leave:
             self._changes += [(self._names.index(name), alive)] if found == self.digest else []
@@ -114,13 +123,14 @@ class Places:
     """Assigns free places to claimants, each to one at a time.
 
     A claimant that asks again receives the same place. One that does not join in time loses it to
-    the next, but keeps its certificate: it may still send as that agent, and as no other.
+    the next, but keeps its certificate: it may still send as that agent, and as no other. One that
+    joined and died has had its turn: the place goes to the next at once.
     """
 
     def __init__(
         self,
         programs: Mapping[str, Collection[str]],
-        vacant: Callable[[], Collection[str]],
+        vacant: Callable[[], Mapping[str, int]],
         digest: str,
         sign: Callable[[str, bytes], bytes],
         now: Callable[[], float] = time.monotonic,
@@ -129,15 +139,16 @@ class Places:
 
         Args:
             programs: by name, the agents that each program controls.
-            vacant: the agents without a process that may be assigned one.
+            vacant: the agents without a process that may be assigned one, and how many processes
+                each has had.
             digest: of the scenario; a claimant with another one is refused.
             sign: makes the certificate of a name for a public key; raises ValueError.
             now: the wall clock [s].
         """
         self._programs, self._vacant, self._digest = programs, vacant, digest
         self._sign, self._now = sign, now
-        self._assigned: dict[str, tuple[bytes, float]] = {}
-        """By name: the claimant's public key, and the time of the assignment [s]."""
+        self._assigned: dict[str, tuple[bytes, float, int]] = {}
+        """By name: the claimant's public key, the time [s], and how many processes came before."""
         self._lock = threading.Lock()
 
     def answer(self, request: PlaceRequest) -> Place:
@@ -145,19 +156,26 @@ class Places:
         if request.digest != self._digest:
             return Place(refusal="start it with the plant's --scenario, --seed and --set")
         with self._lock:
-            name = self._free(request.public_key)
+            vacant, now = self._vacant(), self._now()
+            name = self._free(request.public_key, vacant, now)
             if not name:
                 return Place()
             try:
                 certificate = self._sign(name, request.public_key)
             except ValueError as error:
                 return Place(refusal=str(error))
-            self._assigned[name] = request.public_key, self._now()
+            self._assigned[name] = request.public_key, now, self._arrivals(name, vacant)
         return Place(name=name, certificate=certificate)
 
-    def _free(self, public_key: bytes) -> str:
-        vacant, now = set(self._vacant()), self._now()
-        free = [name for name, own in self._programs.items() if vacant.issuperset(own)]
-        kept = {n: key for n, (key, since) in self._assigned.items() if now < since + _KEPT}
-        own = (name for name in free if kept.get(name) == public_key)
+    def _free(self, public_key: bytes, vacant: Mapping[str, int], now: float) -> str:
+        free = [name for name, own in self._programs.items() if vacant.keys() >= set(own)]
+        kept = {}
+        for name in free:
+            key, since, before = self._assigned.get(name, (b"", -math.inf, 0))
+            if now < since + _KEPT and self._arrivals(name, vacant) == before:
+                kept[name] = key
+        own = (name for name in kept if kept[name] == public_key)
         return next(own, next((name for name in free if name not in kept), ""))
+
+    def _arrivals(self, name: str, vacant: Mapping[str, int]) -> int:
+        return sum(vacant[agent] for agent in self._programs[name])

@@ -21,7 +21,7 @@ class Desk:
     """Places, whose clock and vacancies a test sets."""
 
     def __init__(self) -> None:
-        self.vacant, self.now = ["1", "2", "3"], 0.0
+        self.vacant, self.now = {"1": 0, "2": 0, "3": 0}, 0.0
         self.places = Places(
             PROGRAMS, lambda: self.vacant, "d", lambda name, _: name.encode(), lambda: self.now
         )
@@ -43,19 +43,27 @@ def test_each_place_is_given_once(desk: Desk) -> None:
 
 
 def test_a_controller_s_place_is_free_when_all_of_its_agents_are_missing(desk: Desk) -> None:
-    desk.vacant = ["2", "3"]
+    desk.vacant = {"2": 0, "3": 0}
     assert desk.given(ANN) == "3"
     assert desk.given(BOB) == ""
 
 
 def test_a_place_that_nobody_took_goes_to_the_next(desk: Desk) -> None:
-    desk.vacant = ["3"]
+    desk.vacant = {"3": 0}
     assert desk.given(ANN) == "3"
     desk.now = 19.0
     assert desk.given(BOB) == ""
     desk.now = 21.0
     assert desk.given(BOB) == "3"
     assert desk.given(ANN) == ""
+
+
+def test_the_place_of_one_that_came_and_died_goes_to_the_next_at_once(desk: Desk) -> None:
+    desk.vacant = {"3": 0}
+    assert desk.given(ANN) == "3"
+    desk.vacant = {"3": 1}
+    assert desk.given(BOB) == "3"
+    assert desk.given(ANN) == "", "who died does not come back"
 
 
 def test_who_runs_another_scenario_gets_no_place(desk: Desk) -> None:
@@ -83,7 +91,7 @@ def test_the_certificate_says_the_name_for_that_key_alone(tmp_path) -> None:
 @pytest.mark.parametrize("key", [b"", b"no key", b"\xff" * 91])
 def test_what_is_no_key_gets_no_certificate(tmp_path, key: bytes) -> None:
     make_identities(tmp_path / "keys", [PLANT], ["here"], MONTH, claims=True)
-    places = Places(PROGRAMS, lambda: ["3"], "d", signer(tmp_path / "keys" / PLANT))
+    places = Places(PROGRAMS, lambda: {"3": 0}, "d", signer(tmp_path / "keys" / PLANT))
     assert "key" in places.answer(PlaceRequest(digest="d", public_key=key)).refusal
     good = public_der(ec.generate_private_key(ec.SECP256R1()))
     assert places.answer(PlaceRequest(digest="d", public_key=good)).name == "3"
