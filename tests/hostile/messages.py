@@ -122,7 +122,8 @@ def _plant() -> list[Receiver]:
         return name.encode()
 
     programs = SCENARIO.programs()
-    places = Places(programs, lambda: dict.fromkeys(_swarm().names, 0), "digest", sign, lambda: next(clock))
+    vacant = dict.fromkeys(_swarm().names, 0)
+    places = Places(programs, lambda: vacant, "digest", sign, lambda: next(clock))
 
     def question(_: int) -> PlaceRequest:
         return PlaceRequest(digest="digest", public_key=public_key)

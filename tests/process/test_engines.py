@@ -96,7 +96,7 @@ def layered(names: Iterable[str], in_test: Container[str]) -> list[object]:
     return [pytest.param(n, marks=() if n in in_test else nightly, id=n) for n in names]
 
 
-@pytest.mark.parametrize("name", layered(phalanx.shipped(), ("unicycles", "faults/robot")))
+@pytest.mark.parametrize("name", layered(phalanx.shipped(), ("faults/robot",)))
 def test_every_shipped_scenario_has_one_trajectory(name: str) -> None:
     shipped = phalanx.load(name, seed=1)
     one_trajectory(phalanx.load(name, {"duration": min(DURATION, shipped.duration)}, seed=1))
@@ -112,15 +112,14 @@ def test_a_controller_with_a_state_has_one_trajectory(tmp_path, monkeypatch) -> 
     (tmp_path / "filtering.py").write_text(CONTROLLER, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     table = {"type": "filtering:Filtering"}
-    overrides = {"duration": 0.5, "network.loss": 0.3, "agents.0.controller": table}
+    overrides = {"duration": 0.3, "network.loss": 0.3, "agents.0.controller": table}
     scenario = phalanx.load("unicycles", overrides)
-    one_trajectory(scenario)
     verification = phalanx.run(scenario, engine="in-process").verify(engine="processes")
     assert verification, verification.difference
 
 
 def test_commands_take_effect_alike_on_both_engines() -> None:
-    scenario = phalanx.load("unicycles", {"duration": DURATION})
+    scenario = phalanx.load("unicycles", {"duration": 1.0})
     kinds = phalanx.CommandKind
     schedule = (
         phalanx.Command(0.2, kinds.LOSS, value=0.5),

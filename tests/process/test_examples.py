@@ -33,7 +33,7 @@ def test_an_example_is_a_page(example: Path) -> None:
     assert len(example.read_text().splitlines()) < MOST_LINES
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_notebook_runs_cell_by_cell(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

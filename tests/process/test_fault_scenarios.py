@@ -128,9 +128,7 @@ def test_every_fault_that_ships_is_looked_at() -> None:
 
 
 @pytest.mark.parametrize("name", EFFECTS)
-def test_a_fault_has_its_effect_and_its_count_and_is_repeated_bit_by_bit(
-    name: str, calm: phalanx.Run
-) -> None:
+def test_a_fault_has_its_effect_and_its_count(name: str, calm: phalanx.Run) -> None:
     """Without it there is no effect."""
     scenario = phalanx.load(f"faults/{name}")
     assert calmed(scenario) == calm.scenario
@@ -139,5 +137,3 @@ def test_a_fault_has_its_effect_and_its_count_and_is_repeated_bit_by_bit(
     assert not EFFECTS[name](calm)
     assert run.summary.faults
     assert run.summary.notes == []
-    again = phalanx.verify(run, engine="in-process")
-    assert again, again.difference

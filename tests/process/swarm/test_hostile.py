@@ -17,7 +17,8 @@ import zenoh
 from phalanx_plant.hub.hub import LockstepHub
 from phalanx_plant.world.events import SwarmBrokenError
 
-from phalanx.faults.commands import CommandKind
+from phalanx import run
+from phalanx.faults.commands import CommandKind, CommandPolicy
 from phalanx.network.inbox import Fate
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
@@ -30,13 +31,14 @@ from phalanx.wire.pubsub import subscribe
 from phalanx.wire.seal import Sealer
 from phalanx.wire.session import free_endpoint, open_client
 from phalanx.wire.step_report import StepReport
-from tests.process.runs import PACED, SECRET, live_run, wait_for
+from tests.process.runs import COMMAND_SECRET, SECRET, live_run, wait_for
 
 pytestmark = pytest.mark.swarm
 
 VICTIM = "4"  # an adversary: the plant alone listens to its inputs
 AGENTS = 5
-SCENARIO = load("unicycles", ["duration=2.0"])
+SCENARIO = load("unicycles", ["duration=0.5"])
+SLOW = CommandPolicy(secret=COMMAND_SECRET, speed=0.01)
 TIMES_SENT = 3
 BLOCK = zenoh.CongestionControl.BLOCK
 
@@ -138,15 +140,14 @@ TO_PLANT = {
 
 def test_nothing_a_hostile_client_sends_changes_the_trajectory_and_all_of_it_is_counted(tmp_path):
     assert len(TO_PLANT) >= 25
-    with live_run(SCENARIO, tmp_path / "calm") as run:
-        calm = run.summary()
+    calm = run(SCENARIO, engine="in-process").summary
     with (
-        live_run(SCENARIO, tmp_path / RUN, PACED) as run,
-        run.watch() as live,
-        open_client(run.endpoint, 60.0, ITSELF) as session,
-        open_client(run.endpoint, 60.0, ROOT.of(ROUTER).credentials) as witness,
+        live_run(SCENARIO, tmp_path / RUN, SLOW) as assailed,
+        assailed.watch() as live,
+        open_client(assailed.endpoint, 60.0, ITSELF) as session,
+        open_client(assailed.endpoint, 60.0, ROOT.of(ROUTER).credentials) as witness,
     ):
-        wait_for(lambda: (frame := live.take()) and frame.t > 0.1)
+        wait_for(lambda: (frame := live.take()) and frame.t > 0.02)
         live.command(CommandKind.PAUSE)
         wait_for(lambda: (frame := live.take()) and frame.paused)
         passed = queue.SimpleQueue()
@@ -159,7 +160,7 @@ def test_nothing_a_hostile_client_sends_changes_the_trajectory_and_all_of_it_is_
         assert LAST in iter(lambda: passed.get(timeout=60.0), b"")
         live.command(CommandKind.SPEED, value=0.0)
         live.command(CommandKind.RESUME)
-        hostile = run.summary()
+        hostile = assailed.summary()
     assert hostile.trajectory == calm.trajectory
     expected = Counter(reason for _, _, reason in TO_PLANT.values() for _ in range(TIMES_SENT))
     expected["truncated"] += 1  # the last

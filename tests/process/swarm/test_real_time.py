@@ -102,12 +102,20 @@ def test_an_agent_that_is_killed_is_lost_and_the_run_goes_on(phalanx) -> None:
     assert read(run.folder).summary.outcome is Outcome.STOPPED
 
 
-def test_another_process_takes_the_place_of_one_that_died(tmp_path_factory) -> None:
-    folder = tmp_path_factory.mktemp("restart")
-    execute(load("faults/restart", ["duration=6.0"]), folder, RunOptions(real_time=0.5))
-    recording = read(folder)
-    (killed,) = [line.t for line in recording.log if line.text.startswith("agent 1 killed")]
-    (back,) = [line.t for line in recording.log if line.text == "agent 1 is back"]
-    assert killed < back
-    assert any(step.agent == "1" and step.t > back for step in recording.steps)
-    assert verify(recording)
+def test_another_process_takes_the_place_of_one_that_died(phalanx) -> None:
+    run = phalanx("run", "faults/restart", "--real-time", "1", "--set", "duration=600")
+
+    def times(text: str) -> list[float]:
+        return [line.t for line in read(run.folder).log if line.text.startswith(text)]
+
+    def decides_again() -> bool:
+        back = times("agent 1 is back")
+        steps = read(run.folder).steps
+        return bool(back) and any(step.agent == "1" and step.t > back[0] for step in steps)
+
+    run.wait_until_running(agents=4)
+    wait_for(decides_again)
+    os.killpg(run.process.pid, signal.SIGINT)
+    assert run.finish()[0] == 130
+    assert times("agent 1 killed") < times("agent 1 is back")
+    assert verify(read(run.folder))

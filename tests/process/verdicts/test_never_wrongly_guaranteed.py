@@ -351,7 +351,7 @@ def nominal(name: str, sample: Sample, answer: np.ndarray) -> Sequence[float]:
 
 
 def test_lies_about_how_inputs_were_made_change_nothing(tmp_path):
-    given = load("unicycles", overrides={"duration": 3.0})
+    given = load("unicycles", overrides={"duration": 1.5})
     honest, recorded = judged(given, tmp_path, nominal)
     lying, claimed = judged(given, tmp_path, nominal, Liars)
     assert {s.origin for s in claimed.steps} == {"qp"} != {s.origin for s in recorded.steps}

@@ -43,10 +43,13 @@ def test_the_printed_margin_forgets_a_disturbance_that_the_corrected_one_bounds(
     assert corrected.worst_h_tot < -3.0
 
 
+@pytest.mark.parametrize("duration", [3.0, pytest.param(12.0, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("name", ["unicycles", "formation3d"])
-def test_the_papers_own_simulations_are_guaranteed_although_its_theorem_does_not_apply(name):
+def test_the_papers_own_simulations_are_guaranteed_although_its_theorem_does_not_apply(
+    name, duration
+):
     """The printed margins leave K_i empty at some samples; certificates do not depend on it."""
-    summary = run(name, "duration=12.0")
+    summary = run(name, f"duration={duration}")
     assert summary.outcome is Outcome.GUARANTEED
     assert summary.certificates.certified == summary.certificates.samples > 0
     assert summary.certificates.shortest > 1.0

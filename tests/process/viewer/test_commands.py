@@ -6,6 +6,7 @@ import psutil
 import pytest
 from phalanx_viewer.feeds.live import Live
 
+import phalanx
 from phalanx.faults.commands import CommandKind, CommandPolicy, Condition
 from phalanx.guarantee.verdict import Outcome
 from phalanx.recording.read import read
@@ -45,15 +46,19 @@ def processes() -> set[str]:
 
 
 def test_a_run_with_live_faults_is_recorded_and_replays_to_the_same_hash(tmp_path: Path) -> None:
-    with live_run(SHORT, tmp_path / "live", PACED) as run, run.watch() as live:
+    scenario, slow = (
+        load("unicycles", ["duration=1.0"]),
+        CommandPolicy(secret=COMMAND_SECRET, speed=0.03),
+    )
+    with live_run(scenario, tmp_path / "live", slow) as run, run.watch() as live:
         watcher = Watcher(live)
-        watcher.until(lambda frame: frame.t > 0.1)
+        watcher.until(lambda frame: frame.t > 0.01)
         live.command(CommandKind.LOSS, value=0.4)
         live.command(CommandKind.DELAY, value=0.02)
         watcher.until(lambda frame: frame.loss == 0.4 and frame.delay == 0.02)
         live.command(CommandKind.FREEZE, agent="2")
         frozen = watcher.until(lambda frame: frame.agents[1].condition == Condition.FROZEN)
-        watcher.until(lambda frame: frame.t > frozen.t + 0.1)
+        watcher.until(lambda frame: frame.t > frozen.t + 0.02)
         live.command(CommandKind.THAW, agent="2")
         live.command(CommandKind.TURN, agent="1")
         watcher.until(lambda frame: frame.agents[0].condition == Condition.TURNED)
@@ -75,10 +80,10 @@ def test_a_run_with_live_faults_is_recorded_and_replays_to_the_same_hash(tmp_pat
     assert max(steps_of_the_dead) <= recording.commands[5].t
 
     schedule = CommandPolicy(schedule=tuple(recording.commands))
-    with live_run(SHORT, tmp_path / "again", schedule) as again:
-        assert again.summary().trajectory == recorded.trajectory
-    with live_run(SHORT, tmp_path / "untouched") as untouched:
-        assert untouched.summary().trajectory != recorded.trajectory
+    again = phalanx.run(scenario, engine="in-process", commands=schedule)
+    assert again.summary.trajectory == recorded.trajectory
+    untouched = phalanx.run(scenario, engine="in-process")
+    assert untouched.summary.trajectory != recorded.trajectory
 
 
 @pytest.mark.nightly
