@@ -1,6 +1,7 @@
 """Controllers: an agent's own, or its part of the centralised one."""
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple, Protocol, Self
 
 from phalanx.arrays import Array
@@ -24,6 +25,8 @@ class StepResult(NamedTuple):
     """The nominal input, or the attack before its projection, shape (m_i,)."""
     used: list[int]
     """The agents whose û_l counted."""
+    notes: Mapping[str, float] = MappingProxyType({})
+    """Numbers that another controller than the paper's wants recorded."""
 
     def report(self, solve_time: float) -> StepReport:
         """Make the report of the decision; solve_time: its wall time [s]."""
@@ -69,7 +72,8 @@ class DistributedController:
         view = self._view(x, seen, t)
         u_nom = self._nominal(view)
         if self._own is not None:
-            return StepResult(self._own(view, u_nom, x, seen, t, received), u_nom, [])
+            decision, notes = self._own(view, u_nom, x, seen, t, received)
+            return StepResult(decision, u_nom, [], notes)
         now = FilterInput(t + self._latency, x, seen, view.terms, u_nom, received)
         decision, used = self._filter(now)
         return StepResult(decision, u_nom, used)

@@ -210,6 +210,7 @@ class ControlStep:
                 fates=fates,
                 rejected=self.rejected,
                 received=self._clock.reported(received),
+                notes=tuple(result.notes.items()),
             ),
             waits=self._clock.waits,
         )

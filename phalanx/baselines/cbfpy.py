@@ -28,13 +28,13 @@ class CbfPy:
 
     def prepare(self, agent: ControlledAgent) -> None:
         """Compile the filter. Raises ValueError if cbfpy is lacking or the agent does not fit."""
-        try:
-            with warnings.catch_warnings(action="ignore"):  # of settings that matter little
+        with warnings.catch_warnings(action="ignore"):  # of settings, and of h at a trial state
+            try:
                 jax = import_module("phalanx.baselines.cbfpy_pairs")
-        except ImportError as error:
-            raise ValueError("cbfpy is not here: pip install 'phalanx-swarm[cbfpy]'") from error
-        pairs = jax.pairs_of(agent)
-        self._filter, self._axes = jax.compiled(pairs), pairs.axes
+            except ImportError as error:
+                raise ValueError("cbfpy is not here: pip install 'phalanx-swarm[cbfpy]'") from error
+            pairs = jax.pairs_of(agent)
+            self._filter, self._axes = jax.compiled(pairs), pairs.axes
         self._second = pairs.second
         self._others = [l for l in range(len(agent.members)) if l != agent.i]
         self._static = [each.center for each in agent.static if isinstance(each, Sphere)]

@@ -50,6 +50,8 @@ class Step(AppliedStep, array_like=False, forbid_unknown_fields=False, kw_only=T
         default_factory=list
     )
     """(sender, sequence number, t_apply [s], u) of false claims."""
+    notes: dict[str, float] = msgspec.field(default_factory=dict)
+    """Numbers that a controller of one's own wants recorded, by name."""
 
     def __post_init__(self) -> None:
         """Compute the oldest age, which older recordings do not have."""

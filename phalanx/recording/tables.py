@@ -53,7 +53,7 @@ def inputs_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
 
     Columns: agent, k, t and t_apply [s], origin and the numbers of an AppliedStep, null where there
     is none; then the applied inputs "u.<input>" and those of the law "nominal.<input>", null where
-    the agent's dynamics have no such input.
+    the agent's dynamics have no such input; and what a controller noted, "note.<name>".
     """
     names = list(dict.fromkeys(n for m in swarm.members for n in m.dynamics.inputs))
     inputs = {m.name: m.dynamics.inputs for m in swarm.members}
@@ -71,6 +71,8 @@ def inputs_table(recording: Recording, swarm: Swarm) -> pl.DataFrame:
         columns[f"u.{name}"] = [_component(s.u, inputs[s.agent], name) for s in steps]
     for name in names:
         columns[f"nominal.{name}"] = [_component(s.u_nom, inputs[s.agent], name) for s in steps]
+    for name in sorted({name for step in steps for name in step.notes}):
+        columns[f"note.{name}"] = [step.notes.get(name) for step in steps]
     kinds = {"agent": pl.String, "k": pl.Int64, "origin": pl.String}
     table = pl.DataFrame(columns, schema={c: kinds.get(c, pl.Float64) for c in columns})
     return of_run(recording, table)

@@ -36,13 +36,13 @@ class OwnController:
         seen: tuple[int, ...],
         t: float,
         received: Mapping[int, ReceivedInput],
-    ) -> Decision:
-        """Return the input for the stacked state x, shape (n̄,), sampled at t [s].
+    ) -> tuple[Decision, dict[str, float]]:
+        """Return the input for the stacked state x, shape (n̄,), sampled at t [s], and its notes.
 
         Raises as CheckedController.
         """
-        inputs = view.terms.polytopes[view.i]
-        return self._controller(
+        inputs, notes = view.terms.polytopes[view.i], dict[str, float]()
+        decision = self._controller(
             ControllerView(
                 t,
                 view.i,
@@ -56,8 +56,10 @@ class OwnController:
                 lambda: self._pairs(x, seen),
                 lambda u: self._controller.project(u, inputs),
                 lambda u: self._certified(x, u, seen),
+                notes,
             )
         )
+        return decision, notes
 
 
 def own_controller(rows: SafetyRows, i: int, certified: Certified) -> OwnController | None:

@@ -12,6 +12,7 @@ import msgspec
 from phalanx.faults.commands import ActiveCommands, Command, Condition
 from phalanx.guarantee.verdict import Assumption, Violation
 from phalanx.network.inbox import Fate
+from phalanx.theory.controllers.controller import LONGEST_NAME, MOST_NOTES
 from phalanx.theory.expressions.exact import LARGEST, LARGEST_SUM
 from phalanx.wire.step_report import AppliedStep, StepReport
 
@@ -20,6 +21,8 @@ MAX_BYTES = 65_536
 """Larger payloads are dropped unread."""
 LONGEST_FAILURE = 2_000
 """Most characters of the reason why an agent failed."""
+
+Note = tuple[Annotated[str, msgspec.Meta(max_length=LONGEST_NAME)], float]
 
 
 class Message(
@@ -109,6 +112,8 @@ class Telemetry(Message, frozen=True, kw_only=True):
     """In real time, (agent's index, t_apply [s], u) of every û_l that the agent had."""
     failed: Annotated[str, msgspec.Meta(max_length=LONGEST_FAILURE)] = ""
     """Why neither this sample nor a later one is answered; the other fields then mean nothing."""
+    notes: Annotated[tuple[Note, ...], msgspec.Meta(max_length=MOST_NOTES)] = ()
+    """(name, number) of what another controller than the paper's wants recorded."""
 
 
 class Status(Message, frozen=True, kw_only=True):

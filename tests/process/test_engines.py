@@ -76,6 +76,7 @@ class Filtering:
 
     def input(self, view):
         self.ages += sum(each.age for each in view.received.values())
+        view.note(ages=self.ages, heard=len(view.received))
         return view.u_nom / (1.0 + self.ages) if view.certified(view.u_nom) else 0.0 * view.u_nom
 """
 
@@ -114,7 +115,11 @@ def test_a_controller_with_a_state_has_one_trajectory(tmp_path, monkeypatch) -> 
     table = {"type": "filtering:Filtering"}
     overrides = {"duration": 0.3, "network.loss": 0.3, "agents.0.controller": table}
     scenario = phalanx.load("unicycles", overrides)
-    verification = phalanx.run(scenario, engine="in-process").verify(engine="processes")
+    runs = [phalanx.run(scenario, engine=engine) for engine in ("in-process", "processes")]
+    noted = [run.inputs.select("agent", "k", "note.ages", "note.heard") for run in runs]
+    assert noted[0].equals(noted[1])
+    assert noted[0]["note.heard"].max() == 2.0
+    verification = runs[1].verify(engine="in-process")
     assert verification, verification.difference
 
 

@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from phalanx.arrays import Array
+from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.laws.goals import Goal
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import Polytope
@@ -19,6 +20,9 @@ from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.composition import Member
 from phalanx.theory.safety.function import SafeSetFunction
 from phalanx.theory.safety.limits import Static
+
+MOST_NOTES, LONGEST_NAME = 32, 40
+"""Most notes of a sample, and characters of their names."""
 
 
 class ControlledAgent(NamedTuple):
@@ -82,6 +86,7 @@ class ControllerView:
     _pairs: Callable[[], PairTerms]
     _nearest: Callable[[Array], Array]
     _certified: Callable[[Array], float]
+    _notes: dict[str, float]
 
     @property
     def positions(self) -> Mapping[int, Array]:
@@ -110,6 +115,21 @@ class ControllerView:
             u: shape (m_i,).
         """
         return self._certified(u)
+
+    def note(self, **numbers: float) -> None:
+        """Record numbers of this sample, as columns ``note.<name>`` of `Run.inputs`.
+
+        Raises ValueError if there are more than 32, a name has more than 40 characters or others
+        than ASCII's, or a number is not finite.
+        """
+        for name, number in numbers.items():
+            if len(name) > LONGEST_NAME or not name.isascii():
+                raise ValueError(f"note: expected at most {LONGEST_NAME} ASCII letters, got {name}")
+            if not abs(number) <= LARGEST:
+                raise ValueError(f"note: expected a finite number, got {name} = {number}")
+            self._notes[name] = float(number)
+        if len(self._notes) > MOST_NOTES:
+            raise ValueError(f"note: expected at most {MOST_NOTES}, got {len(self._notes)}")
 
 
 @runtime_checkable

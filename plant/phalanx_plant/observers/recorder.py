@@ -95,6 +95,7 @@ class Recorder:
                 for fate, found in received
                 if found.false and fate.claim is not None
             ],
+            notes=dict(telemetry.notes),
             **asdict(step),
         )
 

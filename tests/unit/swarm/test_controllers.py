@@ -117,6 +117,35 @@ class Looking(Held):
         return view.u_nom
 
 
+@dataclass
+class Noting(Held):
+    def input(self, view):
+        view.note(wish=view.u_nom[0], early=view.t < 0.1)
+        if view.t < 0.1:
+            view.note(wish=-1.0)
+        else:
+            view.note(late=1)
+        return view.u_nom
+
+
+@dataclass
+class Unbounded(Held):
+    def input(self, view):
+        view.note(gap=float("nan"))
+
+
+@dataclass
+class Chatty(Held):
+    def input(self, view):
+        view.note(**{f"n{k}": k for k in range(33)})
+
+
+@dataclass
+class LongWinded(Held):
+    def input(self, view):
+        view.note(**{"n" * 41: 0.0})
+
+
 seen = []
 '''
 MISTAKES = {
@@ -127,6 +156,9 @@ MISTAKES = {
     "Raising": "got AttributeError: 'ControllerView' object has no attribute 'states' (keeping.py",
     "Choosy": "controller of 1: it wants three inputs",
     "Unready": "got AttributeError: 'ControlledAgent' object has no attribute 'gain' (keeping.py",
+    "Unbounded": "got ValueError: note: expected a finite number, got gap = nan (keeping.py",
+    "Chatty": "got ValueError: note: expected at most 32, got 33 (keeping.py",
+    "LongWinded": "got ValueError: note: expected at most 40 ASCII letters, got nnn",
     "Mute": "Mute (keeping.py, line 65) lacks input(self, view)",
     "Endless": "got an endless loop, or too slow (keeping.py",
 }
@@ -240,6 +272,25 @@ def test_what_it_asks_for_is_the_certificate_of_the_verdict():
     asked = {(str(view.i + 1), view.t): found for view, found in keeping.seen}
     for row in made.filter(made["origin"] == Origin.CONTROLLER).iter_rows(named=True):
         assert asked[row["agent"], row["t"]] == row["certified"]
+
+
+def test_what_it_notes_is_in_the_inputs():
+    inputs = run("keeping:Noting", "unicycles").inputs
+    noted = [name for name in inputs.columns if name.startswith("note.")]
+    assert noted == ["note.early", "note.late", "note.wish"]
+    early, late, other = (
+        inputs.filter(which)
+        for which in (
+            (inputs["origin"] != Origin.ATTACK) & (inputs["t"] < 0.1),
+            (inputs["origin"] != Origin.ATTACK) & (inputs["t"] >= 0.1),
+            inputs["origin"] == Origin.ATTACK,
+        )
+    )
+    assert set(early["note.wish"]) == {-1.0}
+    assert early["note.late"].is_null().all()
+    assert late["note.wish"].to_list() == late["nominal.nu"].to_list()
+    assert set(late["note.early"]) == {0.0}
+    assert other.select(noted).null_count().sum_horizontal().item() == 3 * len(other) > 0
 
 
 def test_a_check_names_the_agents_that_decide_by_themselves():

@@ -32,6 +32,7 @@ OF_FIELD = {
     "commands": [0.1, None, True, False],
     "ages": [[1, 0.01]],
     "received": [[1, 0.25, [1.5, -2.0]]],
+    "notes": [["gap", 0.25]],
     "fates": [[1, 6, 0.02, [2], [0.25, [1.5, -2.0]]], [1, 7, -1.0, [], None]],
     "condition": "fine",
     "link_events": [[0, 1, 0.02]],
