@@ -6,7 +6,6 @@ python evidence/paper/simulation_2.py --seeds 2 --only paper --out /dev/stdout
 
 from seeds import (
     CERTIFICATES,
-    CERTIFICATES_NOTE,
     Results,
     Variant,
     certificates,
@@ -44,7 +43,7 @@ def page(results: Results) -> str:
         *CERTIFICATES,
         *(certificates(VARIANTS[name].title, found) for name, found in results.items()),
         "",
-        CERTIFICATES_NOTE,
+        "Columns are explained for [Simulation 1](simulation-1.md#verdicts-and-certificates).",
         "",
         "## Safety and empty K_i",
         "",
