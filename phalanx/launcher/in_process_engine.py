@@ -11,6 +11,7 @@ import numpy as np
 from phalanx_agent.step import StepFailedError, control_steps
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.lockstep import Lockstep
+from phalanx_plant.observers.recorder import RecordSink
 from phalanx_plant.run import PlantRun
 from phalanx_plant.world.events import SwarmBrokenError
 
@@ -43,19 +44,29 @@ def run_in_process(
 @interrupt.deferred()
 def _run(rows: SafetyRows, folder: Path, options: RunOptions) -> Summary:
     with RecordingWriter(folder / RECORDING, rows.swarm.scenario, folder.name) as recording:
-        agents = DirectAgents(rows, options.progress)
-        commands = CommandQueue(options.commands, rows.swarm.names)
-        plant = PlantRun(rows, agents, recording, commands, Lockstep)
         stopwatch = Stopwatch()
-        if options.profile:
-            plant.time(stopwatch)
-            stopwatch.time(agents, "send_sample", "compute")
-        summary = plant.run(prepare=interrupt.not_deferred()(lambda: compile_rows(rows)))
+        summary = simulate(rows, recording, options, stopwatch)
         interrupt.clear()
         if options.profile:
             stopwatch.write(folder / PROFILE, "in-process")
         write_summary(summary, folder / SUMMARY, recording)
     return summary
+
+
+def simulate(
+    rows: SafetyRows, records: RecordSink, options: RunOptions, stopwatch: Stopwatch | None = None
+) -> Summary:
+    """Run to the verdict without files; all records go to `records`.
+
+    stopwatch: times the phases if the options ask for it.
+    """
+    agents = DirectAgents(rows, options.progress)
+    commands = CommandQueue(options.commands, rows.swarm.names)
+    plant = PlantRun(rows, agents, records, commands, Lockstep)
+    if options.profile and stopwatch is not None:
+        plant.time(stopwatch)
+        stopwatch.time(agents, "send_sample", "compute")
+    return plant.run(prepare=interrupt.not_deferred()(lambda: compile_rows(rows)))
 
 
 class DirectAgents:

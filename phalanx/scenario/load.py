@@ -64,11 +64,7 @@ def load(
     Raises:
         ScenarioError: unreadable, not TOML, or not a valid scenario.
     """
-    if isinstance(source, Mapping):
-        where, table = "scenario", copy.deepcopy(dict(source))
-    else:
-        where = str(source)
-        table = _parsed(where)
+    where, table = "scenario" if isinstance(source, Mapping) else str(source), read_table(source)
     if not isinstance(overrides, Mapping):
         overrides = dict(map(field_and_value, overrides))
     overrides = {path: _as_table(path, value) for path, value in overrides.items()}
@@ -80,19 +76,29 @@ def load(
     return validate(table, where).model_copy(update={"reading": reading})
 
 
+def read_table(source: str | Path | Mapping[str, Any]) -> dict[str, Any]:
+    """Return the table of a scenario that load takes, before any override. Raises ScenarioError."""
+    return copy.deepcopy(dict(source)) if isinstance(source, Mapping) else _parsed(str(source))
+
+
+def described(error: ValidationError, source: str) -> str:
+    """List every problem that was found in a table, a line each; source: its file."""
+    found = error.errors()
+    places = [e["loc"] for e in found]
+    problems = [
+        _describe(e["loc"], e["msg"], e["input"], e["type"])
+        for e in found
+        if not any(_is_below(place, e["loc"]) for place in places)
+    ]
+    return "\n".join(f"{source}: {p}" for p in problems)
+
+
 def validate(table: Mapping[str, Any], source: str) -> Scenario:
     """Build a scenario from its table. Raises ScenarioError that lists every problem found."""
     try:
         return Scenario.model_validate(table).resolved()
     except ValidationError as error:
-        found = error.errors()
-        places = [e["loc"] for e in found]
-        problems = [
-            _describe(e["loc"], e["msg"], e["input"], e["type"])
-            for e in found
-            if not any(_is_below(place, e["loc"]) for place in places)
-        ]
-        raise ScenarioError("\n".join(f"{source}: {p}" for p in problems)) from error
+        raise ScenarioError(described(error, source)) from error
     except UntrustedCodeError as error:
         raise ScenarioError(f"{source}: {error}") from error
 

@@ -55,6 +55,12 @@ class SafetyRows:
         """
         return _chain(self.swarm, self.swarm.safe_set)
 
+    def with_seed(self, seed: int) -> "SafetyRows":
+        """Return the rows of the same swarm with another seed; compiled functions are shared."""
+        other = replace(self, swarm=self.swarm.with_seed(seed))
+        vars(other).update({name: value for name, value in vars(self).items() if name != "swarm"})
+        return other
+
     @property
     def relative_degree(self) -> int:
         """q."""

@@ -31,11 +31,22 @@ def require_runnable(swarm: Swarm) -> SafetyRows:
             values that are not finite or of the wrong shape, raised, or does not return.
     """
     with endless_loops(swarm.time.timeout):
-        return _runnable(swarm)
+        rows = build_rows(swarm)
+        _evaluate_start(rows)
+        return rows
 
 
-def _runnable(swarm: Swarm) -> SafetyRows:
-    rows, i, x, name = build_rows(swarm), swarm.normal[0], swarm.start(), swarm.scenario.name
+def with_seed(rows: SafetyRows, seed: int) -> SafetyRows:
+    """Return the rows of the same run with another seed. Raises as require_runnable does."""
+    drawn = rows.with_seed(seed)
+    with endless_loops(drawn.swarm.time.timeout):
+        _evaluate_start(drawn)
+    return drawn
+
+
+def _evaluate_start(rows: SafetyRows) -> None:
+    swarm = rows.swarm
+    i, x, name = swarm.normal[0], swarm.start(), swarm.scenario.name
     first = sorted(l for l, _ in swarm.ends)
     try:
         for l in first:
@@ -67,7 +78,6 @@ def _runnable(swarm: Swarm) -> SafetyRows:
         raise  # a ValueError too
     except ValueError as error:
         raise ScenarioError(f"{name}: safety: {error}") from error
-    return rows
 
 
 def _starts(swarm: Swarm, l: int, x: Array) -> list[Array]:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, cast
 
@@ -62,6 +62,13 @@ class Swarm:
     @property
     def seed(self) -> int:
         return self.scenario.seed
+
+    def with_seed(self, seed: int) -> "Swarm":
+        """Return the swarm of the same resolved scenario with another seed; the rest is shared."""
+        other = replace(self, scenario=self.scenario.model_copy(update={"seed": seed}))
+        drawn = ("scenario", "digest", "links")
+        vars(other).update({name: value for name, value in vars(self).items() if name not in drawn})
+        return other
 
     @property
     def seeds(self) -> Seeds:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Protocol
 
 from phalanx.guarantee.verdict import FaultCount, Outcome, Punctuality, Summary, judge
 from phalanx.profile.stopwatch import Stopwatch
-from phalanx.recording.write import RecordingError, RecordingWriter
+from phalanx.recording.write import RecordingError
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.watchdog import endless_loops
 from phalanx.theory.expressions.user_methods import MistakenMethodError, error_line
@@ -16,7 +16,7 @@ from phalanx_plant.clock.commands import CommandQueue, declared
 from phalanx_plant.judge.event_queue import EventQueue
 from phalanx_plant.judge.judge import Judge
 from phalanx_plant.observers.publisher import FrameAudience, Publisher
-from phalanx_plant.observers.recorder import Recorder, TrajectoryHash
+from phalanx_plant.observers.recorder import Recorder, RecordSink, TrajectoryHash
 from phalanx_plant.sampling.sampling import Sampling
 from phalanx_plant.world.events import AbandonedError, StoppedError, SwarmBrokenError
 from phalanx_plant.world.world import DivergedError, World
@@ -90,7 +90,7 @@ class PlantRun:
         self,
         rows: SafetyRows,
         agents: ReportingAgents,
-        recording: RecordingWriter | None,
+        recording: RecordSink | None,
         commands: CommandQueue,
         clock: ClockFactory,
         audience: FrameAudience | None = None,
@@ -100,7 +100,7 @@ class PlantRun:
         Args:
             rows: of the scenario.
             agents: of the run, as its clock uses them.
-            recording: of the run; None: it is not recorded.
+            recording: takes the run's records; None: there are none.
             commands: of the run.
             clock: makes its clock.
             audience: receives frames.

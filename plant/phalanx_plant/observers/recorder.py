@@ -1,13 +1,13 @@
 """The recording of a run, and the hash of its trajectory."""
 
 import hashlib
+from typing import Any, Protocol
 
 import numpy as np
 from msgspec.structs import asdict
 
 from phalanx.network.inbox import Fate
 from phalanx.recording.records import State, Step, StepData
-from phalanx.recording.write import RecordingWriter
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.messages import Sample, Telemetry
 from phalanx.wire.step_report import AppliedStep
@@ -39,10 +39,17 @@ class TrajectoryHash:
         return self._sha.hexdigest()
 
 
+class RecordSink(Protocol):
+    """Takes the records of a run: the writer of a file, or a list in memory."""
+
+    def write(self, record: Any) -> None:
+        """Take the next record. Raises RecordingError."""
+
+
 class Recorder:
     """Records one run."""
 
-    def __init__(self, swarm: Swarm, recording: RecordingWriter) -> None:
+    def __init__(self, swarm: Swarm, recording: RecordSink) -> None:
         self._names, self._declared = swarm.names, swarm.links.declared
         self._recording = recording
         self._every = swarm.time.recording_step

@@ -1,0 +1,79 @@
+"""The identity of a run's result: what it was computed from, by digests that are kept apart.
+
+It has the meaning of the scenario, not its text or file; not the engine, since both give the same
+bits; and not the platform, which is a column of its own.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import phalanx_agent
+import phalanx_plant
+
+import phalanx
+from phalanx.scenario.load import to_json
+from phalanx.scenario.model import Scenario
+
+_LIBRARIES = ("numpy", "casadi", "osqp", "pydantic")
+"""Those that may change a trajectory, or the scenario that is run."""
+
+
+class Identity(NamedTuple):
+    """Digests of all that a row follows from; rows with equal keys are equal."""
+
+    scenario: str
+    """Of the resolved scenario."""
+    seed: int
+    modules: str
+    """Of the sources of the user's modules that the scenario imports."""
+    versions: str
+    """Of Phalanx's sources, and the versions of the libraries that compute."""
+
+    @property
+    def key(self) -> str:
+        """One digest of all, in hexadecimal."""
+        return _digest(list(self))
+
+    def changed(self, other: "Identity") -> list[str]:
+        """Name the inputs in which another identity differs."""
+        return [
+            title
+            for title, mine, theirs in zip(_TITLES, self, other, strict=True)
+            if mine != theirs
+        ]
+
+
+_TITLES = ("the scenario", "the seed", "your modules", "Phalanx or a library")
+
+
+def digest_of_scenario(scenario: Scenario) -> str:
+    """Return the digest of a resolved scenario, without its seed and description."""
+    meaning = scenario.model_copy(update={"reading": None, "seed": 0, "description": ""})
+    return _digest(to_json(meaning))
+
+
+def digest_of_modules(sources: Mapping[str, bytes]) -> str:
+    """Return the digest of sources by path."""
+    return _digest({path: hashlib.sha256(text).hexdigest() for path, text in sources.items()})
+
+
+@cache
+def versions() -> str:
+    """Return the digest of Phalanx's sources and of the versions of libraries."""
+    found: dict[str, str] = {name: version(name) for name in _LIBRARIES}
+    for package in (phalanx, phalanx_agent, phalanx_plant):
+        folder = Path(package.__path__[0])
+        for file in sorted(folder.rglob("*.py")):
+            name = f"{package.__name__}/{file.relative_to(folder).as_posix()}"
+            found[name] = hashlib.sha256(file.read_bytes()).hexdigest()
+    return _digest(found)
+
+
+def _digest(value: Any) -> str:
+    text = json.dumps(value, sort_keys=True).encode()
+    return hashlib.blake2b(text, digest_size=12).hexdigest()

@@ -1,0 +1,277 @@
+"""The plan of a study: a scenario, the fields that vary, and seeds; each of its runs is a case."""
+
+import itertools
+import json
+import math
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, Self
+
+from pydantic import Field, ValidationError, model_validator
+
+from phalanx.scenario.load import ScenarioError, described, read_table
+from phalanx.scenario.load import load as load_scenario
+from phalanx.scenario.model import Reading, Scenario
+from phalanx.schema.fields import Finite, Strict, field_error
+from phalanx.seeded.draws import Draws
+
+Seed = Annotated[int, Field(ge=0, lt=2**63)]
+Values = Annotated[tuple[Any, ...], Field(min_length=1)]
+
+
+class Distribution(Strict):
+    """A distribution of one field: exactly one of the three."""
+
+    uniform: tuple[Finite, Finite] | None = None
+    """Least and largest value."""
+    log_uniform: tuple[Finite, Finite] | None = Field(None, alias="log-uniform")
+    """Least and largest value, both positive; their logarithm is uniform."""
+    choice: Values | None = None
+    """Values of equal probability."""
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        given = [each for each in (self.uniform, self.log_uniform, self.choice) if each is not None]
+        if len(given) != 1:
+            raise ValueError("expected one of uniform, log-uniform and choice")
+        if self.choice is None and not given[0][0] < given[0][1]:
+            raise ValueError("expected the least value first, then the largest")
+        if self.log_uniform and self.log_uniform[0] <= 0.0:
+            raise ValueError("expected positive values for log-uniform")
+        return self
+
+    def at(self, quantile: float) -> Any:
+        """Return the value at a quantile in [0, 1)."""
+        if self.choice is not None:
+            return self.choice[int(quantile * len(self.choice))]
+        if self.uniform is not None:
+            low, high = self.uniform
+            return low + quantile * (high - low)
+        assert self.log_uniform is not None
+        low, high = map(math.log, self.log_uniform)
+        return math.exp(low + quantile * (high - low))
+
+
+class Point(NamedTuple):
+    """The fields in which the runs of one point of the grid differ from the scenario."""
+
+    number: int
+    axes: dict[str, Any]
+    """The varied fields by path."""
+    overrides: dict[str, Any]
+    """All fields by path, with those that every run overrides."""
+
+
+class Case(NamedTuple):
+    """One run of a study."""
+
+    index: int
+    point: Point
+    seed: int
+
+
+class Plan(Strict):
+    """What a study runs: every point of the grid with every seed.
+
+    A point has one value of each axis in `vary`, the fields of one entry of `points`, and one draw
+    of every field in `draw`.
+    """
+
+    scenario: str | dict[str, Any]
+    """The file or the name of a shipped scenario, or its table."""
+    seeds: Annotated[tuple[Seed, ...], Field(min_length=1)] = (0,)
+    """In a file also as text: "0:200" are the seeds 0 to 199."""
+    overrides: dict[str, Any] = {}
+    """Fields of every run, by path."""
+    vary: dict[str, Values] = {}
+    """The values of each axis, by its field's path; the grid has all their combinations."""
+    points: tuple[dict[str, Any], ...] = ()
+    """Fields by path, one table for each point, in place of a grid or combined with it."""
+    draw: dict[str, Distribution] = {}
+    """Fields drawn at random, by path."""
+    draws: Annotated[int, Field(ge=1)] | None = None
+    """Number of draws, each with every seed; 1 by default."""
+    draw_seed: Seed = 0
+    """Seed of the draws: draw 731 is the same in every study with this seed and field."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _seeds_from_text(cls, table: Any) -> Any:
+        if isinstance(table, dict) and isinstance(table.get("seeds"), str):
+            return {**table, "seeds": seeds_from(table["seeds"])}
+        return table
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if len(set(self.seeds)) < len(self.seeds):
+            raise field_error(("seeds",), "expected every seed once", list(self.seeds))
+        if self.draws is not None and not self.draw:
+            raise field_error(("draws",), "expected fields to draw, in `draw`", self.draws)
+        owner: dict[str, str] = {}
+        in_points = dict.fromkeys(path for point in self.points for path in point)
+        parts = {
+            "overrides": self.overrides, "vary": self.vary, "points": in_points, "draw": self.draw,
+        }  # fmt: skip
+        for part, fields in parts.items():
+            for path in fields:
+                for other, first in owner.items():
+                    if _overlap(path, other):
+                        message = f"expected fields that nothing else sets, {first} sets {other}"
+                        raise field_error((part, path), message, path)
+                owner[path] = part
+        if "seed" in owner:
+            raise field_error((owner["seed"], "seed"), "expected seeds in `seeds`", "seed")
+        return self
+
+    @property
+    def axes(self) -> list[str]:
+        """Paths of the fields in which points differ."""
+        return list(dict.fromkeys([*self.vary, *itertools.chain(*self.points), *self.draw]))
+
+    @cached_property
+    def _grid(self) -> list[dict[str, Any]]:
+        values = itertools.product(*self.vary.values())
+        return [dict(zip(self.vary, each, strict=True)) for each in values]
+
+    @property
+    def size(self) -> int:
+        """Number of runs."""
+        return self._points * len(self.seeds)
+
+    @property
+    def _points(self) -> int:
+        return len(self._grid) * max(1, len(self.points)) * (self.draws or 1)
+
+    def point(self, number: int) -> Point:
+        """Return the point of this number."""
+        rest, draw = divmod(number, self.draws or 1)
+        grid, given = divmod(rest, max(1, len(self.points)))
+        chosen = dict(self.points[given]) if self.points else {}
+        drawn = {
+            path: distribution.at(Draws(self.draw_seed, "study", path).value(draw))
+            for path, distribution in self.draw.items()
+        }
+        axes = {**self._grid[grid], **chosen, **drawn}
+        return Point(number, axes, {**self.overrides, **axes})
+
+    def cases(self) -> Iterator[Case]:
+        """Yield all runs; those of one point follow each other."""
+        seeds = len(self.seeds)
+        for number in range(self._points):
+            point = self.point(number)
+            for place, seed in enumerate(self.seeds):
+                yield Case(number * seeds + place, point, seed)
+
+    def case(self, index: int) -> Case:
+        """Return the run of this index. Raises ValueError if there is none."""
+        if not 0 <= index < self.size:
+            raise ValueError(f"row: expected 0 to {self.size - 1}, got {index}")
+        number, place = divmod(index, len(self.seeds))
+        return Case(index, self.point(number), self.seeds[place])
+
+    @cached_property
+    def table(self) -> dict[str, Any]:
+        """The scenario's table. Raises ScenarioError."""
+        return read_table(self.scenario)
+
+    def load(self, case: Case) -> Scenario:
+        """Return a run's resolved scenario. Raises ScenarioError."""
+        found = load_scenario(self.table, case.point.overrides, case.seed)
+        source = self.scenario if isinstance(self.scenario, str) else found.name
+        assert found.reading is not None
+        return found.model_copy(
+            update={"reading": Reading(source=source, overrides=found.reading.overrides)}
+        )
+
+    def require_axes(self) -> None:
+        """Raise ScenarioError if the scenario is invalid with every value of an axis."""
+        first = self.point(0).overrides
+        for path in self.axes:
+            values = self.vary.get(path) or [self.point(0).axes.get(path)]
+            errors = [self._error({**first, path: value}) for value in values]
+            if all(errors):
+                raise ScenarioError(f"no run can begin with any value of {path}: {errors[0]}")
+
+    def _error(self, overrides: Mapping[str, Any]) -> ScenarioError | None:
+        try:
+            load_scenario(self.table, overrides, self.seeds[0])
+        except ScenarioError as error:
+            return error
+        return None
+
+
+def plan_from(table: Mapping[str, Any], source: str = "study") -> Plan:
+    """Build a plan from its table. Raises ScenarioError that lists every problem found."""
+    try:
+        return Plan.model_validate(table)
+    except ValidationError as error:
+        raise ScenarioError(described(error, source)) from error
+
+
+def read_plan(path: Path) -> Plan:
+    """Read a study.toml. Raises ScenarioError if it cannot be read, is not TOML, or not a plan."""
+    try:
+        return plan_from(tomllib.loads(path.read_text(encoding="utf-8")), str(path))
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError(f"{path}: not valid TOML: {error}") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise ScenarioError(f"{path}: cannot be read: {error}") from error
+
+
+def seeds_from(text: str) -> tuple[int, ...]:
+    """Read seeds: "7", "0:200" for 0 to 199, or several of them, "0:10,17". Raises ValueError."""
+    seeds: list[int] = []
+    for part in text.split(","):
+        if not (found := re.fullmatch(r"\s*(\d+)(?::(\d+))?\s*", part)):
+            raise ValueError(f"expected seeds as 0:200 or 1,2,5, got {text!r}")
+        first, end = int(found[1]), int(found[2] or int(found[1]) + 1)
+        if not first < end <= first + 10**7:
+            raise ValueError(f"expected a first seed and a larger end, got {part.strip()!r}")
+        seeds += range(first, end)
+    return tuple(seeds)
+
+
+def values_from(text: str) -> list[Any]:
+    """Read the values of an axis, as "0,.1,.3" or "paper,split" or "[1,2],[3,4]"."""
+    return [_value(part) for part in re.split(r",(?![^\[{(]*[\]})])", text)]
+
+
+def distribution_from(text: str) -> dict[str, Any]:
+    """Read a distribution, as "uniform(0,1)" or "choice(paper,split)". Raises ValueError."""
+    found = re.fullmatch(r"\s*(uniform|log-uniform|choice)\((.*)\)\s*", text)
+    if not found:
+        raise ValueError(f"expected uniform(a,b), log-uniform(a,b) or choice(a,b,...), got {text}")
+    values = values_from(found[2])
+    return {found[1]: values if found[1] == "choice" else _numbers(values, text)}
+
+
+def _numbers(values: Sequence[Any], text: str) -> list[float]:
+    if len(values) != 2 or not all(isinstance(each, int | float) for each in values):
+        raise ValueError(f"expected two numbers, got {text}")
+    return [float(each) for each in values]
+
+
+def _value(text: str) -> Any:
+    text = text.strip()
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        pass
+    try:  # TOML has no number that begins with a point
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _overlap(path: str, other: str) -> bool:
+    """Return whether two paths set the same field, or one a part of the other."""
+    shorter, longer = sorted((path, other), key=len)
+    return longer == shorter or longer.startswith(f"{shorter}.")
+
+
+def as_text(value: Any) -> Any:
+    """Return a value for a column: numbers, truth values and texts as they are, others as JSON."""
+    return value if isinstance(value, bool | int | float | str) else json.dumps(value)

@@ -1,0 +1,99 @@
+"""The work of a study: compute the rows of one point for some seeds, in any process.
+
+A job holds all that it needs, so that it can travel to another machine.
+"""
+
+import time
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from phalanx.launcher.engine import RunOptions
+from phalanx.launcher.in_process_engine import simulate
+from phalanx.recording.modules import ModulesError, hashes, make_importable
+from phalanx.recording.read import Recording
+from phalanx.scenario.load import ScenarioError, load
+from phalanx.scenario.model import Scenario
+from phalanx.schema.user_code import imported_sources
+from phalanx.study.identity import Identity, digest_of_modules, digest_of_scenario, versions
+from phalanx.study.row import BROKEN, REFUSED, Row, row_of
+from phalanx.swarm.rows import SafetyRows
+from phalanx.swarm.runnable import require_runnable, with_seed
+from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.expressions.user_methods import MistakenMethodError
+
+
+class Job(NamedTuple):
+    """Runs of one point of the grid."""
+
+    table: dict[str, Any]
+    """The scenario's, before overrides."""
+    overrides: dict[str, Any]
+    """By path."""
+    identities: tuple[Identity, ...]
+    """Of the runs."""
+    modules: Mapping[str, bytes] = {}
+    """Sources of the user's modules, by path."""
+
+
+class RecordsInMemory:
+    """The records of a run in memory."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.recording = found = Recording(Path(), scenario, {})
+        self._lists: dict[str, list[Any]] = {
+            "State": found.states, "Step": found.steps, "Log": found.log,
+            "Command": found.commands, "StepData": found.shown,
+        }  # fmt: skip
+
+    def write(self, record: Any) -> None:
+        """Append a record."""
+        self._lists[type(record).__name__].append(record)
+
+
+def compute(job: Job) -> list[Row]:
+    """Run every run of a job to its verdict, without files; return their rows."""
+    return [_row(job, identity) for identity in job.identities]
+
+
+def identity_of(scenario: Scenario, seed: int) -> Identity:
+    """Return the identity of a run of a resolved scenario, whose own seed does not count."""
+    sources = imported_sources(scenario.model_dump(mode="json"))
+    return Identity(digest_of_scenario(scenario), seed, digest_of_modules(sources), versions())
+
+
+def _row(job: Job, identity: Identity) -> Row:
+    began = time.monotonic()
+    try:
+        rows = _rows(job, identity.seed)
+        records = RecordsInMemory(rows.swarm.scenario)
+        summary = simulate(rows, records, RunOptions("in-process"))
+        return row_of(identity, job.overrides, summary, records.recording, rows.swarm)
+    except (ScenarioError, ModulesError) as error:
+        outcome, reason = REFUSED, str(error)
+    except MistakenMethodError as error:
+        outcome, reason = BROKEN, str(error)
+    wall = time.monotonic() - began
+    return Row(
+        identity=identity, overrides=job.overrides, outcome=outcome, reason=reason, wall_time=wall
+    )
+
+
+def _rows(job: Job, seed: int) -> SafetyRows:
+    """Return the rows of a run, with functions compiled before if the last run had the same.
+
+    Raises ScenarioError, ModulesError.
+    """
+    make_importable(job.modules, hashes(job.modules), trust=True)
+    scenario = load(job.table, job.overrides, seed)
+    drawn = scenario.flows or job.table.get("scatter")
+    if drawn or job.modules:  # obstacles differ; a user's objects may keep a state
+        return require_runnable(build_swarm(scenario))
+    text = scenario.model_copy(update={"seed": 0, "reading": None}).model_dump_json(by_alias=True)
+    return with_seed(_compiled(text), seed)
+
+
+@lru_cache(maxsize=1)
+def _compiled(text: str) -> SafetyRows:
+    return require_runnable(build_swarm(Scenario.model_validate_json(text)))
