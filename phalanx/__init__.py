@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from phalanx.recording.read import UnreadableRecordingError
     from phalanx.scenario.load import ScenarioError, load, shipped
     from phalanx.scenario.model import Scenario
+    from phalanx.studies.study import Study, open_study, study
     from phalanx.wire.messages import Status
 
 __version__ = "0.3.0"
@@ -48,6 +49,7 @@ _HOMES = {
     "ScenarioError": "phalanx.scenario.load",
     "Status": "phalanx.wire.messages",
     "SteppedRun": "phalanx.launcher.stepped",
+    "Study": "phalanx.studies.study",
     "Summary": "phalanx.guarantee.verdict",
     "UnreadableRecordingError": "phalanx.recording.read",
     "Verification": "phalanx.launcher.verify",
@@ -58,7 +60,9 @@ _HOMES = {
     "open": "phalanx.launcher.run:open_run",
     "run": "phalanx.launcher.start",
     "shipped": "phalanx.scenario.load",
+    "open_study": "phalanx.studies.study",
     "start": "phalanx.launcher.stepped",
+    "study": "phalanx.studies.study",
     "verify": "phalanx.launcher.run:verify_run",
 }
 """The module of each public name, imported when the name is first used: some take a second."""
@@ -70,9 +74,12 @@ __all__ = [  # noqa: RUF022 - in the order of the documentation
     "start",
     "open",
     "verify",
+    "study",
+    "open_study",
     "metrics",
     "Run",
     "SteppedRun",
+    "Study",
     "Scenario",
     "ScenarioError",
     "shipped",

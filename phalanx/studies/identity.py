@@ -41,14 +41,11 @@ class Identity(NamedTuple):
 
     def changed(self, other: "Identity") -> list[str]:
         """Name the inputs in which another identity differs."""
-        return [
-            title
-            for title, mine, theirs in zip(_TITLES, self, other, strict=True)
-            if mine != theirs
-        ]
+        pairs = zip(_INPUTS, self, other, strict=True)
+        return [name for name, mine, theirs in pairs if mine != theirs]
 
 
-_TITLES = ("the scenario", "the seed", "your modules", "Phalanx or a library")
+_INPUTS = ("the scenario", "the seed", "your modules", "versions")
 
 
 def digest_of_scenario(scenario: Scenario) -> str:
@@ -63,15 +60,21 @@ def digest_of_modules(sources: Mapping[str, bytes]) -> str:
 
 
 @cache
-def versions() -> str:
-    """Return the digest of Phalanx's sources and of the versions of libraries."""
-    found: dict[str, str] = {name: version(name) for name in _LIBRARIES}
+def versions_of_libraries() -> dict[str, str]:
+    """Return the versions of the libraries that compute, and the digest of Phalanx's sources."""
+    sources: dict[str, str] = {}
     for package in (phalanx, phalanx_agent, phalanx_plant):
         folder = Path(package.__path__[0])
         for file in sorted(folder.rglob("*.py")):
             name = f"{package.__name__}/{file.relative_to(folder).as_posix()}"
-            found[name] = hashlib.sha256(file.read_bytes()).hexdigest()
-    return _digest(found)
+            sources[name] = hashlib.sha256(file.read_bytes()).hexdigest()
+    return {name: version(name) for name in _LIBRARIES} | {"phalanx": _digest(sources)}
+
+
+@cache
+def versions() -> str:
+    """Return one digest of versions_of_libraries."""
+    return _digest(versions_of_libraries())
 
 
 def _digest(value: Any) -> str:

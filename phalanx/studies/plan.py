@@ -68,7 +68,8 @@ class Point(NamedTuple):
 class Case(NamedTuple):
     """One run of a study."""
 
-    index: int
+    row: int
+    """Its place in the plan."""
     point: Point
     seed: int
 
@@ -84,16 +85,19 @@ class Plan(Strict):
     """The file or the name of a shipped scenario, or its table."""
     seeds: Annotated[tuple[Seed, ...], Field(min_length=1)] = (0,)
     """In a file also as text: "0:200" are the seeds 0 to 199."""
-    overrides: dict[str, Any] = {}
+    overrides: dict[str, Any] = Field(default_factory=dict)
     """Fields of every run, by path."""
-    vary: dict[str, Values] = {}
+    vary: dict[str, Values] = Field(default_factory=dict)
     """The values of each axis, by its field's path; the grid has all their combinations."""
     points: tuple[dict[str, Any], ...] = ()
     """Fields by path, one table for each point, in place of a grid or combined with it."""
-    draw: dict[str, Distribution] = {}
+    draw: dict[str, Distribution] = Field(default_factory=dict)
     """Fields drawn at random, by path."""
     draws: Annotated[int, Field(ge=1)] | None = None
     """Number of draws, each with every seed; 1 by default."""
+    until_width: Annotated[float, Field(gt=0, lt=1)] | None = None
+    """Leave out the later seeds of a point once its rate of violated runs is known to this width,
+    by an interval that holds however often one looks; by default none is left out."""
     draw_seed: Seed = 0
     """Seed of the draws: draw 731 is the same in every study with this seed and field."""
 
@@ -139,10 +143,11 @@ class Plan(Strict):
     @property
     def size(self) -> int:
         """Number of runs."""
-        return self._points * len(self.seeds)
+        return self.points_count * len(self.seeds)
 
     @property
-    def _points(self) -> int:
+    def points_count(self) -> int:
+        """Number of points."""
         return len(self._grid) * max(1, len(self.points)) * (self.draws or 1)
 
     def point(self, number: int) -> Point:
@@ -160,7 +165,7 @@ class Plan(Strict):
     def cases(self) -> Iterator[Case]:
         """Yield all runs; those of one point follow each other."""
         seeds = len(self.seeds)
-        for number in range(self._points):
+        for number in range(self.points_count):
             point = self.point(number)
             for place, seed in enumerate(self.seeds):
                 yield Case(number * seeds + place, point, seed)

@@ -17,12 +17,12 @@ import polars as pl
 import tomli_w
 
 from phalanx.metrics.table import METRICS
-from phalanx.study.identity import Identity
-from phalanx.study.plan import Plan, read_plan
-from phalanx.study.row import Row, flat
+from phalanx.studies.identity import Identity, versions, versions_of_libraries
+from phalanx.studies.plan import Plan, read_plan
+from phalanx.studies.row import Row, flat
 
 PLAN, ROWS = "study.toml", "rows.parquet"
-_JOURNAL, _PARTS, _LOCK = "rows.journal", "part-*.parquet", "lock"
+_JOURNAL, _PARTS, _LOCK, _VERSIONS = "rows.journal", "part-*.parquet", "lock", "versions.json"
 _PART = 1000
 """Rows in a part."""
 _SYNC = 20
@@ -50,16 +50,20 @@ class Known(NamedTuple):
     identity: Identity
     overrides: str
     """As JSON."""
+    outcome: str
 
 
 class Store:
     """The rows in a study's folder; one program writes, others may read."""
 
     def __init__(self, folder: Path) -> None:
+        """Name the folder, which need not exist."""
         self.folder = folder
         self._journal: Any = None
         self._waiting: list[dict[str, Any]] = []
         """Rows that are in the journal only."""
+        self._before: pl.DataFrame | None = None
+        """All rows, when one was first copied."""
 
     def open(self, plan: Plan) -> Self:
         """Begin to write, with this plan; rows of another stay.
@@ -72,6 +76,8 @@ class Store:
         self._lock()
         self._waiting = self._recovered()
         _replace(self.folder / PLAN, plan_text(plan).encode())
+        known = {**self._versions(), versions(): versions_of_libraries()}
+        _replace(self.folder / _VERSIONS, msgspec.json.format(msgspec.json.encode(known)))
         self._rewrite_journal()
         return self
 
@@ -94,7 +100,17 @@ class Store:
 
     def add(self, row: Row) -> None:
         """Append a row. Raises OSError, for example on a full disk; earlier rows are kept."""
-        columns = {**flat(row), "overrides": json_text(row.overrides)}
+        self._append({**flat(row), "overrides": json_text(row.overrides)})
+
+    def copy(self, key: str, overrides: dict[str, Any]) -> str:
+        """Append the row with this key under other overrides; return its outcome."""
+        if self._before is None:
+            self._before = self.frame()
+        (columns,) = self._before.filter(pl.col("key") == key).tail(1).to_dicts()
+        self._append({**columns, "overrides": json_text(overrides)})
+        return str(columns["outcome"])
+
+    def _append(self, columns: dict[str, Any]) -> None:
         columns = {name: columns[name] for name in _SCHEMA}
         size = self._journal.tell()
         try:
@@ -112,15 +128,39 @@ class Store:
 
     def known(self) -> Iterator[Known]:
         """Yield the identity of every row that is there."""
-        columns = ["scenario", "seed", "modules", "versions", "overrides"]
-        for *parts, overrides in self.frame().select(columns).iter_rows():
-            yield Known(Identity(*parts), overrides)
+        columns = ["scenario", "seed", "modules", "versions", "overrides", "outcome"]
+        for *parts, overrides, outcome in self.frame().select(columns).iter_rows():
+            yield Known(Identity(*parts), overrides, outcome)
+
+    def describe(self, changed: list[str], before: Identity, now: Identity) -> str:
+        """Name the inputs that changed; of versions, which."""
+        known = self._versions()
+        old, new = known.get(before.versions, {}), known.get(now.versions, {})
+        differ = [name for name in sorted(old | new) if old.get(name) != new.get(name)]
+        libraries = ", ".join(
+            "Phalanx's sources"
+            if name == "phalanx"
+            else f"{name} {old.get(name)} → {new.get(name)}"
+            for name in differ
+        )
+        return ", ".join(
+            libraries or "versions" if name == "versions" else name for name in changed
+        )
+
+    def _versions(self) -> dict[str, dict[str, str]]:
+        try:
+            found = msgspec.json.decode(
+                (self.folder / _VERSIONS).read_bytes(), type=dict[str, dict[str, str]]
+            )
+        except (OSError, msgspec.DecodeError):
+            return {}
+        return found
 
     def frame(self) -> pl.DataFrame:
-        """Return all rows, each key once. Raises StudyError if a file is of another version."""
+        """Return all rows, the newest last. Raises StudyError if a file is of another version."""
         tables = [self._read(file) for file in self._files()]
         tables.append(pl.DataFrame(self._waiting or self._recovered(), schema=_SCHEMA))
-        return pl.concat(tables).unique("key", keep="last", maintain_order=True)
+        return pl.concat(tables).unique(["key", "overrides"], keep="last", maintain_order=True)
 
     def _files(self) -> list[Path]:
         whole = self.folder / ROWS

@@ -9,15 +9,15 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import phalanx
 from phalanx.launcher.engine import RunOptions
 from phalanx.launcher.in_process_engine import simulate
 from phalanx.recording.modules import ModulesError, hashes, make_importable
-from phalanx.recording.read import Recording
+from phalanx.recording.read import Recording, swarm_of
 from phalanx.scenario.load import ScenarioError, load
 from phalanx.scenario.model import Scenario
-from phalanx.schema.user_code import imported_sources
-from phalanx.study.identity import Identity, digest_of_modules, digest_of_scenario, versions
-from phalanx.study.row import BROKEN, REFUSED, Row, row_of
+from phalanx.studies.identity import Identity
+from phalanx.studies.row import BROKEN, REFUSED, Row, row_of
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import require_runnable, with_seed
 from phalanx.swarm.swarm import build_swarm
@@ -57,10 +57,13 @@ def compute(job: Job) -> list[Row]:
     return [_row(job, identity) for identity in job.identities]
 
 
-def identity_of(scenario: Scenario, seed: int) -> Identity:
-    """Return the identity of a run of a resolved scenario, whose own seed does not count."""
-    sources = imported_sources(scenario.model_dump(mode="json"))
-    return Identity(digest_of_scenario(scenario), seed, digest_of_modules(sources), versions())
+def confirm(job: Job) -> list[Row]:
+    """Repeat a job's one run with every program a process of its own; return its row."""
+    (identity,) = job.identities
+    make_importable(job.modules, hashes(job.modules), trust=True)
+    run = phalanx.run(load(job.table, job.overrides, identity.seed), engine="processes")
+    assert run.summary is not None
+    return [row_of(identity, job.overrides, run.summary, run.recording, swarm_of(run.recording))]
 
 
 def _row(job: Job, identity: Identity) -> Row:
@@ -73,7 +76,7 @@ def _row(job: Job, identity: Identity) -> Row:
     except (ScenarioError, ModulesError) as error:
         outcome, reason = REFUSED, str(error)
     except MistakenMethodError as error:
-        outcome, reason = BROKEN, str(error)
+        outcome, reason = BROKEN, error.during_run("the run")
     wall = time.monotonic() - began
     return Row(
         identity=identity, overrides=job.overrides, outcome=outcome, reason=reason, wall_time=wall

@@ -8,7 +8,7 @@ import msgspec
 from phalanx.guarantee.verdict import Summary
 from phalanx.metrics.table import METRICS, SWARM, metrics_of
 from phalanx.recording.read import Recording
-from phalanx.study.identity import Identity
+from phalanx.studies.identity import Identity
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.rows.origin import Origin
 
@@ -17,7 +17,7 @@ REFUSED = "refused"
 BROKEN = "broken"
 
 
-class Row(msgspec.Struct, kw_only=True, omit_defaults=True):
+class Row(msgspec.Struct, kw_only=True):
     """The result of one run; None where it has no meaning, or there was no run."""
 
     identity: Identity
@@ -86,12 +86,7 @@ def row_of(
 
 def flat(row: Row) -> dict[str, Any]:
     """Return a row as columns: each metric has one, and each digest of the identity."""
-    found = msgspec.to_builtins(row)
-    metrics, identity = found.pop("metrics", {}), row.identity
-    return {
-        **dict.fromkeys(Row.__struct_fields__),
-        **found,
-        **{name: metrics.get(name) for name in METRICS},
-        **identity._asdict(),
-        "key": identity.key,
-    }
+    found = msgspec.structs.asdict(row)
+    metrics, identity = found.pop("metrics"), found.pop("identity")
+    of_metrics = {name: metrics.get(name) for name in METRICS}
+    return {**found, **of_metrics, **identity._asdict(), "key": identity.key}

@@ -1,0 +1,267 @@
+"""phalanx study: run a scenario over seeds and a grid, go on with a study, and open one."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from phalanx.cli.options import Overrides
+from phalanx.cli.terminal import echo
+
+if TYPE_CHECKING:
+    from phalanx.studies.coordinator import StudyProgress
+    from phalanx.studies.plan import Plan
+    from phalanx.studies.study import Study
+
+_OPEN = "open"
+
+Vary = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="PATH=V,V,...",
+        help="An axis of the grid: a field and its values, as network.loss=0,.1,.3. Repeatable.",
+    ),
+]
+Draw = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="PATH=DISTRIBUTION",
+        help="A field drawn at random: uniform(0,1), log-uniform(1e-3,1) or choice(a,b). "
+        "Repeatable.",
+    ),
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(study)
+
+
+def study(
+    scenario: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENARIO",
+            help="A scenario as `phalanx run` takes it, or a study.toml; or `open` and a folder.",
+        ),
+    ],
+    folder: Annotated[
+        Path | None, typer.Argument(metavar="[FOLDER]", help="After `open`: of a study.")
+    ] = None,
+    seeds: Annotated[str, typer.Option(help="As 0:200 for 0 to 199, or 1,2,5.")] = "0:10",
+    vary: Vary = None,
+    draw: Draw = None,
+    draws: Annotated[
+        int | None, typer.Option(min=1, help="Number of draws, each with every seed.")
+    ] = None,
+    overrides: Overrides = None,
+    until_width: Annotated[
+        float | None,
+        typer.Option(
+            help="Leave out later seeds of a point once its rate of violated runs is known to this "
+            "width, by an interval that holds however often one looks."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="The study's folder; by default studies/<scenario>. What is there is not run "
+            "again."
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes; by default one for each processor.")
+    ] = None,
+    dask: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SCHEDULER",
+            help="Run on a dask.distributed cluster: tcp://host:8786, or its scheduler file.",
+        ),
+    ] = None,
+    confirm: Annotated[
+        float,
+        typer.Option(
+            min=0.0,
+            max=1.0,
+            help="Share of the runs that are repeated as processes and compared; the first 20 "
+            "violated ones are, too, unless it is 0.",
+        ),
+    ] = 0.01,
+    why: Annotated[
+        bool, typer.Option("--why", help="Say what would run and why, and run nothing.")
+    ] = False,
+    row: Annotated[int | None, typer.Option(min=0, help="After `open`: a row's index.")] = None,
+    record: Annotated[
+        bool, typer.Option("--record", help="With --row: run it again, with a recording in runs/.")
+    ] = False,
+) -> int:
+    """Run a scenario many times: every seed at every point of a grid, a table row for each run.
+
+    Asked again, it runs what is missing: after Ctrl-C or a crash, or for more seeds or values.
+    Writes study.toml, rows.parquet and study.html into its folder.
+
+    Examples:
+
+      phalanx study unicycles --seeds 0:200 --vary network.loss=0,.1,.3
+      phalanx study unicycles --seeds 0:20 --draw "safety.eta=uniform(0,10)" --draws 50
+      phalanx study studies/unicycles/study.toml --out studies/unicycles --dask tcp://host:8786
+      phalanx study open studies/unicycles
+      phalanx study open studies/unicycles --row 731 --record
+    """
+    if scenario == _OPEN:
+        return _open(folder, row, record)
+    if folder is not None or row is not None or record:
+        raise typer.BadParameter("FOLDER, --row and --record: expected after `phalanx study open`")
+    from phalanx.studies.study import study as run_study
+
+    plan = _plan(scenario, seeds, vary, draw, draws, overrides, until_width)
+    kept = out or Path("studies") / _name(plan)
+    if why:
+        return _say_why(plan, kept)
+    with _executor(dask) as (executor, most), _bar(plan) as show:
+        found = run_study(
+            plan, out=kept, workers=workers, executor=executor, confirm=confirm, progress=show,
+            chunk=8 if executor else 1, in_flight=most or None,
+        )  # fmt: skip
+    _print(found)
+    echo(f"page: {found.page()}")
+    return 0
+
+
+def _plan(
+    scenario: str, seeds: str, vary: Sequence[str] | None, draw: Sequence[str] | None,
+    draws: int | None, overrides: Sequence[str] | None, until_width: float | None,
+) -> "Plan":  # fmt: skip
+    from phalanx.scenario.load import field_and_value
+    from phalanx.studies.plan import distribution_from, plan_from, read_plan, values_from
+
+    if Path(scenario).name == "study.toml":
+        if vary or draw or draws or overrides or until_width:
+            raise typer.BadParameter(f"{scenario} has the whole plan: expected no other fields")
+        return read_plan(Path(scenario))
+    table: dict[str, Any] = {
+        "scenario": scenario,
+        "seeds": seeds,
+        "overrides": dict(map(field_and_value, overrides or ())),
+        "vary": _fields("--vary", vary, values_from),
+        "draw": _fields("--draw", draw, distribution_from),
+        "draws": draws,
+        "until_width": until_width,
+    }
+    return plan_from(table, "study")
+
+
+def _fields(option: str, texts: Sequence[str] | None, read: Callable[[str], Any]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for text in texts or ():
+        path, separator, values = text.partition("=")
+        if not separator or not values:
+            raise typer.BadParameter(f"{option} {text}: expected PATH=VALUES")
+        if path in found:
+            raise typer.BadParameter(f"{option} {path}: expected every field once")
+        try:
+            found[path] = read(values)
+        except ValueError as error:
+            raise typer.BadParameter(f"{option} {path}: {error}") from error
+    return found
+
+
+def _name(plan: "Plan") -> str:
+    scenario = plan.scenario
+    if isinstance(scenario, dict):
+        return str(scenario.get("name", "study"))
+    return Path(scenario).name.removesuffix(".toml")
+
+
+def _say_why(plan: "Plan", folder: Path) -> int:
+    from phalanx.studies.inventory import missing_by_reason
+    from phalanx.studies.store import Store
+
+    reasons = missing_by_reason(plan, Store(folder))
+    echo(f"{plan.size - reasons.total()} of {plan.size} rows are there; {reasons.total()} to run")
+    echo(*(f"  {count} {reason}" for reason, count in reasons.most_common()))
+    return 0
+
+
+def _open(folder: Path | None, row: int | None, record: bool) -> int:
+    from phalanx.studies.study import open_study
+
+    if folder is None:
+        raise typer.BadParameter("open: expected the folder of a study")
+    found = open_study(folder)
+    if row is None:
+        _print(found)
+        echo(f"page: {found.page()}")
+        return 0
+    try:
+        echo(found.command(row))
+    except ValueError as error:
+        raise typer.BadParameter(f"--row: {error}") from error
+    if record:
+        run = found.run(row, out=Path("runs"))
+        echo(f"{run.verdict} ({run.folder})")
+    return 0
+
+
+@contextmanager
+def _executor(dask: str | None) -> Iterator[tuple[Any, int]]:
+    """Yield the executor of a cluster, and the most jobs for it; None is the built-in pool."""
+    if dask is None:
+        yield None, 0
+        return
+    from phalanx.studies.cluster import connected
+
+    with connected(dask) as cluster:
+        yield cluster
+
+
+@contextmanager
+def _bar(plan: "Plan") -> Iterator[Callable[["StudyProgress"], None]]:
+    """Show a progress bar; yields the function to call with the progress."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+    from rich.progress import TimeRemainingColumn as Remaining
+
+    bar = Progress(
+        TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(),
+        TextColumn("{task.fields[outcomes]}", markup=False), Remaining(),
+        console=Console(stderr=True), transient=True,
+    )  # fmt: skip
+    task = bar.add_task(_name(plan), total=plan.size, outcomes="")
+
+    def show(progress: "StudyProgress") -> None:
+        counts = ", ".join(f"{n} {outcome}" for outcome, n in progress.outcomes.most_common())
+        bar.update(task, completed=progress.done, outcomes=counts)
+
+    with bar:
+        yield show
+
+
+def _print(found: "Study") -> None:
+    """Print a row for each point: how many runs had which outcome, and the interval."""
+    from rich.console import Console
+
+    from phalanx.cli.display import TextTable
+
+    table = TextTable(
+        *found.axes, "runs", "guaranteed", "safe", "violated", "95 % interval", "other"
+    )
+    guaranteed, safe = found.rates("guaranteed"), found.rates("safe")
+    for place, rate in enumerate(found.rates("violated").iter_rows(named=True)):
+        counts = guaranteed["guaranteed"][place], safe["safe"][place], rate["violated"]
+        table.add_row(
+            *(str(rate[axis]) for axis in found.axes),
+            str(rate["runs"]),
+            *map(str, counts),
+            f"{rate['low']:.3f} to {rate['high']:.3f}",
+            str(rate["runs"] - sum(counts)),
+        )
+    Console().print(table)
+    refused = found.outcomes["refused"]
+    if refused:
+        echo(f"{refused} runs were refused: their scenario is not valid; reasons are in the page")
+    if found.missing:
+        echo(f"{found.missing} of {found.plan.size} runs have no row")

@@ -1,0 +1,225 @@
+"""The coordinator of a study: hands out what is missing, and stores each row as it comes."""
+
+from collections import Counter, deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
+from itertools import groupby
+from typing import NamedTuple
+
+import msgspec
+
+from phalanx.guarantee.verdict import Outcome
+from phalanx.scenario.load import ScenarioError
+from phalanx.seeded.draws import Draws
+from phalanx.statistics.sequences import runs_until_width
+from phalanx.studies.identity import Identity, versions
+from phalanx.studies.inventory import Inventory, identity_of
+from phalanx.studies.plan import Case, Plan, Point
+from phalanx.studies.row import BROKEN, REFUSED, Row
+from phalanx.studies.store import Store, json_text
+from phalanx.studies.work import Job, compute, confirm
+
+_MOST_SURPRISES = 20
+"""Violated or broken runs that are run again as processes, besides the share of all."""
+_SURPRISING = (Outcome.VIOLATED, Outcome.BROKEN)
+
+
+class StudyProgress(NamedTuple):
+    """How far a study is."""
+
+    done: int
+    total: int
+    outcomes: Counter[str]
+    """Rows by outcome, those that were there before included."""
+    computed: int
+    """Rows that this program computed."""
+    confirmed: int
+    """Runs that were repeated as processes with the same trajectory."""
+
+
+Progress = Callable[[StudyProgress], None]
+
+
+class Options(NamedTuple):
+    """How a study is executed; nothing here changes a row."""
+
+    in_flight: int
+    """Most jobs that are handed out at a time."""
+    chunk: int
+    """Runs in a job."""
+    confirm: float
+    """Share of the runs that are repeated as processes."""
+    progress: Progress
+
+
+class _PointState:
+    """The outcomes of one point's runs, in the order of seeds."""
+
+    def __init__(self, point: Point, seeds: int) -> None:
+        self.point = point
+        self._outcomes: list[str | None] = [None] * seeds
+        self._known = 0
+        """Number of runs whose outcome and all before are known."""
+        self._next_look = 1
+        self._narrow = False
+
+    def add(self, place: int, outcome: str) -> None:
+        """Take the outcome of the run with the seed at this place."""
+        self._outcomes[place] = outcome
+        while self._known < len(self._outcomes) and self._outcomes[self._known] is not None:
+            self._known += 1
+
+    def narrow(self, width: float | None) -> bool:
+        """Return whether the rate of violated runs is known to this width."""
+        if width is not None and not self._narrow and self._known >= self._next_look:
+            # Each look costs as much as there are runs; the table of rows finds the exact one.
+            self._next_look = self._known + 1 + self._known // 50
+            violated = [each == Outcome.VIOLATED for each in self._outcomes[: self._known]]
+            self._narrow = runs_until_width(violated, width) is not None
+        return self._narrow
+
+
+class _Handed(NamedTuple):
+    """A job that was handed out."""
+
+    job: Job
+    cases: list[Case]
+    state: _PointState
+    again: Row | None = None
+    """The row that is to be confirmed."""
+
+
+class Coordinator:
+    """Executes one plan."""
+
+    def __init__(self, plan: Plan, store: Store, executor: Executor, options: Options) -> None:
+        self._plan, self._store, self._executor, self._options = plan, store, executor, options
+        self._inventory = Inventory(store)
+        self._pending: dict[Future[list[Row]], _Handed] = {}
+        self._confirming: deque[_Handed] = deque()
+        self._surprises = 0
+        self._outcomes: Counter[str] = Counter()
+        self._computed = self._confirmed = 0
+
+    def run(self) -> None:
+        """Compute every row that is missing. Raises OSError if one cannot be stored."""
+        jobs = self._missing()
+        try:
+            while True:
+                while len(self._pending) < self._options.in_flight:
+                    handed = self._confirming.popleft() if self._confirming else next(jobs, None)
+                    if handed is None:
+                        break
+                    work = compute if handed.again is None else confirm
+                    self._pending[self._executor.submit(work, handed.job)] = handed
+                self._report()
+                if not self._pending:
+                    return
+                finished, _ = wait(self._pending, return_when=FIRST_COMPLETED)
+                for future in sorted(finished, key=lambda f: self._pending[f].cases[0].row):
+                    self._take(future, self._pending.pop(future))
+        finally:
+            for future in self._pending:
+                future.cancel()
+
+    def _report(self) -> None:
+        done = self._outcomes.total()
+        self._options.progress(
+            StudyProgress(
+                done, self._plan.size, self._outcomes.copy(), self._computed, self._confirmed
+            )
+        )
+
+    def _missing(self) -> Iterator[_Handed]:
+        """Yield jobs for the runs that have no row with their identity."""
+        for number, cases in groupby(self._plan.cases(), key=lambda case: case.point.number):
+            state = _PointState(self._plan.point(number), len(self._plan.seeds))
+            yield from self._missing_of(state, list(cases))
+
+    def _missing_of(self, state: _PointState, cases: list[Case]) -> Iterator[_Handed]:
+        try:
+            of_seed, sources = identity_of(self._plan, cases[0])
+        except ScenarioError as error:
+            self._refuse(state, cases, str(error))
+            return
+        chunk: list[tuple[Case, Identity]] = []
+        for case in cases:
+            if state.narrow(self._plan.until_width):
+                break
+            identity = of_seed._replace(seed=case.seed)
+            outcome = self._inventory.outcome(identity, case.point.overrides)
+            if outcome is not None:
+                self._count(state, case, outcome)
+                continue
+            chunk.append((case, identity))
+            if len(chunk) == self._options.chunk:
+                yield self._handed(state, chunk, sources)
+                chunk = []
+        if chunk:
+            yield self._handed(state, chunk, sources)
+
+    def _handed(
+        self, state: _PointState, chunk: list[tuple[Case, Identity]], sources: dict[str, bytes]
+    ) -> _Handed:
+        identities = tuple(identity for _, identity in chunk)
+        job = Job(self._plan.table, state.point.overrides, identities, sources)
+        return _Handed(job, [case for case, _ in chunk], state)
+
+    def _refuse(self, state: _PointState, cases: list[Case], reason: str) -> None:
+        """Store rows of a point whose scenario is not valid."""
+        overrides = state.point.overrides
+        for case in cases:
+            identity = Identity("", case.seed, "", versions())
+            outcome = self._inventory.outcome(identity, overrides)
+            if outcome is not None:
+                self._count(state, case, outcome)
+                continue
+            row = Row(identity=identity, overrides=overrides, outcome=REFUSED, reason=reason)
+            self._add(state, case, row)
+
+    def _take(self, future: "Future[list[Row]]", handed: _Handed) -> None:
+        """Store the rows of a job that ended."""
+        if handed.again is not None:
+            self._take_confirmed(future, handed.again, handed.job)
+            return
+        try:
+            rows = future.result()
+        except CancelledError:
+            raise
+        except Exception as error:  # of the executor: its worker died, again and again
+            reason = f"{type(error).__name__}: {error}"
+            rows = [
+                Row(identity=each, overrides=handed.job.overrides, outcome=BROKEN, reason=reason)
+                for each in handed.job.identities
+            ]
+        for case, row in zip(handed.cases, rows, strict=True):
+            self._computed += 1
+            self._add(handed.state, case, row)
+            if self._to_confirm(row):
+                job = handed.job._replace(identities=(row.identity,))
+                self._confirming.append(_Handed(job, [case], handed.state, row))
+
+    def _to_confirm(self, row: Row) -> bool:
+        if not self._options.confirm or not row.trajectory:
+            return False
+        if row.outcome in _SURPRISING and self._surprises < _MOST_SURPRISES:
+            self._surprises += 1
+            return True
+        drawn = Draws(0, "confirm", row.identity.key).value(0)
+        return drawn < self._options.confirm
+
+    def _take_confirmed(self, future: "Future[list[Row]]", row: Row, job: Job) -> None:
+        """Store a row again with the result of its run as processes."""
+        (again,) = future.result()
+        same = again.trajectory == row.trajectory
+        self._confirmed += same
+        self._store.add(msgspec.structs.replace(row, confirmed=same))
+
+    def _add(self, state: _PointState, case: Case, row: Row) -> None:
+        self._store.add(row)
+        self._inventory.add(row.identity, json_text(row.overrides), row.outcome)
+        self._count(state, case, row.outcome)
+
+    def _count(self, state: _PointState, case: Case, outcome: str) -> None:
+        self._outcomes[outcome] += 1
+        state.add(case.row - state.point.number * len(self._plan.seeds), outcome)

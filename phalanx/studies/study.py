@@ -1,0 +1,282 @@
+"""phalanx.study: many runs of one scenario, as a table of one row each.
+
+A study is declared as a plan, kept in a folder, and executed by any Executor. Asked again it runs
+what is missing, whatever ended it before.
+"""
+
+import tempfile
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import Executor
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from phalanx.extensions.registered import extension
+from phalanx.guarantee.verdict import Outcome
+from phalanx.launcher.engine import DEFAULT_ENGINE, require_functions, silent
+from phalanx.launcher.run import Run
+from phalanx.launcher.start import run as run_scenario
+from phalanx.scenario.load import to_json
+from phalanx.scenario.model import Scenario
+from phalanx.schema.instances import as_table
+from phalanx.schema.notebook import html_table
+from phalanx.statistics.rates import clopper_pearson
+from phalanx.statistics.sequences import beta_mixture, runs_until_width
+from phalanx.studies.coordinator import Coordinator, Options, Progress
+from phalanx.studies.plan import Plan, as_text, plan_from, read_plan, seeds_from
+from phalanx.studies.pool import Pool
+from phalanx.studies.store import Store, json_text, plan_of
+
+
+def study(
+    scenario: Scenario | Plan | str | Path | Mapping[str, Any],
+    *,
+    seeds: int | str | Iterable[int] = 1,
+    vary: Mapping[str, Sequence[Any]] | None = None,
+    points: Sequence[Mapping[str, Any]] = (),
+    draw: Mapping[str, Mapping[str, Any]] | None = None,
+    draws: int | None = None,
+    overrides: Mapping[str, Any] | None = None,
+    until_width: float | None = None,
+    out: str | Path | None = None,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    in_flight: int | None = None,
+    chunk: int = 1,
+    confirm: float = 0.01,
+    progress: Progress = silent,
+) -> "Study":
+    """Run a scenario for every seed and every point of a grid, and return the rows.
+
+    Args:
+        scenario: as load takes it, or a Plan, or the path of a study.toml; with these two the
+            arguments up to until_width are in it.
+        seeds: their number, "0:200", or themselves.
+        vary: the values of each axis, by its field's path; all combinations are run.
+        points: fields by path, one mapping for each point.
+        draw: fields drawn at random, by path: {"uniform": (a, b)}, {"log-uniform": (a, b)} or
+            {"choice": values}.
+        draws: the number of draws, each with every seed.
+        overrides: fields of every run.
+        until_width: leave out later seeds of a point once its rate of violated runs is known to
+            this width.
+        out: the study's folder; by default a temporary one. What is there already is not run again.
+        workers: of the built-in pool; by default one for each processor.
+        executor: computes the rows in place of the pool, for example dask.distributed's.
+        in_flight: most jobs handed to the executor at a time; by default two for each worker.
+        chunk: runs in a job; more of them where jobs travel far.
+        confirm: share of the runs that are repeated as processes and compared; the first violated
+            and broken ones are, too, unless it is 0.
+        progress: called with a StudyProgress after each job.
+
+    Returns:
+        The study, whole; Ctrl-C raises KeyboardInterrupt, and keeps what was finished.
+
+    Raises:
+        ScenarioError: the plan or the scenario is not valid at any point.
+        StudyError: the folder belongs to another program, or another version of Phalanx.
+        OSError: the folder cannot be written.
+    """
+    require_functions(progress=progress)
+    if isinstance(scenario, Plan):
+        plan = scenario
+    elif isinstance(scenario, str | Path) and Path(scenario).name.endswith("study.toml"):
+        plan = read_plan(Path(scenario))
+    else:
+        table = {
+            "scenario": _source(scenario),
+            "seeds": _seeds(seeds),
+            "overrides": _tables(overrides or {}),
+            "vary": {path: [as_table(v) for v in values] for path, values in (vary or {}).items()},
+            "points": [_tables(point) for point in points],
+            "draw": {path: dict(each) for path, each in (draw or {}).items()},
+            "draws": draws,
+            "until_width": until_width,
+        }
+        plan = plan_from(table)
+    plan.require_axes()
+    temporary = tempfile.TemporaryDirectory(prefix="phalanx-study-") if out is None else None
+    folder = Path(temporary.name if temporary else out or "")
+    with (
+        Store(folder).open(plan) as store,
+        _Computing(executor, workers) as computing,
+    ):
+        most = in_flight or 2 * (computing.workers if isinstance(computing, Pool) else 8)
+        Coordinator(plan, store, computing, Options(most, chunk, confirm, progress)).run()
+    return Study(folder, plan, temporary)
+
+
+def open_study(folder: str | Path) -> "Study":
+    """Open a study's folder, whole or unfinished. Raises ScenarioError, StudyError."""
+    return Study(Path(folder), plan_of(Path(folder)))
+
+
+class _Computing:
+    """The given executor, which its owner shuts down, or a pool of its own."""
+
+    def __init__(self, executor: Executor | None, workers: int | None) -> None:
+        self._executor = executor or Pool(workers)
+        self._own = executor is None
+
+    def __enter__(self) -> Executor:
+        return self._executor
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if self._own:
+            self._executor.shutdown(cancel_futures=kind is not None)
+
+
+class Study:
+    """The rows of a study."""
+
+    def __init__(
+        self,
+        folder: Path,
+        plan: Plan,
+        temporary: "tempfile.TemporaryDirectory[str] | None" = None,
+    ) -> None:
+        """temporary: removes the folder with this object."""
+        self.folder, self.plan = folder, plan
+        self._temporary = temporary
+
+    @property
+    def axes(self) -> list[str]:
+        """Paths of the fields in which points differ: columns of `frame`."""
+        return self.plan.axes
+
+    @cached_property
+    def frame(self) -> pl.DataFrame:
+        """One row for each run that is there: index, point, seed, the axes, and its results."""
+        points = [self.plan.point(number) for number in range(self.plan.points_count)]
+        table = pl.DataFrame(
+            {
+                "point": [point.number for point in points],
+                "overrides": [json_text(point.overrides) for point in points],
+                **{axis: [as_text(point.axes.get(axis)) for point in points] for axis in self.axes},
+            },
+            strict=False,
+        )
+        cases = pl.DataFrame(
+            {
+                "index": range(self.plan.size),
+                "point": [n for n in range(len(points)) for _ in self.plan.seeds],
+                "seed": [*self.plan.seeds] * len(points),
+            }
+        )
+        rows = Store(self.folder).frame()
+        latest = rows.unique(["overrides", "seed"], keep="last", maintain_order=True)
+        found = cases.join(table, on="point").join(latest, on=["overrides", "seed"])
+        return self._until_narrow(found.sort("index")).drop("scenario", "modules", "versions")
+
+    def _until_narrow(self, frame: pl.DataFrame) -> pl.DataFrame:
+        """Leave out what was computed after a point's rate was known to the plan's width."""
+        if self.plan.until_width is None:
+            return frame
+        kept = []
+        for _, rows in frame.group_by("point", maintain_order=True):
+            violated = (rows["outcome"] == Outcome.VIOLATED).to_list()
+            kept.append(rows.head(runs_until_width(violated, self.plan.until_width) or len(rows)))
+        return pl.concat(kept) if kept else frame
+
+    @property
+    def outcomes(self) -> Counter[str]:
+        """Number of rows by outcome."""
+        return Counter(self.frame["outcome"].to_list())
+
+    @property
+    def missing(self) -> int:
+        """Number of runs without a row; with until_width some stay without."""
+        return self.plan.size - len(self.frame)
+
+    def rates(
+        self, outcome: str = Outcome.VIOLATED, by: Sequence[str] | None = None, level: float = 0.95
+    ) -> pl.DataFrame:
+        """Return an outcome's rate, with its interval, at each value of the axes.
+
+        The interval is exact for the number of runs of the plan (Clopper and Pearson); with
+        until_width it is that of a confidence sequence. Rows that a search chose do not count,
+        nor those that were refused.
+
+        Args:
+            outcome: "violated", "guaranteed", ...
+            by: axes; by default all.
+            level: of the intervals.
+        """
+        axes = self.axes if by is None else list(by)
+        counted = self.frame.filter(~pl.col("searched") & (pl.col("outcome") != "refused"))
+        grouped = counted.group_by(axes, maintain_order=True) if axes else [((), counted)]
+        interval = clopper_pearson if self.plan.until_width is None else beta_mixture
+        found = []
+        for values, rows in grouped:
+            k, n = int((rows["outcome"] == outcome).sum()), len(rows)
+            low, high = interval(k, n, level)
+            named = dict(zip(axes, values, strict=True))
+            found.append({**named, "runs": n, outcome: k, "rate": k / n, "low": low, "high": high})
+        return pl.DataFrame(found)
+
+    def run(
+        self, index: int, *, engine: str = DEFAULT_ENGINE, out: str | Path | None = None
+    ) -> Run:
+        """Run a row again, with its recording; engine and out as phalanx.run takes them."""
+        return run_scenario(self.plan.load(self.plan.case(index)), engine=engine, out=out)
+
+    def command(self, index: int) -> str:
+        """Return the command that runs a row again."""
+        case = self.plan.case(index)
+        reading = self.plan.load(case).reading
+        assert reading is not None
+        return reading.command(case.seed)
+
+    def page(self, path: str | Path | None = None) -> Path:
+        """Write the study as one HTML file, by default study.html in its folder; return its path.
+
+        Raises OSError.
+        """
+        written: Path = extension("study-page")(
+            self.frame, self.axes, self.folder.name, Path(path or self.folder / "study.html"),
+            lambda row: self.command(row["index"]),
+        )  # fmt: skip
+        return written
+
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{n} {outcome}" for outcome, n in self.outcomes.most_common())
+        return f"Study({str(self.folder)!r}, {counts or 'no rows'})"
+
+    def _repr_html_(self) -> str:
+        """Return the outcomes at each point for a notebook."""
+        outcomes = list(self.outcomes)
+        head = (*self.axes, "runs", *outcomes) if self.axes else ("", "runs", *outcomes)
+        rows = []
+        for values, found in self.frame.group_by(self.axes or ["point"], maintain_order=True):
+            counts = [str((found["outcome"] == outcome).sum()) for outcome in outcomes]
+            rows.append((*map(str, values if self.axes else ("all",)), str(len(found)), *counts))
+        return html_table(rows, head)
+
+
+def _source(scenario: Scenario | str | Path | Mapping[str, Any]) -> Any:
+    if isinstance(scenario, Scenario):
+        import json
+
+        table = json.loads(to_json(scenario))
+        del table["reading"], table["seed"]
+        return _without_none(table)
+    return str(scenario) if isinstance(scenario, str | Path) else dict(scenario)
+
+
+def _without_none(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_none(each) for key, each in value.items() if each is not None}
+    return [_without_none(each) for each in value] if isinstance(value, list) else value
+
+
+def _seeds(seeds: int | str | Iterable[int]) -> list[int]:
+    if isinstance(seeds, str):
+        return list(seeds_from(seeds))
+    return list(range(seeds)) if isinstance(seeds, int) else list(seeds)
+
+
+def _tables(fields: Mapping[str, Any]) -> dict[str, Any]:
+    return {path: as_table(value) for path, value in fields.items()}
