@@ -27,6 +27,6 @@ def connected(scheduler: str) -> Iterator[tuple[Executor, int]]:
         raise ImportError("--dask needs distributed: pip install 'phalanx-swarm[dask]'") from error
     dask.config.set({"distributed.scheduler.allowed-failures": MOST_DEATHS})
     where = {"scheduler_file": scheduler} if Path(scheduler).is_file() else {"address": scheduler}
-    with Client(**where, set_as_default=False, timeout=10) as client:  # type: ignore[no-untyped-call]
+    with Client(**where, set_as_default=False, timeout=10) as client:
         threads = sum(client.nthreads().values())
         yield client.get_executor(pure=False), _JOBS_PER_THREAD * max(1, threads)

@@ -69,7 +69,9 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     # The in-process engine is where agents and plant are put together without a wire.
     "phalanx.launcher": LAUNCHER | PLANT | rooms("agent plant"),
     "phalanx.cli": LAUNCHER | {"phalanx"},
-    "phalanx": LAUNCHER | rooms("cli baselines"),
+    "phalanx": LAUNCHER | rooms("cli baselines studies"),
+    # Many runs: it hashes the sources of all that decides a run.
+    "phalanx.studies": COMMANDED | rooms("statistics agent plant"),
     "phalanx_agent": WIRE,
     "phalanx_plant": RECORDING | PLANT,
     "phalanx_plant.world": RECORDING,
@@ -209,6 +211,7 @@ def test_what_the_core_imports_is_among_its_own_dependencies():
     ours = {"phalanx", *(f"phalanx-{program}" for program in PROGRAMS)}
     needed -= ours | {"pydantic-core", "typing-extensions", "zstandard"}  # brought by some
     needed -= {"cbfpy", "jax"}  # of an extra: only the controller `cbfpy` loads them
+    needed -= {"dask", "distributed"}  # of an extra: only `phalanx study --dask` loads them
     assert needed <= own, needed - own
     assert own <= needed | {"osqp", "scipy"}, "those two are loaded by phalanx.compat"
 

@@ -1,0 +1,210 @@
+"""Studies in real worker processes: the rows are those of runs, and nothing is lost or doubled."""
+
+import os
+import signal
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import psutil
+import pytest
+
+import phalanx
+from phalanx.studies.pool import Pool
+from tests.process.runs import wait_for
+
+SHORT = {"duration": 0.2}
+LOSSES = {"network.loss": [0.0, 0.5]}
+KILLER = '''
+import os
+from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+
+@dataclass
+class Killer:
+    """Kills its process at its first inputs, as often as the file has bytes."""
+
+    file: str
+
+    def prepare(self, dynamics):
+        self.armed = True
+
+    def input(self, view):
+        if self.armed:
+            self.armed = False
+            left = Path(self.file).read_bytes()
+            if left:
+                Path(self.file).write_bytes(left[1:])
+                os.kill(os.getpid(), 9)
+        return np.zeros(2)
+'''
+
+
+@pytest.fixture
+def killer(tmp_path, monkeypatch):
+    """Return the overrides of a law that kills its worker, and the file that says how often."""
+    (tmp_path / "killer_law.py").write_text(KILLER)
+    monkeypatch.chdir(tmp_path)
+    deaths = tmp_path / "deaths"
+    return {**SHORT, "agents.1.law": {"type": "killer_law:Killer", "file": str(deaths)}}, deaths
+
+
+def results(study: phalanx.Study) -> list[tuple[object, ...]]:
+    """Return what of a study's rows must not depend on who computed them."""
+    columns = [
+        *study.axes,
+        "seed",
+        "outcome",
+        "worst_h",
+        "certified",
+        "trajectory",
+        "least_distance",
+    ]
+    return study.frame.select(columns).rows()
+
+
+def test_a_row_has_the_bits_of_its_run():
+    study = phalanx.study("unicycles", seeds=2, vary=LOSSES, overrides=SHORT, confirm=0)
+    assert study.missing == 0
+    for row in study.frame.iter_rows(named=True):
+        overrides = {**SHORT, "network.loss": row["network.loss"]}
+        run = phalanx.run(
+            phalanx.load("unicycles", overrides, seed=row["seed"]), engine="in-process"
+        )
+        assert row["trajectory"] == run.summary.trajectory
+        assert row["worst_h"] == run.summary.worst_h_tot
+        (swarm,) = run.metrics.filter(run.metrics["agent"] == "swarm").to_dicts()
+        assert all(row[name] == swarm[name] for name in phalanx.metrics.METRICS)
+
+
+def test_any_number_of_workers_gives_the_same_rows():
+    plan = {"seeds": 4, "vary": LOSSES, "overrides": SHORT, "confirm": 0}
+    one, two = (phalanx.study("formation3d", workers=n, **plan) for n in (1, 2))
+    assert results(one) == results(two)
+
+
+def test_asked_again_it_runs_only_what_is_missing(tmp_path):
+    computed: list[int] = []
+
+    def again(**plan):
+        def count(progress):
+            computed[-1] = progress.computed
+
+        computed.append(0)
+        fixed = {"overrides": SHORT, "confirm": 0, "out": tmp_path, "progress": count}
+        return phalanx.study("unicycles", **fixed, **plan)
+
+    first = again(seeds=2, vary={"network.loss": [0.5]})
+    assert results(again(seeds=2, vary={"network.loss": [0.5]})) == results(first)
+    again(seeds=3, vary=LOSSES)
+    grown = again(seeds=3, vary={**LOSSES, "safety.margin_scale": [1.0, 0.5]})
+    # Then the margin's present value is a value of its axis, and those rows serve again.
+    assert computed == [2, 0, 4, 6]
+    assert grown.missing == 0
+
+
+def test_runs_are_repeated_as_processes_with_the_same_trajectory():
+    study = phalanx.study("unicycles", overrides=SHORT, confirm=1.0)
+    assert study.frame["confirmed"].to_list() == [True]
+
+
+def test_a_point_whose_scenario_is_not_valid_is_a_row_that_says_so():
+    study = phalanx.study(
+        "unicycles", vary={"network.loss": [0.0, 1.5]}, overrides=SHORT, confirm=0
+    )
+    valid, refused = study.frame.iter_rows(named=True)
+    assert (valid["outcome"], refused["outcome"]) == ("guaranteed", "refused")
+    assert "network.loss" in refused["reason"]
+    assert study.rates()["network.loss"].to_list() == [0.0]
+
+
+def test_a_worker_that_dies_costs_its_run_only_some_time(killer):
+    overrides, deaths = killer
+    deaths.write_bytes(b"..")
+    study = phalanx.study("unicycles", seeds=4, overrides=overrides, workers=2, confirm=0)
+    assert deaths.read_bytes() == b""
+    assert study.frame["seed"].to_list() == [0, 1, 2, 3]
+    assert "broken" not in study.outcomes
+
+
+def test_a_run_that_kills_every_worker_is_a_row_that_says_so(killer):
+    overrides, deaths = killer
+    deaths.write_bytes(b"...")
+    study = phalanx.study("unicycles", seeds=1, overrides=overrides, confirm=0)
+    (row,) = study.frame.iter_rows(named=True)
+    assert row["outcome"] == "broken"
+    assert "ended 3 workers: killed by SIGKILL" in row["reason"]
+
+
+STUDY = """
+import sys
+import phalanx
+
+if __name__ == "__main__":
+    phalanx.study(
+        "unicycles", seeds=int(sys.argv[2]), overrides={"duration": 0.2}, confirm=0,
+        out=sys.argv[1], progress=lambda progress: print(progress.done, flush=True),
+    )
+"""
+
+
+def started(folder: Path, seeds: int) -> "subprocess.Popen[str]":
+    """Start a study in a program of its own, and wait until five rows are there."""
+    words = [sys.executable, "-c", STUDY, str(folder), str(seeds)]
+    program = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+    assert program.stdout is not None
+    for line in program.stdout:
+        if int(line) >= 5:
+            return program
+    raise AssertionError("it ended too soon")
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+def test_a_study_that_was_killed_goes_on_where_it_was(tmp_path, number):
+    program = started(tmp_path, seeds=10_000)
+    workers = psutil.Process(program.pid).children(recursive=True)
+    program.send_signal(number)
+    assert program.wait() != 0
+    wait_for(lambda: not any(worker.is_running() for worker in workers))
+    kept = phalanx.open_study(tmp_path)
+    there = len(kept.frame)
+    assert there >= 5
+    computed = []
+    study = phalanx.study(
+        "unicycles", seeds=there + 2, overrides=SHORT, confirm=0, out=tmp_path,
+        progress=lambda progress: computed.append(progress.computed),
+    )  # fmt: skip
+    assert study.frame["seed"].to_list() == list(range(there + 2))
+    assert computed[-1] == 2
+
+
+def test_the_pool_calls_functions_as_any_executor_does():
+    with Pool(2) as pool:
+        assert sorted(pool.map(abs, [-3, 2, -1])) == [1, 2, 3]
+        with pytest.raises(ZeroDivisionError):
+            pool.submit(divmod, 1, 0).result()
+    with pytest.raises(RuntimeError, match="shut down"):
+        pool.submit(abs, 1)
+
+
+def test_a_pool_that_is_cancelled_ends_its_workers_at_once():
+    pool = Pool(1)
+    worker = psutil.Process(pool.submit(os.getpid).result())
+    endless = pool.submit(signal.pause)
+    wait_for(endless.running)
+    pool.shutdown(cancel_futures=True)
+    assert endless.done()
+    assert not worker.is_running()
+
+
+def test_a_study_may_use_any_executor():
+    plan = {"seeds": 2, "overrides": SHORT, "confirm": 0}
+    with ThreadPoolExecutor(1) as threads:
+        found = phalanx.study("unicycles", executor=threads, chunk=2, in_flight=1, **plan)
+        assert threads.submit(abs, -1).result() == 1  # it is its owner who shuts it down
+    assert results(found) == results(phalanx.study("unicycles", **plan))

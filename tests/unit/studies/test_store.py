@@ -1,0 +1,119 @@
+"""The folder of a study keeps every finished row, whatever ends the program that writes it."""
+
+import resource
+
+import polars as pl
+import pytest
+
+from phalanx.studies.identity import Identity
+from phalanx.studies.plan import plan_from
+from phalanx.studies.row import Row
+from phalanx.studies.store import ROWS, Store, StudyError
+
+PLAN = plan_from({"scenario": "unicycles"})
+
+
+def row(seed: int, **fields: object) -> Row:
+    """Return a row as a run with this seed would give."""
+    values = {"outcome": "safe", "reason": "", "overrides": {"network.loss": 0.1}, **fields}
+    return Row(identity=Identity("digest", seed, "", "1"), worst_h=-float(seed), **values)  # type: ignore[arg-type]
+
+
+def seeds_in(folder: object) -> list[int]:
+    """Return the seeds of the stored rows, as another program reads them."""
+    return Store(folder).frame()["seed"].to_list()  # type: ignore[arg-type]
+
+
+def test_a_row_is_there_as_soon_as_it_is_added(tmp_path):
+    store = Store(tmp_path).open(PLAN)
+    for seed in range(3):
+        store.add(row(seed))
+    assert seeds_in(tmp_path) == [0, 1, 2]
+    assert not (tmp_path / ROWS).exists()
+
+
+def test_at_the_end_there_is_one_file(tmp_path):
+    with Store(tmp_path).open(PLAN) as store:
+        for seed in range(2500):
+            store.add(row(seed))
+        assert len(list(tmp_path.glob("part-*.parquet"))) == 2
+    assert list(tmp_path.glob("*.parquet")) == [tmp_path / ROWS]
+    assert seeds_in(tmp_path) == list(range(2500))
+
+
+def test_a_line_that_was_torn_is_dropped_and_written_over(tmp_path):
+    with Store(tmp_path / "before").open(PLAN) as store:
+        store.add(row(0))
+        store.add(row(1))
+        torn = (tmp_path / "before" / "rows.journal").read_bytes()[:-20]
+    folder = tmp_path / "after"
+    folder.mkdir()
+    (folder / "rows.journal").write_bytes(torn)
+    with Store(folder).open(PLAN) as again:
+        assert seeds_in(folder) == [0]
+        again.add(row(2))
+    assert seeds_in(folder) == [0, 2]
+
+
+def test_a_crash_between_the_part_and_the_journal_doubles_no_row(tmp_path):
+    with Store(tmp_path).open(PLAN) as store:
+        for seed in range(5):
+            store.add(row(seed))
+        journal = (tmp_path / "rows.journal").read_bytes()
+    (tmp_path / "rows.journal").write_bytes(journal)
+    assert seeds_in(tmp_path) == [0, 1, 2, 3, 4]
+
+
+def test_a_row_that_is_added_again_replaces_the_first(tmp_path):
+    with Store(tmp_path).open(PLAN) as store:
+        store.add(row(0))
+        store.add(row(0, confirmed=True))
+    assert Store(tmp_path).frame()["confirmed"].to_list() == [True]
+
+
+def test_a_row_is_copied_to_other_overrides_of_the_same_meaning(tmp_path):
+    with Store(tmp_path).open(PLAN) as store:
+        store.add(row(3))
+        assert store.copy(row(3).identity.key, {}) == "safe"
+    assert Store(tmp_path).frame()["worst_h"].to_list() == [-3.0, -3.0]
+
+
+def test_two_programs_do_not_write_into_one_folder(tmp_path):
+    with (
+        Store(tmp_path).open(PLAN),
+        pytest.raises(StudyError, match="another program is running this study"),
+    ):
+        Store(tmp_path).open(PLAN)
+    Store(tmp_path).open(PLAN).close()
+
+
+def test_rows_of_another_version_are_refused_and_left_as_they_are(tmp_path):
+    old = pl.DataFrame({"key": ["a"], "height": [1.0]})
+    old.write_parquet(tmp_path / ROWS)
+    before = (tmp_path / ROWS).read_bytes()
+    with pytest.raises(StudyError, match="another version of Phalanx"):
+        Store(tmp_path).frame()
+    assert (tmp_path / ROWS).read_bytes() == before
+
+
+def test_a_file_that_holds_no_rows_is_refused(tmp_path):
+    (tmp_path / ROWS).write_bytes(b"no parquet")
+    with pytest.raises(StudyError, match="not the rows of a study"):
+        Store(tmp_path).frame()
+
+
+def test_a_full_disk_loses_no_finished_row(tmp_path):
+    store = Store(tmp_path).open(PLAN)
+    store.add(row(0))
+    size = (tmp_path / "rows.journal").stat().st_size
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size + 100, limits[1]))
+    try:
+        with pytest.raises(OSError, match="File too large"):
+            store.add(row(1))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert seeds_in(tmp_path) == [0]
+    store.add(row(2))
+    store.close()
+    assert seeds_in(tmp_path) == [0, 2]
