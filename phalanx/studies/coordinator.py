@@ -25,7 +25,7 @@ _SURPRISING = (Outcome.VIOLATED, Outcome.BROKEN)
 
 
 class StudyProgress(NamedTuple):
-    """How far a study is."""
+    """The rows of a study so far."""
 
     done: int
     total: int
@@ -41,7 +41,7 @@ Progress = Callable[[StudyProgress], None]
 
 
 class Options(NamedTuple):
-    """How a study is executed; nothing here changes a row."""
+    """Options of a study's execution; none changes a row."""
 
     in_flight: int
     """Most jobs that are handed out at a time."""

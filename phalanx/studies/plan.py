@@ -75,7 +75,7 @@ class Case(NamedTuple):
 
 
 class Plan(Strict):
-    """What a study runs: every point of the grid with every seed.
+    """The runs of a study: every point of the grid with every seed.
 
     A point has one value of each axis in `vary`, the fields of one entry of `points`, and one draw
     of every field in `draw`.
