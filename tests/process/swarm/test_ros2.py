@@ -8,6 +8,7 @@ import sys
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -50,7 +51,7 @@ class Listener:
         else:
             self.tokens.discard(token)
 
-    def messages(self, topic: str, kind: type) -> list:
+    def messages(self, topic: str, kind: Any) -> list:
         return [kind.deserialize(payload) for payload, _ in self.samples[topic]]
 
     def poses(self, name: str) -> list[ros.PoseStamped]:

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -83,7 +84,8 @@ def test_paths_name_the_worst_pair_alone(history: ReportHistory) -> None:
     assert (above.get_ylabel(), side.get_ylabel()) == ("y [m]", "z [m]")
     assert named(above)[:2] == ["16 × normal", "3 × adversary"]
     assert named(above)[2].endswith("of the worst pair")
-    drawn = [len(lines.get_segments()) for lines in above.collections]
+    collections: Any = above.collections
+    drawn = [len(lines.get_segments()) for lines in collections]
     assert drawn == [16, 3]
 
 

@@ -1,6 +1,7 @@
 """An agent leaves with the plant, and not with a router that comes back."""
 
 import threading
+from typing import Any
 
 import pytest
 
@@ -17,7 +18,7 @@ def presence():
         reasons.append(why)
         left.set()
 
-    found = PlantPresence(PATIENCE, leave)
+    found: Any = PlantPresence(PATIENCE, leave)
     found.reasons, found.left = reasons, left
     found.on_plant("", True)
     return found

@@ -2,6 +2,7 @@
 
 import math
 from functools import cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -25,7 +26,7 @@ TAU = 0.02
 STEPS = 5
 """Of a sampling gap, in which nobody's input or φ changes."""
 
-CASES = {
+CASES: dict[str, Any] = {
     "single integrators": (SingleIntegrator(1.5), []),
     "unicycles": (Unicycle(4.0, 2.0), []),
     "double integrators": (DoubleIntegrator(4.0, 0.5, 2), [1.0]),
