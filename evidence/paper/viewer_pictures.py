@@ -35,7 +35,7 @@ FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-
 CLOCK = r"t = ([\d.]+) s"
 # What viser says of a browser without a graphics card would cover the scene.
 HIDE_NOTES = ".mantine-Notifications-root { display: none }"
-SHIMMER = 64
+SHIMMER = 48
 """Changes of grey, of 255, that are less than this do not count."""
 CROWD = ("agents.0.count=112", "agents.1.count=16", "duration=3.0")
 

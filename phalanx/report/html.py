@@ -28,7 +28,8 @@ p.quiet, figcaption, .none { color: var(--quiet); }
 p.quiet { margin: .2rem 0 1rem; }
 table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; }
 th, td { text-align: left; padding: .25rem .9rem .25rem .5rem; vertical-align: top;
-  border-bottom: 1px solid var(--line); overflow-wrap: anywhere; }
+  border-bottom: 1px solid var(--line); }
+td { overflow-wrap: anywhere; }
 thead th { color: var(--quiet); font-weight: 600; }
 tbody tr:nth-child(even) { background: var(--stripe); }
 .wide { overflow: auto; max-height: 34rem; }
@@ -45,6 +46,17 @@ figure { margin: 1.2rem 0; }
   grid-template-columns: repeat(auto-fit, minmax(24rem, 1fr)); }
 figure img { background: #fff; border: 1px solid var(--line); border-radius: .3rem;
   max-width: 100%; display: block; }
+figure.drawn { overflow-x: auto; }
+figure.drawn img { background: none; border: 0; min-width: 38rem; }
+.study td { overflow-wrap: normal; }
+.sortable td { white-space: nowrap; }
+.sortable td:nth-last-child(2) { white-space: normal; min-width: 18rem; }
+.sortable td:last-child { font-family: monospace; user-select: all; }
+.sortable thead th { background: var(--page); position: sticky; top: 0; }
+.sortable button { all: unset; cursor: pointer; white-space: nowrap; }
+.sortable button:focus-visible { outline: 2px solid; }
+.sortable [aria-sort=ascending] button::after { content: " ↑"; }
+.sortable [aria-sort=descending] button::after { content: " ↓"; }
 figcaption { font-size: .9rem; margin-top: .3rem; }
 pre { background: var(--stripe); padding: .8rem; overflow: auto; font-size: .8rem; }
 </style>
@@ -54,6 +66,27 @@ $body
 </body>
 </html>
 """)
+
+
+_SORT = """<script>
+for (const table of document.querySelectorAll("table.sortable")) {
+  const heads = [...table.tHead.rows[0].cells], body = table.tBodies[0];
+  heads.forEach((head, column) => {
+    const button = document.createElement("button");
+    button.textContent = head.textContent;
+    head.replaceChildren(button);
+    button.onclick = () => {
+      const sign = head.getAttribute("aria-sort") === "ascending" ? -1 : 1;
+      heads.forEach(each => each.removeAttribute("aria-sort"));
+      head.setAttribute("aria-sort", sign > 0 ? "ascending" : "descending");
+      const text = row => row.cells[column].textContent;
+      const order = (a, b) => (a === "–") - (b === "–")
+        || sign * (a - b || (isNaN(a - b) ? a.localeCompare(b) : 0));
+      body.append(...[...body.rows].sort((a, b) => order(text(a), text(b))));
+    };
+  });
+}
+</script>"""
 
 
 def document(title: str, parts: Iterable[str], width: str) -> str:
@@ -66,28 +99,45 @@ def section(title: str, content: str) -> str:
     return f"<h2>{escape(title)}</h2>\n{content}"
 
 
-def table(head: Iterable[str], rows: Sequence[Sequence[str]], total: int | None = None) -> str:
-    """A table of the first rows; total: number of rows, if only the worst are given."""
+def table(
+    head: Iterable[str], rows: Sequence[Sequence[str]], total: int | None = None,
+    most: int = MOST_ROWS,
+) -> str:  # fmt: skip
+    """A table of the first rows, at most so many; total: their number, if only some are given."""
     if not rows:
         return note("None.")
-    left = (total or len(rows)) - min(len(rows), MOST_ROWS)
+    left = (total or len(rows)) - min(len(rows), most)
     titles = "".join(f'<th scope="col">{escape(title)}</th>' for title in head)
     top = f"<thead><tr>{titles}</tr></thead>" if titles else ""
     body = "\n".join(
         f'<tr><th scope="row">{escape(first)}</th>'
         + "".join(f"<td>{escape(cell)}</td>" for cell in rest)
         + "</tr>"
-        for first, *rest in rows[:MOST_ROWS]
+        for first, *rest in rows[:most]
     )
     shown = f'<div class="wide"><table>{top}<tbody>\n{body}\n</tbody></table></div>'
     return shown + (note(f"and {left} more") if left else "")
 
 
+def sortable(shown: str) -> str:
+    """A table with a head, made here, whose rows a click on a title sorts; the last on a page."""
+    return shown.replace("<table>", '<table class="sortable">', 1) + _SORT
+
+
 def figure(caption: str, png: bytes) -> str:
     """A picture, embedded in the page, with its caption."""
-    data, caption = base64.b64encode(png).decode(), escape(caption)
+    return _embedded("<figure>", "image/png", png, caption)
+
+
+def drawing(caption: str, svg: bytes) -> str:
+    """A picture whose colours follow the page's, embedded in it, with its caption."""
+    return _embedded('<figure class="drawn">', "image/svg+xml", svg, caption)
+
+
+def _embedded(start: str, kind: str, image: bytes, caption: str) -> str:
+    data, caption = base64.b64encode(image).decode(), escape(caption)
     return (
-        f'<figure><img alt="{caption}" src="data:image/png;base64,{data}">'
+        f'{start}<img alt="{caption}" src="data:{kind};base64,{data}">'
         f"<figcaption>{caption}</figcaption></figure>"
     )
 

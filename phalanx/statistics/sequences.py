@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import betaln, xlog1py, xlogy
 
-from phalanx.arrays import Array
+from phalanx.arrays import Array, Index
 from phalanx.statistics.rates import LEVEL, Interval, counts
 
-_HALVINGS = 60
+_HALVINGS = 40
 _PRIOR = 0.5
 """Both parameters of the mixing beta: half as wide as with 1 where a rate is near 0 or 1."""
-_MOST_BET = 0.5
-"""Largest share of the capital that is lost in one bet."""
+_SHARES = np.arange(1, 21) / 21
+"""Shares of the capital that are bet."""
 
 
 def beta_mixture(successes: ArrayLike, runs: ArrayLike, level: float = LEVEL) -> Interval:
@@ -52,38 +52,28 @@ def runs_until_width(outcomes: Sequence[bool], width: float, level: float = LEVE
 
 
 def betting(values: ArrayLike, level: float = LEVEL) -> Interval:
-    """Return a confidence sequence's interval for the mean of values in [0, 1], shape (n,).
+    """Return a confidence sequence's interval for the mean of values in [0, 1], in any order.
 
-    A gambler who bets against m, with stakes from the past alone, gets rich only if m is not the
-    mean. These are the hedged capital and plug-in stakes of Waudby-Smith and Ramdas (JRSS B 86,
-    2024, theorem 3). All earlier looks count, so later values only narrow it. Of none: [0, 1].
+    A gambler starts with 1, and bets a share of the capital that values exceed m. Unless their mean
+    is larger, the capital ever reaches 2 / α with probability α / 2 at most; another bets that they
+    fall short. The capital is split evenly over several shares (diversified Kelly betting,
+    Waudby-Smith and Ramdas, JRSS B 86, 2024). Of no values: [0, 1].
 
     Raises ValueError of values outside [0, 1].
     """
-    x = np.asarray(values, dtype=float)
+    x, count = np.unique(np.asarray(values, dtype=float), return_counts=True)
     if not np.all((x >= 0.0) & (x <= 1.0)):
         raise ValueError("values: expected numbers between 0 and 1")
-    bets = stakes(x, level)
-    return Interval(_least_mean(x, bets, level), 1.0 - _least_mean(1.0 - x, bets, level))
+    return Interval(_least_mean(x, count, level), 1.0 - _least_mean(1.0 - x, count, level))
 
 
-def stakes(x: Array, level: float = LEVEL) -> Array:
-    """Return the stake on each value in [0, 1], shape (n,), from those before it alone."""
-    t = np.arange(1, len(x) + 1)
-    mean = (0.5 + np.cumsum(x)) / (t + 1)
-    variance = (0.25 + np.cumsum((x - mean) ** 2)) / (t + 1)
-    before = np.concatenate([[0.25], variance])[:-1]
-    found: Array = np.sqrt(2.0 * math.log(2.0 / (1.0 - level)) / (before * t * np.log(t + 1)))
-    return found
-
-
-def _least_mean(x: Array, bets: Array, level: float) -> float:
+def _least_mean(x: Array, count: Index, level: float) -> float:
     """Return the least mean against which betting on larger values has not made rich."""
-    rich = math.log(2.0 / (1.0 - level))
+    rich = math.log(2.0 * len(_SHARES) / (1.0 - level))
 
     def refuted(m: Array) -> Array:
-        gains = np.minimum(bets, _MOST_BET / m) * (x - m)
-        return np.asarray(np.cumsum(np.log1p(gains)).max(initial=0.0) >= rich)
+        capitals = np.log1p(np.outer(_SHARES, x / m - 1.0)) @ count
+        return np.asarray(np.logaddexp.reduce(capitals) >= rich)
 
     return float(_bound(refuted, np.asarray(1.0)))
 

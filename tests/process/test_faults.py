@@ -1,7 +1,5 @@
 """Every kind of fault in a run: its effect is there and counted, without it there is none."""
 
-from typing import Any
-
 import pytest
 
 import phalanx
@@ -9,7 +7,7 @@ import phalanx
 DURATION = 0.6
 
 LIE = {"kind": "lie", "agent": "2", "at": 0.05, "for": 0.5}
-FAULTS: dict[str, dict[str, Any]] = {
+FAULTS = {
     "loss": {"network.loss": 0.2},
     "correlated loss": {"network.loss": {"random": 0.2, "correlation": 0.5}},
     "bursts": {"network.loss": {"mean": 0.2, "burst": 4.0}},

@@ -84,6 +84,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.curves": CURVES,
     "phalanx.report": COMMANDED | CURVES,
     "phalanx.branches": COMMANDED | CURVES | rooms("report statistics"),
+    "phalanx.studies.page": COMMANDED | CURVES | rooms("report statistics"),
     "phalanx.hosts": COMMANDED,
     "phalanx.certify": COMMANDED | rooms("certify.checker"),
     # Shares what docs/certificate.md lists; records are handed to it.
@@ -100,6 +101,7 @@ EXTENSIONS = {
     "phalanx.curves",
     "phalanx.report",
     "phalanx.branches",
+    "phalanx.studies.page",
     "phalanx.hosts",
     "phalanx.certify",
     "phalanx_viewer",

@@ -170,8 +170,7 @@ def test_a_launcher_killed_while_it_starts_leaves_no_orphan(phalanx, instant):
 
 @pytest.mark.parametrize("program", ["phx-plant", "phx-agent-3"])
 def test_a_program_killed_at_its_first_instant_ends_the_run(phalanx, program):
-    # Killed before it has joined, an agent is waited for until the timeout.
-    run = phalanx("run", "unicycles", *LONG, "--set", "time.timeout=8")
+    run = phalanx("run", "unicycles", *LONG)
     wait_for(lambda: program in run.programs())
     run.programs()[program].kill()
     status, output = run.finish(timeout=60)

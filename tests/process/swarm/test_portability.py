@@ -1,7 +1,5 @@
 """One trajectory on every CPU: other kernels, no vector units, another libm, the same bits."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -9,9 +7,8 @@ from phalanx.recording.read import read
 
 pytestmark = [pytest.mark.swarm, pytest.mark.nightly]
 
-_NUMPY: Any = np
-FEATURES = _NUMPY._core._multiarray_umath.__cpu_features__
-DISPATCHED = _NUMPY._core._multiarray_umath.__cpu_dispatch__
+FEATURES = np._core._multiarray_umath.__cpu_features__
+DISPATCHED = np._core._multiarray_umath.__cpu_dispatch__
 OTHER_CPUS = {
     "OPENBLAS_CORETYPE": "Prescott",
     "NPY_DISABLE_CPU_FEATURES": " ".join(f for f in DISPATCHED if FEATURES.get(f)),

@@ -8,7 +8,6 @@ import sys
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -51,7 +50,7 @@ class Listener:
         else:
             self.tokens.discard(token)
 
-    def messages(self, topic: str, kind: Any) -> list:
+    def messages(self, topic: str, kind: type) -> list:
         return [kind.deserialize(payload) for payload, _ in self.samples[topic]]
 
     def poses(self, name: str) -> list[ros.PoseStamped]:

@@ -3,7 +3,6 @@
 from collections import Counter
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars as pl
@@ -33,7 +32,7 @@ def exported(finished, tmp_path_factory) -> Path:
 
 
 @cache
-def messages(path: Path) -> list[tuple[str, str, float, Any]]:
+def messages(path: Path) -> list[tuple[str, str, float, object]]:
     """(topic, schema, time [s], message) of all that there is."""
     with path.open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
@@ -43,7 +42,7 @@ def messages(path: Path) -> list[tuple[str, str, float, Any]]:
         ]
 
 
-def of(path: Path, topic: str) -> list[Any]:
+def of(path: Path, topic: str) -> list[object]:
     return [decoded for name, _, _, decoded in messages(path) if name == topic]
 
 

@@ -5,7 +5,7 @@ import os
 import re
 import threading
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -102,7 +102,7 @@ def test_a_page_that_turns_dark_keeps_nothing_of_the_light_one(tab: "Tab", finis
         turned = painted()
         tab.evaluate("dispatchEvent(new Event('resize'))")  # it draws everything again
         assert painted() == turned
-        paths: Any = page.server.scene.get_handle_by_name("/recent paths")
+        paths = page.server.scene.get_handle_by_name("/recent paths")
         wait_for(lambda: paths.colors[0, 0].max() < 60)
 
 

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from functools import partial
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -261,7 +261,7 @@ def test_a_recordings_first_violation_is_a_click_away_and_its_names_are_there(
         replay.seek(replay.worst_at)
 
         def named() -> set[str]:
-            nodes: Any = page.server.scene.get_handle_by_name
+            nodes = page.server.scene.get_handle_by_name
             labels = [nodes(f"/labels/{k}") for k in range(6)]
             return {node.text for node in labels if node.visible}
 

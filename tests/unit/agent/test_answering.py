@@ -141,7 +141,7 @@ def test_one_who_waits_for_a_broadcast_that_is_withheld_says_whose(agent: Agent)
     agent.answering.on_broadcast(HEARD, PLANT.seal(HEARD, a_broadcast()))
     agent.answering.on_sample(SAMPLE, PLANT.seal(SAMPLE, second))
     with pending_watchdog(0.01, [agent.answering]):
-        given_up: Any = agent.failures.get(timeout=60.0)
+        given_up = agent.failures.get(timeout=60.0)
     assert "agent 1 waits at sample 1" in str(given_up)
     assert "broadcast 0 of agent 3 did not come" in str(given_up)
     assert given_up.sample == second

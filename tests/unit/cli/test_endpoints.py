@@ -77,7 +77,7 @@ def test_keys_of_an_older_version_are_refused_with_what_to_do(
     now = datetime.datetime.now(datetime.UTC)
     certificate = (
         x509.CertificateBuilder(owner, owner, key.public_key(), 1, now, now)
-        .add_extension(x509.ExtendedKeyUsage([x509.oid.ExtendedKeyUsageOID.SERVER_AUTH]), False)
+        .add_extension(x509.ExtendedKeyUsage([x509.ExtendedKeyUsageOID.SERVER_AUTH]), False)
         .sign(key, hashes.SHA256())
     )
     (old / "tls.crt").write_bytes(certificate.public_bytes(serialization.Encoding.PEM))

@@ -1,20 +1,13 @@
 """Help texts: what a source file says reaches the terminal whole."""
 
-from typing import Any
-
 import pytest
 from rich.text import Text
 from typer.main import get_command
 
 from phalanx.cli.app import core, extended
 
-
-def commands(of: Any) -> dict[str, Any]:
-    return of.commands
-
-
-TOP = commands(get_command(extended()))
-COMMANDS = TOP | commands(TOP["network"])
+TOP = get_command(extended()).commands
+COMMANDS = TOP | TOP["network"].commands
 
 
 @pytest.mark.parametrize("name", sorted(COMMANDS))
@@ -25,7 +18,7 @@ def test_no_word_of_a_help_text_is_taken_for_markup(name):
 
 
 def test_the_core_stands_first_and_extensions_follow_in_the_order_of_their_names():
-    ours = list(commands(get_command(core())))
+    ours = list(get_command(core()).commands)
     assert [name for name in TOP if name in ours] == ours
     assert [name for name in TOP if name not in ours] == [
         "branch", "certify", "keys", "router", "report", "compare", "ros2", "view", "export",

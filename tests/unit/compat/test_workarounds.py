@@ -12,7 +12,6 @@ import threading
 import tomllib
 import types
 from pathlib import Path
-from typing import Any
 
 import pytest
 import viser
@@ -84,7 +83,7 @@ def test_zenoh_throws_a_threads_state_away_after_each_message_unless_it_is_kept(
 
     with opened(listen=endpoint) as hub, opened(connect=endpoint) as peer:
         hub.declare_subscriber("a", zenoh.handlers.Callback(on_sample, indirect=False))
-        publisher: Any = peer.declare_publisher("a")
+        publisher = peer.declare_publisher("a")
         wait_for(lambda: publisher.matching_status.matching)
         for n in range(1, 21):
             publisher.put(b"")

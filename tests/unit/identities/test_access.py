@@ -66,7 +66,7 @@ def test_an_agent_that_subscribes_to_everybodys_broadcasts_hears_its_own_alone()
         wanted = KEYS.broadcast("*", "*"), KEYS.broadcast("5", "6"), KEYS.everything, "**"
         for key in (*wanted, KEYS.broadcast("*", "4")):
             listening.declare_subscriber(key, lambda sample: heard.put(str(sample.key_expr)))
-        last: Any = speaking.declare_publisher(KEYS.broadcast("5", "4"))
+        last = speaking.declare_publisher(KEYS.broadcast("5", "4"))
         wait_for(lambda: last.matching_status.matching)
         # In this order they would come: what it hears first is all that it does.
         for key in (KEYS.broadcast("5", "6"), KEYS.broadcast("5", "4")):

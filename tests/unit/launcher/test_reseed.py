@@ -35,7 +35,7 @@ def halves(reseed: list[dict[str, float]], **overrides: object) -> list[str]:
     scenario = phalanx.load("unicycles", {**SHORT, **overrides, "reseed": reseed})
     found = phalanx.run(scenario, engine="in-process").recording
     records = [*found.states, *((step.t, step.agent, step.fates) for step in found.steps)]
-    times = [*(state.t for state in found.states), *(step.t for step in found.steps)]
+    times = [each.t for each in (*found.states, *found.steps)]
     return [
         str([record for t, record in zip(times, records, strict=True) if (t <= AT) is before])
         for before in (True, False)

@@ -3,7 +3,6 @@
 import math
 import statistics
 import tomllib
-from typing import Any
 
 import pytest
 
@@ -14,7 +13,7 @@ from phalanx.network.table import LinkTable
 from phalanx.scenario.load import load
 from tests.unit.network.models import model
 
-MODELS: dict[str, dict[str, Any]] = {
+MODELS = {
     "constant": {"delay": 0.02},
     "uniform": {"delay": {"time": 0.05, "jitter": 0.02, "distribution": "uniform"}},
     "normal": {"delay": {"time": 0.1, "jitter": 0.01, "distribution": "normal"}, "loss": 0.1},

@@ -115,7 +115,7 @@ def test_a_batch_takes_no_longer_than_asked_for_even_after_cheap_events(
     monkeypatch: pytest.MonkeyPatch,
 ):
     now = [0.0]
-    monkeypatch.setattr("phalanx_plant.judge.event_queue.time.thread_time", lambda: now[0])
+    monkeypatch.setattr(event_queue.time, "thread_time", lambda: now[0])
 
     class Slow(Desk):
         def prepare(self, events: Sequence[Event]) -> None:

@@ -5,7 +5,7 @@ import datetime
 import pytest
 from cryptography import x509
 from cryptography.hazmat.primitives.asymmetric import ec
-from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+from cryptography.x509.oid import NameOID
 from phalanx_plant.hub.joining import Places
 
 from phalanx.hosts.authority import make_identities, public_der, signer
@@ -85,7 +85,7 @@ def test_the_certificate_says_the_name_for_that_key_alone(tmp_path) -> None:
     signed.verify_directly_issued_by(ca)
     assert signed.not_valid_after_utc == ca.not_valid_after_utc
     usage = signed.extensions.get_extension_for_class(x509.ExtendedKeyUsage).value
-    assert list(usage) == [ExtendedKeyUsageOID.CLIENT_AUTH], "nobody listens with it"
+    assert list(usage) == [x509.ExtendedKeyUsageOID.CLIENT_AUTH], "nobody listens with it"
 
 
 @pytest.mark.parametrize("key", [b"", b"no key", b"\xff" * 91])

@@ -3,7 +3,6 @@
 import os
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -93,7 +92,7 @@ def test_the_verdict_comes_last(run: phalanx.Run):
 def test_it_is_written_as_gif_or_webp(run: phalanx.Run, tmp_path: Path):
     for name in ("run.gif", "run.webp"):
         path = run.animate(tmp_path / name, per_second=10)
-        picture: Any = Image.open(path)
+        picture = Image.open(path)
         assert picture.n_frames == FRAMES
         picture.seek(picture.n_frames - 1)
         picture.load()
@@ -107,8 +106,7 @@ def test_it_is_written_as_gif_or_webp(run: phalanx.Run, tmp_path: Path):
 def test_it_takes_as_long_as_the_run_though_formats_round_each_frame(
     name: str, run: phalanx.Run, tmp_path: Path
 ):
-    picture: Any = Image.open(run.animate(tmp_path / name, per_second=15))
-    shown = 0
+    picture, shown = Image.open(run.animate(tmp_path / name, per_second=15)), 0
     for number in range(picture.n_frames - 1):
         picture.seek(number)
         picture.load()

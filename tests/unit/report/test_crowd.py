@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import replace
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -84,8 +83,7 @@ def test_paths_name_the_worst_pair_alone(history: ReportHistory) -> None:
     assert (above.get_ylabel(), side.get_ylabel()) == ("y [m]", "z [m]")
     assert named(above)[:2] == ["16 × normal", "3 × adversary"]
     assert named(above)[2].endswith("of the worst pair")
-    collections: Any = above.collections
-    drawn = [len(lines.get_segments()) for lines in collections]
+    drawn = [len(lines.get_segments()) for lines in above.collections]
     assert drawn == [16, 3]
 
 

@@ -177,7 +177,7 @@ def test_a_users_classes_in_the_working_directory_make_a_swarm(own):
     swarm = build_swarm(scenario)
     dynamics = swarm.members[0].dynamics
     assert isinstance(dynamics, Dynamics)
-    assert repr(dynamics) == "Swimmer(speed=2.0, current=0.7)"
+    assert (type(dynamics).__name__, dynamics.speed, dynamics.current) == ("Swimmer", 2.0, 0.7)
     assert build_rows(swarm).chain.relative_degree == 1
 
 

@@ -5,7 +5,6 @@ Each class has `f`, `g`: the same expressions in plain numpy, written apart from
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -267,16 +266,14 @@ class Twin:
 
     def f(self, l: int, x: Array) -> Array:
         """f_l in the place of member l, zero elsewhere; shape (n̄,)."""
-        found = np.zeros_like(x)
-        dynamics: Any = self.members[l].dynamics
+        dynamics, found = self.members[l].dynamics, np.zeros_like(x)
         if not isinstance(dynamics, Unicycle | SingleIntegrator):
             found[self.parts[l]] = dynamics.f(x[self.parts[l]])
         return found
 
     def g(self, l: int, x: Array) -> Array:
         """g_l in the place of member l, zero elsewhere; shape (n̄, m_l)."""
-        dynamics: Any = self.members[l].dynamics
-        own = x[self.parts[l]]
+        dynamics, own = self.members[l].dynamics, x[self.parts[l]]
         found = np.zeros((len(x), len(dynamics.inputs)))
         if isinstance(dynamics, Unicycle):
             found[self.parts[l]] = [[np.cos(own[2]), 0], [np.sin(own[2]), 0], [0, 1]]

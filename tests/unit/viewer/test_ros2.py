@@ -1,7 +1,6 @@
 """ROS 2 messages of a run, decoded by another library than the one that encodes."""
 
 import importlib.util
-from typing import Any
 
 import numpy as np
 import pytest
@@ -41,7 +40,7 @@ def drawn(replay: Replay, t: float) -> dict[tuple[str, int], ros.Marker]:
         messages.violations(frame.t, model, poses.positions, unsafe),
         messages.static_markers(frame.t, model),
     )
-    found: list[ros.Marker] = ros.MarkerArray.deserialize(serialized(message)).markers
+    found = ros.MarkerArray.deserialize(serialized(message)).markers
     by_name = {(marker.ns, marker.id): marker for marker in found}
     assert len(by_name) == len(found), "one would take the place of the other"
     return by_name
@@ -113,7 +112,7 @@ def static_markers(model: SceneModel) -> list[ros.Marker]:
 
 def test_obstacles_are_spheres_of_what_their_clearance_leaves_to_see():
     model = scene_model(phalanx.load("unicycles"))
-    message: Any = ros.MarkerArray.deserialize(
+    message = ros.MarkerArray.deserialize(
         serialized(messages.array(messages.static_markers(0.0, model)))
     )
     spheres = [marker for marker in message.markers if marker.ns == "obstacles"]
@@ -126,7 +125,7 @@ def test_obstacles_are_spheres_of_what_their_clearance_leaves_to_see():
 
 def test_a_fence_is_a_line_around_where_one_may_be():
     model = scene_model(phalanx.load("fence"))
-    message: Any = ros.MarkerArray.deserialize(
+    message = ros.MarkerArray.deserialize(
         serialized(messages.array(messages.static_markers(0.0, model)))
     )
     (fence,) = [marker for marker in message.markers if marker.ns == "limits"]

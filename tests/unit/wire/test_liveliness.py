@@ -1,7 +1,6 @@
 """An agent leaves with the plant, and not with a router that comes back."""
 
 import threading
-from typing import Any
 
 import pytest
 
@@ -18,7 +17,7 @@ def presence():
         reasons.append(why)
         left.set()
 
-    found: Any = PlantPresence(PATIENCE, leave)
+    found = PlantPresence(PATIENCE, leave)
     found.reasons, found.left = reasons, left
     found.on_plant("", True)
     return found

@@ -1,7 +1,5 @@
 """Laws of agents whose inputs are accelerations: tracking, and a chase that avoids its own side."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -16,7 +14,7 @@ from tests.unit.swarms import rows_of_scenario
 
 
 def test_tracking_gives_the_output_the_wanted_acceleration_but_for_drag():
-    law: Any = build_swarm(load("formation3d")).law(0)
+    law = build_swarm(load("formation3d")).law(0)
     output = OutputDerivatives(DoubleIntegrator(2.0, 0.5, 3))
     assert law.gains == (2.0, 2.8284271247461903)
     x, u_nom = np.arange(6.0), np.array([0.3, -0.2, 1.0])
@@ -34,8 +32,7 @@ def test_a_chasing_adversary_avoids_another_adversary_in_its_way():
     x[parts[0]] = [60.0, 0, 0, 0, 0, 0]
     x[parts[4]] = [50.0, 0, 0, 2.0, 0, 0]
     x[parts[5]] = [53.0, 0, 0, 0, 0, 0]
-    terms = rows_of_scenario("formation3d").terms(4)(x)
-    law: Any = swarm.law(4)
+    terms, law = rows_of_scenario("formation3d").terms(4)(x), swarm.law(4)
     view = _view(swarm, 4, x, terms)
     guarded = law.input(view)
     assert guarded[0] < 0

@@ -3,7 +3,6 @@
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -27,7 +26,7 @@ from phalanx.theory.safety.composition import Member
 from tests.unit.theory.users_own import Rail
 
 PHI = 0.5
-CASES: dict[str, Any] = {"unicycle": Unicycle(4.0, 2.0), "bicycle": KinematicBicycle(2.0, 0.7)}
+CASES = {"unicycle": Unicycle(4.0, 2.0), "bicycle": KinematicBicycle(2.0, 0.7)}
 
 
 @cache

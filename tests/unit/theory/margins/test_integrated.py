@@ -1,7 +1,6 @@
 """The integrated bound holds along random and greedy trajectories, for every dynamics and q."""
 
 from functools import cache
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -36,7 +35,7 @@ seeds = st.integers(0, 2**32 - 1)
 PHI = [0.4, 0.7]
 STEPS = 16
 
-CASES: dict[str, Any] = {
+CASES = {
     "single integrators": (SingleIntegrator(1.5), [1.3], 0.05),
     "unicycles": (Unicycle(4.0, 2.0), [2.0], 0.05),
     "double integrators": (DoubleIntegrator(2.0, 0.5, 2), [0.6, 0.9], 0.1),

@@ -2,7 +2,6 @@
 
 import math
 from functools import cache
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -26,7 +25,7 @@ TAU = 0.02
 STEPS = 5
 """Of a sampling gap, in which nobody's input or φ changes."""
 
-CASES: dict[str, Any] = {
+CASES = {
     "single integrators": (SingleIntegrator(1.5), []),
     "unicycles": (Unicycle(4.0, 2.0), []),
     "double integrators": (DoubleIntegrator(4.0, 0.5, 2), [1.0]),

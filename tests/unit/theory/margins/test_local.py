@@ -1,7 +1,6 @@
 """The local margin covers every drift of a row until the next sample, or is beyond every row."""
 
 from functools import cache
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -25,7 +24,7 @@ seeds = st.integers(0, 2**32 - 1)
 PHI = [0.4, 0.7]
 
 
-CASES: dict[str, Any] = {
+CASES = {
     "single integrators": (SingleIntegrator(1.5), [1.3], 0.05),
     "unicycles": (Unicycle(4.0, 2.0), [2.0], 0.012),
     "double integrators": (DoubleIntegrator(2.0, 0.5, 2), [0.6, 0.9], 0.05),

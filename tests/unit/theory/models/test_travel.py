@@ -41,7 +41,6 @@ def motion(dynamics: Dynamics) -> tuple[CompiledFunction, CompiledFunction]:
 def test_no_input_and_no_disturbance_carry_the_output_farther(name, seed):
     dynamics, most = BOUNDED[name]
     assert isinstance(dynamics, Bounded)
-    assert isinstance(dynamics, Dynamics)
     rng = np.random.default_rng(seed)
     n = len(dynamics.states)
     x = rng.normal(size=n)

@@ -1,0 +1,258 @@
+"""Write the page of a study, from its data frame: one row for each run."""
+
+import itertools
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from phalanx.guarantee.verdict import Outcome
+from phalanx.report.html import document, drawing, note, section, sortable, table
+from phalanx.schema.notebook import html_table
+from phalanx.statistics.common_seeds import Rate
+from phalanx.studies.page.figures import (
+    Point,
+    cost_figure,
+    distribution_figure,
+    front,
+    heat_figure,
+    rates_figure,
+)
+from phalanx.studies.page.groups import (
+    MOST_GROUPS,
+    REFUSED,
+    Group,
+    by_axis,
+    counted,
+    group,
+    in_percent,
+    in_words,
+    labels,
+    seen,
+)
+from phalanx.studies.page.svg import svg_of
+
+MOST_LISTED = 500
+_MOST_MAPS = 3
+"""Most pairs of axes that have heat maps."""
+_MOST_CURVES = 4
+"""Most distributions in one figure."""
+_MOST_POINTS = 1000
+_LONGEST = 300
+"""Most letters of a cell."""
+_COSTS = {"input_deviation_mean": "‖u - u_nom‖, mean", "tracking_error_mean": "tracking error [m]"}
+_COLUMNS = (
+    "seed", "outcome", "worst_h", "worst_at", "worst_pair", "certified", "shortest", "empty",
+    "faults", *_COSTS, "searched", "reason",
+)  # fmt: skip
+_WORST_FIRST = (
+    Outcome.VIOLATED, Outcome.BROKEN, Outcome.STOPPED, Outcome.SAFE, Outcome.GUARANTEED, REFUSED,
+)  # fmt: skip
+
+
+def write_study_page(
+    frame: pl.DataFrame,
+    axes: Sequence[str],
+    title: str,
+    path: Path,
+    command: Callable[[dict[str, Any]], str],
+    anytime: bool = False,
+) -> Path:
+    """Write one HTML file that needs no other.
+
+    Args:
+        frame: a row for each run.
+        axes: names of the columns that were varied.
+        title: of the page.
+        path: of the file.
+        command: gives the command that repeats a row.
+        anytime: whether the number of runs depended on their results; intervals are then those of
+            confidence sequences.
+
+    Returns the path. Raises OSError; ValueError if the frame lacks an axis.
+    """
+    if lacking := [axis for axis in axes if axis not in frame.columns]:
+        raise ValueError(f"axes: expected columns of the frame, got {lacking[0]!r}")
+    runs = counted(frame)
+    groups = {axis: by_axis(runs, axis, anytime) for axis in axes}
+    parts = [
+        '<main class="study">',
+        f"<h1>{escape(title)}</h1>",
+        f'<p class="quiet">{escape(_counts(frame, runs))}</p>',
+        section("Outcomes", _rates("", [group("all", runs, anytime)]) + note(_intervals(anytime))),
+        *(section(f"Over {axis}", _over(axis, found)) for axis, found in groups.items()),
+        *_maps(runs, axes, anytime),
+        *_distribution(runs, groups),
+        *_costs(runs, axes),
+        section("Rows, the worst first", _rows(frame, axes, command)),
+        "</main>",
+    ]
+    path.write_text(document(title, parts, "72rem"), encoding="utf-8")
+    return path
+
+
+def study_rates(frame: pl.DataFrame, axes: Sequence[str], anytime: bool = False) -> str:
+    """Return the rates over each axis as HTML tables, for a notebook."""
+    runs = counted(frame)
+    tables = {"": [group("all", runs, anytime)]}
+    tables |= {axis: by_axis(runs, axis, anytime) for axis in axes}
+    return "".join(html_table(*_rate_rows(axis, found)) for axis, found in tables.items())
+
+
+def _counts(frame: pl.DataFrame, runs: pl.DataFrame) -> str:
+    """Say how many rows there are, and how many of them enter no interval."""
+    refused = frame.filter(pl.col("outcome") == REFUSED).height
+    searched = frame.filter(pl.col("searched") & (pl.col("outcome") != REFUSED)).height
+    parts = [f"{frame.height} rows", f"{runs.height} runs with {runs['seed'].n_unique()} seeds"]
+    if refused:
+        parts.append(f"{refused} refused, since their scenario is not valid")
+    if searched:
+        parts.append(f"{searched} chosen by a search, which are listed and enter no interval")
+    return "; ".join(parts)
+
+
+def _intervals(anytime: bool) -> str:
+    independent = (
+        "a confidence sequence, since the number of runs depended on their results"
+        if anytime
+        else "Clopper and Pearson's"
+    )
+    return (
+        f"In brackets: 95 % intervals, each by itself. They are {independent}; where runs share "
+        "seeds, each seed counts once, a seed that lacks runs does not, and the interval is that "
+        "of betting."
+    )
+
+
+def _rate_rows(axis: str, groups: Sequence[Group]) -> tuple[list[tuple[str, ...]], tuple[str, ...]]:
+    """Return the rows of a table of rates, and its head."""
+    outcomes = seen(groups)
+    rows = [
+        (each.label, _runs(each), *(_in_words(each.rates[name]) for name in outcomes))
+        for each in groups
+    ]
+    return rows, (axis, "runs", *outcomes)
+
+
+def _rates(axis: str, groups: Sequence[Group]) -> str:
+    rows, head = _rate_rows(axis, groups)
+    return table(head, rows)
+
+
+def _runs(found: Group) -> str:
+    """Return the number of a group's runs that its rates count."""
+    count, all_of_it = found.rates[Outcome.VIOLATED].runs, len(found.rows)
+    return str(count) if count == all_of_it else f"{count} of {all_of_it}"
+
+
+def _in_words(rate: Rate) -> str:
+    share, (low, high), runs = rate
+    if not runs:
+        return "–"
+    return f"{in_percent(share)} % [{in_percent(low)}, {in_percent(high)}]"
+
+
+def _over(axis: str, groups: Sequence[Group]) -> str:
+    if not groups:
+        return note("No runs.")
+    caption = f"Rate of each outcome over {axis}, with 95 % intervals; other axes are averaged."
+    drawn = svg_of(partial(rates_figure, axis, groups, seen(groups)))
+    return drawing(caption, drawn) + _rates(axis, groups)
+
+
+def _maps(runs: pl.DataFrame, axes: Sequence[str], anytime: bool) -> Iterator[str]:
+    """Make heat maps of the first pairs of axes."""
+    pairs = list(itertools.combinations(axes, 2)) if len(runs) else []
+    for pair in pairs[:_MOST_MAPS]:
+        (columns, of_column), (rows, of_row) = (labels(runs[axis]) for axis in pair)
+        marked = runs.with_columns(column_=of_column, row_=of_row)
+        cells = {
+            (i, j): group("", found, anytime)
+            for (i, j), found in marked.group_by("column_", "row_", maintain_order=True)
+        }
+        parts = [
+            drawing(
+                f"Rate of {outcome} runs over {pair[0]} and {pair[1]}, with its 95 % interval.",
+                svg_of(partial(heat_figure, pair, (columns, rows), cells, outcome)),
+            )
+            for outcome in (Outcome.VIOLATED, Outcome.GUARANTEED)
+        ]
+        yield section(f"{pair[0]} and {pair[1]}", "".join(parts))
+    if len(pairs) > _MOST_MAPS:
+        yield note(f"{len(pairs) - _MOST_MAPS} more pairs of axes are not drawn.")
+
+
+def _distribution(runs: pl.DataFrame, groups: Mapping[str, Sequence[Group]]) -> Iterator[str]:
+    """Make the figure of the distribution of worst h, at each value of the first axis if few."""
+    if runs["worst_h"].is_not_null().any():
+        axis, found = next(iter(groups.items()), ("", ()))
+        few = 1 < len(found) <= _MOST_CURVES
+        shown = found if few else [Group("all", runs, {})]
+        caption = (
+            f"Distribution of the worst h{f', by {axis}' if few else ''}, with the 95 % band of "
+            "Dvoretzky, Kiefer and Wolfowitz. Where runs share seeds, it is of one run of each "
+            f"seed, drawn at random. {runs['worst_h'].null_count()} runs without h are left out."
+        )
+        yield section("Worst h", drawing(caption, svg_of(partial(distribution_figure, shown))))
+
+
+def _costs(runs: pl.DataFrame, axes: Sequence[str]) -> Iterator[str]:
+    """Make the figures of cost against safety."""
+    for column, cost in _COSTS.items():
+        points, of = cost_points(runs, axes, column)
+        if points:
+            caption = f"{column} against the worst h, of {of}. Less of both is better."
+            best = [(p.name, f"{p.worst_h:.4g}", f"{p.cost:.4g}") for p in front(points)]
+            shown = table(("not beaten in both", "worst h", column), best)
+            drawn = drawing(caption, svg_of(partial(cost_figure, points, cost)))
+            yield section(f"Cost against safety: {column}", drawn + shown)
+
+
+def cost_points(runs: pl.DataFrame, axes: Sequence[str], column: str) -> tuple[list[Point], str]:
+    """Return the points of cost against safety, and of what they are.
+
+    Points of a grid have their mean cost and their largest worst h; without a grid each run is a
+    point.
+    """
+    known = runs.drop_nulls([column, "worst_h"])
+    cells = known.group_by(axes, maintain_order=True).agg(pl.max("worst_h"), pl.mean(column))
+    if axes and cells.height <= MOST_GROUPS**2 and cells.height < known.height:
+        of = "each point of the grid: the mean cost, and the largest worst h of its runs"
+    else:
+        cells, of = known.head(_MOST_POINTS), f"the first {min(len(known), _MOST_POINTS)} runs"
+    points = [
+        Point(", ".join(f"{a} = {in_words(row[a])}" for a in axes), row["worst_h"], row[column])
+        for row in cells.iter_rows(named=True)
+    ]
+    return points, of
+
+
+def _rows(
+    frame: pl.DataFrame, axes: Sequence[str], command: Callable[[dict[str, Any]], str]
+) -> str:
+    """Make the table of the worst rows: the gravest outcome first, then the largest worst h."""
+    rank = pl.col("outcome").replace_strict(
+        {outcome: i for i, outcome in enumerate(map(str, _WORST_FIRST))}, default=0
+    )
+    ordered = frame.with_columns(rank_=rank).sort(
+        "rank_", "worst_h", "index", descending=[False, True, False], nulls_last=True
+    )
+    columns = [*axes, *_COLUMNS]
+    rows = [
+        (str(row["index"]), *(_cell(row[name]) for name in columns), command(row))
+        for row in ordered.head(MOST_LISTED).drop("rank_").iter_rows(named=True)
+    ]
+    shown = table(("index", *columns, "command"), rows, len(frame), MOST_LISTED)
+    return sortable(shown) if rows else shown
+
+
+def _cell(value: Any) -> str:
+    if value is None or value == "":
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    text = f"{value:.6g}" if isinstance(value, float) else str(value)
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"

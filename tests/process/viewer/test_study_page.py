@@ -1,0 +1,66 @@
+"""The page of a study in a browser: rows are sorted by a click, and colours follow the reader's."""
+
+from pathlib import Path
+
+import pytest
+
+from phalanx.studies.page.write import write_study_page
+from tests.unit.studies.frames import frame
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> str:
+    rows = [
+        {"seed": i, "worst_h": h, "worst_pair": pair, "outcome": "safe"}
+        for i, (h, pair) in enumerate([(-2.0, "b"), (1e-5, "a"), (None, ""), (-10.0, "c")])
+    ]
+    return write_study_page(frame(rows), [], "s", tmp_path / "s.html", lambda _: "x").as_uri()
+
+
+def column(tab, name: str) -> list[str]:
+    """The cells under a title of the table of rows."""
+    return tab.evaluate(
+        """name => {
+          const rows = [...document.querySelectorAll("table.sortable tr")]
+            .map(row => [...row.cells].map(cell => cell.textContent))
+          return rows.slice(1).map(row => row[rows[0].indexOf(name)])
+        }""",
+        name,
+    )
+
+
+def test_a_click_on_a_title_sorts_and_another_turns_the_order(tab, written):
+    tab.goto(written)
+    assert column(tab, "worst_h") == ["1e-05", "-2", "-10", "–"]
+    tab.get_by_role("button", name="worst_h").click()
+    assert column(tab, "worst_h") == ["-10", "-2", "1e-05", "–"]
+    tab.get_by_role("button", name="worst_h").click()
+    assert column(tab, "worst_h") == ["1e-05", "-2", "-10", "–"]
+    tab.get_by_role("button", name="worst_pair").press("Enter")
+    assert column(tab, "worst_pair") == ["a", "b", "c", "–"]
+    assert column(tab, "index") == ["1", "0", "3", "2"]
+
+
+def test_the_page_fits_a_phone_and_its_drawings_turn_dark(tab, written):
+    tab.set_viewport_size({"width": 400, "height": 800})
+    tab.goto(written)
+    assert tab.evaluate("document.documentElement.scrollWidth") == 400
+    darkest = {}
+    for scheme in ("light", "dark"):
+        tab.emulate_media(color_scheme=scheme)
+        darkest[scheme] = tab.evaluate(
+            """async () => {
+              const image = document.querySelector("figure img"); await image.decode()
+              const canvas = Object.assign(document.createElement("canvas"),
+                { width: image.naturalWidth, height: image.naturalHeight })
+              const drawn = canvas.getContext("2d"); drawn.drawImage(image, 0, 0)
+              const data = drawn.getImageData(0, 0, canvas.width, canvas.height).data
+              let least = 255
+              for (let i = 0; i < data.length; i += 4)
+                if (data[i + 3] === 255) least = Math.min(least, data[i])
+              return least
+            }"""
+        )
+    assert darkest["light"] < 60 < 90 < darkest["dark"]

@@ -1,0 +1,204 @@
+"""The page of a study shows what the rows say, and nothing that they hold is more than text."""
+
+import base64
+import html
+import re
+import tomllib
+import xml.etree.ElementTree as ET
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from phalanx.studies.page.svg import DARK
+from phalanx.studies.page.write import MOST_LISTED, study_rates, write_study_page
+from tests.unit.studies.frames import frame, study
+
+pytestmark = pytest.mark.slow
+
+AXES = ["network.loss", "safety.information"]
+HOSTILE = "<script>alert('&')</script> --> $x_1$ \x07"
+ROWS = "<h2>Rows, the worst first</h2>"
+
+
+def command(row: dict) -> str:
+    return f"phalanx run it --seed {row['seed']} --set network.loss={row.get('network.loss')}"
+
+
+def page(rows: pl.DataFrame, folder: Path, axes=AXES, **more) -> str:
+    return write_study_page(rows, axes, "A study", folder / "s.html", command, **more).read_text()
+
+
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory) -> str:
+    return page(study(), tmp_path_factory.mktemp("study"))
+
+
+def drawings(shown: str) -> list[str]:
+    found = re.findall(r'src="data:image/svg\+xml;base64,([^"]+)"', shown)
+    return [base64.b64decode(each).decode() for each in found]
+
+
+def listed(shown: str) -> list[list[str]]:
+    """The cells of the table of rows."""
+    body = shown.partition(ROWS)[2].partition("<tbody>")[2].partition("</tbody>")[0]
+    return [re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row) for row in body.split("\n") if row]
+
+
+def test_every_section_is_there(shown):
+    assert re.findall("<h2>(.*?)</h2>", shown) == [
+        "Outcomes", "Over network.loss", "Over safety.information",
+        "network.loss and safety.information", "Worst h",
+        "Cost against safety: input_deviation_mean", "Cost against safety: tracking_error_mean",
+        "Rows, the worst first",
+    ]  # fmt: skip
+    assert len(drawings(shown)) == 7
+    assert "800 rows; 800 runs with 100 seeds" in shown
+
+
+def test_the_page_needs_nothing_but_itself(shown):
+    sources = re.findall(r"""(?:src|href|url|srcset)\s*[=(]\s*["']?([^"'\s>]+)""", shown)
+    assert len(sources) == 7
+    assert all(source.startswith("data:image/svg+xml;base64,") for source in sources)
+    inside = [s for each in drawings(shown) for s in re.findall(r'(?:href="|url\()([^")]+)', each)]
+    assert inside
+    assert all(source.startswith("#") for source in inside)
+
+
+def test_every_picture_is_described_and_turns_dark_with_the_page(shown):
+    assert len(re.findall(r'<img alt="[^"]{30,}" src', shown)) == 7
+    for each in drawings(shown):
+        ET.fromstring(each)
+        assert "prefers-color-scheme:dark" in each
+        drawn = re.findall(r"(?:fill|stroke): (#\w{6})", each)
+        assert not set(drawn) & set(DARK)
+        assert "var(--000000)" in each
+
+
+def test_the_same_rows_give_the_same_file(shown, tmp_path):
+    assert page(study(), tmp_path) == shown
+
+
+def test_the_worst_rows_come_first_each_with_its_command(shown):
+    rows, data = listed(shown), study()
+    assert len(rows) == MOST_LISTED
+    assert f"and {len(data) - MOST_LISTED} more" in shown
+    violated = data.filter(pl.col("outcome") == "violated").sort("worst_h", descending=True)
+    count = len(violated)
+    assert count > 20
+    assert [int(row[0]) for row in rows[:count]] == violated["index"].to_list()
+    assert [row[-1] for row in rows[:count]] == [
+        html.escape(command(row)) for row in violated.iter_rows(named=True)
+    ]
+    assert [row[4] for row in rows[count:]] == sorted((r[4] for r in rows[count:]), reverse=True)
+
+
+def test_outcomes_are_listed_by_gravity_and_a_row_without_h_after_those_with_one(tmp_path):
+    outcomes = "refused", "guaranteed", "safe", "stopped", "broken", "violated"
+    rows = [{"outcome": outcome, "seed": i} for i, outcome in enumerate(outcomes)]
+    rows += [{"outcome": "broken", "seed": 7, "worst_h": -3.0}]
+    found = listed(page(frame(rows), tmp_path, []))
+    assert [row[0] for row in found] == ["5", "6", "4", "3", "2", "1", "0"]
+
+
+def test_searched_rows_are_listed_and_enter_no_interval(tmp_path, shown):
+    data = study()
+    found = data.head(30).with_columns(
+        index=pl.col("index") + 5000, seed=pl.col("seed") + 5000, outcome=pl.lit("violated"),
+        worst_h=pl.lit(9.0), searched=pl.lit(True), input_deviation_mean=pl.lit(-9.0),
+    )  # fmt: skip
+    both = page(pl.concat([data, found]), tmp_path)
+    start = "<h2>Outcomes</h2>"
+    assert (
+        both.partition(start)[2].partition(ROWS)[0] == shown.partition(start)[2].partition(ROWS)[0]
+    )
+    assert {row[0] for row in listed(both)[:30]} == {str(5000 + i) for i in range(30)}
+    assert "30 chosen by a search, which are listed and enter no interval" in both
+    assert "chosen by a search" not in shown
+
+
+def test_refused_rows_are_counted_apart(tmp_path):
+    rows = [{"outcome": "refused", "seed": i, "reason": "tau: expected less"} for i in range(3)]
+    rows += [{"outcome": "violated", "seed": i} for i in range(4)]
+    shown = page(frame(rows), tmp_path, [])
+    assert "3 refused, since their scenario is not valid" in shown
+    assert "100 % [39.8, 100]" in shown
+    assert shown.count("tau: expected less") == 3
+
+
+def test_hostile_text_stays_text(tmp_path):
+    rows = [
+        {
+            "seed": i, "worst_h": 0.1 * i, "outcome": "violated", "reason": HOSTILE,
+            "worst_pair": HOSTILE, "faults": HOSTILE, HOSTILE: HOSTILE + str(i % 3),
+            "input_deviation_mean": 1.0,
+        }
+        for i in range(12)
+    ]  # fmt: skip
+    file = tmp_path / "s.html"
+    write_study_page(frame(rows), [HOSTILE], HOSTILE, file, lambda row: HOSTILE)
+    shown = file.read_text()
+    assert len(re.findall("<script", shown)) == 1
+    assert shown.count(html.escape("alert('&')")) > 50
+    elements = [e for each in drawings(shown) for e in ET.fromstring(each).iter()]
+    assert not any(element.tag.endswith("script") for element in elements)
+    texts = [e.text for e in elements if e.tag.endswith("}text")]
+    assert any("$x_1$" in text and "-->" in text for text in texts)
+
+
+def test_a_study_whose_size_depended_on_results_has_wider_intervals(tmp_path, shown):
+    sequence = page(study(), tmp_path, anytime=True)
+    assert "confidence sequence" in sequence
+    assert "confidence sequence" not in shown
+    cell = re.compile(r">([\d.]+) to ([\d.]+)<")
+
+    def widths(text: str) -> list[float]:
+        heat = drawings(text)[2]
+        return [float(high) - float(low) for low, high in cell.findall(heat)]
+
+    assert len(widths(shown)) == 8
+    assert all(a > b for a, b in zip(widths(sequence), widths(shown), strict=True))
+
+
+def test_an_axis_that_is_drawn_at_random_is_shown_in_ranges(tmp_path):
+    rows = [{"gain": i / 7, "seed": i, "worst_h": -1.0 / (i + 1)} for i in range(200)]
+    shown = page(frame(rows), tmp_path, ["gain"])
+    assert len(re.findall(r'<th scope="row">[\d.]+ to [\d.]+</th><td>25</td>', shown)) == 8
+
+
+def test_no_rows_no_runs_and_no_axes_have_pages_too(tmp_path):
+    some = frame([{"loss": 0.1, "outcome": "refused"}])
+    assert "No runs." in page(some, tmp_path, ["loss"])
+    assert listed(page(some, tmp_path, []))[0][0] == "0"
+    assert "None." in page(some.head(0), tmp_path, ["loss"]).partition(ROWS)[2]
+
+
+def test_runs_without_numbers_have_a_page_without_those_figures(tmp_path):
+    rows = [{"loss": 0.1, "seed": i, "outcome": "broken"} for i in range(3)]
+    shown = page(frame(rows), tmp_path, ["loss"])
+    assert "Worst h" not in shown
+    assert "Cost" not in shown
+    assert len(drawings(shown)) == 1
+
+
+def test_an_axis_that_the_frame_lacks_is_named(tmp_path):
+    with pytest.raises(
+        ValueError, match=r"axes: expected columns of the frame, got 'network\.los'"
+    ):
+        page(study(1), tmp_path, ["network.los"])
+    assert not (tmp_path / "s.html").exists()
+
+
+def test_a_notebook_shows_the_same_rates(shown):
+    short = study_rates(study(), AXES)
+    cells = re.findall(r"[\d.]+ % \[[\d., ]+\]", short)
+    assert len(cells) == 7 * 3
+    assert all(cell in shown for cell in cells)
+
+
+def test_the_core_finds_the_page_by_its_name():
+    project = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())
+    entries = project["project"]["entry-points"]["phalanx.extensions"]
+    for name, function in {"study-page": write_study_page, "study-rates": study_rates}.items():
+        assert EntryPoint(name, entries[name], "phalanx.extensions").load() is function
