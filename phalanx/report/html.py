@@ -49,9 +49,10 @@ figure img { background: #fff; border: 1px solid var(--line); border-radius: .3r
 figure.drawn { overflow-x: auto; }
 figure.drawn img { background: none; border: 0; min-width: 38rem; }
 .study td { overflow-wrap: normal; }
-.sortable td { white-space: nowrap; }
-.sortable td:nth-last-child(2) { white-space: normal; min-width: 18rem; }
-.sortable td:last-child { font-family: monospace; user-select: all; }
+.sortable td { max-width: 20rem; overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
+.sortable td:hover { white-space: normal; }
+.sortable td:last-child { font-family: monospace; max-width: none; user-select: all;
+  white-space: nowrap; }
 .sortable thead th { background: var(--page); position: sticky; top: 0; }
 .sortable button { all: unset; cursor: pointer; white-space: nowrap; }
 .sortable button:focus-visible { outline: 2px solid; }

@@ -96,9 +96,8 @@ def distribution_figure(groups: Sequence[Group]) -> Figure:
         label = f"{short(each.label)}: {len(values)} runs"
         axes.step(x, share, where="post", color=colour, linewidth=1.4, label=label)
         axes.fill_between(x, low, high, step="post", color=colour, alpha=0.18, linewidth=0.0)
-    axes.axvline(0.0, color=LIMIT, linewidth=1.2)
+    _safety(axes)
     axes.yaxis.set_major_formatter(PercentFormatter(1.0))
-    axes.set_xlabel("worst h: unsafe above 0")
     axes.set_ylabel("runs at or below")
     legend(axes)
     return figure
@@ -146,11 +145,18 @@ def cost_figure(points: Sequence[Point], cost: str) -> Figure:
     axes.plot(x, y, "o", color=NORMAL, alpha=0.5, markersize=4, label="all")
     _, x, y = zip(*best, strict=True)
     axes.step(x, y, "o-", where="post", color=PEAK, markersize=5, label="not beaten")
-    axes.axvline(0.0, color=LIMIT, linewidth=1.2)
-    axes.set_xlabel("worst h: unsafe above 0")
+    _safety(axes)
     axes.set_ylabel(cost)
     legend(axes)
     return figure
+
+
+def _safety(axes: Axes) -> None:
+    """Name the x axis, and draw its zero unless that would press the rest together."""
+    axes.set_xlabel("worst h: unsafe above 0")
+    low, high = axes.get_xlim()
+    if low - (high - low) < 0.0 < high + (high - low):
+        axes.axvline(0.0, color=LIMIT, linewidth=1.2)
 
 
 def _name(axes: Axes, side: str, axis: str, labels: Sequence[str]) -> None:

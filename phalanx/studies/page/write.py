@@ -194,8 +194,10 @@ def _distribution(runs: pl.DataFrame, groups: Mapping[str, Sequence[Group]]) -> 
         caption = (
             f"Distribution of the worst h{f', by {axis}' if few else ''}, with the 95 % band of "
             "Dvoretzky, Kiefer and Wolfowitz. Where runs share seeds, it is of one run of each "
-            f"seed, drawn at random. {runs['worst_h'].null_count()} runs without h are left out."
+            "seed, drawn at random."
         )
+        if absent := runs["worst_h"].null_count():
+            caption += f" {absent} runs without h are left out."
         yield section("Worst h", drawing(caption, svg_of(partial(distribution_figure, shown))))
 
 
