@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from phalanx.guarantee.check_report import CheckReport
     from phalanx.guarantee.verdict import Assumption, Outcome, Summary, Violation
     from phalanx.launcher.engine import Engine, EngineError
+    from phalanx.launcher.learned import parallel_env
     from phalanx.launcher.run import Run
     from phalanx.launcher.run import open_run as open
     from phalanx.launcher.run import verify_run as verify
@@ -58,6 +59,7 @@ _HOMES = {
     "load": "phalanx.scenario.load",
     "metrics": "phalanx.metrics",
     "open": "phalanx.launcher.run:open_run",
+    "parallel_env": "phalanx.launcher.learned",
     "run": "phalanx.launcher.start",
     "shipped": "phalanx.scenario.load",
     "open_study": "phalanx.studies.study",
@@ -77,6 +79,7 @@ __all__ = [  # noqa: RUF022 - in the order of the documentation
     "study",
     "open_study",
     "metrics",
+    "parallel_env",
     "Run",
     "SteppedRun",
     "Study",

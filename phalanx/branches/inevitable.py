@@ -8,7 +8,7 @@ from typing import NamedTuple
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.engine import EngineError
 from phalanx.launcher.forks import in_forks
-from phalanx.launcher.trunk import Trunk
+from phalanx.launcher.trunk import trunk_of
 from phalanx.recording.read import Recording
 from phalanx.scenario.model import Scenario
 from phalanx.statistics.rates import Interval, clopper_pearson
@@ -72,7 +72,7 @@ def branch_run(
     _require_times(scenario, times)
     seeds = list(islice(_other_seeds(scenario), branches))
     # Faults that the scenario declares happen again without a command.
-    trunk = Trunk(scenario, [c for c in recorded.commands if c.fault < 0])
+    trunk = trunk_of(scenario, [c for c in recorded.commands if c.fault < 0])
     states, found = {state.t: state.x for state in recorded.states}, []
     try:
         for t in times:

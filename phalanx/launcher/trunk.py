@@ -27,16 +27,11 @@ from phalanx.swarm.watchdog import endless_loops
 class Trunk:
     """A run between two instants, from which branches start; it is not recorded."""
 
-    def __init__(self, scenario: Scenario, commands: Sequence[Command] = ()) -> None:
-        """Begin at t = 0. Raises ScenarioError if it cannot be run."""
-        self._scenario, self._commands, self._began = scenario, commands, time.monotonic()
-        rows = require_runnable(build_swarm(scenario))
-        compile_rows(rows)
-        self._begin(rows)
-
-    def _begin(self, rows: SafetyRows) -> None:
+    def __init__(self, rows: SafetyRows, commands: Sequence[Command] = ()) -> None:
+        """Begin at t = 0, with scheduled commands."""
         swarm = self._swarm = rows.swarm
-        queue = CommandQueue(CommandPolicy(schedule=tuple(self._commands)), swarm.names)
+        self._scenario, self._commands, self._began = swarm.scenario, commands, time.monotonic()
+        queue = CommandQueue(CommandPolicy(schedule=tuple(commands)), swarm.names)
         agents = DirectAgents(rows, silent)
         self._plant = PlantRun(rows, agents, None, queue, self._make_clock)
         self._instants = self._clock.instants(self._scenario.duration)
@@ -70,13 +65,18 @@ class Trunk:
             # What is drawn before a run is drawn again by a run from its start alone.
             later = (*self._scenario.reseed, Reseed(at=t, seed=seed))
             again = self._scenario.model_copy(update={"reseed": later})
-            return Trunk(again, self._commands).finish()
+            return trunk_of(again, self._commands).finish()
         self._swarm.seeds.change(t, seed)
         return self.finish()
 
     def close(self) -> None:
         """End the run where it is."""
         self._instants.close()
+
+    def stop(self) -> Summary:
+        """End the run where it is, and judge it."""
+        self.close()
+        return self._plant.summary(self._plant.complete(), self._wall, rejected={})
 
     def finish(self) -> Summary:
         """Go to the end, and judge the run."""
@@ -87,4 +87,15 @@ class Trunk:
             end = self._plant.complete()
         except ENDINGS as error:
             end = ended_by(error)
-        return self._plant.summary(end, time.monotonic() - self._began, rejected={})
+        return self._plant.summary(end, self._wall, rejected={})
+
+    @property
+    def _wall(self) -> float:
+        return time.monotonic() - self._began
+
+
+def trunk_of(scenario: Scenario, commands: Sequence[Command] = ()) -> Trunk:
+    """Begin a scenario, with all compiled that branches share. Raises ScenarioError."""
+    rows = require_runnable(build_swarm(scenario))
+    compile_rows(rows)
+    return Trunk(rows, commands)

@@ -15,7 +15,7 @@ from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.engine import EngineError
 from phalanx.launcher.forks import in_forks
 from phalanx.launcher.run import Run
-from phalanx.launcher.trunk import Trunk
+from phalanx.launcher.trunk import trunk_of
 
 RANDOM = {
     "duration": 0.4,
@@ -57,7 +57,7 @@ def timeless(summary: Summary) -> Summary:
 
 @pytest.mark.parametrize("case", CASES)
 def test_a_branch_has_the_bits_of_a_run_of_the_scenario_with_that_reseed(case):
-    trunk = Trunk(phalanx.load("unicycles", {**RANDOM, **CASES[case]}), KILLED)
+    trunk = trunk_of(phalanx.load("unicycles", {**RANDOM, **CASES[case]}), KILLED)
     found = []
     for t in (0.15, 0.25):
         trunk.advance(t)

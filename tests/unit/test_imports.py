@@ -83,6 +83,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     # Extensions: each may import the core, and what it says; the core imports none of them.
     "phalanx.curves": CURVES,
     "phalanx.report": COMMANDED | CURVES,
+    "phalanx.learning": LAUNCHER,
     "phalanx.branches": COMMANDED | CURVES | rooms("report statistics"),
     "phalanx.studies.page": COMMANDED | CURVES | rooms("report statistics"),
     "phalanx.hosts": COMMANDED,
@@ -102,6 +103,7 @@ EXTENSIONS = {
     "phalanx.report",
     "phalanx.branches",
     "phalanx.studies.page",
+    "phalanx.learning",
     "phalanx.hosts",
     "phalanx.certify",
     "phalanx_viewer",
