@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from phalanx.cli.options import Overrides
-from phalanx.cli.terminal import echo
+from phalanx.cli.terminal import echo, echo_error
 
 if TYPE_CHECKING:
     from phalanx.studies.coordinator import StudyProgress
@@ -121,7 +121,7 @@ def study(
     kept = out or Path("studies") / _name(plan)
     if why:
         return _say_why(plan, kept)
-    with _executor(dask) as (executor, most), _bar(plan) as show:
+    with _refusals(), _executor(dask) as (executor, most), _bar(plan) as show:
         found = run_study(
             plan, out=kept, workers=workers, executor=executor, confirm=confirm, progress=show,
             chunk=8 if executor else 1, in_flight=most or None,
@@ -180,7 +180,8 @@ def _say_why(plan: "Plan", folder: Path) -> int:
     from phalanx.studies.inventory import missing_by_reason
     from phalanx.studies.store import Store
 
-    reasons = missing_by_reason(plan, Store(folder))
+    with _refusals():
+        reasons = missing_by_reason(plan, Store(folder))
     echo(f"{plan.size - reasons.total()} of {plan.size} rows are there; {reasons.total()} to run")
     echo(*(f"  {count} {reason}" for reason, count in reasons.most_common()))
     return 0
@@ -191,7 +192,9 @@ def _open(folder: Path | None, row: int | None, record: bool) -> int:
 
     if folder is None:
         raise typer.BadParameter("open: expected the folder of a study")
-    found = open_study(folder)
+    with _refusals():
+        found = open_study(folder)
+        found.frame  # noqa: B018 - read here
     if row is None:
         _print(found)
         echo(f"page: {found.page()}")
@@ -204,6 +207,20 @@ def _open(folder: Path | None, row: int | None, record: bool) -> int:
         run = found.run(row, out=Path("runs"))
         echo(f"{run.verdict} ({run.folder})")
     return 0
+
+
+@contextmanager
+def _refusals() -> Iterator[None]:
+    """Make errors of the study's folder those of an argument, and say what Ctrl-C has left."""
+    from phalanx.studies.store import StudyError
+
+    try:
+        yield
+    except StudyError as error:
+        raise typer.BadParameter(str(error)) from error
+    except KeyboardInterrupt:
+        echo_error("stopped; the finished rows are kept, and the same command goes on")
+        raise
 
 
 @contextmanager

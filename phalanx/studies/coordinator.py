@@ -9,6 +9,7 @@ from typing import NamedTuple
 import msgspec
 
 from phalanx.guarantee.verdict import Outcome
+from phalanx.launcher import interrupt
 from phalanx.scenario.load import ScenarioError
 from phalanx.seeded.draws import Draws
 from phalanx.statistics.sequences import runs_until_width
@@ -101,6 +102,9 @@ class Coordinator:
         self._outcomes: Counter[str] = Counter()
         self._computed = self._confirmed = 0
 
+    # A Ctrl-C must not interrupt storing: it ends the study at the next wait.
+    @interrupt.handled()
+    @interrupt.deferred()
     def run(self) -> None:
         """Compute every row that is missing. Raises OSError if one cannot be stored."""
         jobs = self._missing()
@@ -115,7 +119,8 @@ class Coordinator:
                 self._report()
                 if not self._pending:
                     return
-                finished, _ = wait(self._pending, return_when=FIRST_COMPLETED)
+                with interrupt.not_deferred():
+                    finished, _ = wait(self._pending, return_when=FIRST_COMPLETED)
                 for future in sorted(finished, key=lambda f: self._pending[f].cases[0].row):
                     self._take(future, self._pending.pop(future))
         finally:

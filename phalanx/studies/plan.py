@@ -192,8 +192,10 @@ class Plan(Strict):
         )
 
     def require_axes(self) -> None:
-        """Raise ScenarioError if the scenario is invalid with every value of an axis."""
+        """Raise ScenarioError if the scenario is invalid, with every value of an axis if any."""
         first = self.point(0).overrides
+        if not self.axes and (error := self._error(first)):
+            raise error
         for path in self.axes:
             values = self.vary.get(path) or [self.point(0).axes.get(path)]
             errors = [self._error({**first, path: value}) for value in values]
