@@ -22,12 +22,12 @@ from phalanx.launcher.start import run as run_scenario
 from phalanx.scenario.load import to_json
 from phalanx.scenario.model import Scenario
 from phalanx.schema.instances import as_table
-from phalanx.schema.notebook import html_table
-from phalanx.statistics.rates import clopper_pearson
-from phalanx.statistics.sequences import beta_mixture, runs_until_width
+from phalanx.statistics.common_seeds import rate
+from phalanx.statistics.sequences import runs_until_width
 from phalanx.studies.coordinator import Coordinator, Options, Progress
 from phalanx.studies.plan import Plan, as_text, plan_from, read_plan, seeds_from
 from phalanx.studies.pool import Pool
+from phalanx.studies.row import REFUSED
 from phalanx.studies.store import Store, json_text, plan_of
 
 
@@ -197,8 +197,8 @@ class Study:
         """Return an outcome's rate, with its interval, at each value of the axes.
 
         The interval is exact for the number of runs of the plan (Clopper and Pearson); with
-        until_width it is that of a confidence sequence. Rows that a search chose do not count,
-        nor those that were refused.
+        until_width it is that of a confidence sequence. Where several runs share a seed, seeds
+        are the draws. Rows that a search chose do not count, nor those that were refused.
 
         Args:
             outcome: "violated", "guaranteed", ...
@@ -206,15 +206,16 @@ class Study:
             level: of the intervals.
         """
         axes = self.axes if by is None else list(by)
-        counted = self.frame.filter(~pl.col("searched") & (pl.col("outcome") != "refused"))
+        counted = self.frame.filter(~pl.col("searched") & (pl.col("outcome") != REFUSED))
         grouped = counted.group_by(axes, maintain_order=True) if axes else [((), counted)]
-        interval = clopper_pearson if self.plan.until_width is None else beta_mixture
+        anytime = self.plan.until_width is not None
         found = []
         for values, rows in grouped:
-            k, n = int((rows["outcome"] == outcome).sum()), len(rows)
-            low, high = interval(k, n, level)
+            hits = (rows["outcome"] == outcome).to_numpy()
+            share, (low, high), runs = rate(hits, rows["seed"].to_numpy(), anytime, level)
             named = dict(zip(axes, values, strict=True))
-            found.append({**named, "runs": n, outcome: k, "rate": k / n, "low": low, "high": high})
+            counts = {"runs": runs, outcome: int(hits.sum())}
+            found.append({**named, **counts, "rate": share, "low": low, "high": high})
         return pl.DataFrame(found)
 
     def run(
@@ -237,7 +238,7 @@ class Study:
         """
         written: Path = extension("study-page")(
             self.frame, self.axes, self.folder.name, Path(path or self.folder / "study.html"),
-            lambda row: self.command(row["index"]),
+            lambda row: self.command(row["index"]), self.plan.until_width is not None,
         )  # fmt: skip
         return written
 
@@ -246,14 +247,10 @@ class Study:
         return f"Study({str(self.folder)!r}, {counts or 'no rows'})"
 
     def _repr_html_(self) -> str:
-        """Return the outcomes at each point for a notebook."""
-        outcomes = list(self.outcomes)
-        head = (*self.axes, "runs", *outcomes) if self.axes else ("", "runs", *outcomes)
-        rows = []
-        for values, found in self.frame.group_by(self.axes or ["point"], maintain_order=True):
-            counts = [str((found["outcome"] == outcome).sum()) for outcome in outcomes]
-            rows.append((*map(str, values if self.axes else ("all",)), str(len(found)), *counts))
-        return html_table(rows, head)
+        """Return the rates over each axis for a notebook."""
+        anytime = self.plan.until_width is not None
+        html: str = extension("study-rates")(self.frame, self.axes, anytime)
+        return html
 
 
 def _source(scenario: Scenario | str | Path | Mapping[str, Any]) -> Any:
