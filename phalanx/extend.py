@@ -73,6 +73,7 @@ from phalanx.theory.safety.function import (
 )
 from phalanx.theory.safety.limits import Band, Drawable, Fence, Limit
 from phalanx.theory.safety.obstacles import Obstacle, Sphere, Wall
+from phalanx.theory.safety.polygon import Polygon
 
 __all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
     # Dynamics
@@ -98,6 +99,7 @@ __all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
     "Sphere",
     "Wall",
     "Box",
+    "Polygon",
     "Limit",
     "Drawable",
     "Fence",

@@ -16,6 +16,7 @@ from phalanx.scenario.model import Scenario
 from phalanx.theory.safety.box import Box
 from phalanx.theory.safety.limits import Drawable, Line
 from phalanx.theory.safety.obstacles import Sphere, Wall
+from phalanx.theory.safety.polygon import Polygon
 
 _PATH_POINTS = 3000
 _MANY_POINTS = 400
@@ -93,10 +94,10 @@ def _outline(history: RecordedHistory) -> Array:
 
 
 def _outlines(scenario: Scenario) -> list[Line]:
-    """Lines of the limits that can be drawn, and edges of boxes."""
+    """Lines of the limits that can be drawn, and edges of boxes and polygons."""
     limits = [field.boundary.limit for field in scenario.limits]
     lines = [line for limit in limits if isinstance(limit, Drawable) for line in limit.outline()]
-    boxes = [o for o in scenario.obstacles if isinstance(o, Box)]
+    boxes = [o for o in scenario.obstacles if isinstance(o, Box | Polygon)]
     return lines + [list(edge) for box in boxes for edge in box.edges()]
 
 

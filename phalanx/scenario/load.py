@@ -222,7 +222,7 @@ def _describe(location: tuple[int | str, ...], message: str, got: Any, kind: str
         return f"{field}: expected a value, got nothing"
     if kind == "extra_forbidden" or message == "Unexpected keyword argument":
         return f"{field}: unknown field (misspelt?), got {_short(got)}"
-    if kind == "too_short":
+    if kind in ("too_short", "too_long"):
         expected = f"expected{message.partition('have')[2].partition(' after')[0]}"
     if kind == "union_tag_invalid":
         expected = f"expected one of {message.rpartition(': ')[2]}"

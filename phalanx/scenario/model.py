@@ -28,6 +28,7 @@ from phalanx.schema.fields import (
     BOX,
     CONTROLLER,
     LIMIT,
+    POLYGON,
     SPHERE,
     WALL,
     Finite,
@@ -45,6 +46,7 @@ from phalanx.theory.laws.formation import Formation
 from phalanx.theory.safety.box import Box
 from phalanx.theory.safety.limits import Boundary, Limit, Static
 from phalanx.theory.safety.obstacles import Obstacle, Sphere, Wall
+from phalanx.theory.safety.polygon import Polygon
 
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
 MAX_AGENTS = 256
@@ -52,7 +54,7 @@ _SHOWN = 12
 """Most names of a group in a notebook."""
 
 
-_BY_FIELD = {"normal": WALL, "size": BOX}
+_BY_FIELD = {"normal": WALL, "size": BOX, "corners": POLYGON}
 """The kind of an obstacle by a field that no other kind has; else it is a sphere."""
 
 
@@ -62,7 +64,10 @@ def _kind_of_obstacle(value: Any) -> str:
 
 
 ObstacleField = Annotated[
-    Annotated[Sphere, Tag(SPHERE)] | Annotated[Wall, Tag(WALL)] | Annotated[Box, Tag(BOX)],
+    Annotated[Sphere, Tag(SPHERE)]
+    | Annotated[Wall, Tag(WALL)]
+    | Annotated[Box, Tag(BOX)]
+    | Annotated[Polygon, Tag(POLYGON)],
     Discriminator(_kind_of_obstacle),
 ]
 
@@ -215,9 +220,10 @@ class Scenario(Strict):
 
     def _check_axes(self, index: int, obstacle: Obstacle) -> None:
         # CasADi would take a center of one number for all axes.
-        field = "normal" if isinstance(obstacle, Wall) else "center"
+        fields: dict[type, str] = {Wall: "normal", Polygon: "corners"}
+        field = fields.get(type(obstacle), "center")
         given, axes = getattr(obstacle, field), self.agents[0].axes
-        if len(given) != axes:
+        if len(given[0] if isinstance(obstacle, Polygon) else given) != axes:
             message = f"expected {axes} coordinates, as the agents' positions have"
             raise field_error(("obstacles", index, field), message, given)
 

@@ -33,11 +33,26 @@ Probability = Annotated[Finite, Field(ge=0, le=1)]
 Table = dict[str, Any]
 
 NUMBER, TABLE = "number", "table"
-SPHERE, WALL, BOX = "sphere", "wall", "box"
+SPHERE, WALL, BOX, POLYGON = "sphere", "wall", "box", "polygon"
 BOUNDS, JITTER, CHANCE, BURST, GEMODEL = "bounds", "jittered", "chance", "bursts", "gemodel"
 WORD, INPUT, LIMIT, REFERENCE = "word", "input", "limit", "reference"
 ALTERNATIVES = frozenset(
-    {NUMBER, TABLE, SPHERE, WALL, BOX, BOUNDS, JITTER, CHANCE, BURST, GEMODEL, WORD, INPUT, LIMIT}
+    {
+        NUMBER,
+        TABLE,
+        SPHERE,
+        WALL,
+        BOX,
+        POLYGON,
+        BOUNDS,
+        JITTER,
+        CHANCE,
+        BURST,
+        GEMODEL,
+        WORD,
+        INPUT,
+        LIMIT,
+    }
     | {REFERENCE}
 )
 """Tags of unions: pydantic puts them into an error's location, but no field has such a name."""

@@ -58,9 +58,7 @@ class Box:
 
     def away(self, p: ca.SX) -> ca.SX:
         """Unit vector in which the distance grows; undefined at the center."""
-        point = ca.SX.sym("p", len(self.center))  # p may be an expression, as of an offset output
-        (gradient,) = ca.substitute([ca.gradient(self.distance(point), point)], [point], [p])
-        return gradient / ca.norm_2(gradient)
+        return uphill(self.distance, p)
 
     def distances(self, points: Array) -> Array:
         """The distance of points [m], shape (s, d); shape (s,)."""
@@ -99,3 +97,10 @@ class Box:
     def _corner(self, signs: tuple[float, ...]) -> tuple[float, ...]:
         local = np.array(signs) * np.array(self.size)
         return tuple((np.array(self.center) + dot(self._axes.T, local)).tolist())
+
+
+def uphill(distance: Callable[[ca.SX], ca.SX], p: ca.SX) -> ca.SX:
+    """Unit vector in which a distance grows, at p, which may be an expression."""
+    point = ca.SX.sym("p", p.numel())
+    (gradient,) = ca.substitute([ca.gradient(distance(point), point)], [point], [p])
+    return gradient / ca.norm_2(gradient)

@@ -1,4 +1,4 @@
-"""Static obstacles: a sphere or disc, a wall, and a box."""
+"""Static obstacles: a sphere or disc, a wall, a box, and a polygon."""
 
 import math
 from dataclasses import dataclass
@@ -13,6 +13,7 @@ from phalanx.theory.expressions.exact import dot, length
 from phalanx.theory.expressions.rounding import WIDER
 from phalanx.theory.models.dynamics import Positive
 from phalanx.theory.safety.box import Box
+from phalanx.theory.safety.polygon import Polygon
 
 
 @dataclass(frozen=True)
@@ -93,5 +94,5 @@ class Wall:
         return n
 
 
-Obstacle = Sphere | Wall | Box
+Obstacle = Sphere | Wall | Box | Polygon
 """A static obstacle, from which normal agents keep a distance."""

@@ -24,6 +24,7 @@ from phalanx.theory.safety.class_k import Linear
 from phalanx.theory.safety.composition import Member, compose
 from phalanx.theory.safety.function import Body, Separation
 from phalanx.theory.safety.obstacles import Obstacle, Sphere
+from phalanx.theory.safety.polygon import Polygon
 from tests.unit.swarms import swarm_of_scenario
 
 seeds = st.integers(0, 2**32 - 1)
@@ -277,17 +278,44 @@ def test_obstacles_are_pairs_too():
     assert 0.9 * 0.1 / 1.3 < time <= 0.1 / 1.3
 
 
-def test_a_box_is_certified_up_to_where_its_smooth_distance_is_the_clearance():
-    box = Box((3.0, 0.0), (2.0, 2.0), 0.5, rounding=0.01)
-    pair = compose([Member("a", SingleIntegrator(1.0), False)], [box], Separation(1.0), 1.0).alone(
-        0
-    )
-    found = pair_certificate(pair, 0, [Linear(1.0)], [0.3], TAU)
-    apart, u = np.array([[1.45, 0.3]]), np.array([1.0, 0.0])
+@pytest.mark.parametrize(
+    "obstacle",
+    [
+        Box((3.0, 0.0), (2.0, 2.0), 0.5, rounding=0.01),
+        Polygon(((2.0, -1.0), (2.0, 1.0), (4.0, 1.5)), 0.5, rounding=0.01),
+    ],
+    ids=["box", "polygon"],
+)
+def test_one_is_certified_up_to_where_the_smooth_distance_is_the_clearance(obstacle):
+    swarm = compose([Member("a", SingleIntegrator(1.0), False)], [obstacle], Separation(1.0), 1.0)
+    found = pair_certificate(swarm.alone(0), 0, [Linear(1.0)], [0.3], TAU)
+    apart, u = np.array([[1.47, 0.3]]), np.array([1.0, 0.0])
     time = held(found, apart[0], u)
     assert time > 0.0
-    assert box.distances(apart + 1.3 * time * u)[0] >= box.clearance
-    assert box.distances(apart + 1.2 * 1.3 * time * u)[0] < box.clearance
+    assert obstacle.distances(apart + 1.3 * time * u)[0] >= obstacle.clearance
+    assert obstacle.distances(apart + 1.25 * 1.3 * time * u)[0] < obstacle.clearance
+
+
+@given(seed=seeds)
+def test_an_agent_does_not_reach_a_polygon_while_it_is_certified(seed):
+    """Its true distance stays above the clearance, with a disturbance in any direction."""
+    rng = np.random.default_rng(seed)
+    polygon = Polygon(((0.0, 0.0), (2.0, 0.5), (1.0, 2.0), (-0.5, 1.0)), 0.3)
+    p, angle = rng.normal(1.0, 2.0, 2), rng.uniform(0.0, 2.0 * np.pi)
+    u = np.array([np.cos(angle), np.sin(angle)]) / np.sqrt(2.0)
+    time = held(_beside(polygon), p, u)
+    pushes = np.array([[np.cos(a), np.sin(a)] for a in np.linspace(0.0, 2.0 * np.pi, 24)])
+    ends = p + time * (u + 0.3 * pushes)
+    assert time == 0.0 or polygon.distances(ends).min() >= polygon.clearance - 1e-9
+    if polygon.distances(p[None])[0] > polygon.clearance + 1.0 * TAU * 3.0:
+        assert time > TAU
+
+
+@cache
+def _beside(polygon: Polygon) -> PairCertificate:
+    """Certify a single integrator near a polygon."""
+    swarm = compose([Member("a", SingleIntegrator(1.0), False)], [polygon], Separation(1.0), 1.0)
+    return pair_certificate(swarm.alone(0), 0, [Linear(1.0)], [0.3], TAU)
 
 
 class Port:

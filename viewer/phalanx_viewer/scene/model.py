@@ -12,6 +12,7 @@ from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.safety.box import Box
 from phalanx.theory.safety.limits import Boundary, Drawable
 from phalanx.theory.safety.obstacles import Sphere, Wall
+from phalanx.theory.safety.polygon import Polygon
 from phalanx_viewer.scene.colours import COLOURS, Colour, Role
 from phalanx_viewer.scene.kinematics import Kinematics, in_space
 
@@ -37,10 +38,10 @@ class StaticGeometry:
         """A point of each surface, shape (3,), which discs touch where h = 0, and its normal."""
         limits = [field.boundary.limit for field in scenario.limits]
         lines = [line for l in limits if isinstance(l, Drawable) for line in l.outline()]
-        boxes = [o for o in scenario.obstacles if isinstance(o, Box)]
+        boxes = [o for o in scenario.obstacles if isinstance(o, Box | Polygon)]
         lines += [list(edge) for box in boxes for edge in box.edges()]
         self.outlines = [np.array([in_space(np.array(point)) for point in line]) for line in lines]
-        """Lines of limits such as a fence, and edges of boxes [m], shapes (s, 3)."""
+        """Lines of limits such as a fence, and edges of boxes and polygons [m], shapes (s, 3)."""
         path: list[Array] = []
         if formation:
             times = np.linspace(0.0, formation.finish, _PATH_POINTS).tolist()

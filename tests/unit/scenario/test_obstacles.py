@@ -1,0 +1,63 @@
+"""Obstacles of a scenario: polygons, and agents that serve as obstacles that move."""
+
+import numpy as np
+import pytest
+
+import phalanx
+from phalanx.scenario.load import ScenarioError, from_json, load, to_json
+
+CORNERS = [[3.0, -2.0], [6.5, -3.0], [3.0, -4.0]]
+MISTAKES = {
+    "too few corners": (CORNERS[:2], r"obstacles.0.*: expected at least 3 items"),
+    "too many corners": (
+        [[k, k * k] for k in range(9)],
+        r"obstacles.0.*: expected at most 8 items",
+    ),
+    "corners in a dent": (
+        [*CORNERS, [3.1, -3.0]],
+        r"obstacles.0: corners: expected those of a convex",
+    ),
+    "corners in space": (
+        [[*CORNERS[0], 0.0], *CORNERS[1:]],
+        r"obstacles.0.corners.0: expected at most 2 items",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_in_a_polygon_is_one_line(name):
+    corners, message = MISTAKES[name]
+    with pytest.raises(ScenarioError, match=message) as found:
+        load("unicycles", {"obstacles": [{"corners": corners}]})
+    assert len(str(found.value).splitlines()) == 1
+
+
+def test_a_polygon_is_for_agents_in_the_plane():
+    with pytest.raises(ScenarioError, match=r"obstacles.0.corners: expected 3 coordinates, as the"):
+        load("formation3d", {"scatter": None, "obstacles": [{"corners": CORNERS}]})
+
+
+def test_a_polygon_is_written_and_read_again():
+    scenario = load("unicycles", {"obstacles": [{"corners": CORNERS, "rounding": 0.2}]})
+    (polygon,) = from_json(to_json(scenario)).obstacles
+    assert polygon == scenario.obstacles[0]
+    assert polygon.rounding == 0.2
+
+
+@pytest.mark.slow
+def test_carts_are_proven_safe_from_a_ramp_and_from_a_truck_that_crosses_their_path():
+    run = phalanx.run("warehouse", engine="in-process")
+    assert run.verdict == "guaranteed"
+    ramp = run.scenario.obstacles[2]
+    states, carts = run.states, ("cart-1", "cart-2", "cart-3")
+    truck = states.select("truck.x", "truck.y").to_numpy()
+    assert np.linalg.norm(truck[-1] - truck[0]) > 6.5
+    least = run.metrics["least_distance"][-1]
+    assert 1.0 <= least < 1.1, "the truck is what came nearest"
+    nearest = [ramp.distances(output_points(states, cart)).min() - ramp.clearance for cart in carts]
+    assert 0.0 <= min(nearest) < 0.3, "a cart has to go around the ramp"
+
+
+def output_points(states, cart: str) -> np.ndarray:
+    x, y, theta = (states[f"{cart}.{name}"].to_numpy() for name in ("x", "y", "theta"))
+    return np.column_stack([x + 0.25 * np.cos(theta), y + 0.25 * np.sin(theta)])
