@@ -85,11 +85,24 @@ def test_workers_that_die_cost_no_row_and_double_none(cluster, tmp_path):
     assert there.frame["index"].to_list() == list(range(20))
 
 
+STILL = """
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass
+class Still:
+    def prepare(self, dynamics):
+        pass
+
+    def input(self, view):
+        return np.zeros(2)
+"""
+
+
 def test_a_users_law_travels_to_the_workers(cluster, tmp_path, monkeypatch):
-    (tmp_path / "still_law.py").write_text(
-        "from dataclasses import dataclass\n\nimport numpy as np\n\n\n@dataclass\nclass Still:\n    def prepare(self, dynamics):\n        pass\n\n"
-        "    def input(self, view):\n        return np.zeros(2)\n"
-    )
+    (tmp_path / "still_law.py").write_text(STILL)
     monkeypatch.chdir(tmp_path)
     overrides = {"duration": 0.2, "agents.1.law": {"type": "still_law:Still"}}
     with connected(cluster.address) as (executor, most):
