@@ -85,7 +85,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.report": COMMANDED | CURVES,
     "phalanx.learning": LAUNCHER,
     "phalanx.branches": COMMANDED | CURVES | rooms("report statistics"),
-    "phalanx.studies.page": COMMANDED | CURVES | rooms("report statistics"),
+    "phalanx.studies.page": COMMANDED | rooms("report statistics studies"),
     "phalanx.hosts": COMMANDED,
     "phalanx.certify": COMMANDED | rooms("certify.checker"),
     # Shares what docs/certificate.md lists; records are handed to it.

@@ -9,9 +9,8 @@ import polars as pl
 
 from phalanx.guarantee.verdict import Outcome
 from phalanx.statistics.common_seeds import Rate, rate
+from phalanx.studies.row import REFUSED
 
-REFUSED = "refused"
-"""The outcome of a run that could not begin."""
 MOST_GROUPS = 12
 """Most values of an axis that are shown one by one."""
 _BINS = 8

@@ -23,7 +23,6 @@ from phalanx.studies.page.figures import (
 )
 from phalanx.studies.page.groups import (
     MOST_GROUPS,
-    REFUSED,
     Group,
     by_axis,
     counted,
@@ -34,6 +33,7 @@ from phalanx.studies.page.groups import (
     seen,
 )
 from phalanx.studies.page.svg import svg_of
+from phalanx.studies.row import REFUSED
 
 MOST_LISTED = 500
 _MOST_MAPS = 3
