@@ -13,6 +13,7 @@ import numpy as np
 
 from phalanx.arrays import Array
 from phalanx.scenario.load import ScenarioError
+from phalanx.scenario.model import Reseed
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import added
@@ -55,9 +56,12 @@ class SafetyRows:
         """
         return _chain(self.swarm, self.swarm.safe_set)
 
-    def with_seed(self, seed: int) -> "SafetyRows":
-        """Return the rows of the same swarm with another seed; compiled functions are shared."""
-        other = replace(self, swarm=self.swarm.with_seed(seed))
+    def with_seed(self, seed: int, reseed: tuple[Reseed, ...] | None = None) -> "SafetyRows":
+        """Return the rows of the same swarm with another seed; compiled functions are shared.
+
+        reseed: the seeds in force later; by default they stay.
+        """
+        other = replace(self, swarm=self.swarm.with_seed(seed, reseed))
         vars(other).update({name: value for name, value in vars(self).items() if name != "swarm"})
         return other
 

@@ -13,7 +13,7 @@ from phalanx.arrays import Array
 from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.declared import Links
 from phalanx.scenario.load import ScenarioError, digest
-from phalanx.scenario.model import Scenario, Time
+from phalanx.scenario.model import Reseed, Scenario, Time
 from phalanx.scenario.safety import Safety
 from phalanx.seeded.clock import SamplingClock
 from phalanx.seeded.draws import Draws
@@ -63,9 +63,14 @@ class Swarm:
     def seed(self) -> int:
         return self.scenario.seed
 
-    def with_seed(self, seed: int) -> "Swarm":
-        """Return the swarm of the same resolved scenario with another seed; the rest is shared."""
-        other = replace(self, scenario=self.scenario.model_copy(update={"seed": seed}))
+    def with_seed(self, seed: int, reseed: tuple[Reseed, ...] | None = None) -> "Swarm":
+        """Return the swarm of the same resolved scenario with another seed; the rest is shared.
+
+        reseed: the seeds in force later; by default they stay.
+        """
+        later = self.scenario.reseed if reseed is None else reseed
+        changed = self.scenario.model_copy(update={"seed": seed, "reseed": later})
+        other = replace(self, scenario=changed)
         drawn = ("scenario", "digest", "links")
         vars(other).update({name: value for name, value in vars(self).items() if name not in drawn})
         return other
