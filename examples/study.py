@@ -2,23 +2,21 @@
 
 python examples/study.py
 
-The in-process engine calls the same control steps as the processes, so its trajectories are the
-same to the last bit.
+Each row has the bits of its run as processes; asked again with more seeds, only those are run.
 """
-
-import itertools
 
 import phalanx
 
-MARGINS, LOSSES, SEEDS = (0.0, 2.0, 8.0566), (0.0, 0.5), range(2)
-
-print("   η   loss   unsafe   worst h_tot")
-for eta, loss in itertools.product(MARGINS, LOSSES):
-    overrides = {"duration": 6.0, "safety.eta": eta, "network.loss": loss}
-    runs = [
-        phalanx.run(phalanx.load("unicycles", overrides, seed), engine="in-process")
-        for seed in SEEDS
-    ]
-    unsafe = sum(run.verdict == phalanx.Outcome.VIOLATED for run in runs)
-    worst = max(run.summary.worst_h_tot for run in runs)
-    print(f"{eta:5.1f}  {loss:5.1f}   {unsafe} of {len(runs)}   {worst:10.2f}", flush=True)
+if __name__ == "__main__":
+    study = phalanx.study(
+        "unicycles",
+        seeds=2,
+        overrides={"duration": 6.0},
+        vary={"safety.eta": [0.0, 2.0, 8.0566], "network.loss": [0.0, 0.5]},
+        out="studies/margins",
+    )
+    print("   η   loss   unsafe   worst h_tot")
+    for (eta, loss), runs in study.frame.group_by(study.axes, maintain_order=True):
+        unsafe = (runs["outcome"] == phalanx.Outcome.VIOLATED).sum()
+        print(f"{eta:5.1f}  {loss:5.1f}   {unsafe} of {len(runs)}   {runs['worst_h'].max():10.2f}")
+    print(study.page())

@@ -208,3 +208,44 @@ def test_a_study_may_use_any_executor():
         found = phalanx.study("unicycles", executor=threads, chunk=2, in_flight=1, **plan)
         assert threads.submit(abs, -1).result() == 1  # it is its owner who shuts it down
     assert results(found) == results(phalanx.study("unicycles", **plan))
+
+
+def command(*words: object) -> "subprocess.CompletedProcess[str]":
+    """Run `phalanx study` with these words."""
+    line = [sys.executable, "-m", "phalanx", "study", *map(str, words)]
+    return subprocess.run(line, capture_output=True, text=True)
+
+
+def test_the_command_prints_the_rates_and_writes_a_page(tmp_path):
+    words = ("unicycles", "--set", "duration=0.2", "--seeds", "0:2", "--out", tmp_path)
+    words += ("--vary", "network.loss=0,.5", "--confirm", "0")
+    done = command(*words)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("0.000 to 0.842") == 2  # of none in two runs
+    assert (tmp_path / "study.html").stat().st_size > 10_000
+    assert command(*words, "--why").stdout.startswith("4 of 4 rows are there; 0 to run")
+    row = command("open", tmp_path, "--row", 3)
+    assert row.stdout.strip() == (
+        "phalanx run unicycles --seed 1 --set duration=0.2 --set network.loss=0.5"
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("unicycles", "--vary", "network.los=0"), "network.los: unknown field"),
+        (("unicycles", "--vary", "network.loss"), "--vary network.loss: expected PATH=VALUES"),
+        (("unicycles", "--draw", "network.loss=normal(0,1)"), "expected uniform(a,b)"),
+        (("unicycles", "--seeds", "many"), "expected seeds as 0:200 or 1,2,5"),
+        (("unicycle",), "did you mean 'unicycles'?"),
+        (("open",), "expected the folder of a study"),
+        (("unicycles", "--row", "3"), "expected after `phalanx study open`"),
+        (("open", "nowhere"), "study.toml: cannot be read"),
+    ],
+)
+def test_a_wrong_word_is_refused_in_one_line(words, message, tmp_path):
+    done = command(*words, *(() if words[0] == "open" else ("--out", tmp_path / "study")))
+    assert done.returncode == 64
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "study").exists()
