@@ -113,7 +113,8 @@ def _until_its_end(recorded: Recording) -> Scenario:
     if not (cut_short(recorded) and recorded.states):
         return scenario
     reached = min(scenario.duration, recorded.states[-1].t + _INSTANT)
-    return scenario.model_copy(update={"duration": reached})
+    reseed = tuple(each for each in scenario.reseed if each.at < reached)
+    return scenario.model_copy(update={"duration": reached, "reseed": reseed})
 
 
 def _decided_again(recorded: Recording) -> Recording:

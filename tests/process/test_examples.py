@@ -18,6 +18,7 @@ SAYS = {
     "plot.py": "worst pair",
     "step_by_step.py": "the same bits: True",
     "study.py": "worst h_tot",
+    "train_attacker.py": "trained: largest h",
     "verify.py": "bit-identical",
 }
 """What each prints at least."""
