@@ -52,8 +52,15 @@ def calm(tmp_path_factory) -> tuple:
     return seen(run({}, tmp_path_factory.mktemp("calm")))
 
 
+SHIPPED = ("loss", "bursts", "delay", "corrupt", "reorder", "rate", "slot", "partition", "link")
+"""Also in test_fault_scenarios.py: theirs are left to nightly."""
+
+
 # A duplicate comes when the original is there, and counts once: it is reported, without effect.
-@pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[pytest.mark.nightly] if n in SHIPPED else []) for n in FAULTS],
+)
 def test_a_fault_has_its_effect_and_is_counted(name, calm, tmp_path):
     found = run(FAULTS[name], tmp_path)
     assert found.summary.faults

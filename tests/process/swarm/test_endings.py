@@ -66,8 +66,14 @@ def test_ctrl_c_ends_a_law_that_does_not_return(phalanx, tmp_path, monkeypatch, 
     run.wait_until_gone()
 
 
-@pytest.mark.parametrize("engine", ["processes", "in-process"])
-@pytest.mark.parametrize("send", [os.kill, os.killpg], ids=["to the launcher", "to all"])
+@pytest.mark.parametrize(
+    ("send", "engine"),
+    [
+        pytest.param(os.kill, "processes", id="to the launcher of processes"),
+        pytest.param(os.killpg, "in-process", id="to one process"),
+        pytest.param(os.killpg, "processes", id="to all", marks=pytest.mark.nightly),
+    ],
+)
 def test_sigterm_ends_the_run_as_ctrl_c_does(phalanx, send, engine):
     run = phalanx("run", "unicycles", "--engine", engine, *LONG)
     wait_for(lambda: recorded_bytes(run) > 100_000)
@@ -160,7 +166,13 @@ STARTING = {
 }
 
 
-@pytest.mark.parametrize("instant", STARTING)
+@pytest.mark.parametrize(
+    "instant",
+    [
+        pytest.param(name, marks=[pytest.mark.nightly] if name.startswith("when it") else [])
+        for name in STARTING
+    ],
+)
 def test_a_launcher_killed_while_it_starts_leaves_no_orphan(phalanx, instant):
     run = phalanx("run", "unicycles", *LONG)
     wait_for(lambda: STARTING[instant](run))
@@ -368,10 +380,17 @@ CLOSED = {
     "a reader that goes": "| head -1",
     "a reader of errors that goes": "2>&1 >/dev/null | true",
 }
+RARELY_CLOSED = ("all three", "a reader of errors that goes")
 
 
 @pytest.mark.parametrize("unbuffered", ["", pytest.param("1", marks=pytest.mark.nightly)])
-@pytest.mark.parametrize("closed", CLOSED)
+@pytest.mark.parametrize(
+    "closed",
+    [
+        *("output", "errors", "a reader that goes"),
+        *(pytest.param(c, marks=pytest.mark.nightly) for c in RARELY_CLOSED),
+    ],
+)
 def test_whatever_stream_is_closed_the_run_goes_on_to_its_end(tmp_path, closed, unbuffered):
     command = f"{sys.executable} -m phalanx run one-on-one --no-report --set duration=0.2"
     shell = f"set -o pipefail; {command} --out {tmp_path} {CLOSED[closed]}"

@@ -127,7 +127,7 @@ def test_a_frame_looks_the_same_after_a_later_one(run: phalanx.Run):
     assert len(set(looks)) == 3
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_it_is_written_as_mp4_by_ffmpeg(
     run: phalanx.Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

@@ -48,7 +48,7 @@ def test_runs_are_named_by_their_folders_and_numbered(folders: list[Path]) -> No
     assert titles([one, one]) == ["loss-0.0 (1)", "loss-0.0 (2)"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_page_has_the_same_figures_of_all_runs(folders: list[Path], tmp_path: Path) -> None:
     page = tmp_path / "compared.html"
     assert status(["compare", *map(str, folders), "--html", str(page)]) == 0

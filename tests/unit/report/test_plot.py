@@ -67,7 +67,7 @@ def test_for_a_paper_it_is_a_column_wide_and_settings_stay_as_they_were(run: pha
     assert plt.rcParams["font.size"] == size
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_report_for_a_paper_has_vectors_too(run: phalanx.Run, capsys):
     assert status(["report", str(run.folder), "--style", "paper"]) == 0
     figures = run.folder / "figures"
