@@ -16,7 +16,7 @@ from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user
 from phalanx.theory.laws.formation import Slot
-from phalanx.theory.laws.goals import Goal, Motion, Reference, Sight, Stay
+from phalanx.theory.laws.goals import Goal, Motion, Reference, Sight, Stay, Waypoints
 from phalanx.theory.models.dynamics import Dynamics
 
 
@@ -71,6 +71,12 @@ class AgentGoal:
             raise MistakenMethodError(self.reference, "goal", expected, got, agent=self.agent)
         found: Goal = goal
         return found
+
+    @property
+    def of_now(self) -> bool:
+        """Return whether the goal depends on time and sample alone, as all built-in ones do but one."""
+        kept = isinstance(self.reference, Waypoints) and not self.reference.times
+        return type(self.reference).__module__.startswith("phalanx.") and not kept
 
     def end(self) -> Array | None:
         """Return where the goal comes to rest [m]. Raises MistakenMethodError as a call does."""

@@ -140,7 +140,7 @@ def test_everything_sent_to_a_visitor_is_sent_from_the_servers_thread(
         page.server.get_event_loop().set_debug(True)
         tab.goto(f"http://127.0.0.1:{page.server.get_port()}")
         tab.locator("#phx-plots canvas").first.wait_for()
-        for name in ("Dark", "Late and lost links", "Inputs", "Recent paths"):
+        for name in ("Dark", "Late and lost links", "Inputs", "Recent paths", "Goals"):
             tab.get_by_role("checkbox", name=name).click(force=True)
         for name in ("Fit the view", "Choose from the worst pair"):
             tab.get_by_role("button", name=name).click()

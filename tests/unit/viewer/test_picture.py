@@ -97,3 +97,17 @@ def test_a_fence_is_drawn_where_the_scenario_has_it() -> None:
     low, high = scene_model(load("fence", [])).extent
     assert (low[:2] < -8.0).all()
     assert (high[:2] > 8.0).all()
+
+
+def test_each_agent_that_has_a_goal_is_shown_with_it_at_that_time() -> None:
+    crossing = scene_model(load("crossing", []))
+    x = crossing.swarm.start()
+    early, late = (crossing.goals(t, x) for t in (0.0, 4.0))
+    east, west, north, south, rogue = range(5)
+    np.testing.assert_array_equal(early[east], [-6.0, 0.0, 0.0])
+    np.testing.assert_array_equal(early[west], [-6.0, 0.5, 0.0])
+    np.testing.assert_allclose(np.linalg.norm(late[west] - early[west]), 4.0, atol=0.01)
+    np.testing.assert_allclose(late[north], [1.25, 3.0, 0.0])
+    # What counts as reached depends on the samples before; the pursuer has no goal.
+    assert np.isnan(late[[south, rogue]]).all()
+    assert np.isnan(crossing.goals(0.0, x)).any(axis=1).tolist() == [False] * 3 + [True] * 2

@@ -19,6 +19,8 @@ _FILL, _UNSAFE_FILL = 0.16, 0.5
 """Opacities of the discs of safe and of unsafe agents."""
 _LIE_RADIUS = 0.4
 """Radius of the ring of an agent that sent false broadcasts, in bodies."""
+_GOAL_RADIUS = 0.3
+"""Radius of the mark of an agent's goal, in bodies."""
 _LONGEST, _HEAD = 3.5, 0.4
 """Lengths of the longest arrow and of an arrow's head, in bodies."""
 _SELECTION_RADIUS = 1.12
@@ -44,6 +46,7 @@ class AgentNodes:
         self._halos.batched_colors = np.tile(_RED, (n, 1))
         self._liars = add_batch(scene, "/agents/liars", ring(0.45), n, lit=False)
         self._liars.batched_colors = np.tile(np.array(LIE, dtype=np.uint8), (n, 1))
+        self.goals = add_batch(scene, "/agents/goals", ring(0.5), n, opacity=0.7, lit=False)
         self._shadows = (
             None if flat else add_batch(scene, "/ground/shadows", disc(), n, opacity=0.3)
         )
@@ -75,6 +78,13 @@ class AgentNodes:
         rings = np.where(picture.liars, _LIE_RADIUS * sizes, HIDDEN)
         above = positions + single(np.outer(rings, [0.0, 0.0, 2.0]))  # the body, which is flat
         update(self._liars, batched_positions=above, batched_scales=single(rings))
+        known = np.isfinite(picture.goals[:, :1])
+        update(
+            self.goals,
+            batched_positions=single(np.where(known, picture.goals, 0.0)),
+            batched_scales=single(np.where(known[:, 0], _GOAL_RADIUS * sizes, HIDDEN)),
+            batched_colors=picture.colours,
+        )
         if self._shadows:
             ground = np.column_stack([positions[:, :2], np.full(len(positions), self._floor)])
             shadows = single(0.7 * sizes)

@@ -7,6 +7,7 @@ import numpy as np
 from phalanx.arrays import Array, Mask
 from phalanx.curves.values import SafetyValues
 from phalanx.scenario.model import Scenario
+from phalanx.swarm.goals import AgentGoal
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.safety.box import Box
@@ -100,6 +101,23 @@ class SceneModel:
         """Height of the ground [m]: the plane itself, or below `extent`."""
         low, high = self.extent
         return 0.0 if self.flat else float(low[2] - 0.1 * (high - low).max())
+
+    def goals(self, t: float, x: Array) -> Array:
+        """Each agent's goal at t [s] and a state, shape (n̄,); shape (N, 3), NaN for agents without.
+
+        It is unknown too where it depends on what the agent saw before, or is a user's own.
+        """
+        states = {l: x[part] for l, part in enumerate(self.swarm.safe_set.parts)}
+        found = np.full((len(self.names), 3), np.nan)
+        for i, goal in self._goals.items():
+            found[i] = in_space(goal(t, states).position)
+        return found
+
+    @cached_property
+    def _goals(self) -> dict[int, AgentGoal]:
+        swarm = self.swarm
+        goals = {i: swarm.goal(i) for i in range(len(self.names)) if swarm.has_goal(i)}
+        return {i: goal for i, goal in goals.items() if goal.of_now}
 
     def first_colour(self, i: int) -> Colour:
         """Agent i's colour by its role at the start."""

@@ -77,6 +77,7 @@ def legend() -> Markup:
     marks += [
         _mark("◉", DANGER, "unsafe: h above 0"),
         _mark("◎", LIE, "sent a false broadcast"),
+        _mark("∘", COLOURS[Role.NORMAL], "goal"),
         _mark("◯", (100, 116, 139), "circles touch where h = 0"),
         element("span", element("b", "◯"), " chosen agent"),
         _mark("—", WORST_PAIR, "worst pair"),

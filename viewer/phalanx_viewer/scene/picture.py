@@ -22,6 +22,8 @@ class Picture:
 
     positions: Array
     """Output points, shape (N, 3)."""
+    goals: Array
+    """Their goals, shape (N, 3); NaN where none is known."""
     headings: Array
     """Unit vectors, shape (N, 3): an agent's heading, else its input's direction, else zero."""
     roles: list[Role]
@@ -78,6 +80,7 @@ def picture(model: SceneModel, frame: Frame) -> Picture:
     links = np.array(sides, dtype=np.intp).reshape(-1, 2)
     return Picture(
         positions=p,
+        goals=model.goals(frame.t, x),
         headings=np.where(has_heading, poses.headings, unit(applied)),
         roles=[role(s, bool(bad)) for s, bad in zip(frame.agents, model.adversary, strict=True)],
         applied=applied,

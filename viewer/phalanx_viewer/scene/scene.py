@@ -121,6 +121,7 @@ def add_display(gui: viser.GuiApi, scene: Scene) -> None:
         fit = gui.add_button("Fit the view")
         arrows = gui.add_checkbox("Inputs", True)
         paths = gui.add_checkbox("Recent paths", True)
+        goals = gui.add_checkbox("Goals", True)
         links = gui.add_checkbox("Late and lost links", False)
         dark = gui.add_checkbox("Dark", False)
 
@@ -148,4 +149,5 @@ def add_display(gui: viser.GuiApi, scene: Scene) -> None:
     dark.on_update(in_loop(set_dark))
     switch(arrows, scene.arrows.applied, scene.arrows.u_nom)
     switch(paths, scene.lines.paths)
+    switch(goals, scene.agents.goals)
     switch(links, scene.lines.links)
