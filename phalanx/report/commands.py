@@ -14,6 +14,7 @@ from phalanx.cli.terminal import echo
 def register(app: typer.Typer) -> None:
     app.command()(report)
     app.command()(compare)
+    app.command()(animate)
 
 
 class Style(StrEnum):
@@ -85,4 +86,26 @@ def compare(
     Console().print(table)
     if html is not None:
         echo(write_comparison(compared, html))
+    return 0
+
+
+def animate(
+    run: RunArgument,
+    picture: Annotated[Path, typer.Argument(help="Ends in .webp, .gif or .mp4.")],
+    speed: Annotated[float, typer.Option(help="Virtual seconds in a second.")] = 1.0,
+    trust: Trust = False,
+) -> int:
+    """Write a run as a moving picture.
+
+    Example:
+
+      phalanx animate runs/unicycles-1 unicycles.webp --speed 2
+    """
+    import phalanx
+
+    recorded = phalanx.open(run, trust=trust)
+    try:
+        echo(recorded.animate(picture, speed=speed))
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
     return 0

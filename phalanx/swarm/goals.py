@@ -74,7 +74,7 @@ class AgentGoal:
 
     @property
     def of_now(self) -> bool:
-        """Return whether the goal depends on time and sample alone, as all built-in ones do but one."""
+        """Return whether the goal depends on time and sample alone; only one built-in does not."""
         kept = isinstance(self.reference, Waypoints) and not self.reference.times
         return type(self.reference).__module__.startswith("phalanx.") and not kept
 

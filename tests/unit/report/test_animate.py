@@ -12,6 +12,7 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 
 import phalanx
+from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.faults.commands import Command
 from phalanx.recording.records import Log
 from phalanx.report.history import ReportHistory
@@ -164,3 +165,13 @@ def test_what_cannot_be_drawn_is_refused_in_a_line(run: phalanx.Run, tmp_path: P
     empty = phalanx.open(record(tmp_path / "empty", unicycles(), [], None))
     with pytest.raises(ValueError, match="the recording holds no state: nothing to draw"):
         empty.animate("run.gif")
+
+
+@pytest.mark.slow
+def test_the_command_writes_it_too_and_refuses_other_formats(run: phalanx.Run, tmp_path, capsys):
+    path = tmp_path / "swarm.webp"
+    assert status(["animate", str(run.folder), str(path), "--speed", "2"]) == 0
+    assert Image.open(path).n_frames > 1
+    assert capsys.readouterr().out.strip() == str(path)
+    assert status(["animate", str(run.folder), str(tmp_path / "swarm.avi")]) == USAGE_ERROR
+    assert "expected a name that ends in .gif, .webp, .mp4" in capsys.readouterr().err
