@@ -5,8 +5,6 @@ from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
 
-from phalanx.studies.pool import MOST_DEATHS
-
 _JOBS_PER_THREAD = 2
 """Most jobs at a worker: when one dies, all that it had are suspected (distributed#5234)."""
 
@@ -21,11 +19,9 @@ def connected(scheduler: str) -> Iterator[tuple[Executor, int]]:
     Raises ImportError without the extra `dask`, OSError if the scheduler does not answer.
     """
     try:
-        import dask
         from distributed import Client
     except ImportError as error:
         raise ImportError("--dask needs distributed: pip install 'phalanx-swarm[dask]'") from error
-    dask.config.set({"distributed.scheduler.allowed-failures": MOST_DEATHS})
     where = {"scheduler_file": scheduler} if Path(scheduler).is_file() else {"address": scheduler}
     with Client(**where, set_as_default=False, timeout=10) as client:
         threads = sum(client.nthreads().values())

@@ -1,8 +1,9 @@
 """The coordinator of a study: hands out what is missing, and stores each row as it comes."""
 
+import logging
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from itertools import groupby
 from typing import NamedTuple
 
@@ -20,6 +21,10 @@ from phalanx.studies.row import BROKEN, REFUSED, Row
 from phalanx.studies.store import Store, json_text
 from phalanx.studies.work import Job, compute, confirm
 
+log = logging.getLogger("phalanx.studies")
+
+MOST_ATTEMPTS = 3
+"""Attempts at a run whose worker dies."""
 _MOST_SURPRISES = 20
 """Violated or broken runs that are run again as processes, besides the share of all."""
 _SURPRISING = (Outcome.VIOLATED, Outcome.BROKEN)
@@ -88,6 +93,7 @@ class _Handed(NamedTuple):
     state: _PointState
     again: Row | None = None
     """The row that is to be confirmed."""
+    attempt: int = 1
 
 
 class Coordinator:
@@ -97,7 +103,8 @@ class Coordinator:
         self._plan, self._store, self._executor, self._options = plan, store, executor, options
         self._inventory = Inventory(store)
         self._pending: dict[Future[list[Row]], _Handed] = {}
-        self._confirming: deque[_Handed] = deque()
+        self._next: deque[_Handed] = deque()
+        """Jobs to hand out before others: repetitions."""
         self._surprises = 0
         self._outcomes: Counter[str] = Counter()
         self._computed = self._confirmed = 0
@@ -111,7 +118,7 @@ class Coordinator:
         try:
             while True:
                 while len(self._pending) < self._options.in_flight:
-                    handed = self._confirming.popleft() if self._confirming else next(jobs, None)
+                    handed = self._next.popleft() if self._next else next(jobs, None)
                     if handed is None:
                         break
                     work = compute if handed.again is None else confirm
@@ -185,24 +192,30 @@ class Coordinator:
     def _take(self, future: "Future[list[Row]]", handed: _Handed) -> None:
         """Store the rows of a job that ended."""
         if handed.again is not None:
-            self._take_confirmed(future, handed.again, handed.job)
+            self._take_confirmed(future, handed.again)
             return
         try:
             rows = future.result()
-        except CancelledError:
-            raise
-        except Exception as error:  # of the executor: its worker died, again and again
-            reason = f"{type(error).__name__}: {error}"
-            rows = [
-                Row(identity=each, overrides=handed.job.overrides, outcome=BROKEN, reason=reason)
-                for each in handed.job.identities
-            ]
+        except Exception as error:  # of the executor: its worker died
+            self._take_failure(handed, f"{type(error).__name__}: {error}")
+            return
         for case, row in zip(handed.cases, rows, strict=True):
             self._computed += 1
             self._add(handed.state, case, row)
             if self._to_confirm(row):
                 job = handed.job._replace(identities=(row.identity,))
-                self._confirming.append(_Handed(job, [case], handed.state, row))
+                self._next.append(_Handed(job, [case], handed.state, row))
+
+    def _take_failure(self, handed: _Handed, reason: str) -> None:
+        """Hand out the runs of a job again, each alone; the last time store that they failed."""
+        for case, identity in zip(handed.cases, handed.job.identities, strict=True):
+            job = handed.job._replace(identities=(identity,))
+            if handed.attempt < MOST_ATTEMPTS:
+                self._next.append(_Handed(job, [case], handed.state, attempt=handed.attempt + 1))
+                continue
+            words = f"tried {MOST_ATTEMPTS} times: {reason}"
+            row = Row(identity=identity, overrides=job.overrides, outcome=BROKEN, reason=words)
+            self._add(handed.state, case, row)
 
     def _to_confirm(self, row: Row) -> bool:
         if not self._options.confirm or not row.trajectory:
@@ -213,9 +226,13 @@ class Coordinator:
         drawn = Draws(0, "confirm", row.identity.key).value(0)
         return drawn < self._options.confirm
 
-    def _take_confirmed(self, future: "Future[list[Row]]", row: Row, job: Job) -> None:
+    def _take_confirmed(self, future: "Future[list[Row]]", row: Row) -> None:
         """Store a row again with the result of its run as processes."""
-        (again,) = future.result()
+        try:
+            (again,) = future.result()
+        except Exception as error:
+            log.warning("seed %d was not repeated as processes: %s", row.identity.seed, error)
+            return
         same = again.trajectory == row.trajectory
         self._confirmed += same
         self._store.add(msgspec.structs.replace(row, confirmed=same))

@@ -1,7 +1,7 @@
 """A pool of worker processes: an Executor in which a worker's death costs one task, not all.
 
-concurrent.futures fails every pending task when one of its workers dies. Here the worker is
-replaced, and the task that it had is done again.
+concurrent.futures fails every pending task when one of its workers dies. Here only the task that
+it had fails, and the worker is replaced.
 """
 
 import contextlib
@@ -13,7 +13,7 @@ import signal
 import threading
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import CancelledError, Executor, Future
+from concurrent.futures import Executor, Future
 from multiprocessing.connection import Connection, wait
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
@@ -23,19 +23,15 @@ from phalanx.launcher.libraries import start_loading
 P = ParamSpec("P")
 T = TypeVar("T")
 
-MOST_DEATHS = 3
-"""Workers that one task may kill before it counts as failed."""
-
 
 class WorkerDiedError(RuntimeError):
-    """A task ended its worker, again and again; the message says how."""
+    """A task's worker ended before the task; the message says how."""
 
 
 class _Task(NamedTuple):
     future: "Future[Any]"
     work: bytes
     """The pickled function and its arguments."""
-    deaths: int = 0
 
 
 class _Worker(NamedTuple):
@@ -109,7 +105,7 @@ class Pool(Executor):
     def _hand_out(self) -> None:
         while self._tasks and len(self._busy) < self.workers:
             task = self._tasks.popleft()
-            if not task.deaths and not task.future.set_running_or_notify_cancel():
+            if not task.future.set_running_or_notify_cancel():
                 continue
             worker = self._idle.pop() if self._idle else self._start()
             with contextlib.suppress(OSError):  # it has died: seen when its result is taken
@@ -133,18 +129,9 @@ class Pool(Executor):
     def _died(self, connection: Connection) -> None:
         with self._lock:
             worker, task = self._busy.pop(connection)
-            cancelled = self._over and not self._tasks
         connection.close()
         worker.process.join()
-        deaths = task.deaths + 1
-        if cancelled:
-            task.future.set_exception(CancelledError())
-        elif deaths == MOST_DEATHS:
-            how = _ending(worker.process.exitcode)
-            task.future.set_exception(WorkerDiedError(f"it ended {deaths} workers: {how}"))
-        else:
-            with self._lock:
-                self._tasks.appendleft(task._replace(deaths=deaths))
+        task.future.set_exception(WorkerDiedError(_ending(worker.process.exitcode)))
 
     def _start(self) -> _Worker:
         ours, theirs = multiprocessing.Pipe()

@@ -175,10 +175,13 @@ class Study:
         """Leave out what was computed after a point's rate was known to the plan's width."""
         if self.plan.until_width is None:
             return frame
-        kept = []
+        kept, seeds = [], len(self.plan.seeds)
         for _, rows in frame.group_by("point", maintain_order=True):
-            violated = (rows["outcome"] == Outcome.VIOLATED).to_list()
-            kept.append(rows.head(runs_until_width(violated, self.plan.until_width) or len(rows)))
+            # Up to the first gap, which an unfinished study has: long runs end late.
+            places = (rows["index"] % seeds).to_list()
+            whole = rows.head(sum(place == n for n, place in enumerate(places)))
+            violated = (whole["outcome"] == Outcome.VIOLATED).to_list()
+            kept.append(whole.head(runs_until_width(violated, self.plan.until_width) or len(whole)))
         return pl.concat(kept) if kept else frame
 
     @property
@@ -214,7 +217,7 @@ class Study:
             hits = (rows["outcome"] == outcome).to_numpy()
             share, (low, high), runs = rate(hits, rows["seed"].to_numpy(), anytime, level)
             named = dict(zip(axes, values, strict=True))
-            counts = {"runs": runs, outcome: int(hits.sum())}
+            counts = {"runs": runs, outcome: round(share * runs)}
             found.append({**named, **counts, "rate": share, "low": low, "high": high})
         return pl.DataFrame(found)
 

@@ -138,7 +138,7 @@ def test_a_run_that_kills_every_worker_is_a_row_that_says_so(killer):
     study = phalanx.study("unicycles", seeds=1, overrides=overrides, confirm=0)
     (row,) = study.frame.iter_rows(named=True)
     assert row["outcome"] == "broken"
-    assert "ended 3 workers: killed by SIGKILL" in row["reason"]
+    assert "tried 3 times: WorkerDiedError: killed by SIGKILL" in row["reason"]
 
 
 STUDY = """

@@ -1,0 +1,62 @@
+"""The table of a study: the rows of its plan, and the rates that they give."""
+
+import pytest
+
+from phalanx.studies.identity import Identity
+from phalanx.studies.plan import Plan, plan_from
+from phalanx.studies.row import Row
+from phalanx.studies.store import Store
+from phalanx.studies.study import Study, open_study
+
+
+def studied(folder, plan: Plan, outcomes: dict[int, str], **fields: object) -> Study:
+    """Return a study with rows of these outcomes, by their place in the plan."""
+    with Store(folder).open(plan) as store:
+        for place, outcome in outcomes.items():
+            case = plan.case(place)
+            identity = Identity(str(case.point.number), case.seed, "", "")
+            row = Row(
+                identity=identity, overrides=case.point.overrides, outcome=outcome, reason="",
+                **fields,
+            )  # fmt: skip
+            store.add(row)
+    return open_study(folder)
+
+
+def test_rates_are_of_each_point_with_their_intervals(tmp_path):
+    plan = plan_from({"scenario": "unicycles", "seeds": "0:10", "vary": {"network.loss": [0, 0.5]}})
+    outcomes = {place: "violated" if place in (3, 11, 12) else "safe" for place in range(20)}
+    found = studied(tmp_path, plan, outcomes).rates("violated")
+    assert found.select("network.loss", "runs", "violated", "rate").rows() == [
+        (0.0, 10, 1, 0.1),
+        (0.5, 10, 2, 0.2),
+    ]
+    assert found["high"][0] == pytest.approx(0.445, abs=1e-3)  # tables of Clopper and Pearson
+
+
+def test_runs_that_share_a_seed_are_no_two_draws(tmp_path):
+    plan = plan_from({"scenario": "unicycles", "seeds": "0:10", "vary": {"network.loss": [0, 0.5]}})
+    study = studied(tmp_path, plan, dict.fromkeys(range(20), "safe"))
+    alone = study.rates("violated")["high"].max()
+    assert study.rates("violated", by=[])["high"][0] > alone
+
+
+def test_refused_and_searched_rows_enter_no_rate(tmp_path):
+    plan = plan_from({"scenario": "unicycles", "seeds": "0:4"})
+    study = studied(tmp_path, plan, {0: "safe", 1: "violated", 2: "refused"})
+    assert study.rates("violated")["runs"].to_list() == [2]
+    assert study.missing == 1
+    searched = studied(tmp_path, plan, {3: "violated"}, searched=True)
+    assert searched.rates("violated")["runs"].to_list() == [2]
+    assert len(searched.frame) == 4
+
+
+def test_a_rate_until_a_width_counts_no_run_behind_a_gap(tmp_path):
+    """A run that takes long ends late: runs behind it may be there first, and are no sample."""
+    plan = plan_from({"scenario": "unicycles", "seeds": "0:100", "until_width": 0.4})
+    rows = {place: "violated" if place % 2 else "safe" for place in range(100)}
+    whole = studied(tmp_path / "whole", plan, rows)
+    stop = len(whole.frame)
+    assert 20 < stop < 100
+    del rows[10]
+    assert studied(tmp_path / "gap", plan, rows).frame["seed"].to_list() == list(range(10))
