@@ -194,7 +194,7 @@ def certified_for(swarm: Swarm, i: int) -> Callable[[Array, Array, Sequence[int]
 
     It is that of the verdict for the pairs in sight. Compiled when it is first called.
     """
-    compiled = cache(lambda: SwarmCertificates(swarm).of(i))
+    compiled = cache(lambda: swarm.once(SwarmCertificates).of(i))
 
     def certified(x: Array, u: Array, seen: Sequence[int]) -> float:
         each, known = compiled(), {*seen, *range(len(swarm.members), len(swarm.safe_set.labels))}
@@ -224,7 +224,7 @@ class CertifiedStart(NamedTuple):
 
 def certified_start(swarm: Swarm) -> CertifiedStart:
     """Evaluate the certificates of the verdict at x(0)."""
-    certificates = SwarmCertificates(swarm)
+    certificates = swarm.once(SwarmCertificates)
     agents = {i: certificates.of(i) for i in swarm.normal}
     composed, x = swarm.safe_set, swarm.start()
     refused = {}

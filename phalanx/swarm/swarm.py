@@ -1,10 +1,10 @@
 """A scenario's agents with their dynamics, starts, clocks and safe set."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple, cast
+from typing import NamedTuple, TypeVar, cast
 
 import casadi as ca
 import numpy as np
@@ -28,6 +28,8 @@ from phalanx.theory.models.polytope import EmptyPolytopeError
 from phalanx.theory.rows.information import InformationModel
 from phalanx.theory.safety.composition import ComposedSet, Member, compose
 from phalanx.theory.safety.pairs import SwarmPairs
+
+T = TypeVar("T")
 
 
 class Broadcaster(NamedTuple):
@@ -72,6 +74,7 @@ class Swarm:
         changed = self.scenario.model_copy(update={"seed": seed, "reseed": later})
         other = replace(self, scenario=changed)
         drawn = ("scenario", "digest", "links")
+        self._built  # noqa: B018 - shared from now on
         vars(other).update({name: value for name, value in vars(self).items() if name not in drawn})
         return other
 
@@ -79,6 +82,19 @@ class Swarm:
     def seeds(self) -> Seeds:
         """The seed in force at each time."""
         return self.links.seeds
+
+    def once(self, build: "Callable[[Swarm], T]") -> T:
+        """Return build(swarm), made when first asked for; swarms with other seeds share it.
+
+        What is built must neither depend on the seed nor keep a state.
+        """
+        if build not in self._built:
+            self._built[build] = build(self)
+        return cast(T, self._built[build])
+
+    @cached_property
+    def _built(self) -> dict[object, object]:
+        return {}
 
     @property
     def members(self) -> tuple[Member, ...]:

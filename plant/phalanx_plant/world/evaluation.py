@@ -51,7 +51,7 @@ class Evaluation:
         swarm = rows.swarm
         self._psi = LargestPsi(rows)
         self._pairs = RelevantPairs(swarm, self._psi.functions)
-        self._resolution = Resolution(swarm)
+        self._resolution = swarm.once(Resolution)
         self._sum = LogSumExp(swarm.safety.rho, len(swarm.safe_set.pairs))
 
     def of(self, histories: Sequence[History]) -> list[EvaluatedHistory]:
