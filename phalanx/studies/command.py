@@ -277,6 +277,10 @@ def _print(found: "Study") -> None:
             str(rate["runs"] - sum(counts)),
         )
     Console().print(table)
+    repeated = found.frame["confirmed"].drop_nulls()
+    if len(repeated):
+        same = "with the same trajectory" if repeated.all() else "and NOT all have their trajectory"
+        echo(f"{len(repeated)} runs were repeated as processes, {same}")
     refused = found.outcomes["refused"]
     if refused:
         echo(f"{refused} runs were refused: their scenario is not valid; reasons are in the page")

@@ -1,5 +1,6 @@
 """A study on a cluster: the same rows as the built-in pool gives, while workers are killed."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -110,3 +111,27 @@ def test_a_users_law_travels_to_the_workers(cluster, tmp_path, monkeypatch):
             "unicycles", overrides=overrides, executor=executor, in_flight=most, confirm=0
         )
     assert found.outcomes == {"guaranteed": 1}
+
+
+SBATCH = """#!/bin/sh
+setsid sh "$1" >>{log} 2>&1 &
+echo "Submitted batch job $$"
+"""
+SCANCEL = """#!/bin/sh
+"""
+
+
+def test_the_example_for_slurm_runs_where_its_commands_are(tmp_path):
+    """The commands of Slurm alone are stand-ins: they start a job's script here."""
+    pytest.importorskip("dask_jobqueue")
+    for name, text in {"sbatch": SBATCH.format(log=tmp_path / "log"), "scancel": SCANCEL}.items():
+        (tmp_path / name).write_text(text)
+        (tmp_path / name).chmod(0o755)
+    example = Path(__file__).parents[3] / "examples" / "study_on_slurm.py"
+    done = subprocess.run(
+        [sys.executable, example, "4", "2"],
+        cwd=tmp_path, capture_output=True, text=True,
+        env={**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert len(phalanx.open_study(tmp_path / "studies" / "slurm").frame) == 12
