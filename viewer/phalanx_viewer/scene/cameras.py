@@ -22,7 +22,7 @@ _SAME = 0.02
 """Distances and aspects that differ by less, relatively, are the same."""
 _EXACT = 1e-4
 """Moves below this share of the distance from the camera are rounding alone."""
-_REMEMBERED = 32
+_REMEMBERED = 256
 """Number of requested views that are remembered for each browser."""
 _STEADY = 1.5e-3
 """Moves below this share of the distance from the camera are invisible."""
