@@ -72,8 +72,12 @@ def load(
         set_field(table, path, value)
     if seed is not None:
         table["seed"] = seed
-    reading = Reading(source=where, overrides={p: _toml(v) for p, v in overrides.items()})
-    return validate(table, where).model_copy(update={"reading": reading})
+    return validate(table, where).model_copy(update={"reading": reading_of(where, overrides)})
+
+
+def reading_of(source: str, overrides: Mapping[str, Any]) -> Reading:
+    """Return how a scenario is read, from which its command follows."""
+    return Reading(source=source, overrides={p: _toml(v) for p, v in overrides.items()})
 
 
 def read_table(source: str | Path | Mapping[str, Any]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from typing import Annotated, Any, NamedTuple, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from phalanx.scenario.load import ScenarioError, described, read_table
+from phalanx.scenario.load import ScenarioError, described, read_table, reading_of
 from phalanx.scenario.load import load as load_scenario
 from phalanx.scenario.model import Reading, Scenario
 from phalanx.schema.fields import Finite, Strict, field_error
@@ -185,11 +185,15 @@ class Plan(Strict):
     def load(self, case: Case) -> Scenario:
         """Return a run's resolved scenario. Raises ScenarioError."""
         found = load_scenario(self.table, case.point.overrides, case.seed)
-        source = self.scenario if isinstance(self.scenario, str) else found.name
-        assert found.reading is not None
-        return found.model_copy(
-            update={"reading": Reading(source=source, overrides=found.reading.overrides)}
-        )
+        return found.model_copy(update={"reading": self._reading(case)})
+
+    def command(self, case: Case) -> str:
+        """Return the command that runs a case alone, whether or not its scenario is valid."""
+        return self._reading(case).command(case.seed)
+
+    def _reading(self, case: Case) -> Reading:
+        source = self.scenario if isinstance(self.scenario, str) else str(self.table.get("name"))
+        return reading_of(source, case.point.overrides)
 
     def require_axes(self) -> None:
         """Raise ScenarioError if the scenario is invalid, with every value of an axis if any."""
@@ -280,5 +284,5 @@ def _overlap(path: str, other: str) -> bool:
 
 
 def as_text(value: Any) -> Any:
-    """Return a value for a column: numbers, truth values and texts as they are, others as JSON."""
-    return value if isinstance(value, bool | int | float | str) else json.dumps(value)
+    """Return a value for a column: a list or a table as JSON, others as they are."""
+    return json.dumps(value) if isinstance(value, list | tuple | dict) else value

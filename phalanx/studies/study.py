@@ -229,10 +229,7 @@ class Study:
 
     def command(self, index: int) -> str:
         """Return the command that runs a row again."""
-        case = self.plan.case(index)
-        reading = self.plan.load(case).reading
-        assert reading is not None
-        return reading.command(case.seed)
+        return self.plan.command(self.plan.case(index))
 
     def page(self, path: str | Path | None = None) -> Path:
         """Write the study as one HTML file, by default study.html in its folder; return its path.

@@ -60,3 +60,18 @@ def test_a_rate_until_a_width_counts_no_run_behind_a_gap(tmp_path):
     assert 20 < stop < 100
     del rows[10]
     assert studied(tmp_path / "gap", plan, rows).frame["seed"].to_list() == list(range(10))
+
+
+def test_a_field_that_only_some_points_set_is_a_column_of_numbers(tmp_path):
+    points = [{"safety.eta": 1.0, "safety.margin": "paper"}, {"safety.margin": "local"}]
+    plan = plan_from({"scenario": "guaranteed", "points": points})
+    study = studied(tmp_path, plan, {0: "safe", 1: "safe"})
+    assert study.frame["safety.eta"].to_list() == [1.0, None]
+    assert study.rates().height == 2
+    assert study.page(tmp_path / "page.html").stat().st_size > 1000
+
+
+def test_a_page_lists_points_whose_scenario_is_not_valid(tmp_path):
+    plan = plan_from({"scenario": "unicycles", "vary": {"network.loss": [0.0, 1.5]}})
+    page = studied(tmp_path, plan, {0: "safe", 1: "refused"}).page(tmp_path / "page.html")
+    assert "phalanx run unicycles --seed 0 --set network.loss=1.5" in page.read_text("utf-8")
