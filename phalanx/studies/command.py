@@ -11,7 +11,6 @@ from phalanx.cli.options import Overrides
 from phalanx.cli.terminal import echo, echo_error
 
 if TYPE_CHECKING:
-    from phalanx.studies.coordinator import StudyProgress
     from phalanx.studies.plan import Plan
     from phalanx.studies.study import Study
 
@@ -115,13 +114,14 @@ def study(
         return _open(folder, row, record)
     if folder is not None or row is not None or record:
         raise typer.BadParameter("FOLDER, --row and --record: expected after `phalanx study open`")
+    from phalanx.studies.progress import shown
     from phalanx.studies.study import study as run_study
 
     plan = _plan(scenario, seeds, vary, draw, draws, overrides, until_width)
-    kept = out or Path("studies") / _name(plan)
+    kept = out or Path("studies") / plan.name
     if why:
         return _say_why(plan, kept)
-    with _refusals(), _executor(dask) as (executor, most), _bar(plan) as show:
+    with _refusals(), _executor(dask) as (executor, most), shown(plan) as show:
         found = run_study(
             plan, out=kept, workers=workers, executor=executor, confirm=confirm, progress=show,
             chunk=8 if executor else 1, in_flight=most or None,
@@ -167,13 +167,6 @@ def _fields(option: str, texts: Sequence[str] | None, read: Callable[[str], Any]
         except ValueError as error:
             raise typer.BadParameter(f"{option} {path}: {error}") from error
     return found
-
-
-def _name(plan: "Plan") -> str:
-    scenario = plan.scenario
-    if isinstance(scenario, dict):
-        return str(scenario.get("name", "study"))
-    return Path(scenario).name.removesuffix(".toml")
 
 
 def _say_why(plan: "Plan", folder: Path) -> int:
@@ -233,28 +226,6 @@ def _executor(dask: str | None) -> Iterator[tuple[Any, int]]:
 
     with connected(dask) as cluster:
         yield cluster
-
-
-@contextmanager
-def _bar(plan: "Plan") -> Iterator[Callable[["StudyProgress"], None]]:
-    """Show a progress bar; yields the function to call with the progress."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-    from rich.progress import TimeRemainingColumn as Remaining
-
-    bar = Progress(
-        TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(),
-        TextColumn("{task.fields[outcomes]}", markup=False), Remaining(),
-        console=Console(stderr=True), transient=True,
-    )  # fmt: skip
-    task = bar.add_task(_name(plan), total=plan.size, outcomes="")
-
-    def show(progress: "StudyProgress") -> None:
-        counts = ", ".join(f"{n} {outcome}" for outcome, n in progress.outcomes.most_common())
-        bar.update(task, completed=progress.done, outcomes=counts)
-
-    with bar:
-        yield show
 
 
 def _print(found: "Study") -> None:

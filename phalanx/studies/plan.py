@@ -131,6 +131,13 @@ class Plan(Strict):
         return self
 
     @property
+    def name(self) -> str:
+        """The scenario's name, or that of its file."""
+        if isinstance(self.scenario, dict):
+            return str(self.scenario.get("name", "study"))
+        return Path(self.scenario).name.removesuffix(".toml")
+
+    @property
     def axes(self) -> list[str]:
         """Paths of the fields in which points differ."""
         return list(dict.fromkeys([*self.vary, *itertools.chain(*self.points), *self.draw]))

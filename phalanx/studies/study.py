@@ -8,6 +8,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import AbstractContextManager, nullcontext
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ from phalanx.statistics.sequences import runs_until_width
 from phalanx.studies.coordinator import Coordinator, Options, Progress
 from phalanx.studies.plan import Plan, as_text, plan_from, read_plan, seeds_from
 from phalanx.studies.pool import Pool
+from phalanx.studies.progress import shown
 from phalanx.studies.row import REFUSED
 from phalanx.studies.store import Store, json_text, plan_of
 
@@ -47,7 +49,7 @@ def study(
     in_flight: int | None = None,
     chunk: int = 1,
     confirm: float = 0.01,
-    progress: Progress = silent,
+    progress: Progress | bool = False,
 ) -> "Study":
     """Run a scenario for every seed and every point of a grid, and return the rows.
 
@@ -70,7 +72,8 @@ def study(
         chunk: runs in a job; more of them where jobs travel far.
         confirm: share of the runs that are repeated as processes and compared; the first violated
             and broken ones are, too, unless it is 0.
-        progress: called with a StudyProgress after each job.
+        progress: True for a bar with the remaining time, in a terminal or a notebook; or a
+            function, called with a StudyProgress after each job.
 
     Returns:
         The study, whole; Ctrl-C raises KeyboardInterrupt, and keeps what was finished.
@@ -80,7 +83,8 @@ def study(
         StudyError: the folder belongs to another program, or another version of Phalanx.
         OSError: the folder cannot be written.
     """
-    require_functions(progress=progress)
+    if not isinstance(progress, bool):
+        require_functions(progress=progress)
     if isinstance(scenario, Plan):
         plan = scenario
     elif isinstance(scenario, str | Path) and Path(scenario).name.endswith("study.toml"):
@@ -103,15 +107,22 @@ def study(
     with (
         Store(folder).open(plan) as store,
         _Computing(executor, workers) as computing,
+        _shown(plan, progress) as show,
     ):
         most = in_flight or 2 * (computing.workers if isinstance(computing, Pool) else 8)
-        Coordinator(plan, store, computing, Options(most, chunk, confirm, progress)).run()
+        Coordinator(plan, store, computing, Options(most, chunk, confirm, show)).run()
     return Study(folder, plan, temporary)
 
 
 def open_study(folder: str | Path) -> "Study":
     """Open a study's folder, whole or unfinished. Raises ScenarioError, StudyError."""
     return Study(Path(folder), plan_of(Path(folder)))
+
+
+def _shown(plan: Plan, progress: Progress | bool) -> AbstractContextManager[Progress]:
+    if isinstance(progress, bool):
+        return shown(plan) if progress else nullcontext(silent)
+    return nullcontext(progress)
 
 
 class _Computing:

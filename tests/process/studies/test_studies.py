@@ -82,6 +82,15 @@ def test_a_row_has_the_bits_of_its_run():
         assert all(row[name] == swarm[name] for name in phalanx.metrics.METRICS)
 
 
+def test_progress_is_shown_as_a_bar(capsys, monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")  # as in a terminal
+    phalanx.study("unicycles", seeds=2, overrides=SHORT, confirm=0, progress=True)
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert "unicycles" in shown.err
+    assert "2/2" in shown.err
+
+
 def test_any_number_of_workers_gives_the_same_rows():
     plan = {"seeds": 4, "vary": LOSSES, "overrides": SHORT, "confirm": 0}
     one, two = (phalanx.study("formation3d", workers=n, **plan) for n in (1, 2))
