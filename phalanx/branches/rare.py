@@ -10,9 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.launcher.engine import RunOptions
 from phalanx.launcher.forks import in_forks
-from phalanx.launcher.in_process_engine import simulate
+from phalanx.launcher.in_process_engine import RecordsInMemory, simulate
 from phalanx.recording.records import State
 from phalanx.recording.tables import h_of_pairs
 from phalanx.scenario.load import from_json, to_json
@@ -92,26 +91,14 @@ def rare_violation(
     return combined([split(partial(begin, written), level, seed=s, **options) for s in seeds])
 
 
-class _States:
-    """The sink that keeps the states of a run, and no other record."""
-
-    def __init__(self) -> None:
-        self.states: list[State] = []
-
-    def write(self, record: object) -> None:
-        """Keep a state."""
-        if isinstance(record, State):
-            self.states.append(record)
-
-
 @lru_cache(maxsize=1)
 def _rows(scenario: str) -> SafetyRows:
     return require_runnable(build_swarm(from_json(scenario)))
 
 
 def _path(scenario: str, seed: int, reseed: tuple[Reseed, ...]) -> RunPath:
-    rows, kept = _rows(scenario).with_seed(seed, reseed), _States()
-    simulate(rows, kept, RunOptions("in-process"))
-    x = np.array([state.x for state in kept.states])
-    h = np.max(list(h_of_pairs(rows.swarm, x).values()), axis=0)
-    return RunPath(scenario, seed, reseed, np.array([state.t for state in kept.states]), h)
+    rows, records = _rows(scenario).with_seed(seed, reseed), RecordsInMemory()
+    simulate(rows, records)
+    states = records.of(State)
+    h = np.max(list(h_of_pairs(rows.swarm, np.array([s.x for s in states])).values()), axis=0)
+    return RunPath(scenario, seed, reseed, np.array([s.t for s in states]), h)

@@ -6,6 +6,7 @@ is the same to the last bit. Nothing is sealed or sent.
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 from phalanx_agent.step import StepFailedError, control_steps
@@ -16,9 +17,10 @@ from phalanx_plant.run import PlantRun
 from phalanx_plant.world.events import SwarmBrokenError
 
 from phalanx.arrays import Array
+from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher import interrupt
-from phalanx.launcher.engine import Progress, RunOptions
+from phalanx.launcher.engine import Progress, RunOptions, silent
 from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.records import PROFILE, RECORDING, SUMMARY
 from phalanx.recording.write import RecordingWriter, write_summary
@@ -28,6 +30,8 @@ from phalanx.swarm.runnable import compile_rows, require_runnable
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire.messages import Sample, Status, Telemetry
 from phalanx.wire.seal import Malformed
+
+T = TypeVar("T")
 
 
 def run_in_process(
@@ -54,19 +58,56 @@ def _run(rows: SafetyRows, folder: Path, options: RunOptions) -> Summary:
 
 
 def simulate(
-    rows: SafetyRows, records: RecordSink, options: RunOptions, stopwatch: Stopwatch | None = None
+    rows: SafetyRows,
+    records: RecordSink,
+    options: RunOptions | None = None,
+    stopwatch: Stopwatch | None = None,
 ) -> Summary:
     """Run to the verdict without files; all records go to `records`.
 
     stopwatch: times the phases if the options ask for it.
     """
-    agents = DirectAgents(rows, options.progress)
-    commands = CommandQueue(options.commands, rows.swarm.names)
-    plant = PlantRun(rows, agents, records, commands, Lockstep)
+    options = options or RunOptions("in-process")
+    run = DirectRun(rows, records, options.commands, options.progress)
     if options.profile and stopwatch is not None:
-        plant.time(stopwatch)
-        stopwatch.time(agents, "send_sample", "compute")
-    return plant.run(prepare=interrupt.not_deferred()(lambda: compile_rows(rows)))
+        run.plant.time(stopwatch)
+        stopwatch.time(run.agents, "send_sample", "compute")
+    return run.plant.run(prepare=interrupt.not_deferred()(lambda: compile_rows(rows)))
+
+
+class RecordsInMemory:
+    """The records of a run, by their class."""
+
+    def __init__(self) -> None:
+        self._of: dict[type, list[Any]] = {}
+
+    def write(self, record: Any) -> None:
+        """Append a record."""
+        self._of.setdefault(type(record), []).append(record)
+
+    def of(self, kind: type[T]) -> list[T]:
+        """Return the records of a class, in their order."""
+        return self._of.get(kind, [])
+
+
+class DirectRun:
+    """Plant, agents and clock of one run in this process, at t = 0."""
+
+    def __init__(
+        self,
+        rows: SafetyRows,
+        records: RecordSink | None,
+        commands: CommandPolicy = NO_COMMANDS,
+        progress: Progress = silent,
+    ) -> None:
+        """Put them together; records: as PlantRun takes them."""
+        self.agents = DirectAgents(rows, progress)
+        self.queue = CommandQueue(commands, rows.swarm.names)
+        self.plant = PlantRun(rows, self.agents, records, self.queue, self._make_clock)
+
+    def _make_clock(self, *parts: Any) -> Lockstep:
+        self.clock = Lockstep(*parts)
+        return self.clock
 
 
 class DirectAgents:

@@ -12,11 +12,9 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
-from phalanx_plant.clock.commands import CommandQueue
-from phalanx_plant.clock.lockstep import Lockstep
-from phalanx_plant.run import ENDINGS, End, PlantRun, ended_by
+from phalanx_plant.run import ENDINGS, End, ended_by
 
 from phalanx.arrays import Array
 from phalanx.faults.commands import (
@@ -28,8 +26,8 @@ from phalanx.faults.commands import (
 )
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher import interrupt
-from phalanx.launcher.engine import EngineError, RunOptions, silent
-from phalanx.launcher.in_process_engine import DirectAgents
+from phalanx.launcher.engine import EngineError, RunOptions
+from phalanx.launcher.in_process_engine import DirectRun
 from phalanx.launcher.run import Run
 from phalanx.launcher.start import new_folder
 from phalanx.recording.records import RECORDING, SUMMARY
@@ -246,18 +244,13 @@ class _Course:
             self._recording = opened.enter_context(
                 RecordingWriter(folder / RECORDING, scenario, folder.name)
             )
-            self.queue = CommandQueue(policy, rows.swarm.names)
-            agents = DirectAgents(rows, silent)
-            self._plant = PlantRun(rows, agents, self._recording, self.queue, self._make_clock)
+            run = DirectRun(rows, self._recording, policy)
+            self.queue, self._plant, self.clock = run.queue, run.plant, run.clock
             self.world, self._duration = self.clock.world, scenario.duration
             self._instants = self.clock.instants(scenario.duration)
             # One thread for all steps: to start one takes as long as a step.
             opened.enter_context(endless_loops(scenario.time.timeout))
             self._opened = opened.pop_all()
-
-    def _make_clock(self, *parts: Any) -> Lockstep:
-        self.clock = Lockstep(*parts)
-        return self.clock
 
     # A Ctrl-C must not interrupt judging or writing: it ends the run after the instant.
     @interrupt.handled()

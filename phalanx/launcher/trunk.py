@@ -6,17 +6,13 @@ scenario whose `reseed` says so.
 
 import time
 from collections.abc import Sequence
-from typing import Any
 
-from phalanx_plant.clock.commands import CommandQueue
-from phalanx_plant.clock.lockstep import Lockstep
-from phalanx_plant.run import ENDINGS, PlantRun, ended_by
+from phalanx_plant.run import ENDINGS, ended_by
 
 from phalanx.arrays import Array
 from phalanx.faults.commands import Command, CommandPolicy
 from phalanx.guarantee.verdict import Summary
-from phalanx.launcher.engine import silent
-from phalanx.launcher.in_process_engine import DirectAgents
+from phalanx.launcher.in_process_engine import DirectRun
 from phalanx.scenario.model import Reseed, Scenario
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import compile_rows, require_runnable
@@ -31,14 +27,9 @@ class Trunk:
         """Begin at t = 0, with scheduled commands."""
         swarm = self._swarm = rows.swarm
         self._scenario, self._commands, self._began = swarm.scenario, commands, time.monotonic()
-        queue = CommandQueue(CommandPolicy(schedule=tuple(commands)), swarm.names)
-        agents = DirectAgents(rows, silent)
-        self._plant = PlantRun(rows, agents, None, queue, self._make_clock)
+        run = DirectRun(rows, None, CommandPolicy(schedule=tuple(commands)))
+        self._plant, self._clock = run.plant, run.clock
         self._instants = self._clock.instants(self._scenario.duration)
-
-    def _make_clock(self, *parts: Any) -> Lockstep:
-        self._clock = Lockstep(*parts)
-        return self._clock
 
     @property
     def t(self) -> float:

@@ -17,8 +17,8 @@ from phalanx.statistics.sequences import runs_until_width
 from phalanx.studies.identity import Identity, versions
 from phalanx.studies.inventory import Inventory, identity_of
 from phalanx.studies.plan import Case, Plan, Point
-from phalanx.studies.row import BROKEN, REFUSED, Row
-from phalanx.studies.store import Store, json_text
+from phalanx.studies.row import BROKEN, REFUSED, Row, json_text
+from phalanx.studies.store import Store
 from phalanx.studies.work import Job, compute, confirm
 
 log = logging.getLogger("phalanx.studies")

@@ -16,7 +16,7 @@ import phalanx_agent
 import phalanx_plant
 
 import phalanx
-from phalanx.scenario.load import to_json
+from phalanx.scenario.load import digest
 from phalanx.scenario.model import Scenario
 
 _LIBRARIES = ("numpy", "casadi", "osqp", "pydantic")
@@ -50,8 +50,7 @@ _INPUTS = ("the scenario", "the seed", "your modules", "versions")
 
 def digest_of_scenario(scenario: Scenario) -> str:
     """Return the digest of a resolved scenario, without its seed and description."""
-    meaning = scenario.model_copy(update={"reading": None, "seed": 0, "description": ""})
-    return _digest(to_json(meaning))
+    return digest(scenario.model_copy(update={"seed": 0, "description": ""}))
 
 
 def digest_of_modules(sources: Mapping[str, bytes]) -> str:

@@ -8,8 +8,8 @@ from phalanx.scenario.load import ScenarioError
 from phalanx.schema.user_code import imported_sources
 from phalanx.studies.identity import Identity, digest_of_modules, digest_of_scenario, versions
 from phalanx.studies.plan import Case, Plan
-from phalanx.studies.row import BROKEN
-from phalanx.studies.store import Store, json_text
+from phalanx.studies.row import BROKEN, json_text
+from phalanx.studies.store import Store
 
 
 class Inventory:

@@ -14,11 +14,10 @@ from pydantic import Field, ValidationError, model_validator
 
 from phalanx.scenario.load import ScenarioError, described, read_table, reading_of
 from phalanx.scenario.load import load as load_scenario
-from phalanx.scenario.model import Reading, Scenario
+from phalanx.scenario.model import Reading, Scenario, Seed
 from phalanx.schema.fields import Finite, Strict, field_error
 from phalanx.seeded.draws import Draws
 
-Seed = Annotated[int, Field(ge=0, lt=2**63)]
 Values = Annotated[tuple[Any, ...], Field(min_length=1)]
 
 

@@ -1,9 +1,10 @@
 """A row of a study: what is kept of one run."""
 
 import platform
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import msgspec
+import polars as pl
 
 from phalanx.guarantee.verdict import Summary
 from phalanx.metrics.table import METRICS, SWARM, metrics_of
@@ -85,8 +86,35 @@ def row_of(
 
 
 def flat(row: Row) -> dict[str, Any]:
-    """Return a row as columns: each metric has one, and each digest of the identity."""
+    """Return a row by the columns of SCHEMA."""
     found = msgspec.structs.asdict(row)
-    metrics, identity = found.pop("metrics"), found.pop("identity")
-    of_metrics = {name: metrics.get(name) for name in METRICS}
-    return {**found, **of_metrics, **identity._asdict(), "key": identity.key}
+    metrics, overrides = found.pop("metrics"), json_text(row.overrides)
+    columns = {**found, **row.identity._asdict(), "key": row.identity.key, "overrides": overrides}
+    return {name: columns[name] if name in columns else metrics.get(name) for name in SCHEMA}
+
+
+def _schema() -> dict[str, Any]:
+    """Return the type of each column: the identity, the fields of a row, and the metrics."""
+    types: dict[Any, Any] = {str: pl.String, int: pl.Int64, float: pl.Float64, bool: pl.Boolean}
+    fields = {**get_type_hints(Identity), **get_type_hints(Row)}
+    of_fields = {
+        name: types[next(each for each in (hint, *get_args(hint)) if each in types)]
+        for name, hint in fields.items()
+        if name not in ("identity", "overrides", "metrics")
+    }
+    of_metrics = {name: pl.Boolean if name == "arrived" else pl.Float64 for name in METRICS}
+    return {"key": pl.String, "overrides": pl.String, **of_fields, **of_metrics}
+
+
+SCHEMA = _schema()
+"""Column types by name; each has null where a run has no value."""
+
+
+def json_text(value: Any) -> str:
+    """Return a value as JSON, equal for equal values."""
+    return msgspec.json.encode(value, order="sorted").decode()
+
+
+def counted(frame: pl.DataFrame) -> pl.DataFrame:
+    """Return the runs that enter an interval: neither chosen by a search nor refused."""
+    return frame.filter(~pl.col("searched") & (pl.col("outcome") != REFUSED)).sort("index")

@@ -16,10 +16,9 @@ import msgspec
 import polars as pl
 import tomli_w
 
-from phalanx.metrics.table import METRICS
 from phalanx.studies.identity import Identity, versions, versions_of_libraries
 from phalanx.studies.plan import Plan, read_plan
-from phalanx.studies.row import Row, flat
+from phalanx.studies.row import SCHEMA, Row, flat, json_text
 
 PLAN, ROWS = "study.toml", "rows.parquet"
 _JOURNAL, _PARTS, _LOCK, _VERSIONS = "rows.journal", "part-*.parquet", "lock", "versions.json"
@@ -27,17 +26,6 @@ _PART = 1000
 """Rows in a part."""
 _SYNC = 20
 """Rows that a power failure may lose; a crash of the program loses none."""
-
-_SCHEMA: dict[str, Any] = {
-    "key": pl.String, "scenario": pl.String, "seed": pl.Int64, "modules": pl.String,
-    "versions": pl.String, "overrides": pl.String, "outcome": pl.String, "reason": pl.String,
-    "t": pl.Float64, "worst_h": pl.Float64, "worst_at": pl.Float64, "worst_pair": pl.String,
-    "first_violation": pl.Float64, "certified": pl.Float64, "shortest": pl.Float64,
-    "uncovered_at": pl.Float64, "empty": pl.Int64, "faults": pl.String,
-    **{name: pl.Boolean if name == "arrived" else pl.Float64 for name in METRICS},
-    "trajectory": pl.String, "wall_time": pl.Float64, "platform": pl.String,
-    "confirmed": pl.Boolean, "searched": pl.Boolean,
-}  # fmt: skip
 
 
 class StudyError(ValueError):
@@ -100,7 +88,7 @@ class Store:
 
     def add(self, row: Row) -> None:
         """Append a row. Raises OSError, for example on a full disk; earlier rows are kept."""
-        self._append({**flat(row), "overrides": json_text(row.overrides)})
+        self._append(flat(row))
 
     def copy(self, key: str, overrides: dict[str, Any]) -> str:
         """Append the row with this key under other overrides; return its outcome."""
@@ -111,7 +99,6 @@ class Store:
         return str(columns["outcome"])
 
     def _append(self, columns: dict[str, Any]) -> None:
-        columns = {name: columns[name] for name in _SCHEMA}
         size = self._journal.tell()
         try:
             self._journal.write(msgspec.json.encode(columns) + b"\n")
@@ -159,7 +146,7 @@ class Store:
     def frame(self) -> pl.DataFrame:
         """Return all rows, the newest last. Raises StudyError if a file is of another version."""
         tables = [self._read(file) for file in self._files()]
-        tables.append(pl.DataFrame(self._waiting or self._recovered(), schema=_SCHEMA))
+        tables.append(pl.DataFrame(self._waiting or self._recovered(), schema=SCHEMA))
         return pl.concat(tables).unique(["key", "overrides"], keep="last", maintain_order=True)
 
     def _files(self) -> list[Path]:
@@ -172,8 +159,8 @@ class Store:
             found = pl.read_parquet(file)
         except (pl.exceptions.PolarsError, OSError) as error:
             raise StudyError(f"{file}: not the rows of a study ({error})") from error
-        if dict(found.schema) != _SCHEMA:
-            other = sorted(set(found.columns) ^ set(_SCHEMA))
+        if dict(found.schema) != SCHEMA:
+            other = sorted(set(found.columns) ^ set(SCHEMA))
             raise StudyError(
                 f"{file}: the rows of another version of Phalanx ({', '.join(other) or 'types'} "
                 "differ): take another folder, or delete this one"
@@ -192,7 +179,7 @@ class Store:
                 row = msgspec.json.decode(line)
             except msgspec.DecodeError as error:
                 raise StudyError(f"{self.folder / _JOURNAL}: damaged: {error}") from error
-            if not isinstance(row, dict) or row.keys() != _SCHEMA.keys():
+            if not isinstance(row, dict) or row.keys() != SCHEMA.keys():
                 raise StudyError(
                     f"{self.folder / _JOURNAL}: rows of another version of Phalanx: take another "
                     "folder, or delete this one"
@@ -210,7 +197,7 @@ class Store:
     def _make_part(self) -> None:
         taken = [int(file.stem.removeprefix("part-")) for file in self.folder.glob(_PARTS)]
         name = f"part-{max(taken, default=0) + 1:05d}.parquet"
-        self._write(pl.DataFrame(self._waiting, schema=_SCHEMA), self.folder / name)
+        self._write(pl.DataFrame(self._waiting, schema=SCHEMA), self.folder / name)
         self._waiting = []
         self._rewrite_journal()
 
@@ -254,11 +241,6 @@ def plan_text(plan: Plan) -> str:
     if len(seeds) > 2 and seeds == tuple(range(seeds[0], seeds[-1] + 1)):
         table["seeds"] = f"{seeds[0]}:{seeds[-1] + 1}"
     return tomli_w.dumps(_without_none(table))
-
-
-def json_text(value: Any) -> str:
-    """Return a value as JSON, equal for equal values."""
-    return msgspec.json.encode(value, order="sorted").decode()
 
 
 def _without_none(value: Any) -> Any:

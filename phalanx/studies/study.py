@@ -20,7 +20,6 @@ from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher.engine import DEFAULT_ENGINE, require_functions, silent
 from phalanx.launcher.run import Run
 from phalanx.launcher.start import run as run_scenario
-from phalanx.scenario.load import to_json
 from phalanx.scenario.model import Scenario
 from phalanx.schema.instances import as_table
 from phalanx.statistics.common_seeds import rate
@@ -29,8 +28,8 @@ from phalanx.studies.coordinator import Coordinator, Options, Progress
 from phalanx.studies.plan import Plan, as_text, plan_from, read_plan, seeds_from
 from phalanx.studies.pool import Pool
 from phalanx.studies.progress import shown
-from phalanx.studies.row import REFUSED
-from phalanx.studies.store import Store, json_text, plan_of
+from phalanx.studies.row import counted, json_text
+from phalanx.studies.store import Store, plan_of
 
 
 def study(
@@ -220,15 +219,15 @@ class Study:
             level: of the intervals.
         """
         axes = self.axes if by is None else list(by)
-        counted = self.frame.filter(~pl.col("searched") & (pl.col("outcome") != REFUSED))
-        grouped = counted.group_by(axes, maintain_order=True) if axes else [((), counted)]
+        runs = counted(self.frame)
+        grouped = runs.group_by(axes, maintain_order=True) if axes else [((), runs)]
         anytime = self.plan.until_width is not None
         found = []
         for values, rows in grouped:
             hits = (rows["outcome"] == outcome).to_numpy()
-            share, (low, high), runs = rate(hits, rows["seed"].to_numpy(), anytime, level)
+            share, (low, high), n = rate(hits, rows["seed"].to_numpy(), anytime, level)
             named = dict(zip(axes, values, strict=True))
-            counts = {"runs": runs, outcome: round(share * runs)}
+            counts = {"runs": n, outcome: round(share * n)}
             found.append({**named, **counts, "rate": share, "low": low, "high": high})
         return pl.DataFrame(found)
 
@@ -266,18 +265,8 @@ class Study:
 
 def _source(scenario: Scenario | str | Path | Mapping[str, Any]) -> Any:
     if isinstance(scenario, Scenario):
-        import json
-
-        table = json.loads(to_json(scenario))
-        del table["reading"], table["seed"]
-        return _without_none(table)
+        return scenario.model_dump(mode="json", by_alias=True, exclude={"reading", "seed"})
     return str(scenario) if isinstance(scenario, str | Path) else dict(scenario)
-
-
-def _without_none(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _without_none(each) for key, each in value.items() if each is not None}
-    return [_without_none(each) for each in value] if isinstance(value, list) else value
 
 
 def _seeds(seeds: int | str | Iterable[int]) -> list[int]:

@@ -10,12 +10,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import phalanx
-from phalanx.launcher.engine import RunOptions
-from phalanx.launcher.in_process_engine import simulate
+from phalanx.launcher.in_process_engine import RecordsInMemory, simulate
 from phalanx.recording.modules import ModulesError, hashes, make_importable
 from phalanx.recording.read import Recording, swarm_of
-from phalanx.scenario.load import ScenarioError, load
-from phalanx.scenario.model import Scenario
+from phalanx.recording.records import State, Step
+from phalanx.scenario.load import ScenarioError, from_json, load, to_json
 from phalanx.studies.identity import Identity
 from phalanx.studies.row import BROKEN, REFUSED, Row, row_of
 from phalanx.swarm.rows import SafetyRows
@@ -37,21 +36,6 @@ class Job(NamedTuple):
     """Sources of the user's modules, by path."""
 
 
-class RecordsInMemory:
-    """The records of a run in memory."""
-
-    def __init__(self, scenario: Scenario) -> None:
-        self.recording = found = Recording(Path(), scenario, {})
-        self._lists: dict[str, list[Any]] = {
-            "State": found.states, "Step": found.steps, "Log": found.log,
-            "Command": found.commands, "StepData": found.shown,
-        }  # fmt: skip
-
-    def write(self, record: Any) -> None:
-        """Append a record."""
-        self._lists[type(record).__name__].append(record)
-
-
 def compute(job: Job) -> list[Row]:
     """Run every run of a job to its verdict, without files; return their rows."""
     return [_row(job, identity) for identity in job.identities]
@@ -70,9 +54,11 @@ def _row(job: Job, identity: Identity) -> Row:
     began = time.monotonic()
     try:
         rows = _rows(job, identity.seed)
-        records = RecordsInMemory(rows.swarm.scenario)
-        summary = simulate(rows, records, RunOptions("in-process"))
-        return row_of(identity, job.overrides, summary, records.recording, rows.swarm)
+        records = RecordsInMemory()
+        summary = simulate(rows, records)
+        states, steps = records.of(State), records.of(Step)
+        recording = Recording(Path(), rows.swarm.scenario, {}, states, steps)
+        return row_of(identity, job.overrides, summary, recording, rows.swarm)
     except (ScenarioError, ModulesError) as error:
         outcome, reason = REFUSED, str(error)
     except MistakenMethodError as error:
@@ -90,13 +76,12 @@ def _rows(job: Job, seed: int) -> SafetyRows:
     """
     make_importable(job.modules, hashes(job.modules), trust=True)
     scenario = load(job.table, job.overrides, seed)
-    drawn = scenario.flows or job.table.get("scatter")
-    if drawn or job.modules:  # obstacles differ; a user's objects may keep a state
+    if job.modules:  # a user's objects may keep a state
         return require_runnable(build_swarm(scenario))
-    text = scenario.model_copy(update={"seed": 0, "reading": None}).model_dump_json(by_alias=True)
-    return with_seed(_compiled(text), seed)
+    # Obstacles and starts that are drawn are in the text, and so are others for each seed.
+    return with_seed(_compiled(to_json(scenario.model_copy(update={"seed": 0}))), seed)
 
 
 @lru_cache(maxsize=1)
-def _compiled(text: str) -> SafetyRows:
-    return require_runnable(build_swarm(Scenario.model_validate_json(text)))
+def _compiled(scenario: str) -> SafetyRows:
+    return require_runnable(build_swarm(from_json(scenario)))

@@ -9,7 +9,6 @@ import polars as pl
 
 from phalanx.guarantee.verdict import Outcome
 from phalanx.statistics.common_seeds import Rate, rate
-from phalanx.studies.row import REFUSED
 
 MOST_GROUPS = 12
 """Most values of an axis that are shown one by one."""
@@ -25,11 +24,6 @@ class Group(NamedTuple):
     rows: pl.DataFrame
     rates: Mapping[str, Rate]
     """By outcome."""
-
-
-def counted(frame: pl.DataFrame) -> pl.DataFrame:
-    """Return the runs that enter an interval: neither chosen by a search nor refused."""
-    return frame.filter(~pl.col("searched") & (pl.col("outcome") != REFUSED)).sort("index")
 
 
 def group(label: str, rows: pl.DataFrame, anytime: bool) -> Group:

@@ -25,7 +25,6 @@ from phalanx.studies.page.groups import (
     MOST_GROUPS,
     Group,
     by_axis,
-    counted,
     group,
     in_percent,
     in_words,
@@ -33,7 +32,7 @@ from phalanx.studies.page.groups import (
     seen,
 )
 from phalanx.studies.page.svg import svg_of
-from phalanx.studies.row import REFUSED
+from phalanx.studies.row import REFUSED, counted
 
 MOST_LISTED = 500
 _MOST_MAPS = 3

@@ -227,7 +227,7 @@ def test_a_run_that_cannot_begin_leaves_its_recording_closed(monkeypatch: pytest
         raise OSError("no plant")
 
     monkeypatch.setattr(stepped, "RecordingWriter", Watched)
-    monkeypatch.setattr(stepped, "PlantRun", fails)
+    monkeypatch.setattr(stepped, "DirectRun", fails)
     with pytest.raises(OSError, match="no plant"):
         begin()
     assert closed == [True]
