@@ -49,6 +49,7 @@ from phalanx.theory.laws.goals import (
     Waypoints,
 )
 from phalanx.theory.laws.law import Law, TeamLaw, View
+from phalanx.theory.laws.script import Script
 from phalanx.theory.laws.tracking import Pursue, Track, TrackVelocity
 from phalanx.theory.margins.kinds import IntegratedMargin, LocalMargin, Margin, PairRow
 from phalanx.theory.models.aerial import PlanarQuadrotor, Quadrotor
@@ -124,6 +125,7 @@ __all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
     "Chase",
     "Pursue",
     "WorstCase",
+    "Script",
     # Goals
     "Reference",
     "Sight",

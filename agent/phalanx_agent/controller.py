@@ -83,7 +83,7 @@ class DistributedController:
         states = {l: x[self._parts[l]] for l in seen}
         goal = self._goal(t, states)
         normal = [l for l in seen if not self._members[l].adversary]
-        return View(i, states, normal, goal, terms)
+        return View(i, states, normal, goal, terms, t)
 
     def as_adversary(self) -> Self:
         """Attack from now on, without a row."""
@@ -124,7 +124,7 @@ class CentralisedController:
         terms, normal = self._terms(x), self._normal
         states = {l: x[part] for l, part in enumerate(self._parts)}
         u_nom = [
-            nominal(View(l, states, normal, goal(t, states), terms))
+            nominal(View(l, states, normal, goal(t, states), terms, t))
             for l, nominal, goal in zip(normal, self._nominal, self._goals, strict=True)
         ]
         decisions = self._qp.decide(terms, normal, u_nom, self._authority)

@@ -101,7 +101,7 @@ def _require_law(rows: SafetyRows, i: int, x: Array) -> None:
     terms = rows.terms(i)(x, seen)
     states = {l: x[swarm.safe_set.parts[l]] for l in seen}
     normal = [l for l in swarm.normal if l in states]
-    view = View(i, states, normal, swarm.goal(i)(0.0, states), terms)
+    view = View(i, states, normal, swarm.goal(i)(0.0, states), terms, 0.0)
     u_nom = NominalInput(law, swarm.members[i])(view)
     own = own_controller(rows, i, lambda *_: 0.0)
     if own is not None:

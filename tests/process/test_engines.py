@@ -62,6 +62,9 @@ VARIANTS = {
         "faults": [{"kind": "lie", "agent": "2", "at": 0.4, "for": 0.9, "equivocate": True}],
         "reseed": [{"at": 0.7, "seed": 17}, {"at": 1.1, "seed": 3}],
     },
+    "attacks by a script": {
+        "agents.1.law": {"type": "script", "at": [0.0, 0.4], "inputs": [[2.0, -1.0], [2.0, 1.0]]}
+    },
     "adverse disturbances": {"agents.0.disturbance.kind": "adverse"},
 }
 

@@ -28,6 +28,8 @@ class View(NamedTuple):
     """Indices of the normal agents that it sees, itself included if it is one."""
     goal: Goal
     terms: Terms
+    t: float
+    """Time of the sample [s]."""
 
     @property
     def positions(self) -> Mapping[int, Array]:

@@ -225,6 +225,17 @@ BROKEN: Mapping[str, tuple[Edit, list[str]]] = {
         replace('"pursue"', '"persue"'),
         ["agents.1.law: expected one of track-velocity, track, pursue", "got 'persue'"],
     ),
+    "script that goes back in time": (
+        replace(
+            'type = "pursue", gain = 5.0',
+            'type = "script", at = [0.0, 2.0, 1.0], inputs = [[2, 0], [2, 1], [2, 0]]',
+        ),
+        ["agents.1.law: expected at to ascend, got 1 after 2"],
+    ),
+    "script beyond what the actuators can do": (
+        replace('type = "pursue", gain = 5.0', 'type = "script", at = [0.0], inputs = [[3, 0]]'),
+        ["agents.1.law: inputs.0: expected (nu, omega) within U, [-2, 2] x [-1, 1], got [3.0, 0.0]"],
+    ),
     "unknown role": (
         replace('"adversary"', '"evil"'),
         ["agents.1.role: expected 'normal' or 'adversary'", "got 'evil'"],

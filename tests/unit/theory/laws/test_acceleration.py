@@ -42,4 +42,4 @@ def test_a_chasing_adversary_avoids_another_adversary_in_its_way():
 
 def _view(swarm, i, x, terms):
     states = {l: x[part] for l, part in enumerate(swarm.safe_set.parts)}
-    return View(i, states, swarm.normal, hold(terms.positions[i]), terms)
+    return View(i, states, swarm.normal, hold(terms.positions[i]), terms, 0.0)

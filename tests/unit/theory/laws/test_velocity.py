@@ -41,7 +41,7 @@ def terms_function() -> TermsFunction:
 
 def view(x: np.ndarray, i: int, goal: Goal) -> View:
     states = {l: x[part] for l, part in enumerate(fleet().composed.parts)}
-    return View(i, states, NORMAL, goal, terms_function()(x))
+    return View(i, states, NORMAL, goal, terms_function()(x), 0.0)
 
 
 def output_velocity(x: np.ndarray, i: int, u: np.ndarray) -> np.ndarray:
