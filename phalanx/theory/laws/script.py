@@ -1,7 +1,6 @@
 """Inputs that are written down beforehand: constant between given instants, whatever is seen."""
 
 from bisect import bisect_right
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated
@@ -32,7 +31,7 @@ class Script:
     """One input of U_j for each instant, in the order of the dynamics' inputs."""
 
     def __post_init__(self) -> None:
-        """Raises ValueError unless there are as many inputs as instants, and these ascend from 0."""
+        """Raises ValueError unless each instant has an input, and instants ascend from 0."""
         if len(self.at) != len(self.inputs):
             raise ValueError(
                 f"expected an input for each instant of at: {len(self.at)}, got {len(self.inputs)}"
@@ -65,9 +64,5 @@ class Script:
 
 def _extent(corners: Array) -> str:
     """Bounds of each input in words, from the corners of U, shape (v, m)."""
-    lows, highs = _texts(corners.min(axis=0)), _texts(corners.max(axis=0))
-    return " x ".join(f"[{low}, {high}]" for low, high in zip(lows, highs, strict=True))
-
-
-def _texts(numbers: Sequence[float] | Array) -> list[str]:
-    return [f"{number:g}" for number in numbers]
+    bounds = zip(corners.min(axis=0).tolist(), corners.max(axis=0).tolist(), strict=True)
+    return " x ".join(f"[{low:g}, {high:g}]" for low, high in bounds)

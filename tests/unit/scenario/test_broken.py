@@ -234,7 +234,10 @@ BROKEN: Mapping[str, tuple[Edit, list[str]]] = {
     ),
     "script beyond what the actuators can do": (
         replace('type = "pursue", gain = 5.0', 'type = "script", at = [0.0], inputs = [[3, 0]]'),
-        ["agents.1.law: inputs.0: expected (nu, omega) within U, [-2, 2] x [-1, 1], got [3.0, 0.0]"],
+        [
+            "agents.1.law: inputs.0: expected (nu, omega) within U, [-2, 2] x [-1, 1]",
+            "got [3.0, 0.0]",
+        ],
     ),
     "unknown role": (
         replace('"adversary"', '"evil"'),
