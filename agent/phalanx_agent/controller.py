@@ -55,8 +55,9 @@ class DistributedController:
 
     def __init__(self, rows: SafetyRows, i: int) -> None:
         """Compile agent i's own copy of the theory."""
+        self._everything, self._i = rows, i
+        rows = rows.seen_by(i)
         swarm = rows.swarm
-        self._rows, self._i = rows, i
         self._members, self._parts = swarm.members, swarm.safe_set.parts
         self._nominal = NominalInput(swarm.law(i), swarm.members[i])
         self._goal = swarm.goal(i)
@@ -86,9 +87,11 @@ class DistributedController:
         return View(i, states, normal, goal, terms, t)
 
     def as_adversary(self) -> Self:
-        """Attack from now on, without a row."""
+        """Attack from now on, without a row; an adversary knows everything."""
+        rows = self._everything
+        self._members = rows.swarm.members
         self._nominal = NominalInput(WorstCase(), self._members[self._i])
-        self._filter = self._rows.unfiltered(self._i)
+        self._terms, self._filter = rows.terms(self._i), rows.unfiltered(self._i)
         self._own = None
         return self
 

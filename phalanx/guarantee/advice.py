@@ -186,7 +186,7 @@ def _theorem_advice(swarm: Swarm, report: CheckReport) -> list[str]:
             "control": "distributed",
             "composition": "pairs",
             "margin": "integrated",
-            "information": "split",
+            "information": "split" if safety.information.reads_roles else safety.information,
         }
         lacking = [f"{k} = '{v}'" for k, v in wanted.items() if getattr(safety, k) != v]
         lacking += [] if safety.computes_margin else ["eta = 0"]
@@ -203,14 +203,14 @@ def _received_input_advice(swarm: Swarm) -> list[str]:
             "safety.information = 'paper' assumes that each neighbour applies the last input "
             "received of it. With any delay or loss, or if two agents sample at one instant, the "
             "neighbour may apply another one: each agent's row holds, but not the joint condition. "
-            "Take 'in-flight' or 'split'."
+            "Take 'in-flight', 'split' or 'unknown'."
         )
     if liars := _believed_liars(swarm):
         words.append(
             f"Declared faults make broadcasts of {', '.join(liars)} claim inputs that are not "
             f"applied, and safety.information = '{swarm.safety.information}' uses these claims: "
             "each agent's row holds, but not the joint condition. Take 'split', which uses no "
-            "received inputs, or 'worst-case', where rows hold even if other agents violate theirs."
+            "received inputs, or 'unknown', where rows hold even if other agents violate theirs."
         )
     return words
 

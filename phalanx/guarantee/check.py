@@ -3,10 +3,17 @@
 import math
 
 from phalanx.arrays import Array
-from phalanx.guarantee.advice import advice, proof_gaps, uses_newest_inputs
+from phalanx.guarantee.advice import advice, proof_gaps, rounded, uses_newest_inputs
 from phalanx.guarantee.certificates import certified_start
 from phalanx.guarantee.check_report import BoundaryCondition, CheckReport
-from phalanx.guarantee.feasibility import ProvenRows, largest_gap, rigorous, rows_at_start
+from phalanx.guarantee.feasibility import (
+    ProvenRows,
+    effort_at_start,
+    largest_gap,
+    rigorous,
+    rows_at_start,
+    with_information,
+)
 from phalanx.guarantee.formula import (
     Region,
     boundary,
@@ -21,6 +28,7 @@ from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.margins.margin import ComposedMargin
+from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.row import joint_sum
 
 _SAMPLES = 2000
@@ -83,8 +91,22 @@ def check(scenario: Scenario) -> CheckReport:
         gaps=proof_gaps(swarm),
         certified=certified_start(swarm),
     )
-    report.words.extend([*advice(swarm, report, unknown), *_resting(swarm)])
+    report.words.extend([*advice(swarm, report, unknown), *_resting(swarm), *_price(rows)])
     return report
+
+
+def _price(rows: SafetyRows) -> list[str]:
+    """Return a sentence on what it costs at x(0) that agents read no roles."""
+    if rows.swarm.safety.information.reads_roles:
+        return []
+    shared = with_information(rows.swarm, Information.SPLIT)
+    own, split = (rounded(effort_at_start(each)) for each in (rows, shared))
+    able = list(rows_at_start(rows).values())
+    return [
+        "No agent reads a role: each counts everyone else at worst. At the start "
+        f"{sum(able)} of {len(able)} agents have an input in K_i, and inputs are {own} from "
+        f"nominal ones, on average; with safety.information = 'split' {split}."
+    ]
 
 
 def _resting(swarm: Swarm) -> list[str]:

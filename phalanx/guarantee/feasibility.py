@@ -9,12 +9,14 @@ from scipy.optimize import linprog
 from phalanx.arrays import Array
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
-from phalanx.theory.expressions.exact import dot
+from phalanx.theory.expressions.exact import dot, length
+from phalanx.theory.laws.law import NominalInput, View
 from phalanx.theory.models.polytope import Polytope
 from phalanx.theory.rows.decision import least_violation
 from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.pairs import PairTerms, pair_rows
 from phalanx.theory.rows.row import Rows, joint_sum
+from phalanx.theory.rows.safety_filter import FilterInput
 
 _FEW_ROWS = 8
 """Up to so many rows all vertices are enumerated: 2 ms for three inputs. For 32 rows that takes
@@ -49,8 +51,31 @@ def rigorous(swarm: Swarm) -> SafetyRows:
     return build_rows(build_swarm(scenario.model_copy(update={"safety": safety})))
 
 
+def with_information(swarm: Swarm, information: Information) -> SafetyRows:
+    """Build the rows of the same swarm with another information model."""
+    safety = swarm.safety.model_copy(update={"information": information})
+    return build_rows(build_swarm(swarm.scenario.model_copy(update={"safety": safety})))
+
+
+def effort_at_start(rows: SafetyRows) -> float:
+    """Return the mean ‖u - u_nom‖ of normal agents at x(0), with nothing received yet."""
+    x = rows.swarm.start()
+    return float(np.mean([_effort(rows.seen_by(i), i, x) for i in rows.swarm.normal]))
+
+
+def _effort(rows: SafetyRows, i: int, x: Array) -> float:
+    swarm, seen = rows.swarm, rows.swarm.seen(i, x)
+    states = {l: x[swarm.safe_set.parts[l]] for l in seen}
+    terms, normal = rows.terms(i)(x, seen), [l for l in seen if l in swarm.normal]
+    view = View(i, states, normal, swarm.goal(i)(0.0, states), terms, 0.0)
+    u_nom = NominalInput(swarm.law(i), swarm.members[i])(view)
+    u = rows.filter(i)(FilterInput(swarm.time.latency, x, seen, terms, u_nom, {})).decision.u
+    return float(length(u - u_nom))
+
+
 def _feasible(rows: SafetyRows, i: int, x: Array) -> bool:
     """Return whether K_i(x) is non-empty, with nothing received."""
+    rows = rows.seen_by(i)
     swarm, seen = rows.swarm, rows.swarm.seen(i, x)
     terms = rows.terms(i)(x, seen)
     if swarm.safety.pairwise:

@@ -43,7 +43,8 @@ def margin_use(history: ReportHistory, i: int) -> MarginUse | None:
         ValueError: some input bounds depend on the state.
         UnboundedOperationError: an expression has no interval extension.
     """
-    rows, swarm, steps = history.values.rows, history.swarm, history.steps[i]
+    rows, steps = history.values.rows.seen_by(i), history.steps[i]
+    swarm = rows.swarm
     most = _MANY_INSTANTS if style.summarises(history.scenario) else _INSTANTS
     places = range(len(steps)) if len(steps) <= most else np.linspace(0, len(steps) - 1, most)
     sharing = swarm.normal if swarm.safety.pairwise and swarm.safety.joint else ()

@@ -23,7 +23,7 @@ from phalanx.theory.margins.constants import MarginConstants
 from phalanx.theory.margins.kinds import Margin, UsersMargin
 from phalanx.theory.rows.information import Information
 from phalanx.theory.safety.class_k import ClassK, Linear, NotClassKError, require_class_k
-from phalanx.theory.safety.function import SafeSetFunction
+from phalanx.theory.safety.function import HeadingAware, SafeSetFunction
 
 Composition = Literal["lse", "pairs"]
 ClassKField = Annotated[
@@ -91,6 +91,9 @@ class Safety(Strict):
         if self.control == "centralised" and self.composition == "pairs":
             message = "expected 'lse' where safety.control is 'centralised'"
             raise field_error(("composition",), message, self.composition)
+        if self.control == "centralised" and not self.information.reads_roles:
+            message = "expected another: a centralised controller knows whom it controls"
+            raise field_error(("information",), message, self.information.value)
         self.margin_kind  # noqa: B018 - its mistakes are said here
         if self.computes_margin and self.eta:
             message = f"expected no value, or 0: margin = '{self.margin_name}' computes it"
@@ -103,6 +106,9 @@ class Safety(Strict):
             message = "expected composition = 'pairs', or another margin: it is of a pair's row"
             raise field_error(("margin",), message, self.margin)
         self._function = built("function", SafeSetFunction, self.function)
+        if isinstance(self._function, HeadingAware) and not self.information.reads_roles:
+            message = "expected another: h of 'heading-aware' depends on declared roles"
+            raise field_error(("information",), message, self.information.value)
         self._alpha = tuple(_class_k(place, given) for place, given in enumerate(self.alpha))
         if self.limits_alpha and not isinstance(self._alpha[-1], Linear):
             message = "expected a number, or another margin: 'integrated' needs a linear α_q"

@@ -65,6 +65,21 @@ class SafetyRows:
         vars(other).update({name: value for name, value in vars(self).items() if name != "swarm"})
         return other
 
+    def seen_by(self, i: int) -> "SafetyRows":
+        """Return the rows of the swarm as agent i knows it; these, where roles are declared.
+
+        Adversaries know everything. Rows with equal expressions are compiled once for all agents.
+        """
+        swarm = self.swarm
+        if swarm.safety.information.reads_roles or swarm.members[i].adversary:
+            return self
+        if i not in self._views:
+            view = self._views[i] = build_rows(swarm.seen_by(i))
+            vars(view)["_row_functions"] = self._row_functions
+        view = self._views[i]
+        same = view.swarm.scenario is swarm.scenario
+        return view if same else view.with_seed(swarm.seed, swarm.scenario.reseed)
+
     @property
     def relative_degree(self) -> int:
         """q."""
@@ -192,7 +207,7 @@ class SafetyRows:
         a, b = swarm.pairs.ordered(i, other)
         (kind,) = swarm.pairs.kinds_of(np.array([[a, b]])).tolist()
         sides = [l for l in (i, other) if l < len(swarm.members)]
-        return kind, a == i, *[id(swarm.groups[l]) for l in sides]
+        return swarm.pairs.kinds[kind].kind.text, a == i, *[id(swarm.groups[l]) for l in sides]
 
     def pair_chain(self, pair: int) -> Chain:
         """Return the chain of one pair alone, by its index in the safe set."""
@@ -233,10 +248,12 @@ class SafetyRows:
         if swarm.safety.pairwise:
             psi = self.pair_psi.choose(swarm.pairs.every)
             return lambda x: psi(x).ravel()
-        # With limited sensing every agent composes its own set.
+        # With limited sensing, or its own pairs alone, every agent composes its own set.
+        each = swarm.limited or not swarm.safety.information.reads_roles
         views = [
-            (i, self.composed.of(i, swarm.sensing(i), by_kind=self._by_kind))
-            for i in (swarm.normal if swarm.limited else swarm.normal[:1])
+            (i, view.composed.of(i, swarm.sensing(i), by_kind=view._by_kind))
+            for i in (swarm.normal if each else swarm.normal[:1])
+            for view in [self.seen_by(i)]
         ]
         return lambda x: np.concatenate([terms.psi(x, swarm.seen(i, x)) for i, terms in views])
 
@@ -258,6 +275,11 @@ class SafetyRows:
 
     @cached_property
     def _bounds(self) -> dict[int, LocalBound]:
+        return {}
+
+    @cached_property
+    def _views(self) -> "dict[int, SafetyRows]":
+        """Rows of the swarm as agents know it that read no role."""
         return {}
 
     def _qp(self, i: int) -> NearestInput:

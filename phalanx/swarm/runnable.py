@@ -59,11 +59,11 @@ def _evaluate_start(rows: SafetyRows) -> None:
         # Not all agents: in a large swarm no agent evaluates so many at once.
         seen = sorted({*swarm.seen(i, x), *[l for ends in swarm.ends for l in ends]})
         if swarm.safety.pairwise:
-            rows.pair_terms(i)(x, seen)
+            rows.seen_by(i).pair_terms(i)(x, seen)
             for l in set(first) & set(swarm.normal):
                 require_margin(rows, l, x, swarm.seen(l, x), " at the start")
         else:
-            terms = rows.terms(i)(x, seen)
+            terms = rows.seen_by(i).terms(i)(x, seen)
             terms.psi, terms.margin  # noqa: B018
         states = dict(enumerate(x[part] for part in swarm.safe_set.parts))
         for l in range(len(swarm.members)):
@@ -96,6 +96,7 @@ def _require_rules(swarm: Swarm, x: Array) -> None:
 
 def _require_law(rows: SafetyRows, i: int, x: Array) -> None:
     """Compute agent i's first input by a new law and controller, since they may have a state."""
+    rows = rows.seen_by(i)
     swarm = rows.swarm
     law, seen = swarm.law(i), swarm.seen(i, x)
     terms = rows.terms(i)(x, seen)
@@ -118,23 +119,21 @@ def compile_rows(rows: SafetyRows) -> None:
     swarm.broadcasters  # noqa: B018
     ends = sorted({l for both in swarm.ends for l in both})
     for i in ends:
-        rows.terms(i)
-    if swarm.safety.pairwise:
-        _compile_pairs(rows, ends)
+        rows.seen_by(i).terms(i)
+        if swarm.safety.pairwise and i in swarm.normal:
+            _compile_pairs(rows.seen_by(i), i, ends)
     for first, _ in swarm.ends:
-        _evaluate_rows(rows, first)
+        _evaluate_rows(rows.seen_by(first), first)
     swarm.links, swarm.programs, swarm.digest  # noqa: B018
 
 
-def _compile_pairs(rows: SafetyRows, ends: Sequence[int]) -> None:
+def _compile_pairs(rows: SafetyRows, i: int, ends: Sequence[int]) -> None:
     swarm = rows.swarm
     obstacles = range(len(swarm.members), len(swarm.members) + len(swarm.pairs.obstacles))
-    for i in ends:
-        if i in swarm.normal:
-            for other in (*ends, *obstacles):
-                for part in RowPart if other in swarm.normal else (RowPart.WHOLE,):
-                    if other != i:
-                        rows.row_function(i, other, part, rows.margin(i))
+    for other in (*ends, *obstacles):
+        for part in RowPart if other in swarm.normal else (RowPart.WHOLE,):
+            if other != i:
+                rows.row_function(i, other, part, rows.margin(i))
 
 
 def _evaluate_rows(rows: SafetyRows, i: int) -> None:

@@ -78,6 +78,17 @@ class Swarm:
         vars(other).update({name: value for name, value in vars(self).items() if name not in drawn})
         return other
 
+    def seen_by(self, i: int) -> "Swarm":
+        """Return the swarm as normal agent i knows it if it reads no role: all others may attack.
+
+        The safe set is then that of agent i's own pairs.
+        """
+        whole = self.safe_set
+        members = [replace(m, adversary=l != i) for l, m in enumerate(whole.members)]
+        composed = compose(members, whole.obstacles, whole.function, self.safety.rho)
+        pairs = SwarmPairs(members, whole.obstacles, whole.function, self.pairs.degree)
+        return Swarm(self.scenario, composed, pairs)
+
     @property
     def seeds(self) -> Seeds:
         """The seed in force at each time."""

@@ -1,6 +1,6 @@
 """Information models: assumptions of a row on the other normal agents' inputs.
 
-Adversaries count at their worst, γ_j^max, in every model.
+Declared adversaries count at their worst, γ_j^max, in every model.
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,6 +37,19 @@ class Information(StrEnum):
     `pairs` shares are constant, and each agent's own margin is enough."""
     WORST_CASE = "worst-case"
     """γ_l^max for all others. Always sound, feasible least often."""
+    UNKNOWN = "unknown"
+    """Roles are not declared: an agent keeps its own pairs alone, with everyone else at γ_l^max. It
+    reads no role, so that its pairs hold even if all others were taken over."""
+
+    @property
+    def reads_roles(self) -> bool:
+        """Return whether agents know who is normal and who is an adversary."""
+        return self is not Information.UNKNOWN
+
+    @property
+    def counts_on_others(self) -> bool:
+        """Return whether a row holds only if other normal agents keep theirs, or say the truth."""
+        return self.shares or self.counts_on_received
 
     @property
     def shares(self) -> bool:

@@ -51,7 +51,7 @@ class PairKind:
         """Number of states of each member, then number of parameters."""
         return [*[x.numel() for x in self.x], self.parameters.numel()]
 
-    @property
+    @cached_property
     def text(self) -> str:
         """Serialized h and dynamics of the members: different for different kinds."""
         parts = [

@@ -1,0 +1,130 @@
+"""Agents that read no role: relabelled swarms give the same inputs, to the bit."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from phalanx_agent.controller import DistributedController
+
+from phalanx.guarantee.check import check
+from phalanx.scenario.load import ScenarioError, load
+from phalanx.seeded.draws import Draws
+from phalanx.swarm.rows import SafetyRows, build_rows
+from phalanx.swarm.swarm import build_swarm
+
+SWARM = """
+name = "relabelled"
+duration = 1.0
+[safety]
+function = { type = "separation", radius = 1.0 }
+rho = 5.0
+alpha = [10.0]
+information = "unknown"
+composition = "COMPOSITION"
+margin = "local"
+[formation]
+path = [[0.0, 0.0], [4.0, 0.0], [6.0, 0.0], [9.0, 0.0]]
+finish = 2.0
+radius = 1.5
+slots = 4
+[[obstacles]]
+center = [3.0, 1.0]
+clearance = 0.5
+"""
+AGENT = """
+[[agents]]
+names = ["{name}"]
+role = "{role}"
+dynamics = {{ type = "unicycle", speed = {speed}, turn_rate = 2.0, offset = 0.25 }}
+law = {{ type = "{law}" }}
+clock = {{ period = 0.01, jitter = 0.002 }}
+disturbance = {{ bound = 0.3, every = 0.1 }}
+slots = [{slot}]
+"""
+
+
+def rows_with(roles: str, composition: str, tmp_path, law: str = "track-velocity") -> SafetyRows:
+    """Agents "1", "2", ... with these roles, "n" or "a"; faster ones have higher numbers."""
+    text = SWARM.replace("COMPOSITION", composition)
+    for slot, role in enumerate(roles):
+        known = {"n": "normal", "a": "adversary"}[role]
+        text += AGENT.format(name=slot + 1, role=known, speed=2 + slot, slot=slot, law=law)
+    (tmp_path / f"{roles}.toml").write_text(text)
+    return build_rows(build_swarm(load(tmp_path / f"{roles}.toml")))
+
+
+def crowded_states(rows: SafetyRows) -> Iterator[np.ndarray]:
+    """States around the start, some with agents near enough for their rows to bind."""
+    start = rows.swarm.start()
+    draws = Draws(3, "relabelled", width=len(start))
+    for k in range(40):
+        yield 0.7 * start + 0.5 * (2.0 * draws[k] - 1.0)
+
+
+def inputs(rows: SafetyRows) -> list[bytes]:
+    controller = DistributedController(rows, 0)
+    everyone = tuple(range(len(rows.swarm.members)))
+    return [
+        controller(x, everyone, 0.02 * k, {}).decision.u.tobytes()
+        for k, x in enumerate(crowded_states(rows))
+    ]
+
+
+@pytest.mark.parametrize("composition", ["pairs", "lse"])
+@pytest.mark.parametrize("law", ["track-velocity", "pursue"])
+def test_an_agents_inputs_do_not_depend_on_the_roles_of_others(composition, law, tmp_path):
+    first = inputs(rows_with("nnnn", composition, tmp_path, law))
+    assert len(set(first)) > 2
+    for roles in ("naaa", "nnaa", "nana", "naan"):
+        assert inputs(rows_with(roles, composition, tmp_path, law)) == first
+
+
+def test_rows_bind_at_some_of_these_states_so_that_roles_could_have_mattered(tmp_path):
+    rows = rows_with("nnnn", "pairs", tmp_path)
+    controller = DistributedController(rows, 0)
+    made = [controller(x, (0, 1, 2, 3), 0.0, {}) for x in crowded_states(rows)]
+    changed = [not np.allclose(step.decision.u, step.u_nom) for step in made]
+    assert sum(changed) > 5
+
+
+def test_an_agent_composes_its_own_pairs_alone(tmp_path):
+    rows = rows_with("nnna", "lse", tmp_path)
+    own = rows.seen_by(1).swarm.safe_set
+    assert [own.label(pair) for pair in own.pairs] == ["2-1", "2-3", "2-4", "2-obstacle 0"]
+    adversary = rows.seen_by(3)
+    assert adversary is rows
+
+
+def test_agents_with_equal_pairs_share_what_is_compiled(tmp_path):
+    rows = build_rows(build_swarm(load("guaranteed", {"safety.information": "unknown"})))
+    x = rows.swarm.start()
+    for i in rows.swarm.normal:
+        rows.seen_by(i).pair_terms(i)(x)
+    kinds = len(rows._row_functions)
+    assert kinds == 3  # a normal agent, an adversary, an obstacle
+
+
+def test_another_seed_reaches_the_agents_own_rows():
+    rows = build_rows(build_swarm(load("guaranteed", {"safety.information": "unknown"})))
+    assert rows.seen_by(0).swarm.seed == 0
+    assert rows.with_seed(7).seen_by(0).swarm.seed == 7
+    assert rows.seen_by(0).swarm.seed == 0
+
+
+@pytest.mark.parametrize("name", ["unicycles", "guaranteed"])
+def test_check_says_whether_a_swarm_can_start_and_what_it_costs(name):
+    report = check(load(name, {"safety.information": "unknown"}))
+    assert all(report.rows_at_start.values())
+    assert any("everyone else at worst" in words for words in report.words)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "changes", "why"),
+    [
+        ("heading-aware", {}, "depends on declared roles"),
+        ("unicycles", {"safety.control": "centralised"}, "knows whom it controls"),
+    ],
+)
+def test_what_reads_roles_is_refused(scenario, changes, why):
+    with pytest.raises(ScenarioError, match=why):
+        load(scenario, {"safety.information": "unknown", **changes})
