@@ -110,26 +110,26 @@ class PlantRun:
         self._recording, self._commands = recording, commands
         commands.declare(declared(swarm))
         self._world, self._sampling = World(rows), Sampling(swarm)
-        self._judge = Judge(rows, agents.await_telemetry)
-        for history in self._judge.evaluation.of([self._world.take_history()]):
-            self._judge.add(history)
+        self.judge = Judge(rows, agents.await_telemetry)
+        for history in self.judge.evaluation.of([self._world.take_history()]):
+            self.judge.add(history)
         self._trajectory = TrajectoryHash()
         self._publisher = Publisher(
-            self._world, self._judge, commands, agents.publish_status, audience
+            self._world, self.judge, commands, agents.publish_status, audience
         )
         # They receive each judged event in this order.
         observers = [self._trajectory.add, self._publisher.see]
         if recording is not None:
             observers.append(Recorder(swarm, recording).record)
-        events = EventQueue(self._judge, observers, self._publisher.idle)
+        events = EventQueue(self.judge, observers, self._publisher.idle)
         self._clock = clock(self._world, self._sampling, agents, events, commands)
 
     def time(self, stopwatch: Stopwatch) -> None:
         """Time the phases of the plant's work."""
         stopwatch.time(self._world.integration.motion, "steps", "integrate")
-        stopwatch.time(self._judge.evaluation, "of", "truth")
+        stopwatch.time(self.judge.evaluation, "of", "truth")
         for call in ("prepare", "judge"):
-            stopwatch.time(self._judge, call, "judge")
+            stopwatch.time(self.judge, call, "judge")
         if self._recording is not None:
             stopwatch.time(self._recording, "write", "record")
         stopwatch.time(self._publisher, "show", "show")
@@ -160,7 +160,7 @@ class PlantRun:
     def complete(self) -> End:
         """Judge a run that went to the end of its scenario."""
         self._publisher.show(last=True)
-        assumptions, extremes = self._judge.assumptions, self._judge.extremes
+        assumptions, extremes = self.judge.assumptions, self.judge.extremes
         return End(
             *judge(
                 extremes.violations(),
@@ -177,14 +177,14 @@ class PlantRun:
         dropped = {
             **rejected,
             **self._commands.refusals.counts,
-            **self._judge.rejected,
+            **self.judge.rejected,
         }
         return self._summary(outcome, reason, dropped, wall)
 
     def _summary(
         self, outcome: Outcome, reason: str, rejected: dict[str, int], wall: float
     ) -> Summary:
-        checked, extremes = self._judge, self._judge.extremes
+        checked, extremes = self.judge, self.judge.extremes
         hits = checked.claims.faults + self._sampling.faults
         return Summary(
             outcome=outcome,

@@ -42,6 +42,8 @@ class Coverage:
         """End of the certificate of each side of each pair [s], pair by pair, shape (2p,)."""
         self.ends = np.full(len(pairs), -np.inf)
         """Time until which each pair is certified so far [s], shape (p,)."""
+        self.least = np.full(len(pairs), np.inf)
+        """The least time that was left of each pair's certificate [s], shape (p,); < 0: none."""
         self._is_apart = np.zeros(len(pairs), dtype=bool)
         self._turned: set[int] = set()
         self._inputs = {i: len(swarm.members[i].dynamics.inputs) for i in swarm.normal}
@@ -73,6 +75,7 @@ class Coverage:
     def reached(self, t: float) -> None:
         """Check that all pairs are certified until t [s]."""
         ends = np.where(self._is_apart, np.inf, self.ends) if self._turned else self.ends
+        np.minimum(self.least, ends - t, out=self.least)
         first = int(ends.argmin())
         covered = bool(ends[first] >= t)
         self.assumption.check(covered, t)

@@ -1,0 +1,120 @@
+"""The robustness of a run: a signed number for each pair, below zero if the pair was unsafe.
+
+A verdict tells a search nothing of how close a run came; h alone is far below zero while all agents
+is far apart. So the number first counts what is left of a pair's certificate, then h:
+
+- below 0: the pair was unsafe; minus its largest h;
+- 0 to 1: safe, but for some time without a certificate; how far h stayed below 0;
+- 1 to 9: under a certificate throughout; 1 + the least time that was left of it, in τ, + the same.
+
+h is in multiples of the pair's scale, so that pairs of different kinds can be compared.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from phalanx.guarantee.certificate import MULTIPLES
+from phalanx.guarantee.verdict import Summary
+from phalanx.launcher.in_process_engine import DirectRun, RecordsInMemory
+from phalanx.recording.read import Recording
+from phalanx.recording.records import State, Step
+from phalanx.recording.tables import h_of_pairs
+from phalanx.scenario.model import Scenario
+from phalanx.swarm.rows import SafetyRows
+from phalanx.swarm.runnable import compile_rows, require_runnable
+from phalanx.swarm.swarm import Swarm, build_swarm
+
+_LONGEST = MULTIPLES[0] - 1.0
+"""What is left at least of a certificate of a pair that is far apart, in τ."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """A run without files, and how close it came to a violation."""
+
+    summary: Summary
+    recording: Recording
+    """Its states and steps."""
+    pairs: Mapping[str, float]
+    """Robustness of each pair, by its label."""
+    adversaries: Mapping[str, float]
+    """The least robustness of an adversary's pairs, by its name."""
+
+    @property
+    def least(self) -> float:
+        """The robustness of the run: that of its weakest pair."""
+        return min(self.pairs.values(), default=np.inf)
+
+    @property
+    def weakest(self) -> str:
+        """The label of the weakest pair."""
+        return min(self.pairs, key=self.pairs.__getitem__, default="")
+
+
+def evaluate(scenario: Scenario, scales: Mapping[str, float] | None = None) -> Evaluation:
+    """Run a resolved scenario in-process to its verdict, and measure its robustness.
+
+    scales: of h of each pair, by label, as scales_of returns them for the scenario that a search
+    began with; by default those of this scenario.
+
+    Raises:
+        ScenarioError: the scenario cannot be run.
+        MistakenMethodError: a user's class does not do what it must.
+    """
+    return evaluate_rows(require_runnable(build_swarm(scenario)), scales)
+
+
+def evaluate_rows(rows: SafetyRows, scales: Mapping[str, float] | None = None) -> Evaluation:
+    """Do the same with rows that are built already."""
+    swarm, records, known = rows.swarm, RecordsInMemory(), scales or scales_of(rows.swarm)
+    run = DirectRun(rows, records)
+    summary = run.plant.run(prepare=lambda: compile_rows(rows))
+    states, steps = records.of(State), records.of(Step)
+    recording = Recording(Path(), swarm.scenario, {}, states, steps)
+    # Between two states an unsafe h is in the summary's violations, to the integration step.
+    highest = {label: float(h.max()) for label, h in h_of_pairs(swarm, recording.x).items()}
+    left = dict(zip(highest, run.plant.judge.coverage.least.tolist(), strict=True))
+    for violation in summary.violations:
+        highest[violation.pair] = max(highest[violation.pair], violation.worst)
+    counted = {violation.pair for violation in summary.violations}
+    for violation in summary.apart:  # no normal agent is left in it
+        if violation.pair not in counted:
+            del highest[violation.pair]
+    tau = max(swarm.horizon(i) for i in swarm.normal)
+    pairs = {label: robustness(h / known[label], left[label] / tau) for label, h in highest.items()}
+    return Evaluation(summary, recording, pairs, _of_adversaries(swarm, pairs))
+
+
+def robustness(h: float, left: float) -> float:
+    """Return a pair's robustness.
+
+    Args:
+        h: its largest value, in multiples of its scale.
+        left: the least time that was left of its certificate, in τ.
+    """
+    if not h <= 0.0:
+        return -h
+    below = -h / (1.0 - h)
+    return below if left < 0.0 else 1.0 + min(left, _LONGEST) + below
+
+
+def scales_of(swarm: Swarm) -> dict[str, float]:
+    """Return the scale of each pair's h, by label: the least |h| at x(0) of pairs of its kind."""
+    at_start = h_of_pairs(swarm, swarm.start()[None])
+    size = np.array([abs(float(h[0])) for h in at_start.values()])
+    kinds = swarm.pairs.kinds_of(swarm.pairs.every)
+    least = {kind: float(size[kinds == kind].min()) for kind in set(kinds.tolist())}
+    return {label: least[kind] or 1.0 for label, kind in zip(at_start, kinds.tolist(), strict=True)}
+
+
+def _of_adversaries(swarm: Swarm, pairs: Mapping[str, float]) -> dict[str, float]:
+    composed, found = swarm.safe_set, dict[str, float]()
+    for pair in composed.pairs:
+        for l in (pair.a, pair.b):
+            if l < len(swarm.members) and swarm.members[l].adversary:
+                value = pairs.get(composed.label(pair), np.inf)
+                found[swarm.names[l]] = min(found.get(swarm.names[l], np.inf), value)
+    return found

@@ -1,0 +1,68 @@
+"""The robustness of a run: its sign is the verdict's, and it falls as a run comes closer."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import phalanx
+from phalanx.attacks.robustness import evaluate, robustness, scales_of
+from phalanx.scenario.load import load
+from phalanx.swarm.swarm import build_swarm
+
+FINITE = st.floats(-1e3, 1e3)
+
+
+@given(FINITE, st.floats(-1e3, 8.0))
+def test_it_is_below_zero_exactly_if_h_was_above_and_below_one_without_a_certificate(h, left):
+    found = robustness(h, left)
+    assert (found < 0.0) == (h > 0.0)
+    assert (found < 1.0) == (h > 0.0 or left < 0.0)
+
+
+@given(FINITE, FINITE, st.floats(-1e3, 8.0))
+def test_it_falls_as_h_rises(h, other, left):
+    low, high = sorted((h, other))
+    assert robustness(high, left) <= robustness(low, left)
+
+
+def one_on_one(start: list[float], **fields: object) -> phalanx.Scenario:
+    overrides = {"agents.1.start.0": start, "agents.1.dynamics.speed": 3.0, "duration": 1.0}
+    return load("one-on-one", {**overrides, **fields})
+
+
+def test_an_evaluation_has_the_verdict_and_the_hash_of_its_run():
+    scenario = one_on_one([0.0, -1.1])
+    run, found = phalanx.run(scenario, engine="in-process"), evaluate(scenario)
+    assert found.summary.trajectory == run.summary.trajectory
+    assert run.verdict == "violated"
+    assert found.least < 0.0
+    (violation,) = run.summary.violations
+    (scale,) = scales_of(build_swarm(scenario)).values()
+    assert found.least == pytest.approx(-violation.worst / scale)
+
+
+def test_a_pursuer_that_begins_closer_has_less_robustness_on_the_same_scale():
+    scales = scales_of(build_swarm(one_on_one([0.0, -4.0])))
+    starts = ([0.0, -9.0], [0.0, -4.0], [0.0, -2.5], [0.0, -1.1])
+    found = [evaluate(one_on_one(start), scales) for start in starts]
+    values = [each.least for each in found]
+    assert values == sorted(values, reverse=True)
+    assert values[0] > 1.0 > 0.0 > values[-1]
+    assert all(each.adversaries == {"2": each.least} for each in found)
+    assert {each.weakest for each in found} == {"1-2"}
+
+
+def test_a_pair_that_is_under_a_certificate_throughout_has_what_is_left_of_it():
+    overrides = {"duration": 0.3}
+    found = evaluate(load("guaranteed", overrides))
+    assert found.summary.outcome == "guaranteed"
+    assert found.least >= 1.0
+    assert len(found.pairs) == len(build_swarm(load("guaranteed", overrides)).safe_set.pairs)
+
+
+def test_pairs_without_a_normal_agent_do_not_count():
+    turned = {"agents": ["1"], "kind": "turn", "at": 0.0}
+    found = evaluate(one_on_one([0.0, -1.1], faults=[turned]))
+    assert found.summary.apart
+    assert found.pairs == {}
+    assert found.summary.outcome != "violated"
