@@ -27,6 +27,8 @@ class StepResult(NamedTuple):
     """The agents whose û_l counted."""
     notes: Mapping[str, float] = MappingProxyType({})
     """Numbers that another controller than the paper's wants recorded."""
+    claimed: Array | None = None
+    """The input that it broadcasts, shape (m_i,); None for the one that it applies."""
 
     def report(self, solve_time: float) -> StepReport:
         """Make the report of the decision; solve_time: its wall time [s]."""
@@ -94,6 +96,24 @@ class DistributedController:
         self._terms, self._filter = rows.terms(self._i), rows.unfiltered(self._i)
         self._own = None
         return self
+
+
+class HijackedController:
+    """An attack behind the broadcasts of the controller that it replaced."""
+
+    def __init__(self, honest: AgentController, attack: AgentController) -> None:
+        self._honest, self._attack = honest, attack
+
+    def __call__(
+        self, x: Array, seen: tuple[int, ...], t: float, received: Mapping[int, ReceivedInput]
+    ) -> StepResult:
+        """Decide, as an AgentController does."""
+        claimed = self._honest(x, seen, t, received).decision.u
+        return self._attack(x, seen, t, received)._replace(claimed=claimed)
+
+    def as_adversary(self) -> AgentController:
+        """Attack openly."""
+        return self._attack
 
 
 class CentralisedController:

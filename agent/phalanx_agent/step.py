@@ -35,6 +35,7 @@ from phalanx_agent.controller import (
     CentralisedController,
     CentralisedPart,
     DistributedController,
+    HijackedController,
     StepResult,
 )
 
@@ -200,9 +201,10 @@ class ControlStep:
         received = self.inbox.received()
         result = self.decide(x, sample.seen, sample.t, received)
         u, t_apply = tuple(result.decision.u.tolist()), sample.t + self._latency
+        claimed = u if result.claimed is None else tuple(result.claimed.tolist())
         return Answer(
             Actuation(k=sample.k, t_apply=t_apply, u=u),
-            self._broadcasts(sample, Claim(t_apply, u)),
+            self._broadcasts(sample, Claim(t_apply, claimed)),
             Telemetry(
                 k=sample.k,
                 report=result.report(time.perf_counter() - began),
@@ -270,7 +272,10 @@ class ControlStep:
         turned = commands.adversary and not (self._commands and self._commands.adversary)
         self._commands = commands
         self.inbox.override_links(commands.loss, commands.delay)
-        if turned:
+        if turned and commands.hidden:
+            attack = DistributedController(self._rows, self.i).as_adversary()
+            self._controller = HijackedController(self._controller, attack)
+        elif turned:
             self._controller = self._controller.as_adversary()
 
 

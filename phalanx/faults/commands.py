@@ -36,6 +36,8 @@ class CommandKind(StrEnum):
     """`agent` samples again, at once."""
     TURN = "turn"
     """`agent` applies u_i^max of Eq. (adversarialu) from now on, and still broadcasts."""
+    HIJACK = "hijack"
+    """The same, but `agent` goes on broadcasting the inputs of its own controller."""
 
 
 class Condition(StrEnum):
@@ -94,6 +96,11 @@ EFFECTS: Mapping[str, Effect] = {
         "thawed", frozenset({Condition.FROZEN}), None, ProcessChange.GOES_ON, harms=False
     ),
     CommandKind.TURN: Effect("turned adversary", frozenset({Condition.FINE}), Condition.TURNED),
+    CommandKind.HIJACK: Effect(
+        "hijacked: it attacks, and broadcasts inputs that it does not apply",
+        frozenset({Condition.FINE}),
+        Condition.TURNED,
+    ),
 }
 """Effects of all commands on agents."""
 LINK_COMMANDS = frozenset({CommandKind.LOSS, CommandKind.DELAY})
@@ -187,6 +194,8 @@ class ActiveCommands(msgspec.Struct, array_like=True, frozen=True, kw_only=True)
     """Attack from now on."""
     die: bool = False
     """End at once, without an answer."""
+    hidden: bool = False
+    """While it attacks, broadcast the inputs of its own controller."""
 
 
 class FaultState:
@@ -199,6 +208,7 @@ class FaultState:
         self.delay: float | None = None
         self._names = names
         self._turned: set[int] = set()
+        self._hidden: set[int] = set()
 
     def apply(self, command: Command) -> int | None:
         """Update the state by a command. Return the agent whose condition changed, if any."""
@@ -213,6 +223,7 @@ class FaultState:
             return None
         if effect.leads_to is Condition.TURNED:
             self._turned.add(i)
+            self._hidden |= {i} if command.kind == CommandKind.HIJACK else set()
         before = Condition.TURNED if i in self._turned else Condition.FINE
         self.condition[i] = effect.leads_to or before
         return i
@@ -221,7 +232,8 @@ class FaultState:
         """Return the commands that agent i's samples carry; None if none concerns it."""
         if self.loss is None and self.delay is None and i not in self._turned:
             return None
-        return ActiveCommands(loss=self.loss, delay=self.delay, adversary=i in self._turned)
+        turned, hidden = i in self._turned, i in self._hidden
+        return ActiveCommands(loss=self.loss, delay=self.delay, adversary=turned, hidden=hidden)
 
 
 def turns(names: Sequence[str], commands: Iterable[Command]) -> dict[str, float]:

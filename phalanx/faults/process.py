@@ -32,11 +32,8 @@ class PauseFault(TemporaryAgentFault):
     begins_with, ends_with = CommandKind.FREEZE, CommandKind.THAW
 
 
-class TurnFault(AgentFault):
+class AttackFault(AgentFault):
     """Normal agents become adversaries, permanently."""
-
-    kind: Literal["turn"]
-    begins_with = CommandKind.TURN
 
     def check(self, agents: Mapping[str, AgentFacts], where: FieldPath) -> None:
         """Raise ValidationError for an agent that is not normal."""
@@ -46,4 +43,18 @@ class TurnFault(AgentFault):
                 raise field_error((*where, "agents"), "expected normal agents", name)
 
 
-ProcessFault = KillFault | RestartFault | PauseFault | TurnFault
+class TurnFault(AttackFault):
+    """Adversaries that broadcast what they apply."""
+
+    kind: Literal["turn"]
+    begins_with = CommandKind.TURN
+
+
+class HijackFault(AttackFault):
+    """Adversaries that broadcast what they would have applied."""
+
+    kind: Literal["hijack"]
+    begins_with = CommandKind.HIJACK
+
+
+ProcessFault = KillFault | RestartFault | PauseFault | TurnFault | HijackFault

@@ -127,6 +127,7 @@ AGENTS: Mapping[str, Overrides] = {
     "pause": _of_agent("pause"),
     "pause, rate = 4.0": {"faults": [{"kind": "pause", "rate": 4.0, "for": 0.1}]},
     "turn": _of_agent("turn", None),
+    "hijack": _of_agent("hijack", None),
     "clock, step = 0.2": _of_agent("clock", None, step=0.2),
     "clock, skew = 0.2": _of_agent("clock", skew=0.2),
     "clock, drift = 2.0": _of_agent("clock", drift=2.0),

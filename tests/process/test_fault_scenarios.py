@@ -100,6 +100,7 @@ EFFECTS: dict[str, Callable[[phalanx.Run], bool]] = {
     "delay": lambda run: slow(run) > 0.9,
     "distance": lambda run: 0.0 < lost(run) < 1.0 and slow(run) > 0.5,
     "duplicate": lambda run: sum(fault.count for fault in run.summary.faults) > 20,
+    "hijack": lambda run: logged(run, "1 hijacked") and failed(run, "truthful broadcasts") > 20,
     "hold": lambda run: slow(run) > 0.2,
     "kill": lambda run: silent(run, "1", AT, 1.0) and logged(run, "1 killed; lost with it: the"),
     "link": lambda run: lost(run) > 0.0 and slow(run) > 0.0,

@@ -57,6 +57,12 @@ class Assumptions:
             note="every received input that a row counted on was being applied",
         )
         self._faithful = Assumption("faithful agents", note="no normal agent fell silent or turned")
+        self._each_alone = not swarm.safety.information.reads_roles
+        if self._each_alone:
+            self._faithful.note = (
+                "no normal agent fell silent; others may turn, as rows count everyone at worst: "
+                "the theorem promises every pair with an agent that did not"
+            )
         self._truthful = Assumption(
             "truthful sensors", note="every sample of a normal agent had the true state"
         )
@@ -99,7 +105,8 @@ class Assumptions:
         found = [self._start_kept, self._gap, self._disturbance]
         found += [self._rows, self._margin] if self._filtered else [self._margin]
         found += [self._stayed] if self._stayed.checked else []
-        found += [each for each in (self._prompt, self._faithful, self._truthful) if each.failed]
+        found += [each for each in (self._prompt, self._truthful) if each.failed]
+        found += [self._faithful] if self._faithful.checked else []
         safety = self._swarm.safety
         if safety.centralised:
             return [*found, self._synchronous]
@@ -152,7 +159,7 @@ class Assumptions:
         self._prompt.check(t_apply - t <= self._latency + _ROUNDING, t_apply)
         if i in self._swarm.normal:
             if telemetry.report.origin == Origin.ATTACK:
-                self._faithful.check(False, t)
+                self._faithful.check(self._each_alone, t)
             else:
                 self._made(event, telemetry)
         self._in_force[i] = t_apply

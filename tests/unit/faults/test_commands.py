@@ -18,6 +18,7 @@ from phalanx.faults.process import ProcessFault
 
 KILL, RESTART = CommandKind.KILL, CommandKind.RESTART
 FREEZE, THAW, TURN = CommandKind.FREEZE, CommandKind.THAW, CommandKind.TURN
+HIJACK = CommandKind.HIJACK
 
 
 def after(*kinds: CommandKind) -> tuple[Condition, bool]:
@@ -38,6 +39,7 @@ def after(*kinds: CommandKind) -> tuple[Condition, bool]:
         ((KILL, RESTART), Condition.FINE),
         ((TURN,), Condition.TURNED),
         ((TURN, FREEZE, THAW), Condition.TURNED),
+        ((HIJACK,), Condition.TURNED),
         ((TURN, KILL, RESTART), Condition.TURNED),
     ],
 )
@@ -58,6 +60,8 @@ def test_a_command_leads_on_from_the_conditions_that_it_fits(kinds, condition):
         ((KILL, THAW), Condition.DEAD),
         ((KILL, TURN), Condition.DEAD),
         ((TURN, TURN), Condition.TURNED),
+        ((TURN, HIJACK), Condition.TURNED),
+        ((HIJACK, TURN), Condition.TURNED),
     ],
 )
 def test_in_any_other_condition_a_command_has_no_effect(kinds, condition):
@@ -79,9 +83,17 @@ def test_active_commands_are_those_on_links_and_the_agents_own_turn():
     state.apply(Command(0.0, TURN, "a"))
     assert state.active_commands(1) is None
     assert state.active_commands(0).adversary
+    assert not state.active_commands(0).hidden
     state.apply(Command(0.0, CommandKind.LOSS, value=0.25))
     state.apply(Command(0.0, CommandKind.DELAY, value=0.5))
     assert state.active_commands(1) == ActiveCommands(loss=0.25, delay=0.5)
+
+
+def test_a_hijacked_agent_hides_its_attack():
+    state = FaultState(("a", "b"))
+    state.apply(Command(0.0, HIJACK, "b"))
+    assert state.active_commands(0) is None
+    assert state.active_commands(1) == ActiveCommands(adversary=True, hidden=True)
 
 
 def test_a_turn_counts_from_when_it_has_an_effect():

@@ -29,7 +29,7 @@ OF_TYPE = {
 }
 # What the page says in words: arrays in arrays, and maps.
 OF_FIELD = {
-    "commands": [0.1, None, True, False],
+    "commands": [0.1, None, True, False, True],
     "ages": [[1, 0.01]],
     "received": [[1, 0.25, [1.5, -2.0]]],
     "notes": [["gap", 0.25]],
