@@ -1,6 +1,7 @@
 """The same for all tests, however they are started: hypothesis's examples, and what signals do."""
 
 import gc
+import os
 import signal
 from collections.abc import Iterator
 
@@ -16,6 +17,9 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
 )
 settings.load_profile("seeded")
+
+# Nothing that was compiled before decides what a test computes with.
+os.environ["PHALANX_CC"] = ""
 
 # A shell has what it starts with & or nohup ignore these, and so does all that is started from it.
 signal.signal(signal.SIGINT, signal.default_int_handler)

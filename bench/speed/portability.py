@@ -1,10 +1,11 @@
 """Compare trajectory hashes of the shipped scenarios under other kernels, CPUs, libms and Pythons.
 
     python bench/speed/portability.py --python 3.12=path/to/python --python 3.13=path/to/python
+    python bench/speed/portability.py --only compiled [--engine processes]
 
-Each run is a `phalanx run --engine in-process` of its own. The first column is this Python
-unchanged; other cells are `same` or another hash. Exits with 1 if any differs. The last line
-compares the sines of libm itself.
+Each run is a `phalanx run` of its own. The first column is this Python with CasADi's interpreter;
+*compiled* is machine code, as `phalanx compile` makes it. Other cells are `same` or
+another hash. Exits with 1 if any differs. The last line compares the sines of libm itself.
 """
 
 import argparse
@@ -12,15 +13,19 @@ import ctypes
 import hashlib
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 import phalanx
+from phalanx.launcher.engine import ENGINES
+from phalanx.theory.expressions.native import COMPILER, FOLDER
 
 _NUMPY = np._core._multiarray_umath  # type: ignore[attr-defined]
 _DISPATCHED = [f for f in _NUMPY.__cpu_dispatch__ if _NUMPY.__cpu_features__.get(f)]
@@ -29,6 +34,7 @@ SETTINGS: Mapping[str, Mapping[str, str]] = {
     "BLAS Haswell": {"OPENBLAS_CORETYPE": "Haswell"},
     "no SIMD": {"NPY_DISABLE_CPU_FEATURES": " ".join(_DISPATCHED)},
     "libm without FMA": {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-AVX2,-FMA4"},
+    "compiled": {COMPILER: shutil.which("cc") or ""},
 }
 
 
@@ -37,6 +43,8 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     arguments.add_argument("scenarios", nargs="*", default=list(phalanx.shipped()))
     arguments.add_argument("--duration", type=float, help="virtual time [s]; whole runs otherwise")
+    arguments.add_argument("--only", action="append", choices=list(SETTINGS), help="a setting")
+    arguments.add_argument("--engine", choices=list(ENGINES), default="in-process")
     arguments.add_argument("--python", action="append", default=[], help="NAME=path of another")
     arguments.add_argument("--libm", action="store_true", help=argparse.SUPPRESS)
     options = arguments.parse_args()
@@ -44,14 +52,16 @@ def main() -> None:
         print(libm_here())
         return
     others = dict(given.split("=", 1) for given in options.python)
-    columns = {name: (sys.executable, setting) for name, setting in SETTINGS.items()}
+    chosen = options.only or SETTINGS
+    columns = {name: (sys.executable, SETTINGS[name]) for name in chosen}
     columns |= {f"Python {name}": (path, {}) for name, path in others.items()}
     print("|", " | ".join(["scenario", "here", *columns]), "|")
     print("|---" * (2 + len(columns)) + "|")
     differed = False
     for scenario in options.scenarios:
-        here = trajectory(scenario, options.duration, sys.executable, {})
-        found = [trajectory(scenario, options.duration, *column) for column in columns.values()]
+        run = partial(trajectory, scenario, options.duration, options.engine)
+        here = run(sys.executable, {})
+        found = [run(*column) for column in columns.values()]
         cells = ["same" if there == here else there[:12] for there in found]
         differed |= set(cells) != {"same"}
         print("|", " | ".join([scenario, here[:12], *cells]), "|", flush=True)
@@ -60,15 +70,20 @@ def main() -> None:
 
 
 def trajectory(
-    scenario: str, duration: float | None, python: str, setting: Mapping[str, str]
+    scenario: str, duration: float | None, engine: str, python: str, setting: Mapping[str, str]
 ) -> str:
     """Run a scenario; return the hash of its states and inputs."""
     shorter: Sequence[str] = () if duration is None else ("--set", f"duration={duration}")
     with tempfile.TemporaryDirectory(prefix="phalanx-") as parent:
-        command = [python, "-m", "phalanx", "run", scenario, *shorter]
+        # The cache is as temporary as the run: without a compiler it is not looked at.
+        environment = {**os.environ, COMPILER: "", FOLDER: f"{parent}/cache", **setting}
+        phalanx_with, to = [python, "-m", "phalanx"], ["--engine", engine, "--no-report"]
+        if environment[COMPILER]:
+            command = [*phalanx_with, "compile", scenario, *shorter]
+            subprocess.run(command, env=environment, capture_output=True, check=True)
         run = subprocess.run(
-            [*command, "--engine", "in-process", "--no-report", "--out", parent],
-            env={**os.environ, **setting},
+            [*phalanx_with, "run", scenario, *shorter, *to, "--out", parent],
+            env=environment,
             capture_output=True,
             text=True,
             check=False,

@@ -1,11 +1,16 @@
 """Two engines, one trajectory: what the fast one says holds for the real one, to the last bit."""
 
+import shutil
+import subprocess
+import sys
 from collections.abc import Container, Iterable
+from pathlib import Path
 
 import pytest
 
 import phalanx
 from phalanx.guarantee.verdict import Summary
+from phalanx.theory.expressions.native import COMPILER, FOLDER
 
 pytestmark = pytest.mark.swarm
 
@@ -68,6 +73,29 @@ VARIANTS = {
     },
     "adverse disturbances": {"agents.0.disturbance.kind": "adverse"},
 }
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+def test_processes_that_load_machine_code_have_the_same_trajectory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenario = phalanx.load("formation3d", {"duration": 0.5})
+    interpreted = phalanx.run(scenario)
+    environment = {COMPILER: "cc", FOLDER: str(tmp_path)}
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    # A process of its own: this one has looked for its compiler already.
+    command = [sys.executable, "-m", "phalanx", "compile", "formation3d", "--set", "duration=0.5"]
+    subprocess.run(command, check=True)
+    compiled = phalanx.run(scenario)
+    assert interpreted.summary is not None
+    assert compiled.summary is not None
+    assert compiled.summary.trajectory == interpreted.summary.trajectory
+    # Damaged libraries show that these are the ones that the programs load.
+    for each in tmp_path.glob("*/*.so"):
+        each.write_bytes(b"")
+    damaged = phalanx.run(scenario)
+    assert "the interpreter runs" in (damaged.folder / "logs" / "plant.log").read_text()
 
 
 CONTROLLER = """

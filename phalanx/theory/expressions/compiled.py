@@ -3,13 +3,15 @@
 CompiledFunction takes vectors; MappedFunction evaluates one expression for many rows in one call.
 """
 
-from collections.abc import Sequence
-from functools import cache, cached_property
+import ctypes
+from collections.abc import Callable, Sequence
+from functools import cache, cached_property, partial
 
 import casadi as ca
 import numpy as np
 
 from phalanx.arrays import Array, Index
+from phalanx.theory.expressions.native import address, native
 from phalanx.theory.expressions.portable import portable_function
 
 
@@ -26,6 +28,23 @@ class BoundFunction:
             self._buffer.set_arg(k, memoryview(array))  # type: ignore[call-arg,arg-type]
         for k, array in enumerate(self.outputs):
             self._buffer.set_res(k, memoryview(array))  # type: ignore[call-arg,arg-type]
+
+
+class _BoundRows:
+    """A function of a column, called in place for `count` rows; as machine code if it is built."""
+
+    def __init__(self, function: ca.Function, count: int) -> None:
+        """function: of one column, with one column as result."""
+        self.call: Callable[[], object]
+        if found := native(function):
+            self.given = np.zeros(count * function.numel_in(0))
+            self.results = np.zeros(count * function.numel_out(0))
+            places = address(self.given), address(self.results)
+            self.call = partial(found.rows, *places, ctypes.c_longlong(count))
+        else:
+            self._bound = BoundFunction(function.map(count) if count > 1 else function)
+            (self.given,), (self.results,) = self._bound.inputs, self._bound.outputs
+            self.call = self._bound.call
 
 
 @cache
@@ -48,7 +67,11 @@ class CompiledFunction:
         A column or row output is returned with shape (n,), others with shape (rows, columns).
         """
         flat = ca.vertcat(*[ca.vec(ca.densify(o.T)) for o in outputs])
-        self._bound = BoundFunction(portable_function(inputs, flat))
+        self._bound = _BoundRows(portable_function([ca.vertcat(*inputs)], flat), 1)
+        last = np.cumsum([i.numel() for i in inputs]).tolist()
+        self._inputs = [
+            self._bound.given[end - i.numel() : end] for i, end in zip(inputs, last, strict=True)
+        ]
         ends = np.cumsum([o.numel() for o in outputs])
         self._layout = [
             (int(end) - o.numel(), int(end), None if 1 in o.shape else o.shape)
@@ -57,10 +80,10 @@ class CompiledFunction:
 
     def __call__(self, *values: Array | float) -> list[Array]:
         """Evaluate at one value for each input; the results are new arrays."""
-        for array, value in zip(self._bound.inputs, values, strict=True):
+        for array, value in zip(self._inputs, values, strict=True):
             array[:] = value
         self._bound.call()
-        block = self._bound.outputs[0].copy()
+        block = self._bound.results.copy()
         return [
             block[begin:end] if shape is None else block[begin:end].reshape(shape)
             for begin, end, shape in self._layout
@@ -84,7 +107,7 @@ class MappedFunction:
         self._function = portable_function([ca.vertcat(*inputs)], flat)
         self.inputs, self.results = self._function.numel_in(0), self._function.numel_out(0)
         """Lengths of an input row and of a result row."""
-        self._bound: dict[int, BoundFunction] = {}
+        self._bound: dict[int, _BoundRows] = {}
 
     def __call__(self, values: Array, places: Index) -> Array:
         """Evaluate at the rows values[..., places]; the results are a new array.
@@ -103,17 +126,17 @@ class MappedFunction:
         shape = (*values.shape[:-1], len(places))
         count = len(places) if values.ndim == 1 else len(places) * len(values)
         bound = self._for(count)
-        rows = bound.inputs[0][: count * self.inputs].reshape(*shape, self.inputs)
+        rows = bound.given[: count * self.inputs].reshape(*shape, self.inputs)
         # In any other mode `take` would write to a copy first.
         values.take(places, axis=-1, out=rows, mode="clip")
         bound.call()
-        return bound.outputs[0][: count * self.results].reshape(*shape, self.results).copy()
+        return bound.results[: count * self.results].reshape(*shape, self.results).copy()
 
     def at(self, places: Index) -> "MappedRows":
         """Fix the places, shape (r, inputs), for many calls without copies."""
         bound, count = self._for(len(places)), len(places)
-        rows = bound.inputs[0][: count * self.inputs].reshape(count, self.inputs)
-        results = bound.outputs[0][: count * self.results].reshape(count, self.results)
+        rows = bound.given[: count * self.inputs].reshape(count, self.inputs)
+        results = bound.results[: count * self.results].reshape(count, self.results)
         return MappedRows(places, bound, rows, results)
 
     @cached_property
@@ -124,19 +147,20 @@ class MappedFunction:
 
     def mapped(self, count: int) -> ca.Function:
         """The CasADi function of `count` rows, one for each column."""
-        return self._function.map(count)
+        found = native(self._function)
+        return (found.function if found else self._function).map(count)
 
-    def _for(self, count: int) -> BoundFunction:
+    def _for(self, count: int) -> _BoundRows:
         capacity = rounded_up(count)
         if capacity not in self._bound:
-            self._bound[capacity] = BoundFunction(self.mapped(capacity))
+            self._bound[capacity] = _BoundRows(self._function, capacity)
         return self._bound[capacity]
 
 
 class MappedRows:
     """Rows of a MappedFunction that are evaluated again and again, without copies."""
 
-    def __init__(self, places: Index, bound: BoundFunction, rows: Array, results: Array) -> None:
+    def __init__(self, places: Index, bound: _BoundRows, rows: Array, results: Array) -> None:
         self._places, self._bound, self._rows = places, bound, rows
         self.results = results
         """Results of the last call, shape (r, outputs); the next call overwrites them."""

@@ -1,0 +1,231 @@
+"""Functions as machine code: CasADi's C of an expression, compiled once and kept in a cache.
+
+Nothing needs it: without a compiler, or before anything was built, CasADi's interpreter computes
+the same bits, only slower. Products and sums are compiled as written, with no fused operation, and
+for any CPU of the architecture. Each function is compared with the interpreter when it is loaded.
+"""
+
+import ctypes
+import hashlib
+import importlib.util
+import logging
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import contextmanager
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+from phalanx.arrays import Array
+
+log = logging.getLogger("phalanx.theory")
+
+Kernel = Callable[..., None]
+"""A C function (inputs, outputs, count): one row of inputs after another, to rows of outputs."""
+
+FOLDER, COMPILER = "PHALANX_CACHE", "PHALANX_CC"
+"""Environment variables: the folder of the cache, and the compiler; one that is empty means none.
+"""
+_OPTIONS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared", "-w")
+_PORTABLE_ZIG = ("-mcpu=baseline",)
+_ROWS = """
+void rows(const double *in, double *out, long long count) {{
+  for (long long r = 0; r < count; ++r) {{
+    const double *from[1] = {{in + r * {inputs}}};
+    double *to[1] = {{out + r * {outputs}}};
+    f(from, to, 0, 0, 0);
+  }}
+}}
+"""
+_COMPARED = 100
+"""States at which a function is compared with the interpreter."""
+
+
+class Native:
+    """A function of one column with one column as result, compiled."""
+
+    def __init__(self, library: Path, function: ca.Function) -> None:
+        """Load a library. Raises OSError, and ValueError if its results differ."""
+        self._library, self._interpreted = library, function
+        rows = ctypes.PyDLL(str(library)).rows
+        rows.restype = None
+        self.rows: Kernel = rows
+        self._compare()
+
+    @property
+    def function(self) -> ca.Function:
+        """The same as a CasADi function, for expressions that call it."""
+        return ca.external("f", str(self._library))
+
+    def _compare(self) -> None:
+        """Raise ValueError unless the bits are the interpreter's; the sign of a NaN is free."""
+        given = _states(self._interpreted.numel_in(0))
+        expected = np.array(self._interpreted(given.T)).T
+        found = np.empty(expected.shape)
+        self.rows(address(given), address(found), ctypes.c_longlong(len(given)))
+        same = (found == expected) & (np.signbit(found) == np.signbit(expected))
+        if not (same | (np.isnan(found) & np.isnan(expected))).all():
+            raise ValueError(f"{self._library.name} computes other bits")
+
+
+def address(array: Array) -> ctypes.c_void_p:
+    """Return the place of an array's numbers for a kernel; the array must outlive its calls."""
+    assert array.flags.c_contiguous
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+def native(function: ca.Function) -> Native | None:
+    """Return the compiled form of a function named f, if the cache has it; else None."""
+    folder = _folder()
+    if folder is None or not folder.is_dir():
+        return None
+    library = folder / f"{hashlib.sha256(function.serialize().encode()).hexdigest()[:32]}.so"
+    if library not in _loaded:
+        _loaded[library] = _load(function, library)
+    if _missing and _loaded[library] is None:
+        _missing[-1][library] = function
+    return _loaded[library]
+
+
+@contextmanager
+def missing() -> Iterator[dict[Path, ca.Function]]:
+    """Collect the functions that the block makes and the cache lacks, by their libraries' paths."""
+    _missing.append({})
+    try:
+        yield _missing[-1]
+    finally:
+        _missing.pop()
+
+
+def require_compiler() -> None:
+    """Make the cache of the compiler's libraries. Raises OSError if there can be none."""
+    if _compiler() is None:
+        raise OSError("no C compiler: install one as cc, or the wheel phalanx-swarm[compiler]")
+    folder = _folder()
+    if folder is None:
+        raise OSError(f"the cache of compiled functions is not usable: set {FOLDER}")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(mode=0o700, exist_ok=True)
+
+
+def build(functions: Mapping[Path, ca.Function], progress: Callable[[int], None]) -> None:
+    """Compile functions into the cache, as many at once as there are processors.
+
+    Args:
+        functions: as `missing` collects them.
+        progress: called with the number of those compiled.
+
+    Raises OSError: the compiler fails, or the cache cannot be written.
+    """
+    compiler = _compiler()
+    assert compiler is not None
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        # Sources are made here: CasADi is not for several threads.
+        sources = {library: _source(function) for library, function in functions.items()}
+        tasks = [pool.submit(_compile, compiler, *each) for each in sources.items()]
+        for count, done in enumerate(as_completed(tasks), start=1):
+            done.result()
+            progress(count)
+    for library in functions:
+        _loaded.pop(library, None)
+
+
+_missing: list[dict[Path, ca.Function]] = []
+"""The innermost block's is the last."""
+_loaded: dict[Path, Native | None] = {}
+"""By path; None where there was none."""
+
+
+def _load(function: ca.Function, library: Path) -> Native | None:
+    if not library.exists():
+        return None
+    try:
+        return Native(library, function)
+    except (OSError, AttributeError, ValueError) as error:
+        log.warning("%s is not used, and the interpreter runs: %s", library, error)
+        return None
+
+
+def _states(length: int) -> Array:
+    """Return numbers of many sizes and both signs, shape (count, length), the same every time."""
+    k = np.arange(1, _COMPARED * length + 1)
+    even = k * 0.6180339887498949 % 1.0  # multiples of the golden ratio spread evenly
+    sizes = 4.0 ** (k * 0.7548776662466927 % 1.0 * 8.0 // 1.0 - 5.0)
+    found: Array = ((2.0 * even - 1.0) * sizes).reshape(_COMPARED, length)
+    return found
+
+
+@cache
+def _folder() -> Path | None:
+    """Return the folder of the compiler's libraries; None without compiler, or if unsafe."""
+    compiler = _compiler()
+    chosen = os.environ.get(FOLDER)
+    if compiler is None or chosen == "":
+        return None
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    root = Path(chosen or os.path.join(home, "phalanx"))
+    identity = " ".join((*compiler, *_OPTIONS, _identity(compiler), version("casadi"), _ROWS))
+    folder = root / hashlib.sha256(identity.encode()).hexdigest()[:16]
+    try:
+        found = folder.stat()
+    except OSError:
+        return folder
+    # A library that another user may write would run with our rights.
+    if found.st_uid != os.getuid() or found.st_mode & 0o022:
+        log.warning("%s is not used: other users may write to it", folder)
+        return None
+    return folder
+
+
+@cache
+def _compiler() -> tuple[str, ...] | None:
+    """Return the command of the compiler, by its full path; None if there is none."""
+    chosen = os.environ.get(COMPILER)
+    if chosen == "":
+        return None
+    if path := shutil.which(chosen or "cc"):
+        return (path,)
+    if chosen is None and importlib.util.find_spec("ziglang"):
+        return (sys.executable, "-m", "ziglang", "cc", *_PORTABLE_ZIG)
+    return None
+
+
+def _identity(compiler: tuple[str, ...]) -> str:
+    """Return what changes with a compiler's version, without a call of it."""
+    if len(compiler) > 1:
+        return version("ziglang")
+    program = os.path.realpath(compiler[0])
+    found = os.stat(program)
+    return f"{program} {found.st_size} {found.st_mtime_ns} {platform.machine()}"
+
+
+def _source(function: ca.Function) -> str:
+    code = ca.CodeGenerator("f", {"with_header": False})
+    code.add(function)
+    made: str = code.dump()
+    return made + _ROWS.format(inputs=function.numel_in(0), outputs=function.numel_out(0))
+
+
+def _compile(compiler: tuple[str, ...], library: Path, source: str) -> None:
+    """Compile one library. Processes that do so at once each replace it by the same."""
+    with tempfile.TemporaryDirectory(dir=library.parent) as folder:
+        file, made = Path(folder) / "f.c", Path(folder) / "f.so"
+        file.write_text(source)
+        done = subprocess.run(
+            [*compiler, *_OPTIONS, str(file), "-o", str(made), "-lm"],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if done.returncode:
+            raise OSError(f"{' '.join(compiler)} failed: {done.stderr.strip()[-300:]}")
+        made.replace(library)
