@@ -13,6 +13,7 @@ from typing import Self
 import msgspec
 from mcap.writer import Writer
 
+from phalanx.compat.mcap_chunks import pack_messages
 from phalanx.faults.commands import Command
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.recording.modules import MEDIA_TYPE, MODULES, ModulesError, hashes
@@ -38,6 +39,7 @@ class RecordingWriter:
         """Create the file, with versions, the user's modules and the resolved scenario first."""
         self._file = _WholeWrites(path)
         self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES, enable_data_crcs=True)  # type: ignore[arg-type]
+        pack_messages(self._writer)
         self._writer.start(profile="", library=f"phalanx {version('phalanx-swarm')}")
         self._encode = msgspec.json.Encoder().encode
         self._writer.add_metadata(

@@ -47,6 +47,10 @@ class _BoundRows:
             self.call = self._bound.call
 
 
+_View = tuple[Array, Callable[[], object], Array]
+"""Rows of inputs to write, the call, and rows of results to read, shapes (r, ...)."""
+
+
 @cache
 def rounded_up(count: int) -> int:
     """Round a count up by at most an eighth, so that few sizes are compiled or allocated."""
@@ -108,6 +112,8 @@ class MappedFunction:
         self.inputs, self.results = self._function.numel_in(0), self._function.numel_out(0)
         """Lengths of an input row and of a result row."""
         self._bound: dict[int, _BoundRows] = {}
+        self._views: dict[int, _View] = {}
+        """By number of rows."""
 
     def __call__(self, values: Array, places: Index) -> Array:
         """Evaluate at the rows values[..., places]; the results are a new array.
@@ -119,25 +125,29 @@ class MappedFunction:
         Returns:
             shape (r, outputs), or (s, r, outputs).
         """
-        at_once = max(_MOST_ROWS // max(len(places), 1), 1)
-        if values.ndim > 1 and len(values) > at_once:
+        count = len(places)
+        if values.ndim == 1:
+            given, call, results = self._views.get(count) or self._view(count)
+            # In any other mode `take` would write to a copy first.
+            values.take(places, out=given, mode="clip")
+            call()
+            return results.copy()
+        at_once = max(_MOST_ROWS // max(count, 1), 1)
+        if len(values) > at_once:
             blocks = [values[k : k + at_once] for k in range(0, len(values), at_once)]
             return np.concatenate([self(block, places) for block in blocks])
-        shape = (*values.shape[:-1], len(places))
-        count = len(places) if values.ndim == 1 else len(places) * len(values)
-        bound = self._for(count)
-        rows = bound.given[: count * self.inputs].reshape(*shape, self.inputs)
-        # In any other mode `take` would write to a copy first.
-        values.take(places, axis=-1, out=rows, mode="clip")
-        bound.call()
-        return bound.results[: count * self.results].reshape(*shape, self.results).copy()
+        given, call, results = self._views.get(len(values) * count) or self._view(
+            len(values) * count
+        )
+        values.take(
+            places, axis=-1, out=given.reshape(*values.shape[:-1], *places.shape), mode="clip"
+        )
+        call()
+        return results.copy().reshape(*values.shape[:-1], count, self.results)
 
     def at(self, places: Index) -> "MappedRows":
         """Fix the places, shape (r, inputs), for many calls without copies."""
-        bound, count = self._for(len(places)), len(places)
-        rows = bound.given[: count * self.inputs].reshape(count, self.inputs)
-        results = bound.results[: count * self.results].reshape(count, self.results)
-        return MappedRows(places, bound, rows, results)
+        return MappedRows(places, self._view(len(places)))
 
     @cached_property
     def text(self) -> str:
@@ -150,22 +160,27 @@ class MappedFunction:
         found = native(self._function)
         return (found.function if found else self._function).map(count)
 
-    def _for(self, count: int) -> _BoundRows:
+    def _view(self, count: int) -> _View:
         capacity = rounded_up(count)
         if capacity not in self._bound:
             self._bound[capacity] = _BoundRows(self._function, capacity)
-        return self._bound[capacity]
+        bound = self._bound[capacity]
+        found = self._views[count] = (
+            bound.given[: count * self.inputs].reshape(count, self.inputs),
+            bound.call,
+            bound.results[: count * self.results].reshape(count, self.results),
+        )
+        return found
 
 
 class MappedRows:
     """Rows of a MappedFunction that are evaluated again and again, without copies."""
 
-    def __init__(self, places: Index, bound: _BoundRows, rows: Array, results: Array) -> None:
-        self._places, self._bound, self._rows = places, bound, rows
-        self.results = results
+    def __init__(self, places: Index, view: _View) -> None:
+        self._places, (self._given, self._call, self.results) = places, view
         """Results of the last call, shape (r, outputs); the next call overwrites them."""
 
     def __call__(self, values: Array) -> None:
         """Evaluate at values[places]; values has shape (v,)."""
-        values.take(self._places, out=self._rows, mode="clip")
-        self._bound.call()
+        values.take(self._places, out=self._given, mode="clip")
+        self._call()

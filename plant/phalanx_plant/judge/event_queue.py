@@ -27,8 +27,8 @@ class EventJudge(Protocol):
     def prepare(self, events: Sequence[Event]) -> None:
         """Compute in one call what the judgement of these next events needs."""
 
-    def judge(self, event: Event) -> Judged:
-        """Judge the next event, which was prepared."""
+    def judge(self, event: Event) -> Judged | None:
+        """Judge the next event, which was prepared; None if nothing of it is recorded or shown."""
 
 
 class EventQueue:
@@ -72,8 +72,9 @@ class EventQueue:
             self._prepare(seconds)
         self._prepared -= 1
         judged = self._judge.judge(self._events.popleft())
-        for observe in self._observers:
-            observe(judged)
+        if judged is not None:
+            for observe in self._observers:
+                observe(judged)
 
     def _prepare(self, seconds: float) -> None:
         affordable = max(1.0, seconds / max(self._cost, 1e-9))

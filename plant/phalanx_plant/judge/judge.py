@@ -101,13 +101,14 @@ class Judge:
         self._histories.extend(evaluated)
         self._proven.extend(proven)
 
-    def judge(self, event: Event) -> Judged:
-        """Judge the next event, which was prepared. Raises DivergedError."""
+    def judge(self, event: Event) -> Judged | None:
+        """Judge the next event, which was prepared; None for a sample. Raises DivergedError."""
         match event:
             case StateReached():
                 return self._reached(event)
             case Sampled():
                 self.assumptions.sampled(event)
+                return None
             case CommandApplied():
                 return self._command(event)
             case InputApplied():

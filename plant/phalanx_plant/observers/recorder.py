@@ -1,6 +1,7 @@
 """The recording of a run, and the hash of its trajectory."""
 
 import hashlib
+import struct
 from typing import Any, Protocol
 
 import numpy as np
@@ -14,6 +15,8 @@ from phalanx.wire.step_report import AppliedStep
 from phalanx_plant.judge.claims import Finding
 from phalanx_plant.judge.judge import Judged
 from phalanx_plant.world.events import CommandApplied, InputApplied, InputLost, StateReached
+
+_TIME, _INPUT = struct.Struct("=d"), struct.Struct("=dd")
 
 
 class TrajectoryHash:
@@ -29,9 +32,9 @@ class TrajectoryHash:
         """Take the next event."""
         event = judged.event
         if isinstance(event, StateReached):
-            self._sha.update(np.float64(event.t).tobytes() + event.x.tobytes())
+            self._sha.update(_TIME.pack(event.t) + event.x.tobytes())
         elif isinstance(event, InputApplied):
-            self._sha.update(np.array([event.i, event.k, *event.u]).tobytes())
+            self._sha.update(_INPUT.pack(event.i, event.k) + event.u.tobytes())
 
     @property
     def hexadecimal(self) -> str:

@@ -17,9 +17,12 @@ import pytest
 import viser
 import viser.infra
 import zenoh
+from mcap._chunk_builder import ChunkBuilder
+from mcap.records import Message
 from viser._messages import RunJavascriptMessage
 
 from phalanx.compat.forkserver import without_main
+from phalanx.compat.mcap_chunks import PackedChunk
 from phalanx.compat.zenoh_linger import disable_linger
 from phalanx.compat.zenoh_threads import keep_thread_state
 from phalanx.wire.session import free_endpoint
@@ -129,3 +132,24 @@ def test_viser_takes_no_origins_and_keeps_every_script():
 def test_a_page_that_viser_writes_takes_nothing_but_its_colours():
     parameters = set(inspect.signature(viser.infra.StateSerializer.as_html).parameters)
     assert parameters == {"self", "dark_mode"}, "phalanx/compat/viser_player.js may go"
+
+
+def test_a_packed_chunk_has_the_bytes_of_the_librarys_own_which_takes_more_calls() -> None:
+    messages = [Message(1 + k % 3, 100 - k, b"x" * k, 7 * k, k) for k in range(20)]
+    chunks, calls = (ChunkBuilder(), PackedChunk()), [0, 0]
+    for number, chunk in enumerate(chunks):
+
+        def count(_frame: types.FrameType, event: str, _: object, number: int = number) -> None:
+            calls[number] += event in ("call", "c_call")
+
+        sys.setprofile(count)
+        for message in messages:
+            chunk.add_message(message)
+        sys.setprofile(None)
+    own, packed = chunks
+    assert packed.message_indices == own.message_indices
+    assert packed.message_start_time == own.message_start_time == 81
+    assert packed.message_end_time == own.message_end_time == 100
+    assert packed.num_messages == own.num_messages
+    assert packed.end() == own.end()
+    assert calls[0] > 2 * calls[1], "mcap packs messages itself: phalanx/compat/mcap_chunks.py"
