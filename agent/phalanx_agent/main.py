@@ -4,7 +4,9 @@ import contextlib
 import gc
 import logging
 import signal
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 from queue import SimpleQueue
@@ -50,7 +52,8 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
     stopwatch = Stopwatch() if profile else None
     # No threading.Event: a signal handler that sets one while this thread enters wait() deadlocks.
     leaving: SimpleQueue[str] = SimpleQueue()
-    signal.signal(signal.SIGTERM, lambda *_: leaving.put("SIGTERM"))
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, lambda *_: leaving.put("SIGTERM"))
     timeout = rows.swarm.time.timeout
     with (
         endless_loops(min(timeout, _LONGEST_SILENCE)),
@@ -102,6 +105,18 @@ def run(rows: SafetyRows, membership: Membership, *, profile: Path | None = None
         if answering.error is not None:
             raise answering.error
     return 0
+
+
+def run_together(
+    rows: SafetyRows, memberships: Sequence[Membership], *, profile: Path | None = None
+) -> int:
+    """Run several agents in this process, each with a session, keys and an inbox of its own.
+
+    Returns and raises as run, once all have left.
+    """
+    with ThreadPoolExecutor(len(memberships)) as threads:
+        tasks = [threads.submit(run, rows, own, profile=profile) for own in memberships]
+    return max(task.result() for task in tasks)
 
 
 class _Sender:

@@ -54,6 +54,12 @@ Commands = Annotated[
         help="With --view: the page may pause, step, change the network, kill and so on.",
     ),
 ]
+AgentsPerProcess = Annotated[
+    int,
+    typer.Option(
+        min=1, help="Agents that share a process, for a large swarm; no fault may kill one of them."
+    ),
+]
 Port = Annotated[
     int | None,
     typer.Option(
@@ -85,6 +91,7 @@ def run(
     speed: Speed = None,
     commands: Commands = False,
     port: Port = None,
+    agents_per_process: AgentsPerProcess = 1,
 ) -> int:
     """Run a scenario: plant and agents, each in its own process, to a verdict.
 
@@ -118,6 +125,8 @@ def run(
     from phalanx.cli.display import progress
     from phalanx.guarantee.verdict import exit_status
 
+    if agents_per_process > 1 and (commands or not ENGINES[engine].hub):
+        raise typer.BadParameter("--agents-per-process: expected no --commands or other engine")
     if not view and (commands or port is not None):
         raise typer.BadParameter("--commands, --port: expected --view with them")
     policy = phalanx.CommandPolicy(
@@ -138,6 +147,7 @@ def run(
                     announce=page.serve if page else silent,
                     profile=profile,
                     real_time=real_time,
+                    agents_per_process=agents_per_process,
                 )
         except phalanx.EngineError as error:
             echo_error(f"broken: {error}")

@@ -102,6 +102,7 @@ class RunOptions:
     announce: Announce = silent
     profile: bool = False
     real_time: float | None = None
+    agents_per_process: int = 1
 
     def __post_init__(self) -> None:
         hub = require_engine(self.engine).hub
@@ -116,6 +117,11 @@ class RunOptions:
             raise ValueError(
                 f"real_time: expected a factor above 0 and at most {FASTEST:g}, and engine {able}"
             )
+        together = self.agents_per_process > 1
+        if self.agents_per_process < 1 or (together and not hub):
+            raise ValueError("agents_per_process: expected at least 1, and 1 for other engines")
+        if together and (self.commands.secret or self.commands.schedule):
+            raise ValueError("agents_per_process: expected 1 with commands: they may kill an agent")
 
 
 def execute(

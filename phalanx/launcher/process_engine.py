@@ -10,6 +10,7 @@ import secrets
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from phalanx.faults.process import KillFault, PauseFault, RestartFault
 from phalanx.guarantee.verdict import Outcome, Summary, read_summary
 from phalanx.launcher.engine import EngineError, Progress, RunOptions
 from phalanx.launcher.live import announced
@@ -35,6 +36,8 @@ def run_processes(
             f"{name} is of this script or notebook, which other processes cannot import: write it "
             "into a file of its own, or take engine 'in-process'"
         )
+    if options.agents_per_process > 1:
+        _require_alone(scenario)
     with Processes(scenario) as processes, reserved_endpoint() as endpoint:
         processes.require_runnable()
         folder = make_folder()
@@ -81,8 +84,20 @@ def _run(
 def _programs(scenario: Scenario, folder: Path, options: RunOptions) -> list[Program]:
     timed = {"profile": folder / PROFILE} if options.profile else {}
     plant = {"folder": folder, "policy": options.commands, "real_time": options.real_time}
-    agents = [Program(name, timed) for name in scenario.programs()]
+    names, many = list(scenario.programs()), options.agents_per_process
+    together = [names[k : k + many] for k in range(0, len(names), many)]
+    agents = [Program(first, timed, tuple(others)) for first, *others in together]
     return [Program(PLANT, {**plant, **timed}), *agents]
+
+
+def _require_alone(scenario: Scenario) -> None:
+    """Raise EngineError if a fault is of the process of one agent."""
+    for n, fault in enumerate(scenario.faults):
+        if isinstance(fault, KillFault | RestartFault | PauseFault):
+            raise EngineError(
+                f"faults.{n}: expected one agent a process, to {fault.kind} one: leave "
+                "--agents-per-process out"
+            )
 
 
 def _verdict(folder: Path, processes: Processes) -> Summary | None:

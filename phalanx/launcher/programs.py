@@ -24,6 +24,7 @@ from phalanx.wire.membership import Membership
 log = logging.getLogger("phalanx.launcher")
 
 PROGRAMS = _PLANT, _AGENT = "phalanx_plant.main:run", "phalanx_agent.main:run"
+_TOGETHER = "phalanx_agent.main:run_together"
 """The programs, imported where they run, and not here."""
 
 _GRACE, _GRACE_OF_PLANT = 2.5, 4.0
@@ -36,6 +37,8 @@ class Program(NamedTuple):
     identity: str
     """Its name in the run; its log is <identity>.log."""
     options: Mapping[str, Any] = {}
+    others: tuple[str, ...] = ()
+    """Further agents in the same process."""
 
     @property
     def title(self) -> str:
@@ -63,8 +66,13 @@ def start_program(program: Program, rows: SafetyRows, membership: Membership, lo
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     end_with_launcher(_GRACE_OF_PLANT if plant else _GRACE)
-    decides_for = rows.swarm.programs.get(program.identity, ())
-    own = membership.of(program.identity, decides_for, rows.swarm.names)
+    own, *others = (
+        membership.of(name, rows.swarm.programs.get(name, ()), rows.swarm.names)
+        for name in (program.identity, *program.others)
+    )
+    if others:
+        together: int = pkgutil.resolve_name(_TOGETHER)(rows, [own, *others], **program.options)
+        return together
     return run_program(rows, own, program.options)
 
 

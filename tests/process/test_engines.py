@@ -98,6 +98,56 @@ def test_processes_that_load_machine_code_have_the_same_trajectory(
     assert "the interpreter runs" in (damaged.folder / "logs" / "plant.log").read_text()
 
 
+def test_agents_that_share_a_process_have_the_same_trajectory() -> None:
+    scenario = phalanx.load("unicycles", {"duration": 0.5, "network.loss": 0.2})
+    alone, together = phalanx.run(scenario), phalanx.run(scenario, agents_per_process=2)
+    assert alone.summary is not None
+    assert together.summary is not None
+    assert together.summary.trajectory == alone.summary.trajectory
+    logs = {path.stem for path in (together.folder / "logs").iterdir()}
+    assert logs == {"plant", "programs", "1", "3", "5"}
+    assert (together.folder / "logs" / "1.log").read_text().count("joined run") == 2
+
+
+def test_an_agent_that_fails_is_named_also_if_others_share_its_process(
+    tmp_path, monkeypatch
+) -> None:
+    (tmp_path / "failing_law.py").write_text(FAILING)
+    monkeypatch.syspath_prepend(tmp_path)
+    law = {"agents.0.law": {"type": "failing_law:Failing"}, "duration": 1.0}
+    run = phalanx.run(phalanx.load("unicycles", law), agents_per_process=5)
+    assert run.summary is not None
+    assert run.summary.outcome == "broken"
+    assert "agent 2" in run.summary.reason
+
+
+@pytest.mark.parametrize("kind", ["kill", "restart", "pause"])
+def test_a_process_of_several_agents_is_never_killed_for_one(kind: str) -> None:
+    fault = {"kind": kind, "agents": ["2"], "at": 0.2}
+    if kind != "kill":
+        fault["for"] = 0.1
+    scenario = phalanx.load("unicycles", {"faults": [fault]})
+    with pytest.raises(phalanx.EngineError, match=f"faults.0: expected one agent .* to {kind} one"):
+        phalanx.run(scenario, agents_per_process=2)
+
+
+FAILING = """
+from dataclasses import dataclass
+
+import numpy as np
+
+@dataclass
+class Failing:
+    def prepare(self, dynamics):
+        self.steps = 0
+
+    def input(self, view):
+        self.steps += 1
+        if view.i == 1 and self.steps > 20:
+            raise RuntimeError("out of order")
+        return np.zeros(2)
+"""
+
 CONTROLLER = """
 from dataclasses import dataclass
 
