@@ -4,7 +4,7 @@
 
 A run by the in-process engine is observed from its first sample to its last: the agent's part is
 all that a control step calls, the plant's the rest. Calls of Python's own functions and of
-libraries count alike. The wire is not in it. Figures do not depend on the machine's load.
+libraries count the same. The wire is not in it. Figures do not depend on the machine's load.
 """
 
 import argparse
