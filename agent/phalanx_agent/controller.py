@@ -6,6 +6,7 @@ from typing import NamedTuple, Protocol, Self
 
 from phalanx.arrays import Array
 from phalanx.guarantee.certificates import certified_for
+from phalanx.guarantee.proven_filter import ProvenFilter
 from phalanx.swarm.own_controller import own_controller
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.laws.attacks import WorstCase
@@ -65,6 +66,8 @@ class DistributedController:
         self._goal = swarm.goal(i)
         self._terms = rows.terms(i)
         self._filter = rows.filter(i)
+        if swarm.safety.prove and not swarm.members[i].adversary:
+            self._filter = ProvenFilter(rows, i, rows.row_filter(i))
         self._own = own_controller(rows, i, certified_for(swarm, i))
         self._latency = swarm.time.latency
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from phalanx.arrays import Array, Index
+from phalanx.arrays import Array, Index, Mask
 from phalanx.guarantee.certificate import (
     DEFECT,
     MULTIPLES,
@@ -98,9 +98,33 @@ class SwarmCertificates:
             own[some] = of_some
         return times
 
+    def may_meet(self, agent: "AgentCertificates", x: Array, near: Mask) -> Mask:
+        """Return which of an agent's pairs may be unsafe within its longest horizon, shape (p,).
+
+        It holds for all inputs of all agents. near: pairs to consider; the others are False.
+        """
+        numbers, found = self.pairs.numbers(x), near.copy()
+        for number in np.unique(agent.kinds[near]).tolist():
+            kind, which = self.kinds[number], np.flatnonzero(near & (agent.kinds == number))
+            if kind.highest is not None:
+                places = agent.places[which, : sum(kind.sizes)]
+                found[which] = ~(kind.highest(numbers, places)[:, 0] <= 0.0)
+        return found
+
     def _compiled(self, pair: int, own: int) -> _Kind:
+        """Compile a pair's kind, or take that of a view of the same swarm."""
         swarm, (a, b) = self.swarm, self.ends[pair].tolist()
         involved = [l for l in (a, b) if l < len(swarm.members)]
+        (number,) = self.pairs.kinds_of(self.ends[[pair]]).tolist()
+        text, groups = self.pairs.kinds[number].kind.text, [id(swarm.groups[l]) for l in involved]
+        key = "certificate", text, own, *groups
+        if key not in swarm.compiled:
+            swarm.compiled[key] = self._kind(a, b, involved, own)
+        found: _Kind = swarm.compiled[key]
+        return found
+
+    def _kind(self, a: int, b: int, involved: Sequence[int], own: int) -> _Kind:
+        swarm = self.swarm
         bounds = [swarm.disturbance_bounds[swarm.names[l]] + DEFECT for l in involved]
         tau, alphas = swarm.horizon(involved[own]), swarm.safety.class_k
         alone = self.pairs.alone(a, b)

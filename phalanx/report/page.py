@@ -24,6 +24,7 @@ from phalanx.report.safety import worst
 from phalanx.theory.rows.origin import (
     EMPTY,
     OF_CONTROLLERS,
+    OF_PROOFS,
     origin_label,
     origins_of_normal,
 )
@@ -107,6 +108,9 @@ def key_figures(recording: Recording) -> list[tuple[str, str]]:
     kinds = ", ".join(f"{counts[o]} {origin_label(o)}" for o in EMPTY)
     if own:
         kinds += f"; {own} steps by another controller, which has no K_i"
+    if recording.scenario.safety.prove:
+        proofs = ", ".join(f"{counts[o]} {origin_label(o)}" for o in OF_PROOFS)
+        kinds += f"; certified for too short at first: {proofs}"
     reached = recording.states[-1].t if recording.states else 0.0
     rows = [
         ("Run", recording.metadata.get("run", "unknown")),
@@ -130,7 +134,8 @@ def key_figures(recording: Recording) -> list[tuple[str, str]]:
 def origins(recording: Recording) -> dict[str, int]:
     """Count recorded steps of normal agents by the origin of their input."""
     named = any(group.controller for group in recording.scenario.agents)
-    counts = {str(origin): 0 for origin in origins_of_normal(named)}
+    proofs = recording.scenario.safety.prove
+    counts = {str(origin): 0 for origin in origins_of_normal(named, proofs)}
     for step in recording.steps:
         if step.origin in counts:
             counts[step.origin] += 1

@@ -73,6 +73,9 @@ class Safety(Strict):
     """Sensing radius of normal agents whose group has none [m]: an agent composes the pairs that
     it sees. Default: no limit. A centralised controller sees everything, and so do agents that
     share one condition."""
+    prove: bool = False
+    """Whether agents evaluate their own certificates for an input before they apply it, and look
+    for a better one if it is proven safe for less than until the next sample."""
     authority: NonNegative = 0.01
     """Least span max c_i u - min c_i u of the composed row with which an agent applies a backup."""
 
@@ -91,6 +94,9 @@ class Safety(Strict):
         if self.control == "centralised" and self.composition == "pairs":
             message = "expected 'lse' where safety.control is 'centralised'"
             raise field_error(("composition",), message, self.composition)
+        if self.control == "centralised" and self.prove:
+            message = "expected false: a centralised controller proves no inputs"
+            raise field_error(("prove",), message, self.prove)
         if self.control == "centralised" and not self.information.reads_roles:
             message = "expected another: a centralised controller knows whom it controls"
             raise field_error(("information",), message, self.information.value)

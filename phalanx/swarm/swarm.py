@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple, TypeVar, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 import casadi as ca
 import numpy as np
@@ -87,7 +87,14 @@ class Swarm:
         members = [replace(m, adversary=l != i) for l, m in enumerate(whole.members)]
         composed = compose(members, whole.obstacles, whole.function, self.safety.rho)
         pairs = SwarmPairs(members, whole.obstacles, whole.function, self.pairs.degree)
-        return Swarm(self.scenario, composed, pairs)
+        view = Swarm(self.scenario, composed, pairs)
+        vars(view)["compiled"] = self.compiled
+        return view
+
+    @cached_property
+    def compiled(self) -> dict[object, Any]:
+        """Functions compiled so far, by all that decides on them; agents' views share them."""
+        return {}
 
     @property
     def seeds(self) -> Seeds:

@@ -38,6 +38,11 @@ class StepReport(msgspec.Struct, array_like=True, forbid_unknown_fields=True, kw
     margin: Annotated[float | None, Quantity("Margin of the row", OF_ROW)] = None
     """η with all that its row adds to it; null for an adversary, where none of several rows binds
     anything, and where none is known."""
+    proven: Annotated[
+        float | None, Quantity("Proven by the agent for", "s", safe=(1.0, None), in_horizons=True)
+    ] = None
+    """With safety.prove, for how long the agent itself has proven its pairs in sight safe [s]; null
+    for an adversary, and without it."""
     u_nom: tuple[float, ...] = ()
     """The nominal input, or the attack before its projection onto U_i, shape (m_i,)."""
     solve_time: Annotated[float, Quantity("Control step", "s")]

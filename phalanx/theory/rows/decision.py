@@ -25,6 +25,8 @@ class Decision(NamedTuple):
     margin: float | None = None
     """The margin of the row, or of the row nearest to binding. None for an adversary, if no row
     binds, and if no margin is known."""
+    proven: float | None = None
+    """Time for which the agent has proven its pairs safe [s]; None if it proves nothing."""
 
 
 class NotANumberError(ArithmeticError):

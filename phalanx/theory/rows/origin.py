@@ -14,6 +14,10 @@ class Origin(StrEnum):
     """K_i was empty: u_i^min of Eq. (LPnormal)."""
     NO_AUTHORITY = "no-authority"
     """K_i was empty, but the agent cannot move ψ_q: its nominal input, projected onto U_i."""
+    PROVEN = "proven"
+    """With safety.prove: the QP also had whole rows, for pairs certified for too short a time."""
+    LONGEST = "longest-certified"
+    """With safety.prove: no such input was found; of those tried, the one certified for longest."""
     ATTACK = "attack"
     """An adversary's input."""
     CONTROLLER = "controller"
@@ -29,11 +33,18 @@ OF_CONTROLLERS = (Origin.CONTROLLER, Origin.PROJECTED)
 """The origins of inputs that no row made: nothing is known of K_i."""
 
 
-def origins_of_normal(controllers: bool) -> list[Origin]:
-    """Return the origins that inputs of normal agents may have; with controllers, two more."""
-    return [
-        o for o in Origin if o is not Origin.ATTACK and (controllers or o not in OF_CONTROLLERS)
-    ]
+OF_PROOFS = (Origin.PROVEN, Origin.LONGEST)
+"""The origins of inputs that replaced one certified for too short a time."""
+
+
+def origins_of_normal(controllers: bool, proofs: bool = False) -> list[Origin]:
+    """Return the origins that inputs of normal agents may have.
+
+    controllers: some have a controller of their own. proofs: agents prove their inputs.
+    """
+    absent = {Origin.ATTACK} if controllers else {Origin.ATTACK, *OF_CONTROLLERS}
+    absent |= set() if proofs else set(OF_PROOFS)
+    return [origin for origin in Origin if origin not in absent]
 
 
 def origin_label(origin: str) -> str:

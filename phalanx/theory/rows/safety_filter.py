@@ -7,13 +7,15 @@ other agents that its rows contain.
 from collections.abc import Mapping
 from typing import NamedTuple, Protocol
 
+import numpy as np
+
 from phalanx.arrays import Array
 from phalanx.theory.rows.decision import Decision, decide, decide_pairs
 from phalanx.theory.rows.information import InformationModel, ReceivedInput
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.rows.pairs import OwnPairTerms, pair_rows
 from phalanx.theory.rows.qp import NearestInput
-from phalanx.theory.rows.row import Terms, paper_row, split_row
+from phalanx.theory.rows.row import Row, Rows, Terms, paper_row, split_row
 from phalanx.theory.rows.share_margin import ShareMargin
 
 
@@ -49,6 +51,17 @@ class SafetyFilter(Protocol):
         """The input to apply."""
 
 
+class RowFilter(SafetyFilter, Protocol):
+    """A filter whose input keeps rows."""
+
+    @property
+    def i(self) -> int:
+        """The agent."""
+
+    def rows(self, now: FilterInput) -> tuple[Rows, list[int]]:
+        """The rows, and the agents whose û_l is in one."""
+
+
 class ComposedFilter:
     """One row for h_tot, (QPdistributed) and (psiQPdistributed)."""
 
@@ -61,13 +74,22 @@ class ComposedFilter:
         share_margin: ShareMargin | None,
     ) -> None:
         """authority: as in decide. share_margin: with the information model split, else None."""
-        self._i, self._information = i, information
+        self.i, self._information = i, information
         self._qp, self._authority = qp, authority
         self._share_margin = share_margin
 
     def __call__(self, now: FilterInput) -> Filtered:
         """The input to apply."""
-        terms, i = now.terms, self._i
+        row, used = self._row(now)
+        return Filtered(decide(now.terms, self.i, row, now.u_nom, self._qp, self._authority), used)
+
+    def rows(self, now: FilterInput) -> tuple[Rows, list[int]]:
+        """The one row, and the agents whose û_l is in it."""
+        row, used = self._row(now)
+        return Rows(row.a[None], np.array([row.bound])), used
+
+    def _row(self, now: FilterInput) -> tuple[Row, list[int]]:
+        terms, i, c = now.terms, self.i, now.terms.c
         counted: dict[int, Array] = {}
         if self._share_margin is not None:
             sharing = self._information.sharing(i, now.received, now.t)
@@ -75,8 +97,7 @@ class ComposedFilter:
         else:
             counted = _believed(self._information, now)
             row = paper_row(terms, i, counted)
-        decision, c = decide(terms, i, row, now.u_nom, self._qp, self._authority), terms.c
-        return Filtered(decision, [l for l in counted if l in c and any(c[l].tolist())])
+        return row, [l for l in counted if l in c and any(c[l].tolist())]
 
 
 class PairwiseFilter:
@@ -86,17 +107,21 @@ class PairwiseFilter:
         self, i: int, information: InformationModel, qp: NearestInput, terms: OwnPairTerms
     ) -> None:
         """terms: of agent i's pairs."""
-        self._i, self._information, self._qp, self._terms = i, information, qp, terms
+        self.i, self._information, self._qp, self._terms = i, information, qp, terms
         self._split = information.kind.shares
 
     def __call__(self, now: FilterInput) -> Filtered:
         """The input to apply."""
-        information, i = self._information, self._i
+        rows, used = self.rows(now)
+        decision = decide_pairs(now.terms.polytopes[self.i], rows, now.u_nom, self._qp)
+        return Filtered(decision, used)
+
+    def rows(self, now: FilterInput) -> tuple[Rows, list[int]]:
+        """A row for each pair, and the agents whose û_l is in one."""
+        information, i = self._information, self.i
         sharing = information.sharing(i, now.received, now.t, now.seen) if self._split else []
         counted = _believed(information, now)
-        rows = pair_rows(self._terms(now.x, now.seen, sharing), counted)
-        decision = decide_pairs(now.terms.polytopes[i], rows, now.u_nom, self._qp)
-        return Filtered(decision, list(counted))
+        return pair_rows(self._terms(now.x, now.seen, sharing), counted), list(counted)
 
 
 def _believed(information: InformationModel, now: FilterInput) -> dict[int, Array]:

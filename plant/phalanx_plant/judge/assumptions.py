@@ -175,7 +175,7 @@ class Assumptions:
         """Check the control step of a normal agent."""
         t = event.t
         if telemetry.report.origin not in OF_CONTROLLERS:
-            self._rows.check(telemetry.report.origin not in EMPTY, t)
+            self._rows.check(telemetry.report.origin not in (*EMPTY, Origin.LONGEST), t)
         self._synchronous.check(self._instants.setdefault(event.k, t) == t, t)
         for other, age in telemetry.ages:
             # Before its first input an agent has none in force; a report of its age is false.

@@ -66,7 +66,7 @@ class Judge:
         self.assumptions = Assumptions(rows, self.coverage.assumption, self.claims.truthful)
         self.steps = 0
         """Inputs applied."""
-        self.origins = {str(o): 0 for o in origins_of_normal(swarm.controllers)}
+        self.origins = {str(o): 0 for o in origins_of_normal(swarm.controllers, swarm.safety.prove)}
         """Steps of normal agents by how their input was made."""
         self._names, self._telemetry = swarm.names, telemetry
         self._latency = swarm.time.latency

@@ -1,0 +1,125 @@
+"""A safety filter that proves its input before it is applied.
+
+The agent evaluates the verdict's certificates of its own pairs in sight, from its sample. Where one
+ends before the agent's next sample, the pair gets its whole row too; if that does not do, the agent
+takes the input whose least certified time is longest. Only if nothing is certified does it back up.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from phalanx.arrays import Array, Mask
+from phalanx.guarantee.certificates import Held, SwarmCertificates
+from phalanx.swarm.rows import SafetyRows
+from phalanx.theory.models.polytope import Polytope
+from phalanx.theory.rows.decision import decide_pairs
+from phalanx.theory.rows.origin import Origin
+from phalanx.theory.rows.pairs import pair_rows
+from phalanx.theory.rows.qp import NearestInput
+from phalanx.theory.rows.row import Rows
+from phalanx.theory.rows.safety_filter import Filtered, FilterInput, RowFilter
+
+_ROUNDS = 3
+"""Searches for the longest certified time: the later ones around the best input so far."""
+
+
+class ProvenFilter:
+    """A filter whose inputs the agent's own certificates cover until its next sample, if any do."""
+
+    def __init__(self, rows: SafetyRows, i: int, first: RowFilter) -> None:
+        """Prove the inputs of another filter.
+
+        Args:
+            rows: of the swarm as agent i knows it.
+            i: a normal agent.
+            first: makes the input to prove.
+        """
+        swarm = rows.swarm
+        self._first, self._pairs = first, rows.pair_terms(i)
+        self._qp = NearestInput(swarm.members[i].dynamics.input_metric())
+        self._certificates = swarm.once(SwarmCertificates)
+        self._own = own = self._certificates.of(i)
+        ends = self._certificates.ends[list(own.pairs)]
+        self._others = np.where(ends[:, 0] == i, ends[:, 1], ends[:, 0])
+        self._agents = len(swarm.members)
+        self._seen: tuple[int, ...] = ()
+        self._in_sight = np.zeros(len(own.pairs), dtype=bool)
+        """Pairs with what is seen that some input can certify."""
+        self._quiet_until = np.full(len(own.pairs), -np.inf)
+        """Time up to which each pair is proven safe for all inputs of all agents [s]."""
+        self._provable = np.array([pair not in own.refused for pair in own.pairs], dtype=bool)
+
+    def __call__(self, now: FilterInput) -> Filtered:
+        """The input to apply, and for how long it is proven safe."""
+        filtered = self._first(now)
+        near = self._near(now)
+        if not near.any():
+            return self._reported(filtered, np.zeros(0))
+        (times,) = self._times(now, near, [filtered.decision.u])
+        weak = near & (times < self._own.tau)
+        if not weak.any():
+            return self._reported(filtered, times[near])
+        whole = self._with_whole_rows(now, weak)
+        (again,) = self._times(now, near, [whole.decision.u])
+        if whole.decision.origin is Origin.PROVEN and not (again[near] < self._own.tau).any():
+            return self._reported(whole, again[near])
+        u, longest = self._longest(now, near, [filtered.decision.u, whole.decision.u])
+        if longest > 0.0 and u is not filtered.decision.u:
+            made = filtered.decision._replace(u=u, origin=Origin.LONGEST, proven=longest)
+            return Filtered(made, [])
+        return self._reported(filtered, times[near])
+
+    def _near(self, now: FilterInput) -> Mask:
+        """Pairs in sight that may become unsafe before the next sample, shape (p,).
+
+        Most are too far apart for several samples, for all inputs, and are not looked at meanwhile.
+        """
+        if now.seen != self._seen:
+            self._seen = now.seen
+            known = np.isin(self._others, now.seen) | (self._others >= self._agents)
+            self._in_sight = known & self._provable
+        due: Mask = self._in_sight & (self._quiet_until < now.t + self._own.tau)
+        if due.any():
+            may_meet = self._certificates.may_meet(self._own, now.x, due)
+            self._quiet_until[due & ~may_meet] = now.t + self._own.longest
+            due = may_meet
+        return due
+
+    def _times(self, now: FilterInput, near: Mask, inputs: Sequence[Array]) -> list[Array]:
+        """Return for each input the times for which its pairs are proven safe [s]."""
+        held = [Held(self._own, now.x, u, near.astype(np.float64)) for u in inputs]
+        return self._certificates.proven(held)
+
+    def _reported(self, filtered: Filtered, times: Array) -> Filtered:
+        proven = float(times.min(initial=self._own.longest))
+        return filtered._replace(decision=filtered.decision._replace(proven=proven))
+
+    def _with_whole_rows(self, now: FilterInput, weak: Mask) -> Filtered:
+        """Solve the QP with the first filter's rows and whole rows for these pairs."""
+        rows, used = self._first.rows(now)
+        terms = self._pairs(now.x, now.seen)
+        others = {l if l < self._agents else None for l in self._others[weak].tolist()}
+        chosen = np.array([l in others for l in terms.others], dtype=bool)
+        every = pair_rows(terms, {})
+        a, bound = every.a[chosen], every.bound[chosen]
+        joined = Rows(np.concatenate([rows.a, a]), np.concatenate([rows.bound, bound]))
+        inputs = now.terms.polytopes[self._first.i]
+        decision = decide_pairs(inputs, joined, now.u_nom, self._qp)
+        origin = Origin.PROVEN if decision.origin is Origin.QP else decision.origin
+        return Filtered(decision._replace(origin=origin), used)
+
+    def _longest(
+        self, now: FilterInput, near: Mask, inputs: Sequence[Array]
+    ) -> tuple[Array, float]:
+        """Search for the input with the longest least time: these, corners, and points between."""
+        polytope: Polytope = now.terms.polytopes[self._first.i]
+        tried = [*inputs, *polytope.corners, polytope.corners.mean(axis=0)]
+        best, longest = tried[0], -1.0
+        for _ in range(_ROUNDS):
+            least = [float(t[near].min()) for t in self._times(now, near, tried)]
+            place = int(np.argmax(least))
+            if least[place] > longest:
+                best, longest = tried[place], least[place]
+            tried = [0.5 * (best + u) for u in tried]
+        return best, longest

@@ -1,0 +1,85 @@
+"""Agents that prove their inputs: certified ones stay as they are, others are replaced."""
+
+import numpy as np
+import pytest
+from phalanx_agent.controller import DistributedController
+
+import phalanx
+from phalanx.guarantee.certificates import SwarmCertificates
+from phalanx.scenario.load import ScenarioError, load
+from phalanx.seeded.draws import Draws
+from phalanx.swarm.rows import build_rows
+from phalanx.swarm.swarm import build_swarm
+from phalanx.theory.rows.origin import EMPTY, Origin
+
+HIJACK = [{"kind": "hijack", "at": 6.0, "agents": ["2"]}]
+
+
+def controllers(information: str) -> tuple[DistributedController, DistributedController]:
+    """Agent 1 of Simulation 1, without and with proofs."""
+    made = []
+    for prove in (False, True):
+        # A margin of 0 proves nothing, so that some inputs are certified for too short a time.
+        changes = {"safety.information": information, "safety.prove": prove, "safety.eta": 0.0}
+        made.append(DistributedController(build_rows(build_swarm(load("unicycles", changes))), 0))
+    return made[0], made[1]
+
+
+@pytest.mark.parametrize("information", ["split", "unknown"])
+def test_an_input_that_is_certified_for_too_short_is_replaced_by_a_longer_one(information):
+    plain, proving = controllers(information)
+    swarm = build_swarm(load("unicycles", {"safety.information": information}))
+    agent, start = SwarmCertificates(swarm).of(0), swarm.start()
+    draws, seen, replaced = Draws(5, "crowded", width=5), tuple(range(5)), 0
+    own, other = (swarm.safe_set.parts[l] for l in (0, 3))
+    for k in range(200):
+        # Agent 4 is close to agent 1, on any side of it: nearly unsafe, but not yet.
+        x, (far, angle, *turned, _) = start.copy(), draws[k].tolist()
+        x[own.start + 2], x[other.start + 2] = 6.3 * np.array(turned)
+        distance = 1.0 + 0.1 * far
+        # Positions are those of output points, 0.25 m ahead of the states.
+        ahead = 0.25 * np.array([f(6.3 * t) for f in (np.cos, np.sin) for t in turned])
+        x[other.start] = x[own.start] + ahead[0] - ahead[1] + distance * np.cos(6.3 * angle)
+        x[other.start + 1] = x[own.start + 1] + ahead[2] - ahead[3] + distance * np.sin(6.3 * angle)
+        first, second = (c(x, seen, float(k), {}).decision for c in (plain, proving))
+        before, after = (float(agent(x, d.u).min()) for d in (first, second))
+        if before >= agent.tau:
+            assert (second.u == first.u).all()
+            assert second.origin == first.origin
+            continue
+        replaced += second.origin in (Origin.PROVEN, Origin.LONGEST)
+        assert after >= before
+        assert second.proven is not None
+        if second.origin is Origin.PROVEN:
+            assert after >= agent.tau
+        elif second.origin is not Origin.LONGEST:
+            assert second.origin in (*EMPTY, Origin.QP, Origin.SOLVER_FAILED)
+            assert after == before
+    assert replaced > 3
+
+
+def test_with_proofs_a_hijack_leaves_the_remaining_pairs_guaranteed():
+    ends = {}
+    for prove in (False, True):
+        changes = {"safety.information": "split", "safety.prove": prove, "duration": 14.0}
+        scenario = phalanx.load("unicycles", {**changes, "faults": HIJACK})
+        ends[prove] = phalanx.run(scenario, engine="in-process")
+    assert ends[False].verdict is phalanx.Outcome.VIOLATED
+    assert ends[True].verdict is phalanx.Outcome.GUARANTEED
+    assert ends[True].summary.origins[Origin.LONGEST] > 10
+    assert Origin.LONGEST not in ends[False].summary.origins
+    proven = ends[True].inputs.filter(agent="1")["proven"]
+    assert np.isfinite(proven.drop_nulls().to_numpy()).all()
+    assert len(proven.drop_nulls()) == len(proven)
+
+
+@pytest.mark.parametrize(
+    ("changes", "where"),
+    [
+        ({"time.latency": 0.002}, "time.latency"),
+        ({"safety.control": "centralised", "safety.information": "paper"}, "safety.prove"),
+    ],
+)
+def test_proofs_need_inputs_that_apply_at_the_sample_and_agents_that_decide(changes, where):
+    with pytest.raises(ScenarioError, match=where):
+        load("unicycles", {"safety.prove": True, **changes})
