@@ -43,6 +43,9 @@ _INTEGRATED = "phalanx/theory/margins/integrated.py"
 _TEST_INTEGRATED = "tests/unit/theory/margins/test_integrated.py"
 _TEST_MARGIN = "tests/unit/theory/margins/test_integrated_margin.py"
 _VERIFY, _TEST_VERIFY = "phalanx/launcher/verify.py", "tests/unit/launcher/test_verify.py"
+_COORDINATOR = "phalanx/studies/coordinator.py"
+_TEST_COORDINATOR = "tests/unit/studies/test_coordinator.py"
+_INVENTORY = "phalanx/studies/inventory.py"
 
 MUTANTS = (
     Mutant("any t_apply", _ANSWERS, "message.t_apply != sample.t + self._latency", "False",
@@ -209,6 +212,37 @@ MUTANTS = (
     Mutant("another seed", _VERIFY, "{} if seed is None else", "{} if True else", _TEST_VERIFY),
     Mutant("half a chunk", "phalanx/recording/write.py", "os.ftruncate(self._fd, self._end)",
            "pass", _TEST_RECORDING),
+    Mutant("a dead worker's runs given up at once", _COORDINATOR,
+           "if handed.attempt < MOST_ATTEMPTS:", "if False:", _TEST_COORDINATOR),
+    Mutant("another trajectory called confirmed", _COORDINATOR,
+           "same = again.trajectory == row.trajectory", "same = True", _TEST_COORDINATOR),
+    Mutant("a violated run not repeated", _COORDINATOR,
+           "if row.outcome in _SURPRISING and", "if False and", _TEST_COORDINATOR),
+    Mutant("every violated run repeated", _COORDINATOR, "_MOST_SURPRISES = 20",
+           "_MOST_SURPRISES = 1000", _TEST_COORDINATOR),
+    Mutant("seeds beyond the width", _COORDINATOR, "if state.narrow(self._plan.until_width):",
+           "if False:", _TEST_COORDINATOR),
+    Mutant("a broken run used again", _INVENTORY,
+           "if outcome != BROKEN and identity.scenario:", "if identity.scenario:",
+           "tests/unit/studies/test_inventory.py"),
+    Mutant("rows of other modules", "phalanx/studies/identity.py", "return _digest(list(self))",
+           "return _digest([*self[:2], *self[3:]])", "tests/unit/studies"),
+    Mutant("rows of other versions", "phalanx/studies/identity.py", "return _digest(list(self))",
+           "return _digest(list(self[:3]))", "tests/unit/studies"),
+    Mutant("draws in the order of fields", "phalanx/studies/plan.py",
+           'Draws(self.draw_seed, "study", path)', 'Draws(self.draw_seed, "study")',
+           "tests/unit/studies/test_plan.py"),
+    Mutant("a torn row", "phalanx/studies/store.py", "for line in lines[:-1]:",
+           "for line in lines:", "tests/unit/studies/test_store.py"),
+    Mutant("two writers of one folder", "phalanx/studies/store.py",
+           "fcntl.flock(self._lock_file, fcntl.LOCK_EX | fcntl.LOCK_NB)", "pass",
+           "tests/unit/studies/test_store.py"),
+    Mutant("a searched row counted", "phalanx/studies/row.py", '~pl.col("searched") & ', "",
+           "tests/unit/studies/test_groups.py"),
+    Mutant("seeds that share what they drew", "phalanx/swarm/rows.py",
+           "other = replace(self, swarm=self.swarm.with_seed(seed, reseed))",
+           "other = replace(self)",
+           "tests/unit/studies/test_work.py"),
 )  # fmt: skip
 
 

@@ -1,0 +1,131 @@
+"""What the coordinator of a study does with rows that come, and with workers that die."""
+
+from collections import Counter
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import polars as pl
+import pytest
+
+from phalanx.studies.coordinator import MOST_ATTEMPTS, Coordinator, Options
+from phalanx.studies.plan import plan_from
+from phalanx.studies.row import Row
+from phalanx.studies.store import Store
+from phalanx.studies.work import Job, compute, confirm
+
+PLAN = {"scenario": "guaranteed", "overrides": {"duration": 0.02}}
+
+
+class Here(Executor):
+    """Computes in this process, and changes results as a test asks for.
+
+    Both engines have the same bits, so that a repetition is computed in-process too.
+    """
+
+    def __init__(self, then: Callable[[Any, list[Row]], list[Row]] = lambda _, rows: rows) -> None:
+        """then: takes the function and its rows; what it raises is the future's."""
+        self.jobs: list[tuple[Any, Job]] = []
+        self._then = then
+
+    def submit(self, fn: Any, /, *args: Any, **_: Any) -> "Future[Any]":
+        self.jobs.append((fn, args[0]))
+        future: Future[Any] = Future()
+        try:
+            future.set_result(self._then(fn, compute(args[0])))
+        except OSError as error:
+            future.set_exception(error)
+        return future
+
+    @property
+    def sizes(self) -> list[int]:
+        """Runs in each job that was computed."""
+        return [len(job.identities) for fn, job in self.jobs if fn is compute]
+
+
+def run(folder: Path, executor: Executor, plan: Any = PLAN, **options: Any) -> pl.DataFrame:
+    """Execute a plan; return its rows."""
+    chosen = Options(**{"in_flight": 2, "chunk": 8, "confirm": 0.0, "progress": list} | options)
+    with Store(folder).open(plan_from(plan)) as store:
+        Coordinator(plan_from(plan), store, executor, chosen).run()
+        return store.frame()
+
+
+def elsewhere(fn: Any, rows: list[Row]) -> list[Row]:
+    """Change the trajectory of a repetition."""
+    return [msgspec.structs.replace(row, trajectory="0" * 8) if fn is confirm else row
+            for row in rows]  # fmt: skip
+
+
+@pytest.mark.slow
+def test_runs_are_handed_out_in_jobs_of_a_chunk(tmp_path):
+    executor = Here()
+    run(tmp_path, executor, {**PLAN, "seeds": "0:5"}, chunk=2)
+    assert executor.sizes == [2, 2, 1]
+
+
+@pytest.mark.slow
+def test_the_runs_of_a_job_whose_worker_died_are_tried_again_each_alone(tmp_path):
+    def dies_first(fn: Any, rows: list[Row]) -> list[Row]:
+        if len(rows) > 1:
+            raise OSError("its worker died")
+        return rows
+
+    executor = Here(dies_first)
+    frame = run(tmp_path, executor, {**PLAN, "seeds": "0:3"})
+    assert executor.sizes == [3, 1, 1, 1]
+    assert "broken" not in set(frame["outcome"])
+
+
+def test_a_run_whose_workers_always_die_is_given_up(tmp_path):
+    def dies(fn: Any, rows: list[Row]) -> list[Row]:
+        raise OSError("its worker died")
+
+    executor = Here(dies)
+    (row,) = run(tmp_path, executor).iter_rows(named=True)
+    assert len(executor.jobs) == MOST_ATTEMPTS
+    assert row["outcome"] == "broken"
+    assert row["reason"] == "tried 3 times: OSError: its worker died"
+
+
+@pytest.mark.parametrize(("then", "same"), [(lambda _, rows: rows, True), (elsewhere, False)])
+def test_a_row_says_whether_its_run_as_processes_had_the_same_trajectory(tmp_path, then, same):
+    frame = run(tmp_path, Here(then), confirm=1.0)
+    assert frame["confirmed"].to_list() == [same]
+    assert frame["trajectory"].to_list() != ["0" * 8]
+
+
+def test_a_repetition_that_fails_leaves_its_row_unconfirmed(tmp_path):
+    def fails(fn: Any, rows: list[Row]) -> list[Row]:
+        if fn is confirm:
+            raise OSError("no port is free")
+        return rows
+
+    frame = run(tmp_path, Here(fails), confirm=1.0)
+    assert frame["confirmed"].to_list() == [None]
+    assert frame["outcome"].to_list() == ["guaranteed"]
+
+
+@pytest.mark.slow
+def test_violated_runs_are_repeated_whatever_the_share_and_only_so_many(tmp_path):
+    def violated(fn: Any, rows: list[Row]) -> list[Row]:
+        return [msgspec.structs.replace(row, outcome="violated") for row in rows]
+
+    executor = Here(violated)
+    run(tmp_path, executor, {**PLAN, "seeds": "0:23"}, confirm=1e-9)
+    assert Counter(fn for fn, _ in executor.jobs)[confirm] == 20
+
+
+def test_nothing_is_repeated_if_the_share_is_none(tmp_path):
+    executor = Here(lambda _, rows: [msgspec.structs.replace(r, outcome="violated") for r in rows])
+    run(tmp_path, executor, confirm=0.0)
+    assert [fn for fn, _ in executor.jobs] == [compute]
+
+
+@pytest.mark.slow
+def test_a_point_whose_rate_is_known_needs_no_more_seeds(tmp_path):
+    executor = Here()
+    run(tmp_path, executor, {**PLAN, "seeds": "0:60", "until_width": 0.2}, chunk=1, in_flight=1)
+    assert 20 < len(executor.jobs) < 60
