@@ -1,4 +1,4 @@
-"""What the coordinator of a study does with rows that come, and with workers that die."""
+"""The coordinator of a study: which jobs it hands out, again or never, and what its rows say."""
 
 from collections import Counter
 from collections.abc import Callable

@@ -2,6 +2,7 @@
 
 from itertools import product
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -49,6 +50,15 @@ def test_a_draw_is_the_same_in_whatever_study_it_is():
     assert len(set(etas)) == 8
     for model, draw in product(range(2), range(8)):
         assert other.point(20 * model + draw).axes["safety.eta"] == etas[draw]
+
+
+def test_fields_are_drawn_independently():
+    unit = {"uniform": [0.0, 1.0]}
+    drawn = {"network.loss": unit, "safety.eta": unit}
+    plan = plan_from({"scenario": "unicycles", "draw": drawn, "draws": 400})
+    axes = [tuple(plan.point(number).axes.values()) for number in range(plan.points_count)]
+    # Five standard deviations of the correlation of independent draws.
+    assert abs(np.corrcoef(np.array(axes).T)[0, 1]) < 0.25
 
 
 def test_another_draw_seed_draws_others():
