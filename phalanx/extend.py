@@ -49,6 +49,7 @@ from phalanx.theory.laws.goals import (
     Waypoints,
 )
 from phalanx.theory.laws.law import Law, TeamLaw, View
+from phalanx.theory.laws.lookahead import WorstLookahead
 from phalanx.theory.laws.script import Script
 from phalanx.theory.laws.tracking import Pursue, Track, TrackVelocity
 from phalanx.theory.margins.kinds import IntegratedMargin, LocalMargin, Margin, PairRow
@@ -125,6 +126,7 @@ __all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
     "Chase",
     "Pursue",
     "WorstCase",
+    "WorstLookahead",
     "Script",
     # Goals
     "Reference",

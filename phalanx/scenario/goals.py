@@ -9,10 +9,11 @@ from phalanx.schema.registry import is_users
 from phalanx.theory.laws.attacks import Chase, WorstCase
 from phalanx.theory.laws.goals import Follow, Reference
 from phalanx.theory.laws.law import Law
+from phalanx.theory.laws.lookahead import WorstLookahead
 from phalanx.theory.laws.script import Script
 from phalanx.theory.laws.tracking import Pursue
 
-_WITHOUT_GOAL = (Pursue, Chase, WorstCase, Script)
+_WITHOUT_GOAL = (Pursue, Chase, WorstCase, WorstLookahead, Script)
 
 
 class GoalField(RootModel[Table]):

@@ -22,6 +22,7 @@ from phalanx.theory.expressions.user_methods import located_class
 from phalanx.theory.laws.attacks import Chase, WorstCase
 from phalanx.theory.laws.goals import FixedPoint, Follow, PathAtSpeed, Reference, Waypoints
 from phalanx.theory.laws.law import Law
+from phalanx.theory.laws.lookahead import WorstLookahead
 from phalanx.theory.laws.script import Script
 from phalanx.theory.laws.tracking import Pursue, Track, TrackVelocity
 from phalanx.theory.margins.kinds import (
@@ -75,6 +76,7 @@ BUILT_IN: Mapping[type, Mapping[str, type]] = {
         "pursue": Pursue,
         "chase": Chase,
         "worst": WorstCase,
+        "worst-lookahead": WorstLookahead,
         "script": Script,
     },
     Controller: {

@@ -20,7 +20,7 @@ NAMES = """
     Limit Drawable Fence Band
     ClassK Linear Power Margin PairRow Chain LocalMargin IntegratedMargin
     Law TeamLaw View Goal Member Track TrackVelocity Chase Pursue WorstCase
-    Script
+    WorstLookahead Script
     Reference Sight Motion FixedPoint Waypoints PathAtSpeed Follow
     Controller ControllerView ControlledAgent Received PairTerms Polytope Rows NearestInput
     least_violation Nominal BarrierQP LyapunovBarrierQP CbfPy Escape Orca
