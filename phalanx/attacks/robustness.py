@@ -1,7 +1,7 @@
 """The robustness of a run: a signed number for each pair, below zero if the pair was unsafe.
 
 A verdict tells a search nothing of how close a run came; h alone is far below zero while all agents
-is far apart. So the number first counts what is left of a pair's certificate, then h:
+are far apart. So the number first counts what is left of a pair's certificate, then h:
 
 - below 0: the pair was unsafe; minus its largest h;
 - 0 to 1: safe, but for some time without a certificate; how far h stayed below 0;

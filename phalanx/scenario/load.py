@@ -3,7 +3,6 @@
 import copy
 import difflib
 import hashlib
-import json
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.resources import files
@@ -15,6 +14,7 @@ from pydantic import ValidationError
 
 from phalanx.scenario.declared import KINDS
 from phalanx.scenario.model import Reading, Scenario
+from phalanx.scenario.text import inline
 from phalanx.schema.fields import ALTERNATIVES
 from phalanx.schema.instances import as_table
 from phalanx.schema.user_code import UntrustedCodeError
@@ -77,7 +77,7 @@ def load(
 
 def reading_of(source: str, overrides: Mapping[str, Any]) -> Reading:
     """Return how a scenario is read, from which its command follows."""
-    return Reading(source=source, overrides={p: _toml(v) for p, v in overrides.items()})
+    return Reading(source=source, overrides={p: inline(v) for p, v in overrides.items()})
 
 
 def read_table(source: str | Path | Mapping[str, Any]) -> dict[str, Any]:
@@ -175,15 +175,6 @@ def _as_table(path: str, value: Any) -> Any:
         return as_table(value)
     except ValueError as error:
         raise ScenarioError(f"{path}: {error}") from error
-
-
-def _toml(value: Any) -> str:
-    """Format a value as TOML."""
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{key} = {_toml(each)}" for key, each in value.items()) + "}"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    return json.dumps(value) if isinstance(value, str | bool) else str(value)
 
 
 def _parsed(source: str) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from pydantic import (
 from phalanx.faults.fault import RunFacts
 from phalanx.network.table import Network
 from phalanx.scenario.agents import AgentGroup
+from phalanx.scenario.attack import Attack
 from phalanx.scenario.declared import AnyFault, Links
 from phalanx.scenario.placement import Flows, Scatter
 from phalanx.scenario.safety import Safety
@@ -155,6 +156,8 @@ class Scenario(Strict):
     workspace: dict[str, tuple[Finite, Finite]] = Field(default_factory=dict)
     """Least and largest value of states by name, for the constants of `phalanx check`; positions
     and angles have defaults."""
+    attack: Attack | None = None
+    """The knobs of a search for attacks (`phalanx attack`); a run does not use them."""
 
     reading: Reading | None = None
     """None if the scenario was not read by load."""
@@ -199,6 +202,8 @@ class Scenario(Strict):
         agents = {name: group.facts for group in self.named() for name in group.names}
         for index, fault in enumerate(self.faults):
             fault.check(agents, ("faults", index))
+        if self.attack is not None:
+            self.attack.check(agents, ("attack",))
         return self
 
     def _check_reseed(self) -> None:

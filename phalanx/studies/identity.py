@@ -49,8 +49,8 @@ _INPUTS = ("the scenario", "the seed", "your modules", "versions")
 
 
 def digest_of_scenario(scenario: Scenario) -> str:
-    """Return the digest of a resolved scenario, without its seed and description."""
-    return digest(scenario.model_copy(update={"seed": 0, "description": ""}))
+    """Return the digest of a resolved scenario, without what no run depends on."""
+    return digest(scenario.model_copy(update={"seed": 0, "description": "", "attack": None}))
 
 
 def digest_of_modules(sources: Mapping[str, bytes]) -> str:

@@ -56,6 +56,8 @@ class Row(msgspec.Struct, kw_only=True):
     """Whether the run as processes had the same trajectory; None if it was not run so."""
     searched: bool = False
     """True if the run was chosen by a search: such rows never enter an interval."""
+    robustness: str = ""
+    """Of each pair, as JSON by label, in a run of a search."""
 
 
 def row_of(
@@ -91,6 +93,14 @@ def flat(row: Row) -> dict[str, Any]:
     metrics, overrides = found.pop("metrics"), json_text(row.overrides)
     columns = {**found, **row.identity._asdict(), "key": row.identity.key, "overrides": overrides}
     return {name: columns[name] if name in columns else metrics.get(name) for name in SCHEMA}
+
+
+def row_from(columns: dict[str, Any]) -> Row:
+    """Invert flat, but for the metrics."""
+    fields = {name: columns[name] for name in get_type_hints(Row) if name in columns}
+    identity = Identity(*(columns[name] for name in Identity._fields))
+    overrides = msgspec.json.decode(columns["overrides"])
+    return Row(**{**fields, "identity": identity, "overrides": overrides})
 
 
 def _schema() -> dict[str, Any]:

@@ -54,7 +54,11 @@ class Store:
         """All rows, when one was first copied."""
 
     def open(self, plan: Plan) -> Self:
-        """Begin to write, with this plan; rows of another stay.
+        """Begin to write, with this plan; rows of another stay. Raises as open_with does."""
+        return self.open_with(PLAN, plan_text(plan))
+
+    def open_with(self, name: str, declaration: str) -> Self:
+        """Begin to write; what the rows are of goes into a file of this name.
 
         Raises:
             StudyError: another program writes, or the rows are of another version of Phalanx.
@@ -63,7 +67,7 @@ class Store:
         self.folder.mkdir(parents=True, exist_ok=True)
         self._lock()
         self._waiting = self._recovered()
-        _replace(self.folder / PLAN, plan_text(plan).encode())
+        _replace(self.folder / name, declaration.encode())
         known = {**self._versions(), versions(): versions_of_libraries()}
         _replace(self.folder / _VERSIONS, msgspec.json.format(msgspec.json.encode(known)))
         self._rewrite_journal()

@@ -105,7 +105,7 @@ def study(
     folder = Path(temporary.name if temporary else out or "")
     with (
         Store(folder).open(plan) as store,
-        _Computing(executor, workers) as computing,
+        Computing(executor, workers) as computing,
         _shown(plan, progress) as show,
     ):
         most = in_flight or 2 * (computing.workers if isinstance(computing, Pool) else 8)
@@ -124,7 +124,7 @@ def _shown(plan: Plan, progress: Progress | bool) -> AbstractContextManager[Prog
     return nullcontext(progress)
 
 
-class _Computing:
+class Computing:
     """The given executor, which its owner shuts down, or a pool of its own."""
 
     def __init__(self, executor: Executor | None, workers: int | None) -> None:

@@ -4,7 +4,7 @@ A job holds all that it needs, so that it can travel to another machine.
 """
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -38,7 +38,7 @@ class Job(NamedTuple):
 
 def compute(job: Job) -> list[Row]:
     """Run every run of a job to its verdict, without files; return their rows."""
-    return [_row(job, identity) for identity in job.identities]
+    return [row_by(_measured, job, identity) for identity in job.identities]
 
 
 def confirm(job: Job) -> list[Row]:
@@ -50,15 +50,15 @@ def confirm(job: Job) -> list[Row]:
     return [row_of(identity, job.overrides, run.summary, run.recording, swarm_of(run.recording))]
 
 
-def _row(job: Job, identity: Identity) -> Row:
+Work = Callable[[Job, Identity, SafetyRows], Row]
+"""Makes the row of a run from its compiled rows."""
+
+
+def row_by(work: Work, job: Job, identity: Identity) -> Row:
+    """Return the row that a work makes; without a run, one that says why."""
     began = time.monotonic()
     try:
-        rows = _rows(job, identity.seed)
-        records = RecordsInMemory()
-        summary = simulate(rows, records)
-        states, steps = records.of(State), records.of(Step)
-        recording = Recording(Path(), rows.swarm.scenario, {}, states, steps)
-        return row_of(identity, job.overrides, summary, recording, rows.swarm)
+        return work(job, identity, _rows(job, identity.seed))
     except (ScenarioError, ModulesError) as error:
         outcome, reason = REFUSED, str(error)
     except MistakenMethodError as error:
@@ -67,6 +67,14 @@ def _row(job: Job, identity: Identity) -> Row:
     return Row(
         identity=identity, overrides=job.overrides, outcome=outcome, reason=reason, wall_time=wall
     )
+
+
+def _measured(job: Job, identity: Identity, rows: SafetyRows) -> Row:
+    records = RecordsInMemory()
+    summary = simulate(rows, records)
+    states, steps = records.of(State), records.of(Step)
+    recording = Recording(Path(), rows.swarm.scenario, {}, states, steps)
+    return row_of(identity, job.overrides, summary, recording, rows.swarm)
 
 
 def _rows(job: Job, seed: int) -> SafetyRows:

@@ -1,0 +1,117 @@
+"""A search in a folder: begun, or gone on with, and always left readable."""
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from phalanx.attacks.archive import Behaviour, Find
+from phalanx.attacks.finds import write_finds
+from phalanx.attacks.knobs import space_of
+from phalanx.attacks.optimisers import OPTIMISERS
+from phalanx.attacks.page import write_attack_page
+from phalanx.attacks.presets import WITHIN, preset
+from phalanx.attacks.search import History, Search, SearchProgress, declaration
+from phalanx.scenario.attack import Attack
+from phalanx.scenario.load import load, read_table, set_field
+from phalanx.studies.store import Store, StudyError
+from phalanx.studies.study import Computing
+
+DECLARATION, PAGE = "attack.toml", "attack.html"
+BASELINE = "random"
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of a search; all but the budget decide what its rows are."""
+
+    budget: int
+    """Runs of each optimiser."""
+    preset: str | None = None
+    """Adds knobs; by default `within` for a scenario without an [attack] table."""
+    optimiser: str = next(iter(OPTIMISERS))
+    seed: int = 0
+    """Of the search; the runs have the scenario's."""
+    batch: int | None = None
+    """Points in a generation; by default the optimiser's."""
+    fresh: int = 4
+    """Seeds on which the best of a generation is repeated."""
+    baseline: bool = True
+    """Whether a random search with the same budget follows."""
+
+
+@dataclass(frozen=True)
+class Attacked:
+    """A search as far as it went."""
+
+    histories: list[History]
+    finds: list[tuple[Behaviour, Find, Path]]
+    """Written as files."""
+    page: Path
+
+
+def attack(
+    source: str,
+    overrides: Mapping[str, Any],
+    options: Options,
+    *,
+    folder: Path,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    progress: Callable[[SearchProgress], object] = lambda _: None,
+) -> Attacked:
+    """Search for attacks on a scenario; what the folder has already is not run again.
+
+    Args:
+        source: a scenario as phalanx.load takes it.
+        overrides: by path.
+        options: of the search.
+        folder: of the search.
+        workers: of the built-in pool; by default one for each processor.
+        executor: in place of the pool.
+        progress: called after each generation.
+
+    Raises:
+        ScenarioError: the scenario or its [attack] table is not valid.
+        StudyError: the folder has another search, or is in use.
+        ImportError: the optimiser is not installed.
+    """
+    table = read_table(source)
+    for path, value in overrides.items():
+        set_field(table, path, value)
+    if options.preset or "attack" not in table:
+        table["attack"] = _with_preset(table, options.preset or WITHIN)
+    space, knobs = space_of(table, source), Attack.model_validate(table["attack"])
+    rows_of = {"optimiser": options.optimiser, "seed": options.seed, "fresh": options.fresh}
+    rows_of |= {} if options.batch is None else {"batch": options.batch}
+    store = _opened(folder, tomli_w.dumps(declaration(space, knobs, rows_of)))
+    with store, Computing(executor, workers) as computing:
+        search = Search(space, knobs, store, computing, fresh=options.fresh, progress=progress)
+        try:
+            search.run(options.optimiser, options.budget, options.seed, options.batch)
+            if options.baseline and options.optimiser != BASELINE:
+                search.run(BASELINE, options.budget, options.seed, options.batch)
+        finally:
+            finds = list(write_finds(folder, space.table, search.archive.best_first))
+            page = write_attack_page(search, finds, folder / PAGE)
+    return Attacked(search.histories, finds, page)
+
+
+def _with_preset(table: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Return the [attack] table of a scenario with the knobs of a preset; declared ones stay."""
+    added, declared = preset(name, load(table)), table.get("attack", {})
+    both = {field: {**added[field], **declared.get(field, {})} for field in ("starts", "vary")}
+    return {**added, **declared, **both}
+
+
+def _opened(folder: Path, text: str) -> Store:
+    file = folder / DECLARATION
+    if file.exists() and file.read_text(encoding="utf-8") != text:
+        raise StudyError(
+            f"{folder}: has a search of another scenario, or with other options: take another "
+            "folder with --out, or delete this one"
+        )
+    return Store(folder).open_with(DECLARATION, text)

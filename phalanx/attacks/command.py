@@ -1,0 +1,143 @@
+"""phalanx attack: search for the attack that breaks a swarm."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from phalanx.cli.options import Overrides
+from phalanx.cli.terminal import echo, echo_error
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from phalanx.attacks.attack import Attacked
+    from phalanx.attacks.search import SearchProgress
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(attack)
+
+
+def attack(
+    scenario: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENARIO",
+            help="As `phalanx run` takes it; its table `attack` says what may change.",
+        ),
+    ],
+    budget: Annotated[
+        int, typer.Option(min=1, max=1_000_000, help="Runs of the search, and of the baseline.")
+    ] = 200,
+    preset: Annotated[
+        Literal["within", "beyond"] | None,
+        typer.Option(
+            help="Knobs besides those declared. within: starts, gains, how disturbances act, lies; "
+            "beyond: also faults of robots. Without a table: within."
+        ),
+    ] = None,
+    optimiser: Annotated[
+        Literal["cma-es", "differential-evolution", "random"],
+        typer.Option(help="cma-es needs the extra `attack`."),
+    ] = "cma-es",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the search; runs have their own.")] = 0,
+    batch: Annotated[
+        int | None,
+        typer.Option(min=5, help="Points in a generation; they are evaluated at the same time."),
+    ] = None,
+    fresh: Annotated[
+        int,
+        typer.Option(min=0, help="Seeds on which the best of a generation is tried again."),
+    ] = 4,
+    baseline: Annotated[
+        bool, typer.Option(help="Let a random search with the same budget follow, to compare.")
+    ] = True,
+    overrides: Overrides = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="The folder; by default attacks/<scenario>. A search there goes on."),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes; by default one for each processor.")
+    ] = None,
+) -> int:
+    """Search for starts, inputs, lies and faults that break a swarm, within declared bounds.
+
+    Each run is measured by its robustness: below 0 a pair was unsafe, below 1 it was without a
+    certificate for some time. Starts that leave a pair no certificate are not run. The best attack
+    of each kind is kept as a scenario that `phalanx run` repeats to the same trajectory.
+
+    Asked again, it goes on where it was, also after Ctrl-C, a crash, or for a larger budget.
+    Exit status: 2 if an attack was found, else 0.
+
+    Examples:
+
+      phalanx attack guaranteed --budget 200
+      phalanx attack unicycles --preset beyond --set duration=6 --workers 4
+      phalanx run attacks/guaranteed/found/01-1-4-1.68s.toml
+    """
+    from phalanx.attacks.attack import Options
+    from phalanx.attacks.attack import attack as search
+    from phalanx.scenario.load import field_and_value
+    from phalanx.studies.store import StudyError
+
+    folder = out or Path("attacks") / Path(scenario).name.removesuffix(".toml")
+    options = Options(budget, preset, optimiser, seed, batch, fresh, baseline)
+    fields = dict(map(field_and_value, overrides or ()))
+    try:
+        with _shown() as show:
+            found = search(scenario, fields, options, folder=folder, workers=workers, progress=show)
+    except StudyError as error:
+        raise typer.BadParameter(str(error)) from error
+    except KeyboardInterrupt:
+        echo_error(f"stopped; {folder} has the runs so far, and the same command goes on")
+        raise
+    _print(found)
+    return 2 if any(history.violated for history in found.histories) else 0
+
+
+@contextmanager
+def _shown() -> "Iterator[Callable[[SearchProgress], None]]":
+    """Show a bar for each optimiser while the block runs; yields the function to call."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    words = TextColumn("{task.fields[words]}", markup=False)
+    bar = Progress(
+        TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), words,
+        console=Console(stderr=True), transient=True,
+    )  # fmt: skip
+    tasks = {}
+
+    def show(progress: "SearchProgress") -> None:
+        if progress.phase not in tasks:
+            tasks[progress.phase] = bar.add_task(progress.phase, total=progress.total, words="")
+        words = f"least robustness {progress.best:.4g}, {progress.violated} violated"
+        bar.update(tasks[progress.phase], completed=progress.done, words=words)
+
+    with bar:
+        yield show
+
+
+def _print(found: "Attacked") -> None:
+    from rich.console import Console
+
+    from phalanx.attacks.page import fresh
+    from phalanx.cli.display import TextTable
+
+    table = TextTable("optimiser", "runs", "refused", "least robustness", "violated", "first at")
+    for each in found.histories:
+        first = str(each.violated[0].number) if each.violated else "–"
+        counts = str(len(each.finds)), str(each.refused), f"{each.best:.4g}"
+        table.add_row(each.optimiser, *counts, str(len(each.violated)), first)
+    Console().print(table)
+    table = TextTable("weakest pair", "at", "by", "robustness", "verdict", "on fresh seeds", "file")
+    for behaviour, find, path in found.finds:
+        words = f"{find.when:.3f} s", behaviour.means, f"{find.robustness:.4g}", find.row.outcome
+        table.add_row(behaviour.pair, *words, fresh(find), str(path))
+    Console().print(table)
+    echo(f"page: {found.page}")

@@ -1,0 +1,242 @@
+"""The knobs of a search: points of a cube, with choices, become overrides of a scenario.
+
+A table of overrides is all that a search changes, so that each of its runs is a plain scenario.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from phalanx.scenario.agents import AgentGroup
+from phalanx.scenario.attack import Attack, FaultBudget, Interval
+from phalanx.scenario.load import ScenarioError, validate
+from phalanx.scenario.model import Scenario
+from phalanx.schema.distribution import Distribution
+from phalanx.theory.models.polytope import constant_polytope
+
+Fields = dict[str, Any]
+"""Overrides by path."""
+
+
+class Point(NamedTuple):
+    """One setting of all knobs."""
+
+    numbers: tuple[float, ...]
+    """In [0, 1]."""
+    choices: tuple[int, ...]
+    """Places among the choices."""
+
+
+@dataclass(frozen=True)
+class Knobs:
+    """Some knobs that belong together."""
+
+    numbers: int
+    choices: tuple[int, ...]
+    """The number of possibilities of each choice, two at least."""
+    fields: Callable[[Sequence[float], Sequence[int]], Fields]
+    """(numbers, choices) -> overrides."""
+
+
+@dataclass(frozen=True)
+class Space:
+    """All knobs of a search, and the scenario that they turn."""
+
+    table: Fields
+    """The scenario's; agents with knobs have groups of their own."""
+    knobs: tuple[Knobs, ...]
+
+    @property
+    def numbers(self) -> int:
+        """The number of knobs that are numbers."""
+        return sum(each.numbers for each in self.knobs)
+
+    @property
+    def choices(self) -> tuple[int, ...]:
+        """The number of possibilities of each choice."""
+        return tuple(count for each in self.knobs for count in each.choices)
+
+    def overrides(self, point: Point) -> Fields:
+        """Return the fields that a point sets, by path."""
+        found, faults = Fields(), list(self.table.get("faults", ()))
+        ends = accumulate((len(each.choices) for each in self.knobs), initial=0)
+        begins = accumulate((each.numbers for each in self.knobs), initial=0)
+        for each, number, choice in zip(self.knobs, begins, ends, strict=False):
+            numbers = point.numbers[number : number + each.numbers]
+            fields = each.fields(numbers, point.choices[choice : choice + len(each.choices)])
+            faults += fields.pop("faults", [])
+            found.update(fields)
+        return found | ({"faults": faults} if faults else {})
+
+
+def space_of(table: Mapping[str, Any], source: str = "scenario") -> Space:
+    """Return the knobs that a scenario's [attack] table declares.
+
+    Raises ScenarioError: the scenario is not valid, a path names no field, or there is no knob.
+    """
+    scenario = validate(table, source)
+    attack = scenario.attack or Attack()
+    own = separated(table, scenario, {*attack.starts, *attack.scripts})
+    groups = validate(own, source).agents
+    place = {name: f"agents.{g}" for g, group in enumerate(groups) for name in group.names}
+    by_name = {name: group for group in groups for name in group.names}
+    knobs = [_varied(path, each) for path, each in attack.vary.items()]
+    knobs += [_start(place[name], box) for name, box in attack.starts.items()]
+    knobs += [
+        _script(place[name], by_name[name], pieces, scenario.duration)
+        for name, pieces in attack.scripts.items()
+    ]
+    if attack.faults is not None:
+        knobs += [_fault(attack.faults, scenario) for _ in range(attack.faults.most)]
+    if not knobs:
+        raise ScenarioError(f"{source}: attack: expected knobs: vary, starts, scripts or faults")
+    del own["attack"]
+    return Space(own, tuple(knobs))
+
+
+def separated(table: Mapping[str, Any], scenario: Scenario, names: set[str]) -> Fields:
+    """Return a scenario's table in which each of these agents has a group of its own."""
+    groups: list[Fields] = []
+    for written, group in zip(table["agents"], scenario.named(), strict=True):
+        whole = {key: value for key, value in dict(written).items() if key != "count"}
+        if not names & {*group.names} or group.size == 1:
+            groups.append({**whole, "names": list(group.names)})
+            continue
+        for place, name in enumerate(group.names):
+            own = {
+                field: [list(whole[field])[place]]
+                for field in ("slots", "goal", "start")
+                if whole.get(field)
+            }
+            groups.append({**whole, **own, "names": [name]})
+    return {**table, "agents": groups}
+
+
+def rounded(value: Any) -> Any:
+    """Return a number with four digits, which a person can read; others as they are."""
+    return float(f"{value:.4g}") if isinstance(value, float) else value
+
+
+def _varied(path: str, of: Distribution) -> Knobs:
+    if of.choice is not None:
+        values = of.choice
+        if len(values) == 1:
+            return Knobs(0, (), lambda _, __: {path: values[0]})
+        return Knobs(0, (len(values),), lambda _, chosen: {path: values[chosen[0]]})
+    return Knobs(1, (), lambda numbers, _: {path: rounded(of.at(numbers[0]))})
+
+
+def _start(group: str, box: Sequence[Interval]) -> Knobs:
+    free = [state for state, (low, high) in enumerate(box) if low < high]
+
+    def fields(numbers: Sequence[float], _: Sequence[int]) -> Fields:
+        start = [low for low, _ in box]
+        for state, number in zip(free, numbers, strict=True):
+            low, high = box[state]
+            start[state] = rounded(low + number * (high - low))
+        return {f"{group}.start": [start], f"{group}.spread": []}
+
+    return Knobs(len(free), (), fields)
+
+
+def _script(place: str, group: AgentGroup, pieces: int, duration: float) -> Knobs:
+    """Make the knobs of constant inputs: for each, the distance from U's center in a direction."""
+    dynamics = group.dynamics_object()
+    x = ca.SX.sym("x", len(dynamics.states))
+    known = constant_polytope(*dynamics.input_polytope(x))
+    if known is None:
+        raise ScenarioError(f"attack: scripts.{group.names[0]}: expected inputs in a constant U")
+    low, high = known.corners.min(axis=0), known.corners.max(axis=0)
+    center, size = known.corners.mean(axis=0), len(dynamics.inputs)
+    at = [rounded(duration * piece / pieces) for piece in range(pieces)]
+
+    def admissible(numbers: Sequence[float]) -> list[float]:
+        step = low + np.array(numbers) * (high - low) - center
+        beyond = float(((known.A @ step) / (known.b - known.A @ center)).max())
+        u = center + step / max(1.0, beyond)
+        # Towards zero, so that a rounded input is in U as well.
+        return [float(f"{each - np.sign(each) * 5e-4 * abs(each):.3g}") for each in u.tolist()]
+
+    def fields(numbers: Sequence[float], _: Sequence[int]) -> Fields:
+        inputs = [admissible(numbers[k * size : (k + 1) * size]) for k in range(pieces)]
+        return {f"{place}.law": {"type": "script", "at": at, "inputs": inputs}}
+
+    return Knobs(pieces * size, (), fields)
+
+
+def _fault(budget: FaultBudget, scenario: Scenario) -> Knobs:
+    """Make the knobs of one fault, or of none: kind, agent, begin, duration and strength."""
+    normal = [name for name, group, _ in scenario.roster() if group.role == "normal"]
+    agents = budget.agents or tuple(normal)
+    facts = {name: group.facts for name, group, _ in scenario.roster()}
+
+    def fields(numbers: Sequence[float], choices: Sequence[int]) -> Fields:
+        kind, name = choices[0], agents[choices[1] if len(choices) > 1 else 0]
+        if kind == 0:
+            return {}
+        begin, lasts, strength = numbers
+        at = rounded(begin * 0.95 * scenario.duration)
+        span = rounded(max(0.01, lasts * min(budget.longest, scenario.duration)))
+        made = _FAULTS[budget.kinds[kind - 1]]
+        return {"faults": [made(name, at, span, strength, facts[name].states[0])]}
+
+    several = (len(agents),) if len(agents) > 1 else ()
+    return Knobs(3, (1 + len(budget.kinds), *several), fields)
+
+
+_SAYS: tuple[Fields, ...] = ({"says": "opposite"}, {"says": "zero"}, {"equivocate": True},
+    {"replay": 50}, {"silent": True})  # fmt: skip
+
+
+def _lie(name: str, at: float, span: float, strength: float, _: str) -> Fields:
+    says = _SAYS[min(int(strength * len(_SAYS)), len(_SAYS) - 1)]
+    return {"kind": "lie", "agent": name, "at": at, "for": span, **says}
+
+
+def _link(name: str, at: float, span: float, strength: float, _: str) -> Fields:
+    loss = rounded(0.5 + 0.5 * strength)
+    return {"kind": "link", "from": name, "at": at, "for": span, "loss": loss}
+
+
+def _hold(name: str, at: float, span: float, _: float, __: str) -> Fields:
+    return {"kind": "hold", "from": name, "at": at, "for": span}
+
+
+def _partition(name: str, at: float, span: float, _: float, __: str) -> Fields:
+    return {"kind": "partition", "groups": [[name]], "at": at, "for": span}
+
+
+def _of_agent(kind: str, lasts: bool = True) -> Callable[..., Fields]:
+    def made(name: str, at: float, span: float, _: float, __: str) -> Fields:
+        table = {"kind": kind, "agents": [name], "at": at}
+        return {**table, "for": span} if lasts else table
+
+    return made
+
+
+def _clock(name: str, at: float, span: float, strength: float, _: str) -> Fields:
+    drift = rounded(0.1 + 4.0 * strength)
+    return {"kind": "clock", "agents": [name], "at": at, "for": span, "drift": drift}
+
+
+def _sensor(name: str, at: float, span: float, strength: float, state: str) -> Fields:
+    bias = rounded(2.0 * strength - 1.0)
+    return {"kind": "sensor", "agents": [name], "at": at, "for": span, "bias": {state: bias}}
+
+
+_FAULTS: Mapping[str, Callable[..., Fields]] = {
+    "lie": _lie,
+    "loss": _link,
+    "hold": _hold,
+    "partition": _partition,
+    "pause": _of_agent("pause"),
+    "actuator": _of_agent("actuator"),
+    "kill": _of_agent("kill", lasts=False),
+    "turn": _of_agent("turn", lasts=False),
+    "clock": _clock,
+    "sensor": _sensor,
+}

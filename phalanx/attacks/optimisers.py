@@ -1,0 +1,125 @@
+"""Optimisers of a search: each asks for the costs of a whole generation at once.
+
+An optimiser is a function that goes on until the search raises. A generation is a batch, so any
+number of workers gives the same path; on another CPU it may differ, as it depends on LAPACK.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from phalanx.attacks.knobs import Point
+from phalanx.seeded.draws import Draws
+
+_STALE = 8
+"""Generations without a better point, after which a search begins again elsewhere."""
+_SIGMA = 0.3
+"""First step of CMA-ES, in a cube of side 1."""
+
+
+class Trials(Protocol):
+    """The search, as its optimiser uses it."""
+
+    def costs(self, points: Sequence[Point]) -> list[float]:
+        """Evaluate a generation, and return a cost for each: less is a better attack."""
+
+    def turn(self) -> None:
+        """Begin again: from now on costs are of another target."""
+
+
+class Asked(Protocol):
+    """Sizes of a search."""
+
+    @property
+    def numbers(self) -> int:
+        """The number of knobs that are numbers."""
+
+    @property
+    def choices(self) -> tuple[int, ...]:
+        """The number of possibilities of each choice."""
+
+
+Optimiser = Callable[[Asked, Trials, int, "int | None"], None]
+"""(sizes, trials, seed, batch) -> never: the search ends it by an exception."""
+
+
+def random_search(space: Asked, trials: Trials, seed: int, batch: int | None) -> None:
+    """Draw every point uniformly."""
+    width = space.numbers + len(space.choices)
+    draws, size, begin = Draws(seed, "attack", "random", width=width), batch or 10, 0
+    while True:
+        trials.costs([_point(space, draws[begin + k]) for k in range(size)])
+        begin += size
+
+
+def differential_evolution(space: Asked, trials: Trials, seed: int, batch: int | None) -> None:
+    """Do SciPy's differential evolution; a choice is a number that is rounded down."""
+    from scipy.optimize import differential_evolution as minimise
+
+    width, again = space.numbers + len(space.choices), 0
+    while True:
+        draws = Draws(seed, "attack", "differential evolution", str(again), width=width)
+        begin = np.array([draws[k] for k in range(max(batch or 10, 5))])
+        minimise(
+            lambda x: np.array(trials.costs([_point(space, each) for each in x.T])),
+            bounds=[(0.0, 1.0)] * width, init=begin, vectorized=True, updating="deferred",
+            polish=False, seed=(seed + again) % 2**32, maxiter=10**6,
+        )  # fmt: skip
+        again += 1
+        trials.turn()
+
+
+def cma_es(space: Asked, trials: Trials, seed: int, batch: int | None) -> None:
+    """Do CMA-ES with margin and categories; it begins again when it no longer improves.
+
+    Raises ImportError without the library.
+    """
+    again = 0
+    while True:
+        search = _cma(space, (seed * 1009 + again) % 2**32, batch)
+        best, stale = np.inf, 0
+        while stale < _STALE and not search.should_stop():
+            asked = [search.ask() for _ in range(search.population_size)]
+            costs = trials.costs([_of_solution(each) for each in asked])
+            search.tell(list(zip(asked, costs, strict=True)))
+            stale = 0 if min(costs) < best else stale + 1
+            best = min(best, *costs)
+        again += 1
+        trials.turn()
+
+
+def _cma(space: Asked, seed: int, batch: int | None) -> Any:
+    try:
+        from cmaes import CatCMAwM
+    except ImportError as error:
+        raise ImportError(
+            "cma-es needs cmaes: pip install 'phalanx-swarm[attack]', or take --optimiser random"
+        ) from error
+    sizes: dict[str, Any] = {"population_size": batch, "seed": seed}
+    if space.numbers:
+        mean = np.full(space.numbers, 0.5)
+        sizes |= {"x_space": [[0.0, 1.0]] * space.numbers, "mean": mean, "sigma": _SIGMA}
+    if space.choices:
+        sizes["c_space"] = list(space.choices)
+    return CatCMAwM(**sizes)
+
+
+def _of_solution(solution: Any) -> Point:
+    numbers = () if solution.x is None else tuple(solution.x.tolist())
+    chosen = () if solution.c is None else tuple(solution.c.argmax(axis=1).tolist())
+    return Point(numbers, chosen)
+
+
+def _point(space: Asked, x: Any) -> Point:
+    numbers, rest = x[: space.numbers].tolist(), x[space.numbers :].tolist()
+    pairs = zip(rest, space.choices, strict=True)
+    return Point(tuple(numbers), tuple(min(int(v * count), count - 1) for v, count in pairs))
+
+
+OPTIMISERS: dict[str, Optimiser] = {
+    "cma-es": cma_es,
+    "differential-evolution": differential_evolution,
+    "random": random_search,
+}
+"""By name, the default first."""

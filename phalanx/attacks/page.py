@@ -1,0 +1,135 @@
+"""The page of a search: its curve next to that of random search, and its archive."""
+
+from collections.abc import Sequence
+from functools import partial
+from html import escape
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from phalanx.arrays import Array
+from phalanx.attacks.archive import Behaviour, Find
+from phalanx.attacks.finds import table_of
+from phalanx.attacks.robustness import evaluate_rows
+from phalanx.attacks.search import History, Search
+from phalanx.report.html import document, drawing, note, section, sortable, table
+from phalanx.report.style import ADVERSARY, NORMAL, PEAK, legend, panels
+from phalanx.scenario.load import load
+from phalanx.studies.page.svg import svg_of
+from phalanx.swarm.runnable import require_runnable
+from phalanx.swarm.swarm import Swarm, build_swarm
+
+_HEIGHT = 3.0
+"""[inch]"""
+_COLOURS = (NORMAL, "#5d6570")
+_MOST = 200
+
+
+def write_attack_page(
+    search: Search, finds: Sequence[tuple[Behaviour, Find, Path]], path: Path
+) -> Path:
+    """Write one HTML file that needs no other; return its path. Raises OSError."""
+    name = str(search.space.table.get("name", "attack"))
+    histories = [history for history in search.histories if history.finds]
+    parts = ['<main class="study">', f"<h1>Attacks on {escape(name)}</h1>"]
+    if histories:
+        curve = drawing(_CURVE, svg_of(partial(search_figure, histories)))
+        parts.append(section("Search", curve + _counts(histories)))
+        files = {find.row.trajectory: file for _, find, file in finds}
+        archived = search.archive.best_first
+        parts.append(section("Archive: the best attack of each behaviour", _table(archived, files)))
+        if archived:
+            parts.append(section("The best attack", _diagram(search, archived[0][1])))
+    else:
+        parts.append(note("No run yet."))
+    path.write_text(document(f"Attacks on {name}", [*parts, "</main>"], "72rem"), encoding="utf-8")
+    return path
+
+
+_CURVE = (
+    "The least robustness after each run. Below 0 a pair was unsafe, below 1 it was without a "
+    "certificate, above 1 it was under one throughout."
+)
+
+
+def search_figure(histories: Sequence[History]) -> Figure:
+    """Draw the least robustness over the number of runs, of each optimiser."""
+    figure, (axes,) = panels(1, _HEIGHT)
+    for history, colour in zip(histories, _COLOURS, strict=False):
+        least = np.minimum.accumulate([find.robustness for find in history.finds])
+        runs = np.arange(1, len(least) + 1)
+        axes.step(runs, least, where="post", color=colour, label=history.optimiser)
+    axes.axhline(0.0, color=PEAK, linewidth=1.0, linestyle="--")
+    axes.set_xlabel("runs")
+    axes.set_ylabel("least robustness")
+    legend(axes)
+    return figure
+
+
+def _counts(histories: Sequence[History]) -> str:
+    rows = [
+        (
+            each.optimiser, str(len(each.finds)), str(each.refused), f"{each.best:.4g}",
+            str(len(each.violated)), str(each.violated[0].number) if each.violated else "–",
+        )
+        for each in histories
+    ]  # fmt: skip
+    head = ("optimiser", "runs", "starts refused", "least robustness", "violated", "first at run")
+    return table(head, rows)
+
+
+def _table(archived: Sequence[tuple[Behaviour, Find]], files: dict[str, Path]) -> str:
+    rows = [
+        (
+            behaviour.pair, f"{find.when:.3f}", behaviour.means, f"{find.robustness:.4g}",
+            str(find.row.outcome), f"{find.row.worst_h:.4g}", fresh(find),
+            f"found/{files[find.row.trajectory].name}" if find.row.trajectory in files else "–",
+        )
+        for behaviour, find in archived
+    ]  # fmt: skip
+    head = ("pair", "at [s]", "by", "robustness", "verdict", "worst h", "on fresh seeds", "file")
+    return sortable(table(head, rows, most=_MOST)) if rows else note("None.")
+
+
+def fresh(find: Find) -> str:
+    """Return how often a find is violated on fresh seeds, with the 95 % interval."""
+    if find.fresh_interval is None:
+        return "–"
+    low, high = find.fresh_interval
+    return f"{find.fresh_violated} of {len(find.fresh)} [{low:.0%}, {high:.0%}]"
+
+
+def _diagram(search: Search, find: Find) -> str:
+    scenario = load(table_of(search.space.table, find))
+    found = evaluate_rows(require_runnable(build_swarm(scenario)))
+    caption = (
+        f"Distance of each adversary to the nearest normal agent over time, and paths seen from "
+        f"above up to {find.when:.3f} s; {found.summary.outcome}, trajectory "
+        f"{found.summary.trajectory[:16]}."
+    )
+    t, x = found.recording.times, found.recording.x
+    return drawing(caption, svg_of(partial(space_time_figure, search.swarm, t, x, find.when)))
+
+
+def space_time_figure(swarm: Swarm, t: Array, x: Array, when: float) -> Figure:
+    """Draw the distances of adversaries over time, and all paths up to a time [s]."""
+    figure, (above, below) = panels(2, _HEIGHT)
+    points = np.array([swarm.positions(each) for each in x[:: max(1, len(x) // 500)]])
+    t = t[:: max(1, len(t) // 500)]
+    until = t <= when
+    for i, member in enumerate(swarm.members):
+        colour = ADVERSARY if member.adversary else NORMAL
+        below.plot(points[until, i, 0], points[until, i, 1], color=colour, linewidth=1.2)
+        below.annotate(member.name, points[until, i, :2][-1], color=colour)
+        if member.adversary:
+            apart = np.linalg.norm(points[:, list(swarm.normal)] - points[:, [i]], axis=2)
+            above.plot(t, apart.min(axis=1), color=colour, linewidth=1.2, label=member.name)
+    above.axvline(when, color=PEAK, linestyle="--", linewidth=1.0)
+    above.set_ylabel("distance [m]")
+    below.set_aspect("equal", adjustable="datalim")
+    below.set_ylabel("y [m]")
+    below.set_xlabel("x [m]; above: t [s]")
+    if any(member.adversary for member in swarm.members):
+        legend(above)
+    return figure

@@ -1,0 +1,234 @@
+"""A search: an optimiser's generations, evaluated by an executor, journalled, and archived.
+
+The optimiser asks for the same points again when a search goes on where it was: those that the
+journal has are not run again. So a killed search, and one with other workers, ends the same.
+"""
+
+import contextlib
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from phalanx.attacks.archive import Archive, Find, found
+from phalanx.attacks.knobs import Fields, Point, Space
+from phalanx.attacks.optimisers import OPTIMISERS
+from phalanx.attacks.robustness import scales_of
+from phalanx.attacks.trial import START, Trial, compute_trial, robustness_of
+from phalanx.guarantee.verdict import Outcome
+from phalanx.launcher import interrupt
+from phalanx.scenario.attack import Attack
+from phalanx.scenario.load import load
+from phalanx.schema.user_code import imported_sources
+from phalanx.studies.coordinator import MOST_ATTEMPTS
+from phalanx.studies.identity import Identity, digest_of_modules, versions
+from phalanx.studies.row import BROKEN, Row, json_text, row_from
+from phalanx.studies.store import Store
+from phalanx.studies.work import Job
+from phalanx.swarm.swarm import Swarm, build_swarm
+
+_CLOSE = 1.0
+"""Robustness below which a run is tried again on fresh seeds: it lost its certificate."""
+_NONE = 10.0
+"""Cost of a run in which the target has no pair left."""
+_MOST_REFUSED = 10
+"""Points that are not run, for each run of the budget, after which a search ends."""
+_Key = tuple[str, int]
+"""Overrides as JSON, and the seed."""
+
+
+class SearchProgress(NamedTuple):
+    """Progress of a search."""
+
+    phase: str
+    """The optimiser."""
+    done: int
+    total: int
+    best: float
+    """The least robustness."""
+    violated: int
+    """Runs that were violated."""
+
+
+@dataclass
+class History:
+    """The evaluations of one optimiser, in their order."""
+
+    optimiser: str
+    finds: list[Find] = field(default_factory=list)
+    """Of the runs; starts that are not admissible are none."""
+    refused: int = 0
+    """Points that were not run."""
+
+    @property
+    def best(self) -> float:
+        """The least robustness."""
+        return min((find.robustness for find in self.finds), default=float("inf"))
+
+    @property
+    def violated(self) -> list[Find]:
+        """The violated runs."""
+        return [find for find in self.finds if find.row.outcome == Outcome.VIOLATED]
+
+
+class _BudgetSpentError(Exception):
+    """The optimiser has had all its evaluations."""
+
+
+class Search:
+    """A search of a scenario's knobs."""
+
+    def __init__(
+        self,
+        space: Space,
+        attack: Attack,
+        store: Store,
+        executor: Executor,
+        *,
+        fresh: int = 4,
+        progress: Callable[[SearchProgress], object] = lambda _: None,
+    ) -> None:
+        """Prepare a search in an open store.
+
+        fresh: seeds on which the best run of a generation is repeated, if it is new in the archive.
+
+        Raises ScenarioError, StudyError.
+        """
+        base = load(space.table)
+        self.swarm: Swarm = build_swarm(base)
+        self.space, self.seed, self.archive = space, base.seed, Archive(base.duration)
+        self.histories: list[History] = []
+        self._attack, self._scales = attack, scales_of(self.swarm)
+        self._store, self._executor, self._fresh = store, executor, fresh
+        self._progress = progress
+        self._modules = imported_sources(base.model_dump(mode="json"))
+        self._identity = Identity("", base.seed, digest_of_modules(self._modules), versions())
+        self._targets = _targets(self.swarm)
+        self._turns = self._budget = 0
+        self._known: dict[_Key, Row] = {}
+        for columns in store.frame().iter_rows(named=True):
+            row = row_from(columns)
+            if row.identity[2:] == self._identity[2:] and row.outcome != BROKEN:
+                self._known[columns["overrides"], row.identity.seed] = row
+
+    # A Ctrl-C must not interrupt storing: it ends the search at the next wait.
+    @interrupt.handled()
+    @interrupt.deferred()
+    def run(self, optimiser: str, budget: int, seed: int, batch: int | None = None) -> History:
+        """Let an optimiser make so many runs, to the end of a generation. Raises OSError."""
+        history = History(optimiser)
+        self.histories.append(history)
+        self._turns, self._budget = 0, budget
+        with contextlib.suppress(_BudgetSpentError):
+            OPTIMISERS[optimiser](self.space, self, seed, batch)
+        return history
+
+    def costs(self, points: Sequence[Point]) -> list[float]:
+        """Evaluate a generation: the robustness of each point's run against the current target."""
+        history = self.histories[-1]
+        rows = self._rows([(self.space.overrides(p), self.seed) for p in points], searched=True)
+        begun = [row for row in rows if START not in robustness_of(row)]
+        first = len(history.finds) + 1
+        generation = [found(number, row) for number, row in enumerate(begun, first)]
+        new = [find for find in generation if self.archive.add(find)]
+        history.finds += generation
+        history.refused += len(rows) - len(begun)
+        if new:
+            self._try_again(min(new, key=lambda find: find.robustness))
+        self._report()
+        budget = self._budget
+        if len(history.finds) >= budget or history.refused >= _MOST_REFUSED * budget:
+            raise _BudgetSpentError
+        return [self._cost(row) for row in rows]
+
+    def turn(self) -> None:
+        """Turn to the next target: the weakest pair of all, or of one adversary."""
+        self._turns += 1
+
+    def _cost(self, row: Row) -> float:
+        robustness = robustness_of(row)
+        if START in robustness:
+            return robustness[START]
+        target = self._targets[self._turns % len(self._targets)]
+        return min((v for pair, v in robustness.items() if pair in target), default=_NONE)
+
+    def _try_again(self, find: Find) -> None:
+        """Repeat a run on fresh seeds: it may need its own disturbances."""
+        if find.robustness < _CLOSE and self._fresh:
+            seeds = range(self.seed + 1, self.seed + 1 + self._fresh)
+            again = [(find.row.overrides, seed) for seed in seeds]
+            self.archive.confirm(find, self._rows(again, searched=False))
+
+    def _rows(self, wanted: Sequence[tuple[Fields, int]], searched: bool) -> list[Row]:
+        """Return the row of each run, in this order; those that the journal lacks are computed."""
+        keys = [(json_text(overrides), seed) for overrides, seed in wanted]
+        missing = {
+            key: self._trial(*run, searched)
+            for key, run in zip(keys, wanted, strict=True)
+            if key not in self._known
+        }
+        self._compute(missing)
+        return [self._known[key] for key in keys]
+
+    def _trial(self, overrides: Fields, seed: int, searched: bool) -> Trial:
+        identity = self._identity._replace(seed=seed)
+        job = Job(self.space.table, overrides, (identity,), self._modules)
+        return Trial(job, self._attack, self._scales, searched)
+
+    def _compute(self, trials: Mapping[_Key, Trial]) -> None:
+        attempts = dict.fromkeys(trials, 1)
+        pending: dict[Future[Row], _Key] = {}
+        try:
+            for key, trial in trials.items():
+                pending[self._executor.submit(compute_trial, trial)] = key
+            while pending:
+                with interrupt.not_deferred():
+                    finished, _ = wait(pending, return_when=FIRST_COMPLETED)
+                for future in finished:
+                    key = pending.pop(future)
+                    try:
+                        row = future.result()
+                    except Exception as error:  # of the executor: its worker died
+                        attempts[key] += 1
+                        if attempts[key] <= MOST_ATTEMPTS:
+                            again = self._executor.submit(compute_trial, trials[key])
+                            pending[again] = key
+                            continue
+                        row = _lost(trials[key], error)
+                    self._store.add(row)
+                    self._known[key] = row
+        finally:
+            for future in pending:
+                future.cancel()
+
+    def _report(self) -> None:
+        history = self.histories[-1]
+        self._progress(
+            SearchProgress(
+                history.optimiser, len(history.finds), self._budget, history.best,
+                len(history.violated),
+            )
+        )  # fmt: skip
+
+
+def _lost(trial: Trial, error: Exception) -> Row:
+    (identity,) = trial.job.identities
+    words = f"tried {MOST_ATTEMPTS} times: {type(error).__name__}: {error}"
+    return Row(
+        identity=identity, overrides=trial.job.overrides, outcome=BROKEN, reason=words,
+        searched=trial.searched,
+    )  # fmt: skip
+
+
+def _targets(swarm: Swarm) -> list[set[str]]:
+    """Return labels of pairs: all of them, then those of each adversary if there are several."""
+    composed, members = swarm.safe_set, swarm.members
+    adversaries = [j for j, member in enumerate(members) if member.adversary]
+    own = [{composed.label(pair) for pair in composed.pairs if j in pair} for j in adversaries]
+    return [{composed.label(pair) for pair in composed.pairs}, *(own if len(own) > 1 else [])]
+
+
+def declaration(space: Space, attack: Attack, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return all that the rows of a search depend on, as a table."""
+    table = attack.model_dump(mode="json", by_alias=True, exclude_none=True)
+    return {**options, "scenario": {**space.table, "attack": table}}

@@ -1,0 +1,76 @@
+"""Knobs: every point of the cube is a scenario, and within its bounds."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from phalanx.attacks.knobs import Point, separated, space_of
+from phalanx.attacks.presets import preset
+from phalanx.scenario.load import ScenarioError, load, read_table
+
+UNIT = st.floats(0.0, 1.0)
+BOX = [[-2.0, 10.0], [-6.0, 6.0], [1.0, 1.0]]
+
+
+def guaranteed(**attack):
+    return {**read_table("guaranteed"), "attack": attack}
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.data())
+def test_every_point_is_a_valid_scenario_within_its_bounds(data):
+    gain = {"agents.1.law.gain": {"log-uniform": [1.0, 25.0]}}
+    budget = {"most": 2, "kinds": ["lie", "loss", "hold", "partition", "clock", "sensor", "kill"]}
+    space = space_of(guaranteed(starts={"4": BOX}, vary=gain, scripts={"5": 3}, faults=budget))
+    numbers = data.draw(st.tuples(*[UNIT] * space.numbers))
+    choices = data.draw(st.tuples(*[st.integers(0, n - 1) for n in space.choices]))
+    found = load(space.table, space.overrides(Point(numbers, choices)))
+    by_name = {name: group for group in found.agents for name in group.names}
+    (start,) = by_name["4"].start
+    assert all(low <= value <= high for value, (low, high) in zip(start, BOX, strict=True))
+    assert 1.0 <= by_name["4"].law["gain"] <= 25.0
+    assert len(by_name["5"].law["inputs"]) == 3
+    assert len(found.faults) == sum(kind > 0 for kind in choices[::2])
+    assert all(fault.at < found.duration for fault in found.faults)
+    assert by_name["1"].names == ("1", "2", "3")
+
+
+def test_agents_that_get_a_group_of_their_own_keep_slot_and_run():
+    table = read_table("guaranteed")
+    whole, apart = load(table), load(separated(table, load(table), {"5"}))
+    assert [group.names for group in apart.agents] == [("1", "2", "3"), ("4",), ("5",)]
+    assert [group.slots for group in apart.agents][1:] == [(2,), (3,)]
+    assert [group.spread for group in apart.agents][1] == whole.agents[1].spread
+
+
+@pytest.mark.parametrize("name", ["guaranteed", "unicycles", "swarm2d", "surrounded", "quadrotors"])
+@pytest.mark.parametrize("kind", ["within", "beyond"])
+def test_a_preset_fits_any_scenario(name, kind):
+    table = read_table(name)
+    table["attack"] = preset(kind, load(table))
+    space = space_of(table)
+    half = Point((0.5,) * space.numbers, (1,) * len(space.choices))
+    assert load(space.table, space.overrides(half)).agents
+
+
+def test_within_changes_nothing_that_voids_a_guarantee():
+    found = preset("within", load("unicycles"))
+    assert set(found["faults"]["kinds"]) == {"lie", "loss", "hold", "partition"}
+    assert {path.split(".")[2] for path in found["vary"]} == {"law", "disturbance"}
+    assert "faults" not in preset("within", load("guaranteed"))  # its rows use no received input
+
+
+@pytest.mark.parametrize(
+    ("attack", "expected"),
+    [
+        ({}, "attack: expected knobs"),
+        ({"starts": {"4": [[0.0, 1.0]]}}, "attack.starts.4: expected 3 intervals"),
+        ({"starts": {"4": [[1.0, 0.0]] * 3}}, "attack.starts.4.0: expected the least value first"),
+        ({"scripts": {"1": 3}}, "attack.scripts: expected an agent's name, one of ['4', '5']"),
+        ({"faults": {"most": 1, "kinds": ["magic"]}}, "attack.faults.kinds.0: expected"),
+    ],
+)
+def test_a_mistake_in_the_table_is_named(attack, expected):
+    with pytest.raises(ScenarioError) as raised:
+        space_of(guaranteed(**attack))
+    assert expected in str(raised.value)

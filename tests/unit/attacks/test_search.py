@@ -1,0 +1,122 @@
+"""Searches: found attacks repeat bit for bit, and a search is the same however it was made."""
+
+import tomllib
+from concurrent.futures import Executor, Future
+
+import pytest
+
+import phalanx
+from phalanx.attacks.attack import Options, attack
+from phalanx.attacks.optimisers import OPTIMISERS
+from phalanx.scenario.load import load, read_table
+from phalanx.scenario.text import scenario_text
+from phalanx.studies.store import StudyError
+from tests.unit.attacks.weak import weak
+
+
+class Direct(Executor):
+    """Does each task at once; dies after so many."""
+
+    def __init__(self, most: int = 10**6) -> None:
+        self.done, self._most = 0, most
+
+    def submit(self, fn, /, *args, **named):
+        if self.done == self._most:
+            raise KeyboardInterrupt
+        self.done += 1
+        future: Future = Future()
+        future.set_result(fn(*args, **named))
+        return future
+
+
+@pytest.fixture
+def scenario(tmp_path):
+    path = tmp_path / "weak.toml"
+    path.write_text(scenario_text(weak()))
+    return str(path)
+
+
+def searched(scenario, folder, executor=None, **options):
+    executor = executor or Direct()
+    return attack(scenario, {}, Options(**options), folder=folder, executor=executor)
+
+
+def archive(found):
+    return [(behaviour, find.number, find.row.trajectory) for behaviour, find, _ in found.finds]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("optimiser", OPTIMISERS)
+def test_every_optimiser_finds_an_attack_that_repeats_to_the_same_hash(
+    optimiser, scenario, tmp_path
+):
+    options = {"budget": 25, "optimiser": optimiser, "baseline": False, "fresh": 0}
+    found = searched(scenario, tmp_path / "out", **options)
+    (history,) = found.histories
+    assert history.violated
+    assert len(history.finds) >= 25
+    for _, find, path in found.finds:
+        run = phalanx.run(phalanx.load(path), engine="in-process")
+        assert run.summary.trajectory == find.row.trajectory
+        assert run.verdict == "violated"
+        assert find.robustness < 0.0
+    assert "Search" in found.page.read_text()
+
+
+@pytest.mark.slow
+def test_a_search_that_was_stopped_goes_on_where_it_was(scenario, tmp_path):
+    whole = searched(scenario, tmp_path / "whole", budget=9)
+    with pytest.raises(KeyboardInterrupt):
+        searched(scenario, tmp_path / "cut", Direct(most=13), budget=9)
+    assert (tmp_path / "cut" / "attack.html").exists()
+    rest = Direct()
+    again = searched(scenario, tmp_path / "cut", rest, budget=9)
+    assert archive(again) == archive(whole)
+    complete = Direct()
+    searched(scenario, tmp_path / "new", complete, budget=9)
+    assert complete.done - 13 <= rest.done < complete.done
+
+
+@pytest.mark.slow
+def test_a_larger_budget_goes_on_and_other_options_are_refused(scenario, tmp_path):
+    searched(scenario, tmp_path / "out", budget=8, fresh=0, baseline=False)
+    more = Direct()
+    found = searched(scenario, tmp_path / "out", more, budget=16, fresh=0, baseline=False)
+    points = len(found.histories[0].finds) + found.histories[0].refused
+    assert 0 < more.done < points
+    with pytest.raises(StudyError, match="take another folder"):
+        searched(scenario, tmp_path / "out", budget=16, seed=1)
+
+
+@pytest.mark.slow
+def test_an_inadmissible_start_costs_without_a_run(tmp_path):
+    table = weak(starts={"2": [[-1.6, 1.6], [-1.0, -1.0]]}, apart=3.0)
+    path = tmp_path / "close.toml"
+    path.write_text(scenario_text(table))
+    options = {"budget": 2, "optimiser": "random", "batch": 5}
+    found = searched(str(path), tmp_path / "out", **options)
+    (history,) = found.histories
+    assert history.finds == []
+    assert history.refused == 20
+    assert found.finds == []
+
+
+@pytest.mark.slow
+def test_the_best_is_tried_again_on_fresh_seeds_which_alone_may_enter_an_interval(
+    scenario, tmp_path
+):
+    found = searched(scenario, tmp_path / "out", budget=12, fresh=3, baseline=False)
+    tried = [find for _, find, _ in found.finds if find.fresh]
+    assert tried
+    for find in tried:
+        assert [row.identity.seed for row in find.fresh] == [1, 2, 3]
+        assert not any(row.searched for row in find.fresh)
+        assert find.row.searched
+        assert find.fresh_interval is not None
+
+
+def test_a_table_as_text_is_the_same_scenario():
+    for name in ("guaranteed", "quadrotors", "faults/lie-input"):
+        table = read_table(name)
+        text = scenario_text(table)
+        assert load(tomllib.loads(text)) == load(table)
