@@ -23,7 +23,7 @@ def rooms(text: str, *above: set[str]) -> set[str]:
 
 THEORY = rooms(
     "theory.expressions theory.models theory.safety theory.margins theory.rows theory.laws "
-    "theory.controllers"
+    "theory.controllers theory.trust"
 )
 SCENARIO = rooms("seeded schema network faults scenario", THEORY)
 SWARM = rooms("swarm", SCENARIO)
@@ -47,9 +47,10 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.theory.expressions": set(),
     "phalanx.theory.models": rooms("theory.expressions"),
     "phalanx.theory.safety": rooms("theory.expressions theory.models"),
+    "phalanx.theory.trust": rooms("theory.expressions theory.models"),
     "phalanx.theory.margins": rooms("theory.expressions theory.models theory.safety"),
-    "phalanx.theory.rows": THEORY - rooms("theory.laws theory.controllers"),
-    "phalanx.theory.laws": THEORY - rooms("theory.controllers"),
+    "phalanx.theory.rows": THEORY - rooms("theory.laws theory.controllers theory.trust"),
+    "phalanx.theory.laws": THEORY - rooms("theory.controllers theory.trust"),
     "phalanx.theory.controllers": THEORY,
     "phalanx.baselines": THEORY,
     "phalanx.seeded": set(),

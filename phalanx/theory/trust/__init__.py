@@ -1,0 +1,1 @@
+"""Evidence on other agents: checks of what they broadcast against how they move."""

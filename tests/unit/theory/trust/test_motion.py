@@ -1,0 +1,68 @@
+"""The motion check: true motions are never convicted, lies beyond twice the bound always."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from phalanx.guarantee.certificate import DEFECT
+from phalanx.theory.models.aerial import PlanarQuadrotor
+from phalanx.theory.models.dynamics import Dynamics
+from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
+from phalanx.theory.models.wheeled import KinematicBicycle, Unicycle
+from phalanx.theory.trust.motion import MotionCheck
+from tests.unit.theory.trust.windows import windows
+
+DYNAMICS: dict[str, Dynamics] = {
+    "unicycle": Unicycle(4.0, 2.0),
+    "single integrator": SingleIntegrator(4.0),
+    "double integrator": DoubleIntegrator(3.0, drag=0.4),
+    "bicycle": KinematicBicycle(2.0, 0.5, 0.3),
+    "quadrotor": PlanarQuadrotor(5.0, 0.5, 0.1, 0.1),
+}
+
+
+@pytest.mark.parametrize("name", DYNAMICS)
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 10**6), bound=st.floats(0.0, 2.0), error=st.sampled_from([0.0, 0.003]))
+def test_a_motion_within_the_bounds_is_never_convicted(name, seed, bound, error):
+    check = MotionCheck(DYNAMICS[name], bound + DEFECT, error)
+    true = windows(DYNAMICS[name], bound, error, 400, np.random.default_rng(seed))
+    excess = check.excess(*true)
+    assert (excess <= 0.0).all()
+    assert np.isfinite(excess).mean() > 0.99
+
+
+def test_the_bound_is_used_up_by_a_steady_disturbance():
+    check = MotionCheck(DYNAMICS["single integrator"], 1.0)
+    true = windows(DYNAMICS["single integrator"], 1.0, 0.0, 400, np.random.default_rng(0))
+    assert check.excess(*true).max() > -1e-6
+    smaller = MotionCheck(DYNAMICS["single integrator"], 0.99)
+    assert (smaller.excess(*true) > 0.0).any()
+
+
+def test_a_lie_of_more_than_twice_the_bound_is_convicted_in_its_window():
+    own, x = DYNAMICS["single integrator"], np.zeros((1, 2))
+    check = MotionCheck(own, 1.0)
+    claimed, seconds = np.array([[[2.0, 0.0]]]), np.array([[0.01]])
+    for off, convicted in ((1.99, False), (2.01, True)):
+        # The disturbance helps the liar as much as it can.
+        gone = 0.01 * np.array([[2.0 - off + 1.0, 0.0]])
+        assert (check.excess(x, x + gone, claimed, seconds) > 0.0) == convicted
+
+
+def test_what_is_not_convicted_is_explained_by_a_disturbance_within_the_bound():
+    own = DYNAMICS["single integrator"]
+    lies = windows(own, 0.5, 0.0, 4000, np.random.default_rng(3), false=0.3)
+    excess = MotionCheck(own, 1.0).excess(*lies)
+    announced = (lies.u * lies.seconds[..., None]).sum(axis=1)
+    needed = np.linalg.norm(lies.after - lies.before - announced, axis=1) / lies.seconds.sum(axis=1)
+    assert 0.05 < (excess > 0.0).mean() < 0.95
+    assert (needed[excess <= 0.0] <= 1.0 + 1e-6).all()
+    assert (needed[excess > 0.0] > 1.0).all()
+
+
+def test_a_window_without_a_box_is_no_conviction():
+    check = MotionCheck(DYNAMICS["unicycle"], 1.0)
+    x = np.zeros((1, 3))
+    assert check.excess(x, x, np.full((1, 1, 2), np.inf), np.ones((1, 1))) == -np.inf
