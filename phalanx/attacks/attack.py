@@ -39,6 +39,8 @@ class Options:
     """Points in a generation; by default the optimiser's."""
     fresh: int = 4
     """Seeds on which the best of a generation is repeated."""
+    first: bool = False
+    """Whether each optimiser ends with the generation of its first violated run."""
     baseline: bool = True
     """Whether a random search with the same budget follows."""
 
@@ -89,7 +91,15 @@ def attack(
     rows_of |= {} if options.batch is None else {"batch": options.batch}
     store = _opened(folder, tomli_w.dumps(declaration(space, knobs, rows_of)))
     with store, Computing(executor, workers) as computing:
-        search = Search(space, knobs, store, computing, fresh=options.fresh, progress=progress)
+        search = Search(
+            space,
+            knobs,
+            store,
+            computing,
+            fresh=options.fresh,
+            first=options.first,
+            progress=progress,
+        )
         try:
             search.run(options.optimiser, options.budget, options.seed, options.batch)
             if options.baseline and options.optimiser != BASELINE:

@@ -53,6 +53,9 @@ def attack(
         int,
         typer.Option(min=0, help="Seeds on which the best of a generation is tried again."),
     ] = 4,
+    first: Annotated[
+        bool, typer.Option("--first", help="End each optimiser at its first violated run.")
+    ] = False,
     baseline: Annotated[
         bool, typer.Option(help="Let a random search with the same budget follow, to compare.")
     ] = True,
@@ -86,7 +89,7 @@ def attack(
     from phalanx.studies.store import StudyError
 
     folder = out or Path("attacks") / Path(scenario).name.removesuffix(".toml")
-    options = Options(budget, preset, optimiser, seed, batch, fresh, baseline)
+    options = Options(budget, preset, optimiser, seed, batch, fresh, first, baseline)
     fields = dict(map(field_and_value, overrides or ()))
     try:
         with _shown() as show:

@@ -86,11 +86,13 @@ class Search:
         executor: Executor,
         *,
         fresh: int = 4,
+        first: bool = False,
         progress: Callable[[SearchProgress], object] = lambda _: None,
     ) -> None:
         """Prepare a search in an open store.
 
         fresh: seeds on which the best run of a generation is repeated, if it is new in the archive.
+        first: end each optimiser at its first violated run.
 
         Raises ScenarioError, StudyError.
         """
@@ -100,7 +102,7 @@ class Search:
         self.histories: list[History] = []
         self._attack, self._scales = attack, scales_of(self.swarm)
         self._store, self._executor, self._fresh = store, executor, fresh
-        self._progress = progress
+        self._progress, self._first = progress, first
         self._modules = imported_sources(base.model_dump(mode="json"))
         self._identity = Identity("", base.seed, digest_of_modules(self._modules), versions())
         self._targets = _targets(self.swarm)
@@ -137,7 +139,8 @@ class Search:
             self._try_again(min(new, key=lambda find: find.robustness))
         self._report()
         budget = self._budget
-        if len(history.finds) >= budget or history.refused >= _MOST_REFUSED * budget:
+        ended = self._first and history.violated
+        if ended or len(history.finds) >= budget or history.refused >= _MOST_REFUSED * budget:
             raise _BudgetSpentError
         return [self._cost(row) for row in rows]
 
