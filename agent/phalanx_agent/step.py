@@ -16,6 +16,7 @@ from phalanx.swarm.finite import mistake_at
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import Swarm
+from phalanx.swarm.watch import Watch
 from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.expressions.user_methods import MistakenMethodError, error_line
 from phalanx.theory.rows.information import ReceivedInput
@@ -108,6 +109,8 @@ class ControlStep:
         """Fates that are decided and not yet reported to the plant."""
         self._past: deque[tuple[float, ...]] = deque(maxlen=self._lies.steps_back)
         """Inputs that lies may repeat, the newest last."""
+        watches = swarm.safety.watch and not swarm.members[i].adversary
+        self._watch = Watch(swarm, i) if watches else None
         self._controller: AgentController = controller or DistributedController(rows, i)
 
     def accept_sample(self, sample: Sample) -> Accepted:
@@ -199,6 +202,8 @@ class ControlStep:
         decided = self._unreported + self._decide_fates(accepted)
         fates, self._unreported = decided[: self.most_fates], decided[self.most_fates :]
         received = self.inbox.received()
+        delivered = self.inbox.take_delivered()
+        convictions = self._watch(sample.t, x, sample.seen, delivered) if self._watch else []
         result = self.decide(x, sample.seen, sample.t, received)
         u, t_apply = tuple(result.decision.u.tolist()), sample.t + self._latency
         claimed = u if result.claimed is None else tuple(result.claimed.tolist())
@@ -212,6 +217,7 @@ class ControlStep:
                 fates=fates,
                 rejected=self.rejected,
                 received=self._clock.reported(received),
+                convictions=tuple((c.of, c.begin, c.end, c.excess) for c in convictions),
                 notes=tuple(result.notes.items()),
             ),
             waits=self._clock.waits,
@@ -293,7 +299,9 @@ def _most_fates(swarm: Swarm) -> int:
     """Return how many fates fit into a report of MAX_BYTES; after a pause there may be more."""
     u = _HEAD + _FLOAT * max(len(member.dynamics.inputs) for member in swarm.members)
     age, received = _HEAD + _INT + _FLOAT, _HEAD + _INT + _FLOAT + u
-    other_fields = 200 + LONGEST_FAILURE + u + len(swarm.members) * (age + received)
+    conviction = _HEAD + _INT + 3 * _FLOAT
+    each = age + received + conviction
+    other_fields = 200 + LONGEST_FAILURE + u + len(swarm.members) * each
     faults = _HEAD + _INT * len(swarm.links.declared)
     fate = _HEAD + _INT + _INT + _FLOAT + faults + _HEAD + _FLOAT + u
     return max((MAX_BYTES - other_fields) // fate, 1)

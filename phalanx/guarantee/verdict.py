@@ -115,6 +115,49 @@ class CertificateSummary(msgspec.Struct):
         self.shortest = ratio if self.shortest is None else min(self.shortest, ratio)
 
 
+class Convicted(msgspec.Struct):
+    """A conviction: one agent found that another did not hold what it announced."""
+
+    by: str
+    of: str
+    t: float
+    """Time of the sample at which it was found [s]."""
+    begin: float
+    """Begin of the window [s]."""
+    end: float
+    excess: float
+    """By how much more than φ^max it takes to explain the motion."""
+    after: float | None = None
+    """Time since the agent's first false broadcast [s]; None if there was none: a false one."""
+
+
+class TrustSummary(msgspec.Struct):
+    """Betrayals, which the plant knows, and convictions, which agents found."""
+
+    betrayals: dict[str, float] = {}
+    """By agent, the time from which it first did not hold what it announced [s]."""
+    convictions: list[Convicted] = []
+
+    @property
+    def false(self) -> int:
+        """Number of convictions of agents that held what they announced."""
+        return sum(each.after is None for each in self.convictions)
+
+    @property
+    def rows(self) -> list[tuple[str, str]]:
+        """Return each figure as a text with its name."""
+        found = [each for each in self.convictions if each.after is not None]
+        fastest = {each.of: min(f.after or 0.0 for f in found if f.of == each.of) for each in found}
+        betrayals = ", ".join(f"{name} from {t:.3f} s on" for name, t in self.betrayals.items())
+        delays = ", ".join(f"{name} after {1e3 * t:.0f} ms" for name, t in fastest.items())
+        return [
+            ("betrayals", betrayals or "none"),
+            ("convictions", f"{len(self.convictions)} by {len({c.by for c in found})} agents"),
+            ("first convicted", delays or "none"),
+            ("false convictions", str(self.false)),
+        ]
+
+
 class FaultCount(msgspec.Struct):
     """A fault that the scenario declares, and the number of its effects."""
 
@@ -173,6 +216,8 @@ class Summary(msgspec.Struct):
     """None unless the run was in real time."""
     apart: list[Violation] = []
     """Pairs that left the safe set after all their normal agents had turned adversary."""
+    trust: TrustSummary | None = None
+    """None unless agents watch each other."""
 
     def __repr__(self) -> str:
         worst = f"worst h_tot {self.worst_h_tot:.4g} at t = {self.worst_at:.3f} s"

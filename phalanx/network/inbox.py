@@ -74,6 +74,7 @@ class BroadcastInbox:
         self._in_sight: Set[int] = frozenset()
         self._received: dict[int, SentInput] = {}
         self._corrupt: list[tuple[int, SentInput]] = []
+        self._delivered: list[tuple[int, SentInput]] = []
 
     def override_links(self, loss: float | None, delay: float | None) -> None:
         """Replace loss and delay [s] of every link's model, where given."""
@@ -139,13 +140,20 @@ class BroadcastInbox:
                 self._received.pop(sender, None)
             if latest > incoming.decided:
                 fates += self._decide(sender, latest, t, distance)
-            if (newest := incoming.land(t)) is not None:
-                self._received[sender] = newest
+            for message in incoming.land(t):
+                self._delivered.append((sender, message))
+                if incoming.is_newer(message):
+                    self._received[sender] = message
         return tuple(fates)
 
     def take_corrupt(self) -> list[tuple[int, SentInput]]:
         """Return the corrupt copies since the last call: their senders, and the intact messages."""
         taken, self._corrupt = self._corrupt, []
+        return taken
+
+    def take_delivered(self) -> list[tuple[int, SentInput]]:
+        """Return all intact broadcasts that arrived since the last call, with their senders."""
+        taken, self._delivered = self._delivered, []
         return taken
 
     def received(self) -> Mapping[int, SentInput]:
@@ -237,17 +245,18 @@ class Incoming:
         self.since = None
         self.in_flight = []
 
-    def land(self, t: float) -> SentInput | None:
-        """Return the newest broadcast delivered by t [s], if it is newer than all before.
+    def land(self, t: float) -> list[SentInput]:
+        """Return the broadcasts delivered by t [s]."""
+        landed = [message for arrival, message in self.in_flight if arrival <= t]
+        if landed:
+            self.in_flight = [flying for flying in self.in_flight if flying[0] > t]
+        return landed
+
+    def is_newer(self, message: SentInput) -> bool:
+        """Return whether a broadcast is newer than all before, and then count it among them.
 
         A slow broadcast may be delivered after one that was sent later.
         """
-        newest, still = None, []
-        for flying in self.in_flight:
-            arrival, message = flying
-            if arrival > t:
-                still.append(flying)
-            elif message.k > self._newest:
-                newest, self._newest = message, message.k
-        self.in_flight = still
-        return newest
+        newer = message.k > self._newest
+        self._newest = max(self._newest, message.k)
+        return newer

@@ -33,6 +33,7 @@ _NO_VERSION = ("run", "seed", "scenario_digest")
 """Entries of a recording's metadata that are no library's version."""
 _VIOLATIONS = ("pair", "first", "worst h", "worst at", "time with h > 0")
 _PUNCTUALITY = ("quantity", "of this run")
+_TRUST = ("count", "found")
 _NOT_COUNTED = "Not counted: of agents that had turned adversary"
 _ASSUMPTIONS = ("assumption", "meaning", "failed", "first failure")
 
@@ -166,6 +167,11 @@ def _judgement(summary: Summary | None) -> list[str]:
         section("Violations", table(_VIOLATIONS, violations)),
         *([section(_NOT_COUNTED, table(_VIOLATIONS, apart))] if apart else []),
         *([section("Real time", table(_PUNCTUALITY, timing_rows(t)))] if t else []),
+        *(
+            [section("Trust", table(("count", "found"), summary.trust.rows))]
+            if summary.trust
+            else []
+        ),
         section("Declared faults", table(("fault", "times it had an effect"), faults)),
         section("Rejected payloads", table(("receiver or reason", "payloads"), rejected)),
     ]

@@ -73,6 +73,9 @@ class Safety(Strict):
     """Sensing radius of normal agents whose group has none [m]: an agent composes the pairs that
     it sees. Default: no limit. A centralised controller sees everything, and so do agents that
     share one condition."""
+    watch: bool = False
+    """Whether agents hold the inputs that others announce against where these go, and convict those
+    that no disturbance within its bound explains."""
     prove: bool = False
     """Whether agents evaluate their own certificates for an input before they apply it, and look
     for a better one if it is proven safe for less than until the next sample."""

@@ -110,6 +110,8 @@ class Telemetry(Message, frozen=True, kw_only=True):
     """Payloads dropped by this agent so far."""
     received: tuple[tuple[int, float, tuple[float, ...]], ...] = ()
     """In real time, (agent's index, t_apply [s], u) of every û_l that the agent had."""
+    convictions: tuple[tuple[int, float, float, float], ...] = ()
+    """(agent's index, begin and end of the window [s], excess) of each new conviction."""
     failed: Annotated[str, msgspec.Meta(max_length=LONGEST_FAILURE)] = ""
     """Why neither this sample nor a later one is answered; the other fields then mean nothing."""
     notes: Annotated[tuple[Note, ...], msgspec.Meta(max_length=MOST_NOTES)] = ()

@@ -202,6 +202,7 @@ class PlantRun:
             certificates=checked.coverage.summary,
             violations=extremes.violations(),
             apart=extremes.apart(),
+            trust=checked.trust,
             rejected=rejected,
             wall_time=wall,
             punctuality=self._clock.punctuality,

@@ -36,7 +36,6 @@ from phalanx.theory.expressions.interval import (
     point,
 )
 from phalanx.theory.expressions.rounding import outwards
-from phalanx.theory.margins.enclosure import scalars
 from phalanx.theory.models.dynamics import Dynamics
 
 _INFLATIONS = (0.5, 0.5, 0.3, 0.1)
@@ -97,7 +96,10 @@ def _rates(dynamics: Dynamics, bound: float, error: float) -> MappedFunction:
     x = ca.SX.sym("x", len(dynamics.states))
     least, most, held = (ca.SX.sym(name, len(dynamics.inputs)) for name in ("lo", "hi", "u"))
     horizon, u = ca.SX.sym("T"), ca.SX.sym("w", held.numel())
-    rate, symbols = dynamics.drift(x) + dynamics.actuation(x) @ u, scalars([x, u])
+    rate, symbols = (
+        dynamics.drift(x) + dynamics.actuation(x) @ u,
+        [*ca.vertsplit(x), *ca.vertsplit(u)],
+    )
     allowed = [Interval(a, b) for a, b in zip(*map(ca.vertsplit, (least, most)), strict=True)]
     pushed, off = (Interval(ca.SX(-size), ca.SX(size)) for size in (bound, error))
     starts = [add(point(each), off) for each in ca.vertsplit(x)]

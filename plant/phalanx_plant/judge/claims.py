@@ -42,6 +42,8 @@ class Claims:
         self._early = defaultdict(list)
         """Reports that arrived before the truth, by sender and number: (receiver, claim, t)."""
         self._false: Counter[str] = Counter()
+        self.betrayals: dict[str, float] = {}
+        """By agent, the time from which it first held another input than it announced [s]."""
 
     def add_truth(self, i: int, k: int, truth: Claim) -> None:
         """Record the input that agent i's actuator received for sample k."""
@@ -67,7 +69,10 @@ class Claims:
         self.truthful.check(claim == truth, t)
         if claim == truth:
             return _TRUE
-        self._false[self._names[i]] += 1
+        name = self._names[i]
+        self._false[name] += 1
+        begin = min(claim.t_apply, truth.t_apply)
+        self.betrayals[name] = min(begin, self.betrayals.get(name, math.inf))
         counts = ", ".join(f"{count} by {name}" for name, count in self._false.items())
         self.truthful.note = f"{_NOTE}; false were {counts}"
         sampled = truth.t_apply - self._latency

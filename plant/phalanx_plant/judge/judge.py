@@ -13,6 +13,7 @@ from msgspec.structs import asdict
 
 from phalanx.arrays import Array
 from phalanx.faults.commands import Condition, ProcessChange
+from phalanx.guarantee.verdict import Convicted, TrustSummary
 from phalanx.network.inbox import Claim, Fate
 from phalanx.recording.records import Level, Log
 from phalanx.swarm.rows import SafetyRows
@@ -79,6 +80,7 @@ class Judge:
         self._turned: set[int] = set()
         self._warned: set[str] = set()
         """Warnings given; each is given once."""
+        self._convictions: list[Convicted] = []
         self._rejected = [0 for _ in swarm.names]
         self._rejected_before = [0 for _ in swarm.names]
         """By earlier processes of restarted agents."""
@@ -229,7 +231,30 @@ class Judge:
         notices = list[Log]()
         for sender in (self._names[fate.sender] for fate, found in received if found.false):
             notices += self._warn_once(t, f"agent {sender}: first false broadcast")
+        notices += [self._conviction(i, t, found) for found in telemetry.convictions]
         return telemetry, received, notices
+
+    def _conviction(self, i: int, t: float, found: tuple[int, float, float, float]) -> Log:
+        """Keep a conviction by agent i at t [s], and describe it."""
+        l, begin, end, excess = found
+        by, of = self._names[i], self._names[l]
+        self._convictions.append(Convicted(by, of, t, begin, end, excess))
+        text = (
+            f"agent {by} convicts agent {of}: from {begin:.3f} to {end:.3f} s it did not hold what "
+            f"it announced, by {excess:.3g} more than a disturbance explains"
+        )
+        return Log(t, text, Level.WARNING)
+
+    @property
+    def trust(self) -> TrustSummary | None:
+        """Betrayals and convictions; None unless agents watch each other."""
+        if not self._swarm.safety.watch:
+            return None
+        begun = self.claims.betrayals
+        for each in self._convictions:
+            guilty = begun.get(each.of, np.inf) < each.end
+            each.after = each.t - begun[each.of] if guilty else None
+        return TrustSummary(begun, self._convictions)
 
     def _warn_once(self, t: float, text: str) -> list[Log]:
         if text in self._warned:

@@ -1,0 +1,72 @@
+"""Agents that watch each other: liars are convicted, and no agent that held what it announced."""
+
+import pytest
+
+import phalanx
+from phalanx.guarantee.verdict import TrustSummary
+
+WATCH = {"safety.watch": True, "duration": 1.5}
+HONEST = {
+    "losses and delays": {"network.loss": {"mean": 0.3, "burst": 3.0}, "network.delay": 0.013},
+    "order and copies": {
+        "network.delay": {"low": 0.0, "high": 0.05},
+        "network.duplicate": 0.3,
+        "network.corrupt": 0.2,
+    },
+    "adverse disturbances": {
+        "agents.0.disturbance.kind": "adverse",
+        "agents.1.disturbance.kind": "adverse",
+    },
+    "latency": {"time.latency": 0.004},
+    "come and go": {"safety.neighbourhood": 4.7},
+}
+LIES = {
+    "opposite": {"says": "opposite"},
+    "zero": {"says": "zero"},
+    "equivocation": {"equivocate": True},
+}
+
+
+def trust(scenario: str, **changes: object) -> TrustSummary:
+    run = phalanx.run(phalanx.load(scenario, {**WATCH, **changes}), engine="in-process")
+    assert run.summary.trust is not None
+    return run.summary.trust
+
+
+@pytest.mark.parametrize("name", HONEST)
+def test_no_honest_agent_is_convicted(name):
+    found = trust("unicycles", **HONEST[name])
+    assert (found.betrayals, found.convictions) == ({}, [])
+
+
+@pytest.mark.parametrize("name", LIES)
+@pytest.mark.parametrize("network", ["no losses", "losses and delays"])
+def test_a_liar_is_convicted_by_all_that_hear_it(name, network):
+    lie = {"kind": "lie", "agent": "2", "at": 0.5, "for": 5.0, **LIES[name]}
+    found = trust("unicycles", faults=[lie], **HONEST.get(network, {}))
+    assert {each.of for each in found.convictions} == {"2"}
+    assert {each.by for each in found.convictions} == {"1", "3"}
+    assert found.false == 0
+    assert 0.5 <= found.betrayals["2"] < 0.52
+    for each in found.convictions:
+        assert each.after == each.t - found.betrayals["2"] > 0.0
+
+
+def test_a_hijack_is_an_event_of_both_that_see_it_and_of_one_trajectory():
+    faults = [{"kind": "hijack", "at": 0.5, "agents": ["2"]}]
+    scenario = phalanx.load("unicycles", {**WATCH, "faults": faults})
+    runs = [phalanx.run(scenario, engine=engine) for engine in ("in-process", "processes")]
+    assert runs[0].summary.trust == runs[1].summary.trust
+    assert runs[0].summary.trajectory == runs[1].summary.trajectory
+    texts = [text for text in runs[0].events["text"] if "convicts agent 2" in text]
+    assert [text.split()[1] for text in texts] in (["1", "3"], ["3", "1"])
+    unwatched = phalanx.load("unicycles", {**WATCH, "safety.watch": False, "faults": faults})
+    calm = phalanx.run(unwatched, engine="in-process").summary
+    assert calm.trust is None
+    assert calm.trajectory == runs[0].summary.trajectory
+
+
+def test_a_stuck_actuator_is_convicted_too_though_it_did_not_mean_to():
+    stuck = {"kind": "actuator", "at": 0.5, "for": 0.5, "agents": ["2"]}
+    found = trust("unicycles", faults=[stuck])
+    assert {each.of for each in found.convictions} <= {"2"}
