@@ -22,5 +22,5 @@ def test_the_core_stands_first_and_extensions_follow_in_the_order_of_their_names
     assert [name for name in TOP if name in ours] == ours
     assert [name for name in TOP if name not in ours] == [
         "attack", "branch", "certify", "keys", "router", "report", "compare", "animate", "ros2",
-        "study", "view", "export", "viewer",
+        "shrink", "replay", "study", "view", "export", "viewer",
     ]  # fmt: skip

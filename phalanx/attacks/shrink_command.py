@@ -1,0 +1,76 @@
+"""phalanx shrink and phalanx replay: attacks as the smallest files, and their repetition."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from phalanx.cli.terminal import echo, echo_error
+
+_ENGINES = ("in-process", "processes")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.command()(shrink)
+    app.command()(replay)
+
+
+def shrink(
+    file: Annotated[Path, typer.Argument(help="An attack: a scenario whose run is violated.")],
+    attacked: Annotated[
+        str | None,
+        typer.Option(help="The scenario attacked, by default the shipped one of the same name."),
+    ] = None,
+    name: Annotated[
+        str | None, typer.Option(help="Name of the result; by default the file's.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Write it there; by default print it.")] = None,
+) -> int:
+    """Find the smallest scenario that is violated as an attack is.
+
+    Fewer agents, faults, obstacles and switches, fields as in the scenario attacked, a shorter run,
+    rounder numbers. Agents start no nearer to one another than in the attack, and with a
+    certificate. Every step is a run.
+
+    Examples:
+
+      phalanx shrink found/01-1-4-2.05s.toml --attacked guaranteed --out smallest.toml
+    """
+    from phalanx.attacks.attacking import attack_text, read_attack, smallest
+
+    table, origin, known = read_attack(file, attacked)
+    found = smallest({**table, "name": name or table["name"]}, origin)
+    text = attack_text(found, known, f"phalanx run {out or 'FILE'}")
+    if out is None:
+        echo(text)
+        return 0
+    out.write_text(text, encoding="utf-8")
+    before, after = found.sizes
+    echo(f"{out}: {after} values instead of {before}, after {found.runs} runs")
+    return 0
+
+
+def replay(
+    files: Annotated[list[Path], typer.Argument(help="Attacks, or folders with them.")],
+) -> int:
+    """Run attacks again on both engines, and compare verdict and trajectory with their files.
+
+    Exit status: 0 if all are as stated, else 2.
+
+    Examples:
+
+      phalanx replay scenarios/attacks
+    """
+    from phalanx.attacks.attacking import differences, stated
+
+    status = 0
+    for each in files:
+        for file in sorted(each.glob("*.toml")) if each.is_dir() else [each]:
+            found = differences(file, _ENGINES)
+            for difference in found:
+                echo_error(f"{file}: {difference}")
+            words = "differs" if found else "as stated, on both engines"
+            echo(f"{file}: {words}: {stated(file).shows}")
+            status = 2 if found else status
+    return status

@@ -1,0 +1,52 @@
+"""Attacks that ship: each gives the verdict and the trajectory that its file states."""
+
+from pathlib import Path
+
+import pytest
+
+from phalanx.attacks.attacking import differences, smallest, stated
+from phalanx.scenario.load import ScenarioError, read_table
+
+CORPUS = sorted((Path(__file__).parents[2] / "scenarios" / "attacks").glob("*.toml"))
+PAGE = Path(__file__).parents[2] / "docs" / "found-attacks.md"
+
+
+@pytest.mark.parametrize("file", CORPUS, ids=[file.stem for file in CORPUS])
+def test_an_attack_repeats_itself_on_both_engines(file: Path) -> None:
+    assert differences(file, ["in-process", "processes"]) == []
+
+
+@pytest.mark.parametrize("file", CORPUS, ids=[file.stem for file in CORPUS])
+def test_an_attack_stands_on_the_page(file: Path) -> None:
+    assert stated(file).verdict == "violated"
+    assert f"`attacks/{file.stem}` | `{stated(file).attacked}`" in PAGE.read_text(encoding="utf-8")
+
+
+def test_an_attack_that_states_something_else_is_found_out(tmp_path: Path) -> None:
+    text = CORPUS[0].read_text(encoding="utf-8")
+    other = tmp_path / "other.toml"
+    other.write_text(text.replace("duration = 3.0", "duration = 0.5"), encoding="utf-8")
+    found = differences(other, ["in-process"])
+    assert len(found) == 2
+    assert "expected the verdict violated, got" in found[0]
+    assert f"expected the trajectory {stated(CORPUS[0]).trajectory}, got" in found[1]
+
+
+def test_a_scenario_that_states_nothing_is_no_attack(tmp_path: Path) -> None:
+    other = tmp_path / "other.toml"
+    other.write_text("name = 'other'\n", encoding="utf-8")
+    with pytest.raises(ScenarioError, match="expected a comment '# Verdict: "):
+        stated(other)
+
+
+def test_an_attack_that_ships_shrinks_no_further() -> None:
+    file = next(file for file in CORPUS if file.stem == "turned-away")
+    found = smallest(read_table(file), read_table("guaranteed"))
+    assert found.table == read_table(file)
+    assert found.evaluation.summary.trajectory == stated(file).trajectory
+
+
+def test_what_is_not_violated_is_not_shrunk() -> None:
+    table = read_table("one-on-one") | {"duration": 0.2}
+    with pytest.raises(ScenarioError, match="one-on-one: expected a violated run, got guaranteed"):
+        smallest(table, table)
