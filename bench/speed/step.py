@@ -7,15 +7,22 @@ exchange  the same processes, hub, subscriptions and message sizes, but nothing 
 compute   the same run by the in-process engine: nothing sealed or sent
 
 The ratio step / (exchange + compute) is the overhead of the design. Each figure is the median of
-rounds, and the ratio is the median of the rounds' own ratios.
+rounds, and the ratio is the median of the rounds' own ratios, with the least and the largest.
+
+Below it are the wake-ups of a step in the real run, by program and thread: how often a thread of
+the plant or of an agent gave up its core to wait, and how often it was taken from it.
 """
 
 import argparse
+import contextlib
 import multiprocessing
 import statistics
+from collections import Counter
+from pathlib import Path
 from typing import NamedTuple
 
 import bare
+import psutil
 from bare import KEYS
 from phalanx_agent.step import ControlStep
 
@@ -24,7 +31,7 @@ from phalanx.swarm.rows import build_rows
 from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import build_swarm
 from phalanx.wire import pubsub
-from phalanx.wire.messages import Message, Sample
+from phalanx.wire.messages import Message, Sample, Status
 from phalanx.wire.seal import Sealer
 from phalanx.wire.session import free_endpoint
 
@@ -40,6 +47,10 @@ class Sizes(NamedTuple):
 
 SIMULATIONS = {"unicycles": ("Simulation 1", 4.0), "formation3d": ("Simulation 2", 12.0)}
 """Title, and virtual time of a round [s]."""
+
+
+Wakeups = dict[str, tuple[float, ...]]
+"""By program and thread: voluntary and forced context switches of a step."""
 
 
 class Round(NamedTuple):
@@ -63,14 +74,23 @@ def main() -> None:
     options = arguments.parse_args()
     print("| | step [µs] | exchange [µs] | compute [µs] | step / (exchange + compute) |")
     print("|---|---|---|---|---|")
+    woken: dict[str, Wakeups] = {}
     for name, (title, duration) in SIMULATIONS.items():
         if options.only in (None, name):
             scenario = phalanx.load(name, {"duration": duration})
             sizes = payload_sizes(scenario)
             rounds = [measured(scenario, sizes) for _ in range(options.rounds)]
+            woken[title] = wakeups(scenario)
             times = [f"{statistics.median(part) * 1e6:.0f}" for part in zip(*rounds, strict=True)]
-            ratio = statistics.median(each.ratio for each in rounds)
-            print("|", " | ".join([title, *times, f"{ratio:.2f}"]), "|", flush=True)
+            ratios = sorted(each.ratio for each in rounds)
+            ratio = f"{statistics.median(ratios):.2f} ({ratios[0]:.2f} to {ratios[-1]:.2f})"
+            print("|", " | ".join([title, *times, ratio]), "|", flush=True)
+    print()
+    print("| | program: thread | waits of a step | taken from its core |")
+    print("|---|---|---|---|")
+    for title, found in woken.items():
+        for thread, (waits, taken) in sorted(found.items(), key=lambda item: -item[1][0]):
+            print(f"| {title} | {thread} | {waits:.2f} | {taken:.2f} |")
 
 
 def measured(scenario: phalanx.Scenario, sizes: Sizes) -> Round:
@@ -79,6 +99,39 @@ def measured(scenario: phalanx.Scenario, sizes: Sizes) -> Round:
     exchange = measure_exchange(scenario, steps, sizes)
     compute, _ = per_step(phalanx.run(scenario, engine="in-process"))
     return Round(step, exchange, compute)
+
+
+def wakeups(scenario: phalanx.Scenario) -> Wakeups:
+    """Count the context switches of a run, from its first half second to its last look."""
+    looks: list[tuple[int, Counter[tuple[str, int]]]] = []
+
+    def look(status: Status) -> None:
+        if not status.waiting_for and status.steps:
+            looks.append((status.steps, switches()))
+
+    phalanx.run(scenario, progress=look)
+    (first, before), (last, after) = looks[0], looks[-1]
+    return {
+        name: tuple((after[name, kind] - before[name, kind]) / (last - first) for kind in (0, 1))
+        for name in {name for name, _ in after}
+    }
+
+
+def switches() -> Counter[tuple[str, int]]:
+    """Return the context switches of all programs so far, by thread: voluntary 0, forced 1."""
+    found: Counter[tuple[str, int]] = Counter()
+    for process in psutil.Process().children(recursive=True):
+        with contextlib.suppress(OSError, psutil.NoSuchProcess):
+            program = "plant" if process.name() == "phx-plant" else "agents"
+            if not process.name().startswith(("phx-plant", "phx-agent")):
+                continue
+            for task in Path(f"/proc/{process.pid}/task").iterdir():
+                lines = (task / "status").read_text().splitlines()
+                name = (task / "comm").read_text().strip().rstrip("-0123456789")
+                thread = "its own" if name.startswith("phx") else name
+                for kind, line in enumerate(lines[-2:]):
+                    found[f"{program}: {thread}", kind] += int(line.split()[1])
+    return found
 
 
 def per_step(run: phalanx.Run) -> tuple[float, int]:
