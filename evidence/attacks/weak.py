@@ -92,10 +92,11 @@ def searched(table: dict[str, Any], seed: int, budget: int) -> list[History]:
 
 def in_words(histories: list[History]) -> str:
     """Return how many searches found a violated run, and the median number of runs to it."""
+    most = max(len(history.finds) for history in histories)
     firsts = [float(h.violated[0].number) if h.violated else float("inf") for h in histories]
     found = sum(first < float("inf") for first in firsts)
     median = statistics.median(firsts)
-    middle = f"{median:g}" if median < float("inf") else f"more than {len(histories[0].finds)}"
+    middle = f"{median:g}" if median < float("inf") else f"more than {most}"
     return f"{found} of {len(firsts)}, {middle}"
 
 

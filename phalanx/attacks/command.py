@@ -138,9 +138,11 @@ def _print(found: "Attacked") -> None:
         counts = str(len(each.finds)), str(each.refused), f"{each.best:.4g}"
         table.add_row(each.optimiser, *counts, str(len(each.violated)), first)
     Console().print(table)
-    table = TextTable("weakest pair", "at", "by", "robustness", "verdict", "on fresh seeds", "file")
-    for behaviour, find, path in found.finds:
+    table = TextTable("weakest pair", "at", "by", "robustness", "verdict", "on fresh seeds")
+    for behaviour, find, _ in found.finds:
         words = f"{find.when:.3f} s", behaviour.means, f"{find.robustness:.4g}", find.row.outcome
-        table.add_row(behaviour.pair, *words, fresh(find), str(path))
+        table.add_row(behaviour.pair, *words, fresh(find))
     Console().print(table)
+    for _, _, path in found.finds:
+        echo(path)
     echo(f"page: {found.page}")

@@ -14,7 +14,7 @@ from phalanx.attacks.finds import table_of
 from phalanx.attacks.robustness import evaluate_rows
 from phalanx.attacks.search import History, Search
 from phalanx.report.html import document, drawing, note, section, sortable, table
-from phalanx.report.style import ADVERSARY, NORMAL, PEAK, legend, panels
+from phalanx.report.style import ADVERSARY, NORMAL, PEAK, current, legend, panels, style_axes
 from phalanx.scenario.load import load
 from phalanx.studies.page.svg import svg_of
 from phalanx.swarm.runnable import require_runnable
@@ -104,8 +104,8 @@ def _diagram(search: Search, find: Find) -> str:
     scenario = load(table_of(search.space.table, find))
     found = evaluate_rows(require_runnable(build_swarm(scenario)))
     caption = (
-        f"Distance of each adversary to the nearest normal agent over time, and paths seen from "
-        f"above up to {find.when:.3f} s; {found.summary.outcome}, trajectory "
+        f"Paths seen from above up to {find.when:.3f} s, and the distance of each adversary to the "
+        f"nearest normal agent over time; {found.summary.outcome}, trajectory "
         f"{found.summary.trajectory[:16]}."
     )
     t, x = found.recording.times, found.recording.x
@@ -114,22 +114,24 @@ def _diagram(search: Search, find: Find) -> str:
 
 def space_time_figure(swarm: Swarm, t: Array, x: Array, when: float) -> Figure:
     """Draw the distances of adversaries over time, and all paths up to a time [s]."""
-    figure, (above, below) = panels(2, _HEIGHT)
+    figure = Figure(figsize=(current().width, _HEIGHT), layout="constrained")
+    seen, over_time = figure.subplots(1, 2)
+    for each in (seen, over_time):
+        style_axes(each)
     points = np.array([swarm.positions(each) for each in x[:: max(1, len(x) // 500)]])
     t = t[:: max(1, len(t) // 500)]
     until = t <= when
     for i, member in enumerate(swarm.members):
         colour = ADVERSARY if member.adversary else NORMAL
-        below.plot(points[until, i, 0], points[until, i, 1], color=colour, linewidth=1.2)
-        below.annotate(member.name, points[until, i, :2][-1], color=colour)
+        seen.plot(points[until, i, 0], points[until, i, 1], color=colour, linewidth=1.2)
+        seen.annotate(member.name, points[until, i, :2][-1], color=colour)
         if member.adversary:
             apart = np.linalg.norm(points[:, list(swarm.normal)] - points[:, [i]], axis=2)
-            above.plot(t, apart.min(axis=1), color=colour, linewidth=1.2, label=member.name)
-    above.axvline(when, color=PEAK, linestyle="--", linewidth=1.0)
-    above.set_ylabel("distance [m]")
-    below.set_aspect("equal", adjustable="datalim")
-    below.set_ylabel("y [m]")
-    below.set_xlabel("x [m]; above: t [s]")
+            over_time.plot(t, apart.min(axis=1), color=colour, linewidth=1.2, label=member.name)
+    over_time.axvline(when, color=PEAK, linestyle="--", linewidth=1.0)
+    over_time.set(xlabel="t [s]", ylabel="distance [m]")
+    seen.set(xlabel="x [m]", ylabel="y [m]")
+    seen.set_aspect("equal", adjustable="datalim")
     if any(member.adversary for member in swarm.members):
-        legend(above)
+        over_time.legend(frameon=False)
     return figure
