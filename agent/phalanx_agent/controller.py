@@ -6,14 +6,15 @@ from typing import NamedTuple, Protocol, Self
 
 from phalanx.arrays import Array
 from phalanx.guarantee.certificates import certified_for
-from phalanx.guarantee.proven_filter import ProvenFilter
+from phalanx.guarantee.proven_filter import EarnedFilter, ProvenFilter
 from phalanx.swarm.own_controller import own_controller
 from phalanx.swarm.rows import SafetyRows
+from phalanx.swarm.watch import Watch
 from phalanx.theory.laws.attacks import WorstCase
 from phalanx.theory.laws.law import NominalInput, View
 from phalanx.theory.rows.centralised import JointInput
 from phalanx.theory.rows.decision import Decision
-from phalanx.theory.rows.information import ReceivedInput
+from phalanx.theory.rows.information import Information, ReceivedInput
 from phalanx.theory.rows.safety_filter import FilterInput
 from phalanx.wire.step_report import StepReport
 
@@ -56,9 +57,10 @@ class AgentController(Protocol):
 class DistributedController:
     """An agent's own law, row and QP, as in (QPdistributed); or another controller's input."""
 
-    def __init__(self, rows: SafetyRows, i: int) -> None:
-        """Compile agent i's own copy of the theory."""
+    def __init__(self, rows: SafetyRows, i: int, watch: Watch | None = None) -> None:
+        """Compile agent i's own copy of the theory; watch: of others, if it watches any."""
         self._everything, self._i = rows, i
+        self._watch = watch if rows.swarm.safety.information is Information.EARNED else None
         rows = rows.seen_by(i)
         swarm = rows.swarm
         self._members, self._parts = swarm.members, swarm.safe_set.parts
@@ -66,8 +68,11 @@ class DistributedController:
         self._goal = swarm.goal(i)
         self._terms = rows.terms(i)
         self._filter = rows.filter(i)
-        if swarm.safety.prove and not swarm.members[i].adversary:
-            self._filter = ProvenFilter(rows, i, rows.row_filter(i))
+        if not swarm.members[i].adversary:
+            first = rows.row_filter(i)
+            if self._watch is not None:
+                first = EarnedFilter(rows, i, first, self._watch.conviction_takes)
+            self._filter = ProvenFilter(rows, i, first) if swarm.safety.prove else first
         self._own = own_controller(rows, i, certified_for(swarm, i))
         self._latency = swarm.time.latency
 
@@ -80,7 +85,8 @@ class DistributedController:
         if self._own is not None:
             decision, notes = self._own(view, u_nom, x, seen, t, received)
             return StepResult(decision, u_nom, [], notes)
-        now = FilterInput(t + self._latency, x, seen, view.terms, u_nom, received)
+        trusted = self._watch.trusted(t) & set(seen) if self._watch else frozenset[int]()
+        now = FilterInput(t + self._latency, x, seen, view.terms, u_nom, received, trusted)
         decision, used = self._filter(now)
         return StepResult(decision, u_nom, used)
 

@@ -109,9 +109,10 @@ class ControlStep:
         """Fates that are decided and not yet reported to the plant."""
         self._past: deque[tuple[float, ...]] = deque(maxlen=self._lies.steps_back)
         """Inputs that lies may repeat, the newest last."""
-        watches = swarm.safety.watch and not swarm.members[i].adversary
+        watches = swarm.safety.watches and not swarm.members[i].adversary
         self._watch = Watch(swarm, i) if watches else None
-        self._controller: AgentController = controller or DistributedController(rows, i)
+        own = controller or DistributedController(rows, i, self._watch)
+        self._controller: AgentController = own
 
     def accept_sample(self, sample: Sample) -> Accepted:
         """Validate and decode the next sample. Raises Malformed.

@@ -189,10 +189,8 @@ class Scenario(Strict):
             if self.time.latency >= gap:
                 message = f"expected less than {gap:g} s, the shortest time between two samples"
                 raise field_error(("time", "latency"), message, self.time.latency)
-        if self.time.latency and self.safety.prove:
-            message = (
-                "expected 0 with safety.prove: an agent proves inputs that apply at its sample"
-            )
+        if self.time.latency and (self.safety.prove or self.safety.information == "earned"):
+            message = "expected 0: with safety.prove or 'earned' inputs are proven from the sample"
             raise field_error(("time", "latency"), message, self.time.latency)
         for index, obstacle in enumerate(self.obstacles):
             self._check_axes(index, obstacle)

@@ -115,6 +115,9 @@ class Safety(Strict):
             message = "expected composition = 'pairs', or another margin: it is of a pair's row"
             raise field_error(("margin",), message, self.margin)
         self._function = built("function", SafeSetFunction, self.function)
+        if self.information is Information.EARNED and self.composition == "lse":
+            message = "expected composition = 'pairs', of which each can be split or not"
+            raise field_error(("information",), message, self.information.value)
         if isinstance(self._function, HeadingAware) and not self.information.reads_roles:
             message = "expected another: h of 'heading-aware' depends on declared roles"
             raise field_error(("information",), message, self.information.value)
@@ -150,6 +153,11 @@ class Safety(Strict):
     def needs_all_states(self) -> bool:
         """True if normal agents must see every state, since they share one condition."""
         return self.shares_one_row or self.centralised
+
+    @property
+    def watches(self) -> bool:
+        """True if agents hold the inputs that others announce against their motion."""
+        return self.watch or self.information is Information.EARNED
 
     @property
     def counts_on_received(self) -> bool:

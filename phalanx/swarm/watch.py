@@ -56,6 +56,12 @@ class Watch:
         self._claims: dict[int, dict[int, ReceivedInput]] = {l: {} for l in self._checks}
         self._windows: dict[int, list[_Seen]] = {l: [] for l in self._checks}
         self._last: dict[int, tuple[float, Array]] = {}
+        # A window, the sender's next broadcast, and a sample to read it at.
+        own = swarm.horizon(i)
+        self._stale = {l: 3.0 * own + swarm.horizon(l) for l in self._checks}
+        self.conviction_takes = {l: stale + 2.0 * own for l, stale in self._stale.items()}
+        """By agent, the longest time from a betrayal until it is convicted, or trusted no more as
+        its windows cannot be checked in time [s]."""
         self.convicted: set[int] = set()
         self.checked_until: dict[int, float] = {}
         """By agent, the end of the newest window that was checked [s]."""
@@ -76,6 +82,11 @@ class Watch:
             del self._last[l]
         found = [self._check(l) for l in sorted(self._checks)]
         return [conviction for conviction in found if conviction is not None]
+
+    def trusted(self, t: float) -> frozenset[int]:
+        """Return the agents that are not convicted, of whom a recent window was checked."""
+        recent = {l for l, end in self.checked_until.items() if end >= t - self._stale[l]}
+        return frozenset(recent - self.convicted)
 
     def _check(self, l: int) -> Conviction | None:
         """Check agent l's windows whose broadcasts have all come."""

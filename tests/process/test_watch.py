@@ -70,3 +70,20 @@ def test_a_stuck_actuator_is_convicted_too_though_it_did_not_mean_to():
     stuck = {"kind": "actuator", "at": 0.5, "for": 0.5, "agents": ["2"]}
     found = trust("unicycles", faults=[stuck])
     assert {each.of for each in found.convictions} <= {"2"}
+
+
+def test_earned_trust_changes_inputs_and_ends_with_a_conviction():
+    quiet = {"network.loss": 0.0, "network.delay": 0.0, "duration": 6.0}
+    ends = {}
+    for information in ("unknown", "earned"):
+        scenario = phalanx.load("crossing", {**quiet, "safety.information": information})
+        ends[information] = phalanx.run(scenario, engine="in-process").summary
+        assert ends[information].outcome is phalanx.Outcome.GUARANTEED
+    assert ends["earned"].trajectory != ends["unknown"].trajectory
+    hijack = [{"kind": "hijack", "at": 3.0, "agents": ["east"]}]
+    changes = {**quiet, "safety.information": "earned", "faults": hijack}
+    betrayed = phalanx.run(phalanx.load("crossing", changes), engine="in-process").summary
+    assert betrayed.outcome is phalanx.Outcome.GUARANTEED
+    assert betrayed.trust is not None
+    assert {each.of for each in betrayed.trust.convictions} == {"east"}
+    assert betrayed.trust.false == 0

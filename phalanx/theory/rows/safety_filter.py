@@ -34,6 +34,8 @@ class FilterInput(NamedTuple):
     """Nominal input, shape (m_i,)."""
     received: Mapping[int, ReceivedInput]
     """û_l by agent."""
+    trusted: frozenset[int] = frozenset()
+    """With information earned: agents in sight with which a pair may be split."""
 
 
 class Filtered(NamedTuple):
@@ -120,6 +122,7 @@ class PairwiseFilter:
         """A row for each pair, and the agents whose û_l is in one."""
         information, i = self._information, self.i
         sharing = information.sharing(i, now.received, now.t, now.seen) if self._split else []
+        sharing += now.trusted
         counted = _believed(information, now)
         return pair_rows(self._terms(now.x, now.seen, sharing), counted), list(counted)
 

@@ -12,6 +12,7 @@ from phalanx.guarantee.certificate import DEFECT
 from phalanx.guarantee.verdict import Assumption
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.origin import EMPTY, OF_CONTROLLERS, Origin
 from phalanx.wire.messages import Telemetry
 from phalanx_plant.world.evaluation import EvaluatedSteps
@@ -57,7 +58,7 @@ class Assumptions:
             note="every received input that a row counted on was being applied",
         )
         self._faithful = Assumption("faithful agents", note="no normal agent fell silent or turned")
-        self._each_alone = not swarm.safety.information.reads_roles
+        self._each_alone = swarm.safety.information is Information.UNKNOWN
         if self._each_alone:
             self._faithful.note = (
                 "no normal agent fell silent; others may turn, as rows count everyone at worst: "

@@ -248,7 +248,7 @@ class Judge:
     @property
     def trust(self) -> TrustSummary | None:
         """Betrayals and convictions; None unless agents watch each other."""
-        if not self._swarm.safety.watch:
+        if not self._swarm.safety.watches:
             return None
         begun = self.claims.betrayals
         for each in self._convictions:
