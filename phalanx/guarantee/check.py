@@ -23,6 +23,7 @@ from phalanx.guarantee.formula import (
     workspace,
     worst_pair,
 )
+from phalanx.guarantee.promised import promised
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import require_runnable
@@ -90,8 +91,11 @@ def check(scenario: Scenario) -> CheckReport:
         largest_delay=0.0 if uses_newest_inputs(swarm) else math.inf,
         gaps=proof_gaps(swarm),
         certified=certified_start(swarm),
+        promised=promised(swarm),
     )
-    report.words.extend([*advice(swarm, report, unknown), *_resting(swarm), *_price(rows)])
+    report.words.extend(
+        [str(report.promised), *advice(swarm, report, unknown), *_resting(swarm), *_price(rows)]
+    )
     return report
 
 

@@ -5,6 +5,7 @@ from html import escape
 
 from phalanx.guarantee.certificates import CertifiedStart
 from phalanx.guarantee.formula import Formula
+from phalanx.guarantee.promised import Promise
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,8 @@ class CheckReport:
     """Requirements of the paper's theorem, or the margin's proof, that no run can meet."""
     certified: CertifiedStart
     """Certificates at the start, on which the verdict rests."""
+    promised: Promise
+    """The time for which all pairs are safe, proven before a run."""
     words: list[str] = field(default_factory=list)
     """Sentences on the results, and what to change."""
 

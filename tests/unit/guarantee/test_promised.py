@@ -1,0 +1,54 @@
+"""The time promised before a run, in which no pair can become unsafe."""
+
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from phalanx.guarantee.promised import Promise, promised
+from phalanx.scenario.load import load
+from phalanx.swarm.swarm import build_swarm
+
+ATTACKS = sorted((Path(__file__).parents[3] / "scenarios" / "attacks").glob("*.toml"))
+
+
+def ahead(name: str, **fields: object) -> Promise:
+    return promised(build_swarm(load(name, {k.replace("__", "."): v for k, v in fields.items()})))
+
+
+@settings(max_examples=10, deadline=None)
+@given(gap=st.floats(0.01, 8.0))
+def test_two_agents_that_drive_at_each_other_meet_after_it(gap):
+    """Each moves at 1 m/s: 1 m from one another after half the gap, and no sooner is promised."""
+    found = ahead("one-on-one", agents__1__start=[[0.0, -1.0 - gap]])
+    assert 0.5 * gap - 2e-3 <= found.time <= 0.5 * gap
+    assert found.pair == "1-2"
+
+
+def test_agents_too_far_apart_to_meet_are_promised_the_whole_run():
+    assert ahead("one-on-one", agents__1__start=[[0.0, -50.0]]) == Promise(20.0, "")
+
+
+def test_nothing_is_promised_from_an_unsafe_start():
+    found = ahead("one-on-one", agents__1__start=[[0.0, -0.9]])
+    assert found == Promise(0.0, "1-2")
+    assert str(found).startswith("Nothing is promised ahead: no time is proven for 1-2")
+
+
+def test_the_nearest_of_many_pairs_counts():
+    starts = [[9.0, 0.0], [0.0, 2.0], [-9.0, 0.0], [0.0, -9.0]]
+    found = ahead("surrounded", agents__1__start=starts)
+    assert found.pair == "1-3"
+    assert found.time == pytest.approx(0.5, abs=1e-3)
+
+
+@pytest.mark.parametrize("file", ATTACKS, ids=[file.stem for file in ATTACKS])
+def test_attacks_that_ship_violate_later_than_promised(file):
+    (when,) = re.findall(r"leaves the safe set at (\S+) s", file.read_text(encoding="utf-8"))
+    assert 0.0 < ahead(str(file)).time < float(when)
+
+
+def test_it_is_rounded_down_in_words():
+    assert "Promised for the first 0.187 s: " in str(Promise(0.1879, "1-2"))
