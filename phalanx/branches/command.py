@@ -52,7 +52,7 @@ def branch(
     The run goes again up to a time T. From there on all that is random is drawn again: clocks,
     losses, delays, disturbances, lies. The share of these branches that violate says how far the
     violation was decided at T. Each branch is a run of the scenario with one more entry of
-    `reseed`.
+    `reseed`. The curve is drawn among the run's figures, and `phalanx report` shows it.
 
     Examples:
 
@@ -63,8 +63,10 @@ def branch(
     from rich.progress import Progress
 
     from phalanx.branches.inevitable import branch_run, landmarks
+    from phalanx.branches.picture import save_picture
     from phalanx.cli.terminal import warn_of_damage
     from phalanx.recording.read import read
+    from phalanx.report.write import INEVITABLE
 
     recorded = read(run, trust)
     warn_of_damage(recorded)
@@ -86,11 +88,11 @@ def branch(
         except ValueError as error:
             raise typer.BadParameter(f"--at: {error}") from error
     _show(curve, recorded.summary)
-    if picture is not None:
-        from phalanx.branches.picture import save_picture
-
-        save_picture(curve, recorded.summary, picture)
-        echo(picture)
+    figures = recorded.path.parent / "figures"
+    figures.mkdir(exist_ok=True)
+    for file in filter(None, (figures / INEVITABLE, picture)):
+        save_picture(curve, recorded.summary, file)
+        echo(file)
     return 0
 
 

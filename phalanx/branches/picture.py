@@ -5,7 +5,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from phalanx.branches.inevitable import BranchesAt, landmarks
+from phalanx.branches.inevitable import BranchesAt, from_when, landmarks
 from phalanx.guarantee.verdict import Summary
 from phalanx.report.style import NORMAL, PEAK, current, legend, panels
 
@@ -28,10 +28,24 @@ def draw_branches(curve: Sequence[BranchesAt], summary: Summary | None) -> Figur
     axes.set_ylim(-0.03, 1.03)
     axes.set_ylabel("share of branches")
     axes.set_xlabel("time at which they leave the run [s]")
-    title = f"{len(curve[0].summaries)} branches at each time"
+    title = f"{len(curve[0].summaries)} branches at each time{_point_of_no_return(curve, summary)}"
     axes.set_title(title, loc="right", fontsize=current().title)
     legend(axes)
     return figure
+
+
+def _point_of_no_return(curve: Sequence[BranchesAt], summary: Summary | None) -> str:
+    """Say from when on half of the branches violate, compared with the certificate's loss."""
+    half, known = from_when(curve, 0.5), landmarks(summary)
+    if half is None:
+        return ""
+    words = f"; half violate from {half:.3f} s on"
+    if len(known) < 2:
+        return words
+    ahead = known[1].t - half
+    return (
+        f"{words}, {abs(ahead):.3f} s {'before' if ahead >= 0 else 'after'} the certificate's loss"
+    )
 
 
 def save_picture(curve: Sequence[BranchesAt], summary: Summary | None, file: Path) -> None:

@@ -21,6 +21,8 @@ from phalanx.report.paths import paths, worst_pairs
 from phalanx.report.style import FEW, MOST_NAMED, SCREEN, ReportFigure, drawn_for, summarises
 
 REPORT = "report.html"
+INEVITABLE = "inevitable.png"
+"""Among a run's figures, if `phalanx branch` has drawn it."""
 _DPI = 110
 _DATELESS = {"CreationDate": None}
 """Metadata of PDF: the same run gives the same file."""
@@ -49,7 +51,8 @@ def _write_report(run: Path, progress: Callable[[str], None] | None, vector: boo
     folder = recording.path.parent
     (folder / "figures").mkdir(exist_ok=True)
     history, links = ReportHistory(recording), link_statistics(recording)
-    drawn = []
+    drawn: list[tuple[str, bytes]] = []
+    place = 0
     for figure in draw_figures(history, links):
         if progress:
             progress(figure.name)
@@ -58,6 +61,10 @@ def _write_report(run: Path, progress: Callable[[str], None] | None, vector: boo
         image = image_of(figure)
         (folder / "figures" / f"{figure.name}.png").write_bytes(image)
         drawn.append((figure.caption, image))
+        if figure.name == "certified":
+            place = len(drawn)
+    if (branches := folder / "figures" / INEVITABLE).exists():
+        drawn.insert(place or len(drawn), (_INEVITABLE, branches.read_bytes()))
     report = folder / REPORT
     metrics = metric_rows(metrics_of(recording, history.swarm))
     report.write_text(page(recording, metrics, links, drawn, notes(history)), encoding="utf-8")
@@ -167,6 +174,10 @@ _CERTIFIED = (
     "others do, in multiples of τ, the longest time until its next sample: at or above the line at "
     "1 the proof lasts until then. A cross marks every input below it. The scale is logarithmic; "
     "an input that is proven for no time at all is drawn at the bottom."
+)
+_INEVITABLE = (
+    "Share of branches that violate, over the time at which they left the run: from there on all "
+    "that is random was drawn again. Lines mark the loss of the certificate and the violation."
 )
 _SOLVE_TIMES = (
     "Wall time of control steps, from sample to input: the share of steps that took as long or "

@@ -105,6 +105,8 @@ def test_the_command_shows_when_the_violation_was_inevitable(violated, tmp_path)
     assert "all branches violate that leave at" in shown.output
     assert "before 1-4 leaves the safe set" in shown.output
     assert picture.read_bytes().startswith(b"\x89PNG")
+    page = violated.report().read_text(encoding="utf-8")
+    assert "Share of branches that violate, over the time at which they left the run" in page
 
 
 def test_times_outside_the_run_are_refused(violated):

@@ -94,7 +94,7 @@ def test_the_heading_has_the_command_that_makes_it_again_the_date_and_versions(
     reported: Path,
 ) -> None:
     heading = reported.read_text().split("<h2>")[0]
-    network = "network.delay={low = 0.002, high = 0.02}"
+    network = "network.delay={ low = 0.002, high = 0.02 }"
     fields = f"--set duration=0.6 --set network.loss=0.3 --set '{network}'"
     command = re.search("<pre>(.*)</pre>", heading)
     assert html.unescape(command[1]) == f"phalanx run unicycles --seed 0 {fields}"
