@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 from typer.main import get_command, get_command_name
 
-from phalanx.cli import check, compile, network, programs, run, runs, tap
+from phalanx.cli import check, compile, fit, network, programs, run, runs, tap
 from phalanx.cli.option_checks import refuse_secrets, require_values
 from phalanx.cli.options import with_factor
 from phalanx.cli.terminal import echo, echo_error
@@ -29,7 +29,7 @@ def core() -> typer.Typer:
         no_args_is_help=True, add_completion=False, rich_markup_mode="rich", help=_HELP
     )
     app.callback()(options)
-    for module in (run, check, compile, runs, tap, network, programs):
+    for module in (run, check, compile, runs, tap, network, fit, programs):
         module.register(app)
     return app
 

@@ -12,6 +12,7 @@ from phalanx.metrics.words import metric_rows
 from phalanx.recording.read import Recording, read
 from phalanx.report import safety, steps
 from phalanx.report.distances import distances, required_distance
+from phalanx.report.disturbances import disturbances
 from phalanx.report.history import ReportHistory
 from phalanx.report.lanes import space_time
 from phalanx.report.links import LinkStatistics, link_statistics, losses
@@ -101,6 +102,8 @@ def draw_figures(history: ReportHistory, links: list[LinkStatistics]) -> Iterato
         yield from _step_figures(history)
         if not history.values.too_large and (compared := margins(history)):
             yield ReportFigure("margins", compared[1], compared[0])
+        if needed := disturbances(history):
+            yield ReportFigure("disturbances", _DISTURBANCES, needed)
         if lanes := space_time(history):
             yield ReportFigure("space-time", _SPACE_TIME, lanes)
     if any(link.lost or link.model.loss for link in links):
@@ -178,6 +181,11 @@ _CERTIFIED = (
 _INEVITABLE = (
     "Share of branches that violate, over the time at which they left the run: from there on all "
     "that is random was drawn again. Lines mark the loss of the certificate and the violation."
+)
+_DISTURBANCES = (
+    "Disturbance that explains each agent's motion under the declared dynamics: the norm of the "
+    "constant φ between two of its inputs, with the declared bounds as lines. What is above its "
+    "line contradicts the scenario's disturbance.bound."
 )
 _SOLVE_TIMES = (
     "Wall time of control steps, from sample to input: the share of steps that took as long or "

@@ -10,6 +10,9 @@ from scipy.special import bdtr
 from phalanx.arrays import Array
 from phalanx.statistics.rates import LEVEL
 
+_EXACT = 1e-9
+"""Shares are decimal fractions: 100 times 0.99 counts as 99, whatever its last digit."""
+
 
 class Band(NamedTuple):
     """A distribution function at the values seen, with bounds that hold everywhere at once.
@@ -47,6 +50,18 @@ def tolerance_bound(values: ArrayLike, share: float, level: float = LEVEL) -> fl
     x = np.sort(np.asarray(values, dtype=float))
     confident = np.flatnonzero(bdtr(np.arange(len(x)), len(x), share) >= level)
     return float(x[confident[0]]) if len(confident) else math.inf
+
+
+def conformal_bound(values: ArrayLike, share: float) -> float:
+    """Return a bound that the next value keeps with at least this probability.
+
+    It is the order statistic ⌈(n + 1) share⌉ of n values, and needs no more than that the next one
+    is exchangeable with them (Vovk, Gammerman and Shafer, Algorithmic Learning in a Random World,
+    2005). Infinite if there are fewer values than share / (1 - share).
+    """
+    x = np.sort(np.asarray(values, dtype=float))
+    place = math.ceil((len(x) + 1) * share - _EXACT)
+    return float(x[place - 1]) if 0 < place <= len(x) else math.inf
 
 
 def tolerance_runs(share: float, level: float = LEVEL) -> int:

@@ -69,7 +69,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.statistics": rooms("seeded"),
     # The in-process engine is where agents and plant are put together without a wire.
     "phalanx.launcher": LAUNCHER | PLANT | rooms("agent plant"),
-    "phalanx.cli": LAUNCHER | {"phalanx"},
+    "phalanx.cli": LAUNCHER | rooms("statistics") | {"phalanx"},
     "phalanx": LAUNCHER | rooms("cli baselines studies"),
     # Many runs: it hashes the sources of all that decides a run.
     "phalanx.studies": COMMANDED | rooms("statistics agent plant"),

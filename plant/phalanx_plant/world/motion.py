@@ -9,6 +9,7 @@ import numpy as np
 from phalanx.arrays import Array, Index
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.models.dynamics import Dynamics
+from phalanx.theory.models.runge_kutta import weighted_rates
 from phalanx.theory.safety.composition import Member
 
 
@@ -127,15 +128,3 @@ def _runge_kutta(dynamics: Dynamics, steps: int) -> MappedFunction:
         x = x + dt / 6 * weighted_rates(field, x, u, pushes, dt)
         after.append(ca.horzcat(x.T, dynamics.position(x).T))
     return MappedFunction([start, u, phi, slope, dt], [ca.vertcat(*after)])
-
-
-def weighted_rates(
-    field: ca.Function, x: ca.SX, u: ca.SX, pushes: tuple[ca.SX, ca.SX, ca.SX], dt: ca.SX
-) -> ca.SX:
-    """Six times the mean rate of a step, shape (n,); pushes: φ at its begin, middle and end."""
-    begin, middle, end = pushes
-    k1 = field(x, u) + begin
-    k2 = field(x + dt / 2 * k1, u) + middle
-    k3 = field(x + dt / 2 * k2, u) + middle
-    k4 = field(x + dt * k3, u) + end
-    return k1 + 2 * k2 + 2 * k3 + k4

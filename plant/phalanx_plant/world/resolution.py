@@ -21,8 +21,9 @@ from phalanx.theory.expressions.interval import Interval, UnboundedOperationErro
 from phalanx.theory.expressions.rounding import outwards
 from phalanx.theory.margins.enclosure import scalars
 from phalanx.theory.models.dynamics import Dynamics
+from phalanx.theory.models.runge_kutta import weighted_rates
 from phalanx.theory.safety.composition import stacked_slices
-from phalanx_plant.world.motion import by_dynamics, weighted_rates
+from phalanx_plant.world.motion import by_dynamics
 from phalanx_plant.world.world import Segment
 
 _ROUNDED = 2.0**-50

@@ -7,7 +7,7 @@ from typer.main import get_command
 from phalanx.cli.app import core, extended
 
 TOP = get_command(extended()).commands
-COMMANDS = TOP | TOP["network"].commands
+COMMANDS = TOP | TOP["network"].commands | TOP["fit"].commands
 
 
 @pytest.mark.parametrize("name", sorted(COMMANDS))

@@ -7,7 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phalanx.statistics.distributions import dkw_band, tolerance_bound, tolerance_runs
+from phalanx.statistics.distributions import (
+    conformal_bound,
+    dkw_band,
+    tolerance_bound,
+    tolerance_runs,
+)
 from tests.unit.statistics.studies import draws, most_misses
 
 
@@ -62,3 +67,17 @@ def test_more_of_the_distribution_needs_a_larger_bound(values):
 def test_certainty_is_refused(share, level):
     with pytest.raises(ValueError, match="share, level: expected numbers between 0 and 1"):
         tolerance_runs(share, level)
+
+
+@pytest.mark.parametrize(("n", "share"), [(99, 0.9), (999, 0.99)])
+def test_the_conformal_bound_holds_for_the_next_value_as_often_as_it_says(n, share):
+    kept = [study[-1] <= conformal_bound(study[:-1], share) for study in draws(n + 1)]
+    spread = math.sqrt(share * (1.0 - share) / len(kept))
+    assert abs(np.mean(kept) - share) < 4.0 * spread
+
+
+def test_too_few_values_have_no_conformal_bound():
+    values = np.arange(99.0)
+    assert conformal_bound(values, 0.99) == 98.0
+    assert math.isinf(conformal_bound(values[1:], 0.99))
+    assert math.isinf(conformal_bound([], 0.5))

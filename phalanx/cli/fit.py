@@ -1,0 +1,165 @@
+"""phalanx fit: parameters of a scenario, from recorded runs."""
+
+import json
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import typer
+
+from phalanx.cli.options import Trust
+from phalanx.cli.terminal import echo
+
+if TYPE_CHECKING:
+    from phalanx.arrays import Array
+    from phalanx.recording.disturbances import AgentDisturbances
+    from phalanx.scenario.agents import AgentGroup
+    from phalanx.scenario.model import Scenario
+
+commands = typer.Typer(no_args_is_help=True, help="Fits of a scenario's fields to recorded runs.")
+_DIGITS = 4
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.add_typer(commands, name="fit")
+
+
+@commands.callback()
+def fits() -> None:
+    """Keep `disturbance` a command of its own while it is the only one."""
+
+
+@commands.command()
+def disturbance(
+    runs: Annotated[
+        list[Path], typer.Argument(metavar="RUN...", help="Folders of runs, or their recordings.")
+    ],
+    level: Annotated[
+        float,
+        typer.Option(min=0.5, max=0.99999, help="Probability that the next interval keeps it."),
+    ] = 0.999,
+    trust: Trust = False,
+) -> int:
+    """Print the disturbance bound that recorded runs need, and what `check` says of it.
+
+    For each interval in which an agent holds an input, this is the norm of the constant
+    disturbance that explains its motion under the declared dynamics. The conformal bound holds for
+    the next interval if that is exchangeable with the recorded ones. Where there are too few
+    intervals for one, the largest stands in its place.
+
+    Examples:
+
+      phalanx fit disturbance runs/unicycles-1
+      phalanx fit disturbance runs/warehouse-* --level 0.99
+    """
+    import phalanx
+
+    scenario, found = _read(runs, trust)
+    bounds = []
+    for group, each in zip(scenario.agents, found, strict=True):
+        fitted = _fit(each, level)
+        bounds.append(fitted.bound)
+        _show(group, each, fitted, level)
+    refitted = _with_bounds(scenario, bounds)
+    echo(f"# check with these bounds: {phalanx.check(refitted).answer}")
+    return 0
+
+
+class _Fit(NamedTuple):
+    """The sizes of a group's disturbances."""
+
+    largest: float
+    p99: float
+    conformal: float
+    """Infinite if there are too few intervals."""
+
+    @property
+    def bound(self) -> float:
+        """The bound to declare, rounded up."""
+        bound = self.conformal if math.isfinite(self.conformal) else self.largest
+        if not 0.0 < bound < math.inf:
+            return bound
+        unit = 10.0 ** (math.floor(math.log10(bound)) + 1 - _DIGITS)
+        return float(f"{math.ceil(bound / unit) * unit:.{_DIGITS}g}")
+
+
+def _fit(found: "AgentDisturbances", level: float) -> _Fit:
+    import numpy as np
+
+    from phalanx.statistics.distributions import conformal_bound
+
+    return _Fit(
+        float(found.size.max()),
+        float(np.quantile(found.size, 0.99)),
+        conformal_bound(found.size, level),
+    )
+
+
+def _read(runs: Sequence[Path], trust: bool) -> "tuple[Scenario, list[AgentDisturbances]]":
+    """Return the scenario, and the intervals of all runs by group of agents."""
+    import numpy as np
+
+    from phalanx.recording.disturbances import AgentDisturbances, disturbances_of
+    from phalanx.recording.read import read, swarm_of
+
+    recordings = [read(run, trust) for run in runs]
+    first = recordings[0].scenario
+    for other in recordings[1:]:
+        if [_kind(g) for g in other.scenario.agents] != [_kind(g) for g in first.agents]:
+            raise typer.BadParameter(
+                f"{other.path}: expected the agents and dynamics of {recordings[0].path}"
+            )
+    each = [disturbances_of(recording, swarm_of(recording)) for recording in recordings]
+    found, begin = [], 0
+    for group in first.agents:
+        own = [one for run in each for one in run[begin : begin + len(group.names)]]
+        begin += len(group.names)
+        found.append(AgentDisturbances(*map(np.concatenate, zip(*own, strict=True))))
+    if not all(len(group.t) for group in found):
+        raise typer.BadParameter(
+            f"{recordings[0].path}: no state where inputs took effect: record one at every event, "
+            "time.recording_step = 0"
+        )
+    return first, found
+
+
+def _kind(group: "AgentGroup") -> tuple[object, ...]:
+    return group.names, group.dynamics
+
+
+def _show(group: "AgentGroup", found: "AgentDisturbances", fitted: _Fit, level: float) -> None:
+    names = ", ".join(group.names[:4]) + (", ..." if len(group.names) > 4 else "")
+    few = f"; too few intervals for {level:g}" if math.isinf(fitted.conformal) else ""
+    echo(
+        f"# agents {names}: {len(found.t)} intervals; declared {group.disturbance.bound:g}",
+        f"# largest {fitted.largest:.4g}, 99 % below {fitted.p99:.4g}, "
+        f"next below {fitted.conformal:.4g} with probability {level:g}{few}",
+        *_against("speed [m/s]", found.speed, found.size),
+        *_against("input", found.input, found.size),
+        f"disturbance = {{ bound = {fitted.bound!r} }}",
+        "",
+    )
+
+
+def _against(name: str, values: "Array", size: "Array") -> list[str]:
+    """Lines with the largest size in each third of the values."""
+    import numpy as np
+
+    ends = np.quantile(values, [0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0])
+    lines = []
+    for low, high in pairwise(ends.tolist()):
+        some = size[(values >= low) & (values <= high)]
+        lines.append(f"#   {name} {low:.3g} to {high:.3g}: largest {some.max():.4g}")
+    return list(dict.fromkeys(lines))
+
+
+def _with_bounds(scenario: "Scenario", bounds: Sequence[float]) -> "Scenario":
+    from phalanx.scenario.load import from_json, to_json
+
+    table = json.loads(to_json(scenario))
+    for group, bound in zip(table["agents"], bounds, strict=True):
+        group["disturbance"]["bound"] = bound
+    return from_json(json.dumps(table))

@@ -1,0 +1,135 @@
+"""The disturbance that explains a motion: against motions of which the disturbance is known."""
+
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+import pytest
+from phalanx_plant.world.disturbance import RandomDisturbance
+
+import phalanx
+from phalanx.guarantee.disturbance_ledger import DisturbanceLedger
+from phalanx.recording.disturbances import disturbances_of
+from phalanx.recording.read import read, swarm_of
+from phalanx.seeded.draws import Draws
+from phalanx.theory.models.aerial import PlanarQuadrotor, Quadrotor
+from phalanx.theory.models.dynamics import Dynamics
+from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
+from phalanx.theory.models.polytope import constant_polytope
+from phalanx.theory.models.runge_kutta import weighted_rates
+from phalanx.theory.models.wheeled import DifferentialDrive, KinematicBicycle, Unicycle
+
+MODELS = [
+    SingleIntegrator(speed=2.0),
+    DoubleIntegrator(acceleration=2.0),
+    TripleIntegrator(jerk=2.0),
+    Unicycle(speed=4.0, turn_rate=2.0),
+    DifferentialDrive(wheel_rate=20.0, wheel_radius=0.05, track=0.3),
+    KinematicBicycle(acceleration=2.0, steering=0.5),
+    PlanarQuadrotor(thrust=4.0, tilt=0.4),
+    Quadrotor(thrust=4.0, tilt=0.4),
+]
+WINDOWS, STEPS = 200, 200
+
+
+class Windows(NamedTuple):
+    """Motions of drawn length from drawn states, and the disturbance at both ends of each."""
+
+    before: np.ndarray
+    after: np.ndarray
+    u: np.ndarray
+    seconds: np.ndarray
+    begin: np.ndarray
+    end: np.ndarray
+
+    @property
+    def largest(self) -> np.ndarray:
+        """The largest norm of a disturbance that is linear in between."""
+        return np.maximum(*(np.linalg.norm(phi, axis=1) for phi in (self.begin, self.end)))
+
+
+def windows(dynamics: Dynamics, size: float, change: float) -> Windows:
+    """Draw windows of 1 to 100 ms; the disturbance has this norm, and changes by this much."""
+    n, m = len(dynamics.states), len(dynamics.inputs)
+    table = Draws(0, "ledger", type(dynamics).__name__, width=3 * n + m + 1)
+    drawn = np.array([table[k] for k in range(WINDOWS)])
+    x, one, two, inputs, when = np.split(drawn, np.cumsum([n, n, n, m]), axis=1)
+    corners = constant_polytope(*dynamics.input_polytope(ca.SX.sym("x", n))).corners
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    before, u, seconds = 2.0 * x - 1.0, low + (high - low) * inputs, 10.0 ** (2.0 * when[:, 0] - 3)
+    begin = size * direction(one)
+    end = begin + change * direction(two)
+    after = truly(dynamics)(*(each.T for each in (before, u, begin, end, seconds[:, None])))
+    return Windows(before, np.array(after).T, u, seconds, begin, end)
+
+
+def direction(drawn: np.ndarray) -> np.ndarray:
+    centred = drawn - 0.5
+    return centred / np.linalg.norm(centred, axis=1, keepdims=True)
+
+
+def truly(dynamics: Dynamics) -> ca.Function:
+    """The motion in many small steps."""
+    x, u = ca.SX.sym("x", len(dynamics.states)), ca.SX.sym("u", len(dynamics.inputs))
+    begin, end, T, s = ca.SX.sym("a", x.numel()), ca.SX.sym("b", x.numel()), ca.SX.sym("T"), 0
+    field = ca.Function("f", [x, u], [dynamics.drift(x) + dynamics.actuation(x) @ u])
+    s, dt = ca.SX.sym("s"), T / STEPS
+    pushes = tuple(begin + (s + part) / STEPS * (end - begin) for part in (0.0, 0.5, 1.0))
+    after = x + dt / 6 * weighted_rates(field, x, u, pushes, dt)
+    step = ca.Function("step", [ca.vertcat(x, s), u, begin, end, T], [ca.vertcat(after, s + 1)])
+    z, v, a, b, h = (ca.MX.sym(name, step.size1_in(k)) for k, name in enumerate("zvabh"))
+    whole = step.fold(STEPS)(ca.vertcat(z[:-1], 0), *(ca.repmat(p, 1, STEPS) for p in (v, a, b, h)))
+    start = ca.MX.sym("start", x.numel())
+    end_of = ca.Function("end", [z, v, a, b, h], [whole[:-1]])
+    found = ca.Function("truly", [start, v, a, b, h], [end_of(ca.vertcat(start, 0), v, a, b, h)])
+    return found.map(WINDOWS)
+
+
+def explained(dynamics: Dynamics, drawn: Windows) -> np.ndarray:
+    return DisturbanceLedger(dynamics).explain(*drawn[:4]).size
+
+
+@pytest.mark.parametrize("dynamics", MODELS, ids=lambda model: type(model).__name__)
+@pytest.mark.parametrize("size", [0.0, 1e-3, 0.3])
+def test_a_constant_disturbance_is_found_and_never_understated(dynamics, size):
+    found = explained(dynamics, windows(dynamics, size, 0.0))
+    assert (found >= size).all()
+    assert (found <= 1.05 * size + 1e-4 * (size == 0.0)).all()
+
+
+@pytest.mark.parametrize("dynamics", MODELS, ids=lambda model: type(model).__name__)
+def test_a_linear_disturbance_is_understated_by_half_its_change_at_most(dynamics):
+    change, drawn = 0.1, windows(dynamics, 0.3, 0.1)
+    found = explained(dynamics, drawn)
+    assert (found >= drawn.largest - 0.55 * change).all()
+    assert (found <= 1.05 * drawn.largest).all()
+    assert (found < drawn.largest).any()
+
+
+def test_a_model_that_is_wrong_needs_a_disturbance():
+    drawn = windows(MODELS[3], 0.0, 0.0)
+    faster = drawn._replace(u=1.5 * drawn.u)
+    assert np.median(explained(MODELS[3], faster)) > 0.3
+
+
+def test_a_motion_to_nowhere_is_not_explained():
+    drawn = windows(MODELS[3], 0.0, 0.0)
+    lost = drawn._replace(after=np.full_like(drawn.after, np.nan))
+    assert np.isinf(explained(MODELS[3], lost)).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["unicycles", "formation3d"])
+def test_a_recorded_run_gives_its_drawn_disturbances_back(name, tmp_path):
+    scenario = phalanx.load(name, ["duration=0.5"])
+    run = phalanx.run(scenario, engine="in-process", out=tmp_path)
+    recording = read(run.folder)
+    swarm = swarm_of(recording)
+    for i, found in enumerate(disturbances_of(recording, swarm)):
+        model, n = swarm.groups[i].disturbance, len(swarm.members[i].dynamics.states)
+        source = RandomDisturbance(swarm.seeds, swarm.names[i], model, n)
+        middle = np.array([source.line(t).at(t) for t in found.t + found.seconds / 2])
+        allowed = 2.0 * model.bound * found.seconds / model.every  # half of a knot's jump
+        assert (np.linalg.norm(found.phi - middle, axis=1) <= allowed + 1e-6).all()
+        assert (found.size <= 1.001 * model.bound).all()
+        assert len(found.t) > 4
