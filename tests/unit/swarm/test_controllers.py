@@ -212,7 +212,8 @@ def test_a_controller_with_a_state_begins_anew_in_every_run():
     assert first != run("keeping:Held", "unicycles").summary.trajectory
 
 
-def test_an_object_stands_for_its_class_and_fields():
+def test_an_object_stands_for_its_class_and_fields(folder, monkeypatch):
+    monkeypatch.syspath_prepend(folder)
     from keeping import Held
 
     by_object = load("unicycles", {"agents.0.controller": Held(keep=0.9)})
