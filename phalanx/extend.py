@@ -58,6 +58,7 @@ from phalanx.theory.models.dynamics import Bounded, Dynamics, Measured, box_poly
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
 from phalanx.theory.models.polytope import Polytope
 from phalanx.theory.models.wheeled import DifferentialDrive, KinematicBicycle, Unicycle
+from phalanx.theory.models.world import World, WorldAgent, WorldStates
 from phalanx.theory.rows.decision import least_violation
 from phalanx.theory.rows.pairs import PairTerms
 from phalanx.theory.rows.qp import NearestInput
@@ -91,6 +92,10 @@ __all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
     "KinematicBicycle",
     "PlanarQuadrotor",
     "Quadrotor",
+    # Worlds
+    "World",
+    "WorldAgent",
+    "WorldStates",
     # Safe-set functions, obstacles, limits
     "SafeSetFunction",
     "Body",

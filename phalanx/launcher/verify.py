@@ -75,6 +75,9 @@ def verify(
     options = RunOptions(engine, progress=progress, commands=commands)
     if not recorded.states and not recorded.shown:
         raise EngineError(f"{recorded.path}: the recording holds no state: nothing to compare")
+    world = recorded.scenario.fresh_world()
+    if world is not None and world.determinism == "none":
+        raise EngineError("its world declares no determinism: a run in it cannot be run again")
     if recorded.shown:
         if seed is not None:
             raise EngineError(

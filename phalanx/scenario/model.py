@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from html import escape
 from itertools import count, islice
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Self, cast
 
 import numpy as np
 from pydantic import (
@@ -44,6 +44,7 @@ from phalanx.schema.fields import (
 from phalanx.schema.notebook import html_table
 from phalanx.seeded.seeds import Seeds
 from phalanx.theory.laws.formation import Formation
+from phalanx.theory.models.world import World
 from phalanx.theory.safety.box import Box
 from phalanx.theory.safety.limits import Boundary, Limit, Static
 from phalanx.theory.safety.obstacles import Obstacle, Sphere, Wall
@@ -152,6 +153,9 @@ class Scenario(Strict):
     """Conditions of every normal agent alone, such as { type = "fence", center, radius }."""
     scatter: Scatter | None = None
     """Obstacles drawn at random; a resolved scenario has them in `obstacles` instead."""
+    world: Table | None = None
+    """Simulator of the robots, { type = "package.module:Name", ... }; default: the agents' declared
+    dynamics with drawn disturbances."""
     agents: Annotated[tuple[AgentGroup, ...], Field(min_length=1)]
     workspace: dict[str, tuple[Finite, Finite]] = Field(default_factory=dict)
     """Least and largest value of states by name, for the constants of `phalanx check`; positions
@@ -197,12 +201,17 @@ class Scenario(Strict):
         for index, link in enumerate(self.network.links):
             link.check_names(names, ("network", "links", index))
         self._check_reseed()
+        self.fresh_world()
         agents = {name: group.facts for group in self.named() for name in group.names}
         for index, fault in enumerate(self.faults):
             fault.check(agents, ("faults", index))
         if self.attack is not None:
             self.attack.check(agents, ("attack",))
         return self
+
+    def fresh_world(self) -> World | None:
+        """Build the world that the table describes, if there is one."""
+        return None if self.world is None else cast(World, built("world", World, self.world))
 
     def _check_reseed(self) -> None:
         before = 0.0

@@ -97,8 +97,8 @@ def lookup(kind: type, name: str) -> type:
     """Return the class that a scenario names.
 
     Args:
-        kind: Dynamics, SafeSetFunction, Limit, ClassK, Margin, Reference, Law, Controller or Rule:
-            a protocol.
+        kind: Dynamics, SafeSetFunction, Limit, ClassK, Margin, Reference, Law, Controller, World or
+            Rule: a protocol.
         name: a built-in name, or "package.module:Name" of a dataclass. The working directory is
             searched too.
 

@@ -19,6 +19,7 @@ from phalanx_plant.observers.publisher import FrameAudience, Publisher
 from phalanx_plant.observers.recorder import Recorder, RecordSink, TrajectoryHash
 from phalanx_plant.sampling.sampling import Sampling
 from phalanx_plant.world.events import AbandonedError, StoppedError, SwarmBrokenError
+from phalanx_plant.world.foreign import ForeignIntegration
 from phalanx_plant.world.world import DivergedError, World
 
 log = logging.getLogger("phalanx.plant")
@@ -109,7 +110,7 @@ class PlantRun:
         self._scenario, self._declared = swarm.scenario, swarm.links.declared
         self._recording, self._commands = recording, commands
         commands.declare(declared(swarm))
-        self._world, self._sampling = World(rows), Sampling(swarm)
+        self._world, self._sampling = _world(rows), Sampling(swarm)
         self.judge = Judge(rows, agents.await_telemetry)
         for history in self.judge.evaluation.of([self._world.take_history()]):
             self.judge.add(history)
@@ -208,3 +209,9 @@ class PlantRun:
             punctuality=self._clock.punctuality,
             faults=[FaultCount(name, hits[number]) for number, name in enumerate(self._declared)],
         )
+
+
+def _world(rows: SafetyRows) -> World:
+    """Make the world that the scenario names, or the plant's own."""
+    named = rows.swarm.scenario.fresh_world()
+    return World(rows, ForeignIntegration(rows, named) if named else None)

@@ -61,6 +61,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.swarm": SWARM,
     "phalanx.guarantee": GUARANTEE,
     "phalanx.profile": set(),
+    "phalanx.testing": THEORY,
     "phalanx.wire": WIRE,
     # Who may do what at the hub: the core of sessions and messages is handed it.
     "phalanx.identities": WIRE,
@@ -115,7 +116,7 @@ THEORY_MAY_USE = {"numpy", "casadi", "osqp", "scipy", "annotated_types"}
 ONLY_IN_WIRE = {"zenoh"}  # and its workarounds
 BY_ALL = {"phalanx.arrays", "phalanx.compat", "phalanx.extensions"}
 APART = {"bench", "evidence"}
-PUBLIC = {"phalanx", "phalanx.extend"}
+PUBLIC = {"phalanx", "phalanx.extend", "phalanx.testing"}
 SHOWN = THEORY | rooms(
     "arrays network cli baselines"
 )  # the rooms that have names in phalanx.extend

@@ -172,6 +172,6 @@ def look_ahead(world: World) -> Synchronization:
     swarm, radii = world.swarm, sensing_radii(world.swarm)
     limited = 2 * np.isfinite(radii).sum() > len(radii)
     adverse = any(group.disturbance.kind == "adverse" for group in swarm.groups)
-    if swarm.time.lookahead and limited and not adverse:
+    if swarm.time.lookahead and world.integration.ahead and limited and not adverse:
         return Lookahead(world, radii)
     return Synchronization(world)

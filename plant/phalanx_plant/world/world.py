@@ -69,6 +69,9 @@ History = list[Piece]
 class Integration:
     """The state of all agents from x(0) on; every actuator holds zero before its first input."""
 
+    ahead = True
+    """Whether it may run ahead of the inputs."""
+
     def __init__(self, rows: SafetyRows) -> None:
         swarm = rows.swarm
         self.t, self.x = 0.0, swarm.start()
@@ -133,10 +136,10 @@ class DivergedError(ArithmeticError):
 class World:
     """The state of all agents and its history, Eq. (generalsystem)."""
 
-    def __init__(self, rows: SafetyRows) -> None:
-        """Start at the scenario's x(0), with every actuator at zero."""
+    def __init__(self, rows: SafetyRows, integration: Integration | None = None) -> None:
+        """Start at x(0), with every actuator at zero; integration: default of declared dynamics."""
         self.swarm = rows.swarm
-        self.integration = Integration(rows)
+        self.integration = integration or Integration(rows)
         """Integrates this world; with lookahead it runs ahead, and the world follows."""
         self.t, self.x, self.p = 0.0, self.integration.x, self.integration.p
         self._history = self.integration.start()

@@ -1,0 +1,94 @@
+"""A world: robots that move by other laws than the dynamics that their controllers know."""
+
+from collections.abc import Mapping, Sequence
+from typing import Literal, NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+
+from phalanx.arrays import Array
+from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user
+from phalanx.theory.models.dynamics import Dynamics
+
+Determinism = Literal["bits", "build", "none"]
+"""Where the same seed and inputs give the same bits: anywhere, on one build and CPU, or nowhere."""
+_LONGER = 1.0 + 1e-6
+"""A step may be longer by rounding."""
+
+
+class WorldAgent(NamedTuple):
+    """A robot of a world."""
+
+    name: str
+    dynamics: Dynamics
+    """The declared dynamics: the coordinates of states and inputs."""
+    start: Array
+    """State at t = 0, shape (n,)."""
+
+
+class WorldStates(NamedTuple):
+    """States of all robots at s instants, in order."""
+
+    t: Array
+    """[s], shape (s,)"""
+    x: Mapping[str, Array]
+    """States of each robot by its name, shape (s, n)."""
+
+
+@runtime_checkable
+class World(Protocol):
+    """A simulator of robots. A scenario names it in `world`; a dataclass with these members is one.
+
+    `phalanx.testing.check_world` tries whether it keeps what is said here.
+    """
+
+    @property
+    def determinism(self) -> Determinism:
+        """The extent to which the same seed and inputs give the same states."""
+
+    def begin(self, agents: Sequence[WorldAgent], seed: int, step: float) -> None:
+        """Put the robots at their states at t = 0, each holding a zero input.
+
+        Args:
+            agents: all robots.
+            seed: of all that is random.
+            step: longest time between two states that `advance` returns [s].
+        """
+
+    def hold(self, name: str, u: Array) -> None:
+        """Make a robot hold the input u, shape (m,), from now on. Raises ValueError if it cannot.
+
+        A name that is unknown, another shape and numbers that are not finite are refused.
+        """
+
+    def advance(self, until: float) -> WorldStates:
+        """Move on to exactly `until` [s]; return states after now, the last one at `until`.
+
+        Raises ValueError if `until` is not after now.
+        """
+
+
+def advanced(
+    world: World, agents: Sequence[WorldAgent], now: float, until: float, step: float
+) -> WorldStates:
+    """Advance a world and check what it returns. Raises MistakenMethodError."""
+    expected = f"states up to t = {until:.9g} s, at most {step:g} s apart"
+    found = call_user(world, "advance", expected, until)
+
+    def mistaken(got: str) -> MistakenMethodError:
+        return MistakenMethodError(world, "advance", expected, got)
+
+    try:
+        t = np.asarray(found.t, dtype=float)
+        x = {a.name: np.asarray(found.x[a.name], dtype=float) for a in agents}
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise mistaken(f"no times t and states x of every agent: {error}") from error
+    gaps = np.diff(t, prepend=now) if t.ndim == 1 else np.zeros(1)
+    if not gaps.size or not (gaps > 0.0).all() or t[-1] != until:
+        raise mistaken(f"times {t.ravel()[:3]} ... that do not rise to it")
+    if gaps.max() > step * _LONGER:
+        raise mistaken(f"a gap of {gaps.max():g} s")
+    for agent in agents:
+        shape = len(t), len(agent.dynamics.states)
+        if x[agent.name].shape != shape:
+            raise mistaken(f"shape {x[agent.name].shape} for agent {agent.name}, not {shape}")
+    return WorldStates(t, x)

@@ -1,0 +1,75 @@
+"""A scenario's own world in the place of the plant's integration.
+
+Between two of its states the disturbance is the constant that explains the motion under the
+declared dynamics: it is judged as a drawn one is.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from phalanx.arrays import Array
+from phalanx.guarantee.disturbance_ledger import DisturbanceLedger
+from phalanx.swarm.rows import SafetyRows
+from phalanx.theory.expressions.user_methods import call_user
+from phalanx.theory.models.world import World, WorldAgent, advanced
+from phalanx_plant.world.motion import by_dynamics
+from phalanx_plant.world.world import DisturbanceKnot, Integration, Piece, Segment
+
+
+class ForeignIntegration(Integration):
+    """The states of a world, as pieces of a history. Lookahead cannot run ahead of it."""
+
+    ahead = False
+
+    def __init__(self, rows: SafetyRows, world: World) -> None:
+        super().__init__(rows)
+        swarm, self._world = rows.swarm, world
+        self._parts = swarm.safe_set.parts
+        each = zip(swarm.members, self._parts, strict=True)
+        self._agents = [WorldAgent(m.name, m.dynamics, self.x[part].copy()) for m, part in each]
+        self._ledgers = [
+            (own, DisturbanceLedger(swarm.members[own[0]].dynamics))
+            for own in by_dynamics(swarm.members)
+        ]
+        seed = swarm.seeds.at(0.0)
+        call_user(world, "begin", "no error", self._agents, seed, self._longest)
+
+    def start(self) -> list[Piece]:
+        """Return x(0) as a segment of no length: before any motion no disturbance is known."""
+        nothing, x = np.zeros_like(self.x), self.x
+        here = Segment(0.0, 0.0, 0.0, nothing, nothing, self._u.copy(), x, x[None], self.p[None])
+        return [here]
+
+    def hold(self, i: int, u: Array | float) -> None:
+        """Make agent i's actuator hold u, shape (m_i,), from now on."""
+        super().hold(i, u)
+        agent = self._agents[i]
+        call_user(self._world, "hold", "no error", agent.name, self.held(i), agent=agent.name)
+
+    def integrate(self, until: float) -> Iterator[Piece]:
+        """Advance the world to `until` [s]. Raises MistakenMethodError."""
+        if not self.t < until:
+            return
+        found = advanced(self._world, self._agents, self.t, until, self._longest)
+        x = np.concatenate([found.x[agent.name] for agent in self._agents], axis=1)
+        u, still = self._u.copy(), np.zeros_like(self.x)
+        before, seconds = np.vstack([self.x[None], x[:-1]]), np.diff(found.t, prepend=self.t)
+        phi = self._explained(before, x, u, seconds)
+        for k, t in enumerate(found.t.tolist()):
+            begin, start = self.t, self.x
+            self.t, self.x, self.p = t, x[k], self.motion.positions(x[k])
+            yield DisturbanceKnot(t, phi[k])
+            yield Segment(begin, t - begin, t, phi[k], still, u, start, x[k : k + 1], self.p[None])
+
+    def _explained(self, before: Array, after: Array, u: Array, seconds: Array) -> Array:
+        """Return the disturbance of each step, stacked; not a number where none explains it."""
+        phi = np.empty_like(after)
+        for own, ledger in self._ledgers:
+            for i in own:
+                part = self._parts[i]
+                held = np.broadcast_to(u[self.inputs[i]], (len(after), len(u[self.inputs[i]])))
+                found = ledger.explain(before[:, part], after[:, part], held, seconds)
+                known = np.isfinite(found.size)[:, None]
+                phi[:, part] = np.where(known, found.phi, np.nan)
+        return phi

@@ -1,0 +1,120 @@
+"""Worlds of other laws than the declared ones: their protocol, and what the judge makes of them."""
+
+import pytest
+from phalanx_plant.clock.lookahead import look_ahead
+from phalanx_plant.world.foreign import ForeignIntegration
+from phalanx_plant.world.world import World
+
+import phalanx
+from phalanx.extend import WorldAgent
+from phalanx.testing import WorldMistakeError, check_world
+from phalanx.theory.expressions.user_methods import MistakenMethodError
+from tests.unit.plant import worlds
+from tests.unit.swarms import rows_of_scenario
+
+HERE = "tests.unit.plant.worlds"
+
+
+def robots(name="unicycles"):
+    swarm = rows_of_scenario(name).swarm
+    starts = (swarm.start()[part] for part in swarm.safe_set.parts)
+    return [WorldAgent(m.name, m.dynamics, x) for m, x in zip(swarm.members, starts, strict=True)]
+
+
+@pytest.mark.parametrize("name", ["unicycles", "formation3d", "quadrotors"])
+def test_the_plants_own_integration_is_a_world(name):
+    check_world(lambda: worlds.Declared(rows_of_scenario(name)), robots(name))
+
+
+def test_a_world_of_ones_own_passes():
+    check_world(worlds.Unicycles, robots())
+
+
+@pytest.mark.parametrize(
+    ("world", "rule"),
+    [
+        (worlds.Forgetful, "two advances are one"),
+        (worlds.Deaf, "its input does not move it"),
+        (worlds.Trusting, "an input that is not finite"),
+        (worlds.Fickle, "same seed, same states"),
+    ],
+)
+def test_a_world_that_breaks_a_rule_is_named_with_it(world, rule):
+    with pytest.raises(WorldMistakeError, match=rule):
+        check_world(world, robots())
+
+
+@pytest.mark.parametrize("world", [worlds.Overshooting, worlds.Coarse])
+def test_a_world_that_returns_other_times_is_refused(world):
+    with pytest.raises(MistakenMethodError, match=r"advance: expected states up to t = 0\.05 s"):
+        check_world(world, robots())
+
+
+def test_a_world_without_determinism_need_not_repeat_itself():
+    check_world(lambda: worlds.Fickle(determinism="none"), robots())
+
+
+@pytest.fixture
+def ran(tmp_path):
+    def run(world, *overrides, duration=0.5):
+        fields = ", ".join(f"{k} = {v}" for k, v in world.items() if k != "type")
+        table = f'world={{ type = "{HERE}:{world["type"]}"{fields and ", " + fields} }}'
+        scenario = phalanx.load("unicycles", [f"duration={duration}", table, *overrides])
+        return phalanx.run(scenario, engine="in-process", out=tmp_path)
+
+    return run
+
+
+def test_nothing_runs_ahead_of_a_world():
+    rows = rows_of_scenario("swarm2d")
+    chosen = look_ahead(World(rows)), look_ahead(World(rows, ForeignIntegration(rows, Still())))
+    assert [each.sequential for each in chosen] == [False, True]
+
+
+class Still(worlds.Unicycles):
+    """Robots of any dynamics that never move."""
+
+    def hold(self, name, u):
+        pass
+
+
+def failed(run):
+    found = {each.name: each for each in run.summary.assumptions}
+    return found["disturbance bound"]
+
+
+def test_a_world_as_declared_ends_guaranteed(ran):
+    run = ran({"type": "Unicycles"})
+    assert run.verdict == "guaranteed"
+    assert failed(run).checked > 400
+    assert failed(run).failed == 0
+
+
+def test_a_world_that_goes_wrong_on_the_way_is_never_guaranteed(ran):
+    run = ran({"type": "Unicycles", "gain": 3.0, "since": 0.2})
+    assert run.verdict != "guaranteed"
+    assert failed(run).first == pytest.approx(0.2, abs=2e-3)
+
+
+def test_a_small_slip_is_a_disturbance_within_its_bound(ran):
+    run = ran({"type": "Unicycles", "gain": 1.1})
+    assert failed(run).failed == 0
+    assert run.verdict == "guaranteed"
+
+
+def test_a_run_in_a_world_can_be_repeated_if_it_says_so(ran):
+    assert phalanx.verify(ran({"type": "Unicycles"}, duration=0.1)).difference is None
+    honest = ran({"type": "Fickle", "determinism": '"none"'}, duration=0.1)
+    with pytest.raises(phalanx.EngineError, match="declares no determinism"):
+        phalanx.verify(honest)
+
+
+def test_a_world_that_breaks_a_rule_ends_the_run_with_its_name(ran):
+    run = ran({"type": "Overshooting"}, duration=0.1)
+    assert run.verdict == "broken"
+    assert "Overshooting.advance" in run.summary.reason
+
+
+def test_a_world_that_is_none_is_refused():
+    with pytest.raises(phalanx.ScenarioError, match="world: expected a dataclass that is a World"):
+        phalanx.load("unicycles", ['world={ type = "tests.unit.plant.worlds:Declared" }'])

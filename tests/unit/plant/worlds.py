@@ -1,0 +1,133 @@
+"""Worlds for tests: one that is right, and some that break a rule each."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from phalanx_plant.world.world import Integration, Segment
+
+from phalanx.extend import WorldAgent, WorldStates
+from phalanx.swarm.rows import SafetyRows
+from phalanx.theory.models.world import Determinism
+
+_counter = itertools.count()
+
+
+@dataclass
+class Unicycles:
+    """Unicycles that drive at `gain` times the speed they are given, from `since` [s] on."""
+
+    gain: float = 1.0
+    since: float = 0.0
+    determinism: Determinism = "bits"
+
+    def begin(self, agents: Sequence[WorldAgent], seed: int, step: float) -> None:
+        self.t, self.step = 0.0, step
+        self.x = {agent.name: np.array(agent.start) for agent in agents}
+        self.u = {agent.name: np.zeros(2) for agent in agents}
+
+    def hold(self, name: str, u: np.ndarray) -> None:
+        if name not in self.u or np.shape(u) != (2,) or not np.isfinite(u).all():
+            raise ValueError(f"expected a robot's two finite numbers, got {name}: {u}")
+        self.u[name] = np.array(u)
+
+    def advance(self, until: float) -> WorldStates:
+        if until <= self.t:
+            raise ValueError(f"expected more than {self.t}, got {until}")
+        times = np.linspace(self.t, until, math.ceil((until - self.t) / self.step) + 1)[1:]
+        times[-1] = until
+        found = WorldStates(times, {name: self.moved(name, times) for name in self.x})
+        self.t = until
+        return found
+
+    def moved(self, name: str, times: np.ndarray) -> np.ndarray:
+        states, (v, w) = [self.x[name]], self.u[name]
+        for before, t in itertools.pairwise([self.t, *times.tolist()]):
+            x, y, heading = states[-1]
+            turn, speed = w * (t - before) / 2, self.gain * v if t > self.since else v
+            chord = speed * (t - before) * (math.sin(turn) / turn if turn else 1.0)
+            middle = heading + turn
+            here = x + chord * math.cos(middle), y + chord * math.sin(middle), heading + 2 * turn
+            states.append(np.array(here))
+        self.x[name] = states[-1]
+        return np.array(states[1:])
+
+
+@dataclass
+class Overshooting(Unicycles):
+    """Moves on past `until`."""
+
+    def advance(self, until: float) -> WorldStates:
+        return super().advance(until + 1e-4)
+
+
+@dataclass
+class Coarse(Unicycles):
+    """Returns too few states."""
+
+    def begin(self, agents: Sequence[WorldAgent], seed: int, step: float) -> None:
+        super().begin(agents, seed, 10.0 * step)
+
+
+@dataclass
+class Forgetful(Unicycles):
+    """Drops every input at the end of an advance."""
+
+    def advance(self, until: float) -> WorldStates:
+        found = super().advance(until)
+        self.u = {name: 0.0 * u for name, u in self.u.items()}
+        return found
+
+
+@dataclass
+class Deaf(Unicycles):
+    """Does not pass on inputs."""
+
+    def hold(self, name: str, u: np.ndarray) -> None:
+        super().hold(name, 0.0 * u)
+
+
+@dataclass
+class Trusting(Unicycles):
+    """Takes any number."""
+
+    def hold(self, name: str, u: np.ndarray) -> None:
+        super().hold(name, np.nan_to_num(u))
+
+
+@dataclass
+class Fickle(Unicycles):
+    """Starts elsewhere each time."""
+
+    def begin(self, agents: Sequence[WorldAgent], seed: int, step: float) -> None:
+        super().begin(agents, seed, step)
+        self.x = {name: x + 1e-9 * next(_counter) for name, x in self.x.items()}
+
+
+class Declared:
+    """The plant's own integration as a world."""
+
+    determinism: Determinism = "bits"
+
+    def __init__(self, rows: SafetyRows) -> None:
+        self._rows = rows
+
+    def begin(self, agents: Sequence[WorldAgent], seed: int, step: float) -> None:
+        self._own = Integration(self._rows)
+        self._agents = {agent.name: i for i, agent in enumerate(agents)}
+
+    def hold(self, name: str, u: np.ndarray) -> None:
+        if name not in self._agents or not np.isfinite(u).all():
+            raise ValueError(f"expected finite numbers for an agent, got {name}: {u}")
+        self._own.hold(self._agents[name], u)
+
+    def advance(self, until: float) -> WorldStates:
+        if until <= self._own.t:
+            raise ValueError(f"expected more than {self._own.t}, got {until}")
+        pieces = [p for p in self._own.integrate(until) if isinstance(p, Segment)]
+        times = np.concatenate([p.times for p in pieces])
+        x, parts = np.concatenate([p.x for p in pieces]), self._rows.swarm.safe_set.parts
+        times[-1] = until
+        return WorldStates(times, {name: x[:, parts[i]] for name, i in self._agents.items()})
