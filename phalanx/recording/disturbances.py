@@ -38,13 +38,14 @@ def disturbances_of(recording: Recording, swarm: Swarm) -> list[AgentDisturbance
 
     An interval in which an input took effect in a state that is not recorded is left out.
     """
-    times, x = recording.times, recording.x
+    times = recording.times
+    x = recording.x.reshape(len(times), swarm.safe_set.parts[-1].stop)
     known = dict[int, _Explained]()
     found = []
     each = zip(swarm.members, swarm.safe_set.parts, steps_by_agent(recording).values(), strict=True)
     for member, part, steps in each:
         explained = known.setdefault(id(member.dynamics), _Explained(member.dynamics))
-        found.append(explained.intervals(times, x[:, part] if len(times) else x, steps))
+        found.append(explained.intervals(times, x[:, part], steps))
     return found
 
 

@@ -1,5 +1,6 @@
 """The disturbance that explains a motion: against motions of which the disturbance is known."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import casadi as ca
@@ -133,3 +134,29 @@ def test_a_recorded_run_gives_its_drawn_disturbances_back(name, tmp_path):
         assert (np.linalg.norm(found.phi - middle, axis=1) <= allowed + 1e-6).all()
         assert (found.size <= 1.001 * model.bound).all()
         assert len(found.t) > 4
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    scenario = phalanx.load("unicycles", ["duration=0.3"])
+    folder = tmp_path_factory.mktemp("recorded")
+    return read(phalanx.run(scenario, engine="in-process", out=folder).folder)
+
+
+def intervals(recording, **changed):
+    other = replace(recording, **changed)
+    return [len(found.t) for found in disturbances_of(other, swarm_of(recording))]
+
+
+def test_an_agent_without_inputs_held_zero_all_along(recording):
+    assert intervals(recording, steps=[]) == [1] * 5
+
+
+def test_intervals_whose_ends_are_not_recorded_are_left_out(recording):
+    every, some = intervals(recording), intervals(recording, states=recording.states[::3])
+    assert all(0 <= few < most for few, most in zip(some, every, strict=True))
+
+
+@pytest.mark.parametrize("states", [0, 1])
+def test_a_recording_without_motion_has_no_interval(recording, states):
+    assert intervals(recording, states=recording.states[:states]) == [0] * 5
