@@ -54,7 +54,9 @@ def test_two_workers_find_the_same_as_one(whole):
     assert finds(folder) == finds(whole)
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGKILL, marks=pytest.mark.nightly)]
+)
 def test_a_killed_search_goes_on_where_it_was(whole, number):
     folder = whole.parent / number.name
     program = subprocess.Popen(command(folder, 1), stderr=subprocess.PIPE, text=True)

@@ -173,7 +173,9 @@ def started(folder: Path, seeds: int) -> "subprocess.Popen[str]":
     raise AssertionError("it ended too soon")
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize(
+    "number", [signal.SIGKILL, pytest.param(signal.SIGINT, marks=pytest.mark.nightly)]
+)
 def test_a_study_that_was_killed_goes_on_where_it_was(tmp_path, number):
     program = started(tmp_path, seeds=10_000)
     workers = psutil.Process(program.pid).children(recursive=True)

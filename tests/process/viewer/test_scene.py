@@ -146,12 +146,14 @@ def test_a_camera_that_follows_the_swarm_moves_away_when_an_agent_leaves(tab: "T
 def test_a_browser_that_lags_behind_is_not_taken_for_a_visitor_who_zooms(tab: "Tab") -> None:
     with seen_from_above(tab, TOGETHER) as (server, cameras, view):
 
-        def distance(size: float) -> float:
+        def distance(size: float) -> float | None:
+            """Distance of a camera that looks at the swarm."""
             server.run(lambda: cameras.show(size * TOGETHER, None))
-            return view().distance
+            looked, middle = view(), size * np.array([0.0, 0.5])
+            return looked.distance if np.allclose(looked.look_at[:2], middle, atol=0.1) else None
 
-        near = distance(1.0)
-        wait_for(lambda: distance(20.0) > 10.0 * near)
+        near = wait_for(lambda: distance(1.0))  # a new browser first looks at the origin
+        wait_for(lambda: (away := distance(20.0)) and away > 10.0 * near)
         (client,) = server.get_clients().values()
 
         def show_again(size: float) -> None:
@@ -162,7 +164,8 @@ def test_a_browser_that_lags_behind_is_not_taken_for_a_visitor_who_zooms(tab: "T
             tab.evaluate("0")  # meanwhile it draws, or does not
             server.run(partial(show_again, size))
         for size in (20.0, 1.0):
-            wait_for(lambda size=size: 0.8 < distance(size) / (size * near) < 1.2)  # type: ignore[misc]
+            low, high = 0.8 * size * near, 1.2 * size * near
+            wait_for(lambda s=size, a=low, b=high: (d := distance(s)) and a < d < b)  # type: ignore[misc]
 
 
 def test_a_camera_that_reports_while_it_is_moved_does_not_seem_tilted(tab: "Tab") -> None:

@@ -48,12 +48,9 @@ def test_nothing_changes_before_it_and_the_rest_after_it(what):
     quiet = {} if what == "clocks and disturbances" else QUIET
     overrides = {**quiet, **RANDOM[what]}
     before, after = halves([], **overrides)
-    seen = [after]
-    for seed in (8, 9):
-        again, drawn = halves([{"at": AT, "seed": seed}], **overrides)
-        assert again == before
-        seen.append(drawn)
-    assert len(set(seen)) == 3
+    again, drawn = halves([{"at": AT, "seed": 8}], **overrides)
+    assert again == before
+    assert drawn != after
 
 
 @pytest.mark.slow

@@ -26,7 +26,14 @@ class Constant:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("acting", ["attackers", "defenders", "both", ["1", "5"]])
+@pytest.mark.parametrize(
+    "acting",
+    [
+        "both",
+        *(pytest.param(a, marks=pytest.mark.nightly) for a in ("attackers", "defenders")),
+        pytest.param(["1", "5"], marks=pytest.mark.nightly),
+    ],
+)
 def test_it_passes_pettingzoos_own_tests(acting):
     scenario = phalanx.load("unicycles", SHORT)
     with warnings.catch_warnings():

@@ -135,6 +135,7 @@ def test_a_compiler_that_fails_is_quoted(folder):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_compiled_scenario_has_the_trajectory_of_the_interpreted_one(folder, capsys):
     scenario = phalanx.load("unicycles", {"duration": 0.3})
     interpreted = phalanx.run(scenario, engine="in-process")
