@@ -2,7 +2,10 @@
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import NamedTuple, Protocol, Self
+from typing import Protocol, Self
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from phalanx.arrays import Array
 from phalanx.guarantee.certificates import certified_for
@@ -19,7 +22,7 @@ from phalanx.theory.rows.safety_filter import FilterInput
 from phalanx.wire.step_report import StepReport
 
 
-class StepResult(NamedTuple):
+class StepResult(Struct, frozen=True):
     """The result of a control step."""
 
     decision: Decision
@@ -34,9 +37,15 @@ class StepResult(NamedTuple):
 
     def report(self, solve_time: float) -> StepReport:
         """Make the report of the decision; solve_time: its wall time [s]."""
-        made = self.decision._asdict()
-        del made["u"]
-        return StepReport(u_nom=tuple(self.u_nom.tolist()), solve_time=solve_time, **made)
+        made = self.decision
+        return StepReport(
+            u_nom=tuple(self.u_nom.tolist()),
+            origin=made.origin,
+            residual=made.residual,
+            margin=made.margin,
+            proven=made.proven,
+            solve_time=solve_time,
+        )
 
 
 class AgentController(Protocol):
@@ -118,7 +127,7 @@ class HijackedController:
     ) -> StepResult:
         """Decide, as an AgentController does."""
         claimed = self._honest(x, seen, t, received).decision.u
-        return self._attack(x, seen, t, received)._replace(claimed=claimed)
+        return replace(self._attack(x, seen, t, received), claimed=claimed)
 
     def as_adversary(self) -> AgentController:
         """Attack openly."""

@@ -3,9 +3,9 @@
 import time
 from collections import deque
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from phalanx.arrays import Array
 from phalanx.faults.commands import ActiveCommands
@@ -47,7 +47,7 @@ _FLOAT, _INT, _HEAD = 9, 5, 3
 """Longest encoding of a float, an integer and the beginning of an array in msgpack [bytes]."""
 
 
-class Answer(NamedTuple):
+class Answer(Struct, frozen=True):
     """An agent's answer to a sample."""
 
     actuation: Actuation
@@ -58,7 +58,7 @@ class Answer(NamedTuple):
     """Whether the run waits for each of these peers."""
 
 
-class Accepted(NamedTuple):
+class Accepted(Struct, frozen=True):
     """A validated and decoded sample."""
 
     sample: Sample
@@ -198,7 +198,7 @@ class ControlStep:
         return f"agent {self.name} failed at sample {sample.k}: {reason}"
 
     def _answer(self, accepted: Accepted) -> Answer:
-        began, (sample, x, _) = time.perf_counter(), accepted
+        began, sample, x = time.perf_counter(), accepted.sample, accepted.x
         self.apply_commands(sample.commands)
         decided = self._unreported + self._decide_fates(accepted)
         fates, self._unreported = decided[: self.most_fates], decided[self.most_fates :]
@@ -252,9 +252,9 @@ class ControlStep:
         }
 
     def _decide_fates(self, accepted: Accepted) -> tuple[Fate, ...]:
-        sample, x, existing = accepted
+        sample, x = accepted.sample, accepted.x
         fates = self.inbox.advance(
-            self._clock.counted(self.inbox, existing),
+            self._clock.counted(self.inbox, accepted.existing),
             sample.t,
             lambda sender: self.swarm.apart(x, self.i, sender),
         )
@@ -311,4 +311,4 @@ def _most_fates(swarm: Swarm) -> int:
 def _existing(sample: Sample) -> dict[int, BroadcastRange]:
     """Return the broadcasts that a sample counts, by sender."""
     counted = zip(sample.seen, sample.since, sample.latest, strict=True)
-    return {j: BroadcastRange(since, latest) for j, since, latest in counted if since >= 0}
+    return {j: (since, latest) for j, since, latest in counted if since >= 0}

@@ -185,7 +185,7 @@ class Search:
             for key, trial in trials.items():
                 pending[self._executor.submit(compute_trial, trial)] = key
             while pending:
-                with interrupt.not_deferred():
+                with interrupt.NotDeferred():
                     finished, _ = wait(pending, return_when=FIRST_COMPLETED)
                 for future in finished:
                     key = pending.pop(future)

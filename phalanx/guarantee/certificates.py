@@ -94,8 +94,9 @@ class SwarmCertificates:
                 u = np.stack([held[k].u for k in rows.held[which].tolist()])
                 found[which] = kind.certificate.times(numbers.ravel()[places], u)
         times = [np.full(len(each.agent.pairs), each.agent.longest) for each in held]
-        for own, some, of_some in zip(times, rows.chosen, np.split(found, rows.ends), strict=True):
-            own[some] = of_some
+        begin = 0
+        for own, some in zip(times, rows.chosen, strict=True):
+            own[some] = found[begin : (begin := begin + len(some))]
         return times
 
     def may_meet(self, agent: "AgentCertificates", x: Array, near: Mask) -> Mask:
@@ -145,11 +146,6 @@ class _Rows(NamedTuple):
     """Positions of each row's variables, shape (r, n), as in AgentCertificates."""
     longest: Array
     """Upper bound of each result [s], shape (r,)."""
-
-    @property
-    def ends(self) -> Index:
-        """End of each input's rows, except the last's."""
-        return np.cumsum([len(some) for some in self.chosen[:-1]], dtype=np.intp)
 
 
 def _rows(held: Sequence[Held], width: int) -> _Rows:

@@ -44,7 +44,7 @@ class ReachableBoxes:
         self._lasting = _LASTING * tau
         self._until = -np.inf
         axes, count = scenario.agents[0].axes, len(members) + len(scenario.static)
-        self._members = len(members)
+        self._members, self._axes = len(members), axes
         self._low, self._high = np.full((count, axes), -np.inf), np.full((count, axes), np.inf)
         self._reach = np.full(count, function.reach(0.0))
         for k, obstacle in enumerate(scenario.static, start=len(members)):
@@ -72,8 +72,9 @@ class ReachableBoxes:
             self._until = t + self._lasting
             for group in self._groups:
                 if group.box is not None:
-                    low, high = np.split(group.box(x, group.states), 2, axis=1)
-                    self._low[group.members], self._high[group.members] = low, high
+                    box = group.box(x, group.states)
+                    self._low[group.members] = box[:, : self._axes]
+                    self._high[group.members] = box[:, self._axes :]
             self._near = self._pairwise()
         near: Array = self._near[i, others]
         return near

@@ -92,6 +92,14 @@ class Assumption(msgspec.Struct):
             self.failed += 1
             self.first = t if self.first is None else self.first
 
+    def check_each(self, holds: Sequence[bool], times: Sequence[float]) -> None:
+        """Count a check at each of several times [s]."""
+        if all(holds):
+            self.checked += len(holds)
+            return
+        for each, t in zip(holds, times, strict=True):
+            self.check(each, t)
+
 
 class CertificateSummary(msgspec.Struct):
     """Counts of the certificates of a run; see docs/certificate.md."""

@@ -72,7 +72,7 @@ def simulate(
     if options.profile and stopwatch is not None:
         run.plant.time(stopwatch)
         stopwatch.time(run.agents, "send_sample", "compute")
-    return run.plant.run(prepare=interrupt.not_deferred()(lambda: compile_rows(rows)))
+    return run.plant.run(prepare=interrupt.NotDeferred()(lambda: compile_rows(rows)))
 
 
 class RecordsInMemory:
@@ -126,7 +126,7 @@ class DirectAgents:
         """Have agent i answer its sample. Raises SwarmBrokenError if its control step fails."""
         step, name = self._steps[i], self._names[i]
         try:
-            with interrupt.not_deferred():  # a law may never return
+            with interrupt.NotDeferred():  # a law may never return
                 answer = step(step.accept_sample(sample))
         except (StepFailedError, Malformed) as error:
             raise SwarmBrokenError(str(error)) from error

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Set
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import msgspec
 
@@ -27,13 +27,8 @@ class SentInput(ReceivedInput, Protocol):
         """Its sequence number."""
 
 
-class BroadcastRange(NamedTuple):
-    """Sequence numbers of the broadcasts of one sender that a receiver's sample counts."""
-
-    since: int
-    """The first."""
-    latest: int
-    """The last."""
+BroadcastRange = tuple[int, int]
+"""First and last number of one sender's broadcasts that a receiver's sample counts."""
 
 
 class Fate(msgspec.Struct, array_like=True, frozen=True):
@@ -113,7 +108,7 @@ class BroadcastInbox:
         In real time, a broadcast that arrives after a later one is lost.
         """
         return {
-            sender: BroadcastRange(since, self._incoming[sender].newest_arrived())
+            sender: (since, self._incoming[sender].newest_arrived())
             for sender, (since, _) in counted.items()
         }
 

@@ -83,6 +83,10 @@ class Delivery(msgspec.Struct, frozen=True):
         return min(intact) if intact else None
 
 
+_AS_SENT = Delivery(DELIVER, ())
+"""Of a link without rules."""
+
+
 class _LinkStage:
     """A stage of one link, with its draws and its memory."""
 
@@ -136,6 +140,8 @@ class Link:
         Raises:
             RuleError: a rule raised, or lets a message arrive before it was sent.
         """
+        if not self._stages:
+            return _AS_SENT
         copies: Treatment = DELIVER
         faults: tuple[int, ...] = ()
         self._tables.decide(k, now)

@@ -126,7 +126,7 @@ class Coordinator:
                 self._report()
                 if not self._pending:
                     return
-                with interrupt.not_deferred():
+                with interrupt.NotDeferred():
                     finished, _ = wait(self._pending, return_when=FIRST_COMPLETED)
                 for future in sorted(finished, key=lambda f: self._pending[f].cases[0].row):
                     self._take(future, self._pending.pop(future))

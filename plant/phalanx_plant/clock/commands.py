@@ -105,11 +105,11 @@ class CommandQueue:
         taken = self._scheduled(t)
         while True:
             wait = self.pace.wait(t)
+            if wait <= 0 and self._live.empty():
+                return taken
             try:
                 command = self._live.get(wait > 0, timeout=max(0.0, min(wait, _POLL)))
             except queue.Empty:
-                if wait <= 0:
-                    return taken
                 self._check_stop()
                 idle()
                 continue

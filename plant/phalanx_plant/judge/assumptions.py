@@ -124,14 +124,16 @@ class Assumptions:
             return
         if self._start.checked == 0:
             self._start.check(bool((piece.h[0] <= 0.0).all()), float(piece.times[0]))
-        for t, resolved in zip(piece.times.tolist(), piece.resolved.tolist(), strict=True):
-            self._resolved.check(resolved, t)
-        for t, psi in zip(piece.times.tolist(), piece.psi.tolist(), strict=False):
-            self._stayed.check(psi <= 0.0, t)
-            if not psi <= self._highest:
-                self._highest = psi
-                if not psi <= 0.0:
-                    self._stayed.note = f"{_STAYED}; the largest was {psi:.4g}, at t = {t:.3f} s"
+        times, psi = piece.times.tolist(), piece.psi.tolist()
+        self._resolved.check_each(piece.resolved.tolist(), times)
+        if not psi:
+            return
+        self._stayed.check_each([value <= 0.0 for value in psi], times)
+        for t, value in zip(times, psi, strict=True):
+            if not value <= self._highest:
+                self._highest = value
+                if not value <= 0.0:
+                    self._stayed.note = f"{_STAYED}; the largest was {value:.4g}, at t = {t:.3f} s"
 
     def reached(self, event: StateReached) -> None:
         """Check the actuators that have held zero since t = 0, and store the state."""
@@ -142,9 +144,9 @@ class Assumptions:
 
     def sampled(self, event: Sampled) -> None:
         """Check a sample's truth, and the gap since the agent's previous one."""
-        i, t, truthful = event
+        i, t = event.i, event.t
         if i in self._swarm.normal:
-            self._truthful.check(truthful, t)
+            self._truthful.check(event.truthful, t)
         if i in self._sampled:
             self._gap.check(t - self._sampled[i][0] <= self._longest_gap[i], t)
         self._sampled[i] = t, self._x

@@ -53,7 +53,8 @@ class Claims:
 
     def check(self, receiver: int, fate: Fate, t: float) -> Finding:
         """Check a broadcast on which the receiver reports at t [s]; a lost one claims nothing."""
-        self.faults.update(fate.faults)
+        if fate.faults:
+            self.faults.update(fate.faults)
         if fate.claim is None:
             return _TRUE
         truth = self._truth[fate.sender].get(fate.k)

@@ -91,13 +91,13 @@ class EventQueue:
             self.judge_all()
             self._due = time.monotonic() + _LONGEST
             return
-        while len(self) > _BATCH:
+        while len(self._events) > _BATCH:
             self.judge_next()
         self.idle()
 
     def judge_all(self) -> None:
         """Judge all events. Raises as judge_next does."""
-        while self:
+        while self._events:
             self.judge_next()
         self.idle()
 

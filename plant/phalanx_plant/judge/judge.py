@@ -6,9 +6,9 @@ are compared with these. All that is recorded and shown of an event is in its ju
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 from msgspec.structs import asdict
 
 from phalanx.arrays import Array
@@ -39,7 +39,7 @@ from phalanx_plant.world.extremes import PairExtremes
 from phalanx_plant.world.world import DisturbanceKnot, DivergedError
 
 
-class Judged(NamedTuple):
+class Judged(Struct, frozen=True):
     """An event with its judgement."""
 
     event: Event

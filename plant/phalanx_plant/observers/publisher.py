@@ -76,7 +76,8 @@ class Publisher:
     def see(self, judged: Judged) -> None:
         """Take the next event; publish a frame if its instant is complete."""
         event = judged.event
-        self._log.extend(LogLine(notice.t, notice.text) for notice in judged.notices)
+        for notice in judged.notices:
+            self._log.append(LogLine(notice.t, notice.text))
         for fate, found in judged.received:
             if found.false:
                 sender = self._agents[fate.sender]

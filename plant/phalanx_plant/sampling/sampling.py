@@ -1,7 +1,9 @@
 """Make the agents' samples, and apply commands to agents, in the same way for both clocks."""
 
 from collections import Counter
-from typing import NamedTuple, Protocol
+from typing import Protocol
+
+from msgspec import Struct
 
 from phalanx.arrays import Array
 from phalanx.faults.clock import AgentClock
@@ -31,7 +33,7 @@ class Processes(Protocol):
         """Replace the dead agent i's process by another at t [s]."""
 
 
-class TakenSample(NamedTuple):
+class TakenSample(Struct, frozen=True):
     """A sample, and whether it is true."""
 
     sample: Sample
@@ -55,6 +57,7 @@ class Sampling:
         states = {member.name: member.dynamics.states for member in swarm.members}
         self._sensors = Sensors(states, swarm.seeds, occurrences)
         self._commanded = FaultState(swarm.names)
+        self._silent: set[int] = set()
         self._states = StateCodec(swarm)
         self._contacts = Contacts(len(swarm.members), latency)
 
@@ -66,7 +69,7 @@ class Sampling:
 
     def silent(self, i: int) -> bool:
         """Return whether a command keeps agent i from sampling and answering."""
-        return self._commanded.condition[i].silent
+        return i in self._silent
 
     def take(
         self, i: int, t: float, x: Array, visible: Visibility, pace: float | None = None
@@ -76,7 +79,7 @@ class Sampling:
         Agents that sample at the same instant do not receive each other's answers of that instant.
         pace: speed of virtual time, in real time.
         """
-        awake = visible.without(self.silent)
+        awake = visible.without(self._silent)
         since, latest = self._contacts.existing(i, t, awake.seen)
         k = self.schedule.sampled(i, t)
         self._contacts.sampled(i, k, t, awake)
@@ -100,8 +103,11 @@ class Sampling:
         forgotten: tuple[int, ...] = ()
         if i is None or effect is None:
             return CommandApplied(command, i)
-        if self.silent(i):
+        if self._commanded.condition[i].silent:
+            self._silent.add(i)
             self.schedule.silence(i)
+        else:
+            self._silent.discard(i)
         match effect.process:
             case ProcessChange.DIES:
                 # The order travels in a sample, which is not answered.

@@ -10,7 +10,7 @@ arrives.
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence, Set
 from typing import NamedTuple
 
 import numpy as np
@@ -27,9 +27,11 @@ class Visibility(NamedTuple):
     hearers: tuple[int, ...]
     """Those among them that see it too, and listen to it: they receive its broadcast."""
 
-    def without(self, silent: Callable[[int], bool]) -> "Visibility":
+    def without(self, silent: Set[int]) -> "Visibility":
         """Remove dead and paused agents from the hearers."""
-        return self._replace(hearers=tuple(l for l in self.hearers if not silent(l)))
+        if not silent:
+            return self
+        return self._replace(hearers=tuple([l for l in self.hearers if l not in silent]))
 
 
 class Sensing:

@@ -1,6 +1,6 @@
 """The events of a run, in the order in which they are judged; and the errors that end it early."""
 
-from typing import NamedTuple
+from msgspec import Struct
 
 from phalanx.arrays import Array
 from phalanx.faults.commands import Command
@@ -8,7 +8,7 @@ from phalanx.wire.messages import Sample
 from phalanx_plant.world.world import History
 
 
-class StateReached(NamedTuple):
+class StateReached(Struct, frozen=True):
     """The world reached the time of an event."""
 
     t: float
@@ -19,7 +19,7 @@ class StateReached(NamedTuple):
     """The motion since the previous such event."""
 
 
-class Sampled(NamedTuple):
+class Sampled(Struct, frozen=True):
     """An agent took a sample."""
 
     i: int
@@ -29,7 +29,7 @@ class Sampled(NamedTuple):
     """Whether its sensors measured the true state."""
 
 
-class CommandApplied(NamedTuple):
+class CommandApplied(Struct, frozen=True):
     """A command took effect."""
 
     command: Command
@@ -39,7 +39,7 @@ class CommandApplied(NamedTuple):
     """Agents whose received inputs that agent lost."""
 
 
-class InputApplied(NamedTuple):
+class InputApplied(Struct, frozen=True):
     """An actuator applied the input that answers sample k."""
 
     i: int
@@ -56,7 +56,7 @@ class InputApplied(NamedTuple):
     """In real time, the sample as the agent received it."""
 
 
-class InputLost(NamedTuple):
+class InputLost(Struct, frozen=True):
     """The input that answers sample k, due at t, never reached its actuator."""
 
     i: int
@@ -69,7 +69,7 @@ class InputLost(NamedTuple):
     """Native input, shape (m_i,)."""
 
 
-class MemberLost(NamedTuple):
+class MemberLost(Struct, frozen=True):
     """Agent i became unreachable at t [s], in real time, or reachable again if `back`."""
 
     i: int
@@ -78,7 +78,7 @@ class MemberLost(NamedTuple):
     back: bool
 
 
-class InstantComplete(NamedTuple):
+class InstantComplete(Struct, frozen=True):
     """Nothing more happens at t: a frame of now equals a frame of a replay."""
 
     t: float

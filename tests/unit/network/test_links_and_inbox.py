@@ -96,7 +96,7 @@ def broadcast(k: int) -> Broadcast:
 
 def upto(*latest: int) -> dict[int, BroadcastRange]:
     """Return ranges of broadcasts of senders 0, 1, ... from 0 up to these; -1: none."""
-    return {s: BroadcastRange(0, k) for s, k in enumerate(latest) if k >= 0}
+    return {s: (0, k) for s, k in enumerate(latest) if k >= 0}
 
 
 def inbox_of(links: LinkModel, senders: int = 1) -> BroadcastInbox:
@@ -250,14 +250,14 @@ def test_who_goes_out_of_sight_is_forgotten_with_all_that_is_on_its_way():
     inbox = inbox_of(model(delay=0.03))
     for k in range(3):
         inbox.put(0, broadcast(k))
-    inbox.advance({0: BroadcastRange(0, 2)}, 0.035)
+    inbox.advance({0: (0, 2)}, 0.035)
     assert newest(inbox) == 0
     inbox.advance({}, 0.04)
     assert newest(inbox) is None
     inbox.put(0, broadcast(3))
-    inbox.advance({0: BroadcastRange(3, 3)}, 0.055)
+    inbox.advance({0: (3, 3)}, 0.055)
     assert newest(inbox) is None, "what was in flight arrives no more"
-    inbox.advance({0: BroadcastRange(3, 3)}, 0.06)
+    inbox.advance({0: (3, 3)}, 0.06)
     assert newest(inbox) == 3
 
 
@@ -265,9 +265,9 @@ def test_who_comes_back_is_heard_again_from_its_first_broadcast_since():
     inbox = inbox_of(model())
     for k in (0, 1, 2, 5, 6):
         inbox.put(0, broadcast(k))
-    inbox.advance({0: BroadcastRange(0, 1)}, 0.02)
+    inbox.advance({0: (0, 1)}, 0.02)
     inbox.advance({}, 0.03)
-    back = {0: BroadcastRange(5, 6)}
+    back = {0: (5, 6)}
     assert not inbox.lacks(back)
     fates = inbox.advance(back, 0.07)
     assert [fate.k for fate in fates] == [5, 6], "broadcast 2 was of the contact before"
@@ -279,23 +279,23 @@ def test_a_new_contact_between_two_samples_ends_the_old_one_though_nobody_was_ou
     slow = model(delay=0.03)
     inbox = inbox_of(slow)
     inbox.put(0, broadcast(0))
-    inbox.advance({0: BroadcastRange(0, 0)}, 0.03)
+    inbox.advance({0: (0, 0)}, 0.03)
     assert newest(inbox) == 0
     inbox.put(0, broadcast(2))
-    inbox.advance({0: BroadcastRange(2, 2)}, 0.04)
+    inbox.advance({0: (2, 2)}, 0.04)
     assert newest(inbox) is None, "broadcast 1 was not for this agent: 0 is in force no more"
-    inbox.advance({0: BroadcastRange(2, 2)}, 0.05)
+    inbox.advance({0: (2, 2)}, 0.05)
     assert newest(inbox) == 2
 
 
 def test_what_is_on_its_way_when_a_new_contact_begins_arrives_no_more():
     inbox = inbox_of(model(delay=0.03))
     inbox.put(0, broadcast(0))
-    inbox.advance({0: BroadcastRange(0, 0)}, 0.01)
+    inbox.advance({0: (0, 0)}, 0.01)
     inbox.put(0, broadcast(2))
-    inbox.advance({0: BroadcastRange(2, 2)}, 0.04)
+    inbox.advance({0: (2, 2)}, 0.04)
     assert newest(inbox) is None
-    inbox.advance({0: BroadcastRange(2, 2)}, 0.05)
+    inbox.advance({0: (2, 2)}, 0.05)
     assert newest(inbox) == 2
 
 
@@ -313,9 +313,9 @@ def test_in_real_time_a_broadcast_counts_from_when_it_came_and_what_did_not_come
     inbox = BroadcastInbox([1], lambda _: Link(0, "b", "a", model(delay=0.01)))
     for k, at in ((0, 0.004), (2, 0.023)):
         assert inbox.put(1, Broadcast(k=k, t_apply=0.01 * k, u=(float(k),)), at)
-    exist = {1: BroadcastRange(0, 3)}
+    exist = {1: (0, 3)}
     arrived = inbox.up_to_newest(exist)
-    assert arrived == {1: BroadcastRange(0, 2)}
+    assert arrived == {1: (0, 2)}
     assert inbox.lacks(exist)
     (first, second) = inbox.advance(arrived, 0.03)
     assert (first.k, first.delay) == (0, pytest.approx(0.014))
@@ -329,7 +329,7 @@ def test_in_real_time_a_broadcast_counts_from_when_it_came_and_what_did_not_come
 def test_in_real_time_no_broadcast_counts_before_its_input_takes_effect():
     inbox = BroadcastInbox([1], lambda _: Link(0, "b", "a", model()))
     inbox.put(1, Broadcast(k=0, t_apply=0.02, u=(1.0,)), 0.001)
-    assert inbox.advance({1: BroadcastRange(0, 0)}, 0.01)[0].delay == 0.0
+    assert inbox.advance({1: (0, 0)}, 0.01)[0].delay == 0.0
     assert not inbox.received()
-    inbox.advance({1: BroadcastRange(0, 0)}, 0.02)
+    inbox.advance({1: (0, 0)}, 0.02)
     assert inbox.received()

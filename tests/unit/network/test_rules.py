@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from phalanx.faults.links import HoldUntil
-from phalanx.network.inbox import BroadcastInbox, BroadcastRange
+from phalanx.network.inbox import BroadcastInbox
 from phalanx.network.link import Link, LinkModel, RuleError, Stage
 from phalanx.network.rule import (
     CORRUPT,
@@ -57,7 +57,7 @@ def test_a_duplicate_goes_its_own_way_and_the_first_to_arrive_counts():
 
 def test_an_inbox_takes_a_duplicate_once():
     inbox = inbox_of(LinkModel((Stage("duplicate", Always(DUPLICATE)),)), 3)
-    fates = inbox.advance({0: BroadcastRange(0, 2)}, 1.0)
+    fates = inbox.advance({0: (0, 2)}, 1.0)
     assert [fate.delay for fate in fates] == [0.0, 0.0, 0.0]
     assert inbox.received()[0].u == (2.0, 0.0)
     assert not inbox.put(0, broadcast(2))
@@ -68,7 +68,7 @@ def test_a_damaged_broadcast_is_lost_and_refused_by_the_seal():
     damaged = [k for k in range(MANY) if link.fate(k).delay is None]
     assert len(damaged) / MANY == pytest.approx(0.2, abs=4.0 * np.sqrt(0.16 / MANY))
     inbox = inbox_of(model(corrupt=0.2), 200)
-    fates = inbox.advance({0: BroadcastRange(0, 199)}, 9.0)
+    fates = inbox.advance({0: (0, 199)}, 9.0)
     taken = inbox.take_corrupt()
     assert [m.k for _, m in taken] == [f.k for f in fates if f.delay < 0.0] == damaged[: len(taken)]
     assert inbox.take_corrupt() == []
@@ -140,9 +140,9 @@ def test_a_hold_releases_all_that_would_have_arrived_meanwhile_at_once():
     expected = [t + 0.05 for t in np.arange(100) / 100]
     assert arrivals == pytest.approx([0.5 if 0.2 <= t < 0.5 else t for t in expected])
     inbox = inbox_of(held, 60)
-    inbox.advance({0: BroadcastRange(0, 48)}, 0.499)
+    inbox.advance({0: (0, 48)}, 0.499)
     assert inbox.received()[0].u[0] == 14
-    inbox.advance({0: BroadcastRange(0, 49)}, 0.5)
+    inbox.advance({0: (0, 49)}, 0.5)
     assert inbox.received()[0].u[0] == 45
 
 
@@ -182,8 +182,8 @@ def test_a_rule_of_ones_own_takes_a_dozen_lines():
 
 def test_an_inbox_tells_a_rule_how_far_away_the_sender_is():
     inbox = inbox_of(model(rules=[RAIN]), 40)
-    far = inbox.advance({0: BroadcastRange(0, 19)}, 1.0, lambda _: 100.0)
-    near = inbox.advance({0: BroadcastRange(0, 39)}, 1.0, lambda _: 0.0)
+    far = inbox.advance({0: (0, 19)}, 1.0, lambda _: 100.0)
+    near = inbox.advance({0: (0, 39)}, 1.0, lambda _: 0.0)
     assert [fate.delay < 0.0 for fate in (*far, *near)] == [True] * 20 + [False] * 20
 
 
