@@ -152,7 +152,7 @@ def _rows(held: Sequence[Held], width: int) -> _Rows:
     """width: number of variables of a stacked state and the obstacles."""
     agents = [each.agent for each in held]
     chosen = [
-        np.arange(len(agent.pairs)) if near is None else np.flatnonzero(near)
+        np.arange(len(agent.pairs)) if near is None else near.nonzero()[0]
         for agent, _, _, near in held
     ]
     each = list(zip(agents, chosen, strict=True))

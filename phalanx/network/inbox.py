@@ -253,5 +253,6 @@ class Incoming:
         A slow broadcast may be delivered after one that was sent later.
         """
         newer = message.k > self._newest
-        self._newest = max(self._newest, message.k)
+        if newer:
+            self._newest = message.k
         return newer

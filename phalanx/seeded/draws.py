@@ -50,8 +50,10 @@ class Draws:
 
     def value(self, index: int, column: int = 0) -> float:
         """Return one draw of row `index` >= 0."""
-        block, row = divmod(index, _BLOCK)
-        return self._rows(block).item(row, column)
+        drawn, rows = self._drawn
+        if drawn != index // _BLOCK:
+            rows = self._rows(index // _BLOCK)
+        return rows.item(index % _BLOCK, column)
 
     def last(self, index: int, holds: Condition) -> int:
         """Return the last row up to `index` for which a condition holds; 0 if there is none."""

@@ -18,6 +18,7 @@ class StateCodec:
     def __init__(self, swarm: Swarm) -> None:
         self._parts = swarm.safe_set.parts
         self._sizes = [part.stop - part.start for part in self._parts]
+        self._unseen = np.full(self._parts[-1].stop, np.nan)
         self._layout = lru_cache(_LAYOUTS)(self._find_layout)
 
     def pack(self, x: Array, seen: tuple[int, ...]) -> bytes:
@@ -51,7 +52,7 @@ class StateCodec:
 
     def stack(self, states: dict[int, Array]) -> Array:
         """Return the stacked state, shape (n̄,), with NaN for agents that are not seen."""
-        x = np.full(self._parts[-1].stop, np.nan)
+        x = self._unseen.copy()
         for l, state in states.items():
             x[self._parts[l]] = state
         return x

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from msgspec import Struct
 
 from phalanx.arrays import Array
 from phalanx.theory.rows.decision import Decision, decide, decide_pairs
@@ -19,7 +20,7 @@ from phalanx.theory.rows.row import Row, Rows, Terms, paper_row, split_row
 from phalanx.theory.rows.share_margin import ShareMargin
 
 
-class FilterInput(NamedTuple):
+class FilterInput(Struct, frozen=True):
     """Agent i's knowledge at one control step."""
 
     t: float

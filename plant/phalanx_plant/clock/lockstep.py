@@ -9,7 +9,9 @@ as these cannot change them. Events are judged in order, once they are known.
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Protocol
+
+from msgspec import Struct
 
 from phalanx.arrays import Array
 from phalanx.wire.messages import Sample
@@ -46,7 +48,7 @@ class Agents(Processes, Protocol):
         """Return the same if it has arrived, else None."""
 
 
-class _PendingInput(NamedTuple):
+class _PendingInput(Struct, frozen=True):
     """The input that answers sample k of agent i."""
 
     i: int
@@ -201,11 +203,12 @@ class Lockstep:
             u = self._answer_to(instant.pending[0], wait)
             if u is None:
                 return False
-            i, k, sampled, lost = instant.pending.popleft()
-            if lost:
-                self._events.add(InputLost(i, k, sampled, instant.t, u))
+            answer = instant.pending.popleft()
+            given = answer.i, answer.k, answer.sampled, instant.t, u
+            if answer.lost:
+                self._events.add(InputLost(*given))
             else:
-                self._events.add(InputApplied(i, k, sampled, instant.t, u, self.world.x))
+                self._events.add(InputApplied(*given, self.world.x))
         self._events.add(InstantComplete(instant.t))
         self._instants.popleft()
         return True

@@ -53,8 +53,8 @@ class Claims:
 
     def check(self, receiver: int, fate: Fate, t: float) -> Finding:
         """Check a broadcast on which the receiver reports at t [s]; a lost one claims nothing."""
-        if fate.faults:
-            self.faults.update(fate.faults)
+        for fault in fate.faults:
+            self.faults[fault] += 1
         if fate.claim is None:
             return _TRUE
         truth = self._truth[fate.sender].get(fate.k)
@@ -67,8 +67,9 @@ class Claims:
     def _compare(
         self, i: int, k: int, truth: Claim, receiver: int, claim: Claim, t: float
     ) -> Finding:
-        self.truthful.check(claim == truth, t)
-        if claim == truth:
+        true = claim == truth
+        self.truthful.check(true, t)
+        if true:
             return _TRUE
         name = self._names[i]
         self._false[name] += 1

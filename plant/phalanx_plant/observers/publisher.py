@@ -76,6 +76,9 @@ class Publisher:
     def see(self, judged: Judged) -> None:
         """Take the next event; publish a frame if its instant is complete."""
         event = judged.event
+        if self._audience is None:
+            self._t = event.t if isinstance(event, StateReached) else self._t
+            return
         for notice in judged.notices:
             self._log.append(LogLine(notice.t, notice.text))
         for fate, found in judged.received:

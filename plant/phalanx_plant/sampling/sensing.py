@@ -63,10 +63,10 @@ class Sensing:
 
     def _visible_to(self, p: Array, i: int) -> Visibility:
         distances = _squared(p - p[i])
-        seen = np.flatnonzero(distances <= self._reach[i])
+        (seen,) = (distances <= self._reach[i]).nonzero()
         mutual = seen[distances[seen] <= self._reach[seen]].tolist()
         listeners = self._listening[i]
-        return Visibility(tuple(seen.tolist()), tuple(l for l in mutual if l in listeners))
+        return Visibility(tuple(seen.tolist()), tuple([l for l in mutual if l in listeners]))
 
 
 def sensing_radii(swarm: Swarm) -> Array:
@@ -78,8 +78,9 @@ def sensing_radii(swarm: Swarm) -> Array:
 def _squared(vectors: Array) -> Array:
     """Squared lengths of vectors, shape (r, d)."""
     # A fixed order of summation: the result must not depend on a vector unit.
-    x, *others = (vectors * vectors).T
-    total: Array = sum(others, x)
+    total, *others = (vectors * vectors).T
+    for each in others:
+        total = total + each
     return total
 
 

@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Iterable, Iterator
-from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
+from msgspec import Struct
 
 from phalanx.arrays import Array
 from phalanx.swarm.rows import SafetyRows
@@ -23,7 +23,7 @@ _MOST_STEPS = 4
 """Integration steps in one segment, at most."""
 
 
-class Segment(NamedTuple):
+class Segment(Struct, frozen=True):
     """s integration steps of equal length, with constant inputs and linear disturbances."""
 
     t: float
@@ -52,7 +52,7 @@ class Segment(NamedTuple):
         return found
 
 
-class DisturbanceKnot(NamedTuple):
+class DisturbanceKnot(Struct, frozen=True):
     """The disturbance φ at a knot; between two knots it is linear."""
 
     t: float

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from phalanx_plant.world.resolution import Resolution
 from phalanx_plant.world.world import Segment, World
 
@@ -101,7 +102,7 @@ def test_a_state_too_far_away_for_a_step_to_show_is_off_by_all_of_it():
     resolution, integration = Resolution(swarm), World(rows_of_scenario("one-on-one")).integration
     way = next(p for p in integration.integrate(0.003) if isinstance(p, Segment))
     assert resolution.defect([way]) < 1e-9
-    assert resolution.defect([way._replace(start=way.start + 1e15)]) > 1.0
+    assert resolution.defect([replace(way, start=way.start + 1e15)]) > 1.0
 
 
 @dataclass(frozen=True)
