@@ -123,6 +123,8 @@ class Link:
         """
         stages = self._as_declared.changed(loss, delay).stages
         self._stages = [_LinkStage(stage, self._draws_of(stage.field)) for stage in stages]
+        self.free = not stages
+        """True if no rule acts on its messages."""
         self.asks_distance = any(asks_distance(stage.rule) for stage in stages)
         """True if the delivery depends on the distance between the ends."""
 
@@ -140,7 +142,7 @@ class Link:
         Raises:
             RuleError: a rule raised, or lets a message arrive before it was sent.
         """
-        if not self._stages:
+        if self.free:
             return _AS_SENT
         copies: Treatment = DELIVER
         faults: tuple[int, ...] = ()

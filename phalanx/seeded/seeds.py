@@ -47,17 +47,15 @@ class Tables:
 
     def __call__(self, purpose: str = "") -> Draws:
         """Return the table of one purpose, as far as it is decided."""
-        found = self._made.get(purpose)
-        if found is None:
+        if purpose not in self._made:
             name = (*self._purpose, purpose) if purpose else self._purpose
-            found = Draws(self._seeds.first, *name, width=self._width, later=self._later)
-            self._made[purpose] = found
-        return found
+            made = Draws(self._seeds.first, *name, width=self._width, later=self._later)
+            self._made[purpose] = made
+        return self._made[purpose]
 
     def decide(self, row: int, t: float) -> "Tables":
         """Return the tables, of which this row, and no later one, is decided at t [s]."""
-        while len(self._later) < len(self._seeds.later):
-            at, seed = self._seeds.later[len(self._later)]
+        for at, seed in self._seeds.later[len(self._later) :]:
             if t < at:
                 break
             self._later.append((row, seed))

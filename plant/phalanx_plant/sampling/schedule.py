@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Protocol
 
-from phalanx.network.link import Delivery, Kind, Link, RuleError
+from phalanx.network.link import Kind, Link, RuleError
 from phalanx.swarm.swarm import Swarm
 from phalanx_plant.world.events import SwarmBrokenError
 
@@ -28,23 +28,25 @@ class OnboardLinks:
         A delayed sample is lost: it is used when it is taken, or not at all. After the end of the
         run nothing is lost.
         """
-        return t >= self._end or self._decided(self._sensors[i], tick, t, now).delay == 0.0
+        return t >= self._end or self._delay(self._sensors[i], tick, t, now) == 0.0
 
     def input_delay(self, i: int, k: int, t: float, now: float = 0.0) -> float | None:
         """Delay after t [s] of the input for agent i's sample k; None if it is lost.
 
         now: when this is decided [s].
         """
-        return self._decided(self._actuators[i], k, t, now).delay
+        return self._delay(self._actuators[i], k, t, now)
 
-    def _decided(self, link: Link, number: int, t: float, now: float) -> Delivery:
+    def _delay(self, link: Link, number: int, t: float, now: float) -> float | None:
+        if link.free:
+            return 0.0
         try:
             delivery = link.fate(number, t, 0.0, now)
         except RuleError as error:
             raise SwarmBrokenError(f"a robot's own link: {error}") from error
         for fault in delivery.faults:
             self.faults[fault] += 1
-        return delivery
+        return delivery.delay
 
 
 def _links(swarm: Swarm, kind: Kind) -> list[Link]:

@@ -89,9 +89,10 @@ class PairExtremes:
         if (highest := float(h.flat[at])) > self._largest_h:
             self._largest_h, self._worst_pair = highest, int(pairs[at % h.shape[1]])
         self.largest, self.h_tot = int(pairs[h[-1].argmax()]), float(h_tot[-1])
-        peak = float(h_tot.max())
+        highest_at = int(h_tot.argmax())
+        peak = float(h_tot[highest_at])
         if peak > self.worst_h_tot:
-            self.worst_h_tot, self.worst_at = peak, float(times[h_tot.argmax()])
+            self.worst_h_tot, self.worst_at = peak, float(times[highest_at])
         self._peak = max(self._peak, peak)
         # LSE is never below the largest h: with h_tot <= 0 no pair is unsafe. NaN is not safe.
         if not peak <= 0.0:

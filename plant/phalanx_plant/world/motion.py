@@ -36,6 +36,7 @@ class Motion:
         inputs = _offsets([len(m.dynamics.inputs) for m in members])
         axes = int(members[0].dynamics.position(ca.SX(states[1], 1)).numel())
         self._axes, self._groups = axes, list[_SameDynamics]()
+        self._outputs = axes * len(members)
         self._group_of: dict[int, _SameDynamics] = {}
         """By member."""
         for each in by_dynamics(members):
@@ -66,12 +67,12 @@ class Motion:
             slope: time derivative of the disturbance, shape (n̄,).
             dt: length of each step [s].
         """
-        numbers = np.concatenate([x, u, phi, slope, [dt]])
-        after = np.empty((count, len(x) + self._axes * len(self._group_of)))
+        numbers, states = np.concatenate([x, u, phi, slope, [dt]]), x.size
+        after = np.empty((count, states + self._outputs))
         for group in self._groups:
             found = group.steps[count - 1](numbers, group.numbers)
-            after[:, group.after] = found.reshape(len(found), count, -1).swapaxes(0, 1)
-        return after[:, : len(x)], after[:, len(x) :].reshape(count, -1, self._axes)
+            after[:, group.after] = found.reshape(found.shape[0], count, -1).swapaxes(0, 1)
+        return after[:, :states], after[:, states:].reshape(count, -1, self._axes)
 
     def one_agent(
         self, i: int, count: int, x: Array, u: Array, phi: Array, slope: Array, dt: float
@@ -84,7 +85,7 @@ class Motion:
 
     def positions(self, x: Array) -> Array:
         """Output positions of all agents [m] at a stacked state x, (n̄,); shape (N, d)."""
-        here = np.empty(len(x) + self._axes * len(self._group_of))
+        here = np.empty(x.size + self._outputs)
         for group in self._groups:
             here[group.after[:, -self._axes :]] = group.position(x, group.states)
         return here[len(x) :].reshape(-1, self._axes)
