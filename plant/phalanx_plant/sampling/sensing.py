@@ -78,7 +78,8 @@ def sensing_radii(swarm: Swarm) -> Array:
 def _squared(vectors: Array) -> Array:
     """Squared lengths of vectors, shape (r, d)."""
     # A fixed order of summation: the result must not depend on a vector unit.
-    total, *others = (vectors * vectors).T
+    first, *others = (vectors * vectors).T
+    total: Array = first
     for each in others:
         total = total + each
     return total

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import astuple
 from phalanx_plant.clock.lookahead import Lookahead
 from phalanx_plant.world.world import World
 
@@ -50,8 +51,8 @@ def test_known_states_are_the_worlds_however_late_the_answers_of_others(seed):
     ahead.reach(EVENTS[-1])
     assert (behind.t, behind.x.tobytes()) == (world.t, world.x.tobytes())
     for piece, expected in zip(behind.take_history(), world.take_history(), strict=True):
-        assert [np.array(part).tobytes() for part in piece] == [
-            np.array(part).tobytes() for part in expected
+        assert [np.array(part).tobytes() for part in astuple(piece)] == [
+            np.array(part).tobytes() for part in astuple(expected)
         ]
 
 
