@@ -22,7 +22,7 @@ quick: $(READY)
 test: $(READY)
 	@echo "Testing: about 6 minutes on two cores; the first two start no processes."
 	$(PYTEST) -n 2 --dist loadscope -m "not nightly" tests/unit
-	$(PYTEST) -n 6 -m "not nightly" tests/process tests/containers
+	$(PYTEST) -n 6 --dist loadscope -m "not nightly" tests/process tests/containers
 
 nightly: $(READY)
 	@echo "Testing what \`make test\` leaves out: about 8 minutes on two cores."

@@ -59,13 +59,13 @@ def timeless(summary: Summary) -> Summary:
 def test_a_branch_has_the_bits_of_a_run_of_the_scenario_with_that_reseed(case):
     trunk = trunk_of(phalanx.load("unicycles", {**RANDOM, **CASES[case]}), KILLED)
     found = []
-    for t in (0.15, 0.25):
+    for t, seeds in ((0.15, (1, 2)), (0.25, (1,))):
         trunk.advance(t)
-        works = [partial(trunk.reseeded, t, seed) for seed in (1, 2)]
+        works = [partial(trunk.reseeded, t, seed) for seed in seeds]
         branches = [timeless(summary) for summary in in_forks(works, 2)]
-        assert branches == [as_scenario(CASES[case], t, seed) for seed in (1, 2)]
+        assert branches == [as_scenario(CASES[case], t, seed) for seed in seeds]
         found += [summary.trajectory for summary in branches]
-    assert len(set(found)) == 4
+    assert len(set(found)) == 3
     trunk.close()
 
 

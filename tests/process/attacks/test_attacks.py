@@ -14,7 +14,7 @@ from phalanx.scenario.text import scenario_text
 from tests.process.runs import wait_for
 from tests.unit.attacks.weak import weak
 
-OPTIONS = ("--budget", "16", "--fresh", "2", "--batch", "6")
+OPTIONS = ("--budget", "12", "--fresh", "1", "--batch", "6")
 
 
 def command(folder: Path, workers: int) -> list[str]:
@@ -61,7 +61,7 @@ def test_a_killed_search_goes_on_where_it_was(whole, number):
     folder = whole.parent / number.name
     program = subprocess.Popen(command(folder, 1), stderr=subprocess.PIPE, text=True)
     journal = folder / "rows.journal"
-    wait_for(lambda: journal.exists() and journal.read_bytes().count(b"\n") >= 8)
+    wait_for(lambda: journal.exists() and journal.read_bytes().count(b"\n") >= 5)
     workers = psutil.Process(program.pid).children(recursive=True)
     program.send_signal(number)
     assert program.wait() != 0
