@@ -12,7 +12,6 @@ everything that the other may do, covers the time until a betrayal would be conv
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from msgspec.structs import replace
 
 from phalanx.arrays import Array, Mask
 from phalanx.guarantee.certificates import Held, SwarmCertificates
@@ -101,7 +100,7 @@ class EarnedFilter:
             short = set(self._proofs.others[near & (times < self._reserve)].tolist()) & now.trusted
             if not short:
                 break
-            now = replace(now, trusted=now.trusted - short)
+            now = now._replace(trusted=now.trusted - short)
             filtered = self._first(now)
         return filtered, now
 

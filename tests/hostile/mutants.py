@@ -187,7 +187,7 @@ MUTANTS = (
     Mutant("what is on its way when a contact begins", "phalanx/network/inbox.py",
            "        self.forget()\n        self.since = since", "        self.since = since",
            _TEST_LINKS),
-    Mutant("the dead as hearers", _SAMPLING, "visible.without(self.silent)", "visible",
+    Mutant("the dead as hearers", _SAMPLING, "visible.without(self._silent)", "visible",
            _TEST_SAMPLING),
     Mutant("what the dead had received", _SAMPLING, "forgotten = self._contacts.forget(i)", "pass",
            _TEST_SAMPLING),

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from msgspec import Struct
 
 from phalanx.arrays import Array
 from phalanx.theory.rows.decision import Decision, decide, decide_pairs
@@ -20,7 +19,7 @@ from phalanx.theory.rows.row import Row, Rows, Terms, paper_row, split_row
 from phalanx.theory.rows.share_margin import ShareMargin
 
 
-class FilterInput(Struct, frozen=True):
+class FilterInput(NamedTuple):
     """Agent i's knowledge at one control step."""
 
     t: float

@@ -239,24 +239,3 @@ def test_the_command_prints_the_rates_and_writes_a_page(tmp_path):
     assert row.stdout.strip() == (
         "phalanx run unicycles --seed 1 --set duration=0.2 --set network.loss=0.5"
     )
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("unicycles", "--vary", "network.los=0"), "network.los: unknown field"),
-        (("unicycles", "--vary", "network.loss"), "--vary network.loss: expected PATH=VALUES"),
-        (("unicycles", "--draw", "network.loss=normal(0,1)"), "expected uniform(a,b)"),
-        (("unicycles", "--seeds", "many"), "expected seeds as 0:200 or 1,2,5"),
-        (("unicycle",), "did you mean 'unicycles'?"),
-        (("open",), "expected the folder of a study"),
-        (("unicycles", "--row", "3"), "expected after `phalanx study open`"),
-        (("open", "nowhere"), "study.toml: cannot be read"),
-    ],
-)
-def test_a_wrong_word_is_refused_in_one_line(words, message, tmp_path):
-    done = command(*words, *(() if words[0] == "open" else ("--out", tmp_path / "study")))
-    assert done.returncode == 64
-    assert message in done.stderr
-    assert "Traceback" not in done.stderr
-    assert not (tmp_path / "study").exists()
