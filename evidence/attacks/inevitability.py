@@ -2,6 +2,8 @@
 
 Random starts of the two pursuers of `guaranteed`, at least 3.3 m from each normal agent, until
 enough runs are violated. Each is branched before its violation: all that is random is drawn again.
+The picture shows, over the time before the violation, the share of runs that had lost their
+certificate, and of those whose branches violated: half of them, and all.
 
     python evidence/attacks/inevitability.py --runs 50 --picture docs/images/inevitability.png
 """
@@ -12,20 +14,34 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from statistics import median
+from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
 import phalanx
-from phalanx.branches.inevitable import BranchesAt, branch_run, from_when, landmarks
+from phalanx.branches.inevitable import branch_run, from_when, landmarks
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.swarm import build_swarm
 
-AHEAD = (1.5, 1.0, 0.7, 0.5, 0.35, 0.2, 0.1, 0.05, 0.02)
+AHEAD = (2.5, 2.0, 1.5, 1.0, 0.7, 0.5, 0.35, 0.2, 0.1, 0.05, 0.02)
 """Times before the violation at which branches leave [s]."""
 LASTS = 4.0
 """Duration of each run [s]."""
+_NEVER = 0.0
+"""Lead of what did not happen before the violation [s]."""
 LOW, WIDTH = (-6.0, -10.0, -math.pi), (22.0, 20.0, 2.0 * math.pi)
 """Box of the starts (x, y, θ)."""
+
+
+class Leads(NamedTuple):
+    """Times before the violation [s]."""
+
+    lost: float
+    """From when on the pair had no certificate."""
+    half: float
+    """From when on half of the branches violate."""
+    every: float
+    """From when on all branches violate."""
 
 
 def violated_runs(scenario: str, count: int) -> Iterator[tuple[int, phalanx.Run]]:
@@ -66,51 +82,55 @@ def main() -> None:
     asked = parser.parse_args()
     print("| draw | pair | violated at | certificate lost | half inevitable | all inevitable |")
     print("|---|---|---|---|---|---|")
-    leads: list[tuple[float, float | None, float | None]] = []
-    curves: list[tuple[int, float, list[BranchesAt]]] = []
+    leads: list[Leads] = []
     for number, run in violated_runs(asked.scenario, asked.runs):
         moments = landmarks(run.summary)
         t = moments[0].t
-        lost = t - moments[1].t if len(moments) > 1 else 0.0
         times = [t - ahead for ahead in AHEAD if t - ahead > 0.0]
         until = min(t + 0.6, LASTS)
         curve = branch_run(run.recording, times, asked.branches, until=until, at_once=asked.jobs)
-        found = [from_when(curve, share) for share in (0.5, 1.0)]
-        half, every = (None if each is None else t - each for each in found)
-        leads.append((lost, half, every))
-        curves.append((number, t, curve))
-        pair = moments[0].happens.split()[0]
-        print(f"| {number} | {pair} | {t:.3f} s | {1e3 * lost:.0f} ms before | "
-              f"{_before(half)} | {_before(every)} |", flush=True)  # fmt: skip
-    print(f"\nMedians of {len(leads)}: certificate lost {1e3 * median(l for l, _, _ in leads):.0f} "
-          f"ms before; half of the branches violate from {_median([h for _, h, _ in leads])}, all "
-          f"from {_median([e for _, _, e in leads])} before.")  # fmt: skip
+        half, every = (from_when(curve, share) for share in (0.5, 1.0))
+        lost = moments[1].t if len(moments) > 1 else None
+        lead = Leads(*(_NEVER if each is None else t - each for each in (lost, half, every)))
+        leads.append(lead)
+        shown = " | ".join(_before(each, times[0] - t) for each in lead)
+        print(f"| {number} | {moments[0].happens.split()[0]} | {t:.3f} s | {shown} |", flush=True)
+    print(f"\nMedians of {len(leads)}: " + ", ".join(
+        f"{what} {median(times):.2f} s before" for what, times in by_curve(leads).items()
+    ) + ".")  # fmt: skip
+    print("; ".join(
+        f"{what}: {sum(lead > _NEVER for lead in times)}" for what, times in by_curve(leads).items()
+    ) + f" of {len(leads)} runs before their violation.")  # fmt: skip
     if asked.picture:
-        draw(curves[:3]).savefig(asked.picture, dpi=110)
+        draw(leads).savefig(asked.picture, dpi=110)
 
 
-def draw(curves: list[tuple[int, float, list[BranchesAt]]]) -> Figure:
-    """Draw the share of violated branches over the time before the violation."""
+def by_curve(leads: list[Leads]) -> dict[str, list[float]]:
+    """Return the leads of all runs, by what happened."""
+    names = "certificate lost", "half of the branches violate", "all branches violate"
+    return dict(zip(names, map(list, zip(*leads, strict=True)), strict=True))
+
+
+def draw(leads: list[Leads]) -> Figure:
+    """Draw the share of runs to which each had happened, over the time before the violation."""
     figure = Figure(figsize=(7.0, 3.0), layout="constrained")
     axes = figure.subplots()
-    for number, t, curve in curves:
-        ahead = [each.t - t for each in curve]
-        axes.plot(ahead, [each.share for each in curve], "o-", markersize=4, label=f"draw {number}")
+    for what, times in by_curve(leads).items():
+        grid = [*sorted(-lead for lead in times if lead > _NEVER), 0.0]
+        shares = [sum(lead >= -t for lead in times if lead > _NEVER) / len(times) for t in grid]
+        axes.step(grid, shares, where="post", label=what)
     axes.axvline(0.0, color="black", linewidth=1.0)
-    axes.set_xlabel("time at which branches leave, from the violation on [s]")
-    axes.set_ylabel("share that violates")
+    axes.set_xlabel("time from the violation on [s]")
+    axes.set_ylabel(f"share of {len(leads)} runs")
+    axes.set_ylim(0.0, 1.05)
     axes.legend(frameon=False)
     return figure
 
 
-def _before(lead: float | None) -> str:
-    more = " or more" if lead is not None and lead >= AHEAD[0] - 1e-9 else ""
-    return "never" if lead is None else f"{lead:.2f} s{more} before"
-
-
-def _median(leads: list[float | None]) -> str:
-    """Median of lead times; a run that never gets there counts as 0."""
-    return f"{median(lead or 0.0 for lead in leads):.2f} s"
+def _before(lead: float, earliest: float) -> str:
+    if lead == _NEVER:
+        return "not before"
+    return f"{1e3 * lead:.0f} ms{' or more' if lead >= -earliest - 1e-9 else ''} before"
 
 
 if __name__ == "__main__":
