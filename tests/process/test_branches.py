@@ -55,7 +55,12 @@ def timeless(summary: Summary) -> Summary:
     return summary
 
 
-@pytest.mark.parametrize("case", CASES)
+OFTEN = ("links", "faults drawn before the run", "an earlier reseed")
+
+
+@pytest.mark.parametrize(
+    "case", [pytest.param(c, marks=[] if c in OFTEN else pytest.mark.nightly) for c in CASES]
+)
 def test_a_branch_has_the_bits_of_a_run_of_the_scenario_with_that_reseed(case):
     trunk = trunk_of(phalanx.load("unicycles", {**RANDOM, **CASES[case]}), KILLED)
     found = []

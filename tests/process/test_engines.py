@@ -77,6 +77,7 @@ VARIANTS = {
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+@pytest.mark.nightly
 def test_processes_that_load_machine_code_have_the_same_trajectory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

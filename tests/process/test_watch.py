@@ -40,7 +40,9 @@ def test_no_honest_agent_is_convicted(name):
 
 
 @pytest.mark.parametrize("name", LIES)
-@pytest.mark.parametrize("network", ["no losses", "losses and delays"])
+@pytest.mark.parametrize(
+    "network", ["no losses", pytest.param("losses and delays", marks=pytest.mark.nightly)]
+)
 def test_a_liar_is_convicted_by_all_that_hear_it(name, network):
     lie = {"kind": "lie", "agent": "2", "at": 0.5, "for": 5.0, **LIES[name]}
     found = trust("unicycles", faults=[lie], **HONEST.get(network, {}))

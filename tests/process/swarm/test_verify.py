@@ -78,7 +78,9 @@ def long(recorded, tmp_path) -> Path:
 
 
 @pytest.mark.parametrize("engine", ["processes", "in-process"])
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.nightly)]
+)
 def test_one_that_is_stopped_is_said_to_be(phalanx, long, engine: str, number: signal.Signals):
     run = phalanx("verify", str(long), "--engine", engine)
     wait_for(lambda: len(run.programs()) == 6 or (engine == "in-process" and writes(run)))

@@ -49,8 +49,8 @@ def test_two_runs_have_the_intervals_of_both(runs, capsys):
 
 
 def test_a_lower_level_needs_fewer_intervals(runs, capsys):
-    assert "too few intervals" in printed(capsys, *runs, "--level", "0.99999")
-    assert "too few intervals" not in printed(capsys, *runs, "--level", "0.9")
+    assert "too few intervals" in printed(capsys, runs[0], "--level", "0.99999")
+    assert "too few intervals" not in printed(capsys, runs[0], "--level", "0.9")
 
 
 def test_runs_of_other_agents_are_refused(runs, tmp_path, capsys):

@@ -8,7 +8,9 @@ from phalanx.studies.identity import Identity
 from phalanx.studies.work import Job, compute
 
 
-@pytest.mark.parametrize("scenario", ["unicycles", "formation3d", "guaranteed"])
+@pytest.mark.parametrize(
+    "scenario", ["unicycles", "guaranteed", pytest.param("formation3d", marks=pytest.mark.nightly)]
+)
 def test_the_rows_of_a_job_have_the_bits_of_runs(scenario):
     overrides = {"duration": 0.1, "network.loss": 0.3}
     identities = tuple(Identity("", seed, "", "") for seed in (3, 4))

@@ -324,7 +324,9 @@ def test_a_baseline_whose_library_is_not_here_names_the_extra(name, library, mon
         run(name, "unicycles")
 
 
-@pytest.mark.parametrize("scenario", ["unicycles", "formation3d"])
+@pytest.mark.parametrize(
+    "scenario", ["unicycles", pytest.param("formation3d", marks=pytest.mark.nightly)]
+)
 def test_the_lyapunov_function_takes_agents_to_their_goals(scenario):
     found = run("clf-cbf", scenario, duration=3.0)
     far = run("escape", scenario, duration=3.0)
