@@ -4,7 +4,8 @@
 
 A run by the in-process engine is observed from its first sample to its last: the agent's part is
 all that a control step calls, the plant's the rest. Calls of Python's own functions and of
-libraries count the same. The wire is not in it. Figures do not depend on the machine's load.
+libraries count the same. The wire is not in it. A slow machine judges
+events in smaller batches: then the plant's part grows by some calls.
 """
 
 import argparse

@@ -107,14 +107,12 @@ class Contacts:
         One of each for every agent seen, -1 where there are none.
         """
         # Not at t: agents that update together do not receive each other's inputs.
-        found, firsts = [], self._first[i]
-        for j in seen:
-            first = firsts.get(j, -1)
-            (_, before), (sent, newest) = self._sent[j]
-            latest = newest if sent < t else before
-            found.append((first, latest) if 0 <= first <= latest else (-1, -1))
-        since, latest_of = zip(*found, strict=True)
-        return since, latest_of
+        firsts, sent = self._first[i], [self._sent[j] for j in seen]
+        last = [newest if at < t else before for (_, before), (at, newest) in sent]
+        each = list(zip(seen, last, strict=True))
+        since = [firsts[j] if j in firsts and firsts[j] <= k else -1 for j, k in each]
+        latest = [k if j in firsts and firsts[j] <= k else -1 for j, k in each]
+        return tuple(since), tuple(latest)
 
     def forget(self, i: int) -> tuple[int, ...]:
         """Drop all that agent i has received, and return its senders."""
