@@ -94,9 +94,26 @@ def check(scenario: Scenario) -> CheckReport:
         promised=promised(swarm),
     )
     report.words.extend(
-        [str(report.promised), *advice(swarm, report, unknown), *_resting(swarm), *_price(rows)]
+        [
+            str(report.promised),
+            *_world(scenario),
+            *advice(swarm, report, unknown),
+            *_resting(swarm),
+            *_price(rows),
+        ]
     )
     return report
+
+
+def _world(scenario: Scenario) -> list[str]:
+    """Return a sentence on a world of one's own, which no check knows."""
+    if scenario.world is None:
+        return []
+    return [
+        f"The robots move by {scenario.world['type']}, not by their declared dynamics. All of this "
+        "holds as far as a disturbance within the declared bounds explains their motion, which "
+        "the run checks."
+    ]
 
 
 def _price(rows: SafetyRows) -> list[str]:

@@ -100,6 +100,8 @@ def verify(
             raise EngineError(f"run again, it broke: {made.reason}")
         again = read(Path(folder))
     difference = first_difference(recorded, again)
+    if difference is not None and world is not None and world.determinism == "build":
+        difference += "; its world promises the same bits on one build and CPU alone"
     return Verification(difference, len(recorded.steps), len(recorded.states))
 
 

@@ -54,6 +54,9 @@ class World(Protocol):
             step: longest time between two states that `advance` returns [s].
         """
 
+    def reseed(self, seed: int) -> None:
+        """Draw from another seed from now on. A world that draws nothing ignores it."""
+
     def hold(self, name: str, u: Array) -> None:
         """Make a robot hold the input u, shape (m,), from now on. Raises ValueError if it cannot.
 

@@ -25,6 +25,7 @@ class ForeignIntegration(Integration):
     def __init__(self, rows: SafetyRows, world: World) -> None:
         super().__init__(rows)
         swarm, self._world = rows.swarm, world
+        self._seeds, self._reseeded = swarm.seeds, 0
         self._parts = swarm.safe_set.parts
         each = zip(swarm.members, self._parts, strict=True)
         self._agents = [WorldAgent(m.name, m.dynamics, self.x[part].copy()) for m, part in each]
@@ -48,7 +49,19 @@ class ForeignIntegration(Integration):
         call_user(self._world, "hold", "no error", agent.name, self.held(i), agent=agent.name)
 
     def integrate(self, until: float) -> Iterator[Piece]:
-        """Advance the world to `until` [s]. Raises MistakenMethodError."""
+        """Advance the world to `until` [s], with each new seed from its time on.
+
+        Raises MistakenMethodError.
+        """
+        for at, seed in self._seeds.later[self._reseeded :]:
+            if at >= until:
+                break
+            yield from self._advance(at)
+            call_user(self._world, "reseed", "no error", seed)
+            self._reseeded += 1
+        yield from self._advance(until)
+
+    def _advance(self, until: float) -> Iterator[Piece]:
         if not self.t < until:
             return
         found = advanced(self._world, self._agents, self.t, until, self._longest)

@@ -109,6 +109,27 @@ def test_a_run_in_a_world_can_be_repeated_if_it_says_so(ran):
         phalanx.verify(honest)
 
 
+def test_a_world_draws_from_another_seed_from_a_reseed_on(ran):
+    def halves(reseed):
+        states = ran({"type": "Slippery"}, f"reseed={reseed}", duration=0.3).states.drop("run")
+        return [states.filter(part) for part in (states["t"] <= 0.1, states["t"] > 0.1)]
+
+    (before, after), (again, drawn) = halves("[]"), halves("[{ at = 0.1, seed = 8 }]")
+    assert before.equals(again)
+    assert len(before) > 10
+    assert not after.equals(drawn)
+
+
+def test_a_difference_in_a_world_of_one_build_says_that_another_build_may_differ(ran):
+    run = ran({"type": "Fickle", "determinism": '"build"'}, duration=0.1)
+    assert "on one build and CPU alone" in phalanx.verify(run, engine="in-process").difference
+
+
+def test_a_check_says_that_the_robots_move_by_another_law():
+    scenario = phalanx.load("unicycles", [f'world={{ type = "{HERE}:Unicycles" }}'])
+    assert any(f"move by {HERE}:Unicycles" in line for line in phalanx.check(scenario).words)
+
+
 def test_a_world_that_breaks_a_rule_ends_the_run_with_its_name(ran):
     run = ran({"type": "Overshooting"}, duration=0.1)
     assert run.verdict == "broken"

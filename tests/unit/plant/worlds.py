@@ -9,6 +9,7 @@ import numpy as np
 from phalanx_plant.world.world import Integration, Segment
 
 from phalanx.extend import WorldAgent, WorldStates
+from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.models.world import Determinism
 
@@ -27,6 +28,9 @@ class Unicycles:
         self.t, self.step = 0.0, step
         self.x = {agent.name: np.array(agent.start) for agent in agents}
         self.u = {agent.name: np.zeros(2) for agent in agents}
+
+    def reseed(self, seed: int) -> None:
+        pass
 
     def hold(self, name: str, u: np.ndarray) -> None:
         if name not in self.u or np.shape(u) != (2,) or not np.isfinite(u).all():
@@ -106,6 +110,18 @@ class Fickle(Unicycles):
         self.x = {name: x + 1e-9 * next(_counter) for name, x in self.x.items()}
 
 
+@dataclass
+class Slippery(Unicycles):
+    """Drives at a speed that is drawn anew with each seed."""
+
+    def begin(self, agents: Sequence[WorldAgent], seed: int, step: float) -> None:
+        super().begin(agents, seed, step)
+        self.reseed(seed)
+
+    def reseed(self, seed: int) -> None:
+        self.gain = 1.0 + 0.01 * float(Draws(seed, "slip")[0][0])
+
+
 class Declared:
     """The plant's own integration as a world."""
 
@@ -117,6 +133,9 @@ class Declared:
     def begin(self, agents: Sequence[WorldAgent], seed: int, step: float) -> None:
         self._own = Integration(self._rows)
         self._agents = {agent.name: i for i, agent in enumerate(agents)}
+
+    def reseed(self, seed: int) -> None:
+        pass
 
     def hold(self, name: str, u: np.ndarray) -> None:
         if name not in self._agents or not np.isfinite(u).all():
