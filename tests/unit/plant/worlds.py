@@ -112,7 +112,7 @@ class Fickle(Unicycles):
 
 @dataclass
 class Slippery(Unicycles):
-    """Drives at a speed that is drawn anew with each seed."""
+    """Drives at a speed that each seed draws."""
 
     def begin(self, agents: Sequence[WorldAgent], seed: int, step: float) -> None:
         super().begin(agents, seed, step)
