@@ -112,16 +112,17 @@ def test_a_run_in_a_world_can_be_repeated_if_it_says_so(ran):
 def test_a_world_draws_from_another_seed_from_a_reseed_on(ran):
     nothing = [*(f"agents.{k}.clock.jitter=0" for k in (0, 1)), "network.loss=0", "network.delay=0"]
 
-    def halves(reseed):
-        states = ran({"type": "Slippery"}, *nothing, f"reseed={reseed}", duration=0.3).states.drop(
-            "run"
-        )
+    def halves(*seeds):
+        reseed = ", ".join(f"{{ at = 0.1, seed = {seed} }}" for seed in seeds)
+        states = ran(
+            {"type": "Slippery"}, *nothing, f"reseed=[{reseed}]", duration=0.3
+        ).states.drop("run")
         return [states.filter(part) for part in (states["t"] <= 0.1, states["t"] > 0.1)]
 
-    (before, after), (again, drawn) = halves("[]"), halves("[{ at = 0.1, seed = 8 }]")
+    (before, _), (again, one), (_, other) = halves(), halves(8), halves(9)
     assert before.equals(again)
     assert len(before) > 10
-    assert not after.equals(drawn)
+    assert not one.equals(other)
 
 
 def test_a_difference_in_a_world_of_one_build_says_that_another_build_may_differ(ran):
