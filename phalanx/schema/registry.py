@@ -36,9 +36,11 @@ from phalanx.theory.models.aerial import PlanarQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
 from phalanx.theory.models.wheeled import DifferentialDrive, KinematicBicycle, Unicycle
+from phalanx.theory.models.world import World
 from phalanx.theory.safety.class_k import ClassK, Linear, Power
 from phalanx.theory.safety.function import Distance, HeadingAware, SafeSetFunction, Separation
 from phalanx.theory.safety.limits import Band, Fence, Limit
+from phalanx.worlds.crazyflies import Crazyflies
 
 BUILT_IN: Mapping[type, Mapping[str, type]] = {
     Dynamics: {
@@ -87,6 +89,7 @@ BUILT_IN: Mapping[type, Mapping[str, type]] = {
         "escape": Escape,
         "orca": Orca,
     },
+    World: {"crazyflies": Crazyflies},
 }
 
 _EXPRESSIONS = {Dynamics, ClassK, SafeSetFunction, Limit, Margin}

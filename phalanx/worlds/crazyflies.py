@@ -1,0 +1,128 @@
+"""Crazyflies as the package `drone-models` has them: thrust and attitude fitted to flights.
+
+A driver aboard turns a specific thrust and tilt angles into the firmware's commands, by the
+identified gains, so that constant inputs are reached. What it cannot change are the lags: the
+attitude's is of second order. The arithmetic is portable: the same bits on any machine.
+"""
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from inspect import Parameter, signature
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from phalanx.arrays import Array
+from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.models.aerial import GRAVITY, Quadrotor
+from phalanx.theory.models.runge_kutta import weighted_rates
+from phalanx.theory.models.world import Determinism, WorldAgent, WorldStates
+
+_SWITCH = "SCIPY_ARRAY_API"
+"""drone-models refuses a SciPy that was loaded without it; the expressions do not use SciPy."""
+
+
+@dataclass
+class Crazyflies:
+    """Crazyflies in the coordinates of `quadrotor`. They hold yaw 0, and draw nothing."""
+
+    drone: str = "cf2x_L250"
+    """Parameters: a configuration of drone-models."""
+    model: str = "so_rpy_rotor"
+    """A model of drone-models with rotors and fitted attitude: so_rpy_rotor, so_rpy_rotor_drag."""
+
+    @property
+    def determinism(self) -> Determinism:
+        """Portable arithmetic alone."""
+        return "bits"
+
+    def begin(self, agents: Sequence[WorldAgent], seed: int, step: float) -> None:
+        """Start all drones without turning. Raises ValueError."""
+        for agent in agents:
+            if agent.dynamics.states != Quadrotor.states:
+                raise ValueError(f"agent {agent.name}: expected dynamics with states of quadrotor")
+        motion = _Motion(self.drone, self.model)
+        self._move, self._t, self._step = motion.step, 0.0, step
+        self._x = {agent.name: motion.start(np.asarray(agent.start)) for agent in agents}
+        self._u = {name: np.zeros(len(Quadrotor.inputs)) for name in self._x}
+
+    def reseed(self, seed: int) -> None:
+        """Do nothing: no drone draws."""
+
+    def hold(self, name: str, u: Array) -> None:
+        """Make a drone's driver hold u. Raises ValueError."""
+        if name not in self._u or np.shape(u) != (3,) or not np.isfinite(u).all():
+            raise ValueError(f"expected a drone and its three finite inputs, got {name}: {u}")
+        self._u[name] = np.array(u, dtype=float)
+
+    def advance(self, until: float) -> WorldStates:
+        """Move on by fourth-order Runge-Kutta steps. Raises ValueError."""
+        if not self._t < until:
+            raise ValueError(f"expected more than {self._t:g} s, got {until:g}")
+        count = math.ceil((until - self._t) / self._step)
+        times = np.linspace(self._t, until, count + 1)
+        found = {name: self._moved(name, times) for name in self._x}
+        self._t = until
+        return WorldStates(times[1:], found)
+
+    def _moved(self, name: str, times: Array) -> Array:
+        """Return a drone's declared states at times[1:]."""
+        states = []
+        for before, t in pairwise(times.tolist()):
+            self._x[name], seen = self._move(self._x[name], self._u[name], t - before)
+            states.append(seen)
+        return np.array(states)
+
+
+class _Motion:
+    """A model's step, and its states for declared ones."""
+
+    def __init__(self, drone: str, model: str) -> None:
+        rate, x, u, of = _identified(drone, model)
+        self._lift = float(of["cmd_f_coef"] / of["mass"])
+        at, dt = ca.SX.sym("x", x.numel()), ca.SX.sym("dt")
+        given = ca.SX.sym("u", len(Quadrotor.inputs))
+        c, theta, phi = ca.vertsplit(given)
+        gain = (-of["rpy_coef"] / of["cmd_rpy_coef"]).tolist()
+        command = ca.vertcat(gain[0] * phi, gain[1] * theta, 0.0, (GRAVITY + c) / self._lift)
+        field = ca.Function("f", [x, u], [rate]).expand()
+        still = ca.SX.zeros(x.numel())
+        after = at + dt / 6 * weighted_rates(field, at, command, (still, still, still), dt)
+        # Position, attitude, velocity, rates of the attitude, thrust of each rotor [N].
+        c = self._lift * after[12] - GRAVITY
+        seen = ca.vertcat(after[:3], after[6:9], c, after[4], after[3])
+        self.step = CompiledFunction([at, given, dt], [after, seen])
+
+    def start(self, x: Array) -> Array:
+        """Return the model's state, shape (16,), for a state of `quadrotor`."""
+        place, velocity, (c, theta, phi) = x[:3], x[3:6], x[6:]
+        thrusts = np.full(4, (GRAVITY + c) / self._lift)
+        return np.concatenate([place, [phi, theta, 0.0], velocity, np.zeros(3), thrusts])
+
+
+def _identified(drone: str, model: str) -> tuple[ca.MX, ca.MX, ca.MX, Mapping[str, Any]]:
+    """Return x', x and u of a model of drone-models, and its parameters. Raises ValueError."""
+    before = os.environ.get(_SWITCH)
+    os.environ[_SWITCH] = "1"
+    try:
+        found = import_module(f"drone_models.{model}")
+        parameters = import_module("drone_models.core").load_params(model, drone)
+    except ModuleNotFoundError as error:
+        if error.name == f"drone_models.{model}":
+            raise ValueError(f"model: drone-models has no {model}") from error
+        need = "pip install 'phalanx-swarm[drone-models]'"
+        raise ValueError(f"crazyflies needs {error.name}: {need}") from error
+    except KeyError as error:
+        raise ValueError(f"drone: drone-models has no {drone}") from error
+    finally:
+        os.environ.pop(_SWITCH) if before is None else os.environ.update({_SWITCH: before})
+    equations = found.symbolic_dynamics_euler
+    named = signature(equations).parameters.values()
+    wanted = [each.name for each in named if each.kind is Parameter.KEYWORD_ONLY]
+    rate, x, u, _ = equations(True, **{name: parameters[name] for name in wanted})
+    return rate, x, u, parameters
