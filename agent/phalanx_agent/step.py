@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from phalanx.arrays import Array
 from phalanx.faults.commands import ActiveCommands
-from phalanx.network.inbox import BroadcastInbox, BroadcastRange, Claim, Fate
+from phalanx.network.inbox import BroadcastInbox, BroadcastRange, Claim, Fate, SentInput
 from phalanx.network.link import Link, RuleError
 from phalanx.schema.fields import CONTROLLER
 from phalanx.swarm.finite import mistake_at
@@ -20,6 +20,7 @@ from phalanx.swarm.watch import Watch
 from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.expressions.user_methods import MistakenMethodError, error_line
 from phalanx.theory.rows.information import ReceivedInput
+from phalanx.wire.equivocation import Witness
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import (
     LONGEST_FAILURE,
@@ -27,9 +28,12 @@ from phalanx.wire.messages import (
     Actuation,
     Broadcast,
     Sample,
+    SignedBroadcast,
+    SignedClaim,
     Telemetry,
 )
 from phalanx.wire.seal import Malformed
+from phalanx.wire.signatures import Signatures
 from phalanx_agent.clock import LOCKSTEP, VirtualClock, clock_of
 from phalanx_agent.controller import (
     AgentController,
@@ -111,6 +115,13 @@ class ControlStep:
         """Inputs that lies may repeat, the newest last."""
         watches = swarm.safety.watches and not swarm.members[i].adversary
         self._watch = Watch(swarm, i) if watches else None
+        self._witness: Witness | None = None
+        if watches and swarm.safety.evidence:
+            signatures = Signatures(membership, swarm.names, i)
+            senders = {b.i: b for b in swarm.broadcasters.values() if b.i in self._heard}
+            self._witness = Witness(i, senders, signatures)
+        self.broadcast_kind = SignedBroadcast if self._witness else Broadcast
+        """The message that it receives from peers, and sends to them."""
         own = controller or DistributedController(rows, i, self._watch)
         self._controller: AgentController = own
 
@@ -170,8 +181,16 @@ class ControlStep:
             raise Malformed("from the future")
         if len(message.u) != broadcaster.inputs:
             raise Malformed("wrong size")
+        if self._witness and not self._signed(broadcaster.i, message):
+            raise Malformed("bad signature")
         if not self.inbox.put(broadcaster.i, message, self._clock.now()):
             raise Malformed("out of order")
+
+    def _signed(self, sender: int, message: Broadcast) -> bool:
+        if self._witness is None or not isinstance(message, SignedBroadcast):
+            return False
+        claim = SignedClaim(sender, message.k, message.t_apply, message.u, message.signature)
+        return self._witness.signatures.genuine(claim)
 
     def __call__(self, accepted: Accepted) -> Answer:
         """Answer a sample. In lockstep the inbox must have every broadcast that it counts.
@@ -205,6 +224,7 @@ class ControlStep:
         received = self.inbox.received()
         delivered = self.inbox.take_delivered()
         convictions = self._watch(sample.t, x, sample.seen, delivered) if self._watch else []
+        equivocations = self._convict_equivocators(delivered)
         result = self.decide(x, sample.seen, sample.t, received)
         u, t_apply = tuple(result.decision.u.tolist()), sample.t + self._latency
         claimed = u if result.claimed is None else tuple(result.claimed.tolist())
@@ -216,9 +236,10 @@ class ControlStep:
                 report=result.report(time.perf_counter() - began),
                 ages=tuple((l, sample.t - received[l].t_apply) for l in result.used),
                 fates=fates,
-                rejected=self.rejected,
+                rejected=self.rejected + (self._witness.refused if self._witness else 0),
                 received=self._clock.reported(received),
                 convictions=tuple((c.of, c.begin, c.end, c.excess) for c in convictions),
+                equivocations=equivocations,
                 notes=tuple(result.notes.items()),
             ),
             waits=self._clock.waits,
@@ -230,10 +251,19 @@ class ControlStep:
         """Call the controller with the stacked state x, shape (n̄,), sampled at t [s]."""
         return self._controller(x, seen, t, received)
 
+    def _convict_equivocators(
+        self, delivered: list[tuple[int, SentInput]]
+    ) -> tuple[tuple[int, int], ...]:
+        """Return the index and the number of each newly proven equivocation."""
+        if self._witness is None or self._watch is None:
+            return ()
+        found = self._witness.hear(delivered)
+        self._watch.convicted.update(evidence.first.sender for evidence in found)
+        return tuple((evidence.first.sender, evidence.first.k) for evidence in found)
+
     def _broadcasts(self, sample: Sample, truth: Claim) -> dict[int, Broadcast]:
         if not self._lies.declared:
-            same = Broadcast(k=sample.k, t_apply=truth.t_apply, u=truth.u)
-            return dict.fromkeys(sample.hearers, same)
+            return dict.fromkeys(sample.hearers, self._broadcast(sample.k, truth))
         past, names = self._past, self.swarm.names
         told = {
             l: self._lies.claim(
@@ -246,10 +276,16 @@ class ControlStep:
             for l in sample.hearers
         }
         past.append(truth.u)
-        return {
-            l: Broadcast(k=sample.k, t_apply=claim.t_apply, u=claim.u)
-            for l, (claim, _) in told.items()
-        }
+        return {l: self._broadcast(sample.k, claim) for l, (claim, _) in told.items()}
+
+    def _broadcast(self, k: int, claim: Claim) -> Broadcast:
+        """Make the broadcast of a claim, signed if the run has evidence."""
+        t_apply, u = claim.t_apply, claim.u
+        if self._witness is None:
+            return Broadcast(k=k, t_apply=t_apply, u=u)
+        signature = self._witness.signatures.sign(k, t_apply, u).signature
+        relayed = self._witness.relay(k)
+        return SignedBroadcast(k=k, t_apply=t_apply, u=u, signature=signature, relayed=relayed)
 
     def _decide_fates(self, accepted: Accepted) -> tuple[Fate, ...]:
         sample, x = accepted.sample, accepted.x
@@ -301,7 +337,7 @@ def _most_fates(swarm: Swarm) -> int:
     u = _HEAD + _FLOAT * max(len(member.dynamics.inputs) for member in swarm.members)
     age, received = _HEAD + _INT + _FLOAT, _HEAD + _INT + _FLOAT + u
     conviction = _HEAD + _INT + 3 * _FLOAT
-    each = age + received + conviction
+    each = age + received + conviction + _HEAD + 2 * _INT
     other_fields = 200 + LONGEST_FAILURE + u + len(swarm.members) * each
     faults = _HEAD + _INT * len(swarm.links.declared)
     fate = _HEAD + _INT + _INT + _FLOAT + faults + _HEAD + _FLOAT + u

@@ -124,7 +124,7 @@ class CertificateSummary(msgspec.Struct):
 
 
 class Convicted(msgspec.Struct):
-    """A conviction: one agent found that another did not hold what it announced."""
+    """A conviction: one agent found that another announced what it did not hold."""
 
     by: str
     of: str
@@ -135,6 +135,8 @@ class Convicted(msgspec.Struct):
     end: float
     excess: float
     """By how much more than φ^max it takes to explain the motion."""
+    number: int | None = None
+    """Of the two signed broadcasts that differ; None for a conviction by its motion."""
     after: float | None = None
     """Time since the agent's first false broadcast [s]; None if there was none: a false one."""
 

@@ -76,6 +76,9 @@ class Safety(Strict):
     watch: bool = False
     """Whether agents hold the inputs that others announce against where these go, and convict those
     that no disturbance within its bound explains."""
+    evidence: bool = False
+    """Whether agents also sign what they broadcast, and relay what they heard: two broadcasts of
+    one number that differ convict their sender with all that see both."""
     prove: bool = False
     """Whether agents evaluate their own certificates for an input before they apply it, and look
     for a better one if it is proven safe for less than until the next sample."""
@@ -100,6 +103,9 @@ class Safety(Strict):
         if self.control == "centralised" and self.prove:
             message = "expected false: a centralised controller proves no inputs"
             raise field_error(("prove",), message, self.prove)
+        if self.control == "centralised" and self.evidence:
+            message = "expected false: centralised agents hear nobody"
+            raise field_error(("evidence",), message, self.evidence)
         if self.control == "centralised" and not self.information.reads_roles:
             message = "expected another: a centralised controller knows whom it controls"
             raise field_error(("information",), message, self.information.value)
@@ -157,7 +163,7 @@ class Safety(Strict):
     @property
     def watches(self) -> bool:
         """True if agents hold the inputs that others announce against their motion."""
-        return self.watch or self.information is Information.EARNED
+        return self.watch or self.evidence or self.information is Information.EARNED
 
     @property
     def counts_on_received(self) -> bool:

@@ -94,6 +94,29 @@ class Broadcast(Message, frozen=True, kw_only=True):
     """Native input, shape (m_i,)."""
 
 
+class SignedClaim(msgspec.Struct, array_like=True, frozen=True):
+    """A broadcast's claim with its sender's signature, which any agent can verify."""
+
+    sender: int
+    """Its index."""
+    k: int
+    t_apply: float
+    """[s]"""
+    u: tuple[float, ...]
+    """Native input, shape (m_i,)."""
+    signature: Annotated[bytes, msgspec.Meta(max_length=64)] = b""
+    """Ed25519, of what phalanx.wire.signatures states."""
+
+
+class SignedBroadcast(Broadcast, frozen=True, kw_only=True):
+    """A broadcast with safety.evidence: signed, with claims of others that its sender heard."""
+
+    signature: Annotated[bytes, msgspec.Meta(max_length=64)]
+    """As in a SignedClaim of its sender."""
+    relayed: Annotated[tuple[SignedClaim, ...], msgspec.Meta(max_length=2)] = ()
+    """One claim to compare, or two that convict their sender."""
+
+
 class Telemetry(Message, frozen=True, kw_only=True):
     """Agent i to the plant, for the recording and the viewers: how an input was made."""
 
@@ -112,6 +135,8 @@ class Telemetry(Message, frozen=True, kw_only=True):
     """In real time, (agent's index, t_apply [s], u) of every û_l that the agent had."""
     convictions: tuple[tuple[int, float, float, float], ...] = ()
     """(agent's index, begin and end of the window [s], excess) of each new conviction."""
+    equivocations: tuple[tuple[int, int], ...] = ()
+    """(agent's index, number) of each new conviction by two broadcasts of one number."""
     failed: Annotated[str, msgspec.Meta(max_length=LONGEST_FAILURE)] = ""
     """Why neither this sample nor a later one is answered; the other fields then mean nothing."""
     notes: Annotated[tuple[Note, ...], msgspec.Meta(max_length=MOST_NOTES)] = ()

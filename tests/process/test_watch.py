@@ -74,6 +74,65 @@ def test_a_stuck_actuator_is_convicted_too_though_it_did_not_mean_to():
     assert {each.of for each in found.convictions} <= {"2"}
 
 
+EQUIVOCATIONS = {
+    "another input to every peer": {"equivocate": True},
+    "a lie to one, the truth to the other": {"says": "zero", "to": ["1"]},
+}
+
+
+@pytest.mark.parametrize("name", EQUIVOCATIONS)
+@pytest.mark.parametrize(
+    "network", ["no losses", *(name for name in HONEST if name != "come and go")]
+)
+def test_who_signs_two_broadcasts_of_one_number_is_convicted_by_all(name, network):
+    lie = {"kind": "lie", "agent": "2", "at": 0.5, "for": 5.0, **EQUIVOCATIONS[name]}
+    changes = {"safety.evidence": True, "faults": [lie], **HONEST.get(network, {})}
+    found = trust("unicycles", **changes)
+    proven = [each for each in found.convictions if each.number is not None]
+    assert {(each.by, each.of) for each in proven} == {("1", "2"), ("3", "2")}
+    assert found.false == 0
+    for each in proven:
+        assert each.after == each.t - found.betrayals["2"] > 0.0
+
+
+@pytest.mark.parametrize("name", HONEST)
+def test_evidence_convicts_no_honest_agent_and_changes_no_input(name):
+    found = trust("unicycles", **{"safety.evidence": True}, **HONEST[name])
+    assert (found.betrayals, found.convictions) == ({}, [])
+
+
+def test_a_lie_of_the_same_words_to_all_is_no_equivocation():
+    lie = {"kind": "lie", "agent": "2", "at": 0.5, "for": 5.0, "says": "zero"}
+    found = trust("unicycles", **{"safety.evidence": True}, faults=[lie])
+    assert found.convictions
+    assert [each.number for each in found.convictions] == [None] * len(found.convictions)
+
+
+def test_evidence_ends_earned_trust_alike_in_both_engines():
+    """Halves are only split in 'crossing', whose pairs come near."""
+    lie = {"kind": "lie", "agent": "east", "at": 0.2, "for": 9.0, "says": "zero", "to": ["north"]}
+    changes = {
+        "network.loss": 0.0, "network.delay": 0.0, "duration": 1.0, "faults": [lie],
+        "safety.information": "earned", "safety.evidence": True,
+    }  # fmt: skip
+    scenario = phalanx.load("crossing", changes)
+    runs = [phalanx.run(scenario, engine=engine) for engine in ("in-process", "processes")]
+    assert runs[0].summary.trust == runs[1].summary.trust
+    assert runs[0].summary.trajectory == runs[1].summary.trajectory
+    assert runs[0].summary.trust is not None
+    assert {c.of for c in runs[0].summary.trust.convictions if c.number} == {"east"}
+
+
+def test_signed_broadcasts_change_no_trajectory_in_real_processes():
+    scenario = phalanx.load("unicycles", {"duration": 0.4})
+    evidence = phalanx.load("unicycles", {"duration": 0.4, "safety.evidence": True})
+    calm = phalanx.run(scenario, engine="in-process").summary
+    signed = phalanx.run(evidence, engine="processes").summary
+    assert signed.trajectory == calm.trajectory
+    assert signed.trust is not None
+    assert signed.trust.convictions == []
+
+
 def test_earned_trust_changes_inputs_and_ends_with_a_conviction():
     quiet = {"network.loss": 0.0, "network.delay": 0.0, "duration": 6.0}
     ends = {}

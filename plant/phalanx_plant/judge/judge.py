@@ -232,6 +232,7 @@ class Judge:
         for sender in (self._names[fate.sender] for fate, found in received if found.false):
             notices += self._warn_once(t, f"agent {sender}: first false broadcast")
         notices += [self._conviction(i, t, found) for found in telemetry.convictions]
+        notices += [self._equivocation(i, t, *found) for found in telemetry.equivocations]
         return telemetry, received, notices
 
     def _conviction(self, i: int, t: float, found: tuple[int, float, float, float]) -> Log:
@@ -243,6 +244,13 @@ class Judge:
             f"agent {by} convicts agent {of}: from {begin:.3f} to {end:.3f} s it did not hold what "
             f"it announced, by {excess:.3g} more than a disturbance explains"
         )
+        return Log(t, text, Level.WARNING)
+
+    def _equivocation(self, i: int, t: float, l: int, number: int) -> Log:
+        """Keep a conviction of equivocation by agent i at t [s], and describe it."""
+        by, of = self._names[i], self._names[l]
+        self._convictions.append(Convicted(by, of, t, t, t, 0.0, number))
+        text = f"agent {by} convicts agent {of}: it signed two broadcasts {number} that differ"
         return Log(t, text, Level.WARNING)
 
     @property

@@ -32,6 +32,8 @@ OF_FIELD = {
     "commands": [0.1, None, True, False, True],
     "ages": [[1, 0.01]],
     "convictions": [[1, 0.25, 0.26, 0.5]],
+    "equivocations": [[1, 25]],
+    "relayed": [[1, 25, 0.25, [1.5, -2.0], b"s" * 64]],
     "received": [[1, 0.25, [1.5, -2.0]]],
     "notes": [["gap", 0.25]],
     "fates": [[1, 6, 0.02, [2], [0.25, [1.5, -2.0]]], [1, 7, -1.0, [], None]],
