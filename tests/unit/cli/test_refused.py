@@ -51,6 +51,8 @@ REFUSED = [
     ("plant --scenario unicycles --run a/b", "'--run'"),
     ("plant --scenario unicycles --run r --out file", "'--out'"),
     ("agent 1 --scenario unicycles --run a*b", "'--run'"),
+    ("plant --scenario unicycles --run r --set safety.evidence=true", "safety.evidence: expected"),
+    ("agent 1 --scenario unicycles --run r --set safety.evidence=true", "safety.evidence: expect"),
     ("agent 1 --scenario unicycles --run r --timeout=-1", "'--timeout'"),
     ("view --connect tcp/127.0.0.1:7447 --run a/b", "'--run'"),
     ("ros2 a --timeout=-1", "'--timeout'"),

@@ -112,7 +112,7 @@ def test_who_hears_forged_evidence_convicts_nobody_and_keeps_the_truth(name):
 
 
 @pytest.mark.parametrize("sender", [-2, 3])
-def test_a_claim_of_no_agent_is_not_genuine_whoever_signed_it(sender):
+def test_a_claim_of_no_agent_is_not_genuine_though_signed(sender):
     both = [changed(claim, sender=sender) for claim in (TRUE, signed(HONEST, u=OTHER_U))]
     with pytest.raises(NotProvenError, match="bad signature"):
         equivocator(both, signatures(THIRD))
