@@ -1,7 +1,7 @@
 """Signatures of broadcasts: unlike a seal, a third agent can verify them.
 
 A seal proves a broadcast to its receiver, which has the same key and could have made it. So a run
-with safety.evidence gives each agent an Ed25519 key that nobody else has, and all the public keys.
+with safety.evidence gives each agent an Ed25519 key that no other has, and all the public keys.
 """
 
 from collections.abc import Sequence
