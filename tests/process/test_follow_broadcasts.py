@@ -21,6 +21,7 @@ def start(*command: object) -> subprocess.Popen[str]:
     return subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
 
 
+@pytest.mark.nightly
 @pytest.mark.swarm
 def test_it_prints_every_broadcast(tmp_path, monkeypatch):
     monkeypatch.setenv("PHALANX_SECRET", "s")

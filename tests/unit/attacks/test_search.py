@@ -103,6 +103,7 @@ def test_an_inadmissible_start_costs_without_a_run(tmp_path):
     assert found.finds == []
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_the_best_is_tried_again_on_fresh_seeds_which_alone_may_enter_an_interval(
     scenario, tmp_path

@@ -40,6 +40,7 @@ def test_the_line_for_the_scenario_bounds_what_was_drawn(runs, capsys):
     assert "# check with these bounds: " in text
 
 
+@pytest.mark.nightly
 def test_two_runs_have_the_intervals_of_both(runs, capsys):
     counted = [
         int(text.partition(": ")[2].partition(" intervals")[0])

@@ -58,6 +58,7 @@ def test_an_input_that_is_certified_for_too_short_is_replaced_by_a_longer_one(in
     assert replaced > 3
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_with_proofs_a_hijack_leaves_the_remaining_pairs_guaranteed():
     ends = {}

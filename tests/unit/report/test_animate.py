@@ -89,6 +89,7 @@ def test_the_verdict_comes_last(run: phalanx.Run):
     assert ["violated" in shown for shown in texts] == [False, False, True]
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_it_is_written_as_gif_or_webp(run: phalanx.Run, tmp_path: Path):
     for name in ("run.gif", "run.webp"):

@@ -44,6 +44,7 @@ def test_a_polygon_is_written_and_read_again():
     assert polygon.rounding == 0.2
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_carts_are_proven_safe_from_a_ramp_and_from_a_truck_that_crosses_their_path():
     run = phalanx.run("warehouse", engine="in-process")
