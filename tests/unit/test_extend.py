@@ -16,7 +16,7 @@ SOURCE = ast.parse(inspect.getsource(phalanx.extend))
 NAMES = """
     Dynamics Bounded Measured box_polytope SingleIntegrator DoubleIntegrator TripleIntegrator
     Unicycle DifferentialDrive KinematicBicycle PlanarQuadrotor Quadrotor
-    World WorldAgent WorldStates
+    World WorldAgent WorldStates Crazyflies
     SafeSetFunction Body Separation Distance HeadingAware Obstacle Sphere Wall Box Polygon
     Limit Drawable Fence Band
     ClassK Linear Power Margin PairRow Chain LocalMargin IntegratedMargin
