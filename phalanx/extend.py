@@ -77,7 +77,6 @@ from phalanx.theory.safety.function import (
 from phalanx.theory.safety.limits import Band, Drawable, Fence, Limit
 from phalanx.theory.safety.obstacles import Obstacle, Sphere, Wall
 from phalanx.theory.safety.polygon import Polygon
-from phalanx.worlds.crazyflies import Crazyflies
 
 __all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
     # Dynamics
@@ -97,7 +96,6 @@ __all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
     "World",
     "WorldAgent",
     "WorldStates",
-    "Crazyflies",
     # Safe-set functions, obstacles, limits
     "SafeSetFunction",
     "Body",
