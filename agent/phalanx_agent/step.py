@@ -137,7 +137,7 @@ class ControlStep:
             states = self._states.unpack(sample.x, sample.seen)
         except ValueError as error:
             raise Malformed("wrong size") from error
-        largest = np.abs(np.frombuffer(sample.x, dtype="<f8")).max(initial=0.0)
+        largest = np.maximum.reduce(np.abs(np.frombuffer(sample.x, dtype="<f8")), initial=0.0)
         if not largest <= LARGEST:
             raise Malformed("too large" if np.isfinite(largest) else "not finite")
         existing = _existing(sample)

@@ -135,7 +135,7 @@ class BroadcastInbox:
                 self._received.pop(sender, None)
             if latest > incoming.decided:
                 fates += self._decide(sender, latest, t, distance)
-            for message in incoming.land(t):
+            for message in incoming.land(t) if incoming.in_flight else ():
                 self._delivered.append((sender, message))
                 if incoming.is_newer(message):
                     self._received[sender] = message
@@ -170,14 +170,14 @@ class BroadcastInbox:
             # It is sent when the input takes effect, and delays count from then; in real time
             # they are added to the real delay.
             begins = message.t_apply
-            sent = max(begins, min(at, t))
+            sent = begins if at <= begins else max(begins, min(at, t))
             delivery = link.fate(k, sent, apart, t)
             after = math.inf
             for copy in delivery.copies:
                 if copy.corrupt:
                     self._corrupt.append((sender, message))
                 else:
-                    after = min(after, copy.after)
+                    after = copy.after if copy.after < after else after
                     incoming.in_flight.append((sent + copy.after, message))
             if after == math.inf:
                 fates.append(Fate(sender, k, -1.0, delivery.faults))

@@ -132,13 +132,13 @@ class MappedFunction:
             values.take(places, out=given, mode="clip")
             call()
             return results.copy()
-        at_once = max(_MOST_ROWS // max(count, 1), 1)
-        if len(values) > at_once:
-            blocks = [values[k : k + at_once] for k in range(0, len(values), at_once)]
+        states = len(values)
+        rows = states * count
+        if rows > _MOST_ROWS and states > 1:
+            at_once = max(_MOST_ROWS // count, 1)
+            blocks = [values[k : k + at_once] for k in range(0, states, at_once)]
             return np.concatenate([self(block, places) for block in blocks])
-        given, call, results = self._views.get(len(values) * count) or self._view(
-            len(values) * count
-        )
+        given, call, results = self._views.get(rows) or self._view(rows)
         values.take(
             places, axis=-1, out=given.reshape(*values.shape[:-1], *places.shape), mode="clip"
         )

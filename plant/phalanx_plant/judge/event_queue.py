@@ -91,7 +91,7 @@ class EventQueue:
             self.judge_all()
             self._due = time.monotonic() + _LONGEST
             return
-        while len(self._events) > _BATCH:
+        for _ in range(len(self._events) - _BATCH):
             self.judge_next()
         self.idle()
 

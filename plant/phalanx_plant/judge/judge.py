@@ -36,7 +36,7 @@ from phalanx_plant.world.events import (
     StateReached,
 )
 from phalanx_plant.world.extremes import PairExtremes
-from phalanx_plant.world.world import DisturbanceKnot, DivergedError
+from phalanx_plant.world.world import DivergedError
 
 
 class Judged(Struct, frozen=True):
@@ -98,8 +98,8 @@ class Judge:
 
     def prepare(self, events: Sequence[Event]) -> None:
         """Compute what the next events need, in one call: that costs less than one by one."""
-        evaluated = self.evaluation.of([e.history for e in events if isinstance(e, StateReached)])
-        proven = self.coverage.proven([e for e in events if isinstance(e, InputApplied)])
+        evaluated = self.evaluation.of([e.history for e in events if type(e) is StateReached])
+        proven = self.coverage.proven([e for e in events if type(e) is InputApplied])
         self._histories.extend(evaluated)
         self._proven.extend(proven)
 
@@ -124,8 +124,8 @@ class Judge:
     def add(self, history: EvaluatedHistory) -> None:
         """Check a piece of the world's history. Raises DivergedError."""
         for piece in history:
-            if not isinstance(piece, DisturbanceKnot):
-                if not (np.abs(piece.h_tot) <= LARGEST).all():
+            if type(piece) is EvaluatedSteps:
+                if not np.logical_and.reduce(np.abs(piece.h_tot) <= LARGEST):
                     raise self._diverged(piece)
                 self.extremes.add(piece.times, piece.pairs, piece.h, piece.h_tot)
             self.assumptions.add(piece)
@@ -195,7 +195,7 @@ class Judge:
             self.origins[origin] += 1
         step = AppliedStep(
             u=tuple(event.u.tolist()),
-            oldest_input=max((age for _, age in telemetry.ages), default=None),
+            oldest_input=max([age for _, age in telemetry.ages], default=None),
             certified=self.coverage.applied(i, event.t_apply, proven),
             **asdict(telemetry.report),
         )

@@ -77,7 +77,7 @@ class Publisher:
         """Take the next event; publish a frame if its instant is complete."""
         event = judged.event
         if self._audience is None:
-            self._t = event.t if isinstance(event, StateReached) else self._t
+            self._t = event.t if type(event) is StateReached else self._t
             return
         for notice in judged.notices:
             self._log.append(LogLine(notice.t, notice.text))

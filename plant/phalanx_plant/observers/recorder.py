@@ -30,11 +30,11 @@ class TrajectoryHash:
 
     def add(self, judged: Judged) -> None:
         """Take the next event."""
-        event = judged.event
-        if isinstance(event, StateReached):
-            self._sha.update(_TIME.pack(event.t) + event.x.tobytes())
-        elif isinstance(event, InputApplied):
-            self._sha.update(_INPUT.pack(event.i, event.k) + event.u.tobytes())
+        match judged.event:
+            case StateReached(t=t, x=x):
+                self._sha.update(_TIME.pack(t) + x.tobytes())
+            case InputApplied(i=i, k=k, u=u):
+                self._sha.update(_INPUT.pack(i, k) + u.tobytes())
 
     @property
     def hexadecimal(self) -> str:
@@ -79,7 +79,7 @@ class Recorder:
                 self._received[event.i] += judged.received
         for notice in judged.notices:
             write(notice)
-        if isinstance(event, InputApplied) and judged.made is not None:
+        if type(event) is InputApplied and judged.made is not None:
             step, telemetry = judged.made
             write(self._step(event, step, telemetry))
             if event.answers is not None:

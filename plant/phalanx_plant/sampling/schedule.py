@@ -96,7 +96,7 @@ class Schedule:
 
     def applying_at(self, t: float) -> list[int]:
         """The agents whose inputs take effect at t [s], in order."""
-        return sorted(i for i, due in self._due.items() if due <= t)
+        return sorted([i for i, due in self._due.items() if due <= t])
 
     def tick(self, i: int) -> float:
         """Time of the next tick of agent i's clock [s]."""

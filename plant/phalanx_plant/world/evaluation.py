@@ -57,10 +57,10 @@ class Evaluation:
     def of(self, histories: Sequence[History]) -> list[EvaluatedHistory]:
         """Evaluate consecutive histories; in each result the knots come first."""
         found: list[EvaluatedHistory] = [
-            [p for p in history if isinstance(p, DisturbanceKnot)] for history in histories
+            [p for p in history if type(p) is DisturbanceKnot] for history in histories
         ]
         numbered = [
-            (k, p) for k, history in enumerate(histories) for p in history if isinstance(p, Segment)
+            (k, p) for k, history in enumerate(histories) for p in history if type(p) is Segment
         ]
         if not numbered:
             return found

@@ -159,9 +159,11 @@ class World:
 
     def follow(self, pieces: Iterable[Piece]) -> None:
         """Append pieces that were integrated already. Raises DivergedError."""
+        all_of = np.logical_and.reduce  # one call, where `all` makes three
         for piece in pieces:
-            if isinstance(piece, Segment):
-                if not ((np.abs(piece.x) <= LARGEST).all() and np.isfinite(piece.p).all()):
+            if type(piece) is Segment:
+                small, finite = np.abs(piece.x) <= LARGEST, np.isfinite(piece.p)
+                if not (all_of(small, axis=None) and all_of(finite, axis=None)):
                     raise self._diverged(piece)
                 self.t, self.x, self.p = piece.end, piece.x[-1], piece.p[-1]
             self._history.append(piece)
