@@ -91,6 +91,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.attacks": COMMANDED | CURVES | rooms("report statistics studies studies.page"),
     "phalanx.studies.page": COMMANDED | rooms("report statistics studies"),
     "phalanx.hosts": COMMANDED,
+    "phalanx.ros2": WIRE,
     "phalanx.certify": COMMANDED | rooms("certify.checker"),
     # Shares what docs/certificate.md lists; records are handed to it.
     "phalanx.certify.checker": rooms("theory.models theory.safety scenario"),
@@ -100,7 +101,7 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx_viewer.plots": CURVES | rooms("viewer.scene viewer.feeds"),
     "phalanx_viewer.page": CURVES | rooms("viewer.scene viewer.feeds viewer.plots"),
     "phalanx_viewer.export": CURVES | rooms("report viewer.scene viewer.feeds viewer.plots"),
-    "phalanx_viewer.ros2": COMMANDED | CURVES | rooms("viewer viewer.scene viewer.feeds"),
+    "phalanx_viewer.ros2": COMMANDED | CURVES | rooms("ros2 viewer viewer.scene viewer.feeds"),
 }
 EXTENSIONS = {
     "phalanx.curves",
@@ -110,6 +111,7 @@ EXTENSIONS = {
     "phalanx.studies.page",
     "phalanx.learning",
     "phalanx.hosts",
+    "phalanx.ros2",
     "phalanx.certify",
     "phalanx_viewer",
 }

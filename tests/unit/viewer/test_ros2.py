@@ -7,7 +7,7 @@ import pytest
 from phalanx_viewer.feeds.replay import Replay
 from phalanx_viewer.ros2 import messages
 from phalanx_viewer.ros2.diagnostics import diagnostics, heads, interim_outcome, outcome
-from phalanx_viewer.ros2.messages import message_type, pose_messages, serialized
+from phalanx_viewer.ros2.messages import pose_messages
 from phalanx_viewer.ros2.republisher import pose_topics
 from phalanx_viewer.scene.kinematics import rotations_to
 from phalanx_viewer.scene.model import SceneModel, scene_model
@@ -18,6 +18,7 @@ from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__MarkerArr
 
 import phalanx
 from phalanx.cli.app import USAGE_ERROR, status
+from phalanx.ros2.cdr import message_type, serialized
 from tests import ros2_messages as ros
 
 

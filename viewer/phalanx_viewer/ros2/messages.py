@@ -1,14 +1,9 @@
-"""ROS 2 messages of a swarm: poses and markers, and all messages as bytes.
-
-The bytes are CDR, little-endian.
-"""
+"""ROS 2 messages of a swarm: poses and markers."""
 
 from collections.abc import Iterator, Sequence
-from functools import cache
 from typing import Any
 
 import numpy as np
-from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.stores.ros2_jazzy import builtin_interfaces__msg__Duration as Duration
 from rosbags.typesys.stores.ros2_jazzy import builtin_interfaces__msg__Time as Time
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Point as Point
@@ -24,8 +19,8 @@ from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__MarkerArr
 from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__MeshFile as MeshFile
 
 from phalanx.arrays import Array
+from phalanx.ros2 import cdr
 from phalanx.wire.messages import AgentStatus
-from phalanx_viewer.ros2.rmw_zenoh import MessageType
 from phalanx_viewer.scene.colours import COLOURS, DANGER, role
 from phalanx_viewer.scene.kinematics import Poses, rotations_to
 from phalanx_viewer.scene.model import SceneModel
@@ -33,7 +28,6 @@ from phalanx_viewer.scene.shapes import Kind, Shape, agent_shapes, static_shapes
 
 WORLD = "world"
 """The fixed frame of all positions."""
-_STORE = get_typestore(Stores.ROS2_JAZZY)
 _TYPES = {
     Kind.ARROW: Marker.ARROW,
     Kind.TEXT: Marker.TEXT_VIEW_FACING,
@@ -52,22 +46,9 @@ _NAMESPACES = {
 }
 
 
-@cache
-def message_type(kind: type) -> MessageType:
-    """Type name and hash of a class of messages."""
-    name: str = kind.__msgtype__  # type: ignore[attr-defined]
-    return MessageType(name, _STORE.hash_rihs01(name))
-
-
-def serialized(message: Any) -> bytes:
-    """Serialize a message, with CDR's header of four bytes."""
-    return bytes(_STORE.serialize_cdr(message, message.__msgtype__, little_endian=True))
-
-
 def header(t: float) -> Header:
     """Header of a message about virtual time t [s], which is its stamp."""
-    seconds, nanoseconds = divmod(round(t * 1e9), 1_000_000_000)
-    return Header(stamp=Time(sec=seconds, nanosec=nanoseconds), frame_id=WORLD)
+    return cdr.header(t, WORLD)
 
 
 def pose_messages(t: float, poses: Poses) -> Iterator[PoseStamped]:

@@ -13,6 +13,8 @@ from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__PoseStamped as
 from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__MarkerArray as MarkerArray
 
 from phalanx.arrays import Array
+from phalanx.ros2.cdr import message_type, serialized
+from phalanx.ros2.rmw_zenoh import Node, NodeName
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Frame
 from phalanx_viewer.feeds.feed import Feed, stop_request
@@ -20,8 +22,7 @@ from phalanx_viewer.feeds.live import Live
 from phalanx_viewer.feeds.replay import open_replay
 from phalanx_viewer.ros2 import messages
 from phalanx_viewer.ros2.diagnostics import Head, diagnostics, heads, interim_outcome, outcome
-from phalanx_viewer.ros2.messages import message_type, pose_messages, serialized
-from phalanx_viewer.ros2.rmw_zenoh import Node, NodeName
+from phalanx_viewer.ros2.messages import pose_messages
 from phalanx_viewer.scene.kinematics import Poses
 
 log = logging.getLogger("phalanx.ros2")

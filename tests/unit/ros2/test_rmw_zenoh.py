@@ -1,8 +1,9 @@
 """Names, tokens and attachments equal the examples in docs/design.md of ros2/rmw_zenoh."""
 
-from phalanx_viewer.ros2.rmw_zenoh import MessageType, NodeName, attachment, gid
 from zenoh import ZBytes
 from zenoh.ext import Int64, z_deserialize
+
+from phalanx.ros2.rmw_zenoh import MessageType, NodeName, attachment, gid
 
 DIGEST = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
 STRING = MessageType("std_msgs/msg/String", DIGEST)
@@ -47,3 +48,9 @@ def test_a_gid_is_the_128_bits_of_xxh3_its_low_half_first():
     """XXH128 of nothing is 99aa06d3014798d86001c324468d497f: xxHash's own test."""
     assert gid("").hex() == "7f498d4624c30160" + "d8984701d306aa99"
     assert gid(TALKER.token(ZID)) != gid(TALKER.token(ZID[::-1]))
+
+
+def test_a_subscriptions_token_differs_from_a_publishers_in_its_kind_alone():
+    publisher = TALKER.publisher_token(ZID, 10, "/chatter", STRING)
+    found = TALKER.subscription_token(ZID, 10, "/chatter", STRING)
+    assert found == publisher.replace("/MP/", "/MS/") != publisher

@@ -7,7 +7,7 @@ RMW_IMPLEMENTATION=rmw_zenoh_cpp sees the publishers; the node is a client of th
 import itertools
 import struct
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Self
 
@@ -56,11 +56,20 @@ class NodeName:
 
     def publisher_token(self, zid: str, number: int, topic: str, kind: MessageType) -> str:
         """Liveliness token of the node's publisher of this number, on an absolute topic."""
-        return f"{self._token(zid, number, 'MP')}/{_mangled(topic)}/{kind.on_the_wire}/{_QOS}"
+        return self._endpoint_token(zid, number, "MP", topic, kind)
+
+    def subscription_token(self, zid: str, number: int, topic: str, kind: MessageType) -> str:
+        """Liveliness token of the node's subscription of this number, on an absolute topic."""
+        return self._endpoint_token(zid, number, "MS", topic, kind)
 
     def topic_key(self, topic: str, kind: MessageType) -> str:
         """Key expression of a topic's messages."""
         return f"{self.domain}/{topic.strip('/')}/{kind.on_the_wire}"
+
+    def _endpoint_token(
+        self, zid: str, number: int, entity: str, topic: str, kind: MessageType
+    ) -> str:
+        return f"{self._token(zid, number, entity)}/{_mangled(topic)}/{kind.on_the_wire}/{_QOS}"
 
     def _token(self, zid: str, number: int, entity: str) -> str:
         session = f"@ros2_lv/{self.domain}/{zid}/0/{number}"
@@ -96,19 +105,35 @@ class Node:
         # A token lives as long as a reference to it.
         self._tokens = [liveliness.announce(self._session, name.token(self._zid))]
 
-    def publisher(self, topic: str, kind: MessageType) -> "Publisher":
+    def publisher(
+        self, topic: str, kind: MessageType, delivery: pubsub.Delivery = pubsub.Delivery.VIEW
+    ) -> "Publisher":
         """Announce a topic, absolute, such as "/phalanx/markers"."""
         token = self._name.publisher_token(self._zid, next(self._numbers), topic, kind)
         key = self._name.topic_key(topic, kind)
-        publisher = pubsub.publisher(self._session, key, pubsub.Delivery.VIEW)
+        publisher = pubsub.publisher(self._session, key, delivery)
         self._tokens.append(liveliness.announce(self._session, token))
         return Publisher(publisher, gid(token))
+
+    def subscribe(self, topic: str, kind: MessageType, deliver: Callable[[bytes], None]) -> None:
+        """Announce a subscription of an absolute topic; deliver(payload) is called in a thread.
+
+        deliver must not wait for another message.
+        """
+        token = self._name.subscription_token(self._zid, next(self._numbers), topic, kind)
+        self._tokens.append(liveliness.announce(self._session, token))
+        key = self._name.topic_key(topic, kind)
+        pubsub.subscribe(self._session, key, lambda _, payload: deliver(payload))
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._session.close()  # type: ignore[no-untyped-call]
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._session.close()  # type: ignore[no-untyped-call]
+        self.close()
 
 
 class Publisher:

@@ -1,0 +1,1 @@
+"""ROS 2 over rmw_zenoh, without ROS installed: names, types, bytes, and robots."""
