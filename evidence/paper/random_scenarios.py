@@ -21,8 +21,7 @@ from typing import Any, get_args
 import numpy as np
 from phalanx_plant import run as plant_run
 from phalanx_plant.judge.judge import Judge
-from phalanx_plant.world.evaluation import EvaluatedSteps
-from phalanx_plant.world.world import DisturbanceKnot
+from phalanx_plant.world.evaluation import EvaluatedHistory, EvaluatedSteps
 
 from phalanx.certify.checker.certify import Certification, certify
 from phalanx.certify.checker.intervals import UncertifiableError
@@ -262,7 +261,7 @@ class WatchingJudge(Judge):
         """(t, pair, h) with h > 0 while certified."""
         WatchingJudge.latest = self
 
-    def add(self, history: list[EvaluatedSteps | DisturbanceKnot]) -> None:
+    def add(self, history: EvaluatedHistory) -> None:
         for piece in history:
             if isinstance(piece, EvaluatedSteps):
                 certified = self.coverage.ends[piece.pairs] >= piece.times[:, None]

@@ -36,6 +36,9 @@ Listen = Annotated[
         help="Zenoh endpoint of the hub; by default a free port on 127.0.0.1.",
     ),
 ]
+DryRun = Annotated[
+    bool, typer.Option("--dry-run", help="Read robots and compute inputs, but send them nothing.")
+]
 Report = Annotated[bool, typer.Option(help="Make the report when the run is over.")]
 Strict = Annotated[bool, typer.Option(help="Exit with 1 if the run was safe but not guaranteed.")]
 Profile = Annotated[
@@ -81,6 +84,7 @@ def run(
     engine: Engine = DEFAULT_ENGINE,
     out: Out = Path("runs"),
     real_time: RealTimeFactor = None,
+    dry_run: DryRun = False,
     listen: Listen = None,
     secret: Secret = "",
     insecure: Insecure = False,
@@ -122,6 +126,10 @@ def run(
 
     ignore_closed_pipes()
     resolved = phalanx.load(scenario, overrides or (), seed)
+    if dry_run:
+        if not hasattr(resolved.fresh_world(), "dry_run"):
+            raise typer.BadParameter("--dry-run: expected a world of robots, such as ros2")
+        resolved = phalanx.load(scenario, [*(overrides or ()), "world.dry_run=true"], seed)
     from phalanx.cli.display import progress
     from phalanx.guarantee.verdict import exit_status
 
@@ -162,6 +170,8 @@ def run(
                 f"--out: cannot create a folder in {out}: {error.strerror}"
             ) from error
         outcome = _show(finished, profile, report)
+        if dry_run:
+            echo("dry run: nothing was sent to the robots")
         if page:
             _wait_for(page)
     return exit_status(outcome, strict)

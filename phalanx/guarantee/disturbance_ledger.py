@@ -66,14 +66,19 @@ class DisturbanceLedger:
         """
         w, n = before.shape
         given = np.concatenate([before, after, u, seconds[:, None]], axis=1)
-        phi = doubt = np.zeros((w, n))
+        phi, last, doubt = np.zeros((3, w, n))
+        rounded = _ROUNDED * (np.abs(before) + np.abs(after))
+        moving = np.arange(w)
         for _ in range(_ITERATIONS):
-            row = np.concatenate([given, phi], axis=1)
+            row = np.concatenate([given[moving], phi[moving]], axis=1)
             found = self._improve(row.ravel(), np.arange(row.size).reshape(row.shape))
-            last, (phi, doubt) = phi, np.split(found, 2, axis=1)
-            if np.array_equal(last, phi):
+            last[moving] = phi[moving]
+            phi[moving], doubt[moving] = np.split(found, 2, axis=1)
+            change = np.abs(phi[moving] - last[moving]) * seconds[moving, None]
+            moving = moving[(change > rounded[moving]).any(axis=1)]
+            if not len(moving):
                 break
-        off = doubt + _ROUNDED * (np.abs(before) + np.abs(after))
+        off = doubt + rounded
         size = length(last) + length(off) / seconds
         return Explanation(last, np.where(np.isfinite(size), size, np.inf))
 

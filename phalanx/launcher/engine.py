@@ -131,7 +131,10 @@ def execute(
 
     folder: of the run, or a function that makes it, called once the scenario is runnable.
     """
+    from phalanx.theory.models.world import require_clock
+
     open_closed_streams()
+    require_clock(scenario.fresh_world(), options.real_time)
     run: Engine = pkgutil.resolve_name(ENGINES[options.engine].function)
     return run(scenario, (lambda: folder) if isinstance(folder, Path) else folder, options)
 

@@ -41,6 +41,7 @@ from phalanx.theory.safety.class_k import ClassK, Linear, Power
 from phalanx.theory.safety.function import Distance, HeadingAware, SafeSetFunction, Separation
 from phalanx.theory.safety.limits import Band, Fence, Limit
 from phalanx.worlds.crazyflies import Crazyflies
+from phalanx.worlds.ros2 import Ros2
 
 BUILT_IN: Mapping[type, Mapping[str, type]] = {
     Dynamics: {
@@ -89,7 +90,7 @@ BUILT_IN: Mapping[type, Mapping[str, type]] = {
         "escape": Escape,
         "orca": Orca,
     },
-    World: {"crazyflies": Crazyflies},
+    World: {"crazyflies": Crazyflies, "ros2": Ros2},
 }
 
 _EXPRESSIONS = {Dynamics, ClassK, SafeSetFunction, Limit, Margin}

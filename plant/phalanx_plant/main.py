@@ -20,6 +20,7 @@ from phalanx.profile.stopwatch import Stopwatch
 from phalanx.recording.records import RECORDING, SUMMARY
 from phalanx.recording.write import RecordingError, RecordingWriter, write_summary
 from phalanx.swarm.rows import SafetyRows
+from phalanx.theory.models.world import require_clock
 from phalanx.wire.keys import PLANT
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Ended, Status
@@ -103,6 +104,7 @@ def run(
         HubError: the endpoint cannot be listened on, or no router is there.
         RecordingError: the recording cannot be begun.
     """
+    require_clock(rows.swarm.scenario.fresh_world(), real_time)
     stop = StopRequest()
     hub_class, clock, policy = _clock_for(policy, real_time)
     scenario = rows.swarm.scenario

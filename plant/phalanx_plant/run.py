@@ -156,6 +156,8 @@ class PlantRun:
             end = self.complete()
         except ENDINGS as error:
             end = ended_by(error)
+        finally:
+            self._world.integration.close()
         return self.summary(end, time.monotonic() - began, rejected())
 
     def complete(self) -> End:

@@ -35,8 +35,8 @@ HOMES = {
     if isinstance(node, ast.ImportFrom) and node.module
     for alias in node.names
 }
-# What a scenario's field makes by name, and no code of one's own: margins of the paper, a world.
-_BY_NAME_ONLY = {"PaperMargin", "CorrectedMargin", "Crazyflies"}
+# What a scenario's field makes by name, and no code of one's own: margins of the paper, worlds.
+_BY_NAME_ONLY = {"PaperMargin", "CorrectedMargin", "Crazyflies", "Ros2"}
 
 
 def test_its_names_are_these():

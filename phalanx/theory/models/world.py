@@ -25,6 +25,16 @@ class WorldAgent(NamedTuple):
     """State at t = 0, shape (n,)."""
 
 
+class WorldNote(NamedTuple):
+    """An event in a world, for the event log."""
+
+    t: float
+    """[s]"""
+    text: str
+    fails: str = ""
+    """An assumption of the guarantee, by name, that fails with it."""
+
+
 class WorldStates(NamedTuple):
     """States of all robots at s instants, in order."""
 
@@ -32,13 +42,16 @@ class WorldStates(NamedTuple):
     """[s], shape (s,)"""
     x: Mapping[str, Array]
     """States of each robot by its name, shape (s, n)."""
+    notes: Sequence[WorldNote] = ()
+    """What else happened."""
 
 
 @runtime_checkable
 class World(Protocol):
     """A simulator of robots. A scenario names it in `world`; a dataclass with these members is one.
 
-    `phalanx.testing.check_world` tries whether it keeps what is said here.
+    `phalanx.testing.check_world` tries whether it keeps what is said here. A world whose attribute
+    `real_time` is true runs in real time alone; a method `close()` is called after the run.
     """
 
     @property
@@ -70,6 +83,12 @@ class World(Protocol):
         """
 
 
+def require_clock(world: World | None, real_time: float | None) -> None:
+    """Raise ValueError if a world moves by the wall clock, and the run does not."""
+    if getattr(world, "real_time", False) and real_time != 1.0:
+        raise ValueError("world: its robots move by the wall clock: run it with --real-time 1")
+
+
 def advanced(
     world: World, agents: Sequence[WorldAgent], now: float, until: float, step: float
 ) -> WorldStates:
@@ -94,4 +113,4 @@ def advanced(
         shape = len(t), len(agent.dynamics.states)
         if x[agent.name].shape != shape:
             raise mistaken(f"shape {x[agent.name].shape} for agent {agent.name}, not {shape}")
-    return WorldStates(t, x)
+    return WorldStates(t, x, found.notes)

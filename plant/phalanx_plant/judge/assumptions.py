@@ -12,6 +12,7 @@ from phalanx.guarantee.certificate import DEFECT
 from phalanx.guarantee.verdict import Assumption
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
+from phalanx.theory.models.world import WorldNote
 from phalanx.theory.rows.information import Information
 from phalanx.theory.rows.origin import EMPTY, OF_CONTROLLERS, Origin
 from phalanx.wire.messages import Telemetry
@@ -81,6 +82,8 @@ class Assumptions:
         self._begins = [part.start for part in self._parts]
         self._x = swarm.start()
         """The true stacked state at the last event, shape (n̄,)."""
+        self._of_world: dict[str, Assumption] = {}
+        """Assumptions that a world of the scenario's says have failed."""
         self._in_force: dict[int, float] = {}
         """Time at which each agent's input took effect [s]."""
         self._actuators = Actuators(swarm)
@@ -98,7 +101,11 @@ class Assumptions:
     def of_guarantee(self) -> list[Assumption]:
         """The assumptions of the outcome `guaranteed`."""
         found = [self._start, self._gap, self._disturbance, self._inputs, self._certificates]
-        return [*found, *[each for each in (self._resolved, self._prompt) if each.failed]]
+        return [
+            *found,
+            *[each for each in (self._resolved, self._prompt) if each.failed],
+            *self._of_world.values(),
+        ]
 
     @property
     def of_theorem(self) -> list[Assumption]:
@@ -114,8 +121,15 @@ class Assumptions:
         believed = safety.counts_on_received and self._filtered
         return [*found, self._fresh, self._broadcasts] if believed else found
 
-    def add(self, piece: EvaluatedSteps | DisturbanceKnot) -> None:
+    def add(self, piece: EvaluatedSteps | DisturbanceKnot | WorldNote) -> None:
         """Check a piece of the world's history."""
+        if isinstance(piece, WorldNote):
+            if piece.fails:
+                own = self._of_world.setdefault(
+                    piece.fails, Assumption(piece.fails, note=piece.text)
+                )
+                own.check(False, piece.t)
+            return
         if isinstance(piece, DisturbanceKnot):
             norms = np.sqrt(np.add.reduceat(piece.phi * piece.phi, self._begins))
             # Norms are convex: the bound holds between two knots if it holds at both.

@@ -19,6 +19,7 @@ from phalanx.recording.records import Level, Log
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.expressions.user_methods import located_method
+from phalanx.theory.models.world import WorldNote
 from phalanx.theory.rows.origin import Origin, origins_of_normal
 from phalanx.wire.messages import Telemetry
 from phalanx.wire.step_report import AppliedStep
@@ -78,6 +79,8 @@ class Judge:
         self._unsafe: set[int] = set()
         """Pairs whose h is above zero."""
         self._turned: set[int] = set()
+        self._notes: list[Log] = []
+        """Of the world, since the last state."""
         self._warned: set[str] = set()
         """Warnings given; each is given once."""
         self._convictions: list[Convicted] = []
@@ -124,6 +127,8 @@ class Judge:
     def add(self, history: EvaluatedHistory) -> None:
         """Check a piece of the world's history. Raises DivergedError."""
         for piece in history:
+            if type(piece) is WorldNote:
+                self._notes.append(Log(piece.t, piece.text, Level.WARNING))
             if type(piece) is EvaluatedSteps:
                 if not np.logical_and.reduce(np.abs(piece.h_tot) <= LARGEST):
                     raise self._diverged(piece)
@@ -147,7 +152,8 @@ class Judge:
         self.assumptions.reached(event)
         extremes, before = self.extremes, self._unsafe
         now = self._unsafe = extremes.take_unsafe()
-        notices = [Log(event.t, extremes.left(p), Level.ERROR) for p in sorted(now - before)]
+        notices, self._notes = self._notes, []
+        notices += [Log(event.t, extremes.left(p), Level.ERROR) for p in sorted(now - before)]
         notices += [
             Log(event.t, f"{extremes.label(p)} is safe again") for p in sorted(before - now)
         ]

@@ -8,6 +8,7 @@ import numpy as np
 
 from phalanx.arrays import Array, Index, Mask
 from phalanx.swarm.rows import SafetyRows
+from phalanx.theory.models.world import WorldNote
 from phalanx_plant.world.composition import LargestPsi, LogSumExp
 from phalanx_plant.world.relevant_pairs import RelevantPairs
 from phalanx_plant.world.resolution import Resolution
@@ -38,7 +39,7 @@ class EvaluatedSteps(NamedTuple):
         return EvaluatedSteps(times[some], pairs, h[some], h_tot[some], psi[some], resolved[some])
 
 
-EvaluatedHistory = list[EvaluatedSteps | DisturbanceKnot]
+EvaluatedHistory = list[EvaluatedSteps | DisturbanceKnot | WorldNote]
 
 
 class Evaluation:
@@ -55,9 +56,9 @@ class Evaluation:
         self._sum = LogSumExp(swarm.safety.rho, len(swarm.safe_set.pairs))
 
     def of(self, histories: Sequence[History]) -> list[EvaluatedHistory]:
-        """Evaluate consecutive histories; in each result the knots come first."""
+        """Evaluate consecutive histories; in each result the steps come last."""
         found: list[EvaluatedHistory] = [
-            [p for p in history if type(p) is DisturbanceKnot] for history in histories
+            [p for p in history if type(p) is not Segment] for history in histories
         ]
         numbered = [
             (k, p) for k, history in enumerate(histories) for p in history if type(p) is Segment

@@ -36,6 +36,11 @@ class ForeignIntegration(Integration):
         seed = swarm.seeds.at(0.0)
         call_user(world, "begin", "no error", self._agents, seed, self._longest)
 
+    def close(self) -> None:
+        """Close the world, if it can be closed."""
+        if callable(getattr(self._world, "close", None)):
+            call_user(self._world, "close", "no error")
+
     def start(self) -> list[Piece]:
         """Return x(0) as a segment of no length: before any motion no disturbance is known."""
         nothing, x = np.zeros_like(self.x), self.x
@@ -65,6 +70,7 @@ class ForeignIntegration(Integration):
         if not self.t < until:
             return
         found = advanced(self._world, self._agents, self.t, until, self._longest)
+        yield from found.notes
         x = np.concatenate([found.x[agent.name] for agent in self._agents], axis=1)
         u, still = self._u.copy(), np.zeros_like(self.x)
         before, seconds = np.vstack([self.x[None], x[:-1]]), np.diff(found.t, prepend=self.t)

@@ -15,6 +15,7 @@ from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.expressions.user_methods import located_method
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import Polytope, constant_polytope, polytope
+from phalanx.theory.models.world import WorldNote
 from phalanx.theory.safety.composition import stacked_slices
 from phalanx_plant.world.disturbance import SwarmDisturbance
 from phalanx_plant.world.motion import Motion
@@ -61,7 +62,7 @@ class DisturbanceKnot(Struct, frozen=True):
     """Stacked, shape (n̄,)."""
 
 
-Piece = Segment | DisturbanceKnot
+Piece = Segment | DisturbanceKnot | WorldNote
 History = list[Piece]
 """The motion between two events, in order."""
 
@@ -84,6 +85,9 @@ class Integration:
         self._longest = swarm.time.integration_step
         self._disturbances = SwarmDisturbance(rows)
         self._line = self._disturbances.line(0.0, self.x)
+
+    def close(self) -> None:
+        """Leave nothing behind after the run."""
 
     def start(self) -> History:
         """Return the history at t = 0: the first knot, and x(0) as a segment of no length."""

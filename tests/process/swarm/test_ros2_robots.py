@@ -1,0 +1,35 @@
+"""Robots of an independent ROS 2 client, each a process of its own, in real time."""
+
+import pytest
+
+from tests.process.ros2_robots import CUT, run_with_robots
+
+pytestmark = [pytest.mark.swarm, pytest.mark.nightly]
+
+
+def said(run, text):
+    return [line for line in run.events["text"] if text in line]
+
+
+def test_robots_move_as_commanded_and_one_without_inputs_is_stopped(tmp_path):
+    run, robots = run_with_robots(5.0, 1.5, tmp_path, {"1": ("--delay", "0.02")})
+    assert said(run, f"agent {CUT}: no input for 0.4 s, commanded to stop")
+    assert all(robot["taken"] > 30 for robot in robots.values())
+    assert robots[CUT]["zeros"] > robots["1"]["zeros"] + 10
+    assert all(robot["v"] == robot["w"] == 0.0 for robot in robots.values()), "stopped at the end"
+    moved = [run.states[name][-1] - run.states[name][0] for name in ("1.x", "2.x")]
+    assert moved[0] > 0.2
+    assert moved[1] < -0.2
+
+
+def test_a_robot_whose_odometry_ends_fails_an_assumption_by_its_name(tmp_path):
+    run, _ = run_with_robots(4.0, 9.0, tmp_path, {"2": ("--silent-after", "30")})
+    assert run.verdict != "guaranteed"
+    assert "odometry of agent 2" in {each.name for each in run.summary.assumptions}
+
+
+def test_a_dry_run_sends_robots_nothing_and_says_so(tmp_path):
+    run, robots = run_with_robots(2.0, 9.0, tmp_path, {}, ["world.dry_run=true"])
+    assert [robot["taken"] for robot in robots.values()] == [0] * 5
+    assert "commands sent" in {each.name for each in run.summary.assumptions}
+    assert len(run.inputs) > 50

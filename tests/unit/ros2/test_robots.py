@@ -1,0 +1,71 @@
+"""Odometry in a scenario's coordinates, and what the world of robots refuses."""
+
+import math
+
+import numpy as np
+import pytest
+
+import phalanx
+from phalanx.ros2.cdr import message_type
+from phalanx.ros2.robots import Odometry, Twist, seen_of
+from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
+from phalanx.theory.models.wheeled import KinematicBicycle
+from phalanx.theory.models.world import WorldAgent
+from phalanx.worlds.ros2 import Ros2, _Robot
+from tests import ros2_robot
+
+HOME = ros2_robot.Pose(ros2_robot.Vector3(2.0, 0.0), ros2_robot.Quaternion(0.0, 0.0, 0.0, 1.0))
+
+
+def odometry(frame="odom"):
+    none = [0.0] * 36
+    twist = ros2_robot.Twist(ros2_robot.Vector3(0.5), ros2_robot.Vector3())
+    return ros2_robot.Odometry(
+        ros2_robot.Header(ros2_robot.Time(0, 0), frame),
+        "base_link",
+        ros2_robot.PoseWithCovariance(HOME, none),
+        ros2_robot.TwistWithCovariance(twist, none),
+    )
+
+
+def test_the_clients_hashes_are_those_of_the_types():
+    for kind, name in ((Odometry, ros2_robot.ODOMETRY), (Twist, ros2_robot.TWIST)):
+        assert message_type(kind).on_the_wire == f"{name}/{ros2_robot.HASHES[name]}"
+
+
+def test_odometry_is_turned_and_moved_by_the_origin_of_its_frame():
+    seen = seen_of(odometry(), "odom", (1.0, 0.0, math.pi / 2))
+    assert seen.pose == pytest.approx([1.0, 2.0, math.pi / 2])
+    assert seen.velocity == pytest.approx([0.0, 0.5], abs=1e-12)
+
+
+def test_odometry_of_another_frame_is_refused():
+    with pytest.raises(ValueError, match="expected frame odom, got map"):
+        seen_of(odometry("map"), "odom", (0.0, 0.0, 0.0))
+
+
+def test_robots_need_real_time():
+    scenario = phalanx.load("worlds/ros2-robots")
+    with pytest.raises(ValueError, match="--real-time 1"):
+        phalanx.run(scenario, engine="in-process")
+
+
+def test_only_planar_robots_can_be_driven():
+    car = WorldAgent("car", KinematicBicycle(1.0, 1.0), np.zeros(4))
+    with pytest.raises(ValueError, match="agent car: expected unicycle"):
+        Ros2().begin([car], 0, 1e-3)
+
+
+def test_a_velocity_is_commanded_in_the_robots_own_axes():
+    robot = _Robot(WorldAgent("a", SingleIntegrator(1.0), np.zeros(2)))
+    robot.turn = math.pi / 2
+    assert robot.velocity(np.array([0.0, 1.0])) == pytest.approx([1.0, 0.0, 0.0])
+
+
+def test_an_acceleration_is_commanded_as_the_velocity_that_it_leads_to():
+    robot = _Robot(WorldAgent("a", DoubleIntegrator(1.0, dimension=2), np.zeros(4)))
+    for _ in range(10):
+        robot.integrate(np.array([1.0, 0.0]), 0.05)
+    assert robot.velocity(np.zeros(2)) == pytest.approx([0.5, 0.0, 0.0])
+    robot.rest()
+    assert robot.velocity(np.zeros(2)).any() == np.False_
