@@ -134,7 +134,10 @@ def execute(
     from phalanx.theory.models.world import require_clock
 
     open_closed_streams()
-    require_clock(scenario.fresh_world(), options.real_time)
+    try:
+        require_clock(scenario.fresh_world(), options.real_time)
+    except ValueError as error:
+        raise EngineError(str(error)) from error
     run: Engine = pkgutil.resolve_name(ENGINES[options.engine].function)
     return run(scenario, (lambda: folder) if isinstance(folder, Path) else folder, options)
 

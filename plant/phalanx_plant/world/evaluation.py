@@ -58,7 +58,7 @@ class Evaluation:
     def of(self, histories: Sequence[History]) -> list[EvaluatedHistory]:
         """Evaluate consecutive histories; in each result the steps come last."""
         found: list[EvaluatedHistory] = [
-            [p for p in history if type(p) is not Segment] for history in histories
+            [p for p in history if not isinstance(p, Segment)] for history in histories
         ]
         numbered = [
             (k, p) for k, history in enumerate(histories) for p in history if type(p) is Segment

@@ -46,7 +46,7 @@ def test_odometry_of_another_frame_is_refused():
 
 def test_robots_need_real_time():
     scenario = phalanx.load("worlds/ros2-robots")
-    with pytest.raises(ValueError, match="--real-time 1"):
+    with pytest.raises(phalanx.EngineError, match="--real-time 1"):
         phalanx.run(scenario, engine="in-process")
 
 
