@@ -34,6 +34,7 @@ from phalanx.theory.margins.kinds import (
 )
 from phalanx.theory.models.aerial import PlanarQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import Dynamics
+from phalanx.theory.models.identified import IdentifiedQuadrotor
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
 from phalanx.theory.models.wheeled import DifferentialDrive, KinematicBicycle, Unicycle
 from phalanx.theory.models.world import World
@@ -53,6 +54,7 @@ BUILT_IN: Mapping[type, Mapping[str, type]] = {
         "bicycle": KinematicBicycle,
         "planar-quadrotor": PlanarQuadrotor,
         "quadrotor": Quadrotor,
+        "identified-quadrotor": IdentifiedQuadrotor,
     },
     ClassK: {"linear": Linear, "power": Power},
     SafeSetFunction: {

@@ -20,6 +20,7 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.aerial import GRAVITY, Quadrotor
+from phalanx.theory.models.identified import IdentifiedQuadrotor
 from phalanx.theory.models.runge_kutta import weighted_rates
 from phalanx.theory.models.world import Determinism, WorldAgent, WorldStates
 
@@ -29,7 +30,10 @@ _SWITCH = "SCIPY_ARRAY_API"
 
 @dataclass
 class Crazyflies:
-    """Crazyflies in the coordinates of `quadrotor`. They hold yaw 0, and draw nothing."""
+    """Crazyflies in the coordinates of `quadrotor` or `identified-quadrotor`, with yaw 0.
+
+    Under `identified-quadrotor` the driver filters thrusts, as is declared. Nothing is drawn.
+    """
 
     drone: str = "cf2x_L250"
     """Parameters: a configuration of drone-models."""
@@ -43,12 +47,11 @@ class Crazyflies:
 
     def begin(self, agents: Sequence[WorldAgent], seed: int, step: float) -> None:
         """Start all drones without turning. Raises ValueError."""
-        for agent in agents:
-            if agent.dynamics.states != Quadrotor.states:
-                raise ValueError(f"agent {agent.name}: expected dynamics with states of quadrotor")
-        motion = _Motion(self.drone, self.model)
-        self._move, self._t, self._step = motion.step, 0.0, step
-        self._x = {agent.name: motion.start(np.asarray(agent.start)) for agent in agents}
+        self._t, self._step = 0.0, step
+        lags = {agent.name: _filter_lag(agent) for agent in agents}
+        motions = {lag: _Motion(self.drone, self.model, lag) for lag in lags.values()}
+        self._motions = {name: motions[lag] for name, lag in lags.items()}
+        self._x = {a.name: motions[lags[a.name]].start(np.asarray(a.start)) for a in agents}
         self._u = {name: np.zeros(len(Quadrotor.inputs)) for name in self._x}
 
     def reseed(self, seed: int) -> None:
@@ -74,7 +77,7 @@ class Crazyflies:
         """Return a drone's declared states at times[1:]."""
         states = []
         for before, t in pairwise(times.tolist()):
-            self._x[name], seen = self._move(self._x[name], self._u[name], t - before)
+            self._x[name], seen = self._motions[name].step(self._x[name], self._u[name], t - before)
             states.append(seen)
         return np.array(states)
 
@@ -82,27 +85,47 @@ class Crazyflies:
 class _Motion:
     """A model's step, and its states for declared ones."""
 
-    def __init__(self, drone: str, model: str) -> None:
+    def __init__(self, drone: str, model: str, lag: float) -> None:
+        """lag: of the thrust's filter [s]; 0 for none."""
         rate, x, u, of = _identified(drone, model)
         self._lift = float(of["cmd_f_coef"] / of["mass"])
-        at, dt = ca.SX.sym("x", x.numel()), ca.SX.sym("dt")
+        at, dt = ca.SX.sym("x", x.numel() + 1), ca.SX.sym("dt")
         given = ca.SX.sym("u", len(Quadrotor.inputs))
         c, theta, phi = ca.vertsplit(given)
         gain = (-of["rpy_coef"] / of["cmd_rpy_coef"]).tolist()
-        command = ca.vertcat(gain[0] * phi, gain[1] * theta, 0.0, (GRAVITY + c) / self._lift)
-        field = ca.Function("f", [x, u], [rate]).expand()
-        still = ca.SX.zeros(x.numel())
-        after = at + dt / 6 * weighted_rates(field, at, command, (still, still, still), dt)
-        # Position, attitude, velocity, rates of the attitude, thrust of each rotor [N].
-        c = self._lift * after[12] - GRAVITY
-        seen = ca.vertcat(after[:3], after[6:9], c, after[4], after[3])
+        r, n = at[-1], x.numel()
+        command = ca.vertcat(
+            gain[0] * phi, gain[1] * theta, 0.0, (GRAVITY + (r if lag else c)) / self._lift
+        )
+        model_rate = ca.Function("f", [x, u], [rate]).expand()(at[:n], command)
+        rates = ca.vertcat(model_rate, (c - r) / lag if lag else 0.0)
+        field = ca.Function("f", [at, given], [rates])
+        still = ca.SX.zeros(n + 1)
+        after = at + dt / 6 * weighted_rates(field, at, given, (still, still, still), dt)
+        # Position, attitude, velocity, rates of the attitude, thrust of each rotor [N], filter.
+        own = self._lift * after[12] - GRAVITY
+        seen = ca.vertcat(after[:3], after[6:9], own, after[4], after[3])
+        if lag:
+            seen = ca.vertcat(seen, after[-1], after[10], after[9])
         self.step = CompiledFunction([at, given, dt], [after, seen])
 
     def start(self, x: Array) -> Array:
-        """Return the model's state, shape (16,), for a state of `quadrotor`."""
-        place, velocity, (c, theta, phi) = x[:3], x[3:6], x[6:]
+        """Return the model's state and the filter's, shape (17,), for a declared state."""
+        place, velocity, (c, theta, phi) = x[:3], x[3:6], x[6:9]
+        r, theta_rate, phi_rate = x[9:] if len(x) > 9 else np.zeros(3)
+        angles, rates = [phi, theta, 0.0], [phi_rate, theta_rate, 0.0]
         thrusts = np.full(4, (GRAVITY + c) / self._lift)
-        return np.concatenate([place, [phi, theta, 0.0], velocity, np.zeros(3), thrusts])
+        return np.concatenate([place, angles, velocity, rates, thrusts, [r]])
+
+
+def _filter_lag(agent: WorldAgent) -> float:
+    """Return the time constant of a drone's thrust filter [s], or 0. Raises ValueError."""
+    states = agent.dynamics.states
+    if states == IdentifiedQuadrotor.states:
+        return float(getattr(agent.dynamics, "filter_lag", 0.0))
+    if states == Quadrotor.states:
+        return 0.0
+    raise ValueError(f"agent {agent.name}: expected dynamics with states of quadrotor")
 
 
 def _identified(drone: str, model: str) -> tuple[ca.MX, ca.MX, ca.MX, Mapping[str, Any]]:
