@@ -55,6 +55,7 @@ from phalanx.theory.laws.tracking import Pursue, Track, TrackVelocity
 from phalanx.theory.margins.kinds import IntegratedMargin, LocalMargin, Margin, PairRow
 from phalanx.theory.models.aerial import PlanarQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import Bounded, Dynamics, Measured, box_polytope
+from phalanx.theory.models.identified import IdentifiedQuadrotor
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
 from phalanx.theory.models.polytope import Polytope
 from phalanx.theory.models.wheeled import DifferentialDrive, KinematicBicycle, Unicycle
@@ -92,6 +93,7 @@ __all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
     "KinematicBicycle",
     "PlanarQuadrotor",
     "Quadrotor",
+    "IdentifiedQuadrotor",
     # Worlds
     "World",
     "WorldAgent",

@@ -1,5 +1,6 @@
 """Two engines, one trajectory: what the fast one says holds for the real one, to the last bit."""
 
+import importlib.util
 import shutil
 import subprocess
 import sys
@@ -181,8 +182,14 @@ def layered(names: Iterable[str], in_test: Container[str]) -> list[object]:
     return [pytest.param(n, marks=() if n in in_test else nightly, id=n) for n in names]
 
 
-@pytest.mark.parametrize("name", layered(phalanx.shipped(), ("faults/robot",)))
+HERE_ALONE = [name for name in phalanx.shipped() if name != "worlds/ros2-robots"]
+"""Scenarios without robots of others, which no run repeats."""
+
+
+@pytest.mark.parametrize("name", layered(HERE_ALONE, ("faults/robot",)))
 def test_every_shipped_scenario_has_one_trajectory(name: str) -> None:
+    if name == "worlds/crazyflies" and importlib.util.find_spec("drone_models") is None:
+        pytest.skip("needs drone-models: pip install 'phalanx-swarm[drone-models]'")
     shipped = phalanx.load(name, seed=1)
     one_trajectory(phalanx.load(name, {"duration": min(DURATION, shipped.duration)}, seed=1))
 

@@ -16,6 +16,7 @@ SOURCE = ast.parse(inspect.getsource(phalanx.extend))
 NAMES = """
     Dynamics Bounded Measured box_polytope SingleIntegrator DoubleIntegrator TripleIntegrator
     Unicycle DifferentialDrive KinematicBicycle PlanarQuadrotor Quadrotor
+    IdentifiedQuadrotor
     World WorldAgent WorldStates
     SafeSetFunction Body Separation Distance HeadingAware Obstacle Sphere Wall Box Polygon
     Limit Drawable Fence Band

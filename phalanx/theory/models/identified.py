@@ -1,11 +1,12 @@
 """Quadrotor with the lags that fits to flights have: attitude of second order, and drag."""
 
+import math
 from dataclasses import dataclass
 from typing import Annotated
 
 import casadi as ca
 import numpy as np
-from annotated_types import Ge, Lt
+from annotated_types import Ge, Gt, Lt
 
 from phalanx.theory.models.aerial import GRAVITY
 from phalanx.theory.models.dynamics import Positive, box_polytope
@@ -20,9 +21,9 @@ class IdentifiedQuadrotor:
     inputs act on the fourth derivative of the position, q = 4.
     """
 
-    thrust: Annotated[float, Ge(0), Lt(GRAVITY)]
+    thrust: Annotated[float, Gt(0), Lt(GRAVITY)]
     """Bound on the commanded specific thrust above hover [m/s²]."""
-    tilt: Positive
+    tilt: Annotated[float, Gt(0), Lt(math.pi / 2)]
     """Bound on every commanded tilt angle [rad]."""
     thrust_lag: Positive
     """Time constant of the rotors [s]."""

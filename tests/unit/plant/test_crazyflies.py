@@ -1,11 +1,16 @@
 """Crazyflies by another project's identified model, as a world."""
 
+import importlib
 import importlib.util
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from phalanx.extend import PlanarQuadrotor, Quadrotor, WorldAgent
+import phalanx
+from phalanx.extend import IdentifiedQuadrotor, PlanarQuadrotor, Quadrotor, WorldAgent
+from phalanx.guarantee.disturbance_ledger import DisturbanceLedger
+from phalanx.swarm.swarm import build_swarm
 from phalanx.testing import check_world
 from phalanx.worlds.crazyflies import Crazyflies
 
@@ -67,3 +72,67 @@ def test_drones_with_other_coordinates_are_refused():
     other = WorldAgent("one", PlanarQuadrotor(thrust=4.0, tilt=0.4), np.zeros(6))
     with pytest.raises(ValueError, match="agent one: expected dynamics with states of quadrotor"):
         Crazyflies().begin([other], 0, 1e-3)
+
+
+FITTED = "so_rpy_rotor_drag"
+SWINGING = [*START, 0.3, 0.4, -0.6]
+
+
+def shipped():
+    """The declared dynamics of the shipped scenario."""
+    return build_swarm(phalanx.load("worlds/crazyflies")).members[0].dynamics
+
+
+def identified(*names):
+    return [WorldAgent(name, shipped(), np.array(SWINGING)) for name in names]
+
+
+def test_the_shipped_scenario_loads_without_the_package():
+    dynamics = shipped()
+    assert isinstance(dynamics, IdentifiedQuadrotor)
+    assert dynamics.states[9:] == ("r", "theta_rate", "phi_rate")
+
+
+@needs_models
+def test_identified_quadrotors_keep_the_rules_of_a_world():
+    check_world(lambda: Crazyflies("cf2x_P250", FITTED), identified("one", "two"))
+
+
+@needs_models
+def test_the_declared_parameters_are_those_of_the_package():
+    of = importlib.import_module("drone_models.core").load_params(FITTED, "cf2x_P250")
+    dynamics = shipped()
+    assert dynamics.thrust_lag == pytest.approx(float(of["thrust_time_coef"]), rel=1e-4)
+    assert dynamics.stiffness == pytest.approx(-of["rpy_coef"][0])
+    assert dynamics.damping == pytest.approx(-of["rpy_rates_coef"][0])
+    assert dynamics.drag == pytest.approx(-of["drag_matrix"][0][0] / of["mass"], rel=1e-4)
+
+
+@needs_models
+@pytest.mark.parametrize("u", [[0.0, 0.0, 0.0], [1.5, 0.2, -0.1], [-2.0, -0.3, 0.3]])
+def test_the_declared_dynamics_explain_the_fit_but_for_the_difference_of_drags(u):
+    world, start = Crazyflies("cf2x_P250", FITTED), np.array([SWINGING])
+    world.begin(identified("one"), 0, 3e-4)
+    world.hold("one", np.array(u))
+    states = np.vstack([start, world.advance(0.5).x["one"]])
+    seconds = np.full(len(states) - 1, 0.5 / (len(states) - 1))
+    held = np.broadcast_to(np.array(u), (len(seconds), 3))
+    phi, size = DisturbanceLedger(shipped()).explain(states[:-1], states[1:], held, seconds)
+    # Drag along the thrust is larger than across it, by 0.103 / s.
+    speed = np.linalg.norm(states[:, 3:6], axis=1).max()
+    assert (size <= 0.103 * speed).all()
+    np.testing.assert_allclose(np.delete(phi, [3, 4, 5], axis=1), 0.0, atol=1e-5)
+
+
+@needs_models
+def test_a_declared_lag_that_is_wrong_needs_a_larger_disturbance():
+    world, u = Crazyflies("cf2x_P250", FITTED), np.array([[1.0, 0.2, 0.0]])
+    world.begin(identified("one"), 0, 3e-4)
+    world.hold("one", u[0])
+    end = world.advance(0.01).x["one"][-1:]
+    slower = replace(shipped(), stiffness=250.0)
+    for dynamics, low, high in ((shipped(), 0.0, 0.1), (slower, 5.0, 20.0)):
+        explained = DisturbanceLedger(dynamics).explain(
+            np.array([SWINGING]), end, u, np.array([0.01])
+        )
+        assert low <= explained.size[0] <= high

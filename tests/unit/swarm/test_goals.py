@@ -23,6 +23,18 @@ TRACKED: dict[str, tuple[dict[str, Any], list[float], int]] = {
     "differential-drive": ({"wheel_rate": 20.0, "wheel_radius": 0.1, "track": 0.5}, [], 1),
     "planar-quadrotor": ({"thrust": 5.0, "tilt": 0.5}, [8.0, 12.0, 6.0], 3),
     "quadrotor": ({"thrust": 5.0, "tilt": 0.5}, [8.0, 12.0, 6.0], 3),
+    "identified-quadrotor": (
+        {
+            "thrust": 3.0,
+            "tilt": 0.3,
+            "thrust_lag": 0.1,
+            "filter_lag": 0.05,
+            "stiffness": 300.0,
+            "damping": 20.0,
+        },
+        [150.0, 300.0, 50.0, 5.0],
+        4,
+    ),
     "bicycle": ({"acceleration": 2.0, "steering": 1.0}, [1.0, 2.0], 2),
 }
 
@@ -60,7 +72,8 @@ def scenario_of(name: str, start: list[list[float]], goal: list[Any]) -> dict[st
                 "role": "normal",
                 "dynamics": {"type": name, **fields},
                 "law": law,
-                "clock": {"period": 0.05},
+                # What swings at 18 rad/s is not held for 50 ms.
+                "clock": {"period": 0.01 if q == 4 else 0.05},
                 "start": start,
                 "goal": goal,
             }

@@ -1,0 +1,107 @@
+"""A quadrotor as fits to flights have it: lags of second order, drag, and hover on zero inputs."""
+
+from dataclasses import asdict
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from phalanx.arrays import Array
+from phalanx.schema.registry import construct
+from phalanx.theory.laws.tracking import OutputDerivatives
+from phalanx.theory.models.aerial import GRAVITY, Quadrotor
+from phalanx.theory.models.dynamics import Dynamics
+from phalanx.theory.models.identified import IdentifiedQuadrotor
+
+MODEL = IdentifiedQuadrotor(
+    3.0, 0.3, thrust_lag=0.1, filter_lag=0.05, stiffness=300.0, damping=20.0, drag=0.4
+)
+number = st.floats(-1.0, 1.0)
+X, U = ca.SX.sym("x", len(MODEL.states)), ca.SX.sym("u", len(MODEL.inputs))
+RATE = ca.Function("rate", [X, U], [MODEL.drift(X) + MODEL.actuation(X) @ U])
+
+
+def rate(x: Array, u: Array) -> Array:
+    return np.array(RATE(x, u)).ravel()
+
+
+def moved(x: Array, u: Array, seconds: float, steps: int) -> list[Array]:
+    """The states of classical Runge-Kutta steps, the first included."""
+    dt, states = seconds / steps, [np.array(x, dtype=float)]
+    for _ in range(steps):
+        k1 = rate(states[-1], u)
+        k2 = rate(states[-1] + dt / 2 * k1, u)
+        k3 = rate(states[-1] + dt / 2 * k2, u)
+        k4 = rate(states[-1] + dt * k3, u)
+        states.append(states[-1] + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4))
+    return states
+
+
+def test_it_hovers_on_zero_inputs():
+    assert not rate(np.zeros(12), np.zeros(3)).any()
+
+
+@pytest.mark.parametrize("u", [[1.0, 0.2, -0.1], [-2.0, -0.3, 0.3]])
+def test_constant_inputs_are_reached_and_no_more_moves_but_the_position(u):
+    end = moved(np.zeros(12), np.array(u), 3.0, 3000)[-1]
+    assert end[6:9] == pytest.approx(u, abs=1e-6)
+    assert end[9] == pytest.approx(u[0])
+    assert end[10:] == pytest.approx([0.0, 0.0], abs=1e-6)
+
+
+def test_a_jump_of_the_commanded_angle_is_overshot_as_second_order_has_it():
+    states = moved(np.zeros(12), np.array([0.0, 0.2, 0.0]), 1.0, 1000)
+    ratio = 20.0 / (2.0 * np.sqrt(300.0))
+    overshoot = np.exp(-np.pi * ratio / np.sqrt(1.0 - ratio**2))
+    assert max(x[7] for x in states) == pytest.approx(0.2 * (1.0 + overshoot), rel=1e-4)
+
+
+def test_drag_ends_a_motion_exponentially():
+    start = np.zeros(12)
+    start[3:6] = [1.0, -2.0, 0.5]
+    end = moved(start, np.zeros(3), 2.0, 200)[-1]
+    assert end[3:6] == pytest.approx(np.exp(-0.4 * 2.0) * start[3:6])
+
+
+@given(st.lists(number, min_size=9, max_size=9), st.lists(number, min_size=3, max_size=3))
+def test_without_drag_it_accelerates_as_a_quadrotor(x, u):
+    other, free = Quadrotor(3.0, 0.3), IdentifiedQuadrotor(3.0, 0.3, 0.1, 0.05, 300.0, 20.0)
+    expected = np.array(ca.DM(other.drift(ca.SX(x)) + other.actuation(ca.SX(x)) @ ca.SX(u)))
+    found = np.array(ca.DM(free.drift(ca.SX([*x, 0.0, 0.0, 0.0])))).ravel()
+    assert found[:6] == pytest.approx(expected.ravel()[:6])
+
+
+@given(st.lists(number, min_size=12, max_size=12))
+def test_inputs_act_on_the_fourth_derivative_of_the_position_and_on_no_lower(x):
+    state = np.array(x)
+    derivatives = OutputDerivatives(MODEL)
+    assert derivatives.degree == 4
+    dt = 1e-3
+    for u in (np.zeros(3), np.array([3.0, 0.3, -0.3])):
+        before, at, after = moved(state - dt * rate(state, u), u, 2 * dt, 2)
+        slope = (derivatives(after) - derivatives(before)) / (2 * dt)
+        size = 1.0 + np.abs(derivatives(at)).max()
+        assert slope[:3] == pytest.approx(derivatives(at)[1:], abs=0.05 * size)
+
+
+@given(st.lists(number, min_size=12, max_size=12))
+def test_an_input_is_found_for_a_wanted_fourth_derivative(x):
+    state, wanted = np.array(x), np.array([100.0, -50.0, 20.0])
+    derivatives = OutputDerivatives(MODEL)
+    u, step = derivatives.input_for(state, wanted), 1e-6
+
+    def third(u: Array) -> Array:
+        return (derivatives(state + step * rate(state, u))[3] - derivatives(state)[3]) / step
+
+    assert third(u) - third(np.zeros(3)) == pytest.approx(wanted, rel=1e-3, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("thrust", GRAVITY), ("tilt", 1.6), ("damping", 0.0), ("drag", -0.1)]
+)
+def test_what_no_quadrotor_has_is_refused_by_its_field(field, value):
+    table = {"type": "identified-quadrotor", **asdict(MODEL), field: value}
+    with pytest.raises(ValueError, match=field):
+        construct(Dynamics, table)
