@@ -58,7 +58,12 @@ from phalanx.theory.models.dynamics import Bounded, Dynamics, Measured, box_poly
 from phalanx.theory.models.identified import IdentifiedQuadrotor
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
 from phalanx.theory.models.polytope import Polytope
-from phalanx.theory.models.wheeled import DifferentialDrive, KinematicBicycle, Unicycle
+from phalanx.theory.models.wheeled import (
+    DifferentialDrive,
+    DynamicUnicycle,
+    KinematicBicycle,
+    Unicycle,
+)
 from phalanx.theory.models.world import World, WorldAgent, WorldStates
 from phalanx.theory.rows.decision import least_violation
 from phalanx.theory.rows.pairs import PairTerms
@@ -89,6 +94,7 @@ __all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
     "DoubleIntegrator",
     "TripleIntegrator",
     "Unicycle",
+    "DynamicUnicycle",
     "DifferentialDrive",
     "KinematicBicycle",
     "PlanarQuadrotor",

@@ -36,17 +36,24 @@ from phalanx.theory.models.aerial import PlanarQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.identified import IdentifiedQuadrotor
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
-from phalanx.theory.models.wheeled import DifferentialDrive, KinematicBicycle, Unicycle
+from phalanx.theory.models.wheeled import (
+    DifferentialDrive,
+    DynamicUnicycle,
+    KinematicBicycle,
+    Unicycle,
+)
 from phalanx.theory.models.world import World
 from phalanx.theory.safety.class_k import ClassK, Linear, Power
 from phalanx.theory.safety.function import Distance, HeadingAware, SafeSetFunction, Separation
 from phalanx.theory.safety.limits import Band, Fence, Limit
 from phalanx.worlds.crazyflies import Crazyflies
+from phalanx.worlds.mujoco import Mujoco
 from phalanx.worlds.ros2 import Ros2
 
 BUILT_IN: Mapping[type, Mapping[str, type]] = {
     Dynamics: {
         "unicycle": Unicycle,
+        "dynamic-unicycle": DynamicUnicycle,
         "single-integrator": SingleIntegrator,
         "double-integrator": DoubleIntegrator,
         "triple-integrator": TripleIntegrator,
@@ -92,7 +99,7 @@ BUILT_IN: Mapping[type, Mapping[str, type]] = {
         "escape": Escape,
         "orca": Orca,
     },
-    World: {"crazyflies": Crazyflies, "ros2": Ros2},
+    World: {"crazyflies": Crazyflies, "mujoco": Mujoco, "ros2": Ros2},
 }
 
 _EXPRESSIONS = {Dynamics, ClassK, SafeSetFunction, Limit, Margin}

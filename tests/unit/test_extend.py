@@ -15,7 +15,7 @@ from phalanx.schema.registry import BUILT_IN
 SOURCE = ast.parse(inspect.getsource(phalanx.extend))
 NAMES = """
     Dynamics Bounded Measured box_polytope SingleIntegrator DoubleIntegrator TripleIntegrator
-    Unicycle DifferentialDrive KinematicBicycle PlanarQuadrotor Quadrotor
+    Unicycle DynamicUnicycle DifferentialDrive KinematicBicycle PlanarQuadrotor Quadrotor
     IdentifiedQuadrotor
     World WorldAgent WorldStates
     SafeSetFunction Body Separation Distance HeadingAware Obstacle Sphere Wall Box Polygon
@@ -37,7 +37,7 @@ HOMES = {
     for alias in node.names
 }
 # What a scenario's field makes by name, and no code of one's own: margins of the paper, worlds.
-_BY_NAME_ONLY = {"PaperMargin", "CorrectedMargin", "Crazyflies", "Ros2"}
+_BY_NAME_ONLY = {"PaperMargin", "CorrectedMargin", "Crazyflies", "Mujoco", "Ros2"}
 
 
 def test_its_names_are_these():

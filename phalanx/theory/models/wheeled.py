@@ -1,9 +1,11 @@
-"""Wheeled robots: Simulation 1's unicycle, the differential drive and the kinematic bicycle."""
+"""Wheeled robots: Simulation 1's unicycle, one with mass, differential drive and bicycle."""
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import casadi as ca
+from annotated_types import Ge
 
 from phalanx.arrays import Array
 from phalanx.theory.models.dynamics import Positive, box_polytope
@@ -50,6 +52,56 @@ class Unicycle:
         # p' = ν (cos θ, sin θ) + b (ω + φ_θ) (-sin θ, cos θ) + φ_xy.
         fastest = math.hypot(self.speed, self.offset * self.turn_rate)
         return (fastest + math.hypot(1.0, self.offset) * disturbance) * time
+
+
+@dataclass(frozen=True)
+class DynamicUnicycle:
+    """Unicycle with mass: its inputs are accelerations, so its speeds cannot jump; q = 2.
+
+    State (x, y, θ, ν, ω); ν' = a - drag ν, ω' = α - turn_drag ω. With drag > 0, |ν| stays below
+    acceleration / drag once it is; so does |ω|.
+    """
+
+    acceleration: Positive
+    """Bound on a [m/s²]."""
+    turn_acceleration: Positive
+    """Bound on α [rad/s²]."""
+    offset: Positive = 0.25
+    """Distance of the output point from the axle [m]."""
+    drag: Annotated[float, Ge(0)] = 0.0
+    """[1/s]"""
+    turn_drag: Annotated[float, Ge(0)] = 0.0
+    """[1/s]"""
+
+    states = ("x", "y", "theta", "nu", "omega")
+    inputs = ("a", "alpha")
+    state_units = ("m", "m", "rad", "m/s", "rad/s")
+    input_units = ("m/s²", "rad/s²")
+
+    def drift(self, x: ca.SX) -> ca.SX:
+        theta, nu, omega = x[2], x[3], x[4]
+        slowed = ca.vertcat(-self.drag * nu, -self.turn_drag * omega)
+        return ca.vertcat(nu * ca.cos(theta), nu * ca.sin(theta), omega, slowed)
+
+    def actuation(self, x: ca.SX) -> ca.SX:
+        return ca.vertcat(ca.SX(3, 2), ca.SX.eye(2))
+
+    def position(self, x: ca.SX) -> ca.SX:
+        return x[:2] + self.offset * ca.vertcat(ca.cos(x[2]), ca.sin(x[2]))
+
+    def input_polytope(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
+        return box_polytope((self.acceleration, self.turn_acceleration))
+
+    def input_metric(self) -> tuple[float, ...]:
+        # ‖u - u_nom‖² of the output point's acceleration, written in (a, α).
+        return (1.0, self.offset * self.offset)
+
+    def travel(self, x: Array, time: float, disturbance: float) -> float:
+        # |ν| and b |ω| grow by no more than their inputs and the disturbance allow.
+        speed = abs(float(x[3])) + self.offset * abs(float(x[4]))
+        gain = self.acceleration + self.offset * self.turn_acceleration
+        pushed = math.hypot(1.0, self.offset) * disturbance
+        return (speed + pushed) * time + (gain + pushed) * time**2 / 2
 
 
 @dataclass(frozen=True)

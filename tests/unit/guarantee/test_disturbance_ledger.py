@@ -19,13 +19,19 @@ from phalanx.theory.models.identified import IdentifiedQuadrotor
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
 from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.models.runge_kutta import weighted_rates
-from phalanx.theory.models.wheeled import DifferentialDrive, KinematicBicycle, Unicycle
+from phalanx.theory.models.wheeled import (
+    DifferentialDrive,
+    DynamicUnicycle,
+    KinematicBicycle,
+    Unicycle,
+)
 
 MODELS = [
     SingleIntegrator(speed=2.0),
     DoubleIntegrator(acceleration=2.0),
     TripleIntegrator(jerk=2.0),
     Unicycle(speed=4.0, turn_rate=2.0),
+    DynamicUnicycle(acceleration=4.0, turn_acceleration=8.0, drag=1.0, turn_drag=4.0),
     DifferentialDrive(wheel_rate=20.0, wheel_radius=0.05, track=0.3),
     KinematicBicycle(acceleration=2.0, steering=0.5),
     PlanarQuadrotor(thrust=4.0, tilt=0.4),

@@ -17,6 +17,7 @@ from phalanx.theory.models.dynamics import Dynamics
 
 TRACKED: dict[str, tuple[dict[str, Any], list[float], int]] = {
     "unicycle": ({"speed": 2.0, "turn_rate": 2.0}, [], 1),
+    "dynamic-unicycle": ({"acceleration": 2.0, "turn_acceleration": 8.0}, [1.0, 2.0], 2),
     "single-integrator": ({"speed": 2.0, "dimension": 2}, [], 1),
     "double-integrator": ({"acceleration": 2.0, "drag": 0.5, "dimension": 3}, [1.0, 2.0], 2),
     "triple-integrator": ({"jerk": 4.0, "dimension": 2}, [1.0, 3.0, 3.0], 3),

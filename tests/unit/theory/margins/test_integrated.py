@@ -24,7 +24,12 @@ from phalanx.theory.models.integrators import (
     TripleIntegrator,
 )
 from phalanx.theory.models.polytope import constant_polytope
-from phalanx.theory.models.wheeled import DifferentialDrive, KinematicBicycle, Unicycle
+from phalanx.theory.models.wheeled import (
+    DifferentialDrive,
+    DynamicUnicycle,
+    KinematicBicycle,
+    Unicycle,
+)
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.class_k import Linear, Power
 from phalanx.theory.safety.composition import Member, compose
@@ -42,6 +47,7 @@ CASES = {
     "bicycles": (KinematicBicycle(2.0, 0.7), [0.6, 0.9], 0.05),
     "triple integrators": (TripleIntegrator(2.0, 2), [0.6, 0.9, 1.1], 0.1),
     "differential drives": (DifferentialDrive(20.0, 0.1, 0.4), [2.0], 0.05),
+    "dynamic unicycles": (DynamicUnicycle(4.0, 8.0, 0.25, 1.0, 4.0), [0.6, 0.9], 0.05),
     "planar quadrotors": (PlanarQuadrotor(4.0, 0.5), [0.6, 0.9, 1.1], 0.05),
 }
 KINDS = [(name, kind) for name, case in CASES.items() for kind in {0, len(case[1]) - 1}]

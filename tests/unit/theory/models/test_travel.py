@@ -10,7 +10,7 @@ from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.aerial import PlanarQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import Bounded, Dynamics
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
-from phalanx.theory.models.wheeled import DifferentialDrive, Unicycle
+from phalanx.theory.models.wheeled import DifferentialDrive, DynamicUnicycle, Unicycle
 
 TIME, PHI = 0.4, 0.3
 BOUNDED = {
@@ -20,6 +20,8 @@ BOUNDED = {
     "double with drag": (DoubleIntegrator(2.0, drag=0.7, dimension=2), [2.0] * 2),
     "triple": (TripleIntegrator(3.0), [3.0] * 3),
     "unicycle": (Unicycle(4.0, 2.0), [4.0, 2.0]),
+    "dynamic unicycle": (DynamicUnicycle(4.0, 8.0), [4.0, 8.0]),
+    "dynamic unicycle with drag": (DynamicUnicycle(4.0, 8.0, 0.25, 1.0, 4.0), [4.0, 8.0]),
     "differential drive": (DifferentialDrive(20.0, 0.1, 0.4), [20.0, 20.0]),
     "differential drive, long nose": (DifferentialDrive(20.0, 0.1, 0.4, 0.6), [20.0, 20.0]),
     "planar quadrotor": (PlanarQuadrotor(4.0, 0.5), [4.0, 0.5]),
