@@ -27,6 +27,8 @@ _DOFS = 8
 """Degrees of freedom of a robot: six of its hull, one of each wheel."""
 _SUBSTEP = 5e-4
 """Longest step of MuJoCo [s]."""
+_SETTLING = 400
+"""Steps at rest before the start."""
 _BRAKE = 1e3
 """Torque that a stuck wheel withstands [N m]."""
 
@@ -80,7 +82,7 @@ class Mujoco:
         text = swarm_model(names, self.mass, self.friction, self.rolling)
         self._model = self._mujoco.MjModel.from_xml_string(text)
         self._data = self._mujoco.MjData(self._model)
-        self._t, self._step = 0.0, step
+        self._model.opt.timestep, self._t, self._step = _SUBSTEP, 0.0, step
         self._mujoco.mj_forward(self._model, self._data)
         inertia = np.zeros((self._model.nv, self._model.nv))
         self._mujoco.mj_fullM(self._model, self._data, inertia)
@@ -89,6 +91,9 @@ class Mujoco:
             agent.name: _Robot(agent, k, inertia, rates[id(agent.dynamics)], self.lag)
             for k, agent in enumerate(agents)
         }
+        # Contacts carry the weight before the robots move.
+        self._mujoco.mj_step(self._model, self._data, _SETTLING)
+        self._data.qvel[:] = 0.0
         for agent, robot in zip(agents, self._robots.values(), strict=True):
             robot.place(self._data, np.asarray(agent.start, dtype=float))
         self._ahead = sorted(self.failures, key=lambda failure: failure.at)
