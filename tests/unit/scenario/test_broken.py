@@ -200,7 +200,7 @@ BROKEN: Mapping[str, tuple[Edit, list[str]]] = {
     # Mistakes in agents: names, roles, dynamics, laws, clocks and places.
     "unknown dynamics": (
         replace('"unicycle"', '"tricycle"'),
-        ["agents.0.dynamics: expected one of unicycle, dynamic-unicycle, single-integrator", "got 'tricycle'"],
+        ["agents.0.dynamics: expected one of unicycle, dynamic-unicycle,", "got 'tricycle'"],
     ),
     "dynamics without type": (
         replace('type = "unicycle", ', ""),
