@@ -35,7 +35,7 @@ _BRAKE = 1e3
 
 @dataclass(frozen=True)
 class Failure:
-    """What happens to a robot, without its driver's knowledge."""
+    """A failure of a robot, which its driver does not know of."""
 
     at: Annotated[float, Ge(0)]
     """[s]"""
@@ -150,7 +150,7 @@ class Mujoco:
 
 
 class _Built(NamedTuple):
-    """What a driver knows: what it takes to accelerate the robot, with its wheels."""
+    """Mass and inertia that a driver knows, those of turning wheels included."""
 
     mass: float
     """[kg]"""
