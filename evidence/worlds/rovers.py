@@ -122,7 +122,7 @@ def line(title: str, runs: pl.DataFrame, declared: float) -> str:
     failed = sum("disturbance bound" in reason for reason in runs["reason"])
     sizes = np.concatenate([np.load(sizes_at(key)) for key in runs["key"]])
     shares = [f"{value:.3f}" for value in (*np.quantile(sizes, [0.5, 0.99]), sizes.max())]
-    least, worst = f"{runs['least_distance'].min():.3f}", f"{runs['worst_h'].max():.3f}"
+    least, worst = (f"{x:.3f}" for x in (min(runs["least_distance"]), max(runs["worst_h"])))
     cells = [title, len(runs), verdicts, failed, declared, *shares, least, worst]
     return f"| {' | '.join(map(str, cells))} |"
 
