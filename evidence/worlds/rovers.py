@@ -32,11 +32,11 @@ SCENARIO, KEPT, DECLARED, ROLLING = "worlds/rovers", Path("build/rovers"), 0.25,
 
 
 def point(
-    duration: float, margin: str = "integrated", bound: float = DECLARED, **failure: Any
+    duration: float, margin: str = "integrated", bound: float = DECLARED, **failed: Any
 ) -> dict[str, Any]:
-    """Return the fields in which variants differ; a failure is agent 1's, at 2 s."""
+    """Return the fields in which variants differ; a failure is agent 1's."""
     bounds = {f"agents.{group}.disturbance.bound": bound for group in (0, 1)}
-    failures = [{"at": 2.0, "agent": "1", **failure}] if failure else []
+    failures = [{"agent": "1", **failed}] if failed else []
     world = {"type": "mujoco", "rolling": ROLLING, "failures": failures}
     return {
         "safety.margin": margin,
@@ -51,8 +51,9 @@ VARIANTS = {
     "as shipped": point(24.0),
     "η = 0": point(24.0, margin="paper"),
     "φ declared half": point(6.0, bound=DECLARED / 2),
-    "mass doubled at 2 s": point(6.0, mass=2.0),
-    "left wheel stuck at 2 s": point(6.0, wheel="left"),
+    "mass doubled at 0.5 s, accelerating": point(6.0, at=0.5, mass=2.0),
+    "mass doubled at 2 s, at constant speed": point(6.0, at=2.0, mass=2.0),
+    "left wheel stuck at 2 s": point(6.0, at=2.0, wheel="left"),
 }
 
 
