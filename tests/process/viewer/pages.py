@@ -59,14 +59,17 @@ class Viewer:
 
     def _printed_url(self, seconds: float) -> str:
         assert self.process.stdout is not None
+        pipe = self.process.stdout.fileno()
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline:
-            ready, _, _ = select.select([self.process.stdout], [], [], 0.5)
-            line = self.process.stdout.readline() if ready else ""
-            self.said += line
-            if found := re.match(r"viewer: (http://\S+)", line):
+            if not select.select([pipe], [], [], 0.5)[0]:
+                continue
+            # Not readline: select does not see a second line that the file object has buffered.
+            read = os.read(pipe, 65536)
+            self.said += read.decode(errors="replace")
+            if found := re.search(r"^viewer: (http://\S+)\n", self.said, re.MULTILINE):
                 return found.group(1)
-            assert line or self.process.poll() is None, self.said
+            assert read, self.said
         raise AssertionError(f"the viewer printed no address: {self.said}")
 
     def answers(self) -> bool:
