@@ -7,13 +7,14 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from phalanx.arrays import Array
+from phalanx.arrays import Array, Index
 from phalanx.curves.values import SafetyValues
 from phalanx.faults.commands import Condition, FaultState
 from phalanx.recording.broadcasts import FATES, LATE, LOST, Broadcast, broadcasts
 from phalanx.recording.read import Recording, steps_by_agent
 from phalanx.recording.records import Step
-from phalanx.swarm.swarm import Swarm
+from phalanx.swarm.rows import build_rows
+from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.rows.origin import Origin
 from phalanx.theory.safety.composition import Pair
 from phalanx.wire.step_report import QUANTITIES, numbers_of
@@ -144,6 +145,15 @@ class History(Protocol):
         """Agent i's control steps."""
 
 
+class WorstPairs(NamedTuple):
+    """The pair with the largest h at each state."""
+
+    h: Array
+    """Its h, shape (s,)."""
+    pairs: Index
+    """Its sides as SwarmPairs has them, shape (s, 2)."""
+
+
 class RecordedHistory(History):
     """The past of a recording; holds arrays alone, so that the recording itself can be freed."""
 
@@ -191,6 +201,14 @@ class RecordedHistory(History):
         return between
 
     @cached_property
+    def worst_pairs(self) -> WorstPairs:
+        """The worst pair at each state; needs a state."""
+        pairs = self.swarm.pairs
+        chosen = pairs.choose(pairs.every)
+        h, which = zip(*((h.max(), h.argmax()) for h in map(chosen.h, self.x)), strict=True)
+        return WorstPairs(np.array(h), chosen.pairs[list(which)])
+
+    @cached_property
     def totals(self) -> Array:
         distances = [smallest_distance(self.swarm, p) for p in self.positions]
         psi = np.array([self.values.higher_psi(x) for x in self.x])
@@ -229,3 +247,16 @@ def smallest_distance(swarm: Swarm, positions: Array) -> float:
     distances = cdist(positions[normal], positions)
     distances[np.arange(len(normal)), normal] = np.inf  # its own
     return float(distances.min())
+
+
+class ReportHistory(RecordedHistory):
+    """The past of a recording, with its records."""
+
+    def __init__(self, recording: Recording, values: SafetyValues | None = None) -> None:
+        """Build the recorded scenario's rows unless `values` are given. Raises ScenarioError."""
+        super().__init__(
+            recording, values or SafetyValues(build_rows(build_swarm(recording.scenario)))
+        )
+        self.recording = recording
+        self.steps = list(steps_by_agent(recording).values())
+        """Recorded control steps of each agent."""

@@ -1,28 +1,52 @@
-"""A run as a moving picture: its file, and the times of its frames."""
+"""A run as a moving picture: agents, their links, words, and the time in h_tot."""
 
 import shutil
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.animation import FFMpegWriter
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from PIL import Image
 
+from phalanx.arrays import Array
+from phalanx.curves.history import EMPTY_CODES, RecordedHistory, ReportHistory
+from phalanx.faults.commands import Condition
+from phalanx.guarantee.verdict import Outcome
+from phalanx.recording.broadcasts import FATES, LOST
 from phalanx.recording.read import Recording
-from phalanx.report.history import ReportHistory
-from phalanx.report.stage import RESOLUTION, Film, Stage
+from phalanx.report.paths import draw_scene, scene_box
+from phalanx.report.safety import draw_h, required_distance
+from phalanx.report.style import LIMIT, NORMAL, PEAK, colours, style_axes, summarises
 
-FORMATS = (".gif", ".webp", ".mp4")
+_FORMATS = (".gif", ".webp", ".mp4")
 _UNITS = {".gif": 10, ".webp": 1}
 """In what the format counts time [ms]."""
 _COLOURS = 128
 _VERDICT = 2.5
 """How long the last frame is shown [s]."""
+_RESOLUTION = 100
+"""[pixels per inch]"""
+_WIDTH, _STRIP = 7.2, 1.4
+"""Of the picture, and height of the panel of h_tot [inch]."""
+_TRAIL, _NOTICE = 2.5, 2.0
+"""How long a trail and a line of the event log are shown [s of film]."""
+_ADVERSARY, _SILENT, _EMPTY = "#d62728", "#9aa0a8", "#f97316"
+_DELIVERED, _LOST = "#7f9cc4", "#d62728"
+_OF_OUTCOME = {Outcome.GUARANTEED: "#1c8a4a", Outcome.SAFE: NORMAL}
+
+Show = Callable[[int], None]
+"""Shows a frame, by its number."""
 
 
 def animate(recording: Recording, path: Path, speed: float = 1.0, per_second: int = 15) -> Path:
-    """Write a recording as a moving picture; its name's ending is one of FORMATS.
+    """Write a recording as a moving picture; its name's ending is .gif, .webp or .mp4.
 
     Args:
         recording: of the run.
@@ -36,19 +60,8 @@ def animate(recording: Recording, path: Path, speed: float = 1.0, per_second: in
         ValueError: there is no such format, .mp4 lacks ffmpeg, or there is nothing to draw.
         OSError: it cannot be written.
     """
-    _require(recording, path, speed, per_second)
-    history = ReportHistory(recording)
-    count = max(int(history.times[-1] / speed * per_second), 1)
-    film = Film(np.linspace(0.0, history.times[-1], count + 1), per_second, speed)
-    stage = Stage(history, film)
-    write = _write_video if path.suffix == ".mp4" else _write_image
-    write(stage, path)
-    return path
-
-
-def _require(recording: Recording, path: Path, speed: float, per_second: int) -> None:
-    if path.suffix not in FORMATS:
-        raise ValueError(f"path: expected a name that ends in {', '.join(FORMATS)}, got {path}")
+    if path.suffix not in _FORMATS:
+        raise ValueError(f"path: expected a name that ends in {', '.join(_FORMATS)}, got {path}")
     if path.suffix == ".mp4" and not shutil.which("ffmpeg"):
         raise ValueError("path: .mp4 needs the program ffmpeg: install it, or write .webp or .gif")
     if not (speed > 0.0 and 1 <= per_second <= 60):
@@ -57,12 +70,63 @@ def _require(recording: Recording, path: Path, speed: float, per_second: int) ->
         )
     if not recording.states:
         raise ValueError(f"{recording.path}: the recording holds no state: nothing to draw")
+    history = ReportHistory(recording)
+    count = max(int(history.times[-1] / speed * per_second), 1)
+    stage = Stage(history, Film(np.linspace(0.0, history.times[-1], count + 1), per_second, speed))
+    (_write_video if path.suffix == ".mp4" else _write_image)(stage, path)
+    return path
+
+
+class Film(NamedTuple):
+    """The frames of a moving picture."""
+
+    times: Array
+    """Virtual time of each [s]."""
+    per_second: int
+    speed: float
+    """Virtual seconds in a second."""
+
+
+class Stage:
+    """The figure, and all that moves on it."""
+
+    def __init__(self, history: ReportHistory, film: Film) -> None:
+        """Draw what does not move: obstacles, and h_tot."""
+        self.film = film
+        low, high = scene_box(history)
+        tall = min(max((_WIDTH - 1.0) * (high[1] - low[1]) / (high[0] - low[0]), 2.5), 6.0)
+        tall = round(tall, 1)  # an even number of pixels, as videos need
+        size = _WIDTH, tall + _STRIP + 0.9
+        self.figure = Figure(size, _RESOLUTION, layout="constrained", facecolor="white")
+        arena, strip = self.figure.subplots(2, 1, height_ratios=[tall, _STRIP])
+        draw_scene(arena, history, (0, 1))
+        points = _positions(history, film.times)
+        self._shows = [
+            _links(arena, history, film, points),
+            _agents(arena, history, film, points),
+            _words(arena, history, film),
+            _progress(strip, history, film),
+        ]
+        self.show(0)
+        self.figure.draw_without_rendering()
+        self.figure.set_layout_engine("none")  # to lay out a frame takes as long as to draw it
+
+    def show(self, number: int) -> None:
+        """Show a frame, by its number; the last one has the verdict."""
+        for show in self._shows:
+            show(number)
+
+    def frames(self) -> Iterator[int]:
+        """Show each frame, and yield its number."""
+        for number in range(len(self.film.times)):
+            self.show(number)
+            yield number
 
 
 def _write_video(stage: Stage, path: Path) -> None:
     looks = ["-pix_fmt", "yuv420p"]  # what every player can show
     writer = FFMpegWriter(fps=stage.film.per_second, codec="h264", extra_args=looks)
-    with writer.saving(stage.figure, str(path), RESOLUTION):
+    with writer.saving(stage.figure, str(path), _RESOLUTION):
         for _ in stage.frames():
             writer.grab_frame()
         for _ in range(int(_VERDICT * stage.film.per_second)):
@@ -90,3 +154,126 @@ def _write_image(stage: Stage, path: Path) -> None:
     lossless: dict[str, Any] = {"lossless": True, "method": 1, "quality": 30}
     looks = lossless if path.suffix == ".webp" else {}
     first.save(path, save_all=True, append_images=rest, duration=duration, loop=0, **looks)
+
+
+def _positions(history: RecordedHistory, times: Array) -> Array:
+    """Output points from above at these times [m], shape (f, N, 2), between states on a line."""
+    p = history.positions[:, :, :2]
+    flat = p.reshape(len(p), -1).T
+    return np.array([np.interp(times, history.times, c) for c in flat]).T.reshape(-1, *p.shape[1:])
+
+
+def _links(axes: Axes, history: RecordedHistory, film: Film, points: Array) -> Show:
+    """Draw links with broadcasts since the last frame: the more red, the more were lost."""
+    lines = LineCollection([], linewidths=1.1, zorder=1.5)
+    axes.add_collection(lines)
+    sent = np.sort(history.broadcasts, order="sent")
+    ends = np.searchsorted(sent["sent"], film.times, side="right")
+
+    def show(number: int) -> None:
+        found = sent[ends[number - 1] if number else 0 : ends[number]]
+        sides = np.sort(np.column_stack([found["sender"], found["receiver"]]), axis=1)
+        links, which = np.unique(sides, axis=0, return_inverse=True)
+        lost = np.bincount(which.ravel(), found["fate"] == FATES.index(LOST), len(links))
+        share = (lost / np.bincount(which.ravel(), minlength=len(links)))[:, None]
+        shade = share * to_rgb(_LOST) + (1.0 - share) * to_rgb(_DELIVERED)
+        lines.set_segments(list(points[number][links]))
+        lines.set_color(np.column_stack([shade, 0.4 + 0.6 * share]))
+
+    return show
+
+
+def _agents(axes: Axes, history: RecordedHistory, film: Film, points: Array) -> Show:
+    """Draw agents as discs of half the required distance, with trails; orange: K_i was empty."""
+    scenario, count = history.scenario, points.shape[1]
+    many = summarises(scenario)
+    palette = colours(scenario)
+    roster = list(scenario.roster())
+    roles = [NORMAL if group.role == "normal" else _ADVERSARY for _, group, _ in roster]
+    own = roles if many else [palette[name] for name, _, _ in roster]
+    size = np.full(count, required_distance(scenario) or 0.4)
+    discs = EllipseCollection(
+        size, size, np.zeros(count), units="xy", offsets=points[0],
+        offset_transform=axes.transData, linewidths=1.2, zorder=3,
+    )  # fmt: skip
+    axes.add_collection(discs)
+    trails = LineCollection([], colors=own, linewidths=1.2, alpha=0.6)
+    axes.add_collection(trails)
+    names = [
+        axes.annotate(name, p, ha="center", va="center", fontsize=8, color=LIMIT, zorder=4)
+        for (name, _, _), p in zip(roster, points[0], strict=True)
+        if not many
+    ]
+    empty = _empty_frames(history, film)
+    kept = max(int(_TRAIL * film.per_second), 1)
+
+    def looks(i: int, condition: Condition) -> str:
+        turned = condition is Condition.TURNED
+        return _SILENT if condition.silent else _ADVERSARY if turned else own[i]
+
+    def show(number: int) -> None:
+        conditions = {c.agent: c.condition for c in history.conditions if c.t <= film.times[number]}
+        colour = [looks(i, conditions.get(i, Condition.FINE)) for i in range(count)]
+        discs.set_offsets(points[number])
+        discs.set_facecolor([(*to_rgb(c), 0.3) for c in colour])
+        discs.set_edgecolor([_EMPTY if empty[number, i] else colour[i] for i in range(count)])
+        trails.set_segments(list(points[max(number - kept, 0) : number + 1].swapaxes(0, 1)))
+        for text, p in zip(names, points[number], strict=False):
+            text.set_position(p)
+
+    return show
+
+
+def _empty_frames(history: RecordedHistory, film: Film) -> Array:
+    """Steps with an empty K_i since the last frame, as a mask of agents, shape (f, N)."""
+    found = np.zeros((len(film.times), len(history.swarm.names)), dtype=bool)
+    for i in history.swarm.normal:
+        steps = history.agent(i)
+        at = np.searchsorted(film.times, steps.t[np.isin(steps.empty, list(EMPTY_CODES.values()))])
+        found[at[at < len(found)], i] = True
+    return found
+
+
+def _words(axes: Axes, history: ReportHistory, film: Film) -> Show:
+    """Write the time, the share of broadcasts lost, what the event log says, and the verdict."""
+    summary, name = history.recording.summary, history.scenario.name
+    clock = axes.set_title("", loc="left", fontsize=11)
+    network = axes.set_title("", loc="right", fontsize=9, color=LIMIT)
+    at: dict[str, Any] = {"transform": axes.transAxes, "zorder": 5}
+    # A recorded text may hold what matplotlib would take for a formula.
+    log = axes.text(0.015, 0.98, "", va="top", fontsize=9, color=PEAK, parse_math=False, **at)
+    card = {"boxstyle": "round,pad=0.5", "facecolor": "white", "edgecolor": LIMIT, "alpha": 0.92}
+    end = axes.text(0.5, 0.1, "", ha="center", va="center", fontsize=15, weight="bold", **at)
+    if summary:
+        end.set_color(_OF_OUTCOME.get(summary.outcome, PEAK))
+        end.set_bbox(card)
+    sent = np.sort(history.broadcasts["sent"])
+    gone = np.sort(history.broadcasts["sent"][history.broadcasts["fate"] == FATES.index(LOST)])
+
+    def show(number: int) -> None:
+        t = film.times[number]
+        clock.set_text(f"{name}, t = {t:.1f} s")
+        total, lost = np.searchsorted(sent, t), np.searchsorted(gone, t)
+        network.set_text(f"{total} broadcasts, {lost / total:.0%} lost" if total else "")
+        since = t - _NOTICE * film.speed
+        new = [line for line in history.recording.log if since < line.t <= t]
+        log.set_text("\n".join(f"{line.t:.1f} s: {line.text}" for line in new[-3:]))
+        end.set_text(str(summary.outcome) if summary and number == len(film.times) - 1 else "")
+
+    return show
+
+
+def _progress(axes: Axes, history: ReportHistory, film: Film) -> Show:
+    """Draw h_tot, and a veil over what is still to come."""
+    style_axes(axes)
+    draw_h(axes, history, largest=False)
+    veil = Rectangle((0.0, 0.0), 1.0, 1.0, facecolor="white", alpha=0.8, zorder=3)
+    veil.set_transform(axes.get_xaxis_transform())
+    axes.add_patch(veil)
+    last = axes.get_xlim()[1]
+
+    def show(number: int) -> None:
+        veil.set_x(film.times[number])
+        veil.set_width(last - film.times[number])
+
+    return show

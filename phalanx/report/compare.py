@@ -5,19 +5,22 @@ import multiprocessing
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from matplotlib.figure import Figure
+
+from phalanx.curves.history import ReportHistory
 from phalanx.curves.thinning import Series
 from phalanx.metrics.table import metrics_of
 from phalanx.metrics.words import swarm_rows
-from phalanx.recording.read import Recording, read, swarm_of
-from phalanx.report.history import ReportHistory
+from phalanx.recording.read import read, swarm_of
 from phalanx.report.html import document, figure, note, section, table
 from phalanx.report.links import link_statistics
-from phalanx.report.overlay import overlay
 from phalanx.report.page import key_figures
-from phalanx.report.style import ReportFigure
+from phalanx.report.style import LIMIT, NORMAL, WORST, draw_line, legend, over_time
 from phalanx.report.write import draw_figures, image_of
 
 _SAME = ("name", "description", "reading")
@@ -51,17 +54,14 @@ def compared_run(run: Path, *, drawn: bool, trust: bool = False) -> ComparedRun:
     Raises UnreadableRecordingError as read does.
     """
     if not trust:
-        return _compared(read(run), drawn)
+        return _compared(run, drawn)
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(max_workers=1, mp_context=spawn) as own:
-        return own.submit(_read_trusted, run, drawn).result()
+        return own.submit(_compared, run, drawn, trust=True).result()
 
 
-def _read_trusted(run: Path, drawn: bool) -> ComparedRun:
-    return _compared(read(run, trust=True), drawn)
-
-
-def _compared(run: Recording, drawn: bool) -> ComparedRun:
+def _compared(folder: Path, drawn: bool, trust: bool = False) -> ComparedRun:
+    run = read(folder, trust)
     scenario = json.loads(run.scenario.model_dump_json(by_alias=True))
     settings = dict(_leaves({k: v for k, v in scenario.items() if k not in _SAME}))
     verdict = str(run.summary.outcome) if run.summary else f"unfinished: {run.unfinished}"
@@ -71,7 +71,7 @@ def _compared(run: Recording, drawn: bool) -> ComparedRun:
         run.path.resolve().parent.name,
         settings | {path: digest[:12] for path, digest in run.modules.items()},
         {"Verdict": verdict, **dict(key_figures(run)), **dict(metrics)},
-        {each.name: image_of(each) for each in figures},
+        {each.name: image_of(each.figure) for each in figures},
         Series(run.times, run.h_tot),
     )
 
@@ -90,8 +90,7 @@ def write_comparison(runs: Sequence[ComparedRun], path: Path) -> Path:
     ]
     if all(len(run.h_tot.t) for run in runs):
         both = overlay({name: run.h_tot for name, run in zip(names, runs, strict=True)})
-        image = image_of(ReportFigure("together", "", both))
-        parts.append(section("h_tot of all", figure(_TOGETHER, image)))
+        parts.append(section("h_tot of all", figure(_TOGETHER, image_of(both))))
     for drawn in dict.fromkeys(name for run in runs for name in run.figures):
         shown = "".join(
             figure(name, run.figures[drawn])
@@ -146,3 +145,26 @@ def _leaves(value: Any, path: str = "") -> list[tuple[str, str]]:
         return [(path, json.dumps(_rounded(value), ensure_ascii=False))]
     prefix = f"{path}." if path else ""
     return [leaf for key, each in steps for leaf in _leaves(each, f"{prefix}{key}")]
+
+
+def overlay(h_tot: Mapping[str, Series]) -> Figure:
+    """Draw h_tot of runs, by their titles, over one another; below, less that of the first run.
+
+    A difference is taken at the run's own times up to the first run's end, where h_tot of the
+    first is interpolated between its states.
+    """
+    figure, (above, below) = over_time(2, 2.6)
+    (_, base), *_ = h_tot.items()
+    for (title, series), colour in zip(h_tot.items(), cycle((NORMAL, *WORST))):
+        label = f"{title}: worst {np.nanmax(series.y):.4g}"
+        draw_line(above, series, colour=colour, width=1.2, label=label)
+        if series is not base:
+            common = Series(*(values[series.t <= base.t[-1]] for values in series))
+            apart = Series(common.t, common.y - np.interp(common.t, *base))
+            label = f"{title}: at most {np.abs(apart.y).max(initial=0.0):.3g}"
+            draw_line(below, apart, colour=colour, width=1.0, label=label)
+    for axes, name in ((above, "$h_{tot}$"), (below, "$h_{tot}$, less the first's")):
+        axes.axhline(0.0, color=LIMIT, linewidth=1.2)
+        axes.set_ylabel(name)
+        legend(axes)
+    return figure

@@ -1,4 +1,4 @@
-"""Statistics of links: losses and delays on each, with those of the scenario's link model."""
+"""Figures of links: the space-time diagram of all broadcasts, and losses on each link."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -6,13 +6,52 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
+from phalanx.arrays import Array
+from phalanx.curves.history import ReportHistory
+from phalanx.curves.lanes import LANE_STATES, lanes, zoom_window
 from phalanx.network.link import LinkModel
+from phalanx.recording.broadcasts import FATES, IN_TIME, LATE, LOST
 from phalanx.recording.read import Recording, steps_by_agent
-from phalanx.report.style import FEW, LIMIT, MUTED, WORST, current, legend, panels, summarises
+from phalanx.report.style import (
+    FEW,
+    LIMIT,
+    MOST_NAMED,
+    MUTED,
+    WORST,
+    current,
+    legend,
+    panels,
+    summarises,
+    title,
+)
+from phalanx.theory.rows.origin import OF_CONTROLLERS, Origin
 
 _MOST_LINKS = 40
+_COLOURS = {
+    IN_TIME: "#9fb2ca",
+    LATE: "#e8a200",
+    LOST: "#d62728",
+    Origin.BACKUP: "#f97316",
+    Origin.NO_AUTHORITY: "#c084fc",
+    "silent": "#475569",
+}
+_MOST_INTERVALS = 400
+"""Most intervals of the whole run."""
+_MOST_LANES = 24
+"""Most lanes of three rows each, and most agents' names on the axis."""
+_LANE, _MOST_HIGH = 0.34, 7.0
+"""[inch]"""
+_DOTS = (
+    ("#1f5fbf", "o", {Origin.QP, Origin.SOLVER_FAILED, *OF_CONTROLLERS}),
+    ("#8f0f2a", "o", {Origin.ATTACK}),
+    (_COLOURS[Origin.BACKUP], "s", {Origin.BACKUP}),
+    (_COLOURS[Origin.NO_AUTHORITY], "s", {Origin.NO_AUTHORITY}),
+)
 
 
 @dataclass
@@ -111,3 +150,120 @@ def _draw_all(axes: Axes, links: Sequence[LinkStatistics]) -> None:
     axes.set_xlabel("broadcasts decided on a link")
     axes.set_ylabel("lost [%]")
     legend(axes)
+
+
+def space_time(history: ReportHistory) -> Figure | None:
+    """Draw the whole run, and its worst moment in detail; None without any broadcast."""
+    if not len(history.broadcasts):
+        return None
+    names, shown = history.swarm.names, _shown(history)
+    heights = [min(_LANE * len(names), _MOST_HIGH), _LANE * len(shown)]
+    size = current().width, (sum(heights) + 1.6) * current().heights
+    figure = Figure(figsize=size, layout="constrained", facecolor="white")
+    whole, zoom = figure.subplots(2, 1, height_ratios=[h + 0.3 for h in heights])
+    steps = [history.agent(i) for i in range(len(names))]
+    moment = float(history.times[history.worst])
+    begin, end = zoom_window(steps, moment, float(history.times[-1]))
+    _draw_whole(whole, history)
+    whole.axvspan(begin, end, color="#000000", alpha=0.15, linewidth=0)
+    _draw_zoom(zoom, history, shown, begin, end)
+    return figure
+
+
+def _draw_whole(axes: Axes, history: ReportHistory) -> None:
+    """Draw each lane as three rows: broadcasts to it that were late, those lost, its state.
+
+    With many agents each has one row, with the gravest of the three.
+    """
+    swarm, count = history.swarm, len(history.swarm.names)
+    end = max(history.times[-1], max(step.t for step in history.recording.steps))
+    steps, taus = zip(*((history.agent(i), swarm.horizon(i)) for i in range(count)), strict=True)
+    late, lost, state, _ = lanes(history, steps, taus, (0.0, end), end, _MOST_INTERVALS)
+    intervals = late.shape[1]
+    image = np.ones((count, 4, intervals, 3))  # the fourth row separates the lanes
+    image[:, 0], image[:, 1] = _blend(_COLOURS[LATE], late), _blend(_COLOURS[LOST], lost)
+    image[:, 2] = np.array([(1.0, 1.0, 1.0), *(to_rgb(_COLOURS[s]) for s in LANE_STATES[1:])])[
+        state
+    ]
+    if count > _MOST_LANES:
+        for row in (1, 2):
+            drawn = (image[:, row] < 1.0).any(axis=-1)
+            image[:, 0][drawn] = image[:, row][drawn]
+        image = image[:, :1]
+    axes.imshow(
+        image.reshape(-1, intervals, 3),
+        aspect="auto", interpolation="nearest", extent=(0.0, end, count - 0.5, -0.5),
+    )  # fmt: skip
+    shown = range(0, count, -(-count // _MOST_LANES))
+    axes.set_yticks(list(shown), [swarm.names[i] for i in shown], fontsize=current().small)
+    axes.set_ylabel("agent")
+    axes.set_xlabel("t [s]")
+    axes.spines[["top", "right"]].set_visible(False)
+    found = np.bincount(history.broadcasts.fate, minlength=len(FATES))
+    counts = ", ".join(f"{count} {fate}" for count, fate in zip(found, FATES, strict=True))
+    title(axes, f"{found.sum()} broadcasts on all links: {counts}")
+    handles = [Patch(color=c, label=name) for name, c in _COLOURS.items() if name != IN_TIME]
+    axes.legend(
+        handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.02), fontsize=current().small,
+        frameon=False,
+    )  # fmt: skip
+
+
+def _draw_zoom(
+    axes: Axes, history: ReportHistory, shown: Sequence[int], begin: float, end: float
+) -> None:
+    """Draw every control step as a dot, every broadcast as a line from sender to receiver."""
+    names = history.swarm.names
+    lane_of = np.zeros(len(names))
+    for lane, i in enumerate(shown):
+        lane_of[i] = lane
+        axes.axhline(lane, color="#000000", alpha=0.25, linewidth=0.8, zorder=1)
+        for colour, marker, origins in _DOTS:
+            t = [s.t for s in history.steps[i] if begin <= s.t <= end and s.origin in origins]
+            axes.plot(t, [lane] * len(t), marker, color=colour, markersize=4, zorder=4)
+    sent = history.broadcasts[(begin <= history.broadcasts.sent) & (history.broadcasts.sent <= end)]
+    sent = sent[np.isin(sent.sender, shown) & np.isin(sent.receiver, shown)]
+    for code, fate in enumerate(FATES):
+        of_fate = sent[sent.fate == code]
+        begins, ends, style = lane_of[of_fate.sender], lane_of[of_fate.receiver], "-"
+        if fate == LOST:  # a line half way to its receiver
+            ends, style = (begins + ends) / 2.0, "--"
+            axes.plot(of_fate.arrival, ends, "x", color=_COLOURS[LOST], markersize=4)
+        tails, heads = (of_fate.sent, begins), (of_fate.arrival, ends)
+        segments = np.stack([np.column_stack(tails), np.column_stack(heads)], axis=1)
+        axes.add_collection(
+            LineCollection(
+                list(segments), linewidths=0.8, zorder=2, colors=_COLOURS[fate], linestyles=style,
+                label=fate,
+            )
+        )  # fmt: skip
+    axes.set_xlim(begin, end)
+    axes.set_ylim(len(shown) - 0.5, -0.5)
+    axes.set_yticks(range(len(shown)), [names[i] for i in shown], fontsize=current().small)
+    left = len(names) - len(shown)
+    axes.set_ylabel("agent" + (f", {left} more not drawn" if left else ""))
+    axes.set_xlabel("t [s]")
+    axes.spines[["top", "right"]].set_visible(False)
+    title(axes, "around the worst moment")
+    legend(axes)
+
+
+def _shown(history: ReportHistory) -> list[int]:
+    """Agents in the zoom: all; of many the worst pair's, then those that missed most broadcasts."""
+    safe_set, summary = history.swarm.safe_set, history.recording.summary
+    count = len(history.swarm.names)
+    if count <= MOST_NAMED:
+        return list(range(count))
+    sent = history.broadcasts
+    missed = np.bincount(sent.receiver[sent.fate != FATES.index(IN_TIME)], minlength=count)
+    label = summary.worst_pair if summary else ""
+    pair = next((p for p in safe_set.pairs if safe_set.label(p) == label), None)
+    first = [] if pair is None else [i for i in pair if i < count]
+    others = [i for i in np.argsort(-missed, kind="stable").tolist() if i not in first]
+    return sorted([*first, *others][:MOST_NAMED])
+
+
+def _blend(colour: str, share: Array) -> Array:
+    """Blend white with a colour, with one axis more; a small share is still visible."""
+    strength = np.where(share > 0.0, 0.25 + 0.75 * share, 0.0)[..., None]
+    return np.asarray((1.0 - strength) + strength * np.array(to_rgb(colour)))

@@ -1,20 +1,18 @@
 """The margin that rows used and the margin they needed, from recorded states and inputs."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from phalanx.arrays import Array, Mask
+from phalanx.curves.history import ReportHistory
 from phalanx.curves.thinning import Series
-from phalanx.recording.records import Step
 from phalanx.report import style
-from phalanx.report.history import ReportHistory
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import unit_of_psi
 from phalanx.theory.margins.integrated import RowPart
-from phalanx.theory.rows.pairs import PairTerms
 
 _INSTANTS, _MANY_INSTANTS = 300, 24
 """Most steps of each agent at which margins are computed again."""
@@ -46,16 +44,21 @@ def margin_use(history: ReportHistory, i: int) -> MarginUse | None:
     rows, steps = history.values.rows.seen_by(i), history.steps[i]
     swarm = rows.swarm
     most = _MANY_INSTANTS if style.summarises(history.scenario) else _INSTANTS
-    places = range(len(steps)) if len(steps) <= most else np.linspace(0, len(steps) - 1, most)
+    places = np.unique(np.linspace(0, len(steps) - 1, min(most, len(steps))).astype(int))
     sharing = swarm.normal if swarm.safety.pairwise and swarm.safety.joint else ()
     needing, used = rows.pair_terms_of_input(i), _used(rows, i, sharing)
     found = []
-    for step, x in _sampled(history, [steps[int(k)] for k in places]):
+    for step in (steps[k] for k in places):
+        # The newest state that was recorded up to the step's sample.
+        x = history.x[max(0, int(np.searchsorted(history.times, step.t, side="right")) - 1)]
         seen = swarm.seen(i, x)
         needed = needing(x, seen, sharing, step.u)
         if not needed.others:
             continue
-        nearest = int(_without_margin(needed, np.array(step.u)).argmax())
+        # Each pair's condition without its margin: at -η a row binds.
+        shares = np.where(needed.half, RowPart.HALF.value, RowPart.WHOLE.value)
+        most_of_others = np.where(needed.half, 0.0, needed.most)
+        nearest = int((shares * needed.unforced + most_of_others + needed.a @ step.u).argmax())
         found.append((step.t_apply, used(x, seen, nearest), needed.margin[nearest]))
     return MarginUse(*np.array(found).T) if found else None
 
@@ -71,26 +74,16 @@ def _used(
     return lambda x, seen, _: composed(x, seen).margin
 
 
-def _sampled(history: ReportHistory, steps: list[Step]) -> Iterator[tuple[Step, Array]]:
-    """Pair each step with the newest state that was recorded up to its sample."""
-    for step in steps:
-        yield step, history.x[max(0, int(np.searchsorted(history.times, step.t, side="right")) - 1)]
-
-
-def _without_margin(terms: PairTerms, u: Array) -> Array:
-    """Each pair's condition without its margin; at -η a row binds, shape (r,)."""
-    shares = np.where(terms.half, RowPart.HALF.value, RowPart.WHOLE.value)
-    left: Array = shares * terms.unforced + np.where(terms.half, 0.0, terms.most) + terms.a @ u
-    return left
-
-
 def margins(history: ReportHistory) -> tuple[Figure, str] | None:
     """The figure of all normal agents and its caption; None without any pair."""
     swarm = history.swarm
     try:
         each = {swarm.names[i]: margin_use(history, i) for i in swarm.normal}
     except ValueError as error:
-        return _unknown(), f"Margins needed are unknown: {error}."
+        figure, (axes,) = style.panels(1, 0.4)
+        axes.set_axis_off()
+        axes.text(0.0, 0.5, "margin used: the scenario's; margin needed: unknown", va="center")
+        return figure, f"Margins needed are unknown: {error}."
     uses = {name: use for name, use in each.items() if use is not None}
     if not uses:
         return None
@@ -101,7 +94,7 @@ def margins(history: ReportHistory) -> tuple[Figure, str] | None:
 
 def _each_figure(history: ReportHistory, uses: dict[str, MarginUse]) -> Figure:
     """A panel for each agent: both margins over time."""
-    figure, rows = style.panels(len(uses), 1.9)
+    figure, rows = style.over_time(len(uses), 1.9)
     unit = unit_of_psi(history.scenario, history.swarm.pairs.degree) or "SI"
     palette = style.colours(history.scenario)
     for (name, use), axes in zip(uses.items(), rows, strict=True):
@@ -113,37 +106,24 @@ def _each_figure(history: ReportHistory, uses: dict[str, MarginUse]) -> Figure:
             use.t, use.used, proven, where=use.short, color=style.PEAK, alpha=0.15, label=label
         )
         style.logarithmic(axes)
-        axes.margins(x=0.01, y=0.15)
+        axes.margins(y=0.15)
         axes.set_ylabel(f"margin [{unit}]")
-        axes.set_title(_counted(use), loc="right", fontsize=style.current().title - 1.0)
+        least = f"at least {(use.used / use.needed).min():.3g} of it used"
+        counted = f"{least}, short at {use.short.sum()} of {len(use.t)} steps"
+        axes.set_title(counted, loc="right", fontsize=style.current().title - 1.0)
         style.legend(axes, f"agent {name}")
-    rows[-1].set_xlabel("t [s]")
     return figure
 
 
 def _many_figure(uses: dict[str, MarginUse]) -> Figure:
     """Margin used over margin needed, of all agents."""
     curves = {name: Series(use.t, use.used / use.needed) for name, use in uses.items()}
-    figure, (axes,) = style.panels(1, 3.0)
-    worst = sorted(curves, key=lambda name: float(curves[name].y.min()))
-    style.draw_many(axes, curves, worst, "normal agents", " times")
+    figure, (axes,) = style.over_time(1, 3.0)
+    style.draw_many(axes, curves, lambda y: y.min(), "normal agents", " times")
     axes.axhline(1.0, color=style.LIMIT, linewidth=1.2)
     style.logarithmic(axes)
     axes.set_ylabel("margin used / needed")
-    axes.set_xlabel("t [s]")
     return figure
-
-
-def _unknown() -> Figure:
-    figure, (axes,) = style.panels(1, 0.4)
-    axes.set_axis_off()
-    axes.text(0.0, 0.5, "margin used: the scenario's; margin needed: unknown", va="center")
-    return figure
-
-
-def _counted(use: MarginUse) -> str:
-    least = float((use.used / use.needed).min())
-    return f"at least {least:.3g} of it used, short at {use.short.sum()} of {len(use.t)} steps"
 
 
 def _caption(rows: SafetyRows, uses: dict[str, MarginUse]) -> str:

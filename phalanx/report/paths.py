@@ -1,7 +1,5 @@
 """Figures of the agents' paths, seen from above and from the side."""
 
-from typing import NamedTuple
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
@@ -10,8 +8,18 @@ from matplotlib.patches import Circle
 
 from phalanx.arrays import Array, Index
 from phalanx.curves.history import RecordedHistory
-from phalanx.report.distances import required_distance
-from phalanx.report.style import LIMIT, MUTED, PEAK, WORST, colours, current, legend, style_axes
+from phalanx.report.safety import required_distance
+from phalanx.report.style import (
+    LIMIT,
+    MUTED,
+    PEAK,
+    WORST,
+    colours,
+    current,
+    legend,
+    style_axes,
+    summarises,
+)
 from phalanx.scenario.model import Scenario
 from phalanx.theory.safety.box import Box
 from phalanx.theory.safety.limits import Drawable, Line
@@ -25,29 +33,8 @@ _OF_ROLE = {"normal": "#8fb3e6", "adversary": "#e8938f"}
 _MARGIN = 1.3
 
 
-class WorstPairs(NamedTuple):
-    """The pair with the largest h at each state."""
-
-    h: Array
-    """Its h, shape (s,)."""
-    pairs: Index
-    """Its sides as SwarmPairs has them, shape (s, 2)."""
-
-
-def worst_pairs(history: RecordedHistory) -> WorstPairs:
-    """Find the worst pair at each state; needs a state."""
-    pairs = history.swarm.pairs
-    chosen = pairs.choose(pairs.every)
-    found = [(h.max(), h.argmax()) for h in map(chosen.h, history.x)]
-    h, which = zip(*found, strict=True)
-    return WorstPairs(np.array(h), chosen.pairs[list(which)])
-
-
-def paths(history: RecordedHistory, worst: WorstPairs | None = None) -> Figure:
-    """Draw paths in the plane; for 3-D positions, seen from above and from the side.
-
-    worst: if given, agents are drawn by role, and only the worst pair's by name.
-    """
+def paths(history: RecordedHistory) -> Figure:
+    """Draw paths in the plane; for 3-D positions, seen from above and from the side."""
     planes = [(0, 1)] if history.positions.shape[2] == 2 else [(0, 1), (0, 2)]
     low, high = scene_box(history)
     width, style = high[0] - low[0], current()
@@ -58,39 +45,28 @@ def paths(history: RecordedHistory, worst: WorstPairs | None = None) -> Figure:
     rows = figure.subplots(len(planes), 1, squeeze=False, height_ratios=heights)[:, 0]
     for axes, plane in zip(rows, planes, strict=True):
         draw_scene(axes, history, plane)
-        draw_paths(axes, history, plane, worst)
+        draw_paths(axes, history, plane)
     legend(rows[0])
     return figure
 
 
-def draw_paths(
-    axes: Axes, history: RecordedHistory, plane: tuple[int, int], worst: WorstPairs | None
-) -> None:
-    """Draw the paths of all agents; worst: as paths takes it."""
-    if worst is None:
-        _draw_agents(axes, history, plane)
-    else:
-        _draw_roles(axes, history, plane, worst)
+def draw_paths(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) -> None:
+    """Draw the paths of all agents; of many by role, and only the worst pair's by name."""
+    (_draw_roles if summarises(history.scenario) else _draw_agents)(axes, history, plane)
 
 
 def scene_box(history: RecordedHistory) -> tuple[Array, Array]:
     """Lowest and highest coordinates of what is drawn, with a margin [m], shapes (d,)."""
-    points = _outline(history)
+    d, scenario = history.positions.shape[2], history.scenario
+    shown = [history.positions.reshape(-1, d), *(np.array(line) for line in _outlines(scenario))]
+    for obstacle in scenario.obstacles:
+        if isinstance(obstacle, Sphere):
+            shown.append(
+                np.array(obstacle.center) + np.outer([-1.0, 1.0], np.full(d, obstacle.clearance))
+            )
+    points = np.concatenate(shown)
     margin = 0.04 * float(np.ptp(points, axis=0).max()) + 0.5
     return points.min(axis=0) - margin, points.max(axis=0) + margin
-
-
-def _outline(history: RecordedHistory) -> Array:
-    """Points that the scene must contain [m], shape (k, d)."""
-    d, scenario = history.positions.shape[2], history.scenario
-    points = [history.positions.reshape(-1, d)]
-    for obstacle in scenario.obstacles:
-        if not isinstance(obstacle, Sphere):
-            continue
-        center = np.array(obstacle.center)
-        points.append(np.array([center - obstacle.clearance, center + obstacle.clearance]))
-    points += [np.array(line) for line in _outlines(scenario)]
-    return np.concatenate(points)
 
 
 def _outlines(scenario: Scenario) -> list[Line]:
@@ -126,9 +102,7 @@ def _draw_agents(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) -
             _add_circle(axes, p[history.worst], radius / 2, (0, (3, 1.5)), palette[name])
 
 
-def _draw_roles(
-    axes: Axes, history: RecordedHistory, plane: tuple[int, int], worst: WorstPairs
-) -> None:
+def _draw_roles(axes: Axes, history: RecordedHistory, plane: tuple[int, int]) -> None:
     """Draw every path in its role's colour, and the two of the worst pair where h was largest."""
     roster = list(history.scenario.roster())
     keep = _kept_states(history, _MANY_POINTS)
@@ -139,8 +113,8 @@ def _draw_roles(
             label = f"{len(of_role)} × {role}"
             axes.add_collection(LineCollection(list(paths[of_role]), colors=colour, linewidths=0.8))
             axes.plot(*paths[of_role, -1].T, "s", color=colour, markersize=2.5, label=label)
-    at = int(worst.h.argmax())
-    for i, colour in zip(worst.pairs[at].tolist(), WORST, strict=False):
+    at = int(history.worst_pairs.h.argmax())
+    for i, colour in zip(history.worst_pairs.pairs[at].tolist(), WORST, strict=False):
         if i < len(roster):
             p, name = history.positions[:, i][:, plane], roster[i][0]
             axes.plot(*p[keep].T, color=colour, linewidth=1.3, label=f"{name}, of the worst pair")

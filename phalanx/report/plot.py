@@ -5,11 +5,10 @@ from collections.abc import Callable, Mapping, Sequence
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 
-from phalanx.curves.history import RecordedHistory
+from phalanx.curves.history import ReportHistory
 from phalanx.recording.read import Recording
-from phalanx.report.history import ReportHistory
-from phalanx.report.paths import draw_paths, draw_scene, worst_pairs
-from phalanx.report.safety import draw_h, worst
+from phalanx.report.paths import draw_paths, draw_scene
+from phalanx.report.safety import draw_h
 from phalanx.report.steps import draw_certified, draw_shares
 from phalanx.report.style import SCREEN, current, drawn_for, legend, style_axes, summarises
 
@@ -60,28 +59,24 @@ def _new_axes(panels: Sequence[str]) -> dict[str, Axes]:
     return dict(zip(panels, rows, strict=True))
 
 
-def _paths(axes: Axes, history: RecordedHistory) -> None:
+def _paths(axes: Axes, history: ReportHistory) -> None:
     draw_scene(axes, history, (0, 1))
-    draw_paths(
-        axes, history, (0, 1), worst_pairs(history) if summarises(history.scenario) else None
-    )
+    draw_paths(axes, history, (0, 1))
     legend(axes)
 
 
 def _h(axes: Axes, history: ReportHistory) -> None:
-    peak = worst(history.recording)
-    assert peak is not None
     style_axes(axes)
-    draw_h(axes, history, peak, worst_pairs(history).h if summarises(history.scenario) else None)
+    draw_h(axes, history, summarises(history.scenario))
 
 
-def _inputs(axes: Axes, history: RecordedHistory) -> None:
+def _inputs(axes: Axes, history: ReportHistory) -> None:
     style_axes(axes)
     draw_shares(axes, history)
     axes.set_xlabel("t [s]")
 
 
-def _certified(axes: Axes, history: RecordedHistory) -> None:
+def _certified(axes: Axes, history: ReportHistory) -> None:
     style_axes(axes)
     draw_certified(axes, history)
 

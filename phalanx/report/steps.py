@@ -1,4 +1,4 @@
-"""Figures of control steps: inputs, certified times, ages of received inputs, wall times.
+"""Figures of control steps: inputs, certified times, ages of û, wall times, disturbances.
 
 Up to 12 agents are drawn one by one; more agents as an envelope, and the worst few by name.
 """
@@ -10,11 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from phalanx.arrays import Array
-from phalanx.curves.history import EMPTY_CODES, AgentSeries, RecordedHistory
+from phalanx.curves.history import EMPTY_CODES, AgentSeries, RecordedHistory, ReportHistory
 from phalanx.curves.quantities import InputCurve, input_curves, input_polytope, step_series
 from phalanx.curves.thinning import Series
+from phalanx.recording.disturbances import disturbances_of
 from phalanx.report import style
-from phalanx.report.history import ReportHistory
 from phalanx.theory.rows.origin import EMPTY, Origin, origin_label
 
 _TIME_POINTS = 600
@@ -24,8 +24,7 @@ _LIGHT = "#f2a7a0"
 
 def certified(history: RecordedHistory) -> Figure | None:
     """Draw certified times of each normal agent's inputs, in its τ; None without any."""
-    curves = _certified_curves(history)
-    if not curves:
+    if not _curves(history, "certified", history.swarm.normal):
         return None
     figure, (axes,) = style.panels(1, 3.0)
     draw_certified(axes, history)
@@ -33,16 +32,26 @@ def certified(history: RecordedHistory) -> Figure | None:
 
 
 def draw_certified(axes: Axes, history: RecordedHistory) -> None:
-    """Draw the same on given axes, with what is below τ counted in a title."""
-    curves = _certified_curves(history)
+    """Draw the same on given axes, with what is below τ counted."""
+    swarm, palette = history.swarm, style.colours(history.scenario)
+    every = _curves(history, "certified", swarm.normal)
+    curves = {name: series.known() for name, series in every.items()}
     if style.summarises(history.scenario):
-        worst = sorted(curves, key=lambda n: (curves[n].y.min(), curves[n].y.mean()))
-        style.draw_many(axes, curves, worst, "normal agents", " τ")
+        style.draw_many(axes, curves, lambda y: (y.min(), y.mean()), "normal agents", " τ")
         ratios = np.concatenate([ratio for _, ratio in curves.values()])
-        below = f"{(ratios < 1.0).sum()} of {len(ratios)} inputs below τ"
-        axes.set_title(below, loc="right", fontsize=style.current().title)
+        style.title(axes, f"{(ratios < 1.0).sum()} of {len(ratios)} inputs below τ")
     else:
-        _draw_certified(axes, history, curves)
+        for name, (t, ratio) in curves.items():
+            i, below = swarm.names.index(name), ratio < 1.0
+            shortest = np.nanmin(history.agent(i).numbers["certified"]) / swarm.horizon(i)
+            label = f"{name}: shortest {shortest:.3g} τ"
+            style.draw_line(axes, Series(t, ratio), colour=palette[name], label=label)
+            if below.any():
+                label = f"{name}: below τ ({below.sum()} of {len(below)})"
+                axes.scatter(
+                    t[below], ratio[below], marker="x", s=22, color=style.PEAK, label=label
+                )
+        style.legend(axes, "agent")
     axes.axhline(1.0, color=style.LIMIT, linewidth=1.2)
     style.logarithmic(axes)
     axes.margins(x=0.01)
@@ -50,23 +59,10 @@ def draw_certified(axes: Axes, history: RecordedHistory) -> None:
     axes.set_xlabel("t [s]")
 
 
-def _certified_curves(history: RecordedHistory) -> dict[str, Series]:
-    swarm = history.swarm
-    every = step_series(swarm, "certified", {i: history.agent(i) for i in swarm.normal})
-    return {swarm.names[i]: known for i, s in every.items() if len((known := s.known()).t)}
-
-
-def _draw_certified(axes: Axes, history: RecordedHistory, curves: dict[str, Series]) -> None:
-    palette, swarm = style.colours(history.scenario), history.swarm
-    for name, (t, ratio) in curves.items():
-        i, below = swarm.names.index(name), ratio < 1.0
-        shortest = np.nanmin(history.agent(i).numbers["certified"]) / swarm.horizon(i)
-        label = f"{name}: shortest {shortest:.3g} τ"
-        style.draw_line(axes, Series(t, ratio), colour=palette[name], label=label)
-        if below.any():
-            label = f"{name}: below τ ({below.sum()} of {len(below)})"
-            axes.scatter(t[below], ratio[below], marker="x", s=22, color=style.PEAK, label=label)
-    style.legend(axes, "agent")
+def _curves(history: RecordedHistory, number: str, agents: Sequence[int]) -> dict[str, Series]:
+    """A number of these agents' steps as plotted, by name; only of agents of which it is known."""
+    every = step_series(history.swarm, number, {i: history.agent(i) for i in agents})
+    return {history.swarm.names[i]: s for i, s in every.items() if len(s.known().t)}
 
 
 def ages(history: ReportHistory) -> Figure | None:
@@ -74,41 +70,29 @@ def ages(history: ReportHistory) -> Figure | None:
 
     With many agents, only of each one's oldest û_l.
     """
-    names = history.swarm.names
-    steps = {i: history.agent(i) for i in range(len(names))}
-    every = step_series(history.swarm, "oldest_input", steps)
-    curves = {names[i]: series for i, series in every.items() if len(series.known().t)}
+    names, palette = history.swarm.names, style.colours(history.scenario)
+    curves = _curves(history, "oldest_input", range(len(names)))
     if not curves:
         return None
-    if not style.summarises(history.scenario):
-        return _ages_of_each(history, list(curves))
-    figure, (axes,) = style.panels(1, 3.0)
-    worst = sorted(curves, key=lambda name: -np.nanmax(curves[name].y))
-    style.draw_many(axes, curves, worst, "receivers", " ms")
-    axes.set_ylim(bottom=0.0)
-    axes.set_ylabel("age of the oldest û [ms]")
-    axes.set_xlabel("t [s]")
-    return figure
-
-
-def _ages_of_each(history: ReportHistory, receivers: Sequence[str]) -> Figure:
-    names, palette = history.swarm.names, style.colours(history.scenario)
-    figure, rows = style.panels(len(receivers), 1.7)
-    for receiver, axes in zip(receivers, rows, strict=True):
+    if style.summarises(history.scenario):
+        figure, (axes,) = style.over_time(1, 3.0)
+        style.draw_many(axes, curves, lambda y: -np.nanmax(y), "receivers", " ms")
+        axes.set_ylim(bottom=0.0)
+        axes.set_ylabel("age of the oldest û [ms]")
+        return figure
+    figure, rows = style.over_time(len(curves), 1.7)
+    for receiver, axes in zip(curves, rows, strict=True):
         i = names.index(receiver)
         ages_by_step = [dict(step.ages) for step in history.steps[i]]
         age = 1e3 * np.array([[each.get(name, np.nan) for name in names] for each in ages_by_step])
         senders = np.flatnonzero(np.isfinite(age).any(axis=0))
         for l in sorted(senders, key=lambda l: -np.nanmax(age[:, l])):
             label = f"from {names[l]}, oldest {np.nanmax(age[:, l]):.3g} ms"
-            series = Series(history.agent(i).t, age[:, l])
-            colour = palette[names[l]]
+            series, colour = Series(history.agent(i).t, age[:, l]), palette[names[l]]
             style.draw_line(axes, series, colour=colour, width=0.7, alpha=0.85, label=label)
         axes.set_ylim(bottom=0.0)
-        axes.margins(x=0.01)
         axes.set_ylabel("age of û [ms]")
         style.legend(axes, f"received by {receiver}", most=7)
-    rows[-1].set_xlabel("t [s]")
     return figure
 
 
@@ -117,7 +101,7 @@ def inputs(history: RecordedHistory, i: int) -> Figure:
     steps, name = history.agent(i), history.swarm.names[i]
     curves, colour = input_curves(history.swarm, i, steps), style.colours(history.scenario)
     curves = [*_norm(history, i, curves), *curves]
-    figure, rows = style.panels(len(curves), 1.9)
+    figure, rows = style.over_time(len(curves), 1.9)
     held_until = max(history.times[-1], steps.t[-1])
     known = bool(np.isfinite(steps.u_nom).all())
     for curve, axes in zip(curves, rows, strict=True):
@@ -131,12 +115,10 @@ def inputs(history: RecordedHistory, i: int) -> Figure:
             axes.axhline(bound, color=style.LIMIT, linestyle=":", linewidth=1.2)
         _mark_empty(axes, steps, applied.y)
         axes.set_ylabel(f"{curve.name} [{curve.unit or 'SI'}]")
-        axes.margins(x=0.01)
         # A nominal input may lie far outside, and is cut off.
         low, high = (f([*bounds, *applied.y]) for f in (min, max))
         margin = 0.12 * (high - low) or 1.0
         axes.set_ylim(low - margin, high + margin)
-    rows[-1].set_xlabel("t [s]")
     rows[0].plot([], [], color=colour[name], label="applied")
     if known:
         rows[0].plot([], [], color=style.MUTED, label="nominal")
@@ -174,20 +156,24 @@ def inputs_of_all(history: RecordedHistory) -> Figure:
     """
     made = [history.agent(i) for i in history.swarm.normal]
     any_empty = any(steps.empty.any() for steps in made)
-    figure, rows = style.panels(2 if any_empty else 1, 2.6)
+    figure, rows = style.over_time(2 if any_empty else 1, 2.6)
     draw_shares(rows[0], history)
-    for axes in rows[1:]:
-        _draw_empty(axes, made)
-    rows[-1].set_xlabel("t [s]")
+    if any_empty:
+        _draw_empty(rows[1], made)
     return figure
 
 
 def draw_shares(axes: Axes, history: RecordedHistory) -> None:
     """Draw the share of their bounds that normal agents use; each by name if they are few."""
-    curves, palette = _shares(history), style.colours(history.scenario)
+    swarm, palette, curves = history.swarm, style.colours(history.scenario), dict[str, Series]()
+    for i in swarm.normal:
+        U, steps = input_polytope(swarm, i), history.agent(i)
+        if len(steps.t) and U and U.box:
+            low, high = U.box.low, U.box.high
+            share = np.abs(steps.u - (high + low) / 2.0) / ((high - low) / 2.0)
+            curves[swarm.names[i]] = Series(steps.t, share.max(axis=1))
     if curves and style.summarises(history.scenario):
-        worst = sorted(curves, key=lambda name: -curves[name].y.mean())
-        style.draw_many(axes, curves, worst, "normal agents", "")
+        style.draw_many(axes, curves, lambda y: -y.mean(), "normal agents")
     elif curves:
         for name, series in curves.items():
             label = f"{name}: {series.y.mean():.0%} on average"
@@ -197,18 +183,6 @@ def draw_shares(axes: Axes, history: RecordedHistory) -> None:
     if curves:
         axes.axhline(1.0, color=style.LIMIT, linestyle=":", linewidth=1.2)
     axes.set_ylabel("largest share\nof an input's bound")
-
-
-def _shares(history: RecordedHistory) -> dict[str, Series]:
-    """Share of its bound that each normal agent's inputs use, where U_i is a box."""
-    swarm, curves = history.swarm, {}
-    for i in swarm.normal:
-        U, steps = input_polytope(swarm, i), history.agent(i)
-        if len(steps.t) and U and U.box:
-            low, high = U.box.low, U.box.high
-            share = np.abs(steps.u - (high + low) / 2.0) / ((high - low) / 2.0)
-            curves[swarm.names[i]] = Series(steps.t, share.max(axis=1))
-    return curves
 
 
 def _draw_empty(axes: Axes, made: Sequence[AgentSeries]) -> None:
@@ -232,7 +206,7 @@ def solve_times(history: RecordedHistory) -> Figure:
 
     With many agents, of all steps of a role, and of the slowest agents' steps.
     """
-    names = history.swarm.names
+    names, normal = history.swarm.names, set(history.swarm.normal)
     every = [1e3 * history.agent(i).numbers["solve_time"] for i in range(len(names))]
     figure, (axes,) = style.panels(1, 3.2)
     if not style.summarises(history.scenario):
@@ -241,10 +215,8 @@ def solve_times(history: RecordedHistory) -> Figure:
             _draw_time_shares(axes, taken, palette[name], name, 1.3)
         style.legend(axes, "agent")
         return figure
-    normal = set(history.swarm.normal)
-    for role, colour, is_normal in (
-        ("normal agents", style.NORMAL, True), ("adversaries", style.ADVERSARY, False)
-    ):  # fmt: skip
+    roles = ("normal agents", style.NORMAL, True), ("adversaries", style.ADVERSARY, False)
+    for role, colour, is_normal in roles:
         of_role = [taken for i, taken in enumerate(every) if (i in normal) == is_normal]
         _draw_time_shares(axes, np.concatenate([*of_role, []]), colour, role, 2.2)
     late = {i: np.percentile(taken, 99) for i, taken in enumerate(every) if len(taken)}
@@ -272,3 +244,30 @@ def _draw_time_shares(axes: Axes, taken: Array, colour: str, name: str, width: f
     axes.xaxis.set_major_formatter(lambda ms, _: f"{ms:g}")
     axes.set_xlabel("wall time of a step [ms]")
     axes.set_ylabel("steps that took at least this long")
+
+
+def disturbances(history: ReportHistory) -> Figure | None:
+    """Draw the disturbance that each agent needed, against its declared bound.
+
+    None without an interval to explain.
+    """
+    swarm, palette = history.swarm, style.colours(history.scenario)
+    every = zip(swarm.names, disturbances_of(history.recording, swarm), strict=True)
+    curves = {
+        name: Series(found.t, np.where(np.isfinite(found.size), found.size, np.nan))
+        for name, found in every
+        if len(found.t)
+    }
+    if not curves:
+        return None
+    figure, (axes,) = style.over_time(1, 3.0)
+    if style.summarises(history.scenario):
+        style.draw_many(axes, curves, lambda y: -np.nanmax(y), "agents")
+    else:
+        for name, curve in curves.items():
+            style.draw_line(axes, curve, colour=palette[name], held=True, label=name)
+        style.legend(axes)
+    for bound in {group.disturbance.bound for group in swarm.groups}:
+        axes.axhline(bound, color=style.LIMIT, linewidth=1.2)
+    axes.set_ylabel("disturbance needed")
+    return figure

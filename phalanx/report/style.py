@@ -1,7 +1,7 @@
 """The style of every figure: size, axes, legends, and one colour for each agent throughout."""
 
 import contextlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextvars import ContextVar
 from typing import Any, NamedTuple
 
@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from phalanx.arrays import Array
 from phalanx.curves.thinning import Envelope, Series, envelope, kept
 from phalanx.scenario.model import Scenario
 
@@ -76,15 +77,6 @@ def current() -> Style:
     return _current.get()
 
 
-class ReportFigure(NamedTuple):
-    """One figure of the report."""
-
-    name: str
-    """Its file's name, without the ending."""
-    caption: str
-    figure: Figure
-
-
 def colours(scenario: Scenario) -> dict[str, str]:
     """Each agent's colour: normal agents blue, adversaries red, each its own shade."""
     chosen: dict[str, str] = {}
@@ -110,6 +102,15 @@ def panels(rows: int, height: float) -> tuple[Figure, list[Axes]]:
     return figure, axes
 
 
+def over_time(rows: int, height: float) -> tuple[Figure, list[Axes]]:
+    """Make panels as panels() does, of curves over time."""
+    figure, axes = panels(rows, height)
+    axes[-1].set_xlabel("t [s]")
+    for each in axes:
+        each.margins(x=0.01)
+    return figure, axes
+
+
 def style_axes(axes: Axes) -> None:
     """Draw a light grid behind, and no frame above and to the right."""
     axes.grid(color="#000000", alpha=0.12, linewidth=0.6)
@@ -123,6 +124,11 @@ def logarithmic(axes: Axes) -> None:
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def title(axes: Axes, text: str, colour: str = "black") -> None:
+    """Write a title above the right end of a panel."""
+    axes.set_title(text, loc="right", color=colour, fontsize=current().title)
 
 
 def legend(axes: Axes, title: str | None = None, most: int = MOST_NAMED) -> None:
@@ -164,10 +170,11 @@ def draw_envelope(axes: Axes, found: Envelope, colour: str, of: str) -> None:
 
 
 def draw_many(
-    axes: Axes, curves: Mapping[str, Series], worst: Sequence[str], of: str, unit: str
+    axes: Axes, curves: Mapping[str, Series], rank: Callable[[Array], Any], of: str, unit: str = ""
 ) -> None:
-    """Draw the envelope of all agents' curves, and the worst few over it."""
+    """Draw the envelope of all agents' curves, and over it the few whose values rank lowest."""
     draw_envelope(axes, envelope(list(curves.values())), NORMAL, of)
+    worst = sorted(curves, key=lambda name: rank(curves[name].y))
     for name, colour in zip(worst[:FEW], WORST, strict=False):
         y = curves[name].y
         label = f"{name}: {np.nanmin(y):.3g} to {np.nanmax(y):.3g}{unit}"

@@ -3,23 +3,22 @@
 import io
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
+from phalanx.curves.history import ReportHistory
 from phalanx.metrics.table import metrics_of
 from phalanx.metrics.words import metric_rows
 from phalanx.recording.read import Recording, read
 from phalanx.report import safety, steps
-from phalanx.report.distances import distances, required_distance
-from phalanx.report.disturbances import disturbances
-from phalanx.report.history import ReportHistory
-from phalanx.report.lanes import space_time
-from phalanx.report.links import LinkStatistics, link_statistics, losses
+from phalanx.report.links import LinkStatistics, link_statistics, losses, space_time
 from phalanx.report.margins import margins
 from phalanx.report.page import page
-from phalanx.report.paths import paths, worst_pairs
-from phalanx.report.style import FEW, MOST_NAMED, SCREEN, ReportFigure, drawn_for, summarises
+from phalanx.report.paths import paths
+from phalanx.report.style import FEW, MOST_NAMED, SCREEN, drawn_for, summarises
 
 REPORT = "report.html"
 INEVITABLE = "inevitable.png"
@@ -29,6 +28,15 @@ _DATELESS = {"CreationDate": None}
 """Metadata of PDF: the same run gives the same file."""
 _MARGIN = 0.1
 """Margin around the drawn part of a figure [inch]."""
+
+
+class ReportFigure(NamedTuple):
+    """One figure of the report."""
+
+    name: str
+    """Its file's name, without the ending."""
+    caption: str
+    figure: Figure
 
 
 def write_report(
@@ -59,7 +67,7 @@ def _write_report(run: Path, progress: Callable[[str], None] | None, vector: boo
             progress(figure.name)
         if vector:
             figure.figure.savefig(folder / "figures" / f"{figure.name}.pdf", metadata=_DATELESS)
-        image = image_of(figure)
+        image = image_of(figure.figure)
         (folder / "figures" / f"{figure.name}.png").write_bytes(image)
         drawn.append((figure.caption, image))
         if figure.name == "certified":
@@ -72,12 +80,12 @@ def _write_report(run: Path, progress: Callable[[str], None] | None, vector: boo
     return report
 
 
-def image_of(drawn: ReportFigure) -> bytes:
+def image_of(figure: Figure) -> bytes:
     """A figure as PNG, laid out and then cut to its drawn part.
 
     savefig alone can do both, but draws the whole figure once more to lay it out.
     """
-    figure, image = drawn.figure, io.BytesIO()
+    image = io.BytesIO()
     figure.dpi = _DPI
     renderer = FigureCanvasAgg(figure).get_renderer()
     if (layout := figure.get_layout_engine()) is not None:
@@ -92,17 +100,16 @@ def draw_figures(history: ReportHistory, links: list[LinkStatistics]) -> Iterato
     """Draw the figures that the recording has data for, in the report's order."""
     recording, many = history.recording, summarises(history.scenario)
     if recording.states:
-        pairs = worst_pairs(history) if many else None
-        yield ReportFigure("h_tot", _SAFETY, safety.safety(history, pairs.h if pairs else None))
+        yield ReportFigure("h_tot", _SAFETY, safety.safety(history))
         if higher := safety.psi(history):
             yield ReportFigure("psi", _PSI, higher)
-        yield ReportFigure("paths", _paths_caption(recording), paths(history, pairs))
-        yield ReportFigure("distances", _NEAREST if many else _DISTANCES, distances(history))
+        yield ReportFigure("paths", _paths_caption(recording), paths(history))
+        yield ReportFigure("distances", _NEAREST if many else _DISTANCES, safety.distances(history))
     if recording.states and recording.steps:
         yield from _step_figures(history)
         if not history.values.too_large and (compared := margins(history)):
             yield ReportFigure("margins", compared[1], compared[0])
-        if needed := disturbances(history):
+        if needed := steps.disturbances(history):
             yield ReportFigure("disturbances", _DISTURBANCES, needed)
         if lanes := space_time(history):
             yield ReportFigure("space-time", _SPACE_TIME, lanes)
@@ -206,7 +213,7 @@ def _paths_caption(recording: Recording) -> str:
     circles = (
         " Circles have half the required distance as radius, so two that overlap are too close: "
         "solid at the end, dashed when h_tot was worst."
-        if required_distance(recording.scenario)
+        if safety.required_distance(recording.scenario)
         else ""
     )
     return "Paths of the output points: hollow mark at the start, filled mark at the end." + circles

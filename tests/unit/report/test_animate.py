@@ -13,10 +13,10 @@ from PIL import Image
 
 import phalanx
 from phalanx.cli.app import USAGE_ERROR, status
+from phalanx.curves.history import ReportHistory
 from phalanx.faults.commands import Command
 from phalanx.recording.records import Log
-from phalanx.report.history import ReportHistory
-from phalanx.report.stage import Film, Stage
+from phalanx.report.animate import Film, Stage
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space, unicycles
 
 FRAMES = 0.6 * 10 + 1

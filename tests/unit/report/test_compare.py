@@ -10,8 +10,7 @@ import pytest
 
 from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.curves.thinning import Series
-from phalanx.report.compare import ComparedRun, compared_run, differences, results, titles
-from phalanx.report.overlay import overlay
+from phalanx.report.compare import ComparedRun, compared_run, differences, overlay, results, titles
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space
 
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
+from phalanx.curves.history import ReportHistory
 from phalanx.recording.read import Recording, read, size_in_words
 from phalanx.report import steps
-from phalanx.report.distances import distances, nearest
-from phalanx.report.history import ReportHistory
 from phalanx.report.links import link_statistics, losses
-from phalanx.report.paths import paths, worst_pairs
+from phalanx.report.paths import paths
+from phalanx.report.safety import distances, nearest
 from phalanx.report.write import notes, write_report
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space
 
@@ -58,7 +58,7 @@ def test_nearest_and_closest_are_those_of_all_distances(history: ReportHistory) 
 
 
 def test_the_worst_pair_is_the_one_with_the_largest_h(history: ReportHistory) -> None:
-    found = worst_pairs(history)
+    found = history.worst_pairs
     distance = np.array([history.distance(p) for p in history.swarm.safe_set.pairs])
     np.testing.assert_allclose(found.h, 1.0 - distance.min(axis=0) ** 2, rtol=1e-9)
     a, b = found.pairs[0].tolist()
@@ -79,7 +79,7 @@ def test_distances_name_the_closest_few_of_each_kind(history: ReportHistory) -> 
 
 
 def test_paths_name_the_worst_pair_alone(history: ReportHistory) -> None:
-    above, side = paths(history, worst_pairs(history)).axes
+    above, side = paths(history).axes
     assert (above.get_ylabel(), side.get_ylabel()) == ("y [m]", "z [m]")
     assert named(above)[:2] == ["16 × normal", "3 × adversary"]
     assert named(above)[2].endswith("of the worst pair")

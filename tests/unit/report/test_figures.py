@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from phalanx.arrays import Array
+from phalanx.curves.history import ReportHistory
 from phalanx.curves.values import SafetyValues
 from phalanx.recording.read import Recording
 from phalanx.recording.records import State, Step
 from phalanx.report import safety, steps
-from phalanx.report.distances import distances
-from phalanx.report.history import ReportHistory
 from phalanx.report.page import origins
+from phalanx.report.safety import distances
 from phalanx.scenario.load import load
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.safety.composition import Pair

@@ -8,11 +8,11 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 
+from phalanx.curves.history import ReportHistory
 from phalanx.recording.broadcasts import IN_TIME, LATE, LOST, broadcasts
 from phalanx.recording.read import Recording, read
 from phalanx.recording.records import Step
-from phalanx.report.history import ReportHistory
-from phalanx.report.lanes import space_time
+from phalanx.report.links import space_time
 from phalanx.scenario.model import Scenario
 from tests.unit.report.recordings import drift, record, summary_of, swarm_in_space, unicycles
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import phalanx
+from phalanx.curves.history import ReportHistory
 from phalanx.curves.values import SafetyValues
 from phalanx.recording.read import Recording, read
-from phalanx.report.history import ReportHistory
 from phalanx.report.margins import MarginUse, margin_use, margins
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm

@@ -4,8 +4,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from phalanx.curves.history import ReportHistory
 from phalanx.recording.read import Recording, steps_by_agent
-from phalanx.report.history import ReportHistory
 
 
 def test_distances_are_those_of_the_output_points(recording: Recording) -> None:

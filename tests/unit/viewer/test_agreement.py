@@ -8,9 +8,9 @@ from phalanx_viewer.plots.content import Curve, Plot
 from phalanx_viewer.plots.plots import content
 
 import phalanx
+from phalanx.curves.history import ReportHistory
 from phalanx.recording.read import Recording
 from phalanx.report import safety, steps
-from phalanx.report.history import ReportHistory
 
 pytestmark = pytest.mark.slow
 
