@@ -16,7 +16,7 @@ from phalanx.baselines.escape import Escape
 from phalanx.baselines.lyapunov import LyapunovBarrierQP
 from phalanx.baselines.nominal import Nominal
 from phalanx.baselines.orca import Orca
-from phalanx.cli.terminal import echo, echo_error
+from phalanx.launcher.streams import echo, echo_error
 from phalanx.network.rule import (
     CORRUPT,
     DELIVER,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from phalanx.cli.options import Overrides
-from phalanx.cli.terminal import echo, echo_error
+from phalanx.launcher.streams import echo, echo_error
 
 if TYPE_CHECKING:
     from collections.abc import Callable

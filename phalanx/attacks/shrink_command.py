@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from phalanx.cli.terminal import echo, echo_error
+from phalanx.launcher.streams import echo, echo_error
 
 _ENGINES = ("in-process", "processes")
 

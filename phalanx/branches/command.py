@@ -8,7 +8,7 @@ import typer
 
 from phalanx.cli.option_checks import require_png
 from phalanx.cli.options import RunArgument, Trust
-from phalanx.cli.terminal import echo
+from phalanx.launcher.streams import echo
 
 if TYPE_CHECKING:
     from phalanx.branches.inevitable import BranchesAt
@@ -64,7 +64,7 @@ def branch(
 
     from phalanx.branches.inevitable import branch_run, landmarks
     from phalanx.branches.picture import save_picture
-    from phalanx.cli.terminal import warn_of_damage
+    from phalanx.launcher.streams import warn_of_damage
     from phalanx.recording.read import read
     from phalanx.report.write import INEVITABLE
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from phalanx.cli.options import RunArgument, Trust
-from phalanx.cli.terminal import echo, echo_error
+from phalanx.launcher.streams import echo, echo_error
 
 if TYPE_CHECKING:
     from phalanx.certify.checker.certify import Certification
@@ -42,8 +42,8 @@ def certify(run: RunArgument, trust: Trust = False) -> int:
     from phalanx.certify.checker.certify import certify as certify_run
     from phalanx.certify.checker.intervals import UncertifiableError, UndecidedError
     from phalanx.cli.display import spinner
-    from phalanx.cli.terminal import warn_of_damage
     from phalanx.faults.commands import turns
+    from phalanx.launcher.streams import warn_of_damage
     from phalanx.recording.read import read
 
     with spinner("reading"):

@@ -8,9 +8,9 @@ from typer.main import get_command, get_command_name
 from phalanx.cli import check, compile, fit, network, programs, run, runs, tap
 from phalanx.cli.option_checks import refuse_secrets, require_values
 from phalanx.cli.options import with_factor
-from phalanx.cli.terminal import echo, echo_error
 from phalanx.extensions.registered import REINSTALL, Registered, commands
 from phalanx.launcher import interrupt
+from phalanx.launcher.streams import echo, echo_error
 
 FAILED, USAGE_ERROR, STOPPED = 3, 64, 130
 _HELP = """Robot swarms that stay safe over a bad network while some of their members attack.

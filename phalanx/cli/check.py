@@ -8,9 +8,8 @@ import typer
 
 from phalanx.cli.option_checks import require_png
 from phalanx.cli.options import Overrides, ScenarioArgument, Seed, Trust
-from phalanx.cli.terminal import echo
 from phalanx.extensions.registered import extension
-from phalanx.launcher.streams import printable
+from phalanx.launcher.streams import echo, printable
 
 if TYPE_CHECKING:
     from phalanx.guarantee.check_report import CheckReport

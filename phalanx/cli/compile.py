@@ -3,7 +3,7 @@
 import typer
 
 from phalanx.cli.options import Overrides, ScenarioArgument, Seed, Trust
-from phalanx.cli.terminal import echo
+from phalanx.launcher.streams import echo
 
 
 def register(app: typer.Typer) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from phalanx.cli.options import Trust
-from phalanx.cli.terminal import echo
+from phalanx.launcher.streams import echo
 
 if TYPE_CHECKING:
     from phalanx.arrays import Array

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from phalanx.cli.terminal import echo
+from phalanx.launcher.streams import echo
 
 commands = typer.Typer(no_args_is_help=True, help="Link models: presets, and fits to a capture.")
 

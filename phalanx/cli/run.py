@@ -20,10 +20,10 @@ from phalanx.cli.options import (
     Seed,
     Speed,
 )
-from phalanx.cli.terminal import echo, echo_error
 from phalanx.extensions.registered import extension
 from phalanx.launcher import interrupt
 from phalanx.launcher.engine import DEFAULT_ENGINE, ENGINES, prepare, silent
+from phalanx.launcher.streams import echo, echo_error
 
 if TYPE_CHECKING:
     from phalanx import Outcome, Run

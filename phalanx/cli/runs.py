@@ -7,8 +7,8 @@ import typer
 
 from phalanx.cli.option_checks import LARGEST_SEED
 from phalanx.cli.options import Engine, RunArgument, Trust
-from phalanx.cli.terminal import echo, echo_error
 from phalanx.launcher.engine import DEFAULT_ENGINE
+from phalanx.launcher.streams import echo, echo_error
 
 if TYPE_CHECKING:
     from phalanx.guarantee.verdict import Summary

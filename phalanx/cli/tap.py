@@ -9,7 +9,7 @@ import typer
 from phalanx.cli.endpoints import identity_for, live_run
 from phalanx.cli.option_checks import require_run
 from phalanx.cli.options import Connect, Insecure, KeysFolder, Secret
-from phalanx.cli.terminal import echo
+from phalanx.launcher.streams import echo
 
 Kind = Literal["sample", "actuation", "broadcast", "telemetry", "frame", "status", "verdict"]
 

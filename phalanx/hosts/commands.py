@@ -19,7 +19,7 @@ from phalanx.cli.options import (
     Seed,
     Trust,
 )
-from phalanx.cli.terminal import echo
+from phalanx.launcher.streams import echo
 
 
 def register(app: typer.Typer) -> None:

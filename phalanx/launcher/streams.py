@@ -1,4 +1,4 @@
-"""Standard streams: reopen closed ones, survive closed pipes, and escape text for terminals."""
+"""Standard streams: reopen closed ones, survive closed pipes, and print text with escapes."""
 
 import io
 import logging
@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from typing_extensions import Buffer
+
+    from phalanx.recording.read import Recording
 
 
 def open_closed_streams() -> None:
@@ -56,6 +58,22 @@ def printable(text: object) -> str:
     run or a recording cannot control the terminal.
     """
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in str(text))
+
+
+def echo(*lines: object) -> None:
+    """Print each line."""
+    print("\n".join(map(printable, lines)), flush=True)
+
+
+def echo_error(error: object) -> None:
+    """Print an error, which may have several lines, to standard error."""
+    print("\n".join(map(printable, str(error).split("\n"))), file=sys.stderr)
+
+
+def warn_of_damage(recording: "Recording") -> None:
+    """Print to standard error where a damaged recording ends."""
+    if recording.damage:
+        echo_error(f"{recording.path}: {recording.damage}; no verdict")
 
 
 class PrintableFormatter(logging.Formatter):

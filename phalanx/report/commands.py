@@ -8,7 +8,7 @@ import typer
 
 from phalanx.cli.option_checks import require_file, require_other
 from phalanx.cli.options import RunArgument, Trust
-from phalanx.cli.terminal import echo
+from phalanx.launcher.streams import echo
 
 
 def register(app: typer.Typer) -> None:
@@ -38,7 +38,7 @@ def report(
     """
     import phalanx
     from phalanx.cli.display import spinner
-    from phalanx.cli.terminal import warn_of_damage
+    from phalanx.launcher.streams import warn_of_damage
     from phalanx.recording.read import size_in_words
 
     recorded = phalanx.open(run, trust=trust)

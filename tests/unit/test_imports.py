@@ -121,7 +121,7 @@ BY_ALL = {"phalanx.arrays", "phalanx.compat", "phalanx.extensions"}
 APART = {"bench", "evidence"}
 PUBLIC = {"phalanx", "phalanx.extend", "phalanx.testing"}
 SHOWN = THEORY | rooms(
-    "arrays network cli baselines"
+    "arrays network launcher baselines"
 )  # the rooms that have names in phalanx.extend
 SHOWING = {".md", ".py"}
 

@@ -27,7 +27,7 @@ from phalanx.cli.options import (
     Timeout,
     Trust,
 )
-from phalanx.cli.terminal import echo, echo_error
+from phalanx.launcher.streams import echo, echo_error
 
 RunOrRecording = Annotated[
     Path | None,
@@ -158,8 +158,8 @@ def export(
       phalanx export runs/unicycles-1 --parquet tables
     """
     from phalanx.cli.display import spinner
-    from phalanx.cli.terminal import warn_of_damage
     from phalanx.launcher.programs import configure_logging
+    from phalanx.launcher.streams import warn_of_damage
     from phalanx.recording.read import UnreadableRecordingError, find, read
     from phalanx_viewer.export.write import run as write
 

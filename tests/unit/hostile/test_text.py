@@ -135,7 +135,7 @@ def test_the_figures_of_a_run_are_printed_as_text(
     hostile: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from phalanx.cli.display import last_line, print_summary
-    from phalanx.cli.terminal import echo
+    from phalanx.launcher.streams import echo
 
     summary = phalanx.open(hostile).summary
     assert summary is not None

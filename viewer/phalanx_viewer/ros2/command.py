@@ -8,7 +8,7 @@ import typer
 from phalanx.cli.endpoints import identity_for, live_run, require_endpoint, require_here
 from phalanx.cli.option_checks import require_timeout
 from phalanx.cli.options import Connect, Insecure, KeysFolder, Secret, Trust
-from phalanx.cli.terminal import echo_error
+from phalanx.launcher.streams import echo_error
 from phalanx_viewer.commands import LiveRun, RunOrRecording, require_either
 
 
