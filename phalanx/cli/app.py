@@ -5,9 +5,13 @@ from typing import Annotated
 import typer
 from typer.main import get_command, get_command_name
 
-from phalanx.cli import check, compile, fit, network, programs, run, runs, tap
+from phalanx.cli import fit, network
+from phalanx.cli.check import check, compile_scenario
 from phalanx.cli.option_checks import refuse_secrets, require_values
 from phalanx.cli.options import with_factor
+from phalanx.cli.programs import agent, plant, tap
+from phalanx.cli.run import run
+from phalanx.cli.runs import runs, scenarios, verify
 from phalanx.extensions.registered import REINSTALL, Registered, commands
 from phalanx.launcher import interrupt
 from phalanx.launcher.streams import echo, echo_error
@@ -29,8 +33,15 @@ def core() -> typer.Typer:
         no_args_is_help=True, add_completion=False, rich_markup_mode="rich", help=_HELP
     )
     app.callback()(options)
-    for module in (run, check, compile, runs, tap, network, fit, programs):
-        module.register(app)
+    for command in (run, check):
+        app.command()(command)
+    app.command("compile")(compile_scenario)
+    for command in (scenarios, runs, verify, tap):
+        app.command()(command)
+    app.add_typer(network.commands, name="network")
+    fit.register(app)
+    for command in (plant, agent):
+        app.command(rich_help_panel="Programs of a run")(command)
     return app
 
 

@@ -10,11 +10,6 @@ from phalanx.launcher.streams import echo
 commands = typer.Typer(no_args_is_help=True, help="Link models: presets, and fits to a capture.")
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands."""
-    app.add_typer(commands, name="network")
-
-
 @commands.command()
 def presets() -> int:
     """Print every preset with its fields and where they are from."""

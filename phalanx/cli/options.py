@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from phalanx.cli.endpoints import require_endpoint
 from phalanx.cli.option_checks import (
+    require_endpoint,
     require_number,
     require_run,
     require_speed,

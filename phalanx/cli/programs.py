@@ -1,13 +1,20 @@
-"""phalanx plant and agent: a single program of a run, for containers and many hosts."""
+"""phalanx plant, agent and tap: a single program of a run, and the messages between them."""
 
+import json
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from phalanx.cli.endpoints import endpoint_for, identity_for, require_endpoint
-from phalanx.cli.option_checks import require_folder
+from phalanx.cli.option_checks import (
+    endpoint_for,
+    identity_for,
+    live_run,
+    require_endpoint,
+    require_folder,
+    require_run,
+)
 from phalanx.cli.options import (
     CommandSecret,
     Connect,
@@ -23,16 +30,13 @@ from phalanx.cli.options import (
     Speed,
     Timeout,
 )
+from phalanx.launcher.streams import echo
 
 if TYPE_CHECKING:
     from phalanx.scenario.model import Scenario
     from phalanx.wire.membership import Membership
 
-
-def register(app: typer.Typer) -> None:
-    """Add the commands."""
-    app.command(rich_help_panel="Programs of a run")(plant)
-    app.command(rich_help_panel="Programs of a run")(agent)
+Kind = Literal["sample", "actuation", "broadcast", "telemetry", "frame", "status", "verdict"]
 
 
 def plant(
@@ -159,3 +163,47 @@ def _run_here(scenario: "Scenario", membership: "Membership", options: dict[str,
     # Last: the plant keeps a place for its agent for a short time only.
     with request_place(membership, digest(scenario)) as own:
         return run_program(rows, own, options) if own else 0
+
+
+def tap(
+    run: Annotated[
+        str,
+        typer.Argument(metavar="RUN", help="The folder of a live run; with --connect its name."),
+    ],
+    connect: Connect = "",
+    secret: Secret = "",
+    keys: KeysFolder = None,
+    insecure: Insecure = False,
+    kind: Annotated[Kind | None, typer.Option(help="Only messages of this kind.")] = None,
+    count: Annotated[
+        int, typer.Option(min=0, help="End after this many messages; 0: with the run.")
+    ] = 0,
+) -> int:
+    """Print the messages between the programs of a live run, one a line, until it is over.
+
+    Each line is a JSON array: the key expression, then the message's fields in the order of
+    docs/wire.md. Messages are decoded without their types, as a program in any language can.
+
+    Examples:
+
+      phalanx tap runs/unicycles-1
+      phalanx tap r1 --connect tcp/127.0.0.1:7447 --kind broadcast
+    """
+    from phalanx.wire.membership import Membership
+    from phalanx.wire.tap import tapped
+
+    if connect:
+        own = identity_for(keys, connect, insecure)
+        membership = Membership(
+            require_run(run), connect, secret.encode(), timeout=10.0, identity_folder=own
+        )
+    else:
+        found = live_run(Path(run), insecure)
+        if found is None:
+            raise typer.BadParameter(f"{run}: no live run; or give its name and --connect")
+        membership = found.membership
+    for number, (key, fields) in enumerate(tapped(membership, kind or "*"), start=1):
+        echo(json.dumps([key, fields], default=repr))
+        if number == count:
+            break
+    return 0

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from phalanx.cli.endpoints import require_endpoint, require_here
-from phalanx.cli.option_checks import require_folder, require_port
+from phalanx.cli.option_checks import require_endpoint, require_folder, require_here, require_port
 from phalanx.cli.options import (
     Engine,
     Insecure,
@@ -70,11 +69,6 @@ Port = Annotated[
         help="With --view: port of the page; by default 8080 or the next free one.",
     ),
 ]
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(run)
 
 
 def run(

@@ -14,13 +14,6 @@ if TYPE_CHECKING:
     from phalanx.guarantee.verdict import Summary
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands."""
-    app.command()(scenarios)
-    app.command()(runs)
-    app.command()(verify)
-
-
 def scenarios() -> int:
     """List the scenarios that ship."""
     from rich.console import Console

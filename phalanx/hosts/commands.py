@@ -6,8 +6,7 @@ from typing import Annotated
 
 import typer
 
-from phalanx.cli.endpoints import identity_for, require_endpoint
-from phalanx.cli.option_checks import require_hosts, require_number
+from phalanx.cli.option_checks import identity_for, require_endpoint, require_hosts, require_number
 from phalanx.cli.options import (
     Insecure,
     KeysFolder,

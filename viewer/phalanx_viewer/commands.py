@@ -7,8 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
-from phalanx.cli.endpoints import endpoint_for, identity_for, live_run
 from phalanx.cli.option_checks import (
+    endpoint_for,
+    identity_for,
+    live_run,
     require_file,
     require_folder,
     require_other,

@@ -8,7 +8,7 @@ from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 
 from phalanx.cli.app import USAGE_ERROR, status
-from phalanx.cli.endpoints import endpoint_for, on_loopback, require_endpoint
+from phalanx.cli.option_checks import endpoint_for, on_loopback, require_endpoint
 from phalanx.launcher.live import announced
 from phalanx.wire.membership import Membership
 

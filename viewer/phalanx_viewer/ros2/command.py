@@ -5,8 +5,13 @@ from typing import Annotated
 
 import typer
 
-from phalanx.cli.endpoints import identity_for, live_run, require_endpoint, require_here
-from phalanx.cli.option_checks import require_timeout
+from phalanx.cli.option_checks import (
+    identity_for,
+    live_run,
+    require_endpoint,
+    require_here,
+    require_timeout,
+)
 from phalanx.cli.options import Connect, Insecure, KeysFolder, Secret, Trust
 from phalanx.launcher.streams import echo_error
 from phalanx_viewer.commands import LiveRun, RunOrRecording, require_either
