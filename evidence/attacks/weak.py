@@ -17,8 +17,7 @@ from typing import Any
 
 from phalanx.attacks.attack import Options, attack
 from phalanx.attacks.search import History
-from phalanx.scenario.load import read_table, set_field
-from phalanx.scenario.text import scenario_text
+from phalanx.scenario.load import read_table, scenario_text, set_field
 
 AROUND = [[-2.0, 10.0], [-6.0, 6.0], [-3.14, 3.14]]
 """Starts of a unicycle around one at (4, 0)."""

@@ -12,9 +12,8 @@ from phalanx.attacks.robustness import Evaluation, evaluate_rows
 from phalanx.attacks.shrinking import Fields, shrink, size_of
 from phalanx.guarantee.verdict import Outcome, Violation
 from phalanx.scenario.attack import Attack
-from phalanx.scenario.load import ScenarioError, digest, read_table, validate
+from phalanx.scenario.load import ScenarioError, digest, read_table, scenario_text, validate
 from phalanx.scenario.model import Scenario
-from phalanx.scenario.text import scenario_text
 from phalanx.swarm.runnable import require_runnable
 from phalanx.swarm.swarm import Swarm, build_swarm
 

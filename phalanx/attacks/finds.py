@@ -7,8 +7,7 @@ from pathlib import Path
 from phalanx.attacks.archive import Behaviour, Find
 from phalanx.attacks.knobs import Fields
 from phalanx.guarantee.verdict import Outcome
-from phalanx.scenario.load import set_field
-from phalanx.scenario.text import scenario_text
+from phalanx.scenario.load import scenario_text, set_field
 
 FOLDER = "found"
 

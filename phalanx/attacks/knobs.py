@@ -15,7 +15,7 @@ from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.attack import Attack, FaultBudget, Interval
 from phalanx.scenario.load import ScenarioError, validate
 from phalanx.scenario.model import Scenario
-from phalanx.schema.distribution import Distribution
+from phalanx.schema.fields import Distribution
 from phalanx.theory.models.polytope import constant_polytope
 
 Fields = dict[str, Any]

@@ -17,6 +17,7 @@ from phalanx.launcher import interrupt
 from phalanx.launcher.streams import echo, echo_error
 
 FAILED, USAGE_ERROR, STOPPED = 3, 64, 130
+_PROGRAMS = "Programs of a run"
 _HELP = """Robot swarms that stay safe over a bad network while some of their members attack.
 
     [bold]phalanx run unicycles[/bold] runs a scenario: every agent, every adversary and the plant
@@ -33,15 +34,17 @@ def core() -> typer.Typer:
         no_args_is_help=True, add_completion=False, rich_markup_mode="rich", help=_HELP
     )
     app.callback()(options)
-    for command in (run, check):
-        app.command()(command)
+    app.command()(run)
+    app.command()(check)
     app.command("compile")(compile_scenario)
-    for command in (scenarios, runs, verify, tap):
-        app.command()(command)
+    app.command()(scenarios)
+    app.command()(runs)
+    app.command()(verify)
+    app.command()(tap)
     app.add_typer(network.commands, name="network")
     fit.register(app)
-    for command in (plant, agent):
-        app.command(rich_help_panel="Programs of a run")(command)
+    app.command(rich_help_panel=_PROGRAMS)(plant)
+    app.command(rich_help_panel=_PROGRAMS)(agent)
     return app
 
 

@@ -1,14 +1,14 @@
-"""The [[agents]] tables: groups of agents with their dynamics, law, clock and disturbance."""
+"""The [[agents]] tables: groups of agents with dynamics, law, goals, clock and disturbance."""
 
 from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
 import casadi as ca
-from pydantic import Field, PrivateAttr, field_validator, model_validator
+from pydantic import ConfigDict, Field, PrivateAttr, RootModel, field_validator, model_validator
 
 from phalanx.faults.fault import AgentFacts
-from phalanx.scenario.goals import GoalField, steers_by_goal
 from phalanx.schema.fields import (
+    REFERENCE,
     Finite,
     Name,
     NonNegative,
@@ -22,8 +22,54 @@ from phalanx.schema.fields import (
 from phalanx.schema.registry import is_users
 from phalanx.theory.controllers.controller import Controller
 from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user
+from phalanx.theory.laws.attacks import Chase, WorstCase
+from phalanx.theory.laws.goals import Follow, Reference
 from phalanx.theory.laws.law import Law
+from phalanx.theory.laws.lookahead import WorstLookahead
+from phalanx.theory.laws.script import Script
+from phalanx.theory.laws.tracking import Pursue
 from phalanx.theory.models.dynamics import Dynamics, require_sound
+
+_WITHOUT_GOAL = (Pursue, Chase, WorstCase, WorstLookahead, Script)
+
+
+class GoalField(RootModel[Table]):
+    """An agent's goal: { type = "path", points, speed }, for example, or a point [x, y]."""
+
+    model_config = ConfigDict(frozen=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _table(cls, value: Any) -> Any:
+        if isinstance(value, list | tuple):
+            return {"type": "point", "position": value}
+        if not isinstance(value, dict | GoalField):
+            raise ValueError("expected a point such as [4.0, 2.0], or a table with a type")
+        return value
+
+    @model_validator(mode="after")
+    def _resolve(self) -> "GoalField":
+        self.reference()
+        return self
+
+    def reference(self) -> Reference:
+        """Build the reference that the table describes; it is one agent's own."""
+        found: Reference = built(REFERENCE, Reference, self.root)
+        return found
+
+    @property
+    def axes(self) -> int | None:
+        """Dimension of the goal's space; None of a user's class, which is asked at x(0)."""
+        return None if is_users(self.root) else getattr(self.reference(), "axes", None)
+
+    @property
+    def leader(self) -> str | None:
+        """The name of the agent that the goal follows."""
+        reference = self.reference()
+        return reference.agent if isinstance(reference, Follow) else None
+
+    def __repr__(self) -> str:
+        return repr(self.root)
 
 
 class Clock(Strict):
@@ -150,7 +196,7 @@ class AgentGroup(Strict):
     @property
     def steers_by_goal(self) -> bool:
         """True if the agents' law uses their goals; of a user's law it is assumed."""
-        return steers_by_goal(self._law)
+        return not isinstance(self._law, _WITHOUT_GOAL)
 
     @property
     def facts(self) -> AgentFacts:

@@ -6,8 +6,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from phalanx.faults.fault import AgentFacts, FieldPath, require_names
-from phalanx.schema.distribution import Distribution
-from phalanx.schema.fields import Finite, Name, NonNegative, Strict, field_error
+from phalanx.schema.fields import Distribution, Finite, Name, NonNegative, Strict, field_error
 
 Interval = tuple[Finite, Finite]
 """Least and largest value."""

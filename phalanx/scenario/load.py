@@ -1,8 +1,10 @@
-"""Reading of scenarios: a file or the name of one that ships, plus --set overrides."""
+"""Reading of scenarios: a file or the name of one that ships, plus --set overrides; their text."""
 
 import copy
 import difflib
 import hashlib
+import json
+import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.resources import files
@@ -14,12 +16,13 @@ from pydantic import ValidationError
 
 from phalanx.scenario.declared import KINDS
 from phalanx.scenario.model import Reading, Scenario
-from phalanx.scenario.text import inline
-from phalanx.schema.fields import ALTERNATIVES
-from phalanx.schema.instances import as_table
+from phalanx.schema.fields import field_path
+from phalanx.schema.registry import as_table
 from phalanx.schema.user_code import UntrustedCodeError
 
 _CHECKOUT = Path(__file__).parents[2]
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+"""Keys that TOML needs no quotes for."""
 
 
 class ScenarioError(ValueError):
@@ -210,8 +213,7 @@ def _is_below(place: tuple[int | str, ...], other: tuple[int | str, ...]) -> boo
 def _describe(location: tuple[int | str, ...], message: str, got: Any, kind: str) -> str:
     if location[:1] == ("faults",) and location[2:3] and location[2] in KINDS:
         location = (*location[:2], *location[3:])
-    parts = [str(part) for part in location if part not in ALTERNATIVES]
-    field = ".".join(parts) or "scenario"
+    field = ".".join(field_path(location)) or "scenario"
     expected = message.removeprefix("Value error, ").replace("Input should be", "expected")
     if kind in ("missing", "missing_argument") or message == "Field required":
         return f"{field}: expected a value, got nothing"
@@ -227,3 +229,39 @@ def _describe(location: tuple[int | str, ...], message: str, got: Any, kind: str
 def _short(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def scenario_text(table: Mapping[str, Any]) -> str:
+    """Return a scenario's table as TOML: numbers first, then a section for each table."""
+    values = {k: v for k, v in table.items() if not isinstance(v, Mapping) and not _tables(v)}
+    sections = [_lines(values)]
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            sections.append(f"[{_key(key)}]\n{_lines(value)}")
+        elif _tables(value):
+            sections += [f"[[{_key(key)}]]\n{_lines(each)}" for each in value]
+    return "\n".join(sections)
+
+
+def inline(value: Any) -> str:
+    """Return a value as TOML on one line."""
+    if isinstance(value, Mapping):
+        items = ", ".join(f"{_key(key)} = {inline(each)}" for key, each in value.items())
+        return f"{{ {items} }}" if items else "{}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(inline, value)) + "]"
+    return json.dumps(value) if isinstance(value, str | bool) else str(value)
+
+
+def _lines(table: Mapping[str, Any]) -> str:
+    return "".join(f"{_key(key)} = {inline(value)}\n" for key, value in table.items())
+
+
+def _tables(value: Any) -> bool:
+    """Return whether a value is a list of tables that is not empty."""
+    is_list = isinstance(value, list | tuple) and len(value) > 0
+    return is_list and all(isinstance(each, Mapping) for each in value)
+
+
+def _key(key: str) -> str:
+    return key if _BARE.fullmatch(key) else json.dumps(key)

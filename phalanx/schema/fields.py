@@ -1,10 +1,18 @@
 """Field types of a scenario's tables: names, bounded numbers, errors that locate their field."""
 
 import dataclasses
+import math
 import re
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    model_validator,
+)
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from phalanx.schema.registry import construct, is_users, lookup
@@ -31,31 +39,18 @@ Positive = Annotated[Finite, Field(gt=0)]
 NonNegative = Annotated[Finite, Field(ge=0)]
 Probability = Annotated[Finite, Field(ge=0, le=1)]
 Table = dict[str, Any]
+Values = Annotated[tuple[Any, ...], Field(min_length=1)]
 
-NUMBER, TABLE = "number", "table"
-SPHERE, WALL, BOX, POLYGON = "sphere", "wall", "box", "polygon"
-BOUNDS, JITTER, CHANCE, BURST, GEMODEL = "bounds", "jittered", "chance", "bursts", "gemodel"
-WORD, INPUT, LIMIT, REFERENCE = "word", "input", "limit", "reference"
-ALTERNATIVES = frozenset(
-    {
-        NUMBER,
-        TABLE,
-        SPHERE,
-        WALL,
-        BOX,
-        POLYGON,
-        BOUNDS,
-        JITTER,
-        CHANCE,
-        BURST,
-        GEMODEL,
-        WORD,
-        INPUT,
-        LIMIT,
-    }
-    | {REFERENCE}
-)
-"""Tags of unions: pydantic puts them into an error's location, but no field has such a name."""
+# Tags of unions: pydantic puts them into an error's location, but no field has such a name.
+NUMBER, TABLE, WORD, INPUT = "<number>", "<table>", "<word>", "<input>"
+SPHERE, WALL, BOX, POLYGON = "<sphere>", "<wall>", "<box>", "<polygon>"
+BOUNDS, JITTER, CHANCE, BURST, GEMODEL = "<bounds>", "<jitter>", "<chance>", "<burst>", "<gemodel>"
+LIMIT, REFERENCE = "<limit>", "<reference>"
+
+
+def field_path(location: tuple[str | int, ...]) -> tuple[str, ...]:
+    """Return the names and indices of fields in an error's location, without tags."""
+    return tuple(str(part) for part in location if not str(part).startswith("<"))
 
 
 def number_or_table(value: Any) -> str:
@@ -77,6 +72,39 @@ class Strict(BaseModel):
     model_config = ConfigDict(
         extra="forbid", frozen=True, arbitrary_types_allowed=True, allow_inf_nan=False
     )
+
+
+class Distribution(Strict):
+    """The distribution of a field, as a study draws it or a search varies it: one of the three."""
+
+    uniform: tuple[Finite, Finite] | None = None
+    """Least and largest value."""
+    log_uniform: tuple[Finite, Finite] | None = Field(None, alias="log-uniform")
+    """Least and largest value, both positive; their logarithm is uniform."""
+    choice: Values | None = None
+    """Values of equal probability."""
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        given = [each for each in (self.uniform, self.log_uniform, self.choice) if each is not None]
+        if len(given) != 1:
+            raise ValueError("expected one of uniform, log-uniform and choice")
+        if self.choice is None and not given[0][0] < given[0][1]:
+            raise ValueError("expected the least value first, then the largest")
+        if self.log_uniform and self.log_uniform[0] <= 0.0:
+            raise ValueError("expected positive values for log-uniform")
+        return self
+
+    def at(self, quantile: float) -> Any:
+        """Return the value at a quantile in [0, 1)."""
+        if self.choice is not None:
+            return self.choice[int(quantile * len(self.choice))]
+        if self.uniform is not None:
+            low, high = self.uniform
+            return low + quantile * (high - low)
+        assert self.log_uniform is not None
+        low, high = map(math.log, self.log_uniform)
+        return math.exp(low + quantile * (high - low))
 
 
 def built(field: str | int, kind: type, table: Table) -> Any:

@@ -14,8 +14,7 @@ from pydantic import Field, ValidationError, model_validator
 from phalanx.scenario.load import ScenarioError, described, read_table, reading_of
 from phalanx.scenario.load import load as load_scenario
 from phalanx.scenario.model import Reading, Scenario, Seed
-from phalanx.schema.distribution import Distribution, Values
-from phalanx.schema.fields import Strict, field_error
+from phalanx.schema.fields import Distribution, Strict, Values, field_error
 from phalanx.seeded.draws import Draws
 
 

@@ -21,7 +21,7 @@ from phalanx.launcher.engine import DEFAULT_ENGINE, require_functions, silent
 from phalanx.launcher.run import Run
 from phalanx.launcher.start import run as run_scenario
 from phalanx.scenario.model import Scenario
-from phalanx.schema.instances import as_table
+from phalanx.schema.registry import as_table
 from phalanx.statistics.common_seeds import rate
 from phalanx.statistics.sequences import runs_until_width
 from phalanx.studies.coordinator import Coordinator, Options, Progress

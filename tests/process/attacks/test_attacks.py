@@ -10,7 +10,7 @@ import psutil
 import pytest
 
 import phalanx
-from phalanx.scenario.text import scenario_text
+from phalanx.scenario.load import scenario_text
 from tests.process.runs import wait_for
 from tests.unit.attacks.weak import weak
 

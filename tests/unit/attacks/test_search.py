@@ -8,8 +8,7 @@ import pytest
 import phalanx
 from phalanx.attacks.attack import Options, attack
 from phalanx.attacks.optimisers import OPTIMISERS
-from phalanx.scenario.load import load, read_table
-from phalanx.scenario.text import scenario_text
+from phalanx.scenario.load import load, read_table, scenario_text
 from phalanx.studies.store import StudyError
 from tests.unit.attacks.weak import weak
 
