@@ -21,11 +21,10 @@ if TYPE_CHECKING:
     from phalanx.guarantee.check_report import CheckReport
     from phalanx.guarantee.verdict import Assumption, Outcome, Summary, Violation
     from phalanx.launcher.engine import Engine, EngineError
-    from phalanx.launcher.learned import parallel_env
     from phalanx.launcher.run import Run
     from phalanx.launcher.run import open_run as open
     from phalanx.launcher.run import verify_run as verify
-    from phalanx.launcher.start import run
+    from phalanx.launcher.start import parallel_env, run
     from phalanx.launcher.stepped import SteppedRun, start
     from phalanx.launcher.verify import Verification
     from phalanx.recording.read import UnreadableRecordingError
@@ -59,7 +58,7 @@ _HOMES = {
     "load": "phalanx.scenario.load",
     "metrics": "phalanx.metrics",
     "open": "phalanx.launcher.run:open_run",
-    "parallel_env": "phalanx.launcher.learned",
+    "parallel_env": "phalanx.launcher.start",
     "run": "phalanx.launcher.start",
     "shipped": "phalanx.scenario.load",
     "open_study": "phalanx.studies.study",
