@@ -5,7 +5,7 @@ import os
 import signal
 from collections.abc import Callable, Sequence
 
-from phalanx.profile.stopwatch import Stopwatch
+from phalanx.profile import Stopwatch
 from phalanx.swarm.watchdog import Watchdog
 from phalanx.wire.keys import kind_and_name
 from phalanx.wire.messages import Sample

@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 from queue import SimpleQueue
 
-from phalanx.profile.stopwatch import Stopwatch
+from phalanx.profile import Stopwatch
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.watchdog import endless_loops
 from phalanx.theory.rows.origin import Origin

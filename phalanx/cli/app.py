@@ -12,7 +12,7 @@ from phalanx.cli.options import with_factor
 from phalanx.cli.programs import agent, plant, tap
 from phalanx.cli.run import run
 from phalanx.cli.runs import runs, scenarios, verify
-from phalanx.extensions.registered import REINSTALL, Registered, commands
+from phalanx.extensions import REINSTALL, Registered, commands
 from phalanx.launcher import interrupt
 from phalanx.launcher.streams import echo, echo_error
 

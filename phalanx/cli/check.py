@@ -8,7 +8,7 @@ import typer
 
 from phalanx.cli.option_checks import require_png
 from phalanx.cli.options import Overrides, ScenarioArgument, Seed, Trust
-from phalanx.extensions.registered import extension
+from phalanx.extensions import extension
 from phalanx.launcher.streams import echo, printable
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def compile_scenario(
     """
     import phalanx
     from phalanx.cli.display import spinner
-    from phalanx.launcher.compile import compile_scenario
+    from phalanx.launcher.trunk import compile_scenario
     from phalanx.schema.user_code import code_trusted
 
     with code_trusted(trust):

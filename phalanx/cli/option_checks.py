@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from phalanx.extensions.registered import extension
+from phalanx.extensions import extension
 from phalanx.wire.credentials import (
     AUTHORITY,
     CERTIFICATE,

@@ -149,7 +149,7 @@ def _require_no_evidence(scenario: "Scenario") -> None:
 
 
 def _run_here(scenario: "Scenario", membership: "Membership", options: dict[str, Any]) -> int:
-    from phalanx.extensions.registered import extension
+    from phalanx.extensions import extension
     from phalanx.launcher.programs import configure_logging, run_program
     from phalanx.scenario.load import digest
     from phalanx.swarm.rows import build_rows

@@ -19,7 +19,7 @@ from phalanx.cli.options import (
     Seed,
     Speed,
 )
-from phalanx.extensions.registered import extension
+from phalanx.extensions import extension
 from phalanx.launcher import interrupt
 from phalanx.launcher.engine import DEFAULT_ENGINE, ENGINES, prepare, silent
 from phalanx.launcher.streams import echo, echo_error

@@ -1,1 +1,56 @@
-"""Additions of installed packages: registered, never imported by name."""
+"""Extensions, found by the entry points of installed packages.
+
+A package registers commands of `phalanx` in the group `phalanx.commands`, each a function that
+takes the typer app. In `phalanx.extensions` it registers optional functions by the names that the
+core uses: the report, the page, identities. The core imports none of them.
+"""
+
+from collections.abc import Callable
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, NamedTuple
+
+COMMANDS, EXTENSIONS = "phalanx.commands", "phalanx.extensions"
+PACKAGE = "phalanx-swarm"
+REINSTALL = (
+    "install phalanx-swarm again, in place too: python -m pip install --no-deps --editable ."
+)
+"""Advice where an installation is older than the code."""
+
+
+class MissingExtensionError(ImportError):
+    """No installed package offers the extension that the message names."""
+
+
+def extension(name: str) -> Any:
+    """Load the extension of this name. Raises MissingExtensionError, or as its import does."""
+    for found in entry_points(group=EXTENSIONS, name=name):
+        return found.load()
+    raise MissingExtensionError(f"no installed package offers {name!r}: {REINSTALL}")
+
+
+class Registered(NamedTuple):
+    """An entry of the group `phalanx.commands`."""
+
+    name: str
+    package: str
+    register: Callable[[Any], None] | BaseException
+    """The function that adds commands to the app, or the error of its import."""
+
+    @property
+    def ours(self) -> bool:
+        """True for an entry of Phalanx itself."""
+        return self.package == PACKAGE
+
+
+def commands() -> list[Registered]:
+    """Return all entries in the order of names, other packages' after ours."""
+    found = [_loaded(entry) for entry in entry_points(group=COMMANDS)]
+    return sorted(found, key=lambda entry: (not entry.ours, entry.name))
+
+
+def _loaded(entry: EntryPoint) -> Registered:
+    package = entry.dist.name if entry.dist else "unknown"
+    try:
+        return Registered(entry.name, package, entry.load())
+    except (Exception, SystemExit) as error:  # another package's code
+        return Registered(entry.name, package, error)

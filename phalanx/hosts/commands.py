@@ -1,7 +1,10 @@
 """phalanx keys and router: TLS identities for the programs of a run, and a separate hub."""
 
 import datetime
+import logging
+import signal
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Annotated
 
 import typer
@@ -19,6 +22,8 @@ from phalanx.cli.options import (
     Trust,
 )
 from phalanx.launcher.streams import echo
+
+log = logging.getLogger("phalanx.router")
 
 
 def register(app: typer.Typer) -> None:
@@ -121,18 +126,20 @@ def router(
     """Run a hub alone, for a plant that is started with --connect; press Ctrl-C to end it.
 
     It may be restarted in the middle of a run in real time. A run may have several routers that
-    connect to one another, each near some of the agents.
+    connect to one another, each near some of the agents; each forwards messages to the others.
 
       phalanx router --scenario unicycles --run r1 --keys keys/router --listen tls/0.0.0.0:7447
       phalanx router --listen tls/0.0.0.0:7447 --connect tls/router.example.org:7447 ...
     """
-    from phalanx.hosts.router import run as run_router
+    from phalanx.identities import admission
     from phalanx.launcher.programs import configure_logging
     from phalanx.scenario.load import load
     from phalanx.schema.user_code import code_trusted
     from phalanx.swarm.swarm import build_swarm
+    from phalanx.wire import liveliness
     from phalanx.wire.keys import ROUTER
     from phalanx.wire.membership import Membership
+    from phalanx.wire.session import open_hub
 
     for endpoint in (listen, *(connect or ())):
         identity_folder = identity_for(keys, endpoint, insecure)
@@ -140,4 +147,17 @@ def router(
     configure_logging()
     with code_trusted(trust):
         swarm = build_swarm(load(scenario, overrides or (), seed))
-    return run_router(swarm, membership, connect or ())
+    # No threading.Event: a signal handler that sets one while this thread enters wait() deadlocks.
+    stop_signal: SimpleQueue[int] = SimpleQueue()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda number, _: stop_signal.put(number))
+    credentials = membership.credentials if connect else None
+    allowed = admission(swarm, membership)
+    with open_hub(listen, allowed, connect or (), credentials) as session:
+        # Clients that have seen this token wait for the hub to come back after it was lost.
+        _token = liveliness.announce(
+            session, membership.keys.alive(ROUTER, str(session.info.zid()))
+        )
+        log.info("run %s meets at %s", run, listen)
+        stop_signal.get()
+    return 0

@@ -21,7 +21,7 @@ from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
 from phalanx.guarantee.verdict import Summary
 from phalanx.launcher import interrupt
 from phalanx.launcher.engine import Progress, RunOptions, silent
-from phalanx.profile.stopwatch import Stopwatch
+from phalanx.profile import Stopwatch
 from phalanx.recording.records import PROFILE, RECORDING, SUMMARY
 from phalanx.recording.write import RecordingWriter, write_summary
 from phalanx.scenario.model import Scenario

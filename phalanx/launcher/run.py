@@ -8,10 +8,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
-from phalanx.extensions.registered import extension
+from phalanx.extensions import extension
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.launcher.engine import DEFAULT_ENGINE, Progress, require_functions, silent
-from phalanx.profile.stopwatch import read_profile
+from phalanx.profile import read_profile
 from phalanx.recording.read import Recording, read, swarm_of
 from phalanx.recording.records import PROFILE
 from phalanx.scenario.model import Scenario

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from phalanx.extensions.registered import extension
+from phalanx.extensions import extension
 from phalanx.faults.commands import NO_COMMANDS, CommandPolicy, require_valid
 from phalanx.launcher.engine import (
     DEFAULT_ENGINE,

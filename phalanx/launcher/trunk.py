@@ -1,11 +1,12 @@
-"""A run in this process without a recording, which branches on its way.
+"""A run in this process without a recording: to branch, to learn, and to see what it computes.
 
 A branch is a forked process that goes on with another seed. Its bits are those of a run of the
 scenario whose `reseed` says so.
 """
 
+import contextlib
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from phalanx_plant.run import ENDINGS, ended_by
 
@@ -18,6 +19,12 @@ from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import compile_rows, require_runnable
 from phalanx.swarm.swarm import build_swarm
 from phalanx.swarm.watchdog import endless_loops
+from phalanx.theory.expressions.native import build, missing, require_compiler
+
+_PATIENCE = 20.0
+"""Wall time of the run that shows which functions are needed, at most [s]."""
+_PARTS = 50
+"""Parts of that run, between which the time is read."""
 
 
 class Trunk:
@@ -90,3 +97,31 @@ def trunk_of(scenario: Scenario, commands: Sequence[Command] = ()) -> Trunk:
     rows = require_runnable(build_swarm(scenario))
     compile_rows(rows)
     return Trunk(rows, commands)
+
+
+def compile_scenario(scenario: Scenario, progress: Callable[[int, int], None]) -> int:
+    """Compile the functions that the scenario's runs call, unless the cache has them.
+
+    A run in this process, or the beginning of a long one, shows which these are.
+
+    Args:
+        scenario: to compile.
+        progress: called with the number of functions compiled, and of all that will be.
+
+    Returns the number of functions that were compiled.
+
+    Raises:
+        ScenarioError: the scenario cannot be run.
+        OSError: there is no compiler, it fails, or the cache cannot be written.
+    """
+    require_compiler()
+    # If the run breaks, what it called until then is known.
+    with missing() as functions, contextlib.suppress(*ENDINGS):
+        trunk, end = trunk_of(scenario), time.monotonic() + _PATIENCE
+        for part in range(1, _PARTS + 1):
+            trunk.advance(scenario.duration * part / _PARTS)
+            if time.monotonic() > end:
+                break
+        trunk.stop()
+    build(functions, lambda count: progress(count, len(functions)))
+    return len(functions)

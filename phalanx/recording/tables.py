@@ -10,7 +10,7 @@ import polars as pl
 
 from phalanx.arrays import Array
 from phalanx.guarantee.verdict import Summary
-from phalanx.profile.stopwatch import TimeSpent
+from phalanx.profile import TimeSpent
 from phalanx.recording.read import Recording
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.exact import added

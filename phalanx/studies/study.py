@@ -15,7 +15,7 @@ from typing import Any
 
 import polars as pl
 
-from phalanx.extensions.registered import extension
+from phalanx.extensions import extension
 from phalanx.guarantee.verdict import Outcome
 from phalanx.launcher.engine import DEFAULT_ENGINE, require_functions, silent
 from phalanx.launcher.run import Run

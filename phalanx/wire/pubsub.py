@@ -8,7 +8,7 @@ from functools import cache
 
 import zenoh
 
-from phalanx.compat.zenoh_threads import keep_thread_state
+from phalanx.compat.zenoh_sessions import keep_thread_state
 from phalanx.wire.keys import Keys
 from phalanx.wire.messages import Message
 from phalanx.wire.seal import Sealer

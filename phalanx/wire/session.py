@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import zenoh
 
-from phalanx.compat.zenoh_linger import disable_linger
+from phalanx.compat.zenoh_sessions import disable_linger
 from phalanx.wire.credentials import Admission, Credentials, tls
 from phalanx.wire.keys import COPIES, NOT_URGENT
 from phalanx.wire.liveliness import is_announced

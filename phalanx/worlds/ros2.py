@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.extensions.registered import extension
+from phalanx.extensions import extension
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.runge_kutta import weighted_rates

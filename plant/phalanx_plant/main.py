@@ -16,7 +16,7 @@ import msgspec
 
 from phalanx.faults.commands import NO_COMMANDS, CommandPolicy
 from phalanx.guarantee.verdict import Summary, exit_status
-from phalanx.profile.stopwatch import Stopwatch
+from phalanx.profile import Stopwatch
 from phalanx.recording.records import RECORDING, SUMMARY
 from phalanx.recording.write import RecordingError, RecordingWriter, write_summary
 from phalanx.swarm.rows import SafetyRows

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
 
 from phalanx.guarantee.verdict import FaultCount, Outcome, Punctuality, Summary, judge
-from phalanx.profile.stopwatch import Stopwatch
+from phalanx.profile import Stopwatch
 from phalanx.recording.write import RecordingError
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.watchdog import endless_loops

@@ -313,7 +313,7 @@ def cycle(graph: Mapping[str, set[str]]) -> list[str] | None:
     ("module", "source"),
     [
         ("phalanx_agent.step", "import phalanx_plant"),
-        ("phalanx.wire.session", "from phalanx.identities.access import admission"),
+        ("phalanx.wire.session", "from phalanx.identities import admission"),
         ("phalanx_agent.step", "import agent.main"),
         ("phalanx_agent.step", "from phalanx_plant.world.world import World"),
         ("phalanx_plant.main", "from phalanx_agent import step"),

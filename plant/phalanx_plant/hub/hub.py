@@ -13,8 +13,8 @@ from typing import ClassVar, Self, TypeVar
 import msgspec
 
 from phalanx.arrays import Array
-from phalanx.extensions.registered import extension
-from phalanx.profile.stopwatch import Stopwatch
+from phalanx.extensions import extension
+from phalanx.profile import Stopwatch
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import Sample, Status, Telemetry

@@ -4,7 +4,7 @@ import queue
 import threading
 from collections.abc import Callable, Iterable
 
-from phalanx.identities.access import admission
+from phalanx.identities import admission
 from phalanx.scenario.load import to_json
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire import liveliness, pubsub

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from phalanx.cli.app import USAGE_ERROR, status
-from phalanx.extensions.registered import MissingExtensionError, extension
+from phalanx.extensions import MissingExtensionError, extension
 
 GREET = """
 def register(app):

@@ -23,7 +23,7 @@ from viser._messages import RunJavascriptMessage
 
 from phalanx.compat.forkserver import without_main
 from phalanx.compat.mcap_chunks import PackedChunk
-from phalanx.compat.zenoh_linger import disable_linger
+from phalanx.compat.zenoh_sessions import disable_linger
 from phalanx.wire.session import free_endpoint
 from tests.process.runs import wait_for
 
@@ -66,7 +66,7 @@ def test_zenoh_has_the_kernel_linger_for_ten_seconds_unless_it_is_stopped():
     port = int(endpoint.rpartition(":")[2])
     with opened(listen=endpoint) as hub, opened(connect=endpoint):
         wait_for(lambda: lingering(port))
-        assert lingering(port) == [10], "phalanx/compat/zenoh_linger.py may go"
+        assert lingering(port) == [10], "phalanx/compat/zenoh_sessions.py: disable_linger may go"
         disable_linger(hub)
         wait_for(lambda: lingering(port) == [-1])
 
@@ -74,7 +74,7 @@ def test_zenoh_has_the_kernel_linger_for_ten_seconds_unless_it_is_stopped():
 COUNT_CALLBACKS = """
 import sys, threading
 import zenoh
-from phalanx.compat.zenoh_threads import keep_thread_state
+from phalanx.compat.zenoh_sessions import keep_thread_state
 from phalanx.wire.session import free_endpoint
 from tests.process.runs import wait_for
 from tests.unit.compat.test_workarounds import opened
@@ -106,7 +106,9 @@ def test_zenoh_throws_a_threads_state_away_after_each_message_unless_it_is_kept(
         [sys.executable, "-c", COUNT_CALLBACKS, str(kept)],
         capture_output=True, text=True, check=True, cwd=ROOT,
     )  # fmt: skip
-    assert said.stdout.strip() == str(kept), "phalanx/compat/zenoh_threads.py may go"
+    assert said.stdout.strip() == str(kept), (
+        "phalanx/compat/zenoh_sessions.py: keep_thread_state may go"
+    )
 
 
 @pytest.mark.slow

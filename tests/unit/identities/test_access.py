@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 import zenoh
 
-from phalanx.identities.access import Subject, access_control
+from phalanx.identities import Subject, access_control
 from phalanx.wire.credentials import Admission, Credentials
 from phalanx.wire.keys import CLAIMANT, OPERATOR, PLANT, ROUTER, VIEWER, Keys
 from phalanx.wire.session import free_endpoint, open_client, open_hub

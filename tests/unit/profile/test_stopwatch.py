@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from phalanx.profile import stopwatch as module
-from phalanx.profile.stopwatch import Stopwatch, read_profile
+from phalanx import profile as module
+from phalanx.profile import Stopwatch, read_profile
 
 
 class Clock:

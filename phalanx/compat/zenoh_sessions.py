@@ -1,15 +1,21 @@
-"""Close connections without lingering, even to a peer that does not read any more.
+"""Zenoh 1.10: close connections without lingering, and keep Python's state of its threads.
 
-Zenoh 1.10 lets the kernel linger for up to ten seconds at the close of a TCP or TLS connection
-until the peer has read everything. It closes in one of the few threads that serve all connections:
-a hub that closes the connection of a stopped listener would block for that time. Messages sent
-before are delivered without lingering too.
+`disable_linger`: Zenoh lets the kernel linger for up to ten seconds at the close of a TCP or TLS
+connection until the peer has read everything. It closes in one of the few threads that serve all
+connections: a hub that closes the connection of a stopped listener would block for that time.
+Messages sent before are delivered without lingering too. Upstream: eclipse-zenoh/zenoh#2349 keeps
+`set_linger` although tokio-rs/tokio#7751 deprecates it, because the close may block. An option of
+the link would replace it.
 
-Upstream: eclipse-zenoh/zenoh#2349 keeps `set_linger` although tokio-rs/tokio#7751 deprecates it,
-because the close may block. An option of the link would replace this file.
+`keep_thread_state`: zenoh-python attaches to the interpreter for each callback and detaches after
+it: for every message a thread state and its stack are allocated and freed (memory mapped and
+unmapped). Upstream has no issue yet. Its text: "Threads of the runtime that call Python should hold
+one PyGILState reference for their lifetime; with `indirect=False` each message now costs a
+PyThreadState_New and PyThreadState_Delete."
 """
 
 import contextlib
+import ctypes
 import os
 import socket
 import struct
@@ -20,6 +26,7 @@ import zenoh
 _DO_NOT_LINGER = struct.pack("ii", 0, 0)
 _DELAY = 0.1
 """Connections that are made within this time are changed together [s]."""
+_kept = threading.local()
 
 
 def disable_linger(session: zenoh.Session) -> None:
@@ -52,3 +59,9 @@ def _linger_nowhere() -> None:
                 connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _DO_NOT_LINGER)
             finally:
                 connection.detach()  # Zenoh closes it
+
+
+def keep_thread_state() -> None:
+    """Keep the calling thread's state by one reference that is never released."""
+    if not hasattr(_kept, "state"):
+        _kept.state = ctypes.pythonapi.PyGILState_Ensure()
