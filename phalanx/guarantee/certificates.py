@@ -17,7 +17,10 @@ from phalanx.guarantee.certificate import (
 )
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.compiled import MappedFunction
+from phalanx.theory.expressions.kept import kept
 from phalanx.theory.models.polytope import constant_polytope
+from phalanx.theory.safety.class_k import ClassK
+from phalanx.theory.safety.composition import Member
 from phalanx.theory.safety.pairs import spread
 
 
@@ -120,17 +123,36 @@ class SwarmCertificates:
         text, groups = self.pairs.kinds[number].kind.text, [id(swarm.groups[l]) for l in involved]
         key = "certificate", text, own, *groups
         if key not in swarm.compiled:
-            swarm.compiled[key] = self._kind(a, b, involved, own)
+            bounds = [swarm.disturbance_bounds[swarm.names[l]] + DEFECT for l in involved]
+            tau, alphas = swarm.horizon(involved[own]), swarm.safety.class_k
+            alone = self.pairs.alone(a, b)
+
+            def compiled() -> _Kind:
+                highest = highest_within(alone, bounds, MULTIPLES[0] * tau)
+                made = pair_certificate(alone, own, alphas, bounds, tau)
+                return _Kind(made, highest, alone.sizes)
+
+            # Another run of this process may have had such a pair.
+            bound = _text(alone.members, alphas)
+            swarm.compiled[key] = kept((text, bound, own, *bounds, tau), compiled)
         found: _Kind = swarm.compiled[key]
         return found
 
-    def _kind(self, a: int, b: int, involved: Sequence[int], own: int) -> _Kind:
-        swarm = self.swarm
-        bounds = [swarm.disturbance_bounds[swarm.names[l]] + DEFECT for l in involved]
-        tau, alphas = swarm.horizon(involved[own]), swarm.safety.class_k
-        alone = self.pairs.alone(a, b)
-        highest = highest_within(alone, bounds, MULTIPLES[0] * tau)
-        return _Kind(pair_certificate(alone, own, alphas, bounds, tau), highest, alone.sizes)
+
+def _text(members: Sequence[Member], alphas: Sequence[ClassK]) -> str:
+    """Serialize what a kind of pair does not have: names, input bounds and class-K functions."""
+    symbols = [ca.SX.sym("x", len(m.dynamics.states)) for m in members]
+    s = ca.SX.sym("s")
+    outputs = [
+        *[
+            part
+            for m, x in zip(members, symbols, strict=True)
+            for part in m.dynamics.input_polytope(x)
+        ],
+        *[alpha.value(s) for alpha in alphas],
+    ]
+    found: str = ca.Function("bounds", [*symbols, s], outputs).serialize()
+    return " ".join([*[m.name for m in members], found])
 
 
 class _Rows(NamedTuple):

@@ -96,9 +96,20 @@ def native(function: ca.Function) -> Native | None:
     return _loaded[library]
 
 
+def generation() -> int:
+    """Return a number that changes when a function that is made again may be made otherwise."""
+    return _generation
+
+
+def _begin_generation() -> None:
+    global _generation
+    _generation += 1
+
+
 @contextmanager
 def missing() -> Iterator[dict[Path, ca.Function]]:
     """Collect the functions that the block makes and the cache lacks, by their libraries' paths."""
+    _begin_generation()
     _missing.append({})
     try:
         yield _missing[-1]
@@ -137,8 +148,10 @@ def build(functions: Mapping[Path, ca.Function], progress: Callable[[int], None]
             progress(count)
     for library in functions:
         _loaded.pop(library, None)
+    _begin_generation()
 
 
+_generation = 0
 _missing: list[dict[Path, ca.Function]] = []
 """The innermost block's is the last."""
 _loaded: dict[Path, Native | None] = {}

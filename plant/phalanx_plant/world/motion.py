@@ -99,14 +99,14 @@ def _offsets(sizes: Sequence[int]) -> Index:
 def by_dynamics(members: Sequence[Member]) -> list[list[int]]:
     """Group members that have the same equation of motion; their input bounds may differ."""
     different = {id(m.dynamics): m.dynamics for m in members}
-    text = {number: _text(dynamics) for number, dynamics in different.items()}
+    text = {number: motion_text(dynamics) for number, dynamics in different.items()}
     found: dict[str, list[int]] = {}
     for i, m in enumerate(members):
         found.setdefault(text[id(m.dynamics)], []).append(i)
     return list(found.values())
 
 
-def _text(dynamics: Dynamics) -> str:
+def motion_text(dynamics: Dynamics) -> str:
     """Serialize the expressions of x' and of the output position, to compare dynamics."""
     x, u = ca.SX.sym("x", len(dynamics.states)), ca.SX.sym("u", len(dynamics.inputs))
     rate = dynamics.drift(x) + dynamics.actuation(x) @ u

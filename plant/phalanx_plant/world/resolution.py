@@ -18,12 +18,13 @@ from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.extension import continuous, extend
 from phalanx.theory.expressions.interval import Interval, UnboundedOperationError, point
+from phalanx.theory.expressions.kept import kept
 from phalanx.theory.expressions.rounding import outwards
 from phalanx.theory.margins.enclosure import scalars
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.runge_kutta import weighted_rates
 from phalanx.theory.safety.composition import stacked_slices
-from phalanx_plant.world.motion import by_dynamics
+from phalanx_plant.world.motion import by_dynamics, motion_text
 from phalanx_plant.world.world import Segment
 
 _ROUNDED = 2.0**-50
@@ -38,7 +39,7 @@ class Resolution:
         inputs = stacked_slices([len(m.dynamics.inputs) for m in members])
         self._groups = [
             (
-                _defect(members[own[0]].dynamics),
+                _defect_of(members[own[0]].dynamics),
                 np.array([np.r_[swarm.safe_set.parts[l]] for l in own]),
                 np.array([np.r_[inputs[l]] for l in own]),
             )
@@ -76,6 +77,11 @@ def _over(ends: Array, places: Index) -> Array:
     """Minima and maxima over agents with components at these indices, (r, n); shape (2 n,)."""
     low, high = ends
     return np.concatenate([low[places].min(axis=0), high[places].max(axis=0)])
+
+
+def _defect_of(dynamics: Dynamics) -> MappedFunction:
+    # Another run of this process may have had such dynamics.
+    return kept(("defect", motion_text(dynamics)), lambda: _defect(dynamics))
 
 
 @outwards()
