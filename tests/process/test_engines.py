@@ -186,6 +186,7 @@ HERE_ALONE = [name for name in phalanx.shipped() if name != "worlds/ros2-robots"
 """Scenarios without robots of others, which no run repeats."""
 
 
+@pytest.mark.timeout(600)  # the certificates of some dynamics compile for 20 s, twice
 @pytest.mark.parametrize("name", layered(HERE_ALONE, ("faults/robot",)))
 def test_every_shipped_scenario_has_one_trajectory(name: str) -> None:
     if name == "worlds/crazyflies" and importlib.util.find_spec("drone_models") is None:
