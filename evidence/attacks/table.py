@@ -1,4 +1,4 @@
-"""Run every attack against a run of real processes and write the table of docs/security.md.
+"""Run every attack against a run of real processes and write the table of results.md.
 
 python evidence/attacks/table.py            all of them, each on a run of its own
 python evidence/attacks/table.py stranger   those whose name contains the word; the others stay
@@ -25,7 +25,7 @@ from tests.hostile.attacker import ATTACKS, OVERRIDES, READ, SCENARIO, UNDER_WAY
 
 ROOT = Path(__file__).parents[2]
 BEGIN, END = "<!-- made by evidence/attacks/table.py -->", "<!-- end -->"
-PAGE = ROOT / "docs" / "security.md"
+PAGE = Path(__file__).with_name("results.md")
 HEAD = ("| who | attacks | outcome | refused |", "|---|---|---|---|")
 SPEED = 0.1
 """Virtual seconds for each of wall time: every attack gets some five seconds of the run."""
