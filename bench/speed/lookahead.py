@@ -22,7 +22,7 @@ from phalanx_plant.judge.event_queue import EventQueue
 from phalanx_plant.judge.judge import Judged
 from phalanx_plant.observers.recorder import TrajectoryHash
 from phalanx_plant.sampling.sampling import Sampling
-from phalanx_plant.world.events import Event, InputApplied, StateReached
+from phalanx_plant.world.events import Event, InputApplied, Instant
 from phalanx_plant.world.world import World
 
 import phalanx
@@ -54,15 +54,14 @@ class Keeper:
     def prepare(self, events: Sequence[Event]) -> None:
         """Do nothing."""
 
-    def judge(self, event: Event) -> Judged:
-        """Take the next event."""
-        judged = Judged(event)
-        if isinstance(event, StateReached | InputApplied):
-            self.trajectory.add(judged)
-            self.steps += isinstance(event, InputApplied)
-            if event.t == 0.0:  # the first samples compile what is compiled at first use
-                self.began = time.perf_counter()
-        return judged
+    def judge(self, instant: Instant, judged: list[Judged]) -> None:
+        """Take the next instant."""
+        self.trajectory.add([*map(Judged, instant)])
+        for event in instant:
+            if isinstance(event, InputApplied):
+                self.steps += 1
+                if event.t == 0.0:  # the first samples compile what is compiled at first use
+                    self.began = time.perf_counter()
 
 
 def main() -> None:

@@ -29,7 +29,7 @@ from phalanx.swarm.swarm import build_swarm
 from phalanx_plant.clock.lockstep import Lockstep
 
 class Forgotten:
-    def write(self, record):
+    def write(self, *records):
         pass
 
 def run(clock, duration):

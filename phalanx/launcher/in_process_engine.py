@@ -81,9 +81,10 @@ class RecordsInMemory:
     def __init__(self) -> None:
         self._of: dict[type, list[Any]] = {}
 
-    def write(self, record: Any) -> None:
-        """Append a record."""
-        self._of.setdefault(type(record), []).append(record)
+    def write(self, *records: Any) -> None:
+        """Append records."""
+        for record in records:
+            self._of.setdefault(type(record), []).append(record)
 
     def of(self, kind: type[T]) -> list[T]:
         """Return the records of a class, in their order."""

@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Self
 
 import msgspec
-from mcap.writer import Writer
 
-from phalanx.compat.mcap_chunks import pack_messages
+from phalanx.compat.mcap_chunks import PackedWriter
 from phalanx.faults.commands import Command
 from phalanx.guarantee.verdict import Outcome, Summary
 from phalanx.recording.modules import MEDIA_TYPE, MODULES, ModulesError, hashes
@@ -38,8 +37,7 @@ class RecordingWriter:
     def __init__(self, path: Path, scenario: Scenario, run_id: str) -> None:
         """Create the file, with versions, the user's modules and the resolved scenario first."""
         self._file = _WholeWrites(path)
-        self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES, enable_data_crcs=True)  # type: ignore[arg-type]
-        pack_messages(self._writer)
+        self._writer = PackedWriter(self._file, _CHUNK_BYTES)
         self._writer.start(profile="", library=f"phalanx {version('phalanx-swarm')}")
         self._encode = msgspec.json.Encoder().encode
         self._writer.add_metadata(
@@ -66,10 +64,11 @@ class RecordingWriter:
         if without_modules:
             self.write(Log(0.0, f"recorded without the user's code: {without_modules}"))
 
-    def write(self, record: Record) -> None:
-        """Append a record at its virtual time. Raises RecordingError."""
-        at = int(record.t * 1e9)
-        self._writer.add_message(self._channels[type(record)], at, self._encode(record), at)
+    def write(self, *records: Record) -> None:
+        """Append records at their virtual times. Raises RecordingError."""
+        for record in records:
+            channel, data = self._channels[type(record)], self._encode(record)
+            self._writer.add(channel, int(record.t * 1e9), data)
 
     def finish(self, summary: Summary) -> None:
         """Append the summary and the index. Raises RecordingError."""

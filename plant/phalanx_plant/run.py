@@ -1,6 +1,7 @@
 """One run of the plant: world, clock, judge and observers of one scenario."""
 
 import logging
+import math
 import time
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
@@ -162,7 +163,7 @@ class PlantRun:
 
     def complete(self) -> End:
         """Judge a run that went to the end of its scenario."""
-        self._publisher.show(last=True)
+        self._publisher.show(math.inf)
         assumptions, extremes = self.judge.assumptions, self.judge.extremes
         return End(
             *judge(

@@ -8,7 +8,7 @@ as these cannot change them. Events are judged in order, once they are known.
 
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from msgspec import Struct
@@ -18,12 +18,12 @@ from phalanx.wire.messages import Sample
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.clock.lookahead import Synchronization
 from phalanx_plant.judge.event_queue import EventQueue
-from phalanx_plant.sampling.sampling import Processes, Sampling, TakenSample
+from phalanx_plant.sampling.sampling import Processes, Sampling
 from phalanx_plant.world.events import (
     CommandApplied,
+    Event,
     InputApplied,
     InputLost,
-    InstantComplete,
     Sampled,
     StateReached,
     SwarmBrokenError,
@@ -66,14 +66,13 @@ class _Instant:
     t: float
     """[s]"""
     commands: list[CommandApplied]
-    samples: dict[int, TakenSample]
-    """By agent."""
+    samples: list[Sampled]
     unknown: list[int]
     """Agents whose states were not known when the samples were sent."""
     pending: deque[_PendingInput]
     """Inputs that take effect, and have not arrived."""
-    reached: bool = False
-    """Whether the world has reached this instant."""
+    events: list[Event] = field(default_factory=list)
+    """Those so far; empty until the world has reached this instant."""
 
 
 class Lockstep:
@@ -123,11 +122,15 @@ class Lockstep:
         """
         self._commands.pace.restart(0.0)
         with self._events:
-            while (t := self.next_instant) < duration:
-                self._event_at(t)
-                yield t
-            self._complete_all()
-            self._reach(duration)
+            try:
+                while (t := self.next_instant) < duration:
+                    self._event_at(t)
+                    yield t
+                self._complete_all()
+                self._events.add([self._reach(duration)])
+            finally:
+                if self._instants:  # after an error: its events count as far as they are known
+                    self._events.add(self._instants[0].events)
 
     def _event_at(self, t: float) -> None:
         commands = self._commands.wait_until(t, self._now, self._catch_up)
@@ -141,13 +144,14 @@ class Lockstep:
         # The agents compute now: judging costs no time while it takes less than they do.
         self._apply_and_judge()
 
-    def _sample(self, t: float) -> dict[int, TakenSample]:
+    def _sample(self, t: float) -> list[Sampled]:
         """Send a sample to every agent due at t [s]."""
         due = self._schedule.sampling_at(t)
         self._advance(t, due)
-        state, samples = self.world.integration, {}
+        state, samples = self.world.integration, list[Sampled]()
         for i, visible in zip(due, self._sampling.sensing.visible(state.p, due), strict=True):
-            taken = samples[i] = self._sampling.take(i, t, state.x, visible)
+            taken = self._sampling.take(i, t, state.x, visible)
+            samples.append(Sampled(i, t, taken.truthful))
             self._newest[i] = _PendingInput(i, taken.sample.k, t, self._schedule.loses_input(i))
             self._agents.send_sample(i, taken.sample)
         return samples
@@ -191,36 +195,30 @@ class Lockstep:
 
     def _complete(self, instant: _Instant, wait: bool) -> bool:
         """Apply the first instant's inputs; return False if one has not arrived."""
-        if not instant.reached:
-            self._reach(instant.t)
+        events = instant.events
+        if not events:
+            events += [self._reach(instant.t), *instant.commands, *instant.samples]
             self._require_unseen(instant)
-            for command in instant.commands:
-                self._events.add(command)
-            for i, taken in instant.samples.items():
-                self._events.add(Sampled(i, instant.t, taken.truthful))
-            instant.reached = True
         while instant.pending:
             u = self._answer_to(instant.pending[0], wait)
             if u is None:
                 return False
             answer = instant.pending.popleft()
             given = answer.i, answer.k, answer.sampled, instant.t, u
-            if answer.lost:
-                self._events.add(InputLost(*given))
-            else:
-                self._events.add(InputApplied(*given, self.world.x))
-        self._events.add(InstantComplete(instant.t))
+            lost = answer.lost
+            events.append(InputLost(*given) if lost else InputApplied(*given, self.world.x))
+        self._events.add(events)
         self._instants.popleft()
         return True
 
-    def _reach(self, t: float) -> None:
+    def _reach(self, t: float) -> StateReached:
         self._synchronization.reach(t)
-        self._events.add(StateReached(t, self.world.x, self.world.take_history()))
+        return StateReached(t, self.world.x, self.world.take_history())
 
     def _require_unseen(self, instant: _Instant) -> None:
         """Raise SwarmBrokenError if an agent saw one whose state was not known at that time."""
         sees, p = self._sampling.sensing.sees, self.world.p
-        if instant.unknown and any(sees(p, i, instant.unknown) for i in instant.samples):
+        if instant.unknown and any(sees(p, s.i, instant.unknown) for s in instant.samples):
             raise SwarmBrokenError(
                 f"the sample at t = {instant.t:.3f} s that was sent ahead is not the truth: some "
                 "dynamics travel farther than their `travel` returns; correct it, or set "

@@ -19,9 +19,9 @@ from phalanx_plant.judge.event_queue import EventQueue
 from phalanx_plant.sampling.sampling import Processes, Sampling
 from phalanx_plant.world.events import (
     CommandApplied,
+    Event,
     InputApplied,
     InputLost,
-    InstantComplete,
     MemberLost,
     Sampled,
     StateReached,
@@ -34,8 +34,9 @@ _LEAD = 5e-4
 """No event is judged within this time before something is due [s of wall time]."""
 _BATCH_TIME = 5e-3
 """Time for which events are prepared in one call, which may delay what is due [s of CPU time]."""
-_MANY, _TOO_MANY = 200, 20_000
-"""Queue lengths above which events are judged while agents compute, and if something is due."""
+_MANY, _TOO_MANY = 70, 7_000
+"""Numbers of instants above which events are judged while agents compute, and if something is due.
+"""
 
 
 class TimelyAgents(Processes, Protocol):
@@ -142,6 +143,8 @@ class RealTime:
         """By agent, answers to these samples that have arrived."""
         self._restarting: set[int] = set()
         """Agents whose new process has not joined yet."""
+        self._now = list[Event]()
+        """The events of this instant."""
 
     def run(self, duration: float) -> None:
         """Run to `duration` [s]. Raises RecordingError, DivergedError."""
@@ -149,12 +152,15 @@ class RealTime:
         pace.restart(0.0)
         with self._events:
             # The recording begins at t = 0, although no agent is sampled at exactly that instant.
-            self._events.add(StateReached(0.0, self.world.x, self.world.take_history()))
-            while (now := pace.now()) < duration:
-                self._process_due(now)
-                next_event = min(self._schedule.next_event(), self._commands.next)
-                self._wait_until(min(next_event, duration))
-            self._reach(duration)
+            self._now.append(StateReached(0.0, self.world.x, self.world.take_history()))
+            try:
+                while (now := pace.now()) < duration:
+                    self._process_due(now)
+                    next_event = min(self._schedule.next_event(), self._commands.next)
+                    self._wait_until(min(next_event, duration))
+                self._reach(duration)
+            finally:
+                self._events.add(self._now)
 
     @property
     def punctuality(self) -> Punctuality:
@@ -174,18 +180,19 @@ class RealTime:
         if commands or changes or due:
             self._reach(now)
         for command in commands:
-            self._events.add(self._apply_command(command))
+            self._now.append(self._apply_command(command))
         for i, back in changes:
-            self._events.add(MemberLost(i, now, back))
+            self._now.append(MemberLost(i, now, back))
         self._restarting -= {i for i, back in changes if back}
         self._sample([i for i in due if not self._sampling.silent(i)], now)
-        if ready or commands or changes or due:
-            self._events.add(InstantComplete(self.world.t))
+        if self._now:
+            self._events.add(self._now)
+            self._now = []
 
     def _reach(self, t: float) -> None:
         if t > self.world.t:
             self.world.advance(t)
-            self._events.add(StateReached(t, self.world.x, self.world.take_history()))
+            self._now.append(StateReached(t, self.world.x, self.world.take_history()))
 
     def _may_sample(self, i: int) -> bool:
         """Return whether agent i can take a sample at the current tick; else skip the tick."""
@@ -207,10 +214,10 @@ class RealTime:
         sample = sent.sample
         self.timekeeping.late += t > sent.due
         if sent.lost:
-            self._events.add(InputLost(i, sample.k, sample.t, t, u))
+            self._now.append(InputLost(i, sample.k, sample.t, t, u))
         else:
             self.world.apply(i, u)
-            self._events.add(InputApplied(i, sample.k, sample.t, t, u, self.world.x, sample))
+            self._now.append(InputApplied(i, sample.k, sample.t, t, u, self.world.x, sample))
 
     def _sample(self, due: list[int], now: float) -> None:
         x, pace = self.world.x, self._commands.pace.speed
@@ -220,7 +227,7 @@ class RealTime:
             taken = self._sampling.take(i, now, x, each, pace)
             takes_effect, lost = self._schedule.due(i), self._schedule.loses_input(i)
             self._sent[i] = _SentSample(taken.sample, time.monotonic(), takes_effect, lost)
-            self._events.add(Sampled(i, now, taken.truthful))
+            self._now.append(Sampled(i, now, taken.truthful))
             self._agents.send_sample(i, taken.sample)
             while self._schedule.tick(i) <= now:
                 self._miss(i)

@@ -11,11 +11,11 @@ from typing import Protocol, Self
 
 from phalanx.recording.write import RecordingError
 from phalanx_plant.judge.judge import Judged
-from phalanx_plant.world.events import Event, StoppedError, SwarmBrokenError
+from phalanx_plant.world.events import Event, Instant, StoppedError, SwarmBrokenError
 from phalanx_plant.world.world import DivergedError
 
-_BATCH = 96
-"""Most events prepared in one call: h, ψ and certificates cost least for many at once."""
+_BATCH = 24
+"""Most instants prepared in one call: h, ψ and certificates cost least for many at once."""
 _LONGEST = 0.1
 """While agents compute, all events are judged this often, however few there are, for viewers
 [s of wall time]."""
@@ -27,77 +27,84 @@ class EventJudge(Protocol):
     def prepare(self, events: Sequence[Event]) -> None:
         """Compute in one call what the judgement of these next events needs."""
 
-    def judge(self, event: Event) -> Judged | None:
-        """Judge the next event, which was prepared; None if nothing of it is recorded or shown."""
+    def judge(self, instant: Instant, judged: list[Judged]) -> None:
+        """Judge the events of the next instant, which were prepared, and append the results."""
 
 
 class EventQueue:
-    """Events in their order; leaving the context judges those that are left."""
+    """Instants in their order; leaving the context judges those that are left."""
 
     def __init__(
         self,
         judge: EventJudge,
-        observers: Sequence[Callable[[Judged], None]],
-        idle: Callable[[], None] = lambda: None,
+        observers: Sequence[Callable[[Sequence[Judged]], None]],
+        idle: Callable[[float], None] = lambda now: None,
     ) -> None:
         """Begin with no events.
 
         Args:
             judge: of the run.
-            observers: receive each judged event, in this order.
-            idle: called between batches, for work that can wait.
+            observers: receive the judged events of each instant, in this order.
+            idle: called at a wall time [s], for work that can wait.
         """
-        self.idle = idle
+        self._idle = idle
         self._judge, self._observers = judge, observers
-        self._events: deque[Event] = deque()
+        self._instants: deque[Instant] = deque()
         self._prepared = 0
-        """Number of events, the oldest, that are prepared."""
+        """Number of instants, the oldest, that are prepared."""
         self._cost = 1e-3
-        """Estimated CPU time of preparing one event [s]."""
+        """Estimated CPU time of preparing one instant [s]."""
         self._due = time.monotonic() + _LONGEST
 
     def __len__(self) -> int:
-        return len(self._events)
+        return len(self._instants)
 
-    def add(self, event: Event) -> None:
-        """Append the next event."""
-        self._events.append(event)
+    def idle(self) -> None:
+        """Do work that can wait."""
+        self._idle(time.monotonic())
+
+    def add(self, instant: Instant) -> None:
+        """Append the events of the next instant."""
+        self._instants.append(instant)
 
     def judge_next(self, seconds: float = math.inf) -> None:
-        """Judge and observe the oldest event. Raises RecordingError, DivergedError.
+        """Judge and observe the oldest instant. Raises RecordingError, DivergedError.
 
         seconds: about how long to prepare a batch, which nothing interrupts [s of CPU time].
         """
         if not self._prepared:
             self._prepare(seconds)
         self._prepared -= 1
-        judged = self._judge.judge(self._events.popleft())
-        if judged is not None:
+        judged: list[Judged] = []
+        try:
+            self._judge.judge(self._instants.popleft(), judged)
+        finally:
             for observe in self._observers:
                 observe(judged)
 
     def _prepare(self, seconds: float) -> None:
         affordable = max(1.0, seconds / max(self._cost, 1e-9))
-        events = list(islice(self._events, int(min(affordable, _BATCH))))
+        instants = list(islice(self._instants, int(min(affordable, _BATCH))))
         began = time.thread_time()
-        self._judge.prepare(events)
-        cost = (time.thread_time() - began) / len(events)
-        # Costs differ: a few events that cost nothing must not make the next batch large.
-        self._prepared, self._cost = len(events), max(cost, 0.9 * self._cost)
+        self._judge.prepare([event for instant in instants for event in instant])
+        cost = (time.thread_time() - began) / len(instants)
+        # Costs differ: a few instants that cost nothing must not make the next batch large.
+        self._prepared, self._cost = len(instants), max(cost, 0.9 * self._cost)
 
     def judge_batches(self) -> None:
-        """Judge all but the last events, which wait for more. Raises as judge_next does."""
-        if time.monotonic() >= self._due:
+        """Judge all but the last instants, which wait for more. Raises as judge_next does."""
+        now = time.monotonic()
+        if now >= self._due:
             self.judge_all()
             self._due = time.monotonic() + _LONGEST
             return
-        for _ in range(len(self._events) - _BATCH):
+        while len(self._instants) > _BATCH:
             self.judge_next()
-        self.idle()
+        self._idle(now)
 
     def judge_all(self) -> None:
         """Judge all events. Raises as judge_next does."""
-        while self._events:
+        while self._instants:
             self.judge_next()
         self.idle()
 

@@ -32,6 +32,7 @@ from phalanx_plant.world.events import (
     Event,
     InputApplied,
     InputLost,
+    Instant,
     MemberLost,
     Sampled,
     StateReached,
@@ -106,23 +107,25 @@ class Judge:
         self._histories.extend(evaluated)
         self._proven.extend(proven)
 
-    def judge(self, event: Event) -> Judged | None:
-        """Judge the next event, which was prepared; None for a sample. Raises DivergedError."""
-        match event:
-            case StateReached():
-                return self._reached(event)
-            case Sampled():
-                self.assumptions.sampled(event)
-                return None
-            case CommandApplied():
-                return self._command(event)
-            case InputApplied():
-                return self._applied(event)
-            case InputLost():
-                return self._lost(event)
-            case MemberLost():
-                return self._lost_member(event)
-        return Judged(event)
+    def judge(self, instant: Instant, judged: list[Judged]) -> None:
+        """Judge the events of the next instant, which were prepared, and append the results.
+
+        A sample has none. Raises DivergedError.
+        """
+        for event in instant:
+            match event:
+                case StateReached():
+                    judged.append(self._reached(event))
+                case Sampled():
+                    self.assumptions.sampled(event)
+                case InputApplied():
+                    judged.append(self._applied(event))
+                case CommandApplied():
+                    judged.append(self._command(event))
+                case InputLost():
+                    judged.append(self._lost(event))
+                case MemberLost():
+                    judged.append(self._lost_member(event))
 
     def add(self, history: EvaluatedHistory) -> None:
         """Check a piece of the world's history. Raises DivergedError."""

@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -15,7 +15,7 @@ from phalanx.wire.messages import AgentStatus, Frame, LinkEvent, LogLine, Status
 from phalanx.wire.step_report import AppliedStep
 from phalanx_plant.clock.commands import CommandQueue
 from phalanx_plant.judge.judge import Judge, Judged
-from phalanx_plant.world.events import CommandApplied, InputApplied, InstantComplete, StateReached
+from phalanx_plant.world.events import CommandApplied, InputApplied, StateReached
 from phalanx_plant.world.world import World
 
 _EVERY = 1.0 / 30.0
@@ -63,7 +63,7 @@ class Publisher:
         self._publish_status, self._audience = publish_status, audience
         # Not the clock's own, which is ahead of the judged events.
         self._faults = FaultState(names)
-        self._t, self._x, self._complete = 0.0, world.x, True
+        self._t, self._x = 0.0, world.x
         self._agents = [AgentStatus() for _ in names]
         self._log: deque[LogLine] = deque(maxlen=_LINES)
         self._link_events: dict[tuple[int, int], float] = {}
@@ -73,12 +73,18 @@ class Publisher:
         self._pace = (self._began, 0.0, 0.0)
         """Wall time, virtual time and real-time factor of its last measurement."""
 
-    def see(self, judged: Judged) -> None:
-        """Take the next event; publish a frame if its instant is complete."""
+    def see(self, instant: Sequence[Judged]) -> None:
+        """Take the events of the next instant, and publish a frame."""
+        for judged in instant:
+            if type(judged.event) is StateReached:
+                self._t = judged.event.t
+            if self._audience is not None:
+                self._see(judged)
+        if self._audience is not None:
+            self.show(time.monotonic())
+
+    def _see(self, judged: Judged) -> None:
         event = judged.event
-        if self._audience is None:
-            self._t = event.t if type(event) is StateReached else self._t
-            return
         for notice in judged.notices:
             self._log.append(LogLine(notice.t, notice.text))
         for fate, found in judged.received:
@@ -87,16 +93,13 @@ class Publisher:
                 self._agents[fate.sender] = replace(sender, lies=sender.lies + 1)
         match event:
             case StateReached():
-                self._t, self._x, self._complete = event.t, event.x, False
+                self._x = event.x
                 self._peak = max(self._peak, judged.peak)
             case CommandApplied():
                 self._faults.apply(event.command)
             case InputApplied() if judged.made is not None:
                 step, _ = judged.made
                 self._applied(event.i, step, [fate for fate, _ in judged.received])
-            case InstantComplete():
-                self._complete = True
-                self.show()
 
     def _applied(self, i: int, step: AppliedStep, fates: list[Fate]) -> None:
         """Update agent i's status, and the links on which it received the broadcasts in `fates`."""
@@ -113,10 +116,10 @@ class Publisher:
             if fate.delay != 0.0 and (known or len(self._link_events) < _LINK_EVENTS):
                 self._link_events[link] = worse(self._link_events.get(link, 0.0), fate.delay)
 
-    def idle(self) -> None:
-        """Publish a frame and the status if they are due."""
-        self.show()
-        now = time.monotonic()
+    def idle(self, now: float) -> None:
+        """Publish a frame and the status if they are due at this wall time [s]."""
+        if self._audience is not None:
+            self.show(now)
         if now < self._status_due:
             return
         self._status_due = now + _STATUS_EVERY
@@ -131,18 +134,13 @@ class Publisher:
             )
         )
 
-    def show(self, last: bool = False) -> None:
-        """Publish a frame if one is due and there are viewers; the last one is always due.
-
-        None is due in the middle of an instant, while some of its inputs are still to be judged.
-        """
-        now = time.monotonic()
-        due = self._complete and now >= self._due
-        if self._audience is None or not (due or last):
+    def show(self, now: float) -> None:
+        """Publish a frame if there are viewers, and one is due at this wall time [s]."""
+        if self._audience is None or now < self._due:
             return
         self._due = now + _EVERY
         if self._audience.heard:
-            self._audience.put(self._frame(now))
+            self._audience.put(self._frame(time.monotonic()))
         self._link_events.clear()
         self._peak = -np.inf
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import struct
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -28,13 +29,14 @@ class TrajectoryHash:
     def __init__(self) -> None:
         self._sha = hashlib.sha256()
 
-    def add(self, judged: Judged) -> None:
-        """Take the next event."""
-        match judged.event:
-            case StateReached(t=t, x=x):
-                self._sha.update(_TIME.pack(t) + x.tobytes())
-            case InputApplied(i=i, k=k, u=u):
-                self._sha.update(_INPUT.pack(i, k) + u.tobytes())
+    def add(self, instant: Sequence[Judged]) -> None:
+        """Take the events of the next instant."""
+        for judged in instant:
+            match judged.event:
+                case StateReached(t=t, x=x):
+                    self._sha.update(_TIME.pack(t) + x.tobytes())
+                case InputApplied(i=i, k=k, u=u):
+                    self._sha.update(_INPUT.pack(i, k) + u.tobytes())
 
     @property
     def hexadecimal(self) -> str:
@@ -45,8 +47,8 @@ class TrajectoryHash:
 class RecordSink(Protocol):
     """Takes the records of a run: the writer of a file, or a list in memory."""
 
-    def write(self, record: Any) -> None:
-        """Take the next record. Raises RecordingError."""
+    def write(self, *records: Any) -> None:
+        """Take the next records. Raises RecordingError."""
 
 
 class Recorder:
@@ -64,26 +66,28 @@ class Recorder:
         """By agent, the broadcasts since its last recorded step: a step whose input was lost is not
         recorded."""
 
-    def record(self, judged: Judged) -> None:
-        """Record the next event. Raises RecordingError."""
-        event, write = judged.event, self._recording.write
-        match event:
-            case StateReached():
-                self._peak = max(self._peak, judged.peak)
-                if event.t >= self._state_due:
-                    write(State(event.t, event.x.tolist(), self._peak))
-                    self._state_due, self._peak = event.t + self._every, -np.inf
-            case CommandApplied():
-                write(event.command)
-            case InputApplied() | InputLost():
-                self._received[event.i] += judged.received
-        for notice in judged.notices:
-            write(notice)
-        if type(event) is InputApplied and judged.made is not None:
-            step, telemetry = judged.made
-            write(self._step(event, step, telemetry))
-            if event.answers is not None:
-                write(self._shown(event.i, event.answers, telemetry))
+    def record(self, instant: Sequence[Judged]) -> None:
+        """Record the events of the next instant. Raises RecordingError."""
+        records: list[Any] = []
+        for judged in instant:
+            event = judged.event
+            match event:
+                case StateReached():
+                    peak = self._peak = judged.peak if judged.peak > self._peak else self._peak
+                    if event.t >= self._state_due:
+                        records.append(State(event.t, event.x.tolist(), peak))
+                        self._state_due, self._peak = event.t + self._every, -np.inf
+                case CommandApplied():
+                    records.append(event.command)
+                case InputApplied() | InputLost():
+                    self._received[event.i] += judged.received
+            records += judged.notices
+            if type(event) is InputApplied and judged.made is not None:
+                step, telemetry = judged.made
+                records.append(self._step(event, step, telemetry))
+                if event.answers is not None:
+                    records.append(self._shown(event.i, event.answers, telemetry))
+        self._recording.write(*records)
 
     def _step(self, event: InputApplied, step: AppliedStep, telemetry: Telemetry) -> Step:
         names = self._names

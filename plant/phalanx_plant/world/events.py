@@ -1,5 +1,7 @@
 """The events of a run, in the order in which they are judged; and the errors that end it early."""
 
+from collections.abc import Sequence
+
 from msgspec import Struct
 
 from phalanx.arrays import Array
@@ -78,22 +80,9 @@ class MemberLost(Struct, frozen=True):
     back: bool
 
 
-class InstantComplete(Struct, frozen=True):
-    """Nothing more happens at t: a frame of now equals a frame of a replay."""
-
-    t: float
-    """[s]"""
-
-
-Event = (
-    StateReached
-    | Sampled
-    | CommandApplied
-    | InputApplied
-    | InputLost
-    | MemberLost
-    | InstantComplete
-)
+Event = StateReached | Sampled | CommandApplied | InputApplied | InputLost | MemberLost
+Instant = Sequence[Event]
+"""All events of an instant, in order: a frame of then equals a frame of a replay."""
 
 
 class StoppedError(Exception):

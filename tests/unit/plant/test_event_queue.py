@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from phalanx_plant.judge import event_queue
 from phalanx_plant.judge.event_queue import EventQueue
 from phalanx_plant.judge.judge import Judged
-from phalanx_plant.world.events import Event, Sampled
+from phalanx_plant.world.events import Event, Instant, Sampled
 from phalanx_plant.world.world import DivergedError
 
 import phalanx
@@ -33,13 +33,14 @@ class Desk:
     def prepare(self, events: Sequence[Event]) -> None:
         self.prepared.append(list(events))
 
-    def judge(self, event: Event) -> Judged:
-        return Judged(event)
+    def judge(self, instant: Instant, judged: list[Judged]) -> None:
+        judged += map(Judged, instant)
 
-    def write(self, judged: Judged) -> None:
-        if len(self.seen) == self._room:
-            raise RecordingError("the disk is full")
-        self.seen.append(judged.event)
+    def write(self, instant: Sequence[Judged]) -> None:
+        for judged in instant:
+            if len(self.seen) == self._room:
+                raise RecordingError("the disk is full")
+            self.seen.append(judged.event)
 
 
 def queue_of(desk: Desk) -> EventQueue:
@@ -48,8 +49,8 @@ def queue_of(desk: Desk) -> EventQueue:
 
 def run(desk: Desk, error: BaseException | None = None) -> None:
     with queue_of(desk) as queue:
-        queue.add(FIRST)
-        queue.add(LAST)
+        queue.add([FIRST])
+        queue.add([LAST])
         if error is not None:
             raise error
 
@@ -90,7 +91,7 @@ def test_the_last_events_wait_for_more_until_all_are_to_be_judged(
     queue = queue_of(desk)
     events = [Sampled(0, float(t)) for t in range(300)]
     for event in events:
-        queue.add(event)
+        queue.add([event])
         queue.judge_batches()
     assert desk.seen == events[: len(desk.seen)]
     assert 1 < len(queue) == 300 - len(desk.seen) < 150
@@ -102,10 +103,10 @@ def test_events_are_prepared_in_batches_in_order_and_each_once():
     desk = Desk(room=1000)
     queue, events = queue_of(desk), [Sampled(0, float(t)) for t in range(300)]
     for event in events[:-1]:
-        queue.add(event)
+        queue.add([event])
     for _ in range(150):
         queue.judge_next()
-    queue.add(events[-1])
+    queue.add([events[-1]])
     queue.judge_all()
     assert [event for some in desk.prepared for event in some] == desk.seen == events
     assert 1 < max(map(len, desk.prepared)) < 150
@@ -125,7 +126,7 @@ def test_a_batch_takes_no_longer_than_asked_for_even_after_cheap_events(
     desk = Slow(room=1000)
     queue = queue_of(desk)
     for t in range(200):
-        queue.add(Sampled(0, float(t)))
+        queue.add([Sampled(0, float(t))])
     while queue:
         queue.judge_next(0.005)
     sizes = [len(some) for some in desk.prepared]
@@ -138,7 +139,7 @@ def test_an_event_waits_no_longer_than_the_limit_for_others(monkeypatch: pytest.
     monkeypatch.setattr(event_queue, "_LONGEST", 0.0)
     desk = Desk()
     queue = queue_of(desk)
-    queue.add(FIRST)
+    queue.add([FIRST])
     queue.judge_batches()
     assert desk.seen == [FIRST]
 
@@ -159,9 +160,23 @@ def test_the_result_of_a_run_does_not_depend_on_the_batches(
     assert result() == together
 
 
+def test_events_of_an_instant_before_one_that_fails_are_observed():
+    class Broken(Desk):
+        def judge(self, instant: Instant, judged: list[Judged]) -> None:
+            super().judge(instant[:1], judged)
+            raise DivergedError("h_tot", 0.0)
+
+    desk = Broken()
+    queue = queue_of(desk)
+    queue.add([FIRST, LAST])
+    with pytest.raises(DivergedError):
+        queue.judge_all()
+    assert desk.seen == [FIRST]
+
+
 def test_events_that_cannot_be_judged_after_a_failure_do_not_hide_it():
     class Broken(Desk):
-        def judge(self, event: Event) -> Judged:
+        def judge(self, instant: Instant, judged: list[Judged]) -> None:
             raise DivergedError("h_tot", 0.0)
 
     with pytest.raises(KeyboardInterrupt):

@@ -34,8 +34,7 @@ class ReportedTo(Judge):
     def happen(self, *events: Event) -> None:
         """Prepare and judge these events."""
         self.prepare(events)
-        for event in events:
-            self.judge(event)
+        self.judge(events, [])
 
 
 def judge_of(*overrides: str) -> ReportedTo:

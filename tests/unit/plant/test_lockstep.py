@@ -14,7 +14,7 @@ from phalanx_plant.judge.event_queue import EventQueue
 from phalanx_plant.judge.judge import Judged
 from phalanx_plant.run import PlantRun
 from phalanx_plant.sampling.sampling import Sampling
-from phalanx_plant.world.events import Event, SwarmBrokenError
+from phalanx_plant.world.events import Event, Instant, SwarmBrokenError
 from phalanx_plant.world.world import World
 
 from phalanx.arrays import Array
@@ -224,17 +224,20 @@ class Watched(EventQueue):
     """All events that were added, and those that were judged."""
 
     def __init__(self) -> None:
-        super().__init__(self, [lambda judged: self.judged.append(judged.event)])
+        super().__init__(self, [self.observe])
         self.added, self.judged = list[Event](), list[Event]()
 
-    def add(self, event: Event) -> None:
-        super().add(event)
-        self.added.append(event)
+    def add(self, instant: Instant) -> None:
+        super().add(instant)
+        self.added += instant
+
+    def observe(self, instant: Sequence[Judged]) -> None:
+        self.judged += [judged.event for judged in instant]
 
     def prepare(self, events: Sequence[Event]) -> None: ...
 
-    def judge(self, event: Event) -> Judged:
-        return Judged(event)
+    def judge(self, instant: Instant, judged: list[Judged]) -> None:
+        judged += map(Judged, instant)
 
 
 class PausedNowAndThen(CommandQueue):
