@@ -1,6 +1,9 @@
 """Check that a world keeps its protocol."""
 
-from collections.abc import Callable, Iterator, Sequence
+import contextlib
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import get_args
 
 import casadi as ca
 import numpy as np
@@ -8,12 +11,22 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.polytope import constant_polytope
-from phalanx.theory.models.world import World, WorldAgent, WorldStates, advanced
+from phalanx.theory.models.world import (
+    Determinism,
+    World,
+    WorldAgent,
+    advanced,
+    moves_by_itself,
+)
 
 _TIME = 0.05
 """Time to move on [s]."""
 _EQUAL = 1e-6
 """Allowed difference where an integrator takes other steps."""
+_LIKE = 0.3
+"""Allowed difference where nothing repeats, as a share of what the input changes."""
+_OFF = 0.05
+"""Allowed difference of the first state from the start, as a share of its components."""
 
 
 class WorldMistakeError(AssertionError):
@@ -23,7 +36,9 @@ class WorldMistakeError(AssertionError):
 def check_world(
     make: Callable[[], World], agents: Sequence[WorldAgent], step: float = 1e-3
 ) -> None:
-    """Try a world: determinism, time, held inputs, divided advances, and refused inputs.
+    """Try a world: start, determinism, time, held inputs, divided advances, and refused inputs.
+
+    A world without determinism need not repeat itself: what its inputs change must be similar.
 
     Args:
         make: returns a new world at each call.
@@ -37,72 +52,129 @@ def check_world(
     _Trial(make, agents, step).run()
 
 
+_Ends = Mapping[str, Array]
+"""State of each robot at the end."""
+
+
 class _Trial:
     def __init__(
         self, make: Callable[[], World], agents: Sequence[WorldAgent], step: float
     ) -> None:
         self._make, self._agents, self._step = make, agents, step
         self._inputs = {agent.name: _some_input(agent.dynamics) for agent in agents}
+        self._repeats = make().determinism != "none"
 
     def run(self) -> None:
         """Try all rules in turn."""
-        whole = self._moved(_TIME)
-        if self._make().determinism != "none":
-            self._require_same("same seed, same states", whole, self._moved(_TIME), 0.0)
-        halves = self._moved(_TIME / 2, _TIME)
-        self._require_same("two advances are one", whole, halves, _EQUAL)
-        again = self._moved(_TIME / 2, _TIME, again=True)
-        self._require_same("an input is held until the next one", halves, again, _EQUAL)
+        if (got := self._make().determinism) not in get_args(Determinism):
+            raise WorldMistakeError(f"determinism: expected bits, build or none, got {got}")
+        zeros = {name: 0.0 * u for name, u in self._inputs.items()}
+        rest, whole = self._moved(_TIME, inputs=zeros), self._moved(_TIME)
         for agent in self._agents:
-            if self._close(self._moved(_TIME, without=agent.name), whole, agent.name, _EQUAL):
+            others = {name: u for name, u in self._inputs.items() if name != agent.name}
+            without = self._moved(_TIME, inputs=others)[agent.name]
+            if _equal(without, whole[agent.name], _EQUAL):
                 raise WorldMistakeError(f"agent {agent.name}: its input does not move it")
+        effect = {name: float(np.abs(x - rest[name]).max()) for name, x in whole.items()}
+
+        def require(rule: str, a: _Ends, b: _Ends, allowed: float = _EQUAL) -> None:
+            for name, x in a.items():
+                like = np.abs(x - b[name]).max() <= _LIKE * effect[name]
+                if not (_equal(x, b[name], allowed) if self._repeats else like):
+                    raise WorldMistakeError(f"{rule}: agent {name} ends elsewhere")
+
+        require("an input is zero until the first one", rest, self._moved(_TIME, inputs={}))
+        require("same seed, same states", whole, self._moved(_TIME), 0.0)
+        halves = self._moved(_TIME / 2, _TIME)
+        require("two advances are one", whole, halves)
+        again = self._moved(_TIME / 2, _TIME, again=True)
+        require("an input is held until the next one", halves, again)
+        one, other = (self._moved(_TIME / 2, _TIME, reseed=7) for _ in range(2))
+        require("same new seed, same states", one, other, 0.0)
         self._require_refusals()
 
-    def _moved(self, *instants: float, again: bool = False, without: str = "") -> WorldStates:
+    def _moved(
+        self,
+        *instants: float,
+        inputs: Mapping[str, Array] | None = None,
+        again: bool = False,
+        reseed: int | None = None,
+    ) -> _Ends:
         """Return the states that a new world reaches under the inputs."""
-        world, now = self._begun(), 0.0
-        for k, until in enumerate(instants):
-            for name, u in self._inputs.items():
-                if (k == 0 or again) and name != without:
-                    world.hold(name, u)
-            found = advanced(world, self._agents, now, until, self._step)
-            now = until
-        return found
-
-    def _begun(self) -> World:
-        world = self._make()
-        world.begin(self._agents, 0, self._step)
-        return world
-
-    def _require_same(self, rule: str, a: WorldStates, b: WorldStates, allowed: float) -> None:
+        given, now, found = self._inputs if inputs is None else inputs, 0.0, list[_Ends]()
+        kept: _Ends = {}
+        with self._begun() as world:
+            for k, until in enumerate(instants):
+                for name, u in given.items():
+                    if k == 0 or again:
+                        own = u.copy()
+                        world.hold(name, own)
+                        own[:] = np.nan  # an array that is not the world's
+                if k and reseed is not None:
+                    world.reseed(reseed)
+                self._wait(world, until)
+                found.append(advanced(world, self._agents, now, until, self._step).x)
+                kept = kept if k else {name: x.copy() for name, x in found[0].items()}
+                now = until
         for agent in self._agents:
-            if not self._close(a, b, agent.name, allowed):
-                raise WorldMistakeError(f"{rule}: agent {agent.name} ends elsewhere")
+            first, *later = (x[agent.name] for x in found)
+            if not np.isfinite([x[-1] for x in (first, *later)]).all():
+                what = "states are not finite; does hold copy its input?"
+                raise WorldMistakeError(f"agent {agent.name}: {what}")
+            if not np.array_equal(first, kept[agent.name]):
+                raise WorldMistakeError(f"agent {agent.name}: a later advance changed its states")
+            self._require_start(agent, first[0])
+        return {name: x[-1] for name, x in found[-1].items()}
 
-    def _close(self, a: WorldStates, b: WorldStates, name: str, allowed: float) -> bool:
-        one, other = a.x[name][-1], b.x[name][-1]
-        return bool((np.abs(one - other) <= allowed * (1.0 + np.abs(one))).all())
+    def _require_start(self, agent: WorldAgent, first: Array) -> None:
+        drift = ca.evalf(agent.dynamics.drift(ca.SX(ca.DM(agent.start))))
+        moved = self._step * np.abs(np.array(drift).ravel())
+        if (np.abs(first - agent.start) > moved + _OFF * (1.0 + np.abs(agent.start))).any():
+            raise WorldMistakeError(f"agent {agent.name}: it starts elsewhere")
+
+    @contextlib.contextmanager
+    def _begun(self) -> Iterator[World]:
+        world = self._make()
+        try:
+            world.begin(self._agents, 0, self._step)
+            self._start = time.monotonic()
+            yield world
+        finally:
+            if callable(close := getattr(world, "close", None)):
+                close()
+
+    def _wait(self, world: World, until: float) -> None:
+        """Wait until a world that moves by the wall clock is there."""
+        while moves_by_itself(world) and time.monotonic() < self._start + until:
+            time.sleep(self._step)
 
     def _require_refusals(self) -> None:
-        for what, call in self._refused():
-            try:
-                call()
-            except ValueError:
-                continue
-            except Exception as error:
-                raise WorldMistakeError(
-                    f"{what}: expected a ValueError, got {type(error).__name__}"
-                ) from error
-            raise WorldMistakeError(f"{what}: expected a ValueError, it was taken")
+        with self._begun() as world:
+            self._wait(world, _TIME)
+            world.advance(_TIME)
+            for what, call in self._refused(world):
+                try:
+                    call()
+                except ValueError:
+                    continue
+                except Exception as error:
+                    raise WorldMistakeError(
+                        f"{what}: expected a ValueError, got {type(error).__name__}"
+                    ) from error
+                raise WorldMistakeError(f"{what}: expected a ValueError, it was taken")
 
-    def _refused(self) -> Iterator[tuple[str, Callable[[], object]]]:
+    def _refused(self, world: World) -> Iterator[tuple[str, Callable[[], object]]]:
         """Yield calls that a world must refuse, with their names."""
-        world, (name, u) = self._begun(), next(iter(self._inputs.items()))
-        world.advance(_TIME)
+        name, u = next(iter(self._inputs.items()))
         yield "an input for an unknown name", lambda: world.hold(f"not-{name}", u)
         yield "an input of another shape", lambda: world.hold(name, np.append(u, 0.0))
         yield "an input that is not finite", lambda: world.hold(name, np.nan * u)
+        yield "an advance to now", lambda: world.advance(_TIME)
         yield "an advance into the past", lambda: world.advance(_TIME / 2)
+
+
+def _equal(a: Array, b: Array, allowed: float) -> bool:
+    return bool((np.abs(a - b) <= allowed * (1.0 + np.abs(a))).all())
 
 
 def _some_input(dynamics: Dynamics) -> Array:

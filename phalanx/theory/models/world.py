@@ -83,9 +83,14 @@ class World(Protocol):
         """
 
 
+def moves_by_itself(world: World | None) -> bool:
+    """Return whether a world moves by the wall clock."""
+    return bool(getattr(world, "real_time", False))
+
+
 def require_clock(world: World | None, real_time: float | None) -> None:
     """Raise ValueError if a world moves by the wall clock, and the run does not."""
-    if getattr(world, "real_time", False) and real_time != 1.0:
+    if moves_by_itself(world) and real_time != 1.0:
         raise ValueError("world: its robots move by the wall clock: run it with --real-time 1")
 
 

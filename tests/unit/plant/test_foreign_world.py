@@ -26,8 +26,9 @@ def test_the_plants_own_integration_is_a_world(name):
     check_world(lambda: worlds.Declared(rows_of_scenario(name)), robots(name))
 
 
-def test_a_world_of_ones_own_passes():
-    check_world(worlds.Unicycles, robots())
+@pytest.mark.parametrize("world", [worlds.Unicycles, worlds.Slippery])
+def test_a_world_of_ones_own_passes(world):
+    check_world(world, robots())
 
 
 @pytest.mark.parametrize(
@@ -37,6 +38,13 @@ def test_a_world_of_ones_own_passes():
         (worlds.Deaf, "its input does not move it"),
         (worlds.Trusting, "an input that is not finite"),
         (worlds.Fickle, "same seed, same states"),
+        (worlds.Misplaced, "agent 1: it starts elsewhere"),
+        (worlds.Restless, "an input is zero until the first one"),
+        (worlds.Borrowing, "does hold copy its input"),
+        (worlds.Overwriting, "a later advance changed its states"),
+        (worlds.Jumping, "same new seed, same states"),
+        (worlds.Patient, "an advance to now"),
+        (lambda: worlds.Unicycles(determinism="some"), "expected bits, build or none, got some"),
     ],
 )
 def test_a_world_that_breaks_a_rule_is_named_with_it(world, rule):
@@ -52,6 +60,11 @@ def test_a_world_that_returns_other_times_is_refused(world):
 
 def test_a_world_without_determinism_need_not_repeat_itself():
     check_world(lambda: worlds.Fickle(determinism="none"), robots())
+
+
+def test_a_world_without_determinism_holds_its_inputs_though():
+    with pytest.raises(WorldMistakeError, match="two advances are one"):
+        check_world(lambda: worlds.Forgetful(determinism="none"), robots())
 
 
 @pytest.fixture

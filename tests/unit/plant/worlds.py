@@ -102,6 +102,65 @@ class Trusting(Unicycles):
 
 
 @dataclass
+class Misplaced(Unicycles):
+    """Starts all robots at the origin."""
+
+    def begin(self, agents: Sequence[WorldAgent], seed: int, step: float) -> None:
+        super().begin(agents, seed, step)
+        self.x = {name: 0.0 * x for name, x in self.x.items()}
+
+
+@dataclass
+class Restless(Unicycles):
+    """Drives before it is given an input."""
+
+    def begin(self, agents: Sequence[WorldAgent], seed: int, step: float) -> None:
+        super().begin(agents, seed, step)
+        self.u = {name: u + 1.0 for name, u in self.u.items()}
+
+
+@dataclass
+class Borrowing(Unicycles):
+    """Keeps the array that it is given."""
+
+    def hold(self, name: str, u: np.ndarray) -> None:
+        super().hold(name, u)
+        self.u[name] = u
+
+
+@dataclass
+class Overwriting(Unicycles):
+    """Returns the same arrays at each advance."""
+
+    def advance(self, until: float) -> WorldStates:
+        found, before = super().advance(until), getattr(self, "returned", None)
+        if before is None:
+            self.returned = found
+            return found
+        for name, x in found.x.items():
+            before.x[name][:] = x[-len(before.x[name]) :]
+        return found
+
+
+@dataclass
+class Jumping(Unicycles):
+    """Is elsewhere after each new seed."""
+
+    def reseed(self, seed: int) -> None:
+        self.x = {name: x + 1e-9 * next(_counter) for name, x in self.x.items()}
+
+
+@dataclass
+class Patient(Unicycles):
+    """Stands still where it is asked for the time that it has."""
+
+    def advance(self, until: float) -> WorldStates:
+        if until == self.t:
+            return WorldStates(np.array([until]), {name: x[None] for name, x in self.x.items()})
+        return super().advance(until)
+
+
+@dataclass
 class Fickle(Unicycles):
     """Starts elsewhere each time."""
 
