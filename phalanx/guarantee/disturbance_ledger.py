@@ -32,9 +32,9 @@ class Explanation(NamedTuple):
     """Disturbances that explain w motions."""
 
     phi: Array
-    """φ̂ of each, shape (w, n)."""
+    """φ̂ of each, every component rounded away from zero, shape (w, n)."""
     size: Array
-    """Bound on ‖φ̂‖, rounded up, shape (w,); infinite where no φ̂ is found."""
+    """‖φ̂‖, shape (w,); infinite where no φ̂ is found."""
 
 
 class DisturbanceLedger:
@@ -79,9 +79,9 @@ class DisturbanceLedger:
             moving = moving[(change > rounded[moving]).any(axis=1)]
             if not len(moving):
                 break
-        off = doubt + rounded
-        size = length(last) + length(off) / seconds
-        return Explanation(last, np.where(np.isfinite(size), size, np.inf))
+        phi = last + np.copysign((doubt + rounded) / seconds[:, None], last)
+        size = length(phi)
+        return Explanation(phi, np.where(np.isfinite(size), size, np.inf))
 
 
 def _reached(

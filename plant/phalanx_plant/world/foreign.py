@@ -5,16 +5,27 @@ declared dynamics: it is judged as a drawn one is.
 """
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
-from phalanx.arrays import Array
+from phalanx.arrays import Array, Index
 from phalanx.guarantee.disturbance_ledger import DisturbanceLedger
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.expressions.user_methods import call_user
 from phalanx.theory.models.world import World, WorldAgent, advanced
 from phalanx_plant.world.motion import by_dynamics
 from phalanx_plant.world.world import DisturbanceKnot, Integration, Piece, Segment
+
+
+class _Ledger(NamedTuple):
+    """The ledger of r agents with one dynamics."""
+
+    ledger: DisturbanceLedger
+    states: Index
+    """Indices of their states in the stack, shape (r, n)."""
+    inputs: Index
+    """Indices of their inputs in the stack, shape (r, m)."""
 
 
 class ForeignIntegration(Integration):
@@ -30,7 +41,11 @@ class ForeignIntegration(Integration):
         each = zip(swarm.members, self._parts, strict=True)
         self._agents = [WorldAgent(m.name, m.dynamics, self.x[part].copy()) for m, part in each]
         self._ledgers = [
-            (own, DisturbanceLedger(swarm.members[own[0]].dynamics))
+            _Ledger(
+                DisturbanceLedger(swarm.members[own[0]].dynamics),
+                np.array([np.r_[self._parts[i]] for i in own]),
+                np.array([np.r_[self.inputs[i]] for i in own]),
+            )
             for own in by_dynamics(swarm.members)
         ]
         seed = swarm.seeds.at(0.0)
@@ -84,11 +99,11 @@ class ForeignIntegration(Integration):
     def _explained(self, before: Array, after: Array, u: Array, seconds: Array) -> Array:
         """Return the disturbance of each step, stacked; not a number where none explains it."""
         phi = np.empty_like(after)
-        for own, ledger in self._ledgers:
-            for i in own:
-                part = self._parts[i]
-                held = np.broadcast_to(u[self.inputs[i]], (len(after), len(u[self.inputs[i]])))
-                found = ledger.explain(before[:, part], after[:, part], held, seconds)
-                known = np.isfinite(found.size)[:, None]
-                phi[:, part] = np.where(known, found.phi, np.nan)
+        for ledger, states, inputs in self._ledgers:
+            r, n = states.shape
+            first, last = (x[:, states].reshape(-1, n) for x in (before, after))
+            held = np.tile(u[inputs], (len(after), 1))
+            found = ledger.explain(first, last, held, np.repeat(seconds, r))
+            known = np.where(np.isfinite(found.size)[:, None], found.phi, np.nan)
+            phi[:, states] = known.reshape(-1, r, n)
         return phi

@@ -12,6 +12,7 @@ import phalanx
 from phalanx.guarantee.disturbance_ledger import DisturbanceLedger
 from phalanx.recording.disturbances import disturbances_of
 from phalanx.recording.read import read, swarm_of
+from phalanx.schema.registry import BUILT_IN
 from phalanx.seeded.draws import Draws
 from phalanx.theory.models.aerial import PlanarQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import Dynamics
@@ -26,7 +27,7 @@ from phalanx.theory.models.wheeled import (
     Unicycle,
 )
 
-MODELS = [
+MODELS: list[Dynamics] = [
     SingleIntegrator(speed=2.0),
     DoubleIntegrator(acceleration=2.0),
     TripleIntegrator(jerk=2.0),
@@ -99,11 +100,17 @@ def explained(dynamics: Dynamics, drawn: Windows) -> np.ndarray:
     return DisturbanceLedger(dynamics).explain(*drawn[:4]).size
 
 
+def test_all_shipped_dynamics_are_tried():
+    assert {type(model) for model in MODELS} == set(BUILT_IN[Dynamics].values())
+
+
 @pytest.mark.parametrize("dynamics", MODELS, ids=lambda model: type(model).__name__)
 @pytest.mark.parametrize("size", [0.0, 1e-3, 0.3])
 def test_a_constant_disturbance_is_found_and_never_understated(dynamics, size):
-    found = explained(dynamics, windows(dynamics, size, 0.0))
+    explanation = DisturbanceLedger(dynamics).explain(*windows(dynamics, size, 0.0)[:4])
+    found, norms = explanation.size, np.linalg.norm(explanation.phi, axis=1)
     assert (found >= size).all()
+    np.testing.assert_allclose(norms, found, rtol=1e-15, err_msg="the judge sees the disturbance")
     assert (found <= 1.05 * size + 1e-4 * (size == 0.0)).all()
 
 
