@@ -25,6 +25,7 @@ from phalanx.theory.expressions.user_methods import MistakenMethodError, call_us
 from phalanx.theory.laws.goals import Stay
 from phalanx.theory.laws.law import Law, TeamLaw
 from phalanx.theory.models.polytope import EmptyPolytopeError
+from phalanx.theory.models.world import moves_by_itself
 from phalanx.theory.rows.information import InformationModel
 from phalanx.theory.safety.composition import ComposedSet, Member, compose
 from phalanx.theory.safety.pairs import SwarmPairs
@@ -237,9 +238,12 @@ class Swarm:
         }
 
     def clock(self, i: int) -> SamplingClock:
-        """Return agent i's perturbed sampling clock."""
-        clock = self.groups[i].clock
-        return SamplingClock(self.seeds, self.names[i], clock.period, clock.jitter)
+        """Return agent i's perturbed sampling clock.
+
+        With robots that move by the wall clock nothing is drawn: the jitter is the machine's own.
+        """
+        clock, real = self.groups[i].clock, moves_by_itself(self.scenario.fresh_world())
+        return SamplingClock(self.seeds, self.names[i], clock.period, 0.0 if real else clock.jitter)
 
     def horizon(self, i: int) -> float:
         """Return τ = Γ_i + δ_i^max + latency [s], the longest time from agent i's sample to the end

@@ -1,19 +1,23 @@
 """Robots over ROS 2, real or of any simulator, as a world in real time.
 
-The state of a robot follows its declared dynamics, and is drawn to its newest odometry within a
-time τ (`blend`). So a robot that moves otherwise by e needs a disturbance of about e/τ.
+The state of a robot follows its declared dynamics, and is drawn within a time τ (`blend`) to where
+its newest odometry and the inputs since then lead. So a robot that moves otherwise by e needs a
+disturbance of about e/τ.
 """
 
 import atexit
 import math
 import threading
 import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from itertools import pairwise
+from typing import Annotated, Any, Literal, NamedTuple
 
 import casadi as ca
 import numpy as np
+from annotated_types import Ge
 
 from phalanx.arrays import Array
 from phalanx.extensions import extension
@@ -71,6 +75,8 @@ class Ros2:
     """Longest time to wait for the router, and for each robot's first odometry [s]."""
     input_timeout: float = 0.3
     """A robot without a new input for so long is commanded to stop [s]."""
+    odometry_delay: Annotated[float, Ge(0)] = 0.0
+    """Age of a pose when it arrives [s]."""
     odometry_timeout: float = 0.3
     """After so long without odometry no state is known: the run is not guaranteed [s]."""
     start_tolerance: float = 0.1
@@ -105,13 +111,14 @@ class Ros2:
         self._robots = {agent.name: _Robot(agent) for agent in agents}
         self._t, self._step, self._notes = 0.0, step, list[WorldNote]()
         self._lock, self._over, self._began = threading.Lock(), threading.Event(), 0.0
+        self._commanding = threading.Thread(target=self._command, daemon=True)
         atexit.register(self.close)
         for name, robot in self._robots.items():
             self._require_start(name, robot)
         if self.dry_run:
             nothing = "dry run: nothing was sent to the robots"
             self._notes.append(WorldNote(0.0, nothing, "commands sent"))
-        threading.Thread(target=self._command, daemon=True).start()
+        self._commanding.start()
 
     def reseed(self, seed: int) -> None:
         """Do nothing: robots draw nothing."""
@@ -122,11 +129,11 @@ class Ros2:
         if robot is None or np.shape(u) != robot.u.shape or not np.isfinite(u).all():
             raise ValueError(f"expected a robot and its finite inputs, got {name}: {u}")
         with self._lock:
-            robot.u, robot.held_at = np.array(u, dtype=float), time.monotonic()
+            robot.hold(np.zeros_like(u) if self.dry_run else np.array(u, dtype=float))
             if robot.stopped:
                 robot.stopped = False
                 self._notes.append(WorldNote(self._t, f"agent {name}: commanded again"))
-            self._send(name, robot.velocity(self._applied(robot)))
+            self._send(name, robot.velocity)
 
     def advance(self, until: float) -> WorldStates:
         """Return the states up to now, which is `until`. Raises ValueError."""
@@ -149,11 +156,12 @@ class Ros2:
         atexit.unregister(self.close)
         if not self._over.is_set():
             self._over.set()
-            with self._lock:
-                for _ in range(_LAST):
-                    for name in self._robots:
-                        self._send(name, np.zeros(3))
-                    time.sleep(self.command_period)
+            if self._commanding.is_alive():
+                self._commanding.join()  # or its last command would come after the stop
+            for _ in range(_LAST):
+                for name in self._robots:
+                    self._send(name, np.zeros(3))
+                time.sleep(self.command_period)
             self._link.close()
 
     def _require_start(self, name: str, robot: "_Robot") -> None:
@@ -176,19 +184,14 @@ class Ros2:
             self._notes.append(WorldNote(self._t, f"agent {name}: {what}", fails))
         dt = float(times[1] - times[0])
         weight = 0.0 if late else 1.0 - math.exp(-dt / self.blend)
-        u, states = self._applied(robot), []
-        for t in times[1:].tolist():
-            robot.x = robot.move(robot.x, u, dt)
-            if weight:
-                there = robot.move(robot.nearest(seen), u, now - seen.arrived - (times[-1] - t))
-                robot.x = robot.x + weight * (there - robot.x)
+        begin, states = now - float(times[-1] - times[0]), []
+        there = robot.x if late else robot.led(seen, seen.arrived - self.odometry_delay, begin)
+        for _ in times[1:]:
+            robot.x, there = (robot.move(x, robot.u, dt) for x in (robot.x, there))
+            robot.x = robot.x + weight * (there - robot.x)
             states.append(robot.x)
         robot.turn = float(seen.pose[2])
         return np.array(states)
-
-    def _applied(self, robot: "_Robot") -> Array:
-        """Return the input that a robot applies: none once it is stopped."""
-        return np.zeros_like(robot.u) if self.dry_run or robot.stopped else robot.u
 
     def _command(self) -> None:
         """Send each robot its velocity again and again; stop those whose input is late."""
@@ -196,14 +199,13 @@ class Ros2:
             with self._lock:
                 for name, robot in self._robots.items():
                     self._watch(name, robot)
-                    robot.integrate(self._applied(robot), self.command_period)
-                    self._send(name, robot.velocity(self._applied(robot)))
+                    robot.integrate(self.command_period)
+                    self._send(name, robot.velocity)
 
     def _watch(self, name: str, robot: "_Robot") -> None:
-        held = robot.held_at
-        if not robot.stopped and held and time.monotonic() - held > self.input_timeout:
-            robot.stopped = True
-            robot.rest()
+        since = robot.held[-1].since
+        if not robot.stopped and since and time.monotonic() - since > self.input_timeout:
+            robot.stop()
             text = f"agent {name}: no input for {self.input_timeout:g} s, commanded to stop"
             self._notes.append(WorldNote(self._t, text))
 
@@ -212,16 +214,25 @@ class Ros2:
             self._link.send(name, velocity)
 
 
+class _Held(NamedTuple):
+    """An input that a robot was given."""
+
+    since: float
+    """On the monotonic clock [s]; 0 before the first."""
+    u: Array
+
+
 class _Robot:
     """A robot's state, and what it holds."""
 
     def __init__(self, agent: WorldAgent) -> None:
         dynamics = agent.dynamics
         self.x = np.array(agent.start, dtype=float)
-        self.u = np.zeros(len(dynamics.inputs))
+        self.held = deque([_Held(0.0, np.zeros(len(dynamics.inputs)))])
+        """The inputs since its newest pose."""
         self.turns, self.accelerates = "theta" in dynamics.states, len(dynamics.states) == 4
         self.turn = float(self.x[2]) if self.turns else 0.0
-        self.held_at, self.stopped, self.lost = 0.0, False, False
+        self.stopped = self.lost = False
         self._v = self.x[2:] if self.accelerates else np.zeros(2)
         """Commanded velocity of a double integrator."""
         self.move = _step(dynamics)
@@ -231,6 +242,24 @@ class _Robot:
         turn = math.remainder(pose[2] - self.x[2], math.tau) if self.turns else 0.0
         return np.array([*(pose[:2] - self.x[:2]), turn])
 
+    @property
+    def u(self) -> Array:
+        """The input that it holds."""
+        return self.held[-1].u
+
+    def hold(self, u: Array) -> None:
+        """Hold u from now on."""
+        self.held.append(_Held(time.monotonic(), u))
+
+    def led(self, seen: Any, begin: float, end: float) -> Array:
+        """Return the state at `end` to which a pose at `begin` and the inputs since then lead."""
+        while len(self.held) > 1 and self.held[1].since <= begin:
+            self.held.popleft()
+        x = self.nearest(seen)
+        for (since, u), (until, _) in pairwise([*self.held, _Held(end, self.u)]):
+            x = self.move(x, u, until - max(begin, since))
+        return x
+
     def nearest(self, seen: Any) -> Array:
         """Return the state that odometry shows, its turn without a jump by 2π."""
         if self.turns:
@@ -238,20 +267,23 @@ class _Robot:
         shown = np.concatenate([seen.pose[:2], seen.velocity])
         return np.asarray(shown[: len(self.x)])
 
-    def integrate(self, u: Array, dt: float) -> None:
+    def integrate(self, dt: float) -> None:
         """Move a double integrator's commanded velocity on."""
         if self.accelerates and not self.stopped:
-            self._v = self.move(np.concatenate([np.zeros(2), self._v]), u, dt)[2:]
+            self._v = self.move(np.concatenate([np.zeros(2), self._v]), self.u, dt)[2:]
 
-    def rest(self) -> None:
+    def stop(self) -> None:
         """Command no velocity from now on."""
-        self._v = np.zeros(2)
+        self.stopped, self._v = True, np.zeros(2)
+        self.hold(np.zeros_like(self.u))
 
-    def velocity(self, u: Array) -> Array:
-        """Return the velocity to command, in the robot's axes: ahead, left [m/s], turn [rad/s]."""
+    @property
+    def velocity(self) -> Array:
+        """The velocity to command, in the robot's axes: ahead, left [m/s], turn [rad/s]."""
         if self.turns:
-            return np.array([u[0], 0.0, u[1]])
-        (x, y), c, s = self._v if self.accelerates else u, math.cos(self.turn), math.sin(self.turn)
+            return np.array([self.u[0], 0.0, self.u[1]])
+        x, y = self._v if self.accelerates else self.u
+        c, s = math.cos(self.turn), math.sin(self.turn)
         return np.array([c * x + s * y, c * y - s * x, 0.0])
 
 

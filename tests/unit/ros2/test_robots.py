@@ -1,17 +1,19 @@
 """Odometry in a scenario's coordinates, and what the world of robots refuses."""
 
 import math
+from collections import deque
 
 import numpy as np
 import pytest
 
 import phalanx
 from phalanx.ros2.cdr import message_type
-from phalanx.ros2.robots import Odometry, Twist, seen_of
+from phalanx.ros2.robots import Odometry, Seen, Twist, seen_of
+from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.wheeled import KinematicBicycle
 from phalanx.theory.models.world import WorldAgent
-from phalanx.worlds.ros2 import Ros2, _Robot
+from phalanx.worlds.ros2 import Ros2, _Held, _Robot
 from tests import ros2_robot
 
 HOME = ros2_robot.Pose(ros2_robot.Vector3(2.0, 0.0), ros2_robot.Quaternion(0.0, 0.0, 0.0, 1.0))
@@ -59,13 +61,46 @@ def test_only_planar_robots_can_be_driven():
 def test_a_velocity_is_commanded_in_the_robots_own_axes():
     robot = _Robot(WorldAgent("a", SingleIntegrator(1.0), np.zeros(2)))
     robot.turn = math.pi / 2
-    assert robot.velocity(np.array([0.0, 1.0])) == pytest.approx([1.0, 0.0, 0.0])
+    robot.hold(np.array([0.0, 1.0]))
+    assert robot.velocity == pytest.approx([1.0, 0.0, 0.0])
 
 
 def test_an_acceleration_is_commanded_as_the_velocity_that_it_leads_to():
     robot = _Robot(WorldAgent("a", DoubleIntegrator(1.0, dimension=2), np.zeros(4)))
+    robot.hold(np.array([1.0, 0.0]))
     for _ in range(10):
-        robot.integrate(np.array([1.0, 0.0]), 0.05)
-    assert robot.velocity(np.zeros(2)) == pytest.approx([0.5, 0.0, 0.0])
-    robot.rest()
-    assert robot.velocity(np.zeros(2)).any() == np.False_
+        robot.integrate(0.05)
+    assert robot.velocity == pytest.approx([0.5, 0.0, 0.0])
+    robot.stop()
+    robot.integrate(0.05)
+    assert robot.velocity == pytest.approx([0.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "x"),
+    [(10.1, 10.5, [0.1, 0.3]), (10.25, 10.5, [0.0, 0.25]), (10.5, 10.4, [0.0, -0.1])],
+    ids=["two inputs", "one input", "a pose that is newer"],
+)
+def test_a_pose_is_led_on_by_the_inputs_since_then(begin, end, x):
+    robot = _Robot(WorldAgent("a", SingleIntegrator(1.0), np.zeros(2)))
+    inputs = [0.0, 0.0], [1.0, 0.0], [0.0, 1.0]
+    robot.held = deque(map(_Held, (0.0, 10.0, 10.2), map(np.array, inputs)))
+    seen = Seen(0.0, np.zeros(3), np.zeros(2))
+    assert robot.led(seen, begin, end) == pytest.approx(x)
+
+
+def test_a_stopped_robot_is_led_on_by_no_input():
+    robot = _Robot(WorldAgent("a", SingleIntegrator(1.0), np.zeros(2)))
+    robot.hold(np.array([1.0, 0.0]))
+    robot.stop()
+    since = robot.held[-1].since
+    seen = Seen(0.0, np.zeros(3), np.zeros(2))
+    assert robot.led(seen, since, since + 1.0) == pytest.approx([0.0, 0.0])
+    assert len(robot.held) == 1
+
+
+def test_clocks_of_robots_that_move_by_the_wall_clock_are_not_perturbed():
+    drawn = build_swarm(phalanx.load("worlds/ros2-robots", ["world={ type = 'mujoco' }"])).clock(0)
+    real = build_swarm(phalanx.load("worlds/ros2-robots")).clock(0)
+    assert real.after(0, 1.0) == pytest.approx(1.1)
+    assert drawn.after(0, 1.0) != pytest.approx(1.1)
