@@ -10,12 +10,10 @@ Names that are not in this module may change at any time.
 """
 
 from phalanx.arrays import Array
-from phalanx.baselines.barrier import BarrierQP
+from phalanx.baselines.barrier import BarrierQP, LyapunovBarrierQP
 from phalanx.baselines.cbfpy import CbfPy
-from phalanx.baselines.escape import Escape
-from phalanx.baselines.lyapunov import LyapunovBarrierQP
-from phalanx.baselines.nominal import Nominal
 from phalanx.baselines.orca import Orca
+from phalanx.baselines.plain import Escape, Nominal
 from phalanx.launcher.streams import echo, echo_error
 from phalanx.network.rule import (
     CORRUPT,
@@ -28,16 +26,16 @@ from phalanx.network.rule import (
     Treatment,
     delay,
 )
-from phalanx.theory.controllers.controller import (
+from phalanx.theory.expressions.compiled import CompiledFunction
+from phalanx.theory.expressions.exact import added, dot, length
+from phalanx.theory.expressions.portable import portable_value
+from phalanx.theory.laws.attacks import Chase, Script, WorstCase, WorstLookahead
+from phalanx.theory.laws.controller import (
     ControlledAgent,
     Controller,
     ControllerView,
     Received,
 )
-from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.expressions.exact import added, dot, length
-from phalanx.theory.expressions.portable import portable_value
-from phalanx.theory.laws.attacks import Chase, WorstCase
 from phalanx.theory.laws.goals import (
     FixedPoint,
     Follow,
@@ -49,13 +47,10 @@ from phalanx.theory.laws.goals import (
     Waypoints,
 )
 from phalanx.theory.laws.law import Law, TeamLaw, View
-from phalanx.theory.laws.lookahead import WorstLookahead
-from phalanx.theory.laws.script import Script
 from phalanx.theory.laws.tracking import Pursue, Track, TrackVelocity
 from phalanx.theory.margins.kinds import IntegratedMargin, LocalMargin, Margin, PairRow
-from phalanx.theory.models.aerial import PlanarQuadrotor, Quadrotor
+from phalanx.theory.models.aerial import IdentifiedQuadrotor, PlanarQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import Bounded, Dynamics, Measured, box_polytope
-from phalanx.theory.models.identified import IdentifiedQuadrotor
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
 from phalanx.theory.models.polytope import Polytope
 from phalanx.theory.models.wheeled import (
@@ -69,20 +64,21 @@ from phalanx.theory.rows.decision import least_violation
 from phalanx.theory.rows.pairs import PairTerms
 from phalanx.theory.rows.qp import NearestInput
 from phalanx.theory.rows.row import Rows
-from phalanx.theory.safety.box import Box
 from phalanx.theory.safety.chain import Chain
 from phalanx.theory.safety.class_k import ClassK, Linear, Power
 from phalanx.theory.safety.composition import Member
 from phalanx.theory.safety.function import (
+    Band,
     Body,
     Distance,
+    Drawable,
+    Fence,
     HeadingAware,
+    Limit,
     SafeSetFunction,
     Separation,
 )
-from phalanx.theory.safety.limits import Band, Drawable, Fence, Limit
-from phalanx.theory.safety.obstacles import Obstacle, Sphere, Wall
-from phalanx.theory.safety.polygon import Polygon
+from phalanx.theory.safety.obstacles import Box, Obstacle, Polygon, Sphere, Wall
 
 __all__ = [  # noqa: RUF022 - in groups, as a scenario's tables come
     # Dynamics

@@ -12,8 +12,8 @@ from phalanx.faults.commands import ActiveCommands
 from phalanx.network.inbox import BroadcastInbox, BroadcastRange, Claim, Fate, SentInput
 from phalanx.network.link import Link, RuleError
 from phalanx.schema.fields import CONTROLLER
-from phalanx.swarm.finite import mistake_at
 from phalanx.swarm.rows import SafetyRows
+from phalanx.swarm.runnable import mistake_at
 from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import Swarm
 from phalanx.swarm.watch import Watch

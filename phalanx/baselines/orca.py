@@ -13,9 +13,10 @@ import casadi as ca
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.theory.controllers.controller import ControlledAgent, ControllerView
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import dot, length, solve
+from phalanx.theory.laws.controller import ControlledAgent, ControllerView
+from phalanx.theory.laws.tracking import output_chain
 from phalanx.theory.safety.obstacles import Sphere
 
 _CORNERS = 16
@@ -38,13 +39,10 @@ class Orca:
             self._rvo = import_module("pyrvo")
         except ImportError as error:
             raise ValueError("orca is not here: pip install 'phalanx-swarm[orca]'") from error
-        dynamics = agent.dynamics
-        x = ca.SX.sym("x", len(dynamics.states))
-        slope = ca.jacobian(dynamics.position(x), x)
-        drift, gain = slope @ dynamics.drift(x), ca.densify(slope @ dynamics.actuation(x))
-        if gain.shape != (2, 2) or gain.is_zero():
+        x, (_, drift, *more), gain = output_chain(agent.dynamics)
+        if more or gain.shape != (2, 2):
             raise ValueError("orca needs a planar agent whose two inputs set its velocity")
-        self._motion = CompiledFunction([x], [drift, gain])
+        self._motion = CompiledFunction([x], [drift, ca.densify(gain)])
         apart = getattr(agent.function, "radius", None)
         if apart is None or not all(isinstance(each, Sphere) for each in agent.static):
             raise ValueError("orca needs safety.function 'separation' and round obstacles")

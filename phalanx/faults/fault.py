@@ -15,7 +15,7 @@ from phalanx.faults.commands import CommandKind
 from phalanx.network.link import Kind
 from phalanx.network.rule import During, Rule
 from phalanx.schema.fields import Name, NonNegative, Positive, Strict, field_error
-from phalanx.seeded.seeds import Seeds, Tables
+from phalanx.seeded.draws import Seeds, Tables
 
 FieldPath = tuple[str | int, ...]
 """Location of a field in the scenario, for error messages."""

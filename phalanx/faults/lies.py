@@ -20,8 +20,7 @@ from phalanx.faults.fault import (
 from phalanx.network.inbox import Claim
 from phalanx.network.rule import Cut
 from phalanx.schema.fields import INPUT, WORD, Finite, Name, field_error
-from phalanx.seeded.draws import Draws
-from phalanx.seeded.seeds import Seeds
+from phalanx.seeded.draws import Draws, Seeds
 
 _LIES = ("says", "equivocate", "replay", "apply_time", "silent")
 

@@ -21,7 +21,7 @@ from phalanx.network.delay import quantile
 from phalanx.network.link import Kind
 from phalanx.network.rule import Cut, During
 from phalanx.schema.fields import Finite, NonNegative, field_error
-from phalanx.seeded.seeds import Seeds, Tables
+from phalanx.seeded.draws import Seeds, Tables
 
 
 class OnboardFault(TemporaryAgentFault):

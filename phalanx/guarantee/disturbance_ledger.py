@@ -18,8 +18,7 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import length
-from phalanx.theory.models.dynamics import Dynamics
-from phalanx.theory.models.runge_kutta import weighted_rates
+from phalanx.theory.models.dynamics import Dynamics, weighted_rates
 
 _STEPS = 10
 _ITERATIONS = 20

@@ -17,8 +17,7 @@ from phalanx.theory.expressions.extension import extend
 from phalanx.theory.expressions.interval import UnboundedOperationError
 from phalanx.theory.expressions.rounding import outwards
 from phalanx.theory.margins.enclosure import scalars
-from phalanx.theory.safety.function import Reaching
-from phalanx.theory.safety.limits import static_reach
+from phalanx.theory.safety.function import Reaching, static_reach
 from phalanx.theory.safety.obstacles import Sphere
 
 _LASTING = 0.5

@@ -10,8 +10,7 @@ import msgspec
 from phalanx.network.delay import ConstantDelay
 from phalanx.network.loss import Chance, RandomLoss
 from phalanx.network.rule import DELIVER, Copy, Message, Rule, Treatment, asks_distance
-from phalanx.seeded.draws import Draws
-from phalanx.seeded.seeds import Seeds, Tables
+from phalanx.seeded.draws import Draws, Seeds, Tables
 from phalanx.theory.expressions.user_methods import MistakenMethodError
 
 LOSS, DELAY = "loss", "delay"

@@ -21,10 +21,8 @@ from phalanx.report.style import (
     summarises,
 )
 from phalanx.scenario.model import Scenario
-from phalanx.theory.safety.box import Box
-from phalanx.theory.safety.limits import Drawable, Line
-from phalanx.theory.safety.obstacles import Sphere, Wall
-from phalanx.theory.safety.polygon import Polygon
+from phalanx.theory.safety.function import Drawable, Line
+from phalanx.theory.safety.obstacles import Box, Polygon, Sphere, Wall
 
 _PATH_POINTS = 3000
 _MANY_POINTS = 400

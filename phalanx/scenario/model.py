@@ -42,13 +42,11 @@ from phalanx.schema.fields import (
     field_error,
 )
 from phalanx.schema.notebook import html_table
-from phalanx.seeded.seeds import Seeds
+from phalanx.seeded.draws import Seeds
 from phalanx.theory.laws.formation import Formation
 from phalanx.theory.models.world import World
-from phalanx.theory.safety.box import Box
-from phalanx.theory.safety.limits import Boundary, Limit, Static
-from phalanx.theory.safety.obstacles import Obstacle, Sphere, Wall
-from phalanx.theory.safety.polygon import Polygon
+from phalanx.theory.safety.function import Boundary, Limit, Static
+from phalanx.theory.safety.obstacles import Box, Obstacle, Polygon, Sphere, Wall
 
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
 MAX_AGENTS = 256

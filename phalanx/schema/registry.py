@@ -10,20 +10,16 @@ from typing import Any
 
 import pydantic
 
-from phalanx.baselines.barrier import BarrierQP
+from phalanx.baselines.barrier import BarrierQP, LyapunovBarrierQP
 from phalanx.baselines.cbfpy import CbfPy
-from phalanx.baselines.escape import Escape
-from phalanx.baselines.lyapunov import LyapunovBarrierQP
-from phalanx.baselines.nominal import Nominal
 from phalanx.baselines.orca import Orca
+from phalanx.baselines.plain import Escape, Nominal
 from phalanx.schema.user_code import import_named
-from phalanx.theory.controllers.controller import Controller
 from phalanx.theory.expressions.user_methods import located_class
-from phalanx.theory.laws.attacks import Chase, WorstCase
+from phalanx.theory.laws.attacks import Chase, Script, WorstCase, WorstLookahead
+from phalanx.theory.laws.controller import Controller
 from phalanx.theory.laws.goals import FixedPoint, Follow, PathAtSpeed, Reference, Waypoints
 from phalanx.theory.laws.law import Law
-from phalanx.theory.laws.lookahead import WorstLookahead
-from phalanx.theory.laws.script import Script
 from phalanx.theory.laws.tracking import Pursue, Track, TrackVelocity
 from phalanx.theory.margins.kinds import (
     CorrectedMargin,
@@ -32,9 +28,8 @@ from phalanx.theory.margins.kinds import (
     Margin,
     PaperMargin,
 )
-from phalanx.theory.models.aerial import PlanarQuadrotor, Quadrotor
+from phalanx.theory.models.aerial import IdentifiedQuadrotor, PlanarQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import Dynamics
-from phalanx.theory.models.identified import IdentifiedQuadrotor
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
 from phalanx.theory.models.wheeled import (
     DifferentialDrive,
@@ -44,8 +39,15 @@ from phalanx.theory.models.wheeled import (
 )
 from phalanx.theory.models.world import World
 from phalanx.theory.safety.class_k import ClassK, Linear, Power
-from phalanx.theory.safety.function import Distance, HeadingAware, SafeSetFunction, Separation
-from phalanx.theory.safety.limits import Band, Fence, Limit
+from phalanx.theory.safety.function import (
+    Band,
+    Distance,
+    Fence,
+    HeadingAware,
+    Limit,
+    SafeSetFunction,
+    Separation,
+)
 from phalanx.worlds.crazyflies import Crazyflies
 from phalanx.worlds.mujoco import Mujoco
 from phalanx.worlds.ros2 import Ros2

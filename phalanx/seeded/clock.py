@@ -2,7 +2,7 @@
 
 import math
 
-from phalanx.seeded.seeds import Seeds, Tables
+from phalanx.seeded.draws import Seeds, Tables
 
 
 class SamplingClock:

@@ -8,9 +8,13 @@ from phalanx.arrays import Array
 from phalanx.scenario.load import ScenarioError
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.controllers.checked import CheckedController
-from phalanx.theory.controllers.controller import ControlledAgent, ControllerView, Received
 from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user
+from phalanx.theory.laws.controller import (
+    CheckedController,
+    ControlledAgent,
+    ControllerView,
+    Received,
+)
 from phalanx.theory.laws.law import View
 from phalanx.theory.rows.decision import Decision
 from phalanx.theory.rows.information import ReceivedInput

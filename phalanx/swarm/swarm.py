@@ -16,8 +16,7 @@ from phalanx.scenario.load import ScenarioError, digest
 from phalanx.scenario.model import Reseed, Scenario, Time
 from phalanx.scenario.safety import Safety
 from phalanx.seeded.clock import SamplingClock
-from phalanx.seeded.draws import Draws
-from phalanx.seeded.seeds import Seeds
+from phalanx.seeded.draws import Draws, Seeds
 from phalanx.swarm.goals import AgentGoal, Output, motion_function, reference_of
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import added, dot

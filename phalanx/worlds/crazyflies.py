@@ -19,9 +19,8 @@ import numpy as np
 
 from phalanx.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.models.aerial import GRAVITY, Quadrotor
-from phalanx.theory.models.identified import IdentifiedQuadrotor
-from phalanx.theory.models.runge_kutta import weighted_rates
+from phalanx.theory.models.aerial import GRAVITY, IdentifiedQuadrotor, Quadrotor
+from phalanx.theory.models.dynamics import weighted_rates
 from phalanx.theory.models.world import Determinism, WorldAgent, WorldStates
 
 _SWITCH = "SCIPY_ARRAY_API"

@@ -22,8 +22,7 @@ from annotated_types import Ge
 from phalanx.arrays import Array
 from phalanx.extensions import extension
 from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.models.dynamics import Dynamics
-from phalanx.theory.models.runge_kutta import weighted_rates
+from phalanx.theory.models.dynamics import Dynamics, weighted_rates
 from phalanx.theory.models.world import Determinism, WorldAgent, WorldNote, WorldStates
 
 _EARLY = 0.1

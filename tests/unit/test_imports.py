@@ -23,7 +23,7 @@ def rooms(text: str, *above: set[str]) -> set[str]:
 
 THEORY = rooms(
     "theory.expressions theory.models theory.safety theory.margins theory.rows theory.laws "
-    "theory.controllers theory.trust"
+    "theory.trust"
 )
 SCENARIO = rooms("seeded schema network faults scenario", THEORY)
 SWARM = rooms("swarm", SCENARIO)
@@ -49,9 +49,8 @@ MAY_IMPORT: Mapping[str, set[str]] = {
     "phalanx.theory.safety": rooms("theory.expressions theory.models"),
     "phalanx.theory.trust": rooms("theory.expressions theory.models"),
     "phalanx.theory.margins": rooms("theory.expressions theory.models theory.safety"),
-    "phalanx.theory.rows": THEORY - rooms("theory.laws theory.controllers theory.trust"),
-    "phalanx.theory.laws": THEORY - rooms("theory.controllers theory.trust"),
-    "phalanx.theory.controllers": THEORY,
+    "phalanx.theory.rows": THEORY - rooms("theory.laws theory.trust"),
+    "phalanx.theory.laws": THEORY - rooms("theory.trust"),
     "phalanx.baselines": THEORY,
     "phalanx.worlds": rooms("theory.expressions theory.models"),
     "phalanx.seeded": set(),

@@ -41,8 +41,7 @@ from phalanx.certify.checker.coverage import (
     track,
 )
 from phalanx.certify.checker.intervals import UncertifiableError
-from phalanx.certify.checker.motion_check import MotionCheck
-from phalanx.certify.checker.motions import GroupMotion
+from phalanx.certify.checker.motions import GroupMotion, MotionCheck
 from phalanx.scenario.model import Scenario
 from phalanx.theory.safety.composition import ComposedSet, Member, compose
 

@@ -1,5 +1,6 @@
-"""Bound an agent's motion by a box, for all its inputs and disturbances."""
+"""Bound an agent's motion by a box, and check recorded states against its equation of motion."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import casadi as ca
@@ -9,11 +10,15 @@ from phalanx.arrays import Array, Mask
 from phalanx.certify.checker.interval_function import IntervalFunction
 from phalanx.certify.checker.intervals import (
     Interval,
+    UncertifiableError,
     UndecidedError,
+    absolute,
     add,
     inside,
     multiply,
+    norm,
     point,
+    subtract,
 )
 from phalanx.scenario.agents import AgentGroup
 from phalanx.theory.models.dynamics import Dynamics
@@ -119,3 +124,157 @@ def _hull(parts: list[Interval]) -> Interval:
     return Interval(
         np.minimum.reduce([p.lo for p in parts]), np.maximum.reduce([p.hi for p in parts])
     )
+
+
+_PIECES = (1, 4, 16, 64, 256)
+"""Numbers of pieces into which a time is divided, in turn."""
+_ORDER = 5
+"""Highest order of Taylor expansions."""
+_ROUNDING = 1e-12
+"""Allowed rounding error of a recorded state, relative to its size and to the distance moved."""
+_TINY = 1e-150
+"""Squares of smaller numbers underflow."""
+
+
+class Reached(NamedTuple):
+    """The ends of s motions, bounded."""
+
+    y: Interval
+    """The end without disturbance, shape (n, s)."""
+    distance: Array
+    """Largest distance from there with disturbance, shape (s,)."""
+    speed: Array
+    """Largest speed on the way, shape (s,)."""
+    known: Mask
+    """Whether these bounds are proven, shape (s,)."""
+
+
+class MotionCheck:
+    """Encloses a group's motions under known inputs, and compares recorded states with them.
+
+    Let y be the motion without disturbance from one recorded state, and x the real one, both within
+    a box B. With J the Jacobian of f + g u and μ at least the largest eigenvalue of (J + Jᵀ)/2 over
+    B,
+
+        ‖x(h) - y(h)‖ <= e^{μh} ‖x(0) - y(0)‖ + φ^max (e^{μh} - 1)/μ,
+
+    and (e^{μh} - 1)/μ, h times the mean of e^s from 0 to μh, is at most h (1 + e^{μh})/2. y(h) is
+    enclosed by a Taylor expansion along f + g u: the last derivative is taken over B, all others at
+    y(0). Its order is the highest without a jump in B; where J has no bound it is the first, and
+
+        x(h) is within ‖x(0) - y(0)‖ + h φ^max of y(0) + h F(B).
+
+    The time is divided until a state is proven to be within that distance, or beyond it.
+    """
+
+    def __init__(self, motion: GroupMotion) -> None:
+        self._motion = motion
+        x, u, rate = motion.x, motion.u, motion.rate
+        jacobian = ca.jacobian(rate, x)
+        even = 0.5 * (jacobian + jacobian.T)
+        # Gershgorin: no eigenvalue is above the largest of these.
+        rows = ca.diag(even) + ca.sum2(ca.fabs(even)) - ca.fabs(ca.diag(even))
+        self._rows = IntervalFunction([x, u], [rows])
+        derivatives = [rate]
+        for _ in range(_ORDER - 1):
+            derivatives.append(ca.jtimes(derivatives[-1], x, rate))
+        self._at = IntervalFunction([x, u], derivatives[:-1])
+        self._over = {
+            order: IntervalFunction([x, u], derivatives[1:order]) for order in range(_ORDER, 1, -1)
+        }
+        """Derivatives from the second on, by the order of the last."""
+        mu, h, distance, phi = (ca.SX.sym(name) for name in ("mu", "h", "distance", "phi"))
+        grown = ca.exp(mu * h)
+        self._distance = IntervalFunction(
+            [mu, h, distance, phi], [grown * distance + phi * h * (1 + grown) / 2]
+        )
+
+    def require(self, name: str, t: Array, x: Array, u: Array) -> None:
+        """Raise UncertifiableError unless each state after the first may follow the one before.
+
+        UndecidedError where that is not known.
+
+        Args:
+            name: of the agent.
+            t: times [s], shape (e,).
+            x: states, shape (n, e).
+            u: inputs held from each but the last, shape (m, e - 1).
+        """
+        may, beyond = self._followed(t, x, u)
+        if (beyond > 0.0).any():
+            k = int(np.argmax(beyond > 0.0))
+            raise UncertifiableError(
+                f"agent {name} moves otherwise than its inputs and disturbances allow, "
+                f"at t = {t[k]:.6f} s: after {t[k + 1] - t[k]:.3g} s it is {beyond[k]:.2g} beyond"
+            )
+        if not may.all():
+            k = int(np.argmin(may))
+            raise UndecidedError(
+                f"whether agent {name} can move as recorded from t = {t[k]:.6f} s to "
+                f"{t[k + 1]:.6f} s: its motion was not bounded closely enough"
+            )
+
+    def _followed(self, t: Array, x: Array, u: Array) -> tuple[Mask, Array]:
+        """Return which states may follow, shape (e - 1,), and by how much others are too far."""
+        begin, end, dt = point(x[:, :-1]), point(x[:, 1:]), subtract(point(t[1:]), point(t[:-1]))
+        may, beyond = np.zeros(len(t) - 1, dtype=bool), np.zeros(len(t) - 1)
+        for pieces in _PIECES:
+            todo = np.flatnonzero(~may & (beyond == 0.0))
+            if not todo.size:
+                break
+            span = Interval(np.maximum(dt.lo[todo], 0.0), dt.hi[todo])
+            found = self.reached(begin[:, todo], point(u[:, todo]), span, pieces)
+            off = norm(absolute(subtract(end[:, todo], found.y)))
+            way, size = span.hi * found.speed, np.abs(begin.lo[:, todo]).max(axis=0)
+            allowed = _TINY + found.distance + _ROUNDING * (size + way)
+            may[todo] = found.known & (off.hi <= allowed)
+            beyond[todo] = np.where(found.known, np.maximum(off.lo - allowed, 0.0), 0.0)
+        return may, beyond
+
+    def reached(self, begin: Interval, u: Interval, T: Interval, pieces: int) -> Reached:
+        """Bound motions from `begin`, shape (n, s), after T, shape (s,), divided into pieces."""
+        h = multiply(T, point(1.0 / pieces))
+        y, distance, speed = begin, np.zeros_like(h.lo), np.zeros_like(h.lo)
+        known = np.ones(h.lo.shape, dtype=bool)
+        phi = point(np.full((1, len(distance)), self._motion.disturbance))
+        for _ in range(pieces):
+            within = self._motion.enclosed(add(y, Interval(-distance, distance)), u, h.hi)
+            (rows,), _ = self._rows(within.box, u)
+            mu = Interval(rows.hi.max(axis=0)[None], rows.hi.max(axis=0)[None])
+            (grown,), _ = self._distance(mu, h[None], point(distance[None]), phi)
+            lipschitz = np.isfinite(grown.hi[0])
+            y = self._undisturbed(y, u, h, within, lipschitz)
+            # Without a bound of J: a motion of h F within B, and the effect of φ.
+            pushed = add(point(distance), multiply(phi[0], h)).hi
+            distance = np.where(lipschitz, grown.hi[0], pushed)
+            speed = np.maximum(speed, norm(absolute(within.rates)).hi + self._motion.disturbance)
+            known &= within.known & np.isfinite(distance) & np.isfinite(speed)
+            if not known.any():
+                break
+        return Reached(y, distance, speed, known)
+
+    def _undisturbed(
+        self, y: Interval, u: Interval, h: Interval, within: Motion, smooth: Mask
+    ) -> Interval:
+        """Bound motions from y after h without disturbance; of first order unless smooth."""
+        found, left = add(y, multiply(h, within.rates)), smooth.copy()
+        derivatives, _ = self._at(y, u)
+        for order, function in self._over.items():
+            over, constant = function(within.box, u)
+            sums = _taylor(y, [*derivatives[: order - 1], over[-1]], h)
+            some = left & constant & np.isfinite([sums.lo, sums.hi]).all(axis=(0, 1))
+            found = Interval(np.where(some, sums.lo, found.lo), np.where(some, sums.hi, found.hi))
+            left &= ~some
+            if not left.any():
+                break
+        return found
+
+
+def _taylor(y: Interval, derivatives: Sequence[Interval], h: Interval) -> Interval:
+    """y + h y' + h²/2 y'' + ..."""
+    found, term = y, point(np.ones_like(h.lo))
+    for k, derivative in enumerate(derivatives, start=1):
+        share = Interval(np.nextafter(1.0 / k, 0.0), np.nextafter(1.0 / k, 2.0))
+        term = multiply(multiply(term, h), share)
+        found = add(found, multiply(term, derivative))
+    return found

@@ -1,1 +1,1 @@
-"""Nominal laws and attacks."""
+"""Nominal laws, attacks, and controllers in place of the paper's filter."""

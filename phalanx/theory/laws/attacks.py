@@ -1,20 +1,29 @@
-"""Attacks: chase a target as in Simulation 2, or raise h_tot as fast as U_j allows."""
+"""Attacks: chase a target, raise h_tot at once or with foresight, or follow a script."""
 
+from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Annotated
 
+import casadi as ca
 import numpy as np
-from annotated_types import Ge
+from annotated_types import Ge, Le, MinLen
 
 from phalanx.arrays import Array
+from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import dot
 from phalanx.theory.laws.law import View
-from phalanx.theory.laws.tracking import Gains, OutputDerivatives, output_derivatives
+from phalanx.theory.laws.tracking import (
+    Gains,
+    OutputDerivatives,
+    nearest_normal,
+    output_derivatives,
+)
 from phalanx.theory.margins.margin import ComposedMargin
 from phalanx.theory.models.dynamics import Dynamics, Positive
-from phalanx.theory.models.polytope import maximiser
+from phalanx.theory.models.polytope import constant_polytope, maximiser
 from phalanx.theory.rows.composed import SwarmTerms
 from phalanx.theory.rows.decision import decide
 from phalanx.theory.rows.qp import NearestInput
@@ -79,7 +88,7 @@ class Chase:
 
     def input(self, view: View) -> Array:
         x, here = view.x[view.i], self._output(view.x[view.i])
-        target = self._nearest(view) if self._target not in view.x else self._target
+        target = self._target if self._target in view.x else nearest_normal(view)
         there = np.zeros_like(here)
         if target is None:
             there[0] = here[0]
@@ -88,14 +97,6 @@ class Chase:
             there[: len(known)] = known
         u_nom = self._output.input_for(x, dot((there - here).T, np.array(self.gains)))
         return u_nom if self._team is None else self._team.guarded(view.x, u_nom)
-
-    def _nearest(self, view: View) -> int | None:
-        here = view.positions[view.i]
-        return min(
-            view.normal,
-            key=lambda n: float(np.sum((view.positions[n] - here) ** 2)),
-            default=None,
-        )
 
 
 def _outputs(dynamics: Sequence[Dynamics]) -> list[OutputDerivatives]:
@@ -151,3 +152,144 @@ class WorstCase:
 
     def input(self, view: View) -> Array:
         return maximiser(view.terms.c[view.i], view.terms.polytopes[view.i].corners)
+
+
+_STEPS = 20
+"""Instants of each horizon at which the distance counts."""
+_FIRST = _STEPS // 4
+"""Steps for which the attacker holds a corner."""
+
+
+@dataclass
+class WorstLookahead:
+    """The corner of U_j that brings it closest to a normal agent which escapes as well as it can.
+
+    The strongest informed attacker of pairs: it looks ahead, over all that its target may do.
+
+    It holds the corner for a quarter of the horizon, and then a mean of two corners. Its target
+    knows that, and holds the best mean of two of its own corners. At each sample it decides
+    again, so that the input is bang-bang. Of all targets in sight it takes the one that it can come
+    closest to; if it sees none it applies the first corner.
+    """
+
+    horizon: Positive = 3.0
+    """[s]"""
+
+    def prepare(self, dynamics: Dynamics) -> None:
+        """Make room for the motions of the swarm's members."""
+        self._motions: Mapping[int, _Motion] = {}
+
+    def join(
+        self, i: int, members: Sequence[Member], obstacles: Sequence[Obstacle]
+    ) -> "WorstLookahead":
+        """The law of agent i in a swarm."""
+        joined, motions = copy(self), dict[int, _Motion]()
+        for l, member in enumerate(members):
+            if l == i or not member.adversary:
+                same = (each for each in motions.values() if each.dynamics == member.dynamics)
+                motions[l] = next(same, None) or _Motion(member.dynamics, self.horizon)
+        joined._motions = motions
+        return joined
+
+    def input(self, view: View) -> Array:
+        corners, later = _choices(view, view.i)
+        targets = [l for l in view.normal if l != view.i]
+        if not targets:
+            first_corner: Array = corners[0]
+            return first_corner
+        first, then = np.repeat(corners, len(later), axis=0), np.tile(later, (len(corners), 1))
+        own = self._motions[view.i](view.x[view.i], first, then)
+        closest = [self._closest(view, l, own) for l in targets]
+        best: Array = corners[int(np.argmin(np.min(closest, axis=0))) // len(later)]
+        return best
+
+    def _closest(self, view: View, l: int, own: Array) -> Array:
+        """Distance that target l can keep from each of one's own paths [m]."""
+        _, held = _choices(view, l)
+        paths = self._motions[l](view.x[l], held, held)
+        apart = own[:, None] - paths
+        squares: Array = dot(apart, apart).min(axis=2).max(axis=1)
+        return squares
+
+
+def _choices(view: View, l: int) -> tuple[Array, Array]:
+    """The corners of agent l's U, and all means of two of them, shapes (v, m) and (c, m)."""
+    corners = view.terms.polytopes[l].corners
+    means = 0.5 * (corners[:, None] + corners)
+    return corners, np.unique(means.reshape(-1, corners.shape[1]), axis=0)
+
+
+class _Motion:
+    """Positions of an agent that holds one input and then another, without disturbance."""
+
+    def __init__(self, dynamics: Dynamics, horizon: float) -> None:
+        self.dynamics = dynamics
+        start = ca.SX.sym("x", len(dynamics.states))
+        first, then = (ca.SX.sym(name, len(dynamics.inputs)) for name in ("first", "then"))
+        x, positions, step = start, [], horizon / _STEPS
+        for number in range(_STEPS):
+            u = first if number < _FIRST else then
+            middle = x + 0.5 * step * (dynamics.drift(x) + dynamics.actuation(x) @ u)
+            x = x + step * (dynamics.drift(middle) + dynamics.actuation(middle) @ u)
+            positions.append(dynamics.position(x).T)
+        self._positions = MappedFunction([start, first, then], [ca.vertcat(*positions)])
+
+    def __call__(self, x: Array, first: Array, then: Array) -> Array:
+        """Positions from state x, shape (n,), for each pair of inputs, shape (r, steps, d)."""
+        rows = np.column_stack([np.broadcast_to(x, (len(first), len(x))), first, then])
+        found = self._positions(rows.ravel(), np.arange(rows.size).reshape(rows.shape))
+        return found.reshape(len(first), _STEPS, -1)
+
+
+Instant = Annotated[float, Ge(0), Le(1e9)]
+Number = Annotated[float, Ge(-1e9), Le(1e9)]
+
+
+@dataclass
+class Script:
+    """u(t) = inputs[k] from at[k] until at[k + 1]: the attack of a search, or of a person.
+
+    An agent changes its input at its first sample at or after the instant. It keeps the last one.
+    """
+
+    at: Annotated[tuple[Instant, ...], MinLen(1)]
+    """When each input begins [s]: 0 first, then ascending."""
+    inputs: Annotated[tuple[tuple[Number, ...], ...], MinLen(1)]
+    """One input of U_j for each instant, in the order of the dynamics' inputs."""
+
+    def __post_init__(self) -> None:
+        """Raises ValueError unless each instant has an input, and instants ascend from 0."""
+        if len(self.at) != len(self.inputs):
+            raise ValueError(
+                f"expected an input for each instant of at: {len(self.at)}, got {len(self.inputs)}"
+            )
+        if self.at[0] != 0.0:
+            raise ValueError(f"expected at to begin with 0, got {self.at[0]:g}")
+        for earlier, later in pairwise(self.at):
+            if later <= earlier:
+                raise ValueError(f"expected at to ascend, got {later:g} after {earlier:g}")
+
+    def prepare(self, dynamics: Dynamics) -> None:
+        """Take the inputs for a dynamics. Raises ValueError if one is not in its U."""
+        size, x = len(dynamics.inputs), ca.SX.sym("x", len(dynamics.states))
+        names = ", ".join(dynamics.inputs)
+        known = constant_polytope(*dynamics.input_polytope(x))
+        self._inputs = [np.array(u, dtype=np.float64) for u in self.inputs]
+        for place, u in enumerate(self._inputs):
+            if len(u) != size:
+                raise ValueError(f"inputs.{place}: expected {size} numbers ({names}), got {len(u)}")
+            # Where U depends on the state, an input outside is projected onto it.
+            if known is not None and not known.takes(u):
+                raise ValueError(
+                    f"inputs.{place}: expected ({names}) within U, {_extent(known.corners)}, "
+                    f"got {list(self.inputs[place])}"
+                )
+
+    def input(self, view: View) -> Array:
+        return self._inputs[bisect_right(self.at, view.t) - 1]
+
+
+def _extent(corners: Array) -> str:
+    """Bounds of each input in words, from the corners of U, shape (v, m)."""
+    bounds = zip(corners.min(axis=0).tolist(), corners.max(axis=0).tolist(), strict=True)
+    return " x ".join(f"[{low:g}, {high:g}]" for low, high in bounds)

@@ -6,7 +6,7 @@ that attract (as printed in the paper they repel).
 """
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -18,6 +18,40 @@ from phalanx.theory.expressions.exact import dot
 from phalanx.theory.laws.law import View
 from phalanx.theory.models.dynamics import Dynamics, Positive
 
+_MOST = 4
+_DAMPING = 1e-9
+
+
+class OutputChain(NamedTuple):
+    """Derivatives of an output point p along the dynamics, up to that on which inputs act."""
+
+    x: ca.SX
+    """The state, symbols, shape (n,)."""
+    derivatives: list[ca.SX]
+    """p, p', ..., p^(q), the last without the inputs' part, shapes (d,)."""
+    decoupling: ca.SX
+    """G, with p^(q) = derivatives[q] + G u, shape (d, m)."""
+
+    @property
+    def degree(self) -> int:
+        """q of the output."""
+        return len(self.derivatives) - 1
+
+
+def output_chain(dynamics: Dynamics) -> OutputChain:
+    """Differentiate p. Raises ValueError if no input acts on its first derivatives."""
+    x = ca.SX.sym("x", len(dynamics.states))
+    f, g = dynamics.drift(x), dynamics.actuation(x)
+    derivatives = [dynamics.position(x)]
+    for _ in range(_MOST):
+        jacobian = ca.jacobian(derivatives[-1], x)
+        decoupling = ca.sparsify(ca.simplify(jacobian @ g))
+        derivatives.append(jacobian @ f)
+        if decoupling.nnz() > 0:
+            return OutputChain(x, derivatives, decoupling)
+    name = type(dynamics).__name__
+    raise ValueError(f"{name}: no input acts on the first {_MOST} derivatives of p")
+
 
 class OutputVelocity:
     """Inputs that give the output point a velocity: u = (J g)⁻¹ (v - J f), J = ∂p/∂x.
@@ -27,18 +61,14 @@ class OutputVelocity:
 
     def __init__(self, dynamics: Dynamics) -> None:
         """Raises ValueError unless the inputs act on the output's velocity, one for each axis."""
-        x = ca.SX.sym("x", len(dynamics.states))
-        p = dynamics.position(x)
-        jacobian = ca.jacobian(p, x)
-        decoupling = ca.sparsify(ca.simplify(jacobian @ dynamics.actuation(x)))
-        if decoupling.shape[0] != decoupling.shape[1] or ca.sprank(decoupling) < p.numel():
+        x, (p, drift, *more), G = output_chain(dynamics)
+        if more or G.shape[0] != G.shape[1] or ca.sprank(G) < p.numel():
             raise ValueError(
                 f"{type(dynamics).__name__}: expected as many inputs as output axes, all acting "
                 "on the output's velocity"
             )
         v = ca.SX.sym("v", p.numel())
-        u = ca.solve(decoupling, v - jacobian @ dynamics.drift(x))
-        self._evaluate = CompiledFunction([x, v], [u])
+        self._evaluate = CompiledFunction([x, v], [ca.solve(G, v - drift)])
 
     def __call__(self, x: Array, velocity: Array) -> Array:
         """The input, shape (m,), for a state x, shape (n,), and a velocity [m/s]."""
@@ -74,14 +104,16 @@ class Pursue:
         self._invert = OutputVelocity(dynamics)
 
     def input(self, view: View) -> Array:
-        here = view.positions[view.i]
-        towards = [view.positions[n] - here for n in view.normal]
-        nearest = min(towards, key=lambda d: float(dot(d, d)), default=np.zeros_like(here))
-        return self._invert(view.x[view.i], self.gain * nearest)
+        nearest = nearest_normal(view)
+        target = view.i if nearest is None else nearest
+        towards = view.positions[target] - view.positions[view.i]
+        return self._invert(view.x[view.i], self.gain * towards)
 
 
-_MOST = 4
-_DAMPING = 1e-9
+def nearest_normal(view: View) -> int | None:
+    """The nearest normal agent in sight; None if there is none."""
+    towards = {n: view.positions[n] - view.positions[view.i] for n in view.normal}
+    return min(towards, key=lambda n: float(dot(towards[n], towards[n])), default=None)
 
 
 class OutputDerivatives:
@@ -93,24 +125,12 @@ class OutputDerivatives:
 
     def __init__(self, dynamics: Dynamics) -> None:
         """Raises ValueError if no input acts on the first derivatives of the output."""
-        self._x = ca.SX.sym("x", len(dynamics.states))
-        f, g = dynamics.drift(self._x), dynamics.actuation(self._x)
-        p = dynamics.position(self._x)
-        chain = [p]
-        for _ in range(_MOST):
-            jacobian = ca.jacobian(chain[-1], self._x)
-            decoupling = ca.sparsify(ca.simplify(jacobian @ g))
-            if decoupling.nnz() > 0:
-                break
-            chain.append(jacobian @ f)
-        else:
-            name = type(dynamics).__name__
-            raise ValueError(f"{name}: no input acts on the first {_MOST} derivatives of p")
-        self.degree = len(chain)
+        chain = output_chain(dynamics)
+        self.degree = chain.degree
         """q of the output."""
-        wanted = ca.SX.sym("wanted", p.numel())
-        self._invert = CompiledFunction([self._x, wanted], [_solve(decoupling, wanted)])
-        self._evaluate = CompiledFunction([self._x], [ca.horzcat(*chain).T])
+        wanted = ca.SX.sym("wanted", chain.derivatives[0].numel())
+        self._invert = CompiledFunction([chain.x, wanted], [_solve(chain.decoupling, wanted)])
+        self._evaluate = CompiledFunction([chain.x], [ca.horzcat(*chain.derivatives[:-1]).T])
 
     def __call__(self, x: Array) -> Array:
         """p, p', ..., p^(q-1) without inputs, shape (q, d), at a state x, shape (n,)."""

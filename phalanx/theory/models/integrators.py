@@ -15,17 +15,14 @@ class _Integrator:
     """p^(q) = u: blocks of d states each, the output point first, inputs in the last one's rate."""
 
     dimension: int
+    _bound: ClassVar[str]
+    """Name of the field with the bound on every component of the input."""
     _blocks: ClassVar[tuple[tuple[str, str], ...]]
     """Prefix of the names and unit, for each block of states and last for the inputs."""
 
     def __post_init__(self) -> None:
         if self.dimension not in (2, 3):
             raise ValueError(f"dimension: expected 2 or 3, got {self.dimension}")
-
-    @property
-    def bound(self) -> float:
-        """Bound on every component of the input."""
-        raise NotImplementedError
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -47,6 +44,9 @@ class _Integrator:
     def _axes(self) -> str:
         return "xyz"[: self.dimension]
 
+    def drift(self, x: ca.SX) -> ca.SX:
+        return ca.vertcat(x[self.dimension :], ca.SX.zeros(self.dimension))
+
     def actuation(self, x: ca.SX) -> ca.SX:
         # Structurally in the last block, and in no other.
         zeros = ca.SX((len(self._blocks) - 2) * self.dimension, self.dimension)
@@ -56,14 +56,20 @@ class _Integrator:
         return x[: self.dimension]
 
     def input_polytope(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
-        return box_polytope((self.bound,) * self.dimension)
+        return box_polytope((getattr(self, self._bound),) * self.dimension)
 
     def input_metric(self) -> tuple[float, ...]:
         return (1.0,) * self.dimension
 
-    def _longest(self) -> float:
-        """The largest norm of an input."""
-        return math.sqrt(self.dimension) * self.bound
+    def travel(self, x: Array, time: float, disturbance: float) -> float:
+        # Taylor's formula: the norms of p', p'', ..., and last that of the largest input.
+        derivatives = x.reshape(-1, self.dimension)[1:]
+        largest = math.sqrt(self.dimension) * getattr(self, self._bound)
+        norms = [*(math.hypot(*each) for each in derivatives), largest]
+        total = 0.0
+        for k, norm in enumerate(norms, start=1):
+            total += (norm + disturbance) * time**k / math.factorial(k)
+        return total
 
 
 @dataclass(frozen=True)
@@ -73,17 +79,8 @@ class SingleIntegrator(_Integrator):
     speed: Positive
     """Bound on every velocity component [m/s]."""
     dimension: int = 2
+    _bound = "speed"
     _blocks = (("", "m"), ("v", "m/s"))
-
-    @property
-    def bound(self) -> float:
-        return self.speed
-
-    def drift(self, x: ca.SX) -> ca.SX:
-        return ca.SX.zeros(self.dimension)
-
-    def travel(self, x: Array, time: float, disturbance: float) -> float:
-        return (self._longest() + disturbance) * time
 
 
 @dataclass(frozen=True)
@@ -98,20 +95,12 @@ class DoubleIntegrator(_Integrator):
     drag: Annotated[float, Ge(0)] = 0.0
     """β [1/s]."""
     dimension: int = 3
+    _bound = "acceleration"
     _blocks = (("", "m"), ("v", "m/s"), ("a", "m/s²"))
-
-    @property
-    def bound(self) -> float:
-        return self.acceleration
 
     def drift(self, x: ca.SX) -> ca.SX:
         v = x[self.dimension :]
         return ca.vertcat(v, -self.drag * v)
-
-    def travel(self, x: Array, time: float, disturbance: float) -> float:
-        speed = math.hypot(*x[self.dimension :]) + disturbance
-        gain = self._longest() + disturbance
-        return speed * time + gain * time**2 / 2
 
 
 @dataclass(frozen=True)
@@ -121,18 +110,5 @@ class TripleIntegrator(_Integrator):
     jerk: Positive
     """Bound on every component of the input [m/s³]."""
     dimension: int = 3
+    _bound = "jerk"
     _blocks = (("", "m"), ("v", "m/s"), ("a", "m/s²"), ("j", "m/s³"))
-
-    @property
-    def bound(self) -> float:
-        return self.jerk
-
-    def drift(self, x: ca.SX) -> ca.SX:
-        return ca.vertcat(x[self.dimension :], ca.SX.zeros(self.dimension))
-
-    def travel(self, x: Array, time: float, disturbance: float) -> float:
-        d = self.dimension
-        speed = math.hypot(*x[d : 2 * d]) + disturbance
-        gain = math.hypot(*x[2 * d :]) + disturbance
-        jerk = self._longest() + disturbance
-        return speed * time + gain * time**2 / 2 + jerk * time**3 / 6

@@ -11,8 +11,21 @@ from phalanx.arrays import Array
 from phalanx.theory.models.dynamics import Positive, box_polytope
 
 
+class _Differential:
+    """State (x, y, θ, ...), with the output point at a distance b = `offset` ahead of the axle."""
+
+    offset: float
+
+    def position(self, x: ca.SX) -> ca.SX:
+        return x[:2] + self.offset * ca.vertcat(ca.cos(x[2]), ca.sin(x[2]))
+
+    def input_metric(self) -> tuple[float, ...]:
+        # ‖u - u_nom‖² of the output point's velocity or acceleration, in terms of ν and ω.
+        return (1.0, self.offset * self.offset)
+
+
 @dataclass(frozen=True)
-class Unicycle:
+class Unicycle(_Differential):
     """Unicycle with its output point ahead of the axle, Eq. (IOoutputs).
 
     State (x, y, θ); native input (ν, ω), which is what the actuator holds between samples.
@@ -38,15 +51,8 @@ class Unicycle:
     def actuation(self, x: ca.SX) -> ca.SX:
         return ca.vertcat(ca.horzcat(ca.cos(x[2]), 0), ca.horzcat(ca.sin(x[2]), 0), ca.SX([[0, 1]]))
 
-    def position(self, x: ca.SX) -> ca.SX:
-        return x[:2] + self.offset * ca.vertcat(ca.cos(x[2]), ca.sin(x[2]))
-
     def input_polytope(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
         return box_polytope((self.speed, self.turn_rate))
-
-    def input_metric(self) -> tuple[float, ...]:
-        # ‖u - u_nom‖² of the output input, written in (ν, ω).
-        return (1.0, self.offset * self.offset)
 
     def travel(self, x: Array, time: float, disturbance: float) -> float:
         # p' = ν (cos θ, sin θ) + b (ω + φ_θ) (-sin θ, cos θ) + φ_xy.
@@ -55,7 +61,7 @@ class Unicycle:
 
 
 @dataclass(frozen=True)
-class DynamicUnicycle:
+class DynamicUnicycle(_Differential):
     """Unicycle with mass: its inputs are accelerations, so its speeds cannot jump; q = 2.
 
     State (x, y, θ, ν, ω); ν' = a - drag ν, ω' = α - turn_drag ω. With drag > 0, |ν| stays below
@@ -86,15 +92,8 @@ class DynamicUnicycle:
     def actuation(self, x: ca.SX) -> ca.SX:
         return ca.vertcat(ca.SX(3, 2), ca.SX.eye(2))
 
-    def position(self, x: ca.SX) -> ca.SX:
-        return x[:2] + self.offset * ca.vertcat(ca.cos(x[2]), ca.sin(x[2]))
-
     def input_polytope(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
         return box_polytope((self.acceleration, self.turn_acceleration))
-
-    def input_metric(self) -> tuple[float, ...]:
-        # ‖u - u_nom‖² of the output point's acceleration, written in (a, α).
-        return (1.0, self.offset * self.offset)
 
     def travel(self, x: Array, time: float, disturbance: float) -> float:
         # |ν| and b |ω| grow by no more than their inputs and the disturbance allow.
@@ -105,7 +104,7 @@ class DynamicUnicycle:
 
 
 @dataclass(frozen=True)
-class DifferentialDrive:
+class DifferentialDrive(_Differential):
     """Two driven wheels, whose rates are the inputs, and an output point ahead of the axle.
 
     State (x, y, θ); inputs the rates ω_l and ω_r of the left and right wheel. The robot moves as a
@@ -133,9 +132,6 @@ class DifferentialDrive:
         ahead, turn = self.wheel_radius / 2, self.wheel_radius / self.track
         forward = ahead * ca.vertcat(ca.cos(x[2]), ca.sin(x[2]))
         return ca.vertcat(ca.horzcat(forward, forward), ca.SX([[-turn, turn]]))
-
-    def position(self, x: ca.SX) -> ca.SX:
-        return x[:2] + self.offset * ca.vertcat(ca.cos(x[2]), ca.sin(x[2]))
 
     def input_polytope(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
         return box_polytope((self.wheel_rate, self.wheel_rate))

@@ -19,8 +19,8 @@ from phalanx.theory.rows.by_jets import TermsByJets
 from phalanx.theory.rows.composed_function import ComposedFunction, ComposedNumbers, TermsByKind
 from phalanx.theory.rows.members import Positions, SwarmMembers
 from phalanx.theory.safety.class_k import ClassK
+from phalanx.theory.safety.function import Static
 from phalanx.theory.safety.jets import LogSumExpJets
-from phalanx.theory.safety.limits import Static
 from phalanx.theory.safety.pairs import SwarmPairs
 
 NO_MARGIN = ComposedMargin(0.0)

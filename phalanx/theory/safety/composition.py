@@ -12,8 +12,7 @@ from typing import NamedTuple
 import casadi as ca
 
 from phalanx.theory.models.dynamics import Dynamics
-from phalanx.theory.safety.function import Body, SafeSetFunction
-from phalanx.theory.safety.limits import Boundary, Static, static_h
+from phalanx.theory.safety.function import Body, Boundary, SafeSetFunction, Static, static_h
 
 FAR = -1e9
 """h of a pair that is left out of a composition: far below any other."""

@@ -20,8 +20,7 @@ from phalanx.theory.expressions.user_methods import call_for_expression
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.safety.chain import degree_above, inputs_appear
 from phalanx.theory.safety.composition import Member
-from phalanx.theory.safety.function import Body, SafeSetFunction
-from phalanx.theory.safety.limits import Static, static_h
+from phalanx.theory.safety.function import Body, SafeSetFunction, Static, static_h
 from phalanx.theory.safety.obstacles import Sphere
 
 _TRIED = (0.37, -1.91, 5.3)

@@ -12,7 +12,7 @@ import numpy as np
 from phalanx.arrays import Array, Index
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.safety.composition import ComposedSet, Member, of_pair
-from phalanx.theory.safety.function import SafeSetFunction
+from phalanx.theory.safety.function import SafeSetFunction, Static
 from phalanx.theory.safety.kinds import (
     CompiledKind,
     any_sphere,
@@ -21,7 +21,6 @@ from phalanx.theory.safety.kinds import (
     parameters_of,
     require_degree,
 )
-from phalanx.theory.safety.limits import Static
 from phalanx.theory.safety.obstacles import Sphere
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from phalanx.arrays import Array
 from phalanx.scenario.agents import Disturbance
-from phalanx.seeded.seeds import Seeds, Tables
+from phalanx.seeded.draws import Seeds, Tables
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.expressions.exact import length
 

@@ -8,8 +8,7 @@ import numpy as np
 
 from phalanx.arrays import Array, Index
 from phalanx.theory.expressions.compiled import MappedFunction
-from phalanx.theory.models.dynamics import Dynamics
-from phalanx.theory.models.runge_kutta import weighted_rates
+from phalanx.theory.models.dynamics import Dynamics, weighted_rates
 from phalanx.theory.safety.composition import Member
 
 

@@ -14,8 +14,7 @@ import numpy as np
 from phalanx.arrays import Array, Index
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.exact import dot
-from phalanx.theory.safety.function import Reaching, proven_reach
-from phalanx.theory.safety.limits import static_reach
+from phalanx.theory.safety.function import Reaching, proven_reach, static_reach
 from phalanx.theory.safety.pairs import PairFunctions
 from phalanx_plant.world.composition import negligible_below
 

@@ -21,8 +21,7 @@ from phalanx.theory.expressions.interval import Interval, UnboundedOperationErro
 from phalanx.theory.expressions.kept import kept
 from phalanx.theory.expressions.rounding import outwards
 from phalanx.theory.margins.enclosure import scalars
-from phalanx.theory.models.dynamics import Dynamics
-from phalanx.theory.models.runge_kutta import weighted_rates
+from phalanx.theory.models.dynamics import Dynamics, weighted_rates
 from phalanx.theory.safety.composition import stacked_slices
 from phalanx_plant.world.motion import by_dynamics, motion_text
 from phalanx_plant.world.world import Segment

@@ -11,8 +11,7 @@ import pytest
 
 from phalanx.certify.checker.certify import Certification, certify
 from phalanx.certify.checker.intervals import Interval, UncertifiableError, UndecidedError, point
-from phalanx.certify.checker.motion_check import MotionCheck
-from phalanx.certify.checker.motions import GroupMotion
+from phalanx.certify.checker.motions import GroupMotion, MotionCheck
 from phalanx.cli.app import status
 from phalanx.faults.commands import Command, CommandKind, CommandPolicy
 from phalanx.guarantee.verdict import Outcome

@@ -5,7 +5,7 @@ import pytest
 
 from phalanx.faults.fault import Occurrence, random_times
 from phalanx.scenario.load import load
-from phalanx.seeded.seeds import Tables
+from phalanx.seeded.draws import Tables
 
 NAMES = ("1", "2", "3")
 

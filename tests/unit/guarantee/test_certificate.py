@@ -19,12 +19,10 @@ from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.models.dynamics import box_polytope
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.wheeled import Unicycle
-from phalanx.theory.safety.box import Box
 from phalanx.theory.safety.class_k import Linear
 from phalanx.theory.safety.composition import Member, compose
 from phalanx.theory.safety.function import Body, Separation
-from phalanx.theory.safety.obstacles import Obstacle, Sphere
-from phalanx.theory.safety.polygon import Polygon
+from phalanx.theory.safety.obstacles import Box, Obstacle, Polygon, Sphere
 from tests.unit.swarms import swarm_of_scenario
 
 seeds = st.integers(0, 2**32 - 1)

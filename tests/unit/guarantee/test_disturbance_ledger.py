@@ -14,12 +14,10 @@ from phalanx.recording.disturbances import disturbances_of
 from phalanx.recording.read import read, swarm_of
 from phalanx.schema.registry import BUILT_IN
 from phalanx.seeded.draws import Draws
-from phalanx.theory.models.aerial import PlanarQuadrotor, Quadrotor
-from phalanx.theory.models.dynamics import Dynamics
-from phalanx.theory.models.identified import IdentifiedQuadrotor
+from phalanx.theory.models.aerial import IdentifiedQuadrotor, PlanarQuadrotor, Quadrotor
+from phalanx.theory.models.dynamics import Dynamics, weighted_rates
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
 from phalanx.theory.models.polytope import constant_polytope
-from phalanx.theory.models.runge_kutta import weighted_rates
 from phalanx.theory.models.wheeled import (
     DifferentialDrive,
     DynamicUnicycle,

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import phalanx
-from phalanx.baselines.escape import Escape
+from phalanx.baselines.plain import Escape
 from phalanx.cli.app import USAGE_ERROR, status
 from phalanx.report.page import key_figures
 from phalanx.scenario.load import ScenarioError, load

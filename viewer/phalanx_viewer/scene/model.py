@@ -10,10 +10,8 @@ from phalanx.scenario.model import Scenario
 from phalanx.swarm.goals import AgentGoal
 from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import build_swarm
-from phalanx.theory.safety.box import Box
-from phalanx.theory.safety.limits import Boundary, Drawable
-from phalanx.theory.safety.obstacles import Sphere, Wall
-from phalanx.theory.safety.polygon import Polygon
+from phalanx.theory.safety.function import Boundary, Drawable
+from phalanx.theory.safety.obstacles import Box, Polygon, Sphere, Wall
 from phalanx_viewer.scene.colours import COLOURS, Colour, Role
 from phalanx_viewer.scene.kinematics import Kinematics, in_space
 

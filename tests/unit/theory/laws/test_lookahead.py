@@ -7,8 +7,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from phalanx.theory.laws.attacks import WorstLookahead
 from phalanx.theory.laws.law import View
-from phalanx.theory.laws.lookahead import WorstLookahead
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.models.wheeled import Unicycle

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from phalanx.theory.laws.attacks import Script
 from phalanx.theory.laws.law import View
-from phalanx.theory.laws.script import Script
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.models.wheeled import Unicycle
 

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from phalanx.arrays import Array
 from phalanx.schema.registry import construct
 from phalanx.theory.laws.tracking import OutputDerivatives
-from phalanx.theory.models.aerial import GRAVITY, Quadrotor
+from phalanx.theory.models.aerial import GRAVITY, IdentifiedQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import Dynamics
-from phalanx.theory.models.identified import IdentifiedQuadrotor
 
 MODEL = IdentifiedQuadrotor(
     3.0, 0.3, thrust_lag=0.1, filter_lag=0.05, stiffness=300.0, damping=20.0, drag=0.4

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from phalanx.theory.models.wheeled import Unicycle
-from phalanx.theory.safety.box import Box
 from phalanx.theory.safety.function import Body, HeadingAware
+from phalanx.theory.safety.obstacles import Box
 
 seeds = st.integers(0, 2**32 - 1)
 BOXES = {

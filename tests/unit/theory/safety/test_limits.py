@@ -12,8 +12,7 @@ from phalanx.scenario.load import ScenarioError
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.safety.function import Body
-from phalanx.theory.safety.limits import Band, Fence
+from phalanx.theory.safety.function import Band, Body, Fence
 
 SWARM = {"agents.0.count": 40, "agents.1.count": 4, "duration": 1.0}
 LEAD_OUT = {

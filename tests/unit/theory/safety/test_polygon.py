@@ -6,8 +6,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from phalanx.theory.safety.box import Box
-from phalanx.theory.safety.polygon import Polygon
+from phalanx.theory.safety.obstacles import Box, Polygon
 
 seeds = st.integers(0, 2**32 - 1)
 POLYGONS = {

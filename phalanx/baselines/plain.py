@@ -1,15 +1,27 @@
-"""`escape`: flee from whatever is nearest, and forget the task."""
+"""`none`, no safety filter at all, and `escape`, which forgets the task."""
 
 from dataclasses import dataclass
 
 from phalanx.arrays import Array
-from phalanx.theory.controllers.controller import ControlledAgent, ControllerView
+from phalanx.theory.laws.controller import ControlledAgent, ControllerView
 from phalanx.theory.models.polytope import minimiser
 
 
 @dataclass(frozen=True)
+class Nominal:
+    """The nominal input, clipped to what the actuators take."""
+
+    def prepare(self, agent: ControlledAgent) -> None:
+        """Prepare nothing."""
+
+    def input(self, view: ControllerView) -> Array:
+        """Return u_nom; the run projects it onto U_i."""
+        return view.u_nom
+
+
+@dataclass(frozen=True)
 class Escape:
-    """The input that does most against the pair with the largest h."""
+    """Flight from whatever is nearest, by the pair with the largest h."""
 
     def prepare(self, agent: ControlledAgent) -> None:
         """Prepare nothing."""

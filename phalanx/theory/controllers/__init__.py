@@ -1,1 +1,0 @@
-"""Controllers other than the paper's filter: their protocol, and the check of their inputs."""
