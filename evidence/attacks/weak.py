@@ -3,20 +3,24 @@
 python evidence/attacks/weak.py                   all swarms, 10 searches each, of 100 runs at most
 python evidence/attacks/weak.py --budget 500      with another number of runs
 python evidence/attacks/weak.py stale --seeds 3   one swarm, with three searches
+python evidence/attacks/weak.py --out FOLDER      keep all runs there; asked again, it goes on
 
-Each search, by CMA-ES and at random, ends with the generation of its first violated run.
+Each search, by CMA-ES and at random, ends with the generation of its first violated run. The
+attack that the first successful search found is shrunk: its number of values, before and after.
 """
 
 import argparse
 import statistics
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from phalanx.attacks.attack import Options, attack
+from phalanx.attacks.attack import Attacked, Options, attack
+from phalanx.attacks.attacking import smallest
 from phalanx.attacks.search import History
+from phalanx.guarantee.verdict import Outcome
 from phalanx.scenario.load import read_table, scenario_text, set_field
 
 AROUND = [[-2.0, 10.0], [-6.0, 6.0], [-3.14, 3.14]]
@@ -57,39 +61,46 @@ def turned() -> dict[str, Any]:
 
 
 def stale() -> dict[str, Any]:
-    """Take two agents that count on outdated inputs, at some distance and delay."""
+    """Take two agents that count on outdated inputs, 1.2 m apart or more, with some delay."""
     table = read_table("stale-inputs")
     table["attack"] = {
-        "starts": {"2": [[1.0, 3.0], [-2.0, 2.0]]},
+        "starts": {"2": [[0.6, 3.0], [-2.0, 2.0]]},
         "vary": {"network.delay": {"uniform": [0.0, 0.2]}},
-        "certified": 2.0,
     }
     return {**table, "duration": 1.0}
 
 
 SWARMS: dict[str, Callable[[], dict[str, Any]]] = {
+    "stale inputs: paper": stale,
     "no margin: unicycles, η = 0": lambda: one_on_one("unicycles", **{"safety.eta": 0.0}),
-    "proven margin: guaranteed": lambda: one_on_one("guaranteed"),
     "half the margin: guaranteed": lambda: one_on_one("guaranteed", **{"safety.margin_scale": 0.5}),
+    "proven margin: guaranteed": lambda: one_on_one("guaranteed"),
     "lies: in-flight": lies,
     "a normal agent turns: split": turned,
-    "stale inputs: paper": stale,
 }
-"""Swarms, each by a name."""
+"""Swarms, each by a name; those that take the fewest runs first."""
 
 
-def searched(table: dict[str, Any], seed: int, budget: int) -> list[History]:
-    """Return the histories of a search and of a random one."""
-    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(1) as executor:
-        path = Path(folder) / "swarm.toml"
-        path.write_text(scenario_text(table), encoding="utf-8")
-        options = Options(budget, seed=seed, fresh=0, first=True)
-        return attack(
-            str(path), {}, options, folder=Path(folder) / "out", executor=executor
-        ).histories
+def searched(table: dict[str, Any], options: Options, folder: Path) -> Attacked:
+    """Search a swarm, and search it at random."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "swarm.toml"
+    path.write_text(scenario_text(table), encoding="utf-8")
+    with ThreadPoolExecutor(1) as executor:
+        return attack(str(path), {}, options, folder=folder / "search", executor=executor)
 
 
-def in_words(histories: list[History]) -> str:
+def shrunk(table: dict[str, Any], searches: list[Attacked]) -> str:
+    """Return the number of values of the first attack found, before and after shrinking."""
+    for found in searches:
+        for _, find, path in found.finds:
+            if find.row.outcome == Outcome.VIOLATED:
+                before, after = smallest(read_table(path), table).sizes
+                return f"{before} → {after}"
+    return "–"
+
+
+def in_words(histories: Sequence[History]) -> str:
     """Return how many searches found a violated run, and the median number of runs to it."""
     most = max(len(history.finds) for history in histories)
     firsts = [float(h.violated[0].number) if h.violated else float("inf") for h in histories]
@@ -105,14 +116,26 @@ def main() -> None:
     parser.add_argument("only", nargs="?", default="", help="part of a swarm's name")
     parser.add_argument("--budget", type=int, default=100)
     parser.add_argument("--seeds", type=int, default=10)
-    options = parser.parse_args()
-    print("| swarm | by CMA-ES: found, median runs | at random |\n|---|---|---|", flush=True)
-    for name, table in SWARMS.items():
-        if options.only in name:
-            pairs = [searched(table(), seed, options.budget) for seed in range(options.seeds)]
-            by_search, at_random = zip(*pairs, strict=True)
-            print(f"| {name} | {in_words(list(by_search))} | {in_words(list(at_random))} |",
-                  flush=True)  # fmt: skip
+    parser.add_argument("--out", type=Path)
+    asked = parser.parse_args()
+    print("| swarm | by CMA-ES: found, median runs | at random | values, shrunk |\n"
+          "|---|---|---|---|", flush=True)  # fmt: skip
+    with tempfile.TemporaryDirectory() as temporary:
+        for number, (name, table) in enumerate(SWARMS.items()):
+            if asked.only not in name:
+                continue
+            folder = (asked.out or Path(temporary)) / str(number)
+            searches = [
+                searched(
+                    table(),
+                    Options(asked.budget, seed=seed, fresh=0, first=True),
+                    folder / str(seed),
+                )
+                for seed in range(asked.seeds)
+            ]
+            by_search, at_random = zip(*(each.histories for each in searches), strict=True)
+            cells = in_words(by_search), in_words(at_random), shrunk(table(), searches)
+            print(f"| {name} | {' | '.join(cells)} |", flush=True)
 
 
 if __name__ == "__main__":

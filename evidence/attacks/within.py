@@ -1,24 +1,35 @@
 """Search shipped scenarios within their bounds, and look for a verdict or a promise that is wrong.
 
-    python evidence/attacks/within.py                        six scenarios, 100 runs of each kind
+    python evidence/attacks/within.py                        eight scenarios, 100 runs of each kind
     python evidence/attacks/within.py guaranteed --budget 500
+    python evidence/attacks/within.py --out FOLDER           keep all runs; asked again, it goes on
 
 A run that ends guaranteed though a pair was unsafe, or a violation before the time for which
 `phalanx check` promised safety from that start, is an error of the theory or of its code: exits
 with 1. A run that is violated otherwise says that safety cannot be promised from that start.
+
+A second table compares the worst run of each search with the scenario's own adversaries, over its
+whole duration: the largest h_tot, and the shortest certificate in τ.
 """
 
 import argparse
 import math
 import sys
 import tempfile
+import tomllib
 from pathlib import Path
 from typing import NamedTuple
 
 import phalanx
 from phalanx.attacks.archive import Find
-from phalanx.attacks.attack import Options, attack
+from phalanx.attacks.attack import DECLARATION, Options, attack
+from phalanx.attacks.finds import table_of
+from phalanx.attacks.knobs import Fields
+from phalanx.attacks.robustness import evaluate
 from phalanx.attacks.search import History
+from phalanx.guarantee.promised import promised
+from phalanx.scenario.load import load
+from phalanx.swarm.swarm import build_swarm
 
 LASTS = {
     "guaranteed": 3.0,
@@ -27,8 +38,10 @@ LASTS = {
     "heading-aware": 2.0,
     "surrounded": 1.0,
     "crossing": 3.0,
+    "swarm2d": 4.0,
+    "formation3d": 6.0,
 }
-"""Durations, cut so that a run takes about a second [s]."""
+"""Durations, cut to about the time in which an adversary can meet somebody [s]."""
 
 
 class Runs(NamedTuple):
@@ -37,24 +50,41 @@ class Runs(NamedTuple):
     total: int
     violated: int
     wrong: int
-    """Guaranteed, with h > 0."""
+    """Guaranteed, with h > 0 of a pair at some recorded state."""
     uncovered: float
     """Earliest time at which a pair had no certificate [s]."""
+    h: float
+    """Largest h_tot."""
+    shortest: float
+    """Shortest certificate [τ]."""
 
 
 def runs_of(history: History) -> Runs:
     """Summarise the runs of a history."""
     rows = [find.row for find in history.finds]
-    wrong = sum(row.outcome == "guaranteed" and (row.worst_h or 0.0) > 0.0 for row in rows)
     lost = [math.inf if row.uncovered_at is None else row.uncovered_at for row in rows]
-    violated = sum(row.outcome == "violated" for row in rows)
-    return Runs(len(rows), violated, wrong, min(lost, default=math.inf))
+    h = [row.worst_h for row in rows if row.worst_h is not None]
+    certified = [row.shortest for row in rows if row.shortest is not None]
+    return Runs(
+        total=len(rows),
+        violated=sum(row.outcome == "violated" for row in rows),
+        wrong=sum(f.row.outcome == "guaranteed" and f.robustness < 0.0 for f in history.finds),
+        uncovered=min(lost, default=math.inf),
+        h=max(h, default=-math.inf),
+        shortest=min(certified, default=math.inf),
+    )
 
 
-def is_early(find: Find, path: Path) -> bool:
-    """Return whether an attack is violated within what a check of its start promised."""
+def both(histories: list[History]) -> tuple[Runs, Runs]:
+    """Summarise a search, and the random one."""
+    searched, chance = map(runs_of, histories)
+    return searched, chance
+
+
+def is_early(find: Find, base: Fields) -> bool:
+    """Return whether a run is violated within what a check of its start promised."""
     when = find.row.first_violation
-    return when is not None and when < phalanx.check(phalanx.load(str(path))).promised.time
+    return when is not None and when < promised(build_swarm(load(table_of(base, find)))).time
 
 
 def in_words(runs: Runs) -> str:
@@ -63,32 +93,55 @@ def in_words(runs: Runs) -> str:
     return f"{runs.total} | {runs.violated} | {lost}"
 
 
+def closeness(h: float, shortest: float) -> str:
+    """Return the cells that say how close runs came to a violation."""
+    return f"{h:.3g} | {shortest:.2f} τ"
+
+
+def of_own_adversaries(name: str) -> str:
+    """Run a scenario as it ships, and return how close it came."""
+    summary = evaluate(phalanx.load(name)).summary
+    shortest = summary.certificates.shortest
+    return closeness(summary.worst_h_tot, math.inf if shortest is None else shortest)
+
+
+def print_closeness(compared: dict[str, tuple[Runs, Runs]]) -> None:
+    """Print how close own adversaries, a search and random runs came to a violation."""
+    print()
+    print("| scenario | own adversaries: largest h_tot | shortest certificate | by search: h_tot | "
+          "certificate | at random: h_tot | certificate |")  # fmt: skip
+    print("|---|---|---|---|---|---|---|", flush=True)
+    for name, runs in compared.items():
+        cells = of_own_adversaries(name), *(closeness(each.h, each.shortest) for each in runs)
+        print(f"| `{name}` | {' | '.join(cells)} |", flush=True)
+
+
 def main() -> None:
-    """Print a row for each scenario, as soon as it is known."""
+    """Print a row for each scenario, as soon as it is known; then how close each came."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("only", nargs="?", default="", help="part of a scenario's name")
     parser.add_argument("--budget", type=int, default=100, help="runs of each optimiser")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--out", type=Path)
     asked = parser.parse_args()
     print("| scenario | runs by search | violated | first without a certificate | runs at random | "
           "violated | first without a certificate | wrong | within the promise |")  # fmt: skip
     print("|---|---|---|---|---|---|---|---|---|", flush=True)
-    errors = 0
-    for name, lasts in LASTS.items():
-        if asked.only not in name:
-            continue
-        options = Options(asked.budget, preset="within", seed=asked.seed, fresh=0)
-        with tempfile.TemporaryDirectory() as folder:
-            found = attack(
-                name, {"duration": lasts}, options, folder=Path(folder), workers=asked.workers
-            )
-            searched, chance = map(runs_of, found.histories)
-            too_early = sum(is_early(find, path) for _, find, path in found.finds)
-        wrong = searched.wrong + chance.wrong
-        errors += wrong + too_early
-        print(f"| `{name}` | {in_words(searched)} | {in_words(chance)} | {wrong} | {too_early} |",
-              flush=True)  # fmt: skip
+    errors, compared = 0, dict[str, tuple[Runs, Runs]]()
+    options = Options(asked.budget, preset="within", seed=asked.seed, fresh=0)
+    with tempfile.TemporaryDirectory() as temporary:
+        for name in filter(lambda name: asked.only in name, LASTS):
+            cut, folder = {"duration": LASTS[name]}, (asked.out or Path(temporary)) / name
+            found = attack(name, cut, options, folder=folder, workers=asked.workers)
+            searched, chance = compared[name] = both(found.histories)
+            base = tomllib.loads((folder / DECLARATION).read_text(encoding="utf-8"))["scenario"]
+            early = sum(is_early(find, base) for each in found.histories for find in each.violated)
+            wrong = searched.wrong + chance.wrong
+            errors += wrong + early
+            cells = f"`{name}`", in_words(searched), in_words(chance), str(wrong), str(early)
+            print(f"| {' | '.join(cells)} |", flush=True)
+    print_closeness(compared)
     sys.exit(bool(errors))
 
 

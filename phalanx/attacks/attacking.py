@@ -14,7 +14,7 @@ from phalanx.guarantee.verdict import Outcome, Violation
 from phalanx.scenario.attack import Attack
 from phalanx.scenario.load import ScenarioError, digest, read_table, scenario_text, validate
 from phalanx.scenario.model import Scenario
-from phalanx.swarm.runnable import require_runnable
+from phalanx.swarm.runnable import shared_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
 
 _VERDICT, _TRAJECTORY, _ATTACKED = "Verdict: ", "Trajectory: ", "Attacked: "
@@ -162,7 +162,7 @@ def read_attack(file: Path, attacked: str | None) -> tuple[Fields, Fields, str]:
 
 
 def _run(scenario: Scenario) -> tuple[Swarm, Evaluation]:
-    rows = require_runnable(build_swarm(scenario))
+    rows = shared_rows(scenario)
     return rows.swarm, evaluate_rows(rows)
 
 

@@ -11,14 +11,13 @@ from matplotlib.figure import Figure
 from phalanx.arrays import Array
 from phalanx.attacks.archive import Behaviour, Find
 from phalanx.attacks.finds import table_of
-from phalanx.attacks.robustness import evaluate_rows
+from phalanx.attacks.robustness import evaluate
 from phalanx.attacks.search import History, Search
 from phalanx.report.html import document, drawing, note, section, sortable, table
 from phalanx.report.style import ADVERSARY, NORMAL, PEAK, current, legend, panels, style_axes
 from phalanx.scenario.load import load
 from phalanx.studies.page.svg import svg_of
-from phalanx.swarm.runnable import require_runnable
-from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx.swarm.swarm import Swarm
 
 _HEIGHT = 3.0
 """[inch]"""
@@ -102,7 +101,7 @@ def fresh(find: Find) -> str:
 
 def _diagram(search: Search, find: Find) -> str:
     scenario = load(table_of(search.space.table, find))
-    found = evaluate_rows(require_runnable(build_swarm(scenario)))
+    found = evaluate(scenario)
     caption = (
         f"Paths seen from above up to {find.when:.3f} s, and the distance of each adversary to the "
         f"nearest normal agent over time; {found.summary.outcome}, trajectory "

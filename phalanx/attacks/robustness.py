@@ -24,8 +24,8 @@ from phalanx.recording.records import State, Step
 from phalanx.recording.tables import h_of_pairs
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
-from phalanx.swarm.runnable import compile_rows, require_runnable
-from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx.swarm.runnable import compile_rows, shared_rows
+from phalanx.swarm.swarm import Swarm
 
 _LONGEST = MULTIPLES[0] - 1.0
 """What is left at least of a certificate of a pair that is far apart, in τ."""
@@ -64,7 +64,7 @@ def evaluate(scenario: Scenario, scales: Mapping[str, float] | None = None) -> E
         ScenarioError: the scenario cannot be run.
         MistakenMethodError: a user's class does not do what it must.
     """
-    return evaluate_rows(require_runnable(build_swarm(scenario)), scales)
+    return evaluate_rows(shared_rows(scenario), scales)
 
 
 def evaluate_rows(rows: SafetyRows, scales: Mapping[str, float] | None = None) -> Evaluation:

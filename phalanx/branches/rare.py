@@ -4,7 +4,7 @@ A run that came nearest to a violation branches where it did, by one more entry 
 """
 
 import math
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,9 +17,7 @@ from phalanx.recording.tables import h_of_pairs
 from phalanx.scenario.load import from_json, to_json
 from phalanx.scenario.model import Reseed, Scenario
 from phalanx.statistics.splitting import RareEvent, combined, split
-from phalanx.swarm.rows import SafetyRows
-from phalanx.swarm.runnable import require_runnable
-from phalanx.swarm.swarm import build_swarm
+from phalanx.swarm.runnable import shared_rows
 
 
 class RunPath(NamedTuple):
@@ -81,7 +79,7 @@ def rare_violation(
     if repeats < 2:
         raise ValueError(f"repeats: expected 2 or more, got {repeats}")
     written = to_json(scenario)
-    _rows(written)  # compiled once: forked processes inherit it
+    shared_rows(scenario)  # compiled once: forked processes inherit it
 
     def executes(work: Any, items: Any) -> Any:
         return in_forks((partial(work, item) for item in items), at_once)
@@ -91,13 +89,9 @@ def rare_violation(
     return combined([split(partial(begin, written), level, seed=s, **options) for s in seeds])
 
 
-@lru_cache(maxsize=1)
-def _rows(scenario: str) -> SafetyRows:
-    return require_runnable(build_swarm(from_json(scenario)))
-
-
 def _path(scenario: str, seed: int, reseed: tuple[Reseed, ...]) -> RunPath:
-    rows, records = _rows(scenario).with_seed(seed, reseed), RecordsInMemory()
+    drawn = from_json(scenario).model_copy(update={"seed": seed, "reseed": reseed})
+    rows, records = shared_rows(drawn), RecordsInMemory()
     simulate(rows, records)
     states = records.of(State)
     h = np.max(list(h_of_pairs(rows.swarm, np.array([s.x for s in states])).values()), axis=0)

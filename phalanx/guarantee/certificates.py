@@ -52,13 +52,11 @@ class SwarmCertificates:
     """The certificates of a swarm's pairs, compiled once for each kind of pair."""
 
     def __init__(self, swarm: Swarm) -> None:
-        scenario = swarm.scenario
         self.swarm, self.pairs = swarm, swarm.pairs
         self.ends: Index = swarm.pairs.every
         """Sides of each pair of the safe set: a, and b or N + k for obstacle k; shape (p, 2)."""
-        groups = {id(group): number for number, group in enumerate(scenario.agents)}
-        own = [groups[id(group)] for group in swarm.groups]
-        number_of: Index = np.array([*own, *[-1 for _ in scenario.static]])
+        statics = [-1] * len(swarm.safe_set.obstacles)
+        number_of: Index = np.array([*swarm.group_numbers, *statics])
         sorts = np.column_stack([number_of[self.ends], self.pairs.kinds_of(self.ends)])
         self.sorts: Index = np.unique(sorts, axis=0, return_inverse=True)[1].ravel()
         """The same number for pairs with the same groups and expressions, shape (p,)."""
@@ -120,8 +118,8 @@ class SwarmCertificates:
         swarm, (a, b) = self.swarm, self.ends[pair].tolist()
         involved = [l for l in (a, b) if l < len(swarm.members)]
         (number,) = self.pairs.kinds_of(self.ends[[pair]]).tolist()
-        text, groups = self.pairs.kinds[number].kind.text, [id(swarm.groups[l]) for l in involved]
-        key = "certificate", text, own, *groups
+        text = self.pairs.kinds[number].kind.text
+        key = "certificate", text, own, *[swarm.group_numbers[l] for l in involved]
         if key not in swarm.compiled:
             bounds = [swarm.disturbance_bounds[swarm.names[l]] + DEFECT for l in involved]
             tau, alphas = swarm.horizon(involved[own]), swarm.safety.class_k

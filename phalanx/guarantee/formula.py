@@ -123,7 +123,7 @@ def worst_pair(rows: SafetyRows, region: Region) -> Formula:
     """
     swarm, found = rows.swarm, {}
     for number, pair in enumerate(swarm.safe_set.pairs):
-        key = tuple(id(swarm.groups[l]) if l < len(swarm.groups) else l for l in pair)
+        key = tuple(swarm.group_numbers[l] if l < len(swarm.groups) else l for l in pair)
         normal = any(l in swarm.normal for l in pair)
         if normal and key not in found:
             found[key] = formula(rows, rows.pair_chain(number), region)

@@ -15,7 +15,7 @@ from phalanx.learning.acted import ActedSwarm
 from phalanx.recording.tables import h_of_pairs
 from phalanx.scenario.load import load
 from phalanx.scenario.model import Scenario
-from phalanx.swarm.runnable import require_runnable, with_seed
+from phalanx.swarm.runnable import require_runnable, with_scenario
 from phalanx.swarm.swarm import Swarm, build_swarm
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import LARGEST
@@ -95,7 +95,7 @@ class SwarmEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
         self.close()
         seed = self._next_seed if seed is None else seed
         self._next_seed, self._steps = seed + 1, 0
-        rows = with_seed(self._rows, seed)
+        rows = with_scenario(self._rows, self._scenario.model_copy(update={"seed": seed}))
         self._swarm, self._trunk = rows.swarm, Trunk(rows)
         self._peak = self._largest_h(self._trunk.x)
         self.agents = list(self.possible_agents)

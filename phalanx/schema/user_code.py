@@ -84,6 +84,11 @@ def imported_sources(table: Any = None) -> dict[str, bytes]:
     return {path: text for module in modules for path, text in _sources.get(module, {}).items()}
 
 
+def names_user_code(table: Any) -> bool:
+    """Return whether a scenario's table names a class of a user, "package.module:Name"."""
+    return any(":" in name for name in _names(table))
+
+
 def of_session(table: Any) -> list[str]:
     """Return what a scenario's table names of the running script or notebook, "__main__:Name"."""
     return [name for name in _names(table) if name.startswith("__main__:")]

@@ -5,7 +5,6 @@ A job holds all that it needs, so that it can travel to another machine.
 
 import time
 from collections.abc import Callable, Mapping
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,12 +13,11 @@ from phalanx.launcher.in_process_engine import RecordsInMemory, simulate
 from phalanx.recording.modules import ModulesError, hashes, make_importable
 from phalanx.recording.read import Recording, swarm_of
 from phalanx.recording.records import State, Step
-from phalanx.scenario.load import ScenarioError, from_json, load, to_json
+from phalanx.scenario.load import ScenarioError, load
 from phalanx.studies.identity import Identity
 from phalanx.studies.row import BROKEN, REFUSED, Row, row_of
 from phalanx.swarm.rows import SafetyRows
-from phalanx.swarm.runnable import require_runnable, with_seed
-from phalanx.swarm.swarm import build_swarm
+from phalanx.swarm.runnable import shared_rows
 from phalanx.theory.expressions.user_methods import MistakenMethodError
 
 
@@ -58,7 +56,8 @@ def row_by(work: Work, job: Job, identity: Identity) -> Row:
     """Return the row that a work makes; without a run, one that says why."""
     began = time.monotonic()
     try:
-        return work(job, identity, _rows(job, identity.seed))
+        make_importable(job.modules, hashes(job.modules), trust=True)
+        return work(job, identity, shared_rows(load(job.table, job.overrides, identity.seed)))
     except (ScenarioError, ModulesError) as error:
         outcome, reason = REFUSED, str(error)
     except MistakenMethodError as error:
@@ -75,21 +74,3 @@ def _measured(job: Job, identity: Identity, rows: SafetyRows) -> Row:
     states, steps = records.of(State), records.of(Step)
     recording = Recording(Path(), rows.swarm.scenario, {}, states, steps)
     return row_of(identity, job.overrides, summary, recording, rows.swarm)
-
-
-def _rows(job: Job, seed: int) -> SafetyRows:
-    """Return the rows of a run, with functions compiled before if the last run had the same.
-
-    Raises ScenarioError, ModulesError.
-    """
-    make_importable(job.modules, hashes(job.modules), trust=True)
-    scenario = load(job.table, job.overrides, seed)
-    if job.modules:  # a user's objects may keep a state
-        return require_runnable(build_swarm(scenario))
-    # Obstacles and starts that are drawn are in the text, and so are others for each seed.
-    return with_seed(_compiled(to_json(scenario.model_copy(update={"seed": 0}))), seed)
-
-
-@lru_cache(maxsize=1)
-def _compiled(scenario: str) -> SafetyRows:
-    return require_runnable(build_swarm(from_json(scenario)))

@@ -13,7 +13,7 @@ import numpy as np
 
 from phalanx.arrays import Array
 from phalanx.scenario.load import ScenarioError
-from phalanx.scenario.model import Reseed
+from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import added
@@ -57,12 +57,9 @@ class SafetyRows:
         """
         return _chain(self.swarm, self.swarm.safe_set)
 
-    def with_seed(self, seed: int, reseed: tuple[Reseed, ...] | None = None) -> "SafetyRows":
-        """Return the rows of the same swarm with another seed; compiled functions are shared.
-
-        reseed: the seeds in force later; by default they stay.
-        """
-        other = replace(self, swarm=self.swarm.with_seed(seed, reseed))
+    def with_scenario(self, scenario: Scenario) -> "SafetyRows":
+        """Return the rows of a scenario with the same compiled_fields; functions are shared."""
+        other = replace(self, swarm=self.swarm.with_scenario(scenario))
         vars(other).update({name: value for name, value in vars(self).items() if name != "swarm"})
         return other
 
@@ -79,7 +76,7 @@ class SafetyRows:
             vars(view)["_row_functions"] = self._row_functions
         view = self._views[i]
         same = view.swarm.scenario is swarm.scenario
-        return view if same else view.with_seed(swarm.seed, swarm.scenario.reseed)
+        return view if same else view.with_scenario(swarm.scenario)
 
     @property
     def relative_degree(self) -> int:
@@ -210,7 +207,7 @@ class SafetyRows:
         a, b = swarm.pairs.ordered(i, other)
         (kind,) = swarm.pairs.kinds_of(np.array([[a, b]])).tolist()
         sides = [l for l in (i, other) if l < len(swarm.members)]
-        return swarm.pairs.kinds[kind].kind.text, a == i, *[id(swarm.groups[l]) for l in sides]
+        return swarm.pairs.kinds[kind].kind.text, a == i, *[swarm.group_numbers[l] for l in sides]
 
     def pair_chain(self, pair: int) -> Chain:
         """Return the chain of one pair alone, by its index in the safe set."""
@@ -220,9 +217,7 @@ class SafetyRows:
     def pair_psi(self) -> PairFunctions:
         """ψ_0 ... ψ_{q-1} of pairs alone."""
         swarm = self.swarm
-        groups = list({id(group): None for group in swarm.groups})
-        sorts = [groups.index(id(group)) for group in swarm.groups]
-        return PairFunctions(swarm.pairs, sorts, self._psi)
+        return PairFunctions(swarm.pairs, list(swarm.group_numbers), self._psi)
 
     def _psi(self, pair: ComposedSet, _: int) -> MappedFunction:
         return MappedFunction([pair.x, pair.parameters], list(_chain(self.swarm, pair).psi))

@@ -13,9 +13,11 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.network.link import RuleError
 from phalanx.scenario.load import ScenarioError
+from phalanx.scenario.model import Scenario
+from phalanx.schema.user_code import names_user_code
 from phalanx.swarm.own_controller import own_controller
 from phalanx.swarm.rows import SafetyRows, build_rows
-from phalanx.swarm.swarm import Swarm
+from phalanx.swarm.swarm import Swarm, build_swarm, compiled_fields
 from phalanx.swarm.watchdog import endless_loops
 from phalanx.theory.expressions.user_methods import MistakenMethodError, first_numbers
 from phalanx.theory.laws.law import NominalInput, View
@@ -42,12 +44,37 @@ def require_runnable(swarm: Swarm) -> SafetyRows:
         return rows
 
 
-def with_seed(rows: SafetyRows, seed: int) -> SafetyRows:
-    """Return the rows of the same run with another seed. Raises as require_runnable does."""
-    drawn = rows.with_seed(seed)
-    with endless_loops(drawn.swarm.time.timeout):
-        _evaluate_start(drawn)
-    return drawn
+def shared_rows(scenario: Scenario) -> SafetyRows:
+    """Return the rows of a run, with functions compiled for an earlier one if they are the same.
+
+    Raises as require_runnable does.
+    """
+    if names_user_code(scenario.model_dump(mode="json")):  # its objects may keep a state
+        return require_runnable(build_swarm(scenario))
+    fields = compiled_fields(scenario)
+    if fields in _shared:
+        return with_scenario(_shared[fields], scenario)
+    rows = require_runnable(build_swarm(scenario))
+    if len(_shared) == _MOST_SHARED:
+        del _shared[next(iter(_shared))]
+    _shared[fields] = rows
+    return rows
+
+
+def with_scenario(rows: SafetyRows, scenario: Scenario) -> SafetyRows:
+    """Return the rows of a scenario with the same compiled_fields, whose functions are shared.
+
+    Raises as require_runnable does.
+    """
+    other = rows.with_scenario(scenario)
+    with endless_loops(other.swarm.time.timeout):
+        _evaluate_start(other)
+    return other
+
+
+_shared: dict[str, SafetyRows] = {}
+"""Rows by all that decides on their functions, the oldest first."""
+_MOST_SHARED = 4
 
 
 def _evaluate_start(rows: SafetyRows) -> None:

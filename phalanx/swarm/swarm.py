@@ -13,7 +13,7 @@ from phalanx.arrays import Array
 from phalanx.scenario.agents import AgentGroup
 from phalanx.scenario.declared import Links
 from phalanx.scenario.load import ScenarioError, digest
-from phalanx.scenario.model import Reseed, Scenario, Time
+from phalanx.scenario.model import Scenario, Time
 from phalanx.scenario.safety import Safety
 from phalanx.seeded.clock import SamplingClock
 from phalanx.seeded.draws import Draws, Seeds
@@ -65,17 +65,11 @@ class Swarm:
     def seed(self) -> int:
         return self.scenario.seed
 
-    def with_seed(self, seed: int, reseed: tuple[Reseed, ...] | None = None) -> "Swarm":
-        """Return the swarm of the same resolved scenario with another seed; the rest is shared.
-
-        reseed: the seeds in force later; by default they stay.
-        """
-        later = self.scenario.reseed if reseed is None else reseed
-        changed = self.scenario.model_copy(update={"seed": seed, "reseed": later})
-        other = replace(self, scenario=changed)
-        drawn = ("scenario", "digest", "links")
-        self._built  # noqa: B018 - shared from now on
-        vars(other).update({name: value for name, value in vars(self).items() if name not in drawn})
+    def with_scenario(self, scenario: Scenario) -> "Swarm":
+        """Return the swarm of a scenario with the same compiled_fields; functions are shared."""
+        other = replace(self, scenario=scenario)
+        for name in ("compiled", "_built", "_position", "_positions", "_outputs"):
+            vars(other)[name] = getattr(self, name)
         return other
 
     def seen_by(self, i: int) -> "Swarm":
@@ -102,9 +96,9 @@ class Swarm:
         return self.links.seeds
 
     def once(self, build: "Callable[[Swarm], T]") -> T:
-        """Return build(swarm), made when first asked for; swarms with other seeds share it.
+        """Return build(swarm), made when first asked for; swarms by with_scenario share it.
 
-        What is built must neither depend on the seed nor keep a state.
+        What is built must depend on compiled_fields alone, and keep no state.
         """
         if build not in self._built:
             self._built[build] = build(self)
@@ -134,11 +128,16 @@ class Swarm:
         return tuple(group for _, group, _ in self.scenario.roster())
 
     @cached_property
+    def group_numbers(self) -> tuple[int, ...]:
+        """The place of every agent's group in the scenario."""
+        return tuple(g for g, group in enumerate(self.scenario.agents) for _ in group.names)
+
+    @cached_property
     def ends(self) -> tuple[tuple[int, int], ...]:
         """The first and the last agent of each group: together they occur in every kind of pair."""
         members: dict[int, list[int]] = {}
-        for l, group in enumerate(self.groups):
-            members.setdefault(id(group), []).append(l)
+        for l, number in enumerate(self.group_numbers):
+            members.setdefault(number, []).append(l)
         return tuple((each[0], each[-1]) for each in members.values())
 
     def sensing(self, i: int) -> float | None:
@@ -312,6 +311,25 @@ class Swarm:
     def _place(self, i: int) -> int:
         """Return agent i's place in its group."""
         return self.groups[i].names.index(self.names[i])
+
+
+def compiled_fields(scenario: Scenario) -> str:
+    """Return as JSON all fields on which the compiled functions of a run depend.
+
+    Not those of starts, laws, messages, faults and seeds.
+    """
+    drawn: dict[str, Any] = {
+        "start": True,
+        "spread": True,
+        "law": True,
+        "disturbance": {"kind", "every"},
+    }
+    free: dict[str, Any] = {
+        **dict.fromkeys(("name", "description", "reading", "attack"), True),
+        **dict.fromkeys(("duration", "seed", "reseed", "network", "faults"), True),
+        "agents": {"__all__": drawn},
+    }
+    return scenario.model_dump_json(exclude=free)
 
 
 def build_swarm(scenario: Scenario) -> Swarm:

@@ -115,10 +115,9 @@ class Watch:
 
 def motion_check(swarm: Swarm, l: int) -> MotionCheck:
     """Return the motion check of agent l, compiled once for its group."""
-    group = swarm.groups[l]
-    key = "motion check", id(group)
+    key = "motion check", swarm.group_numbers[l]
     if key not in swarm.compiled:
-        bound = group.disturbance.bound + DEFECT
+        bound = swarm.groups[l].disturbance.bound + DEFECT
         swarm.compiled[key] = MotionCheck(swarm.members[l].dynamics, bound)
     found: MotionCheck = swarm.compiled[key]
     return found

@@ -240,7 +240,7 @@ MUTANTS = (
     Mutant("a searched row counted", "phalanx/studies/row.py", '~pl.col("searched") & ', "",
            "tests/unit/studies/test_groups.py"),
     Mutant("seeds that share what they drew", "phalanx/swarm/rows.py",
-           "other = replace(self, swarm=self.swarm.with_seed(seed, reseed))",
+           "other = replace(self, swarm=self.swarm.with_scenario(scenario))",
            "other = replace(self)",
            "tests/unit/studies/test_work.py"),
 )  # fmt: skip

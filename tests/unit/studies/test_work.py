@@ -29,3 +29,28 @@ def test_obstacles_that_are_drawn_are_drawn_for_each_seed():
     for seed, row in zip((0, 1), rows, strict=True):
         run = phalanx.run(phalanx.load("swarm2d", {"duration": 0.05}, seed), engine="in-process")
         assert row.trajectory == run.summary.trajectory
+
+
+@pytest.mark.parametrize("scenario", ["unicycles", "guaranteed", "faults/lie-input"])
+def test_runs_with_other_starts_laws_and_faults_have_their_own_bits(scenario):
+    """Compiled functions are shared between them."""
+    table = read_table(scenario)
+    names = [name for name, _, _ in phalanx.load(scenario).roster()]
+    own = phalanx.load(scenario).agents[0]
+    states, bound = len(own.facts.states), own.disturbance.bound
+    changes = (
+        {},
+        {"agents.0.spread": [0.3] * states},
+        {"agents.0.disturbance": {"bound": bound, "kind": "adverse"}},
+        {"agents.0.law": {"type": "script", "at": [0.0], "inputs": [[0.2, 0.1]]}, "seed": 3},
+        {"faults": [{"kind": "turn", "agents": names[:1], "at": 0.02}]},
+        {"faults": [{"kind": "hold", "from": names[0], "at": 0.02, "for": 0.1}], "duration": 0.15},
+    )
+    found = set()
+    for change in changes:
+        overrides = {"duration": 0.1, **change}
+        (row,) = compute(Job(table, overrides, (Identity("", 0, "", ""),)))
+        run = phalanx.run(phalanx.load(scenario, overrides, 0), engine="in-process")
+        assert row.trajectory == run.summary.trajectory
+        found.add(row.trajectory)
+    assert len(found) > 2

@@ -107,7 +107,8 @@ def test_agents_with_equal_pairs_share_what_is_compiled(tmp_path):
 def test_another_seed_reaches_the_agents_own_rows():
     rows = build_rows(build_swarm(load("guaranteed", {"safety.information": "unknown"})))
     assert rows.seen_by(0).swarm.seed == 0
-    assert rows.with_seed(7).seen_by(0).swarm.seed == 7
+    changed = rows.swarm.scenario.model_copy(update={"seed": 7})
+    assert rows.with_scenario(changed).seen_by(0).swarm.seed == 7
     assert rows.seen_by(0).swarm.seed == 0
 
 
