@@ -1,5 +1,6 @@
 """phalanx network: link models by name, and fits to measured delays."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -55,11 +56,7 @@ def fit(
     return 0
 
 
-def _toml(fields: Any) -> list[str]:
-    return ["[network]", *(f"{k} = {_value(v)}" for k, v in fields.items()), ""]
+def _toml(fields: Mapping[str, Any]) -> list[str]:
+    from phalanx.scenario.load import inline
 
-
-def _value(value: Any) -> str:
-    if isinstance(value, dict):
-        return f"{{ {', '.join(f'{k} = {_value(v)}' for k, v in value.items())} }}"
-    return f'"{value}"' if isinstance(value, str) else repr(value)
+    return ["[network]", *(f"{key} = {inline(value)}" for key, value in fields.items()), ""]

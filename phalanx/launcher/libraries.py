@@ -11,7 +11,6 @@ import multiprocessing.resource_tracker
 import resource
 import signal
 import sys
-from collections.abc import Iterator
 from multiprocessing.context import ForkServerContext
 
 from phalanx.compat.forkserver import importing_as_here
@@ -36,19 +35,13 @@ def start_loading() -> ForkServerContext:
     context.set_forkserver_preload([] if sys.flags.ignore_environment else _PROGRAMS)
     # Starting it later would unblock SIGINT again.
     multiprocessing.resource_tracker.ensure_running()
-    with _signals_blocked(), importing_as_here():
-        # Programs inherit the mask: a Ctrl-C before their handlers are set would end each of them
-        # in a traceback, and a SIGTERM to the whole group or service without a verdict.
-        multiprocessing.forkserver.ensure_running()
-    return context
-
-
-@contextlib.contextmanager
-def _signals_blocked() -> Iterator[None]:
-    """Block SIGINT and SIGTERM in this thread, and in processes that the block starts."""
+    # Programs inherit the mask: a Ctrl-C before their handlers are set would end each of them in a
+    # traceback, and a SIGTERM to the whole group or service without a verdict.
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
-        yield
+        with importing_as_here():
+            multiprocessing.forkserver.ensure_running()
+        return context
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 

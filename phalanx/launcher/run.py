@@ -2,11 +2,11 @@
 
 import tempfile
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Protocol
 
 from phalanx.extensions import extension
 from phalanx.guarantee.verdict import Outcome, Summary
@@ -23,22 +23,13 @@ if TYPE_CHECKING:
     from phalanx.launcher.verify import Verification
 
 
-class Page(Protocol):
+class Page(AbstractContextManager["Page"], Protocol):
     """A page that is served until it is closed, or its `with` block is left."""
 
     url: str
 
     def close(self) -> None:
         """Stop the server."""
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None: ...
 
 
 class Run:

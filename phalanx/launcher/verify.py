@@ -162,72 +162,50 @@ def first_difference(recorded: Recording, again: Recording) -> str | None:
     Solve times and run names are not compared: they are not part of the trajectory. A recording
     that was cut short is compared up to its end.
     """
-    compared = (_state_difference(recorded, again), _step_difference(recorded, again))
-    candidates = [found for found in compared if found]
-    if candidates:
-        return min(candidates, key=lambda found: found[0])[1]
-    cut = cut_short(recorded)
-    if len(recorded.steps) != len(again.steps) and not cut:
-        return f"{len(recorded.steps)} steps recorded, {len(again.steps)} the second time"
-    if len(recorded.states) != len(again.states) and not cut:
-        return f"{len(recorded.states)} states recorded, {len(again.states)} the second time"
-    return None
-
-
-def _state_difference(recorded: Recording, again: Recording) -> tuple[float, str] | None:
-    names = _component_names(recorded.scenario)
-    for index, (a, b) in enumerate(zip(recorded.states, again.states, strict=False)):
-        if a == b:
-            continue
-        what = _first_field(a, b, {"x": names})
-        return a.t, f"state {index} at t = {a.t:.6f} s: {what}"
-    return None
-
-
-def _step_difference(recorded: Recording, again: Recording) -> tuple[float, str] | None:
-    inputs = {
-        m.name: [f"u.{name}" for name in m.dynamics.inputs]
-        for m in build_swarm(recorded.scenario).members
-    }
-    for index, (a, b) in enumerate(zip(recorded.steps, again.steps, strict=False)):
+    members, found = build_swarm(recorded.scenario).members, []
+    states = [f"agent {m.name} {state}" for m in members for state in m.dynamics.states]
+    inputs = {m.name: [f"u.{name}" for name in m.dynamics.inputs] for m in members}
+    for n, (old, new) in enumerate(zip(recorded.states, again.states, strict=False)):
+        if old != new:
+            what = _first_field(old, new, "x", states)
+            found.append((old.t, f"state {n} at t = {old.t:.6f} s: {what}"))
+            break
+    for n, (a, b) in enumerate(zip(recorded.steps, again.steps, strict=False)):
         b.solve_time = a.solve_time  # wall time
-        if a == b:
-            continue
-        what = _first_field(a, b, {"u": inputs.get(a.agent, [])})
-        return a.t, f"step {index}, agent {a.agent}, k = {a.k}, t = {a.t:.6f} s: {what}"
+        if a != b:
+            where = f"step {n}, agent {a.agent}, k = {a.k}, t = {a.t:.6f} s"
+            found.append((a.t, f"{where}: {_first_field(a, b, 'u', inputs.get(a.agent, []))}"))
+            break
+    if found:
+        return min(found, key=lambda each: each[0])[1]
+    counts = [
+        ("steps", len(recorded.steps), len(again.steps)),
+        ("states", len(recorded.states), len(again.states)),
+    ]
+    for what, first, second in counts if not cut_short(recorded) else ():
+        if first != second:
+            return f"{first} {what} recorded, {second} the second time"
     return None
 
 
-def _component_names(scenario: Scenario) -> list[str]:
-    members = build_swarm(scenario).members
-    return [f"agent {m.name} {state}" for m in members for state in m.dynamics.states]
-
-
-def _first_field(a: State | Step, b: State | Step, components: dict[str, list[str]]) -> str:
-    """Describe the first field in which two records differ, with both values."""
+def _first_field(a: State | Step, b: State | Step, vector: str, components: list[str]) -> str:
+    """Describe the first field in which two records differ, and the component of the vector."""
     for field in a.__struct_fields__:
         old, new = getattr(a, field), getattr(b, field)
         if old == new:
             continue
-        if field in components and len(old) == len(new):
+        if field == vector and components and len(old) == len(new):
             at = next(i for i, (p, q) in enumerate(zip(old, new, strict=True)) if p != q)
-            return f"{components[field][at]} recorded {_versus(old[at], new[at])}"
-        return f"{field} recorded {_versus(old, new)}"
+            field, old, new = components[at], old[at], new[at]
+        text = f"{field} recorded {old!r}, again {new!r}"
+        if isinstance(old, float) and isinstance(new, float):
+            text += f" ({_ulps(old, new)} steps of float64 apart)"
+        return text
     raise AssertionError("the records are equal")
-
-
-def _versus(old: object, new: object) -> str:
-    text = f"{old!r}, again {new!r}"
-    if isinstance(old, float) and isinstance(new, float):
-        text += f" ({_ulps(old, new)} steps of float64 apart)"
-    return text
 
 
 def _ulps(a: float, b: float) -> int:
     """Return the distance of a and b in steps of float64."""
-
-    def rank(value: float) -> int:
-        bits = int(np.float64(value).view(np.int64))
-        return bits if bits >= 0 else -(bits & 0x7FFF_FFFF_FFFF_FFFF)
-
-    return abs(rank(a) - rank(b))
+    bits = np.array([a, b]).view(np.int64).tolist()
+    first, second = (n if n >= 0 else -(n & 0x7FFF_FFFF_FFFF_FFFF) for n in bits)
+    return abs(int(first - second))

@@ -10,101 +10,78 @@ from typing import Any
 
 import pydantic
 
-from phalanx.baselines.barrier import BarrierQP, LyapunovBarrierQP
-from phalanx.baselines.cbfpy import CbfPy
-from phalanx.baselines.orca import Orca
-from phalanx.baselines.plain import Escape, Nominal
+from phalanx.baselines import barrier, cbfpy, orca, plain
 from phalanx.schema.user_code import import_named
 from phalanx.theory.expressions.user_methods import located_class
-from phalanx.theory.laws.attacks import Chase, Script, WorstCase, WorstLookahead
+from phalanx.theory.laws import attacks, goals, tracking
 from phalanx.theory.laws.controller import Controller
-from phalanx.theory.laws.goals import FixedPoint, Follow, PathAtSpeed, Reference, Waypoints
 from phalanx.theory.laws.law import Law
-from phalanx.theory.laws.tracking import Pursue, Track, TrackVelocity
-from phalanx.theory.margins.kinds import (
-    CorrectedMargin,
-    IntegratedMargin,
-    LocalMargin,
-    Margin,
-    PaperMargin,
-)
-from phalanx.theory.models.aerial import IdentifiedQuadrotor, PlanarQuadrotor, Quadrotor
+from phalanx.theory.margins import kinds
+from phalanx.theory.models import aerial, integrators, wheeled
 from phalanx.theory.models.dynamics import Dynamics
-from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator
-from phalanx.theory.models.wheeled import (
-    DifferentialDrive,
-    DynamicUnicycle,
-    KinematicBicycle,
-    Unicycle,
-)
 from phalanx.theory.models.world import World
-from phalanx.theory.safety.class_k import ClassK, Linear, Power
-from phalanx.theory.safety.function import (
-    Band,
-    Distance,
-    Fence,
-    HeadingAware,
-    Limit,
-    SafeSetFunction,
-    Separation,
-)
-from phalanx.worlds.crazyflies import Crazyflies
-from phalanx.worlds.mujoco import Mujoco
-from phalanx.worlds.ros2 import Ros2
+from phalanx.theory.safety import class_k, function
+from phalanx.worlds import crazyflies, mujoco, ros2
 
 BUILT_IN: Mapping[type, Mapping[str, type]] = {
     Dynamics: {
-        "unicycle": Unicycle,
-        "dynamic-unicycle": DynamicUnicycle,
-        "single-integrator": SingleIntegrator,
-        "double-integrator": DoubleIntegrator,
-        "triple-integrator": TripleIntegrator,
-        "differential-drive": DifferentialDrive,
-        "bicycle": KinematicBicycle,
-        "planar-quadrotor": PlanarQuadrotor,
-        "quadrotor": Quadrotor,
-        "identified-quadrotor": IdentifiedQuadrotor,
+        "unicycle": wheeled.Unicycle,
+        "dynamic-unicycle": wheeled.DynamicUnicycle,
+        "single-integrator": integrators.SingleIntegrator,
+        "double-integrator": integrators.DoubleIntegrator,
+        "triple-integrator": integrators.TripleIntegrator,
+        "differential-drive": wheeled.DifferentialDrive,
+        "bicycle": wheeled.KinematicBicycle,
+        "planar-quadrotor": aerial.PlanarQuadrotor,
+        "quadrotor": aerial.Quadrotor,
+        "identified-quadrotor": aerial.IdentifiedQuadrotor,
     },
-    ClassK: {"linear": Linear, "power": Power},
-    SafeSetFunction: {
-        "separation": Separation,
-        "distance": Distance,
-        "heading-aware": HeadingAware,
+    class_k.ClassK: {"linear": class_k.Linear, "power": class_k.Power},
+    function.SafeSetFunction: {
+        "separation": function.Separation,
+        "distance": function.Distance,
+        "heading-aware": function.HeadingAware,
     },
-    Limit: {"fence": Fence, "band": Band},
-    Margin: {
-        "paper": PaperMargin,
-        "corrected": CorrectedMargin,
-        "local": LocalMargin,
-        "integrated": IntegratedMargin,
+    function.Limit: {"fence": function.Fence, "band": function.Band},
+    kinds.Margin: {
+        "paper": kinds.PaperMargin,
+        "corrected": kinds.CorrectedMargin,
+        "local": kinds.LocalMargin,
+        "integrated": kinds.IntegratedMargin,
     },
-    Reference: {
-        "point": FixedPoint,
-        "waypoints": Waypoints,
-        "path": PathAtSpeed,
-        "follow": Follow,
+    goals.Reference: {
+        "point": goals.FixedPoint,
+        "waypoints": goals.Waypoints,
+        "path": goals.PathAtSpeed,
+        "follow": goals.Follow,
     },
     Law: {
-        "track-velocity": TrackVelocity,
-        "track": Track,
-        "pursue": Pursue,
-        "chase": Chase,
-        "worst": WorstCase,
-        "worst-lookahead": WorstLookahead,
-        "script": Script,
+        "track-velocity": tracking.TrackVelocity,
+        "track": tracking.Track,
+        "pursue": tracking.Pursue,
+        "chase": attacks.Chase,
+        "worst": attacks.WorstCase,
+        "worst-lookahead": attacks.WorstLookahead,
+        "script": attacks.Script,
     },
     Controller: {
-        "none": Nominal,
-        "cbf-qp": BarrierQP,
-        "clf-cbf": LyapunovBarrierQP,
-        "cbfpy": CbfPy,
-        "escape": Escape,
-        "orca": Orca,
+        "none": plain.Nominal,
+        "cbf-qp": barrier.BarrierQP,
+        "clf-cbf": barrier.LyapunovBarrierQP,
+        "cbfpy": cbfpy.CbfPy,
+        "escape": plain.Escape,
+        "orca": orca.Orca,
     },
-    World: {"crazyflies": Crazyflies, "mujoco": Mujoco, "ros2": Ros2},
+    World: {"crazyflies": crazyflies.Crazyflies, "mujoco": mujoco.Mujoco, "ros2": ros2.Ros2},
 }
 
-_EXPRESSIONS = {Dynamics, ClassK, SafeSetFunction, Limit, Margin}
+_EXPRESSIONS = {
+    Dynamics,
+    class_k.ClassK,
+    function.SafeSetFunction,
+    function.Limit,
+    kinds.Margin,
+}
 """Kinds whose methods return expressions, which must not depend on earlier calls."""
 
 
