@@ -60,9 +60,10 @@ def _start(scenario: Scenario, report: CheckReport) -> list[Requirement]:
 
 def _rows(scenario: Scenario, report: CheckReport) -> list[Requirement]:
     """None where all agents have a controller of their own, and so no rows."""
-    holds = report.rows_at_start
-    name = "agents with an input in K_i"
-    return [_for_all_agents(name, holds, _row(scenario, report))] if holds else []
+    holds, equation = report.rows_at_start, "(30)" if report.relative_degree == 1 else "(44)"
+    if scenario.safety.centralised:
+        equation = "(28)"
+    return [_for_all_agents("agents with an input in K_i", holds, equation)] if holds else []
 
 
 def _for_all_agents(name: str, holds: dict[str, bool], equation: str) -> Requirement:
@@ -79,17 +80,12 @@ def _margins(scenario: Scenario, report: CheckReport) -> list[Requirement]:
     if scenario.safety.own_margin:
         by = f"by {scenario.safety.margin_name}"
         return [Requirement("margin η, at the start", by, "not proven", equation, None)]
+    bound = max(report.eta_local.values(), default=math.nan)
     if not given:
-        largest = max(report.eta_local.values(), default=math.nan)
-        at_start = "" if math.isnan(largest) else f", {_margin(largest, unit)}"
-        return [
-            Requirement(
-                "margin η, at the start", f"computed{at_start}", "any bound", equation, True
-            )
-        ]
-    smallest = min(given)
+        found = "computed" if math.isnan(bound) else f"computed, {_margin(bound, unit)}"
+        return [Requirement("margin η, at the start", found, "any bound", equation, True)]
+    smallest, safety = min(given), scenario.safety
     found = _with_unit(smallest, unit)
-    safety = scenario.safety
     formula = report.pair_formula if safety.pairwise else report.formula
     if formula is None:
         rows = [Requirement("margin η, by the formula", found, _MISSING, equation, None)]
@@ -98,9 +94,8 @@ def _margins(scenario: Scenario, report: CheckReport) -> list[Requirement]:
         least = f"at least {_margin(needed, unit)}"
         rows = [Requirement("margin η, by the formula", found, least, equation, smallest >= needed)]
     if report.eta_local:
-        local = max(report.eta_local.values())
-        least = f"at least {_margin(local, unit)}"
-        rows.append(Requirement("margin η, as a bound", found, least, "", smallest >= local))
+        least = f"at least {_margin(bound, unit)}"
+        rows.append(Requirement("margin η, as a bound", found, least, "", smallest >= bound))
     return rows
 
 
@@ -115,13 +110,10 @@ def _boundary(scenario: Scenario, report: CheckReport) -> Requirement:
 
 
 def _gap(report: CheckReport) -> Requirement:
-    found = f"{rounded(1e3 * report.horizon)} ms"
-    if report.largest_gap is None:
-        return Requirement("an input is in force for", found, "no time is proven", "(29)", False)
-    allowed = f"at most {rounded(1e3 * report.largest_gap)} ms"
-    return Requirement(
-        "an input is in force for", found, allowed, "(29)", report.horizon <= report.largest_gap
-    )
+    found, largest = f"{rounded(1e3 * report.horizon)} ms", report.largest_gap
+    allowed = "no time is proven" if largest is None else f"at most {rounded(1e3 * largest)} ms"
+    holds = largest is not None and report.horizon <= largest
+    return Requirement("an input is in force for", found, allowed, "(29)", holds)
 
 
 def _delay(scenario: Scenario, report: CheckReport) -> Requirement:
@@ -132,19 +124,12 @@ def _delay(scenario: Scenario, report: CheckReport) -> Requirement:
 
 
 def _theorem(scenario: Scenario, report: CheckReport) -> Requirement:
-    number = 5 if report.relative_degree > 1 else 2
+    number, gaps = 5 if report.relative_degree > 1 else 2, str(len(report.gaps) or "none")
     if scenario.safety.centralised:
         number = 1
-    gaps = len(report.gaps)
     return Requirement(
-        "gaps in the theorem's proof", str(gaps or "none"), "none", f"Th. {number}", not gaps
+        "gaps in the theorem's proof", gaps, "none", f"Th. {number}", not report.gaps
     )
-
-
-def _row(scenario: Scenario, report: CheckReport) -> str:
-    if scenario.safety.centralised:
-        return "(28)"
-    return "(30)" if report.relative_degree == 1 else "(44)"
 
 
 def _margin(value: float, unit: str) -> str:

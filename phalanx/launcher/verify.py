@@ -64,11 +64,8 @@ def verify(
 
     Of a run in real time only the agents' decisions are computed again.
 
-    Raises:
-        EngineError: the recording cannot be run again, its run breaks though it did not when it
-            was recorded, or there is nothing to compare.
-        KeyboardInterrupt: the run was stopped.
-        ValueError: there is no such engine.
+    Raises as Run.verify; EngineError also if the run breaks though it did not when it was recorded,
+    or if there is nothing to compare. Raises KeyboardInterrupt: the run was stopped.
     """
     # Faults that the scenario declares happen again without a command.
     commands = CommandPolicy(schedule=tuple(c for c in recorded.commands if c.fault < 0))

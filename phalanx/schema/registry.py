@@ -158,7 +158,9 @@ def construct(kind: type, table: Mapping[str, Any]) -> Any:
     if not is_users(table):
         return checked(**fields)
     if kind in _EXPRESSIONS:
-        return _stateless(checked, tuple(_members(kind)), fields)
+        made = _stateless(checked, tuple(_members(kind)))(**copy.deepcopy(fields))
+        object.__setattr__(made, "_given", fields)
+        return made
     return _separate(checked, fields)
 
 
@@ -227,22 +229,22 @@ def _separate(cls: type, fields: Mapping[str, Any]) -> Any:
     """Construct an object with copies of its fields, of their defaults and of class attributes."""
     defaults = {
         f.name: f.default
-        for f in (dataclasses.fields(cls) if dataclasses.is_dataclass(cls) else ())
+        for f in dataclasses.fields(cls)
         if f.init and f.default is not dataclasses.MISSING
     }
+    every = {name: value for base in reversed(cls.__mro__) for name, value in vars(base).items()}
+    attributes = {  # neither methods nor other descriptors
+        name: value
+        for name, value in every.items()
+        if not name.startswith("__") and not hasattr(value, "__get__")
+    }
     given = {**dict(_copied(defaults)), **copy.deepcopy(dict(fields))}
-    return _subclass(cls, dict(_copied(_attributes(cls))))(**given)
-
-
-def _stateless(cls: type, methods: tuple[str, ...], fields: Mapping[str, Any]) -> Any:
-    """Construct an object that runs each call of these methods on a new object of its class."""
-    made = _stateless_class(cls, methods)(**copy.deepcopy(dict(fields)))
-    object.__setattr__(made, "_given", fields)
-    return made
+    return _subclass(cls, dict(_copied(attributes)))(**given)
 
 
 @cache
-def _stateless_class(cls: type, methods: tuple[str, ...]) -> type:
+def _stateless(cls: type, methods: tuple[str, ...]) -> type:
+    """Make a class whose objects run each call of these methods on a new object, of `_given`."""
     calls = {name: getattr(cls, name, None) for name in methods}
     return _subclass(
         cls, {n: _on_new_object(cls, n, call) for n, call in calls.items() if callable(call)}
@@ -262,16 +264,6 @@ def _on_new_object(cls: type, name: str, call: Any) -> Any:
 def _subclass(cls: type, attributes: Mapping[str, Any]) -> type:
     names = {"__module__": cls.__module__, "__qualname__": cls.__qualname__}
     return type(cls)(cls.__name__, (cls,), {**names, **attributes})
-
-
-def _attributes(cls: type) -> dict[str, Any]:
-    """Return the class's attributes that are neither methods nor other descriptors."""
-    every = {name: value for base in reversed(cls.__mro__) for name, value in vars(base).items()}
-    return {
-        name: value
-        for name, value in every.items()
-        if not name.startswith("__") and not hasattr(value, "__get__")
-    }
 
 
 def _copied(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
