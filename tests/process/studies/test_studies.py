@@ -45,6 +45,13 @@ class Killer:
 '''
 
 
+@pytest.fixture(scope="module")
+def pool():
+    """Two workers for several studies: each begins with loading all libraries."""
+    with Pool(2) as started:
+        yield started
+
+
 @pytest.fixture
 def killer(tmp_path, monkeypatch):
     """Return the overrides of a law that kills its worker, and the file that says how often."""
@@ -68,8 +75,10 @@ def results(study: phalanx.Study) -> list[tuple[object, ...]]:
     return study.frame.select(columns).rows()
 
 
-def test_a_row_has_the_bits_of_its_run():
-    study = phalanx.study("unicycles", seeds=[3], vary=LOSSES, overrides=SHORT, confirm=0)
+def test_a_row_has_the_bits_of_its_run(pool):
+    study = phalanx.study(
+        "unicycles", seeds=[3], vary=LOSSES, overrides=SHORT, confirm=0, executor=pool
+    )
     assert study.missing == 0
     for row in study.frame.iter_rows(named=True):
         overrides = {**SHORT, "network.loss": row["network.loss"]}
@@ -82,22 +91,23 @@ def test_a_row_has_the_bits_of_its_run():
         assert all(row[name] == swarm[name] for name in phalanx.metrics.METRICS)
 
 
-def test_progress_is_shown_as_a_bar(capsys, monkeypatch):
+def test_progress_is_shown_as_a_bar(capsys, monkeypatch, pool):
     monkeypatch.setenv("FORCE_COLOR", "1")  # as in a terminal
-    phalanx.study("unicycles", seeds=2, overrides=SHORT, confirm=0, progress=True)
+    phalanx.study("unicycles", seeds=2, overrides=SHORT, confirm=0, progress=True, executor=pool)
     shown = capsys.readouterr()
     assert shown.out == ""
     assert "unicycles" in shown.err
     assert "2/2" in shown.err
 
 
-def test_any_number_of_workers_gives_the_same_rows():
+def test_any_number_of_workers_gives_the_same_rows(pool):
     plan = {"seeds": 3, "vary": LOSSES, "overrides": SHORT, "confirm": 0, "chunk": 1}
-    one, two = (phalanx.study("unicycles", workers=n, **plan) for n in (1, 2))
+    one = phalanx.study("unicycles", workers=1, **plan)
+    two = phalanx.study("unicycles", executor=pool, **plan)
     assert results(one) == results(two)
 
 
-def test_asked_again_it_runs_only_what_is_missing(tmp_path):
+def test_asked_again_it_runs_only_what_is_missing(tmp_path, pool):
     computed: list[int] = []
 
     def again(**plan):
@@ -106,7 +116,7 @@ def test_asked_again_it_runs_only_what_is_missing(tmp_path):
 
         computed.append(0)
         fixed = {"overrides": SHORT, "confirm": 0, "out": tmp_path, "progress": count}
-        return phalanx.study("unicycles", **fixed, **plan)
+        return phalanx.study("unicycles", executor=pool, **fixed, **plan)
 
     first = again(seeds=1, vary={"network.loss": [0.5]})
     assert results(again(seeds=1, vary={"network.loss": [0.5]})) == results(first)
@@ -118,13 +128,17 @@ def test_asked_again_it_runs_only_what_is_missing(tmp_path):
 
 
 def test_runs_are_repeated_as_processes_with_the_same_trajectory():
-    study = phalanx.study("unicycles", overrides=SHORT, confirm=1.0)
+    study = phalanx.study("unicycles", overrides=SHORT, confirm=1.0, workers=1)
     assert study.frame["confirmed"].to_list() == [True]
 
 
-def test_a_point_whose_scenario_is_not_valid_is_a_row_that_says_so():
+def test_a_point_whose_scenario_is_not_valid_is_a_row_that_says_so(pool):
     study = phalanx.study(
-        "unicycles", vary={"network.loss": [0.0, 1.5]}, overrides=SHORT, confirm=0
+        "unicycles",
+        vary={"network.loss": [0.0, 1.5]},
+        overrides=SHORT,
+        confirm=0,
+        executor=pool,
     )
     valid, refused = study.frame.iter_rows(named=True)
     assert (valid["outcome"], refused["outcome"]) == ("guaranteed", "refused")
@@ -176,7 +190,7 @@ def started(folder: Path, seeds: int) -> "subprocess.Popen[str]":
 @pytest.mark.parametrize(
     "number", [signal.SIGKILL, pytest.param(signal.SIGINT, marks=pytest.mark.nightly)]
 )
-def test_a_study_that_was_killed_goes_on_where_it_was(tmp_path, number):
+def test_a_study_that_was_killed_goes_on_where_it_was(tmp_path, number, pool):
     program = started(tmp_path, seeds=10_000)
     workers = psutil.Process(program.pid).children(recursive=True)
     program.send_signal(number)
@@ -188,7 +202,7 @@ def test_a_study_that_was_killed_goes_on_where_it_was(tmp_path, number):
     computed = []
     study = phalanx.study(
         "unicycles", seeds=there + 2, overrides=SHORT, confirm=0, out=tmp_path,
-        progress=lambda progress: computed.append(progress.computed),
+        progress=lambda progress: computed.append(progress.computed), executor=pool,
     )  # fmt: skip
     assert study.frame["seed"].to_list() == list(range(there + 2))
     assert computed[-1] == 2
@@ -213,12 +227,12 @@ def test_a_pool_that_is_cancelled_ends_its_workers_at_once():
     assert not worker.is_running()
 
 
-def test_a_study_may_use_any_executor():
+def test_a_study_may_use_any_executor(pool):
     plan = {"seeds": 2, "overrides": SHORT, "confirm": 0}
     with ThreadPoolExecutor(1) as threads:
         found = phalanx.study("unicycles", executor=threads, chunk=2, in_flight=1, **plan)
         assert threads.submit(abs, -1).result() == 1  # it is its owner who shuts it down
-    assert results(found) == results(phalanx.study("unicycles", **plan))
+    assert results(found) == results(phalanx.study("unicycles", executor=pool, **plan))
 
 
 def command(*words: object) -> "subprocess.CompletedProcess[str]":

@@ -44,8 +44,8 @@ class Run:
         """The run's folder, once it is there."""
         return wait_for(lambda: next(iter(self.parent.glob("*-[0-9]*")), None))
 
-    def finish(self, timeout: float = 90) -> tuple[int, str]:
-        """Exit status, and everything it printed."""
+    def finish(self, timeout: float = 150) -> tuple[int, str]:
+        """Exit status, and everything it printed; the timeout [s] is for busy cores."""
         out, err = self.process.communicate(timeout=timeout)
         return self.process.returncode, err + out
 

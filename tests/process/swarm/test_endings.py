@@ -185,7 +185,7 @@ def test_a_program_killed_at_its_first_instant_ends_the_run(phalanx, program):
     run = phalanx("run", "unicycles", *LONG)
     wait_for(lambda: program in run.programs())
     run.programs()[program].kill()
-    status, output = run.finish(timeout=60)
+    status, output = run.finish()
     run.wait_until_gone()
     assert status == 3
     assert f"{program} died (killed by SIGKILL)" in output

@@ -132,7 +132,7 @@ def test_tokens_tell_the_node_and_its_publishers_and_go_with_it(heard):
         ("%phalanx%markers", "visualization_msgs::msg::dds_::MarkerArray_"),
         ("%diagnostics", "diagnostic_msgs::msg::dds_::DiagnosticArray_"),
     }
-    wait_for(lambda: not listener.tokens, 20.0)
+    wait_for(lambda: not listener.tokens)
 
 
 def test_messages_of_a_publisher_are_numbered_from_1_on_under_one_gid(heard):

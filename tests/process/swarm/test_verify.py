@@ -42,7 +42,8 @@ def test_a_run_that_was_stopped_before_a_reseed_is_verified(phalanx, tmp_path):
 
 
 def test_another_seed_departs_at_the_first_state(phalanx, recorded):
-    status, output = phalanx("verify", str(recorded.path), "--seed", "1").finish()
+    seed = ("--seed", "1", "--engine", "in-process")
+    status, output = phalanx("verify", str(recorded.path), *seed).finish()
     assert status == 1
     assert "differs: state 0 at t = 0.000000 s: agent 1 x recorded" in output
 
@@ -54,7 +55,7 @@ def test_one_flipped_bit_of_a_recorded_input_is_found_at_its_step_and_agent(
     steps = [msgspec.structs.replace(step) for step in recorded.steps]
     steps[at].u = (with_last_bit_flipped(steps[at].u[0]), steps[at].u[1])
     copy = rewritten(recorded, steps, tmp_path / "flipped.mcap")
-    status, output = phalanx("verify", str(copy)).finish()
+    status, output = phalanx("verify", str(copy), "--engine", "in-process").finish()
     assert status == 1
     assert f"differs: step {at}, agent 3, k = 17, t = {steps[at].t:.6f} s: u.nu" in output
     assert "(1 steps of float64 apart)" in output
@@ -65,7 +66,7 @@ def test_a_stopped_run_is_compared_as_far_as_it_went(phalanx):
     run.wait_until_running()
     os.killpg(run.process.pid, signal.SIGINT)
     assert run.finish()[0] == 130
-    status, output = phalanx("verify", str(run.folder)).finish()
+    status, output = phalanx("verify", str(run.folder), "--engine", "in-process").finish()
     assert status == 0, output
     assert "stopped by the user; comparing up to its end" in output
 

@@ -25,7 +25,7 @@ def hello(server: SceneServer, origin: str | None) -> bool:
         origin=None if origin is None else Origin(origin),
         subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
     ) as socket:
-        return bool(socket.recv(timeout=10))
+        return bool(socket.recv(timeout=60))
 
 
 def test_its_own_pages_and_those_named_may_connect(server: SceneServer) -> None:

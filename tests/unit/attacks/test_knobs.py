@@ -16,6 +16,7 @@ def guaranteed(**attack):
     return {**read_table("guaranteed"), "attack": attack}
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(st.data())
 def test_every_point_is_a_valid_scenario_within_its_bounds(data):

@@ -41,6 +41,7 @@ def test_an_evaluation_has_the_verdict_and_the_hash_of_its_run():
     assert found.least == pytest.approx(-violation.worst / scale)
 
 
+@pytest.mark.slow
 def test_a_pursuer_that_begins_closer_has_less_robustness_on_the_same_scale():
     scales = scales_of(build_swarm(one_on_one([0.0, -4.0])))
     starts = ([0.0, -9.0], [0.0, -4.0], [0.0, -2.5], [0.0, -1.1])

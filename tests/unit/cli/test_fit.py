@@ -31,6 +31,7 @@ def printed(capsys, *arguments):
     return capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_line_for_the_scenario_bounds_what_was_drawn(runs, capsys):
     text = printed(capsys, *runs)
     lines = [line for line in text.splitlines() if line.startswith("disturbance = ")]
@@ -49,6 +50,7 @@ def test_two_runs_have_the_intervals_of_both(runs, capsys):
     assert counted[0] + counted[1] == counted[2]
 
 
+@pytest.mark.slow
 def test_a_lower_level_needs_fewer_intervals(runs, capsys):
     assert "too few intervals" in printed(capsys, runs[0], "--level", "0.99999")
     assert "too few intervals" not in printed(capsys, runs[0], "--level", "0.9")

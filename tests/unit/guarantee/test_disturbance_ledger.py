@@ -168,6 +168,7 @@ def test_an_agent_without_inputs_held_zero_all_along(recording):
     assert intervals(recording, steps=[]) == [1] * 5
 
 
+@pytest.mark.slow
 def test_intervals_whose_ends_are_not_recorded_are_left_out(recording):
     every, some = intervals(recording), intervals(recording, states=recording.states[::3])
     assert all(0 <= few < most for few, most in zip(some, every, strict=True))

@@ -34,6 +34,7 @@ def decisions(reserve: float) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, 
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reserve", [0.03, 0.06])
 def test_a_pair_is_split_exactly_while_the_certificate_covers_the_reserve(reserve):
     found = decisions(reserve)

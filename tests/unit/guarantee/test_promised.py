@@ -18,6 +18,7 @@ def ahead(name: str, **fields: object) -> Promise:
     return promised(build_swarm(load(name, {k.replace("__", "."): v for k, v in fields.items()})))
 
 
+@pytest.mark.slow
 @settings(max_examples=10, deadline=None)
 @given(gap=st.floats(0.01, 8.0))
 def test_two_agents_that_drive_at_each_other_meet_after_it(gap):

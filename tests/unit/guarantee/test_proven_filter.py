@@ -25,6 +25,7 @@ def controllers(information: str) -> tuple[DistributedController, DistributedCon
     return made[0], made[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("information", ["split", "unknown"])
 def test_an_input_that_is_certified_for_too_short_is_replaced_by_a_longer_one(information):
     plain, proving = controllers(information)

@@ -97,6 +97,7 @@ def test_rewards_sum_to_the_rise_of_the_largest_h_and_an_unsafe_pair_ends_the_ep
     assert total["1"] == total["2"] == pytest.approx(begun - infos["1"]["h"])
 
 
+@pytest.mark.slow
 def test_mistakes_are_named():
     scenario = phalanx.load("unicycles", SHORT)
     with pytest.raises(ValueError, match=r"acting: expected attackers, defenders, both, got 'all'"):

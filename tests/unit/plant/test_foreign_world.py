@@ -21,6 +21,7 @@ def robots(name="unicycles"):
     return [WorldAgent(m.name, m.dynamics, x) for m, x in zip(swarm.members, starts, strict=True)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["unicycles", "formation3d", "quadrotors"])
 def test_the_plants_own_integration_is_a_world(name):
     check_world(lambda: worlds.Declared(rows_of_scenario(name)), robots(name))
@@ -96,6 +97,7 @@ def failed(run):
     return found["disturbance bound"]
 
 
+@pytest.mark.slow
 def test_a_world_as_declared_ends_guaranteed(ran):
     run = ran({"type": "Unicycles"})
     assert run.verdict == "guaranteed"
@@ -103,18 +105,21 @@ def test_a_world_as_declared_ends_guaranteed(ran):
     assert failed(run).failed == 0
 
 
+@pytest.mark.slow
 def test_a_world_that_goes_wrong_on_the_way_is_never_guaranteed(ran):
     run = ran({"type": "Unicycles", "gain": 3.0, "since": 0.2})
     assert run.verdict != "guaranteed"
     assert failed(run).first == pytest.approx(0.2, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_a_small_slip_is_a_disturbance_within_its_bound(ran):
     run = ran({"type": "Unicycles", "gain": 1.1})
     assert failed(run).failed == 0
     assert run.verdict == "guaranteed"
 
 
+@pytest.mark.slow
 def test_a_run_in_a_world_can_be_repeated_if_it_says_so(ran):
     assert phalanx.verify(ran({"type": "Unicycles"}, duration=0.1)).difference is None
     honest = ran({"type": "Fickle", "determinism": '"none"'}, duration=0.1)
@@ -122,6 +127,7 @@ def test_a_run_in_a_world_can_be_repeated_if_it_says_so(ran):
         phalanx.verify(honest)
 
 
+@pytest.mark.slow
 def test_a_world_draws_from_another_seed_from_a_reseed_on(ran):
     nothing = [*(f"agents.{k}.clock.jitter=0" for k in (0, 1)), "network.loss=0", "network.delay=0"]
 
@@ -138,11 +144,13 @@ def test_a_world_draws_from_another_seed_from_a_reseed_on(ran):
     assert not one.equals(other)
 
 
+@pytest.mark.slow
 def test_a_difference_in_a_world_of_one_build_says_that_another_build_may_differ(ran):
     run = ran({"type": "Fickle", "determinism": '"build"'}, duration=0.1)
     assert "on one build and CPU alone" in phalanx.verify(run, engine="in-process").difference
 
 
+@pytest.mark.slow
 def test_a_check_says_that_the_robots_move_by_another_law():
     scenario = phalanx.load("unicycles", [f'world={{ type = "{HERE}:Unicycles" }}'])
     assert any(f"move by {HERE}:Unicycles" in line for line in phalanx.check(scenario).words)

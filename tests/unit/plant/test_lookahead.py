@@ -21,6 +21,7 @@ def both(radius: float = 2.0, *overrides: str) -> tuple[World, World, Lookahead]
     return World(rows), behind, Lookahead(behind, np.full(5, radius))
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=10)
 def test_known_states_are_the_worlds_however_late_the_answers_of_others(seed):

@@ -22,6 +22,7 @@ def test_the_seed_in_force_is_that_of_the_last_change(changes, t):
     assert Seeds(42, changes).at(t) == [42, *past][-1]
 
 
+@pytest.mark.slow
 @given(CHANGES)
 def test_each_row_is_that_of_the_seed_in_force_when_it_was_decided(changes):
     seeds = Seeds(42, changes)

@@ -8,6 +8,7 @@ from phalanx.studies.identity import Identity
 from phalanx.studies.work import Job, compute
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "scenario", ["unicycles", "guaranteed", pytest.param("formation3d", marks=pytest.mark.nightly)]
 )
@@ -23,6 +24,7 @@ def test_the_rows_of_a_job_have_the_bits_of_runs(scenario):
     assert rows[0].trajectory != rows[1].trajectory
 
 
+@pytest.mark.slow
 def test_obstacles_that_are_drawn_are_drawn_for_each_seed():
     identities = tuple(Identity("", seed, "", "") for seed in (0, 1))
     rows = compute(Job(read_table("swarm2d"), {"duration": 0.05}, identities))

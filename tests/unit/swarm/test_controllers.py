@@ -205,6 +205,7 @@ def test_a_controller_is_for_normal_agents_under_distributed_control():
         load("unicycles", {"agents.0.controller.type": "none", "safety.control": "centralised"})
 
 
+@pytest.mark.slow
 def test_a_controller_with_a_state_begins_anew_in_every_run():
     kept = {"type": "keeping:Held", "keep": 0.9}
     first, second = (run(kept, "unicycles").summary.trajectory for _ in range(2))
@@ -294,6 +295,7 @@ def test_what_it_notes_is_in_the_inputs():
     assert other.select(noted).null_count().sum_horizontal().item() == 3 * len(other) > 0
 
 
+@pytest.mark.slow
 def test_a_check_names_the_agents_that_decide_by_themselves():
     found = phalanx.check(load("unicycles", {"agents.0.controller.type": "escape"}))
     assert found.may_be_guaranteed
@@ -301,6 +303,7 @@ def test_a_check_names_the_agents_that_decide_by_themselves():
     assert any("decides for 1, 2, 3" in gap for gap in found.gaps)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["none", "cbf-qp", "clf-cbf", "escape"])
 @pytest.mark.parametrize("scenario", ["unicycles", "formation3d", "swarm2d", "faults/loss"])
 def test_every_baseline_runs_on(scenario, name):
@@ -324,6 +327,7 @@ def test_a_baseline_whose_library_is_not_here_names_the_extra(name, library, mon
         run(name, "unicycles")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "scenario", ["unicycles", pytest.param("formation3d", marks=pytest.mark.nightly)]
 )
@@ -342,6 +346,7 @@ def test_the_page_has_the_example_that_was_compared():
     assert source.partition('"""\n\n')[2] in page
 
 
+@pytest.mark.slow
 def test_without_a_filter_two_agents_that_head_for_each_other_collide():
     with_filter = phalanx.run("one-on-one", engine="in-process")
     without = run("none", duration=with_filter.scenario.duration)

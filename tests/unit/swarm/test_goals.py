@@ -92,7 +92,14 @@ def test_every_shipped_dynamics_is_here():
     assert TRACKED.keys() == BUILT_IN[Dynamics].keys()
 
 
-@pytest.mark.parametrize("name", TRACKED)
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(n, marks=pytest.mark.nightly if n.endswith("quadrotor") else ())
+        for n in TRACKED
+    ],
+)
 def test_an_agent_arrives_in_every_shipped_dynamics(name):
     point = [2.0, 1.0, -1.0][: axes_of(name)]
     rest = [0.0] * len(dynamics_of(name).states)
@@ -100,6 +107,7 @@ def test_an_agent_arrives_in_every_shipped_dynamics(name):
     assert end == pytest.approx(point, abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_follower_keeps_its_offset():
     follow = {"type": "follow", "agent": "a0", "offset": [-1.0, 2.0]}
     start = [[0.0, 0.0], [-4.0, -4.0]]

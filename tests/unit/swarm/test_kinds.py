@@ -144,6 +144,7 @@ def test_every_margin_has_the_terms_of_its_chain(name, margin, radius):
         assert rows.invariants()(x)[: len(found.psi)] == pytest.approx(expected.psi, **close)
 
 
+@pytest.mark.slow
 def test_agents_of_one_group_share_what_is_compiled():
     rows = rows_of_kinds("swarm")
     x = rows.swarm.start()

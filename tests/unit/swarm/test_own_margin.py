@@ -131,6 +131,7 @@ def test_a_choice_that_does_not_fit_is_named(override, line):
     assert str(error.value).startswith(f"own.toml: {line}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["Reserve", "Subclass"])
 def test_a_check_claims_no_proof_for_it(name):
     scenario = load("own.toml", {"safety.margin.type": f"reserves:{name}"})

@@ -70,6 +70,7 @@ def inputs(rows: SafetyRows) -> list[bytes]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("composition", ["pairs", "lse"])
 @pytest.mark.parametrize("law", ["track-velocity", "pursue"])
 def test_an_agents_inputs_do_not_depend_on_the_roles_of_others(composition, law, tmp_path):
@@ -112,6 +113,7 @@ def test_another_seed_reaches_the_agents_own_rows():
     assert rows.seen_by(0).swarm.seed == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["unicycles", pytest.param("guaranteed", marks=pytest.mark.nightly)]
 )

@@ -22,6 +22,7 @@ def test_a_window_that_straddles_an_apply_time_is_split_there():
     assert [seconds for _, seconds in parts] == pytest.approx([0.005, 0.01, 0.002])
 
 
+@pytest.mark.slow
 @given(
     lost=st.sets(st.integers(0, 9)),
     begin=st.floats(0.0, 0.08),

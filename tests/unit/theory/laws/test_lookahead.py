@@ -4,6 +4,7 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -30,12 +31,14 @@ def attack(states: dict[int, list[float]], normal: list[int], targets: Any = FAS
     return found
 
 
+@pytest.mark.slow
 @given(bearing=st.floats(0.2, 1.2), side=st.sampled_from([-1.0, 1.0]))
 def test_it_drives_at_a_target_ahead_and_turns_to_its_side(bearing, side):
     there = [4.0 * np.cos(bearing), side * 4.0 * np.sin(bearing)]
     assert attack({0: [0.0, 0.0, 0.0], 1: there}, [1], SingleIntegrator(0.1)) == [2.0, side]
 
 
+@pytest.mark.slow
 @given(bearing=st.floats(0.2, 1.2), side=st.sampled_from([-1.0, 1.0]))
 def test_it_reverses_towards_a_target_behind(bearing, side):
     there = [-4.0 * np.cos(bearing), side * 4.0 * np.sin(bearing)]

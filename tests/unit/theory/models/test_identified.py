@@ -42,6 +42,7 @@ def test_it_hovers_on_zero_inputs():
     assert not rate(np.zeros(12), np.zeros(3)).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("u", [[1.0, 0.2, -0.1], [-2.0, -0.3, 0.3]])
 def test_constant_inputs_are_reached_and_no_more_moves_but_the_position(u):
     end = moved(np.zeros(12), np.array(u), 3.0, 3000)[-1]

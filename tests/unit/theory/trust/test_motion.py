@@ -22,6 +22,7 @@ DYNAMICS: dict[str, Dynamics] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DYNAMICS)
 @settings(max_examples=12, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10**6), bound=st.floats(0.0, 2.0), error=st.sampled_from([0.0, 0.003]))
