@@ -4,16 +4,17 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Protocol, Self
 
+import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
 from phalanx.arrays import Array
 from phalanx.guarantee.certificates import certified_for
-from phalanx.guarantee.proven_filter import EarnedFilter, ProvenFilter
+from phalanx.guarantee.proven_filter import EarnedFilter, OwnProofs, ProvenFilter
 from phalanx.swarm.own_controller import own_controller
 from phalanx.swarm.rows import SafetyRows
-from phalanx.swarm.watch import Watch
 from phalanx.theory.laws.attacks import WorstCase
+from phalanx.theory.laws.goals import Waypoints
 from phalanx.theory.laws.law import NominalInput, View
 from phalanx.theory.rows.centralised import JointInput
 from phalanx.theory.rows.decision import Decision
@@ -63,25 +64,43 @@ class AgentController(Protocol):
         """Return the agent's controller after a command has made it an adversary."""
 
 
+class Trust(Protocol):
+    """An agent's trust in others, with information earned."""
+
+    @property
+    def conviction_takes(self) -> Mapping[int, float]:
+        """The longest time from a betrayal until trust ends, by agent [s]."""
+
+    def trusted(self, t: float) -> frozenset[int]:
+        """Return the agents that are trusted at t [s]."""
+
+
 class DistributedController:
     """An agent's own law, row and QP, as in (QPdistributed); or another controller's input."""
 
-    def __init__(self, rows: SafetyRows, i: int, watch: Watch | None = None) -> None:
+    def __init__(self, rows: SafetyRows, i: int, watch: Trust | None = None) -> None:
         """Compile agent i's own copy of the theory; watch: of others, if it watches any."""
         self._everything, self._i = rows, i
         self._watch = watch if rows.swarm.safety.information is Information.EARNED else None
+        self._proofs: list[OwnProofs] = []
         rows = rows.seen_by(i)
         swarm = rows.swarm
         self._members, self._parts = swarm.members, swarm.safe_set.parts
         self._nominal = NominalInput(swarm.law(i), swarm.members[i])
         self._goal = swarm.goal(i)
+        reference = self._goal.reference
+        self._waypoints = reference if isinstance(reference, Waypoints) else None
         self._terms = rows.terms(i)
         self._filter = rows.filter(i)
         if not swarm.members[i].adversary:
             first = rows.row_filter(i)
             if self._watch is not None:
                 first = EarnedFilter(rows, i, first, self._watch.conviction_takes)
-            self._filter = ProvenFilter(rows, i, first) if swarm.safety.prove else first
+                self._proofs.append(first.proofs)
+            self._filter = first
+            if swarm.safety.prove:
+                self._filter = proven = ProvenFilter(rows, i, first)
+                self._proofs.append(proven.proofs)
         self._own = own_controller(rows, i, certified_for(swarm, i))
         self._latency = swarm.time.latency
 
@@ -94,10 +113,37 @@ class DistributedController:
         if self._own is not None:
             decision, notes = self._own(view, u_nom, x, seen, t, received)
             return StepResult(decision, u_nom, [], notes)
-        trusted = self._watch.trusted(t) & set(seen) if self._watch else frozenset[int]()
+        trusted = self.trusted(t, seen)
         now = FilterInput(t + self._latency, x, seen, view.terms, u_nom, received, trusted)
         decision, used = self._filter(now)
         return StepResult(decision, u_nom, used)
+
+    def trusted(self, t: float, seen: tuple[int, ...]) -> frozenset[int]:
+        """Return the agents in sight that may have a pair split at t [s]."""
+        return self._watch.trusted(t) & set(seen) if self._watch else frozenset()
+
+    @property
+    def memory(self) -> bytes:
+        """The part of earlier samples that the next input depends on, as float64.
+
+        Until when its pairs are quiet, and how many waypoints were reached.
+        """
+        parts = [proofs.quiet_until.tobytes() for proofs in self._proofs]
+        if self._waypoints is not None:
+            parts.append(np.float64(self._waypoints.reached).tobytes())
+        return b"".join(parts)
+
+    @memory.setter
+    def memory(self, kept: bytes) -> None:
+        """Go on from there. Raises ValueError: it is of another size, or not a number."""
+        if len(kept) != len(self.memory):
+            raise ValueError(f"expected {len(self.memory)} bytes, got {len(kept)}")
+        values = np.frombuffer(kept)
+        for proofs in self._proofs:
+            size = len(proofs.quiet_until)
+            proofs.quiet_until[:], values = values[:size], values[size:]
+        if self._waypoints is not None:
+            self._waypoints.reached = int(values[0])
 
     def _view(self, x: Array, seen: tuple[int, ...], t: float) -> View:
         i, terms = self._i, self._terms(x, seen)

@@ -3,12 +3,14 @@
 import time
 from collections import deque
 from collections.abc import Mapping
+from typing import get_args
 
 import numpy as np
 from msgspec import Struct
 
 from phalanx.arrays import Array
 from phalanx.faults.commands import ActiveCommands
+from phalanx.guarantee.verdict import Proof
 from phalanx.network.inbox import BroadcastInbox, BroadcastRange, Claim, Fate, SentInput
 from phalanx.network.link import Link, RuleError
 from phalanx.schema.fields import CONTROLLER
@@ -20,20 +22,21 @@ from phalanx.swarm.watch import Watch
 from phalanx.theory.expressions.exact import LARGEST
 from phalanx.theory.expressions.user_methods import MistakenMethodError, error_line
 from phalanx.theory.rows.information import ReceivedInput
-from phalanx.wire.equivocation import Witness
+from phalanx.wire.equivocation import Witness, claim_of
 from phalanx.wire.membership import Membership
 from phalanx.wire.messages import (
     LONGEST_FAILURE,
     MAX_BYTES,
     Actuation,
+    AuditedBroadcast,
     Broadcast,
     Sample,
     SignedBroadcast,
-    SignedClaim,
     Telemetry,
 )
 from phalanx.wire.seal import Malformed
 from phalanx.wire.signatures import Signatures
+from phalanx_agent.audits import Audits
 from phalanx_agent.clock import LOCKSTEP, VirtualClock, clock_of
 from phalanx_agent.controller import (
     AgentController,
@@ -120,10 +123,16 @@ class ControlStep:
             signatures = Signatures(membership, swarm.names, i)
             senders = {b.i: b for b in swarm.broadcasters.values() if b.i in self._heard}
             self._witness = Witness(i, senders, signatures)
-        self.broadcast_kind = SignedBroadcast if self._witness else Broadcast
+        self.broadcast_kind: type[Broadcast] = SignedBroadcast if self._witness else Broadcast
         """The message that it receives from peers, and sends to them."""
         own = controller or DistributedController(rows, i, self._watch)
         self._controller: AgentController = own
+        self.audits: Audits | None = None
+        """Its audits of others, if the run has audits."""
+        if swarm.safety.audit and self._watch and self._witness:
+            assert isinstance(own, DistributedController)  # a centralised one has no evidence
+            self.audits = Audits(rows, i, own, self._watch, self._witness)
+            self.broadcast_kind = AuditedBroadcast
 
     def accept_sample(self, sample: Sample) -> Accepted:
         """Validate and decode the next sample. Raises Malformed.
@@ -189,8 +198,7 @@ class ControlStep:
     def _signed(self, sender: int, message: Broadcast) -> bool:
         if self._witness is None or not isinstance(message, SignedBroadcast):
             return False
-        claim = SignedClaim(sender, message.k, message.t_apply, message.u, message.signature)
-        return self._witness.signatures.genuine(claim)
+        return self._witness.signatures.genuine(claim_of(sender, message))
 
     def __call__(self, accepted: Accepted) -> Answer:
         """Answer a sample. In lockstep the inbox must have every broadcast that it counts.
@@ -224,7 +232,10 @@ class ControlStep:
         received = self.inbox.received()
         delivered = self.inbox.take_delivered()
         convictions = self._watch(sample.t, x, sample.seen, delivered) if self._watch else []
-        equivocations = self._convict_equivocators(delivered)
+        proofs = self._convict_equivocators(delivered)
+        if self.audits is not None:
+            audited, contradicted = self.audits(sample, delivered, received)
+            proofs, convictions = [*proofs, *audited], [*convictions, *contradicted]
         result = self.decide(x, sample.seen, sample.t, received)
         u, t_apply = tuple(result.decision.u.tolist()), sample.t + self._latency
         claimed = u if result.claimed is None else tuple(result.claimed.tolist())
@@ -236,10 +247,10 @@ class ControlStep:
                 report=result.report(time.perf_counter() - began),
                 ages=tuple((l, sample.t - received[l].t_apply) for l in result.used),
                 fates=fates,
-                rejected=self.rejected + (self._witness.refused if self._witness else 0),
+                rejected=self.rejected + self._refused,
                 received=self._clock.reported(received),
                 convictions=tuple((c.of, c.begin, c.end, c.excess) for c in convictions),
-                equivocations=equivocations,
+                proofs=tuple(proofs),
                 notes=tuple(result.notes.items()),
             ),
             waits=self._clock.waits,
@@ -253,13 +264,19 @@ class ControlStep:
 
     def _convict_equivocators(
         self, delivered: list[tuple[int, SentInput]]
-    ) -> tuple[tuple[int, int], ...]:
+    ) -> list[tuple[int, int, Proof]]:
         """Return the index and the number of each newly proven equivocation."""
         if self._witness is None or self._watch is None:
-            return ()
+            return []
         found = self._witness.hear(delivered)
         self._watch.convicted.update(evidence.first.sender for evidence in found)
-        return tuple((evidence.first.sender, evidence.first.k) for evidence in found)
+        return [(evidence.first.sender, evidence.first.k, "equivocation") for evidence in found]
+
+    @property
+    def _refused(self) -> int:
+        """Relayed claims and reveals dropped so far."""
+        refused = self._witness.refused if self._witness else 0
+        return refused + (self.audits.auditor.refused if self.audits else 0)
 
     def _broadcasts(self, sample: Sample, truth: Claim) -> dict[int, Broadcast]:
         if not self._lies.declared:
@@ -280,6 +297,8 @@ class ControlStep:
 
     def _broadcast(self, k: int, claim: Claim) -> Broadcast:
         """Make the broadcast of a claim, signed if the run has evidence."""
+        if self.audits is not None:
+            return self.audits.auditor.broadcast(k, claim)
         t_apply, u = claim.t_apply, claim.u
         if self._witness is None:
             return Broadcast(k=k, t_apply=t_apply, u=u)
@@ -337,7 +356,8 @@ def _most_fates(swarm: Swarm) -> int:
     u = _HEAD + _FLOAT * max(len(member.dynamics.inputs) for member in swarm.members)
     age, received = _HEAD + _INT + _FLOAT, _HEAD + _INT + _FLOAT + u
     conviction = _HEAD + _INT + 3 * _FLOAT
-    each = age + received + conviction + _HEAD + 2 * _INT
+    proof = _HEAD + 2 * _INT + len(max(get_args(Proof), key=len)) + 1
+    each = age + received + conviction + proof
     other_fields = 200 + LONGEST_FAILURE + u + len(swarm.members) * each
     faults = _HEAD + _INT * len(swarm.links.declared)
     fate = _HEAD + _INT + _INT + _FLOAT + faults + _HEAD + _FLOAT + u

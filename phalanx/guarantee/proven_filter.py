@@ -43,7 +43,7 @@ class OwnProofs:
         self._seen: tuple[int, ...] = ()
         self._in_sight = np.zeros(len(own.pairs), dtype=bool)
         """Pairs with what is seen that some input can certify."""
-        self._quiet_until = np.full(len(own.pairs), -np.inf)
+        self.quiet_until = np.full(len(own.pairs), -np.inf)
         """Time up to which each pair is proven safe for all inputs of all agents [s]."""
         self._provable = np.array([pair not in own.refused for pair in own.pairs], dtype=bool)
 
@@ -56,10 +56,10 @@ class OwnProofs:
             self._seen = now.seen
             known = np.isin(self.others, now.seen) | (self.others >= self.agents)
             self._in_sight = known & self._provable
-        due: Mask = self._in_sight & (self._quiet_until < now.t + self._needed)
+        due: Mask = self._in_sight & (self.quiet_until < now.t + self._needed)
         if due.any():
             may_meet = self._certificates.may_meet(self.own, now.x, due)
-            self._quiet_until[due & ~may_meet] = now.t + self.own.longest
+            self.quiet_until[due & ~may_meet] = now.t + self.own.longest
             due = may_meet
         return due
 
@@ -77,8 +77,8 @@ class EarnedFilter:
     ) -> None:
         """reserve: by agent, the time until a betrayal would be convicted [s]."""
         self.i, self._first = i, first
-        self._proofs = OwnProofs(rows, i, max(reserve.values(), default=0.0))
-        others = self._proofs.others.tolist()
+        self.proofs = OwnProofs(rows, i, max(reserve.values(), default=0.0))
+        others = self.proofs.others.tolist()
         self._reserve = np.array([reserve.get(l, 0.0) for l in others])
 
     def __call__(self, now: FilterInput) -> Filtered:
@@ -94,10 +94,10 @@ class EarnedFilter:
         filtered = self._first(now)
         if not now.trusted:
             return filtered, now
-        near = self._proofs.near(now)
+        near = self.proofs.near(now)
         while now.trusted and near.any():
-            (times,) = self._proofs.times(now, near, [filtered.decision.u])
-            short = set(self._proofs.others[near & (times < self._reserve)].tolist()) & now.trusted
+            (times,) = self.proofs.times(now, near, [filtered.decision.u])
+            short = set(self.proofs.others[near & (times < self._reserve)].tolist()) & now.trusted
             if not short:
                 break
             now = now._replace(trusted=now.trusted - short)
@@ -118,21 +118,21 @@ class ProvenFilter:
         """
         self._first, self._pairs = first, rows.pair_terms(i)
         self._qp = NearestInput(rows.swarm.members[i].dynamics.input_metric())
-        self._proofs = OwnProofs(rows, i, rows.swarm.horizon(i))
-        self._own = self._proofs.own
+        self.proofs = OwnProofs(rows, i, rows.swarm.horizon(i))
+        self._own = self.proofs.own
 
     def __call__(self, now: FilterInput) -> Filtered:
         """The input to apply, and for how long it is proven safe."""
         filtered = self._first(now)
-        near = self._proofs.near(now)
+        near = self.proofs.near(now)
         if not near.any():
             return self._reported(filtered, np.zeros(0))
-        (times,) = self._proofs.times(now, near, [filtered.decision.u])
+        (times,) = self.proofs.times(now, near, [filtered.decision.u])
         weak = near & (times < self._own.tau)
         if not weak.any():
             return self._reported(filtered, times[near])
         whole = self._with_whole_rows(now, weak)
-        (again,) = self._proofs.times(now, near, [whole.decision.u])
+        (again,) = self.proofs.times(now, near, [whole.decision.u])
         if whole.decision.origin is Origin.PROVEN and not (again[near] < self._own.tau).any():
             return self._reported(whole, again[near])
         u, longest = self._longest(now, near, [filtered.decision.u, whole.decision.u])
@@ -149,7 +149,7 @@ class ProvenFilter:
         """Solve the QP with the first filter's rows and whole rows for these pairs."""
         rows, used = self._first.rows(now)
         terms = self._pairs(now.x, now.seen)
-        agents, others = self._proofs.agents, self._proofs.others[weak].tolist()
+        agents, others = self.proofs.agents, self.proofs.others[weak].tolist()
         counted = {l if l < agents else None for l in others}
         chosen = np.array([l in counted for l in terms.others], dtype=bool)
         every = pair_rows(terms, {})
@@ -168,7 +168,7 @@ class ProvenFilter:
         tried = [*inputs, *polytope.corners, polytope.corners.mean(axis=0)]
         best, longest = tried[0], -1.0
         for _ in range(_ROUNDS):
-            least = [float(t[near].min()) for t in self._proofs.times(now, near, tried)]
+            least = [float(t[near].min()) for t in self.proofs.times(now, near, tried)]
             place = int(np.argmax(least))
             if least[place] > longest:
                 best, longest = tried[place], least[place]

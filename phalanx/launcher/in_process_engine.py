@@ -118,14 +118,15 @@ class DirectAgents:
         self._names = rows.swarm.names
         self._rows = rows
         steps = [s for name in rows.swarm.programs for s in control_steps(rows, name)]
-        self._steps = {step.i: step for step in steps}
+        self.steps = {step.i: step for step in steps}
+        """The control steps by index of their agents."""
         self._inputs: dict[int, Array] = {}
         self._telemetry: dict[tuple[int, int], Telemetry] = {}
         self._progress = progress
 
     def send_sample(self, i: int, sample: Sample) -> None:
         """Have agent i answer its sample. Raises SwarmBrokenError if its control step fails."""
-        step, name = self._steps[i], self._names[i]
+        step, name = self.steps[i], self._names[i]
         try:
             with interrupt.NotDeferred():  # a law may never return
                 answer = step(step.accept_sample(sample))
@@ -134,7 +135,7 @@ class DirectAgents:
         self._inputs[i] = np.array(answer.actuation.u)
         self._telemetry[i, sample.k] = answer.telemetry
         for hearer, broadcast in answer.broadcasts.items():
-            self._steps[hearer].accept_broadcast(name, broadcast)
+            self.steps[hearer].accept_broadcast(name, broadcast)
 
     def await_input(self, i: int) -> Array:
         """Return agent i's input for its last sample, shape (m_i,)."""
@@ -160,7 +161,7 @@ class DirectAgents:
     def restart(self, i: int, t: float) -> None:
         """Replace agent i's control step by a new one, unless a controller decides for several."""
         if self._names[i] in self._rows.swarm.programs:
-            (self._steps[i],) = control_steps(self._rows, self._names[i])
+            (self.steps[i],) = control_steps(self._rows, self._names[i])
 
     def publish_status(self, message: Status) -> None:
         """Call the run's progress callback."""

@@ -187,6 +187,12 @@ class Scenario(Strict):
                     "expected none: with safety.control = 'centralised' one QP decides for all"
                 )
                 raise field_error(("agents", index, "controller"), message, group.controller)
+            if self.safety.audit and group.role == "normal" and group.keeps_state:
+                message = (
+                    f"expected false: the controller, law or goal of agent {group.names[0]} may "
+                    "remember what no peer knows"
+                )
+                raise field_error(("safety", "audit"), message, self.safety.audit)
             gap = group.clock.period - group.clock.jitter
             if self.time.latency >= gap:
                 message = f"expected less than {gap:g} s, the shortest time between two samples"

@@ -79,6 +79,9 @@ class Safety(Strict):
     evidence: bool = False
     """Whether agents also sign what they broadcast, and relay what they heard: two broadcasts of
     one number that differ convict their sender with all that see both."""
+    audit: bool = False
+    """Whether agents also ask one another for what a control step depended on, and compute it
+    again: an input that is not the step's convicts its sender with all. Needs evidence."""
     prove: bool = False
     """Whether agents evaluate their own certificates for an input before they apply it, and look
     for a better one if it is proven safe for less than until the next sample."""
@@ -106,6 +109,9 @@ class Safety(Strict):
         if self.control == "centralised" and self.evidence:
             message = "expected false: centralised agents hear nobody"
             raise field_error(("evidence",), message, self.evidence)
+        if self.audit and not self.evidence:
+            message = "expected false, or evidence = true: audits are of signed broadcasts"
+            raise field_error(("audit",), message, self.audit)
         if self.control == "centralised" and not self.information.reads_roles:
             message = "expected another: a centralised controller knows whom it controls"
             raise field_error(("information",), message, self.information.value)
@@ -120,6 +126,9 @@ class Safety(Strict):
         if self.margin_name not in _OF_ANY_ROW and self.composition == "lse":
             message = "expected composition = 'pairs', or another margin: it is of a pair's row"
             raise field_error(("margin",), message, self.margin)
+        if self.audit and self.own_margin:
+            message = "expected false with a margin of your own, which may keep a state"
+            raise field_error(("audit",), message, self.audit)
         self._function = built("function", SafeSetFunction, self.function)
         if self.information is Information.EARNED and self.composition == "lse":
             message = "expected composition = 'pairs', of which each can be split or not"

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from phalanx.network.inbox import SentInput
 from phalanx.swarm.swarm import Broadcaster
-from phalanx.wire.messages import SignedBroadcast, SignedClaim
+from phalanx.wire.messages import AuditedBroadcast, AuditedClaim, SignedBroadcast, SignedClaim
 from phalanx.wire.signatures import Signatures
 
 _MOST = 64
@@ -44,6 +44,14 @@ def equivocator(evidence: Sequence[SignedClaim], signatures: Signatures) -> int:
     return first.sender
 
 
+def claim_of(sender: int, message: SignedBroadcast) -> SignedClaim:
+    """Return the claim of a broadcast."""
+    k, t_apply, u, signature = message.k, message.t_apply, message.u, message.signature
+    if isinstance(message, AuditedBroadcast):
+        return AuditedClaim(sender, k, t_apply, u, signature, message.digest)
+    return SignedClaim(sender, k, t_apply, u, signature)
+
+
 class Witness:
     """The signed claims that one agent has heard, and the convictions that follow."""
 
@@ -63,11 +71,18 @@ class Witness:
         for sender, message in delivered:
             if not isinstance(message, SignedBroadcast):
                 continue
-            own = SignedClaim(sender, message.k, message.t_apply, message.u, message.signature)
-            self._compare(own, verified=True)
+            self._compare(claim_of(sender, message), verified=True)
             for claim in message.relayed:
                 self._compare(claim, verified=False)
         return list(self.proven.values())[before:]
+
+    def claim(self, l: int, k: int) -> SignedClaim | None:
+        """Return agent l's claim k, if it was heard."""
+        return self._claims[l].get(k) if l in self._claims else None
+
+    def genuine(self, claim: SignedClaim) -> bool:
+        """Return whether its sender signed a claim; one that was heard is not verified again."""
+        return claim == self.claim(claim.sender, claim.k) or self.signatures.genuine(claim)
 
     def relay(self, k: int) -> tuple[SignedClaim, ...]:
         """Return what broadcast k relays: in turn each evidence, and each other's newest claim."""

@@ -128,6 +128,23 @@ def test_evidence_ends_earned_trust_alike_in_both_engines():
     assert {c.of for c in runs[0].summary.trust.convictions if c.number} == {"east"}
 
 
+def test_an_audit_convicts_in_both_engines_and_ends_earned_trust():
+    """An attack that is announced as it is: the motion check finds nothing."""
+    changes = {
+        "network.loss": 0.0, "network.delay": 0.0, "duration": 1.0,
+        "faults": [{"kind": "turn", "at": 0.2, "agents": ["east"]}],
+        "safety.information": "earned", "safety.evidence": True, "safety.audit": True,
+    }  # fmt: skip
+    scenario = phalanx.load("crossing", changes)
+    runs = [phalanx.run(scenario, engine=engine) for engine in ("in-process", "processes")]
+    assert runs[0].summary.trust == runs[1].summary.trust
+    assert runs[0].summary.trajectory == runs[1].summary.trajectory
+    assert runs[0].summary.trust is not None
+    convictions = runs[0].summary.trust.convictions
+    assert {(each.of, each.proof) for each in convictions} == {("east", "replay")}
+    assert runs[0].summary.trust.false == 0
+
+
 def test_signed_broadcasts_change_no_trajectory_in_real_processes():
     scenario = phalanx.load("unicycles", {"duration": 0.4})
     evidence = phalanx.load("unicycles", {"duration": 0.4, "safety.evidence": True})

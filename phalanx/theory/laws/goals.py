@@ -140,8 +140,8 @@ class Waypoints:
             raise ValueError("expected times that increase")
         self._places = np.array(self.points)
         self._timed = Polyline(self._places, self.times) if self.times else None
-        self._next = 0
-        """The point that is to be reached next."""
+        self.reached = 0
+        """How many points were reached, and so the index of the next one."""
 
     @property
     def axes(self) -> int:
@@ -156,11 +156,11 @@ class Waypoints:
             return self._timed.at(sight.t)
         assert self.tolerance is not None
         here = sight.position
-        while self._next < len(self._places) - 1:
-            if float(length(self._places[self._next] - here)) > self.tolerance:
+        while self.reached < len(self._places) - 1:
+            if float(length(self._places[self.reached] - here)) > self.tolerance:
                 break
-            self._next += 1
-        return hold(self._places[self._next])
+            self.reached += 1
+        return hold(self._places[self.reached])
 
 
 @dataclass(frozen=True)

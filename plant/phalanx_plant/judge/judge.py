@@ -5,7 +5,7 @@ are compared with these. All that is recorded and shown of an event is in its ju
 """
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from msgspec import Struct
@@ -13,7 +13,7 @@ from msgspec.structs import asdict
 
 from phalanx.arrays import Array
 from phalanx.faults.commands import Condition, ProcessChange
-from phalanx.guarantee.verdict import Convicted, TrustSummary
+from phalanx.guarantee.verdict import Convicted, Proof, TrustSummary
 from phalanx.network.inbox import Claim, Fate
 from phalanx.recording.records import Level, Log
 from phalanx.swarm.rows import SafetyRows
@@ -39,6 +39,11 @@ from phalanx_plant.world.events import (
 )
 from phalanx_plant.world.extremes import PairExtremes
 from phalanx_plant.world.world import DivergedError
+
+_PROOFS: Mapping[Proof, str] = {
+    "equivocation": "it signed two broadcasts {} that differ",
+    "replay": "its broadcast {} is not the step that it reveals",
+}
 
 
 class Judged(Struct, frozen=True):
@@ -79,7 +84,8 @@ class Judge:
         """Of the prepared InputApplied events, the time that each pair is proven safe [s]."""
         self._unsafe: set[int] = set()
         """Pairs whose h is above zero."""
-        self._turned: set[int] = set()
+        self._turned: dict[int, float] = {}
+        """Normal agents that became adversaries, and since when [s]."""
         self._notes: list[Log] = []
         """Of the world, since the last state."""
         self._warned: set[str] = set()
@@ -170,7 +176,7 @@ class Judge:
             if effect.leads_to is not None and effect.leads_to.silent:
                 self.assumptions.fell_silent(i, command.t)
             if effect.leads_to is Condition.TURNED:
-                self._turn(i)
+                self._turn(i, command.t)
             if effect.process is ProcessChange.STARTS:
                 self._rejected_before[i] += self._rejected[i]
                 self._rejected[i] = 0
@@ -179,13 +185,13 @@ class Judge:
         level = Level.WARNING if command.harms else Level.INFO
         return Judged(event, [Log(command.t, f"{command}{lost}", level)])
 
-    def _turn(self, i: int) -> None:
-        """Set apart agent i's pairs without a normal agent, now that it is an adversary.
+    def _turn(self, i: int, t: float) -> None:
+        """Set apart agent i's pairs without a normal agent, as it is an adversary from t [s] on.
 
         Two adversaries are no pair of the safe set from the start either.
         """
-        self._turned.add(i)
-        normal = set(self._swarm.normal) - self._turned
+        self._turned.setdefault(i, t)
+        normal = set(self._swarm.normal) - self._turned.keys()
         pairs = enumerate(self._swarm.safe_set.pairs)
         apart = np.array([k for k, p in pairs if not {p.a, p.b} & normal], dtype=np.intp)
         self.extremes.set_apart(apart)
@@ -241,7 +247,7 @@ class Judge:
         for sender in (self._names[fate.sender] for fate, found in received if found.false):
             notices += self._warn_once(t, f"agent {sender}: first false broadcast")
         notices += [self._conviction(i, t, found) for found in telemetry.convictions]
-        notices += [self._equivocation(i, t, *found) for found in telemetry.equivocations]
+        notices += [self._proof(i, t, *found) for found in telemetry.proofs]
         return telemetry, received, notices
 
     def _conviction(self, i: int, t: float, found: tuple[int, float, float, float]) -> Log:
@@ -255,11 +261,11 @@ class Judge:
         )
         return Log(t, text, Level.WARNING)
 
-    def _equivocation(self, i: int, t: float, l: int, number: int) -> Log:
-        """Keep a conviction of equivocation by agent i at t [s], and describe it."""
+    def _proof(self, i: int, t: float, l: int, number: int, proof: Proof) -> Log:
+        """Keep a conviction by evidence that agent i found at t [s], and describe it."""
         by, of = self._names[i], self._names[l]
-        self._convictions.append(Convicted(by, of, t, t, t, 0.0, number))
-        text = f"agent {by} convicts agent {of}: it signed two broadcasts {number} that differ"
+        self._convictions.append(Convicted(by, of, t, t, t, 0.0, number, proof))
+        text = f"agent {by} convicts agent {of}: {_PROOFS[proof].format(number)}"
         return Log(t, text, Level.WARNING)
 
     @property
@@ -267,7 +273,10 @@ class Judge:
         """Betrayals and convictions; None unless agents watch each other."""
         if not self._swarm.safety.watches:
             return None
-        begun = self.claims.betrayals
+        begun = dict(self.claims.betrayals)
+        # By audits an attack is found out though it is announced as it is.
+        for i, t in self._turned.items() if self._swarm.safety.audit else ():
+            begun[self._names[i]] = min(t, begun.get(self._names[i], np.inf))
         for each in self._convictions:
             guilty = begun.get(each.of, np.inf) < each.end
             each.after = each.t - begun[each.of] if guilty else None

@@ -137,6 +137,16 @@ BROKEN: Mapping[str, tuple[Edit, list[str]]] = {
         replace('"paper"', '"papper"'),
         ["safety.information: expected 'paper', 'in-flight'", "got 'papper'"],
     ),
+    "audits without signatures": (
+        replace('"paper"', '"paper"\naudit = true'),
+        ["safety.audit: expected false, or evidence = true"],
+    ),
+    "audits of a controller that may remember": (
+        lambda t: replace('"paper"', '"paper"\nevidence = true\naudit = true')(t).replace(
+            "[[agents]]", '[[agents]]\ncontroller = { type = "none" }', 1
+        ),
+        ["safety.audit: expected false: the controller, law or goal of agent 1 may remember"],
+    ),
     "unknown safe-set function": (
         replace('"separation"', '"seperation"'),
         ["safety.function: expected one of separation, ", "package.module:Name", "'seperation'"],
