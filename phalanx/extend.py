@@ -30,12 +30,6 @@ from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import added, dot, length
 from phalanx.theory.expressions.portable import portable_value
 from phalanx.theory.laws.attacks import Chase, Script, WorstCase, WorstLookahead
-from phalanx.theory.laws.controller import (
-    ControlledAgent,
-    Controller,
-    ControllerView,
-    Received,
-)
 from phalanx.theory.laws.goals import (
     FixedPoint,
     Follow,
@@ -46,9 +40,17 @@ from phalanx.theory.laws.goals import (
     Sight,
     Waypoints,
 )
-from phalanx.theory.laws.law import Law, TeamLaw, View
+from phalanx.theory.laws.law import (
+    ControlledAgent,
+    Controller,
+    ControllerView,
+    Law,
+    Received,
+    TeamLaw,
+    View,
+)
 from phalanx.theory.laws.tracking import Pursue, Track, TrackVelocity
-from phalanx.theory.margins.kinds import IntegratedMargin, LocalMargin, Margin, PairRow
+from phalanx.theory.margins.margin import IntegratedMargin, LocalMargin, Margin, PairRow
 from phalanx.theory.models.aerial import IdentifiedQuadrotor, PlanarQuadrotor, Quadrotor
 from phalanx.theory.models.dynamics import Bounded, Dynamics, Measured, box_polytope
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator, TripleIntegrator

@@ -15,7 +15,7 @@ from phalanx.swarm.own_controller import own_controller
 from phalanx.swarm.rows import SafetyRows
 from phalanx.theory.laws.attacks import WorstCase
 from phalanx.theory.laws.goals import Waypoints
-from phalanx.theory.laws.law import NominalInput, View
+from phalanx.theory.laws.law import CheckedInput, View
 from phalanx.theory.rows.centralised import JointInput
 from phalanx.theory.rows.decision import Decision
 from phalanx.theory.rows.information import Information, ReceivedInput
@@ -86,7 +86,7 @@ class DistributedController:
         rows = rows.seen_by(i)
         swarm = rows.swarm
         self._members, self._parts = swarm.members, swarm.safe_set.parts
-        self._nominal = NominalInput(swarm.law(i), swarm.members[i])
+        self._nominal = CheckedInput(swarm.law(i), swarm.members[i])
         self._goal = swarm.goal(i)
         reference = self._goal.reference
         self._waypoints = reference if isinstance(reference, Waypoints) else None
@@ -156,7 +156,7 @@ class DistributedController:
         """Attack from now on, without a row; an adversary knows everything."""
         rows = self._everything
         self._members = rows.swarm.members
-        self._nominal = NominalInput(WorstCase(), self._members[self._i])
+        self._nominal = CheckedInput(WorstCase(), self._members[self._i])
         self._terms, self._filter = rows.terms(self._i), rows.unfiltered(self._i)
         self._own = None
         return self
@@ -189,7 +189,7 @@ class CentralisedController:
         first = swarm.normal[0]
         self.rows, self._normal = rows, swarm.normal
         self._authority = swarm.safety.authority
-        self._nominal = [NominalInput(swarm.law(l), swarm.members[l]) for l in self._normal]
+        self._nominal = [CheckedInput(swarm.law(l), swarm.members[l]) for l in self._normal]
         self._goals = [swarm.goal(l) for l in self._normal]
         self._parts = swarm.safe_set.parts
         self._terms = rows.terms(first)

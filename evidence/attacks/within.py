@@ -27,7 +27,7 @@ from phalanx.attacks.finds import table_of
 from phalanx.attacks.knobs import Fields
 from phalanx.attacks.robustness import evaluate
 from phalanx.attacks.search import History
-from phalanx.guarantee.promised import promised
+from phalanx.guarantee.start import promised
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 

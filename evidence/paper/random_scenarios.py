@@ -34,7 +34,7 @@ from phalanx.scenario.safety import Composition
 from phalanx.schema.registry import BUILT_IN
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import SafetyRows
-from phalanx.theory.margins.kinds import Margin
+from phalanx.theory.margins.margin import Margin
 from phalanx.theory.rows.information import Information
 from phalanx.wire.messages import Telemetry
 

@@ -17,7 +17,7 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import dot
-from phalanx.theory.laws.controller import ControlledAgent, ControllerView
+from phalanx.theory.laws.law import ControlledAgent, ControllerView
 from phalanx.theory.laws.tracking import output_chain
 from phalanx.theory.models.dynamics import Positive
 from phalanx.theory.models.polytope import Polytope

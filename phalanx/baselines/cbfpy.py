@@ -11,7 +11,7 @@ from importlib import import_module
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.theory.laws.controller import ControlledAgent, ControllerView
+from phalanx.theory.laws.law import ControlledAgent, ControllerView
 from phalanx.theory.safety.obstacles import Sphere
 
 _FAR = 1e3

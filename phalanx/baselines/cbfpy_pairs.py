@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from cbfpy import CBF, CBFConfig
 
-from phalanx.theory.laws.controller import ControlledAgent
+from phalanx.theory.laws.law import ControlledAgent
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
 from phalanx.theory.models.wheeled import Unicycle
 from phalanx.theory.safety.class_k import Linear

@@ -15,7 +15,7 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import dot, length, solve
-from phalanx.theory.laws.controller import ControlledAgent, ControllerView
+from phalanx.theory.laws.law import ControlledAgent, ControllerView
 from phalanx.theory.laws.tracking import output_chain
 from phalanx.theory.safety.obstacles import Sphere
 

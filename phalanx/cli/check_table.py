@@ -6,8 +6,7 @@ Equations and theorems are numbered as in the paper's source: see docs/theory.md
 import math
 from typing import NamedTuple
 
-from phalanx.guarantee.advice import rounded
-from phalanx.guarantee.check_report import CheckReport
+from phalanx.guarantee.check_report import CheckReport, rounded
 from phalanx.network.link import DELAY
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import unit_of_psi

@@ -45,7 +45,7 @@ class SafetyValues:
         """True if all agents' margins together are too much to build for figures."""
         swarm = self.rows.swarm
         expressions = len(swarm.normal) if swarm.safety.bounds_one_row else 0
-        return expressions * swarm.pairs.count > _MOST_COMPOSED
+        return expressions * len(swarm.pairs.every) > _MOST_COMPOSED
 
     @property
     def psi_levels(self) -> range:

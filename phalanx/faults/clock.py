@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from phalanx.faults.fault import AgentFault, Occurrence
 from phalanx.schema.fields import Finite, Positive, field_error
-from phalanx.seeded.clock import SamplingClock
+from phalanx.seeded.draws import SamplingClock
 
 
 class ClockFault(AgentFault):

@@ -21,6 +21,7 @@ from phalanx.theory.margins.enclosure import (
     Enclosure,
     admissible_inputs,
     enclose,
+    enclose_all,
     fastest,
     moved,
     scalars,
@@ -91,17 +92,7 @@ def pair_certificate(
     horizons = tuple(multiple * longest for multiple in MULTIPLES)
     horizon = ca.SX.sym("T")
     try:
-        moving = [
-            enclose(
-                member,
-                pair.x[part],
-                None if l == own else admissible_inputs(member),
-                bounds[l],
-                horizon,
-                INFLATIONS,
-            )
-            for l, (member, part) in enumerate(zip(pair.members, pair.parts, strict=True))
-        ]
+        moving = enclose_all(pair, bounds, horizon, INFLATIONS, held=own)
     except ValueError as error:
         return PairCertificate(horizons, None, str(error))
     chain = build_chain(pair, alphas, None, bounds)
@@ -131,18 +122,17 @@ def pair_certificate(
 
 
 @outwards()
-def highest_within(
-    pair: ComposedSet, bounds: Sequence[float], horizon: float
-) -> MappedFunction | None:
-    """Compile (x, parameters) -> upper bound of h within the horizon; None if there is none."""
+def highest_within(pair: ComposedSet, bounds: Sequence[float], horizon: float) -> MappedFunction:
+    """Compile (x, parameters) -> upper bound of h within the horizon; infinite if there is none."""
     try:
         reach = [
             reach_within(member, pair.x[part], bound, horizon)
             for member, part, bound in zip(pair.members, pair.parts, bounds, strict=True)
         ]
-        return MappedFunction([pair.x, pair.parameters], [_highest(pair, reach)])
+        highest = _highest(pair, reach)
     except ValueError:  # a pair that is refused
-        return None
+        highest = ca.SX(ca.inf)
+    return MappedFunction([pair.x, pair.parameters], [highest])
 
 
 class Reach(NamedTuple):

@@ -18,9 +18,8 @@ from phalanx.guarantee.certificate import (
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.kept import kept
-from phalanx.theory.models.polytope import constant_polytope
 from phalanx.theory.safety.class_k import ClassK
-from phalanx.theory.safety.composition import Member
+from phalanx.theory.safety.composition import ComposedSet
 from phalanx.theory.safety.pairs import spread
 
 
@@ -41,9 +40,9 @@ class _Kind(NamedTuple):
     """Functions shared by pairs with the same expressions and bounds."""
 
     certificate: PairCertificate
-    highest: MappedFunction | None
+    highest: MappedFunction
     """(x and the obstacle's numbers) -> upper bound of h within the longest horizon for all inputs
-    of all agents; None if there is none. It is cheap."""
+    of all agents. It is cheap."""
     sizes: list[int]
     """Number of variables of each side."""
 
@@ -68,6 +67,10 @@ class SwarmCertificates:
         """Return the certificates of normal agent i."""
         return AgentCertificates(self, i)
 
+    def bounds(self, pair: ComposedSet) -> list[float]:
+        """Return φ^max of each member of a pair, and the integration's defect."""
+        return [self.swarm.disturbance_bounds[m.name] + DEFECT for m in pair.members]
+
     def kind(self, pair: int, own: int) -> int:
         """Return the number of a pair's kind, for the agent whose place in it is `own`."""
         key = own, int(self.sorts[pair])
@@ -82,22 +85,31 @@ class SwarmCertificates:
         Inputs at different times are evaluated in one call, since a call has a large overhead.
         """
         numbers = self.pairs.numbers(np.stack([each.x for each in held]))
-        rows = _rows(held, numbers.shape[1])
-        found = rows.longest.copy()
-        for number in np.unique(rows.kinds).tolist():
-            kind, which = self.kinds[number], np.flatnonzero(rows.kinds == number)
-            places = rows.places[which, : sum(kind.sizes)]
-            if kind.highest is not None:
-                # Most pairs are too far apart to meet.
-                may_meet = ~(kind.highest(numbers.ravel(), places)[:, 0] <= 0.0)
-                which, places = which[may_meet], places[may_meet]
+        chosen = [
+            np.arange(len(agent.pairs)) if near is None else near.nonzero()[0]
+            for agent, _, _, near in held
+        ]
+        # A row for each chosen pair: its input, kind and places, and an upper bound of its time.
+        of = np.repeat(np.arange(len(held)), [len(some) for some in chosen])
+        agents = [each.agent for each in held]
+        own = list(zip(agents, chosen, strict=True))
+        kinds = np.concatenate([agent.kinds[some] for agent, some in own])
+        every = np.concatenate([agent.places[some] for agent, some in own])
+        every += of[:, None] * numbers.shape[1]
+        found = np.array([agent.longest for agent in agents])[of]
+        for number in np.unique(kinds).tolist():
+            kind, which = self.kinds[number], np.flatnonzero(kinds == number)
+            places = every[which, : sum(kind.sizes)]
+            # Most pairs are too far apart to meet.
+            may_meet = ~(kind.highest(numbers.ravel(), places)[:, 0] <= 0.0)
+            which, places = which[may_meet], places[may_meet]
             if len(which):
-                u = np.stack([held[k].u for k in rows.held[which].tolist()])
+                u = np.stack([held[k].u for k in of[which].tolist()])
                 found[which] = kind.certificate.times(numbers.ravel()[places], u)
         times = [np.full(len(each.agent.pairs), each.agent.longest) for each in held]
         begin = 0
-        for own, some in zip(times, rows.chosen, strict=True):
-            own[some] = found[begin : (begin := begin + len(some))]
+        for each, some in zip(times, chosen, strict=True):
+            each[some] = found[begin : (begin := begin + len(some))]
         return times
 
     def may_meet(self, agent: "AgentCertificates", x: Array, near: Mask) -> Mask:
@@ -108,22 +120,19 @@ class SwarmCertificates:
         numbers, found = self.pairs.numbers(x), near.copy()
         for number in np.unique(agent.kinds[near]).tolist():
             kind, which = self.kinds[number], np.flatnonzero(near & (agent.kinds == number))
-            if kind.highest is not None:
-                places = agent.places[which, : sum(kind.sizes)]
-                found[which] = ~(kind.highest(numbers, places)[:, 0] <= 0.0)
+            places = agent.places[which, : sum(kind.sizes)]
+            found[which] = ~(kind.highest(numbers, places)[:, 0] <= 0.0)
         return found
 
     def _compiled(self, pair: int, own: int) -> _Kind:
         """Compile a pair's kind, or take that of a view of the same swarm."""
         swarm, (a, b) = self.swarm, self.ends[pair].tolist()
         involved = [l for l in (a, b) if l < len(swarm.members)]
-        (number,) = self.pairs.kinds_of(self.ends[[pair]]).tolist()
-        text = self.pairs.kinds[number].kind.text
+        text = self.pairs.kind_of(a, b).text
         key = "certificate", text, own, *[swarm.group_numbers[l] for l in involved]
         if key not in swarm.compiled:
-            bounds = [swarm.disturbance_bounds[swarm.names[l]] + DEFECT for l in involved]
-            tau, alphas = swarm.horizon(involved[own]), swarm.safety.class_k
-            alone = self.pairs.alone(a, b)
+            alone, alphas = self.pairs.alone(a, b), swarm.safety.class_k
+            bounds, tau = self.bounds(alone), swarm.horizon(involved[own])
 
             def compiled() -> _Kind:
                 highest = highest_within(alone, bounds, MULTIPLES[0] * tau)
@@ -131,59 +140,20 @@ class SwarmCertificates:
                 return _Kind(made, highest, alone.sizes)
 
             # Another run of this process may have had such a pair.
-            bound = _text(alone.members, alphas)
-            swarm.compiled[key] = kept((text, bound, own, *bounds, tau), compiled)
+            key_of_all = text, _limits_text(alone, alphas), own, *bounds, tau
+            swarm.compiled[key] = kept(key_of_all, compiled)
         found: _Kind = swarm.compiled[key]
         return found
 
 
-def _text(members: Sequence[Member], alphas: Sequence[ClassK]) -> str:
+def _limits_text(pair: ComposedSet, alphas: Sequence[ClassK]) -> str:
     """Serialize what a kind of pair does not have: names, input bounds and class-K functions."""
-    symbols = [ca.SX.sym("x", len(m.dynamics.states)) for m in members]
-    s = ca.SX.sym("s")
-    outputs = [
-        *[
-            part
-            for m, x in zip(members, symbols, strict=True)
-            for part in m.dynamics.input_polytope(x)
-        ],
-        *[alpha.value(s) for alpha in alphas],
-    ]
-    found: str = ca.Function("bounds", [*symbols, s], outputs).serialize()
-    return " ".join([*[m.name for m in members], found])
-
-
-class _Rows(NamedTuple):
-    """The pairs to evaluate, those of one input after those of another."""
-
-    chosen: list[Index]
-    """Indices among the agent's pairs, for each input."""
-    held: Index
-    """Number of the input of each row, shape (r,)."""
-    kinds: Index
-    """shape (r,)"""
-    places: Index
-    """Positions of each row's variables, shape (r, n), as in AgentCertificates."""
-    longest: Array
-    """Upper bound of each result [s], shape (r,)."""
-
-
-def _rows(held: Sequence[Held], width: int) -> _Rows:
-    """width: number of variables of a stacked state and the obstacles."""
-    agents = [each.agent for each in held]
-    chosen = [
-        np.arange(len(agent.pairs)) if near is None else near.nonzero()[0]
-        for agent, _, _, near in held
-    ]
-    each = list(zip(agents, chosen, strict=True))
-    numbers = np.repeat(np.arange(len(held)), [len(some) for some in chosen])
-    return _Rows(
-        chosen,
-        numbers,
-        np.concatenate([agent.kinds[some] for agent, some in each]),
-        np.concatenate([agent.places[some] for agent, some in each]) + numbers[:, None] * width,
-        np.array([agent.longest for agent in agents])[numbers],
-    )
+    s, outputs = ca.SX.sym("s"), list[ca.SX]()
+    for member, part in zip(pair.members, pair.parts, strict=True):
+        outputs += member.dynamics.input_polytope(pair.x[part])
+    outputs += [alpha.value(s) for alpha in alphas]
+    found: str = ca.Function("bounds", [pair.x, s], outputs).serialize()
+    return " ".join([*[m.name for m in pair.members], found])
 
 
 class AgentCertificates:
@@ -202,7 +172,7 @@ class AgentCertificates:
         sides = (swarm.ends[mine, 0] != i).astype(np.intp)
         self.kinds: Index = np.empty(len(mine), dtype=np.intp)
         """Number of each pair's kind, shape (p,)."""
-        width = max(sum(kind.kind.sizes) for kind in swarm.pairs.kinds)
+        width = max(sum(kind.pair.sizes) for kind in swarm.pairs.kinds)
         self.places: Index = np.zeros((len(mine), width), dtype=np.intp)
         """Positions of each pair's variables, shape (p, n), padded with zeros."""
         sorts = 2 * swarm.sorts[mine] + sides
@@ -243,50 +213,3 @@ def certified_for(swarm: Swarm, i: int) -> Callable[[Array, Array, Sequence[int]
         return float(each(x, u, near).min(initial=each.longest))
 
     return certified
-
-
-class CertifiedStart(NamedTuple):
-    """Certificates at x(0)."""
-
-    safe: bool
-    """True if every pair's h <= 0 at x(0)."""
-    refused: dict[str, str]
-    """Reasons, by label, of pairs that no input can certify."""
-    agents: dict[str, bool]
-    """By normal agent: True if an input was found at x(0) with which all its pairs are proven safe
-    until its next sample."""
-
-    @property
-    def holds(self) -> bool:
-        """True if certificates can cover every pair from the start of a run."""
-        return self.safe and not self.refused and all(self.agents.values())
-
-
-def certified_start(swarm: Swarm) -> CertifiedStart:
-    """Evaluate the certificates of the verdict at x(0)."""
-    certificates = swarm.once(SwarmCertificates)
-    agents = {i: certificates.of(i) for i in swarm.normal}
-    composed, x = swarm.safe_set, swarm.start()
-    refused = {}
-    for number, pair in enumerate(composed.pairs):
-        sides = [agents[l].refused for l in (pair.a, pair.b) if l in agents]
-        if all(number in side for side in sides):
-            refused[composed.label(pair)] = sides[0][number]
-    begun = {swarm.names[i]: _begins(swarm, i, each, x) for i, each in agents.items()}
-    h = swarm.pairs.choose(swarm.pairs.every).h(x)
-    return CertifiedStart(bool((h <= 0.0).all()), refused, begun)
-
-
-def _begins(swarm: Swarm, i: int, certificates: AgentCertificates, x: Array) -> bool:
-    """Return whether zero or a corner of U_i is certified; with a latency, zero alone."""
-    clock, latency = swarm.groups[i].clock, swarm.time.latency
-    dynamics = swarm.members[i].dynamics
-    zero = np.zeros(len(dynamics.inputs))
-    possible = [pair not in certificates.refused for pair in certificates.pairs]
-    inputs, needed = [zero], latency
-    if not latency:
-        state = ca.SX.sym("x", len(dynamics.states))
-        known = constant_polytope(*dynamics.input_polytope(state))
-        inputs += [] if known is None else list(known.corners)
-        needed = clock.period - clock.jitter
-    return any(bool((certificates(x, u)[possible] >= needed).all()) for u in inputs)

@@ -3,16 +3,13 @@
 import math
 
 from phalanx.arrays import Array
-from phalanx.guarantee.advice import advice, proof_gaps, rounded, uses_newest_inputs
-from phalanx.guarantee.certificates import certified_start
-from phalanx.guarantee.check_report import BoundaryCondition, CheckReport
-from phalanx.guarantee.feasibility import (
-    ProvenRows,
-    effort_at_start,
-    largest_gap,
-    rigorous,
-    rows_at_start,
-    with_information,
+from phalanx.guarantee.check_report import (
+    BoundaryCondition,
+    CheckReport,
+    advice,
+    proof_gaps,
+    rounded,
+    uses_newest_inputs,
 )
 from phalanx.guarantee.formula import (
     Region,
@@ -23,7 +20,16 @@ from phalanx.guarantee.formula import (
     workspace,
     worst_pair,
 )
-from phalanx.guarantee.promised import promised
+from phalanx.guarantee.start import (
+    ProvenRows,
+    certified_start,
+    effort_at_start,
+    largest_gap,
+    promised,
+    rigorous,
+    rows_at_start,
+    with_safety,
+)
 from phalanx.scenario.model import Scenario
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.runnable import require_runnable
@@ -120,7 +126,7 @@ def _price(rows: SafetyRows) -> list[str]:
     """Return a sentence on what it costs at x(0) that agents read no roles."""
     if rows.swarm.safety.information.reads_roles:
         return []
-    shared = with_information(rows.swarm, Information.SPLIT)
+    shared = with_safety(rows.swarm, information=Information.SPLIT)
     own, split = (rounded(effort_at_start(each)) for each in (rows, shared))
     able = list(rows_at_start(rows).values())
     return [

@@ -1,16 +1,26 @@
-"""η by the paper's formula, from constants over the workspace: of h_tot, and of each pair alone."""
+"""η by the paper's formula, from constants over the workspace: of h_tot, and of each pair alone.
+
+The constants are those of Lemmas (constants), (psiconstants) and (xdiffbound). S as the paper gives
+it is not compact, so a box is needed. A Lipschitz constant is the largest gradient norm over the
+box: proven by interval arithmetic where that gives a finite bound, else estimated by the largest of
+many samples of S_I.
+"""
 
 import math
-from collections.abc import Callable, Iterable, Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Literal, NamedTuple
 
+import casadi as ca
 import numpy as np
 
 from phalanx.arrays import Array
 from phalanx.seeded.draws import Draws
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm
-from phalanx.theory.margins.constants import Constant, constants, margin_constants
+from phalanx.theory.expressions.extension import continuous, extend
+from phalanx.theory.expressions.interval import Interval, UnboundedOperationError
+from phalanx.theory.margins.margin import MarginConstants
+from phalanx.theory.models.polytope import Polytope, constant_polytope
 from phalanx.theory.safety.chain import Chain
 from phalanx.theory.safety.obstacles import Wall
 
@@ -18,6 +28,10 @@ _BISECTIONS = 40
 _AROUND = 10.0
 """Width of the default workspace around starts, obstacles and path [m]."""
 _ANGLES = {"theta", "phi", "psi", "heading", "yaw"}
+_MOST_INSTRUCTIONS = 4000
+"""Larger expressions are sampled, since an interval extension would take too long."""
+_USELESS = 1e9
+"""An interval bound above this is too wide to use."""
 
 
 def workspace(swarm: Swarm) -> tuple[Array, Array] | list[str]:
@@ -31,22 +45,15 @@ def workspace(swarm: Swarm) -> tuple[Array, Array] | list[str]:
         path = np.array([scenario.formation.center(t).position for t in times])
         points += [path - reach, path + reach]
     everywhere = np.concatenate(points)
-    axes = dict(zip("xyz", zip(everywhere.min(0), everywhere.max(0), strict=True), strict=False))
-    low, high, missing = [], [], []
-    for member in swarm.members:
-        for state in member.dynamics.states:
-            if state in given:
-                a, b = given[state]
-            elif state in axes:
-                a, b = axes[state][0] - _AROUND, axes[state][1] + _AROUND
-            elif state in _ANGLES:
-                a, b = -math.pi, math.pi
-            else:
-                missing.append(state)
-                continue
-            low.append(a)
-            high.append(b)
-    return sorted(set(missing)) if missing else (np.array(low), np.array(high))
+    known = dict.fromkeys(_ANGLES, (-math.pi, math.pi))
+    for axis, low, high in zip("xyz", everywhere.min(0), everywhere.max(0), strict=False):
+        known[axis] = low - _AROUND, high + _AROUND
+    known |= given
+    states = [state for member in swarm.members for state in member.dynamics.states]
+    if missing := {state for state in states if state not in known}:
+        return sorted(missing)
+    bounds = np.array([known[state] for state in states])
+    return bounds[:, 0], bounds[:, 1]
 
 
 def drawn_states(seed: int, purpose: str, low: Array, high: Array, count: int) -> Iterator[Array]:
@@ -83,6 +90,14 @@ class Region(NamedTuple):
     """States in S_I, shape (s, n̄), for constants without a bound by interval arithmetic."""
 
 
+class Constant(NamedTuple):
+    """One constant and its method."""
+
+    value: float
+    how: Literal["interval", "sampled"]
+    """Proven by interval arithmetic, or the largest value of samples: a lower estimate."""
+
+
 class Formula(NamedTuple):
     """The margin of one row for the longest time that any agent's input may be in force."""
 
@@ -108,10 +123,9 @@ def formula(rows: SafetyRows, chain: Chain, region: Region) -> Formula:
     places = [swarm.names.index(m.name) for m in chain.set.members]
     own = np.concatenate([np.r_[composed.parts[l]] for l in places])
     bounds = [swarm.disturbance_bounds[m.name] for m in chain.set.members]
-    low, high, samples = region.low[own], region.high[own], region.samples[:, own]
-    found = constants(chain, low, high, bounds, samples)
+    found = constants(chain, Region(*[each[..., own] for each in region]), bounds)
     longest = max(swarm.horizon(i) for i in swarm.normal)
-    given = margin_constants(found)
+    given = MarginConstants(**{name: constant.value for name, constant in found.items()})
     sampling, whole = given.eta(longest, 0.0), given.eta(longest, sum(bounds))
     return Formula(found, whole if chain.relative_degree == 1 else sampling, whole)
 
@@ -124,7 +138,110 @@ def worst_pair(rows: SafetyRows, region: Region) -> Formula:
     swarm, found = rows.swarm, {}
     for number, pair in enumerate(swarm.safe_set.pairs):
         key = tuple(swarm.group_numbers[l] if l < len(swarm.groups) else l for l in pair)
-        normal = any(l in swarm.normal for l in pair)
-        if normal and key not in found:
+        if key not in found:
             found[key] = formula(rows, rows.pair_chain(number), region)
     return max(found.values(), key=lambda f: f.corrected)
+
+
+def constants(chain: Chain, region: Region, bounds: Sequence[float]) -> dict[str, Constant]:
+    """c_f, c_g, c_alpha, c_gamma, c_h, u_max and mu of one chain.
+
+    Args:
+        chain: of h_tot, or of a pair.
+        region: of its stacked state.
+        bounds: φ_l^max of each member.
+
+    Raises:
+        ValueError: a member's input polytope depends on its state.
+    """
+    polytopes = _polytopes(chain)
+    normal = [l for l, m in enumerate(chain.set.members) if not m.adversary]
+    largest_input = max(float(np.linalg.norm(polytopes[l].corners, axis=1).max()) for l in normal)
+    found = {"u_max": Constant(largest_input, "interval")}
+    smooth = _smooth(chain, region)
+    for name, norm in _norms(chain, polytopes, bounds).items():
+        expression = chain.set.substitute(norm)
+        bound = _by_interval(chain, expression, region) if smooth else None
+        found[name] = bound or _by_samples(chain, expression, region.samples)
+    return found
+
+
+def _norms(
+    chain: Chain, polytopes: Sequence[Polytope], bounds: Sequence[float]
+) -> dict[str, ca.SX]:
+    """The gradient norms whose suprema are the constants, scalars."""
+    composed, x, members = chain.set, chain.set.x, chain.set.members
+    c_f, c_g, c_gamma, speed = ca.SX(0), ca.SX(0), ca.SX(0), ca.SX(0)
+    c_h = []
+    for l, (member, part) in enumerate(zip(members, composed.parts, strict=True)):
+        drift = ca.jacobian(chain.drift[l], x)
+        actuation = ca.jacobian(chain.actuation[l].T, x)
+        if member.adversary:
+            corners = [ca.DM(v).T @ actuation + drift for v in polytopes[l].corners]
+            c_gamma += ca.mmax(ca.vertcat(*[_norm(c) for c in corners]))
+        else:
+            c_f += _norm(drift)
+            c_g += _norm(actuation)
+        own = x[part]
+        rates = [
+            member.dynamics.drift(own) + member.dynamics.actuation(own) @ ca.DM(v)
+            for v in polytopes[l].corners
+        ]
+        fastest = ca.mmax(ca.vertcat(*[_norm(r) for r in rates])) + bounds[l]
+        speed += fastest**2
+        c_h.append(_norm(ca.jacobian(chain.psi[-1], own)))
+    return {
+        "c_f": c_f,
+        "c_g": c_g,
+        "c_alpha": _norm(ca.jacobian(chain.alpha, x)),
+        "c_gamma": c_gamma,
+        "c_h": ca.mmax(ca.vertcat(*c_h)),
+        "mu": ca.sqrt(speed),
+    }
+
+
+def _norm(matrix: ca.SX) -> ca.SX:
+    return ca.sqrt(ca.sumsqr(matrix))
+
+
+def _smooth(chain: Chain, region: Region) -> bool:
+    """Return whether h has no kink in the box, so that gradients bound differences."""
+    parts = ca.vertcat(*map(ca.vec, chain.actuation), chain.drift)
+    settled, x = chain.set.substitute(parts), chain.set.x
+    try:
+        return bool(continuous(ca.vertsplit(settled), ca.vertsplit(x), _box(region)))
+    except UnboundedOperationError:
+        return False
+
+
+def _box(region: Region) -> list[Interval]:
+    ends = zip(region.low.tolist(), region.high.tolist(), strict=True)
+    return [Interval(ca.SX(a), ca.SX(b)) for a, b in ends]
+
+
+def _by_interval(chain: Chain, expression: ca.SX, region: Region) -> Constant | None:
+    x = chain.set.x
+    if ca.Function("size", [x], [expression]).n_instructions() > _MOST_INSTRUCTIONS:
+        return None
+    try:
+        (bound,) = extend([expression], ca.vertsplit(x), _box(region))
+    except UnboundedOperationError:
+        return None
+    value = float(bound.hi)
+    return Constant(value, "interval") if np.isfinite(value) and value < _USELESS else None
+
+
+def _by_samples(chain: Chain, expression: ca.SX, samples: Array) -> Constant:
+    function = ca.Function("c", [chain.set.x], [expression])
+    values = np.array(function.map(len(samples))(samples.T))[0]
+    return Constant(float(np.nanmax(values)), "sampled")
+
+
+def _polytopes(chain: Chain) -> list[Polytope]:
+    found = []
+    for member, part in zip(chain.set.members, chain.set.parts, strict=True):
+        known = constant_polytope(*member.dynamics.input_polytope(chain.set.x[part]))
+        if known is None:
+            raise ValueError(f"expected constant input bounds of {member.name}")
+        found.append(known)
+    return found

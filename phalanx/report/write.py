@@ -130,7 +130,7 @@ def notes(history: ReportHistory) -> list[str]:
     if history.values.too_large:
         found.append(
             "Margins are not drawn: with this margin the row of each agent is one "
-            f"expression of all {history.swarm.pairs.count} pairs, which would take hours. "
+            f"expression of all {len(history.swarm.pairs.every)} pairs, which would take hours. "
             'With safety.composition = "pairs" there is a row for each pair.'
         )
     return found

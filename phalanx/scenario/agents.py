@@ -22,9 +22,8 @@ from phalanx.schema.fields import (
 from phalanx.schema.registry import is_users
 from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user
 from phalanx.theory.laws.attacks import Chase, Script, WorstCase, WorstLookahead
-from phalanx.theory.laws.controller import Controller
 from phalanx.theory.laws.goals import Follow, Reference
-from phalanx.theory.laws.law import Law
+from phalanx.theory.laws.law import Controller, Law
 from phalanx.theory.laws.tracking import Pursue
 from phalanx.theory.models.dynamics import Dynamics, require_sound
 

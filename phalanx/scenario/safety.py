@@ -19,8 +19,7 @@ from phalanx.schema.fields import (
 )
 from phalanx.schema.registry import is_users
 from phalanx.theory.expressions.user_methods import located_method
-from phalanx.theory.margins.constants import MarginConstants
-from phalanx.theory.margins.kinds import Margin, UsersMargin
+from phalanx.theory.margins.margin import Margin, MarginConstants, UsersMargin
 from phalanx.theory.rows.information import Information
 from phalanx.theory.safety.class_k import ClassK, Linear, NotClassKError, require_class_k
 from phalanx.theory.safety.function import HeadingAware, SafeSetFunction

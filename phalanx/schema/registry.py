@@ -14,9 +14,8 @@ from phalanx.baselines import barrier, cbfpy, orca, plain
 from phalanx.schema.user_code import import_named
 from phalanx.theory.expressions.user_methods import located_class
 from phalanx.theory.laws import attacks, goals, tracking
-from phalanx.theory.laws.controller import Controller
-from phalanx.theory.laws.law import Law
-from phalanx.theory.margins import kinds
+from phalanx.theory.laws.law import Controller, Law
+from phalanx.theory.margins import margin
 from phalanx.theory.models import aerial, integrators, wheeled
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.models.world import World
@@ -43,11 +42,11 @@ BUILT_IN: Mapping[type, Mapping[str, type]] = {
         "heading-aware": function.HeadingAware,
     },
     function.Limit: {"fence": function.Fence, "band": function.Band},
-    kinds.Margin: {
-        "paper": kinds.PaperMargin,
-        "corrected": kinds.CorrectedMargin,
-        "local": kinds.LocalMargin,
-        "integrated": kinds.IntegratedMargin,
+    margin.Margin: {
+        "paper": margin.PaperMargin,
+        "corrected": margin.CorrectedMargin,
+        "local": margin.LocalMargin,
+        "integrated": margin.IntegratedMargin,
     },
     goals.Reference: {
         "point": goals.FixedPoint,
@@ -80,7 +79,7 @@ _EXPRESSIONS = {
     class_k.ClassK,
     function.SafeSetFunction,
     function.Limit,
-    kinds.Margin,
+    margin.Margin,
 }
 """Kinds whose methods return expressions, which must not depend on earlier calls."""
 

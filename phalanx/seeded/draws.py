@@ -7,6 +7,7 @@ message under way arrives when it would have.
 """
 
 import hashlib
+import math
 from bisect import bisect_right
 from collections.abc import Hashable, Iterable
 from functools import lru_cache
@@ -145,3 +146,29 @@ class Tables:
             self._later.append((row, seed))
             self._made.clear()
         return self
+
+
+class SamplingClock:
+    """One agent's perturbed clock, identical in the plant and in the agent."""
+
+    def __init__(self, seeds: Seeds | int, agent: str, period: float, jitter: float) -> None:
+        """Γ_i = period [s]; δ_i(k) uniform in ±jitter, with jitter = δ_i^max < period [s]."""
+        self._period = period
+        self._jitter = jitter
+        self._tables = Tables(seeds, "clock", agent)
+
+    def after(self, k: int, t: float, now: float = 0.0) -> float:
+        """Return t_i^{k+1} [s], given that sample k was at t_i^k = t [s].
+
+        now: when this is decided [s].
+        """
+        draws = self._tables.decide(k, now)()
+        delta = self._jitter * (2.0 * draws.value(k) - 1.0)
+        return t + self._period + delta
+
+    def most_samples(self, duration: float) -> int:
+        """Bound the number of samples in a run of this duration [s].
+
+        Twice as many as fit: an agent that is thawed samples at once, out of turn.
+        """
+        return 1000 + 2 * math.ceil(duration / (self._period - self._jitter))

@@ -14,7 +14,12 @@ from phalanx.scenario.model import Scenario
 from phalanx.scenario.placement import Flow
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import LARGEST
-from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user
+from phalanx.theory.expressions.user_methods import (
+    MistakenMethodError,
+    call_method,
+    call_user,
+    is_built_in,
+)
 from phalanx.theory.laws.formation import Slot
 from phalanx.theory.laws.goals import Goal, Motion, Reference, Sight, Stay, Waypoints
 from phalanx.theory.models.dynamics import Dynamics
@@ -38,8 +43,12 @@ class Output(NamedTuple):
     """An agent's output point as a function of its state."""
 
     i: int
-    motion: CompiledFunction
+    function: CompiledFunction
     """p [m] and the drift of p [m/s], shape (2 d,), at a state, shape (n_i,)."""
+
+    def __call__(self, x: Array) -> Motion:
+        p, velocity = self.function(x)[0].reshape(2, -1)
+        return Motion(p, velocity)
 
 
 def motion_function(dynamics: Dynamics) -> CompiledFunction:
@@ -62,11 +71,11 @@ class AgentGoal:
     def __call__(self, t: float, states: Mapping[int, Array]) -> Goal:
         """Return the goal. Raises MistakenMethodError of a user's reference."""
         sight = Sight(t, self.agent, partial(self._motion, states))
-        if type(self.reference).__module__.startswith("phalanx."):
-            return self.reference.goal(sight)
         expected = f"a Goal of three numpy arrays of {self.axes} finite numbers"
-        goal = call_user(self.reference, "goal", expected, sight, agent=self.agent)
-        if not (isinstance(goal, Goal) and all(map(self._is_vector, goal))):
+        goal = call_method(self.reference, "goal", expected, sight, agent=self.agent)
+        if not is_built_in(self.reference) and not (
+            isinstance(goal, Goal) and all(map(self._is_vector, goal))
+        ):
             got = repr(goal)
             raise MistakenMethodError(self.reference, "goal", expected, got, agent=self.agent)
         found: Goal = goal
@@ -76,7 +85,7 @@ class AgentGoal:
     def of_now(self) -> bool:
         """Return whether the goal depends on time and sample alone; only one built-in does not."""
         kept = isinstance(self.reference, Waypoints) and not self.reference.times
-        return type(self.reference).__module__.startswith("phalanx.") and not kept
+        return is_built_in(self.reference) and not kept
 
     def end(self) -> Array | None:
         """Return where the goal comes to rest [m]. Raises MistakenMethodError as a call does."""
@@ -95,5 +104,4 @@ class AgentGoal:
         output = self.outputs.get(agent)
         if output is None or output.i not in states:
             return None
-        p, velocity = output.motion(states[output.i])[0].reshape(2, -1)
-        return Motion(p, velocity)
+        return output(states[output.i])

@@ -7,29 +7,35 @@ import numpy as np
 from phalanx.arrays import Array
 from phalanx.scenario.load import ScenarioError
 from phalanx.swarm.rows import SafetyRows
-from phalanx.swarm.swarm import Swarm
-from phalanx.theory.expressions.user_methods import MistakenMethodError, call_user
-from phalanx.theory.laws.controller import (
-    CheckedController,
+from phalanx.theory.expressions.user_methods import MistakenMethodError, call_method
+from phalanx.theory.laws.law import (
+    CheckedInput,
     ControlledAgent,
+    Controller,
     ControllerView,
     Received,
+    View,
 )
-from phalanx.theory.laws.law import View
+from phalanx.theory.models.polytope import Polytope
 from phalanx.theory.rows.decision import Decision
 from phalanx.theory.rows.information import ReceivedInput
+from phalanx.theory.rows.origin import Origin
+from phalanx.theory.rows.qp import NearestInput
 
 Certified = Callable[[Array, Array, tuple[int, ...]], float]
 """(stacked state, shape (n̄,), own input, agents seen) -> time proven safe [s]."""
 
 
 class OwnController:
-    """Makes the views of one agent's controller, and calls it."""
+    """One agent's controller, whose inputs are checked and brought into U_i."""
 
     def __init__(
-        self, rows: SafetyRows, i: int, controller: CheckedController, certified: Certified
+        self, rows: SafetyRows, i: int, controller: Controller, certified: Certified
     ) -> None:
-        self._controller, self._certified = controller, certified
+        """controller: prepared for the agent."""
+        member = rows.swarm.members[i]
+        self._input, self._certified = CheckedInput(controller, member), certified
+        self._nearest = NearestInput(member.dynamics.input_metric())
         self._pairs = rows.plain_pairs(i)
 
     def __call__(
@@ -43,27 +49,39 @@ class OwnController:
     ) -> tuple[Decision, dict[str, float]]:
         """Return the input for the stacked state x, shape (n̄,), sampled at t [s], and its notes.
 
-        Raises as CheckedController.
+        It is projected onto U_i by the dynamics' metric if it is outside.
+
+        Raises:
+            MistakenMethodError: a user's controller returned anything but an input, raised, or does
+                not return.
+            ArithmeticError: the projection fails.
         """
         inputs, notes = view.terms.polytopes[view.i], dict[str, float]()
-        decision = self._controller(
-            ControllerView(
-                t,
-                view.i,
-                view.x,
-                view.normal,
-                view.goal,
-                u_nom,
-                {l: Received(np.array(h.u), t - h.t_apply) for l, h in received.items()},
-                inputs,
-                view.terms,
-                lambda: self._pairs(x, seen),
-                lambda u: self._controller.project(u, inputs),
-                lambda u: self._certified(x, u, seen),
-                notes,
-            )
+        known = ControllerView(
+            t,
+            view.i,
+            view.x,
+            view.normal,
+            view.goal,
+            u_nom,
+            {l: Received(np.array(h.u), t - h.t_apply) for l, h in received.items()},
+            inputs,
+            view.terms,
+            lambda: self._pairs(x, seen),
+            lambda u: self._projected(u, inputs),
+            lambda u: self._certified(x, u, seen),
+            notes,
         )
-        return decision, notes
+        u = self._input(known)
+        if inputs.takes(u):
+            return Decision(u, Origin.CONTROLLER, None), notes
+        return Decision(self._projected(u, inputs), Origin.PROJECTED, None), notes
+
+    def _projected(self, u: Array, inputs: Polytope) -> Array:
+        inside = self._nearest.solve(u, inputs)
+        if inside is None:
+            raise ArithmeticError(f"the input {u} cannot be brought within the input polytope")
+        return inside
 
 
 def own_controller(rows: SafetyRows, i: int, certified: Certified) -> OwnController | None:
@@ -75,23 +93,8 @@ def own_controller(rows: SafetyRows, i: int, certified: Certified) -> OwnControl
     controller = swarm.groups[i].fresh_controller()
     if controller is None:
         return None
-    agent = _agent(swarm, i)
-    try:
-        if type(controller).__module__.startswith("phalanx."):
-            controller.prepare(agent)  # unwatched: a library may take its time to compile
-        else:
-            call_user(controller, "prepare", "no error", agent, agent=swarm.names[i])
-    except (MistakenMethodError, ValueError) as error:
-        reason = error.__cause__ if isinstance(error.__cause__, ValueError) else error
-        raise ScenarioError(
-            f"{swarm.scenario.name}: controller of {swarm.names[i]}: {reason}"
-        ) from error
-    return OwnController(rows, i, CheckedController(controller, agent), certified)
-
-
-def _agent(swarm: Swarm, i: int) -> ControlledAgent:
     safety = swarm.safety
-    return ControlledAgent(
+    agent = ControlledAgent(
         i,
         swarm.members,
         swarm.scenario.static,
@@ -102,3 +105,12 @@ def _agent(swarm: Swarm, i: int) -> ControlledAgent:
         swarm.sensing(i),
         swarm.seed,
     )
+    try:
+        # One of ours is not watched: its library may take its time to compile.
+        call_method(controller, "prepare", "no error", agent, agent=swarm.names[i])
+    except (MistakenMethodError, ValueError) as error:
+        reason = error.__cause__ if isinstance(error.__cause__, ValueError) else error
+        raise ScenarioError(
+            f"{swarm.scenario.name}: controller of {swarm.names[i]}: {reason}"
+        ) from error
+    return OwnController(rows, i, controller, certified)

@@ -5,8 +5,8 @@ applied.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 
 import casadi as ca
 import numpy as np
@@ -17,11 +17,14 @@ from phalanx.scenario.model import Scenario
 from phalanx.swarm.swarm import Swarm
 from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.expressions.exact import added
-from phalanx.theory.margins.constants import MarginConstants
 from phalanx.theory.margins.integrated import RowPart
-from phalanx.theory.margins.kinds import MarginOfInput
 from phalanx.theory.margins.local import LocalBound, local_margin
-from phalanx.theory.margins.margin import AgentMargin, ComposedMargin
+from phalanx.theory.margins.margin import (
+    AgentMargin,
+    ComposedMargin,
+    MarginConstants,
+    MarginOfInput,
+)
 from phalanx.theory.models.polytope import EmptyPolytopeError
 from phalanx.theory.rows.by_derivatives import TermsByDerivatives
 from phalanx.theory.rows.composed import ComposedTerms, SwarmTerms
@@ -47,6 +50,11 @@ class SafetyRows:
     swarm: Swarm
     composed: SwarmTerms
     """h_tot from its pairs."""
+    _row_functions: dict[object, PairRowFunction] = field(default_factory=dict, compare=False)
+    """Rows by kind of pair, side, groups (with bounds and clocks), part of the row, symbols."""
+    _local_bounds: dict[int, LocalBound] = field(default_factory=dict, compare=False)
+    _views: "dict[int, SafetyRows]" = field(default_factory=dict, compare=False)
+    """Rows of the swarm as agents know it that read no role."""
 
     @cached_property
     def chain(self) -> Chain:
@@ -72,8 +80,8 @@ class SafetyRows:
         if swarm.safety.information.reads_roles or swarm.members[i].adversary:
             return self
         if i not in self._views:
-            view = self._views[i] = build_rows(swarm.seen_by(i))
-            vars(view)["_row_functions"] = self._row_functions
+            view = build_rows(swarm.seen_by(i))
+            self._views[i] = replace(view, _row_functions=self._row_functions)
         view = self._views[i]
         same = view.swarm.scenario is swarm.scenario
         return view if same else view.with_scenario(swarm.scenario)
@@ -114,14 +122,14 @@ class SafetyRows:
 
     def _local(self, i: int) -> LocalBound:
         """Return the local margin of agent i's row for h_tot."""
-        if i not in self._bounds:
+        if i not in self._local_bounds:
             composed, radius = self.swarm.safe_set, self.swarm.sensing(i)
             active = None if radius is None else composed.within(i, radius)
             margin = self.margin(i)
             bounds = margin.bounds_of(self.chain)
             bound = local_margin(self.chain, i, margin.horizon, bounds, RowPart.WHOLE, active)
-            self._bounds[i] = LocalBound(composed, margin.given.total(bound))
-        return self._bounds[i]
+            self._local_bounds[i] = LocalBound(composed, margin.given.total(bound))
+        return self._local_bounds[i]
 
     @cached_property
     def _by_derivatives(self) -> TermsByDerivatives:
@@ -136,14 +144,15 @@ class SafetyRows:
         printed = self.relative_degree == 1 or not self.swarm.safety.counts_disturbance
         return None if printed else self._by_derivatives
 
-    def own_pair(self, i: int, other: int) -> OwnPair:
+    def own_pair(self, i: int, other: int, plain: bool = False) -> OwnPair:
         """Return the pair of normal agent i and another member, or N + k for obstacle k.
 
         Pairs of members of the same two groups have the same expressions.
+        plain: as for plain_pairs.
         """
         pairs = self.swarm.pairs
         a, b = pairs.ordered(i, other)
-        return OwnPair(_chain(self.swarm, pairs.alone(a, b)), 0 if a == i else 1)
+        return OwnPair(_chain(self.swarm, pairs.alone(a, b), plain), 0 if a == i else 1)
 
     def pair_terms(self, i: int) -> OwnPairTerms:
         """Return the terms of agent i's pairs, with their margins."""
@@ -169,45 +178,32 @@ class SafetyRows:
 
         Disturbances and the time between samples have no place in them.
         """
-        return self._own_pairs(i, lambda other, _: self._plain_row(i, other))
+        return self._pair_terms(i, None)
 
-    def _plain_row(self, i: int, other: int) -> PairRowFunction:
-        swarm, key = self.swarm, ("plain", *self._row_key(i, other))
-        if key not in self._row_functions:
-            a, b = swarm.pairs.ordered(i, other)
-            chain = build_chain(swarm.pairs.alone(a, b), swarm.safety.class_k)
-            pair = OwnPair(chain, 0 if a == i else 1)
-            self._row_functions[key] = PairRowFunction(pair, RowPart.WHOLE, ca.SX(0))
-        return self._row_functions[key]
-
-    def _pair_terms(self, i: int, margin: AgentMargin) -> OwnPairTerms:
-        return self._own_pairs(i, lambda other, part: self.row_function(i, other, part, margin))
-
-    def _own_pairs(
-        self, i: int, function: Callable[[int, RowPart], PairRowFunction]
-    ) -> OwnPairTerms:
+    def _pair_terms(self, i: int, margin: AgentMargin | None) -> OwnPairTerms:
         swarm, radius = self.swarm, self.swarm.sensing(i)
         near = self.composed.in_sight.of(swarm.members[i].dynamics, radius)
-        return OwnPairTerms(swarm.pairs, i, function, near)
+        row = partial(self.row_function, i, margin)
+        return OwnPairTerms(swarm.pairs, i, row, near)
 
     def row_function(
-        self, i: int, other: int, part: RowPart, margin: AgentMargin
+        self, i: int, margin: AgentMargin | None, other: int, part: RowPart
     ) -> PairRowFunction:
-        """Return agent i's row for own_pair(i, other), compiled once for equal expressions."""
-        key = *self._row_key(i, other), part, str(margin.symbols)
-        if key not in self._row_functions:
-            pair = self.own_pair(i, other)
-            known = margin.of(pair.chain, pair.own, part)
-            self._row_functions[key] = PairRowFunction(pair, part, known, margin.symbols)
-        return self._row_functions[key]
+        """Return agent i's row for own_pair(i, other), compiled once for equal expressions.
 
-    def _row_key(self, i: int, other: int) -> tuple[object, ...]:
-        """Return what rows with equal expressions have in common: kind, side and groups."""
-        swarm = self.swarm
-        a, b = swarm.pairs.ordered(i, other)
-        (kind,) = swarm.pairs.kinds_of(np.array([[a, b]])).tolist()
-        sides = [l for l in (i, other) if l < len(swarm.members)]
-        return swarm.pairs.kinds[kind].kind.text, a == i, *[swarm.group_numbers[l] for l in sides]
+        Without margin it is plain.
+        """
+        symbols = () if margin is None else margin.symbols
+        swarm, (a, b) = self.swarm, self.swarm.pairs.ordered(i, other)
+        groups = [swarm.group_numbers[l] for l in (i, other) if l < len(swarm.members)]
+        # Rows with equal expressions have these in common.
+        text, plain = swarm.pairs.kind_of(a, b).text, margin is None
+        key = text, a == i, *groups, part, plain, str(symbols)
+        if key not in self._row_functions:
+            pair = self.own_pair(i, other, plain)
+            known = ca.SX(0) if margin is None else margin.of(pair.chain, pair.own, part)
+            self._row_functions[key] = PairRowFunction(pair, part, known, symbols)
+        return self._row_functions[key]
 
     def pair_chain(self, pair: int) -> Chain:
         """Return the chain of one pair alone, by its index in the safe set."""
@@ -266,20 +262,6 @@ class SafetyRows:
         # For q > 1 Eq. (etaprimedef) has no disturbance term; `corrected` adds D_q at each state.
         return eta.eta(longest, disturbances if self.relative_degree == 1 else 0.0)
 
-    @cached_property
-    def _row_functions(self) -> dict[tuple[object, ...], PairRowFunction]:
-        """Rows by kind of pair, side, groups (with bounds and clocks), part of the row, symbols."""
-        return {}
-
-    @cached_property
-    def _bounds(self) -> dict[int, LocalBound]:
-        return {}
-
-    @cached_property
-    def _views(self) -> "dict[int, SafetyRows]":
-        """Rows of the swarm as agents know it that read no role."""
-        return {}
-
     def _qp(self, i: int) -> NearestInput:
         return NearestInput(self.swarm.members[i].dynamics.input_metric())
 
@@ -294,9 +276,11 @@ def build_rows(swarm: Swarm) -> SafetyRows:
         raise ScenarioError(f"{swarm.scenario.name}: {error}") from error
 
 
-def _chain(swarm: Swarm, composed: ComposedSet) -> Chain:
-    """Build a chain with the disturbance terms of the scenario's margin."""
+def _chain(swarm: Swarm, composed: ComposedSet, plain: bool = False) -> Chain:
+    """Build a chain with the disturbance terms of the scenario's margin; none if it is plain."""
     safety = swarm.safety
+    if plain:
+        return build_chain(composed, safety.class_k)
     bounds = [swarm.disturbance_bounds[m.name] for m in composed.members]
     counted = bounds if safety.counts_disturbance else None
     return build_chain(composed, safety.class_k, safety.xi_of_chain, counted)

@@ -20,15 +20,17 @@ from phalanx.swarm.rows import SafetyRows, build_rows
 from phalanx.swarm.swarm import Swarm, build_swarm, compiled_fields
 from phalanx.swarm.watchdog import endless_loops
 from phalanx.theory.expressions.user_methods import MistakenMethodError, first_numbers
-from phalanx.theory.laws.law import NominalInput, View
+from phalanx.theory.laws.law import CheckedInput, View
 from phalanx.theory.margins.integrated import RowPart
-from phalanx.theory.margins.kinds import UsersMargin
+from phalanx.theory.margins.margin import UsersMargin
 from phalanx.theory.models.dynamics import Bounded, Dynamics, travelled
 from phalanx.theory.models.polytope import EmptyPolytopeError, polytope
 from phalanx.theory.safety.composition import Pair
 
 _AHEAD = 0.1
 """Time for which `travel` is evaluated [s]."""
+_TOGETHER = 1024
+"""Pairs evaluated at once: CasADi keeps the memory, and every forked process inherits it."""
 
 
 def require_runnable(swarm: Swarm) -> SafetyRows:
@@ -130,16 +132,20 @@ def _require_rules(swarm: Swarm, x: Array) -> None:
 def _require_law(rows: SafetyRows, i: int, x: Array) -> None:
     """Compute agent i's first input by a new law and controller, since they may have a state."""
     rows = rows.seen_by(i)
-    swarm = rows.swarm
-    law, seen = swarm.law(i), swarm.seen(i, x)
-    terms = rows.terms(i)(x, seen)
-    states = {l: x[swarm.safe_set.parts[l]] for l in seen}
-    normal = [l for l in swarm.normal if l in states]
-    view = View(i, states, normal, swarm.goal(i)(0.0, states), terms, 0.0)
-    u_nom = NominalInput(law, swarm.members[i])(view)
+    view, u_nom = first_nominal(rows, i, x)
     own = own_controller(rows, i, lambda *_: 0.0)
     if own is not None:
-        own(view, u_nom, x, seen, 0.0, {})
+        own(view, u_nom, x, tuple(view.x), 0.0, {})
+
+
+def first_nominal(rows: SafetyRows, i: int, x: Array) -> tuple[View, Array]:
+    """Return what agent i's law sees at x(0), and the input that a new law makes of it."""
+    swarm, seen = rows.swarm, rows.swarm.seen(i, x)
+    states = {l: x[swarm.safe_set.parts[l]] for l in seen}
+    normal = [l for l in swarm.normal if l in states]
+    terms, goal = rows.terms(i)(x, seen), swarm.goal(i)(0.0, states)
+    view = View(i, states, normal, goal, terms, 0.0)
+    return view, CheckedInput(swarm.law(i), swarm.members[i])(view)
 
 
 _MOST_IN_SIGHT = 40
@@ -166,7 +172,7 @@ def _compile_pairs(rows: SafetyRows, i: int, ends: Sequence[int]) -> None:
     for other in (*ends, *obstacles):
         for part in RowPart if other in swarm.normal else (RowPart.WHOLE,):
             if other != i:
-                rows.row_function(i, other, part, rows.margin(i))
+                rows.row_function(i, rows.margin(i), other, part)
 
 
 def _evaluate_rows(rows: SafetyRows, i: int) -> None:
@@ -183,10 +189,6 @@ def _evaluate_rows(rows: SafetyRows, i: int) -> None:
         elif not swarm.safety.pairwise:
             found = terms(x, seen)
             found.psi, found.margin  # noqa: B018
-
-
-_TOGETHER = 1024
-"""Pairs evaluated at once: CasADi keeps the memory, and every forked process inherits it."""
 
 
 def mistake_at(

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar, cast
 
@@ -15,8 +15,7 @@ from phalanx.scenario.declared import Links
 from phalanx.scenario.load import ScenarioError, digest
 from phalanx.scenario.model import Scenario, Time
 from phalanx.scenario.safety import Safety
-from phalanx.seeded.clock import SamplingClock
-from phalanx.seeded.draws import Draws, Seeds
+from phalanx.seeded.draws import Draws, SamplingClock, Seeds
 from phalanx.swarm.goals import AgentGoal, Output, motion_function, reference_of
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.exact import added, dot
@@ -52,6 +51,13 @@ class Swarm:
     """All pairs, composed."""
     pairs: SwarmPairs
     """The same pairs, evaluated kind by kind."""
+    compiled: dict[object, Any] = field(
+        default_factory=dict, compare=False, repr=False, kw_only=True
+    )
+    """Functions compiled so far, by all that decides on them; agents' views share them."""
+    _built: dict[object, object] = field(
+        default_factory=dict, compare=False, repr=False, kw_only=True
+    )
 
     @property
     def safety(self) -> Safety:
@@ -68,7 +74,7 @@ class Swarm:
     def with_scenario(self, scenario: Scenario) -> "Swarm":
         """Return the swarm of a scenario with the same compiled_fields; functions are shared."""
         other = replace(self, scenario=scenario)
-        for name in ("compiled", "_built", "_position", "_positions", "_outputs"):
+        for name in ("_positions", "_outputs"):
             vars(other)[name] = getattr(self, name)
         return other
 
@@ -81,14 +87,7 @@ class Swarm:
         members = [replace(m, adversary=l != i) for l, m in enumerate(whole.members)]
         composed = compose(members, whole.obstacles, whole.function, self.safety.rho)
         pairs = SwarmPairs(members, whole.obstacles, whole.function, self.pairs.degree)
-        view = Swarm(self.scenario, composed, pairs)
-        vars(view)["compiled"] = self.compiled
-        return view
-
-    @cached_property
-    def compiled(self) -> dict[object, Any]:
-        """Functions compiled so far, by all that decides on them; agents' views share them."""
-        return {}
+        return Swarm(self.scenario, composed, pairs, compiled=self.compiled)
 
     @property
     def seeds(self) -> Seeds:
@@ -103,10 +102,6 @@ class Swarm:
         if build not in self._built:
             self._built[build] = build(self)
         return cast(T, self._built[build])
-
-    @cached_property
-    def _built(self) -> dict[object, object]:
-        return {}
 
     @property
     def members(self) -> tuple[Member, ...]:
@@ -175,18 +170,6 @@ class Swarm:
         apart = points - points[i]
         return tuple(np.flatnonzero(dot(apart, apart) <= radius * radius).tolist())
 
-    def position(self, i: int) -> CompiledFunction:
-        """Return agent i's output position [m] as a function of its state."""
-        dynamics = self.members[i].dynamics
-        if id(dynamics) not in self._position:
-            x = ca.SX.sym("x", len(dynamics.states))
-            self._position[id(dynamics)] = CompiledFunction([x], [dynamics.position(x)])
-        return self._position[id(dynamics)]
-
-    @cached_property
-    def _position(self) -> dict[int, CompiledFunction]:
-        return {}
-
     def positions(self, x: Array) -> Array:
         """Return the output positions [m] at the stacked state x, shape (N, 2) or (N, 3)."""
         return self._positions(x)[0].reshape(len(self.members), -1)
@@ -198,9 +181,8 @@ class Swarm:
 
     def apart(self, x: Array, i: int, j: int) -> float:
         """Return the distance of the output points of agents i and j at the stacked state x [m]."""
-        parts = self.safe_set.parts
-        own, other = (self.position(a)(x[parts[a]])[0] for a in (i, j))
-        steps = zip(own.tolist(), other.tolist(), strict=True)
+        own, other = (self._outputs[self.names[l]](x[self.safe_set.parts[l]]) for l in (i, j))
+        steps = zip(own.position.tolist(), other.position.tolist(), strict=True)
         return math.sqrt(added((p - q) * (p - q) for p, q in steps))
 
     def heard_by(self, i: int) -> tuple[int, ...]:
@@ -288,7 +270,8 @@ class Swarm:
 
     @cached_property
     def _outputs(self) -> dict[str, Output]:
-        functions = {id(m.dynamics): motion_function(m.dynamics) for m in self.members}
+        different = {id(m.dynamics): m.dynamics for m in self.members}
+        functions = {number: motion_function(each) for number, each in different.items()}
         return {m.name: Output(i, functions[id(m.dynamics)]) for i, m in enumerate(self.members)}
 
     def start(self) -> Array:

@@ -13,7 +13,7 @@ from phalanx.faults.commands import ActiveCommands, Command, Condition
 from phalanx.guarantee.verdict import Assumption, Proof, Violation
 from phalanx.network.inbox import Fate
 from phalanx.theory.expressions.exact import LARGEST, LARGEST_SUM
-from phalanx.theory.laws.controller import LONGEST_NAME, MOST_NOTES
+from phalanx.theory.laws.law import LONGEST_NAME, MOST_NOTES
 from phalanx.wire.step_report import AppliedStep, StepReport
 
 VERSION = 3

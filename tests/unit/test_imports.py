@@ -328,7 +328,7 @@ def cycle(graph: Mapping[str, set[str]]) -> list[str] | None:
         ("phalanx.scenario.model", "from phalanx.wire.messages import Sample"),
         ("phalanx.scenario.model", "from phalanx.launcher import run"),
         ("phalanx.network.link", "from phalanx.recording.read import read"),
-        ("phalanx.seeded.clock", "import phalanx.network.link"),
+        ("phalanx.seeded.draws", "import phalanx.network.link"),
         ("phalanx.recording.read", "import zenoh"),
         ("phalanx.certify.checker.certify", "from phalanx.swarm.swarm import build_swarm"),
         ("phalanx.certify.checker.certify", "from phalanx.recording.read import read"),
@@ -350,7 +350,7 @@ def test_a_forbidden_import_is_found_wherever_it_stands(module, source):
         ("phalanx_agent.step", "from phalanx.theory.rows.qp import NearestInput\nimport numpy"),
         ("phalanx.theory.rows.qp", "import osqp\nfrom scipy import sparse\nfrom .row import Row"),
         ("phalanx.wire.session", "import zenoh"),
-        ("phalanx.swarm.swarm", "from phalanx.seeded.clock import SamplingClock"),
+        ("phalanx.swarm.swarm", "from phalanx.seeded.draws import SamplingClock"),
         ("phalanx.launcher.run", "from phalanx.wire.keys import Keys"),
     ],
 )

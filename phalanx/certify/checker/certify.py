@@ -26,7 +26,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
 
@@ -107,15 +106,9 @@ def certify(
     return run.certification()
 
 
-class _Kind(NamedTuple):
-    """Pairs with the same h: of two groups, or of a group and an obstacle or a limit."""
-
-    a: int
-    """Group of the first."""
-    b: int | None
-    """Group of the second."""
-    static: int | None
-    """Index of an obstacle or a limit, as Pair has it."""
+_Kind = tuple[int, int | None, int | None]
+"""Pairs with the same h: the group of the first, and that of the second, or the index of an
+obstacle or a limit, as Pair has it."""
 
 
 class _Run:
@@ -184,7 +177,7 @@ class _Run:
         """Bound h of all pairs after every input; yield the number of bounds."""
         for kind, pairs in self._kinds().items():
             alone = self._swarm.alone(pairs[0])
-            motions = [self._motions[g] for g in (kind.a, kind.b) if g is not None]
+            motions = [self._motions[g] for g in kind[:2] if g is not None]
             bound = PairBound(alone, motions)
             for place in range(2 if self._shared[pairs[0]] else 1):
                 own = self._ends[pairs, place]
@@ -220,7 +213,7 @@ class _Run:
         for number, (a, b) in enumerate(self._swarm.pairs):
             static = b >= len(self._swarm.members)
             other = None if static else self._group[b]
-            found[_Kind(self._group[a], other, b if static else None)].append(number)
+            found[self._group[a], other, b if static else None].append(number)
         return {kind: np.array(pairs) for kind, pairs in found.items()}
 
     def _states(self, pairs: Index, k: Index, alone: ComposedSet) -> Array:

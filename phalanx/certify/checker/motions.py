@@ -31,6 +31,14 @@ _ACTUATOR = 2e-5
 _DEFECT = 1e-4
 """Allowed defect of a motion [1/s], as the plant takes Runge-Kutta steps. It counts as disturbance,
 for certificates too."""
+_PIECES = (1, 4, 16, 64, 256)
+"""Numbers of pieces into which a time is divided, in turn."""
+_ORDER = 5
+"""Highest order of Taylor expansions."""
+_ROUNDING = 1e-12
+"""Allowed rounding error of a recorded state, relative to its size and to the distance moved."""
+_TINY = 1e-150
+"""Squares of smaller numbers underflow."""
 
 
 class Motion(NamedTuple):
@@ -124,16 +132,6 @@ def _hull(parts: list[Interval]) -> Interval:
     return Interval(
         np.minimum.reduce([p.lo for p in parts]), np.maximum.reduce([p.hi for p in parts])
     )
-
-
-_PIECES = (1, 4, 16, 64, 256)
-"""Numbers of pieces into which a time is divided, in turn."""
-_ORDER = 5
-"""Highest order of Taylor expansions."""
-_ROUNDING = 1e-12
-"""Allowed rounding error of a recorded state, relative to its size and to the distance moved."""
-_TINY = 1e-150
-"""Squares of smaller numbers underflow."""
 
 
 class Reached(NamedTuple):

@@ -99,19 +99,19 @@ class _Extension:
         """Raises UnboundedOperationError."""
         if op == ca.OP_DIV:
             return self._step(ca.OP_MUL, [arguments[0], self._reciprocal(arguments[1])])
-        if op not in _RULES:
+        if (operation := _OPERATIONS.get(op)) is None:
             raise UnboundedOperationError(f"no interval rule for the operation {_name(op)}")
         intervals = [a.interval for a in arguments]
-        if op in _CONTINUOUS:
-            self.conditions.append(_CONTINUOUS[op](*intervals))
-        found = _RULES[op](*intervals)
+        if operation.continuous is not None:
+            self.conditions.append(operation.continuous(*intervals))
+        found = operation.rule(*intervals)
         depends = frozenset[int]().union(*[a.depends for a in arguments])
         by_a_number = op == ca.OP_MUL and any(map(rules.is_number, intervals))
-        if op in _WITH_MIN_OR_MAX and not by_a_number:
+        if operation.selects and not by_a_number:
             self._needed |= depends
-        if op in _UNBOUNDED:
+        if operation.unbounded:
             depends = self._watch(found)
-        return _Bounds(found, frozenset() if op in _BOUNDED else depends)
+        return _Bounds(found, frozenset() if operation.bounded else depends)
 
     def _reciprocal(self, a: _Bounds) -> _Bounds:
         """1/a, built once for all quotients with this divisor."""
@@ -127,105 +127,72 @@ def _name(op: int) -> str:
     return next(n[3:].lower() for n in vars(ca) if n.startswith("OP_") and getattr(ca, n) == op)
 
 
-_RULES: Mapping[int, Callable[..., Interval]] = {
-    ca.OP_ASSIGN: lambda a: a,
-    ca.OP_ADD: rules.add,
-    ca.OP_SUB: rules.subtract,
-    ca.OP_NEG: rules.negate,
-    ca.OP_MUL: rules.multiply,
-    ca.OP_INV: rules.reciprocal,
-    ca.OP_SQ: rules.square,
-    ca.OP_TWICE: lambda a: rules.add(a, a),
-    ca.OP_SQRT: rules.above_zero(ca.sqrt),
-    ca.OP_EXP: rules.exponential,
-    ca.OP_LOG: rules.above_zero(ca.log),
-    ca.OP_SIGN: rules.stepping(ca.sign),
-    ca.OP_FLOOR: rules.stepping(ca.floor),
-    ca.OP_CEIL: rules.stepping(ca.ceil),
-    ca.OP_SINH: rules.increasing(ca.sinh),
-    ca.OP_TANH: rules.increasing(ca.tanh),
-    ca.OP_ASINH: rules.increasing(ca.asinh),
-    ca.OP_ATAN: rules.increasing(ca.atan),
-    ca.OP_ATAN2: rules.angle,
-    ca.OP_TAN: rules.tangent,
-    ca.OP_LT: lambda a, b: rules.truth(a.hi < b.lo, a.lo >= b.hi),
-    ca.OP_LE: lambda a, b: rules.truth(a.hi <= b.lo, a.lo > b.hi),
-    ca.OP_EQ: rules.equal,
-    ca.OP_NE: lambda a, b: rules.logical_not(rules.equal(a, b)),
-    ca.OP_NOT: rules.logical_not,
-    ca.OP_AND: rules.logical_and,
-    ca.OP_OR: lambda a, b: rules.logical_not(
-        rules.logical_and(rules.logical_not(a), rules.logical_not(b))
+class _Operation(NamedTuple):
+    """An operation of CasADi on intervals."""
+
+    rule: Callable[..., Interval]
+    continuous: Callable[..., ca.SX] | None = None
+    """Condition under which it cannot jump; None if it never does."""
+    selects: bool = False
+    """The rule takes min or max, which ignore NaN."""
+    unbounded: bool = False
+    """It may be infinite where its arguments are finite."""
+    bounded: bool = False
+    """It is finite for any arguments."""
+
+
+def _same_sign(a: Interval, b: Interval) -> ca.SX:
+    return rules.one_sign(rules.subtract(a, b))
+
+
+def _both_one_sign(a: Interval, b: Interval) -> ca.SX:
+    return ca.logic_and(rules.one_sign(a), rules.one_sign(b))
+
+
+_POWER = _Operation(rules.power, rules.power_is_continuous, selects=True, unbounded=True)
+
+_OPERATIONS: Mapping[int, _Operation] = {
+    ca.OP_ASSIGN: _Operation(lambda a: a),
+    ca.OP_ADD: _Operation(rules.add),
+    ca.OP_SUB: _Operation(rules.subtract),
+    ca.OP_NEG: _Operation(rules.negate),
+    ca.OP_MUL: _Operation(rules.multiply, selects=True),
+    ca.OP_INV: _Operation(rules.reciprocal, rules.without_zero, unbounded=True),
+    ca.OP_SQ: _Operation(rules.square, selects=True),
+    ca.OP_TWICE: _Operation(lambda a: rules.add(a, a)),
+    ca.OP_SQRT: _Operation(rules.above_zero(ca.sqrt), lambda a: a.lo >= 0, unbounded=True),
+    ca.OP_EXP: _Operation(rules.exponential, unbounded=True),
+    ca.OP_LOG: _Operation(rules.above_zero(ca.log), lambda a: a.lo > 0, unbounded=True),
+    ca.OP_SIGN: _Operation(rules.stepping(ca.sign), rules.one_sign, bounded=True),
+    ca.OP_FLOOR: _Operation(rules.stepping(ca.floor), rules.steps(ca.floor)),
+    ca.OP_CEIL: _Operation(rules.stepping(ca.ceil), rules.steps(ca.ceil)),
+    ca.OP_SINH: _Operation(rules.increasing(ca.sinh), unbounded=True),
+    ca.OP_TANH: _Operation(rules.increasing(ca.tanh), bounded=True),
+    ca.OP_ASINH: _Operation(rules.increasing(ca.asinh)),
+    ca.OP_ATAN: _Operation(rules.increasing(ca.atan), bounded=True),
+    ca.OP_ATAN2: _Operation(rules.angle, rules.avoids_branch_cut, selects=True, bounded=True),
+    ca.OP_TAN: _Operation(rules.tangent, rules.one_branch, unbounded=True),
+    ca.OP_LT: _Operation(
+        lambda a, b: rules.truth(a.hi < b.lo, a.lo >= b.hi), _same_sign, bounded=True
     ),
-    ca.OP_IF_ELSE_ZERO: rules.if_else_zero,
-    ca.OP_SIN: rules.sine,
-    ca.OP_COS: rules.cosine,
-    ca.OP_FABS: rules.absolute,
-    ca.OP_CONSTPOW: rules.power,
-    ca.OP_POW: rules.power,
-    ca.OP_FMAX: lambda a, b: Interval(ca.fmax(a.lo, b.lo), ca.fmax(a.hi, b.hi)),
-    ca.OP_FMIN: lambda a, b: Interval(ca.fmin(a.lo, b.lo), ca.fmin(a.hi, b.hi)),
+    ca.OP_LE: _Operation(
+        lambda a, b: rules.truth(a.hi <= b.lo, a.lo > b.hi), _same_sign, bounded=True
+    ),
+    ca.OP_EQ: _Operation(rules.equal, _same_sign, bounded=True),
+    ca.OP_NE: _Operation(
+        lambda a, b: rules.logical_not(rules.equal(a, b)), _same_sign, bounded=True
+    ),
+    ca.OP_NOT: _Operation(rules.logical_not, rules.one_sign, bounded=True),
+    ca.OP_AND: _Operation(rules.logical_and, _both_one_sign, bounded=True),
+    ca.OP_OR: _Operation(rules.logical_or, _both_one_sign, bounded=True),
+    ca.OP_IF_ELSE_ZERO: _Operation(
+        rules.if_else_zero, lambda condition, _: rules.one_sign(condition), selects=True
+    ),
+    ca.OP_SIN: _Operation(rules.sine, bounded=True),
+    ca.OP_COS: _Operation(rules.cosine, bounded=True),
+    ca.OP_FABS: _Operation(rules.absolute, selects=True),
+    ca.OP_CONSTPOW: _POWER,
+    ca.OP_POW: _POWER,
+    ca.OP_FMAX: _Operation(rules.larger, selects=True),
+    ca.OP_FMIN: _Operation(rules.smaller, selects=True),
 }
-
-_CONTINUOUS: Mapping[int, Callable[..., ca.SX]] = {
-    ca.OP_SIGN: rules.one_sign,
-    ca.OP_FLOOR: rules.steps(ca.floor),
-    ca.OP_CEIL: rules.steps(ca.ceil),
-    ca.OP_ATAN2: rules.avoids_branch_cut,
-    ca.OP_TAN: rules.one_branch,
-    ca.OP_LT: lambda a, b: rules.one_sign(rules.subtract(a, b)),
-    ca.OP_LE: lambda a, b: rules.one_sign(rules.subtract(a, b)),
-    ca.OP_EQ: lambda a, b: rules.one_sign(rules.subtract(a, b)),
-    ca.OP_NE: lambda a, b: rules.one_sign(rules.subtract(a, b)),
-    ca.OP_NOT: rules.one_sign,
-    ca.OP_AND: lambda a, b: ca.logic_and(rules.one_sign(a), rules.one_sign(b)),
-    ca.OP_OR: lambda a, b: ca.logic_and(rules.one_sign(a), rules.one_sign(b)),
-    ca.OP_IF_ELSE_ZERO: lambda condition, _: rules.one_sign(condition),
-    ca.OP_INV: rules.without_zero,
-    ca.OP_LOG: lambda a: a.lo > 0,
-    ca.OP_SQRT: lambda a: a.lo >= 0,
-    ca.OP_POW: rules.power_is_continuous,
-    ca.OP_CONSTPOW: rules.power_is_continuous,
-}
-
-_WITH_MIN_OR_MAX = {
-    ca.OP_MUL,
-    ca.OP_SQ,
-    ca.OP_FABS,
-    ca.OP_FMIN,
-    ca.OP_FMAX,
-    ca.OP_ATAN2,
-    ca.OP_IF_ELSE_ZERO,
-    ca.OP_CONSTPOW,
-    ca.OP_POW,
-}
-"""Operations whose rules take min or max, which ignore NaN."""
-
-_UNBOUNDED = {
-    ca.OP_INV,
-    ca.OP_SQRT,
-    ca.OP_EXP,
-    ca.OP_LOG,
-    ca.OP_SINH,
-    ca.OP_TAN,
-    ca.OP_CONSTPOW,
-    ca.OP_POW,
-}
-"""Operations that may be infinite where their arguments are finite."""
-
-_BOUNDED = {
-    ca.OP_SIGN,
-    ca.OP_TANH,
-    ca.OP_ATAN,
-    ca.OP_ATAN2,
-    ca.OP_LT,
-    ca.OP_LE,
-    ca.OP_EQ,
-    ca.OP_NE,
-    ca.OP_NOT,
-    ca.OP_AND,
-    ca.OP_OR,
-    ca.OP_SIN,
-    ca.OP_COS,
-}
-"""Operations that are finite for any arguments."""

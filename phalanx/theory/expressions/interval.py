@@ -292,8 +292,22 @@ def logical_not(a: Interval) -> Interval:
 
 def logical_and(a: Interval, b: Interval) -> Interval:
     """1 if all of a and of b is true, 0 if none of one of them is."""
-    first, second = truth_of(a), truth_of(b)
-    return Interval(_least(first.lo, second.lo), _least(first.hi, second.hi))
+    return smaller(truth_of(a), truth_of(b))
+
+
+def logical_or(a: Interval, b: Interval) -> Interval:
+    """1 if all of one of them is true, 0 if none of both is."""
+    return logical_not(logical_and(logical_not(a), logical_not(b)))
+
+
+def smaller(a: Interval, b: Interval) -> Interval:
+    """The smaller of both numbers."""
+    return Interval(_least(a.lo, b.lo), _least(a.hi, b.hi))
+
+
+def larger(a: Interval, b: Interval) -> Interval:
+    """The larger of both numbers."""
+    return Interval(_most(a.lo, b.lo), _most(a.hi, b.hi))
 
 
 def equal(a: Interval, b: Interval) -> Interval:

@@ -23,7 +23,7 @@ from phalanx.theory.expressions.interval import (
 )
 from phalanx.theory.expressions.rounding import rounds_outwards
 from phalanx.theory.models.polytope import constant_polytope, vertices
-from phalanx.theory.safety.composition import Member
+from phalanx.theory.safety.composition import ComposedSet, Member
 
 _LEAST = 1e-9
 
@@ -113,6 +113,24 @@ def enclose(
         within = ca.logic_and(b.lo < start.lo, start.hi < b.hi)  # false where 1e-9 is rounded off
         certain = ca.logic_and(certain, ca.logic_and(within, inside(a, b)))
     return Enclosure(x, u, phi, undisturbed, final, allowed, pushed, certain)
+
+
+def enclose_all(
+    composed: ComposedSet,
+    bounds: Sequence[float],
+    horizon: float | ca.SX,
+    inflations: Sequence[float],
+    held: int | None = None,
+) -> list[Enclosure]:
+    """Enclose the motions of all members; arguments and errors as enclose has them.
+
+    held: the place of a member that holds one input; the others apply any of U.
+    """
+    found = []
+    for l, member in enumerate(composed.members):
+        x, inputs = composed.x[composed.parts[l]], None if l == held else admissible_inputs(member)
+        found.append(enclose(member, x, inputs, bounds[l], horizon, inflations))
+    return found
 
 
 def _sides(box: Sequence[Interval]) -> list[ca.SX]:
@@ -211,6 +229,36 @@ def admissible_corners(member: Member) -> Array:
     # Vertices are rounded to nearest; the factor covers that.
     share = 1.0 + 1e-6 if rounds_outwards() else 1.0
     return vertices(known.A, known.b + share * known.allowance)
+
+
+class Within(NamedTuple):
+    """All that a row and its rate depend on until the horizon, each with its range."""
+
+    fixed: list[ca.SX]
+    """w_l of each member in agent i's row: its own input, and for others a fixed one in U_l, which
+    is not the input that moves the member's state."""
+    symbols: list[ca.SX]
+    intervals: list[Interval]
+
+
+def within(
+    moving: Sequence[Enclosure], i: int, known: Sequence[ca.SX], values: Sequence[ca.SX]
+) -> Within:
+    """Collect symbols and ranges of the row of the member at place i.
+
+    known: scalars that do not change until the horizon, with their values at the sample.
+    """
+    fixed = [e.u if l == i else ca.SX.sym("w", e.u.numel()) for l, e in enumerate(moving)]
+    others = [l for l in range(len(moving)) if l != i]
+    own = [*[e.x for e in moving], *[e.u for e in moving], *[fixed[l] for l in others]]
+    ranges = [*[e.states for e in moving], *[e.inputs for e in moving]]
+    ranges += [moving[l].inputs for l in others]
+    ranges += [e.disturbances for e in moving]
+    return Within(
+        fixed,
+        [*scalars(own), *scalars([e.phi for e in moving]), *known],
+        [*[interval for each in ranges for interval in each], *map(point, values)],
+    )
 
 
 def scalars(vectors: Sequence[ca.SX]) -> list[ca.SX]:

@@ -19,12 +19,12 @@ from phalanx.theory.expressions.rounding import rounds_outwards
 from phalanx.theory.margins.enclosure import (
     Enclosure,
     admissible_corners,
-    admissible_inputs,
-    enclose,
+    enclose_all,
     scalars,
+    within,
 )
 from phalanx.theory.models.polytope import ACTUATION
-from phalanx.theory.safety.chain import Chain, disturbance_bound
+from phalanx.theory.safety.chain import Chain, disturbance_bound, lie_derivatives
 from phalanx.theory.safety.class_k import ClassK
 from phalanx.theory.safety.composition import ComposedSet
 
@@ -84,16 +84,12 @@ def growth(
         ValueError: another member's U depends on the state.
         UnboundedOperationError: an expression has no interval extension.
     """
-    members = pair.members
-    others = [l for l in range(len(members)) if l != own]
-    gradients = [ca.jacobian(value, e.x) for e in moving]
-    drift, actuation = ca.SX(0), []
-    for gradient, member, e in zip(gradients, members, moving, strict=True):
-        drift += gradient @ member.dynamics.drift(e.x)
-        actuation.append(ca.simplify(gradient @ member.dynamics.actuation(e.x)))
-    # Another member's w in the row is not the input that moves its state.
-    fixed = [e.u if l == own else ca.SX.sym("w", e.u.numel()) for l, e in enumerate(moving)]
+    members, numbers = pair.members, scalars([pair.parameters])
+    fixed, symbols, box = within(moving, own, numbers, numbers)
+    gradients, drifts, actuation = lie_derivatives(pair, value)
+    drift = sum(drifts, ca.SX(0))
     rate = row = part.value * drift + actuation[own] @ moving[own].u
+    others = [l for l in range(len(members)) if l != own]
     for l in others if part is RowPart.WHOLE else ():
         row += actuation[l] @ fixed[l]
         rate += ca.mmax(ca.DM(admissible_corners(members[l])) @ actuation[l].T)
@@ -102,13 +98,6 @@ def growth(
     for slope, e in zip(slopes, moving, strict=True):
         change += slope @ e.rate
 
-    numbers = scalars([pair.parameters])
-    states, inputs = scalars([e.x for e in moving]), scalars([e.u for e in moving])
-    symbols = [*states, *inputs, *scalars([fixed[l] for l in others]), *numbers]
-    box = [interval for e in moving for interval in e.states]
-    box += [interval for e in moving for interval in e.inputs]
-    box += [interval for l in others for interval in moving[l].inputs]
-    box += map(point, numbers)
     steepness = disturbance_bound(gradients, [1.0] * len(members))
     bounded = [change, disturbance_bound(gradients, bounds), steepness]
     bend, disturbance, steep = extend(bounded, symbols, box)
@@ -116,7 +105,8 @@ def growth(
     known = continuous(scalars(parts), symbols, box)
     for e in moving:
         known = ca.logic_and(known, e.certain)
-    value, rate = _at_most([value, rate], [*states, *ca.vertsplit(moving[own].u), *numbers])
+    sampled = scalars([*[e.x for e in moving], moving[own].u])
+    value, rate = _at_most([value, rate], [*sampled, *numbers])
     # Comparisons are false for NaN, which max would ignore.
     for number in (value, disturbance.hi, bend.hi, steep.hi):
         known = ca.logic_and(known, number < ca.inf)
@@ -155,15 +145,8 @@ def integrated_margin(
         ValueError: a member's U_l depends on the state.
         UnboundedOperationError: an expression has no interval extension.
     """
-    members = chain.set.members
-    inputs = [
-        None if held is not None and l == i else admissible_inputs(members[l])
-        for l in range(len(members))
-    ]
-    moving = [
-        enclose(m, chain.set.x[own], allowed, bound, horizon, INFLATIONS)
-        for m, own, allowed, bound in zip(members, chain.set.parts, inputs, bounds, strict=True)
-    ]
+    holding = None if held is None else i
+    moving = enclose_all(chain.set, bounds, horizon, INFLATIONS, holding)
     bound = growth(chain.psi[-1], chain.set, i, moving, bounds, part)
     # A half is compared at each instant, a whole row's excess averages out over the interval.
     lasting = 0.5 * horizon if part is RowPart.WHOLE else horizon

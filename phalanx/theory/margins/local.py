@@ -13,8 +13,7 @@ import casadi as ca
 from phalanx.arrays import Array
 from phalanx.theory.expressions.compiled import CompiledFunction
 from phalanx.theory.expressions.extension import continuous, extend
-from phalanx.theory.expressions.interval import Interval, point
-from phalanx.theory.margins.enclosure import Enclosure, admissible_inputs, enclose, scalars
+from phalanx.theory.margins.enclosure import enclose_all, scalars, within
 from phalanx.theory.margins.integrated import RowPart
 from phalanx.theory.models.polytope import ACTUATION
 from phalanx.theory.safety.chain import Chain
@@ -50,17 +49,14 @@ def local_margin(
         ValueError: a member's U_l depends on the state.
         UnboundedOperationError: an expression has no interval extension.
     """
-    members, x = chain.set.members, chain.set.x
-    moving = [
-        enclose(m, x[own], admissible_inputs(m), bound, horizon, _INFLATIONS)
-        for m, own, bound in zip(members, chain.set.parts, bounds, strict=True)
-    ]
-    fixed = [ca.SX.sym(f"w_{m.name}", len(m.dynamics.inputs)) for m in members]
-    fixed[i] = moving[i].u
-    symbols, intervals = _within_reach(chain, i, moving, fixed, active)
+    moving = enclose_all(chain.set, bounds, horizon, _INFLATIONS)
+    # σ and the active pairs are fixed at the sample.
+    kept, numbers = scalars([chain.set.sigma, chain.set.active]), scalars([chain.set.parameters])
+    values = [chain.set.substitute(symbol, active) for symbol in kept]
+    fixed, symbols, intervals = within(moving, i, [*kept, *numbers], [*values, *numbers])
 
     share = part.value
-    slope = ca.jacobian(_row(chain, i, fixed, part), x)
+    slope = ca.jacobian(_row(chain, i, fixed, part), chain.set.x)
     rates = ca.vertcat(*[e.rate + e.phi for e in moving])
     growth, disturbance = extend([slope @ rates, share * chain.disturbance], symbols, intervals)
     forces = [chain.set.substitute(c, active) for c in chain.actuation]
@@ -107,42 +103,3 @@ def _row(chain: Chain, i: int, inputs: Sequence[ca.SX], part: RowPart) -> ca.SX:
         for l, c in enumerate(chain.actuation):
             row += 0 if l == i else c @ inputs[l]
     return row
-
-
-def _within_reach(
-    chain: Chain,
-    i: int,
-    moving: Sequence[Enclosure],
-    fixed: Sequence[ca.SX],
-    active: ca.SX | None,
-) -> tuple[list[ca.SX], list[Interval]]:
-    """All symbols of a row and its rate, and the interval of each until the next sample.
-
-    Args:
-        chain, i, active: as in local_margin.
-        moving: the members' enclosures.
-        fixed: inputs of the others in the row.
-    """
-    others = [l for l in range(len(moving)) if l != i]
-    # σ and the active pairs are fixed at the sample.
-    kept = [chain.set.sigma, chain.set.active]
-    at_sample = [point(chain.set.substitute(s, active)) for s in scalars(kept)]
-    symbols = scalars(
-        [
-            *[e.x for e in moving],
-            *[e.u for e in moving],
-            *[fixed[l] for l in others],
-            *[e.phi for e in moving],
-            *kept,
-            chain.set.parameters,
-        ]
-    )
-    intervals = [
-        *[interval for e in moving for interval in e.states],
-        *[interval for e in moving for interval in e.inputs],
-        *[interval for l in others for interval in moving[l].inputs],
-        *[interval for e in moving for interval in e.disturbances],
-        *at_sample,
-        *map(point, scalars([chain.set.parameters])),
-    ]
-    return symbols, intervals

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 
@@ -64,8 +65,7 @@ def build_chain(
     chain = [psi]
     for degree, given in enumerate(alphas, start=1):
         alpha = given if isinstance(given, ClassK) else Linear(given)
-        gradients = [ca.jacobian(psi, composed.x[part]) for part in composed.parts]
-        drifts, actuations = _lie_derivatives(composed, gradients)
+        gradients, drifts, actuations = lie_derivatives(composed, psi)
         appeared = [a.nnz() > 0 for a in actuations]
         if inputs_appear(composed.members, appeared, degree, len(alphas)):
             last = disturbance_bound(gradients, bounds, ROUNDED)
@@ -79,15 +79,26 @@ def build_chain(
     raise degree_above(len(alphas))
 
 
-def _lie_derivatives(
-    composed: ComposedSet, gradients: Sequence[ca.SX]
-) -> tuple[list[ca.SX], tuple[ca.SX, ...]]:
-    drifts, actuations = [], []
-    for member, part, gradient in zip(composed.members, composed.parts, gradients, strict=True):
-        x = composed.x[part]
-        drifts.append(gradient @ member.dynamics.drift(x))
-        actuations.append(ca.sparsify(ca.simplify(gradient @ member.dynamics.actuation(x))))
-    return drifts, tuple(actuations)
+class LieDerivatives(NamedTuple):
+    """Derivatives of one scalar V along the dynamics of each member l."""
+
+    gradients: tuple[ca.SX, ...]
+    """∂V/∂x_l, shapes (1, n_l)."""
+    drifts: tuple[ca.SX, ...]
+    """L_{f_l} V, scalars."""
+    actuations: tuple[ca.SX, ...]
+    """L_{g_l} V, shapes (1, m_l)."""
+
+
+def lie_derivatives(composed: ComposedSet, value: ca.SX) -> LieDerivatives:
+    """Differentiate an expression of the members' states."""
+    each = []
+    for member, part in zip(composed.members, composed.parts, strict=True):
+        x, dynamics = composed.x[part], member.dynamics
+        gradient = ca.jacobian(value, x)
+        actuation = ca.sparsify(ca.simplify(gradient @ dynamics.actuation(x)))
+        each.append((gradient, gradient @ dynamics.drift(x), actuation))
+    return LieDerivatives(*zip(*each, strict=True))
 
 
 def disturbance_bound(

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from phalanx.theory.expressions.user_methods import call_for_expression
 from phalanx.theory.models.dynamics import Dynamics
 from phalanx.theory.safety.function import Body, Boundary, SafeSetFunction, Static, static_h
 
@@ -68,7 +69,7 @@ class ComposedSet:
     @cached_property
     def positions(self) -> tuple[ca.SX, ...]:
         """Each member's output position [m]."""
-        return tuple(body.p for body in self._bodies)
+        return tuple(body.p for body in self.bodies)
 
     @cached_property
     def pairs(self) -> tuple[Pair, ...]:
@@ -84,12 +85,12 @@ class ComposedSet:
     @cached_property
     def h(self) -> ca.SX:
         """Every pair's h, shape (p,)."""
-        sides = [*self._bodies, *self.obstacles]
-        return ca.vertcat(*[self._h(self._bodies[a], sides[b]) for a, b in self.pairs])
+        sides = [*self.bodies, *self.obstacles]
+        return ca.vertcat(*[self._h(self.bodies[a], sides[b]) for a, b in self.pairs])
 
     def _h(self, a: Body, b: Body | Static) -> ca.SX:
         if isinstance(b, Body):
-            return self.function.between(a, b)
+            return call_for_expression(self.function, "between", [()], a, b, symbols=[a.x, b.x])
         return static_h(self.function, a, b, self.parameters)
 
     @cached_property
@@ -157,7 +158,8 @@ class ComposedSet:
         return *names, *[f"limit {k}" for k in range(limits)]
 
     @cached_property
-    def _bodies(self) -> list[Body]:
+    def bodies(self) -> list[Body]:
+        """The members as arguments of safe-set functions."""
         return [
             Body(
                 self.x[part],

@@ -14,12 +14,12 @@ from phalanx.theory.expressions.compiled import MappedFunction
 from phalanx.theory.safety.composition import ComposedSet, Member, of_pair
 from phalanx.theory.safety.function import SafeSetFunction, Static
 from phalanx.theory.safety.kinds import (
-    CompiledKind,
-    any_sphere,
+    PairKind,
     kind_table,
     member_classes,
     parameters_of,
     require_degree,
+    with_any_sphere,
 )
 from phalanx.theory.safety.obstacles import Sphere
 
@@ -45,9 +45,8 @@ class SwarmPairs:
         self._normal = np.array([not m.adversary for m in members])
         classes, of_member = member_classes(members)
         self._class = np.concatenate([of_member, len(classes) + np.arange(len(obstacles))])
-        kinds, self._kind = kind_table(classes, of_member, obstacles, function)
-        require_degree(members, of_member, kinds, self._kind, gains)
-        self.kinds = [CompiledKind(kind, gains) for kind in kinds]
+        self.kinds, self._kind = kind_table(classes, of_member, obstacles, function, gains)
+        require_degree(members, of_member, self.kinds, self._kind, gains)
         numbers = [parameters_of(obstacle) for obstacle in obstacles]
         states = [len(m.dynamics.states) for m in members]
         self.states = sum(states)
@@ -58,12 +57,6 @@ class SwarmPairs:
         """First place of each member's state and of each obstacle's parameters."""
         self.inputs: Index = _begins([len(m.dynamics.inputs) for m in members])
         """First place of each member's input in the stack of all."""
-
-    @property
-    def count(self) -> int:
-        """Number of pairs of h_tot."""
-        normal = int(self._normal.sum())
-        return normal * (normal - 1) // 2 + normal * (len(self._class) - normal)
 
     def among(self, seen: Sequence[int], obstacles: Sequence[int] | None = None) -> Index:
         """The pairs of h_tot among these members and obstacles, shape (r, 2).
@@ -114,16 +107,19 @@ class SwarmPairs:
         found: Index = self._kind[self._class[pairs[:, 0]], self._class[pairs[:, 1]]]
         return found
 
+    def kind_of(self, a: int, b: int) -> PairKind:
+        """The kind of one pair."""
+        number = int(self._kind[self._class[a], self._class[b]])
+        return self.kinds[number]
+
     def alone(self, a: int, b: int) -> ComposedSet:
         """A pair as a safe set of its own; a sphere's numbers are symbols where its kind allows."""
         own = self.members[a]
         if b < len(self.members):
             return of_pair(own, self.members[b], self._function)
         obstacle = self.obstacles[b - len(self.members)]
-        kind = self.kinds[self._kind[self._class[a], self._class[b]]].kind
-        if isinstance(obstacle, Sphere) and kind.parameters.numel():
-            sphere, parameters = any_sphere(obstacle)
-            return of_pair(own, sphere, self._function, parameters)
+        if isinstance(obstacle, Sphere) and self.kind_of(a, b).pair.parameters.numel():
+            return with_any_sphere(own, obstacle, self._function)
         return of_pair(own, obstacle, self._function)
 
     def numbers(self, x: Array) -> Array:
@@ -150,7 +146,7 @@ class _Group(NamedTuple):
 
     number: int
     """Place in SwarmPairs.kinds."""
-    kind: CompiledKind
+    kind: PairKind
     pairs: Index
     """shape (r, 2)"""
     places: Index
@@ -170,13 +166,12 @@ class ChosenPairs:
         forces, slopes = [], []
         for number in np.unique(kinds).tolist():
             which = np.flatnonzero(kinds == number)
-            compiled, own = swarm.kinds[number], pairs[which]
-            kind = compiled.kind
-            places = spread(swarm.begin, own, kind.sizes)
-            driven = spread(swarm.inputs, own, [len(d.inputs) for d in kind.dynamics])
-            self.groups.append(_Group(number, compiled, own, places))
-            forces.append((which, driven))
-            slopes.append((which, places[:, : sum(kind.sizes[:-1])]))
+            kind, own = swarm.kinds[number], pairs[which]
+            places = spread(swarm.begin, own, kind.pair.sizes)
+            inputs = [len(member.dynamics.inputs) for member in kind.pair.members]
+            self.groups.append(_Group(number, kind, own, places))
+            forces.append((which, spread(swarm.inputs, own, inputs)))
+            slopes.append((which, places[:, : kind.pair.x.numel()]))
         self.force_pair, self.force_input = _flat(forces)
         """Each force's pair, and its input's place in the stack of all; shapes (f,)."""
         self.slope_pair, self.slope_state = _flat(slopes)
@@ -204,9 +199,7 @@ class ChosenPairs:
         ]
         return np.concatenate([np.zeros((q, 0)), *each], axis=1)
 
-    def _evaluated(
-        self, x: Array, function: Callable[[CompiledKind], MappedFunction]
-    ) -> list[Array]:
+    def _evaluated(self, x: Array, function: Callable[[PairKind], MappedFunction]) -> list[Array]:
         numbers = self._swarm.numbers(x)
         return [function(group.kind)(numbers, group.places) for group in self.groups]
 

@@ -7,8 +7,8 @@ apply depends on the scenario; some apply only after they failed.
 import numpy as np
 
 from phalanx.arrays import Array
-from phalanx.guarantee.advice import proof_gaps
 from phalanx.guarantee.certificate import DEFECT
+from phalanx.guarantee.check_report import proof_gaps
 from phalanx.guarantee.verdict import Assumption
 from phalanx.swarm.rows import SafetyRows
 from phalanx.swarm.swarm import Swarm

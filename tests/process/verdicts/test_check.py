@@ -5,13 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from phalanx.guarantee.advice import alpha_advice, proof_gaps
 from phalanx.guarantee.check import check
-from phalanx.guarantee.check_report import CheckReport
-from phalanx.guarantee.feasibility import rows_at_start
-from phalanx.guarantee.formula import drawn_states
+from phalanx.guarantee.check_report import CheckReport, alpha_advice, proof_gaps
+from phalanx.guarantee.formula import Region, constants, drawn_states
+from phalanx.guarantee.start import rows_at_start
 from phalanx.scenario.load import load
-from phalanx.theory.margins.constants import constants, margin_constants
+from phalanx.theory.margins.margin import MarginConstants
 from phalanx.theory.models.integrators import SingleIntegrator
 from phalanx.theory.safety.chain import build_chain
 from phalanx.theory.safety.composition import Member, compose
@@ -152,7 +151,7 @@ def test_the_constants_of_one_pair_are_the_hand_calculation_and_proven():
     members = [Member("a", SingleIntegrator(1.0), False), Member("b", SingleIntegrator(2.0), True)]
     chain = build_chain(compose(members, [], Separation(1.0), 1.0), [1.5])
     low, high = np.full(4, -3.0), np.full(4, 3.0)
-    found = constants(chain, low, high, [0.1, 0.2], np.zeros((1, 4)))
+    found = constants(chain, Region(low, high, np.zeros((1, 4))), [0.1, 0.2])
     assert all(constant.how == "interval" for constant in found.values())
     assert found["c_f"].value == 0.0
     assert found["c_g"].value == pytest.approx(4.0)
@@ -162,7 +161,7 @@ def test_the_constants_of_one_pair_are_the_hand_calculation_and_proven():
     assert found["c_alpha"].value == pytest.approx(1.5 * 2 * math.hypot(6, 6) * math.sqrt(2))
     speeds = math.sqrt(2) + 0.1, 2 * math.sqrt(2) + 0.2
     assert found["mu"].value == pytest.approx(math.hypot(*speeds))
-    eta = margin_constants(found).eta(0.01, 0.3)
+    eta = MarginConstants(**{k: c.value for k, c in found.items()}).eta(0.01, 0.3)
     assert eta > found["c_h"].value * 0.3
 
 

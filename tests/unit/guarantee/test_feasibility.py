@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from phalanx.guarantee import feasibility
-from phalanx.guarantee.feasibility import rows_at_start
+from phalanx.guarantee import start
+from phalanx.guarantee.start import rows_at_start
 from phalanx.scenario.load import load
 from phalanx.swarm.rows import build_rows
 from phalanx.swarm.swarm import build_swarm
@@ -19,13 +19,13 @@ def test_the_linear_program_says_what_the_vertices_say(seed):
     cube = polytope(np.vstack([np.eye(3), -np.eye(3)]), np.ones(6))
     rows = Rows(rng.normal(size=(7, 3)), rng.normal(scale=0.6, size=7))
     u = least_violation(cube, rows)
-    assert feasibility._solvable(cube, rows) == bool((rows.a @ u <= rows.bound + 1e-9).all())
+    assert start._solvable(cube, rows) == bool((rows.a @ u <= rows.bound + 1e-9).all())
 
 
 def test_both_answers_come_up_among_them():
     cube = polytope(np.vstack([np.eye(3), -np.eye(3)]), np.ones(6))
-    assert feasibility._solvable(cube, Rows(np.eye(3), np.zeros(3)))
-    assert not feasibility._solvable(cube, Rows(np.eye(3), np.full(3, -1.5)))
+    assert start._solvable(cube, Rows(np.eye(3), np.zeros(3)))
+    assert not start._solvable(cube, Rows(np.eye(3), np.full(3, -1.5)))
 
 
 def test_an_agent_that_sees_nobody_may_apply_anything():

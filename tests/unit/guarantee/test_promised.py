@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phalanx.guarantee.promised import Promise, promised
+from phalanx.guarantee.start import Promise, promised
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 

@@ -15,7 +15,7 @@ from phalanx.scenario.load import (
     to_json,
 )
 from phalanx.swarm.swarm import build_swarm
-from phalanx.theory.margins.constants import MarginConstants
+from phalanx.theory.margins.margin import MarginConstants
 from phalanx.theory.rows.information import Information
 from tests.unit.swarms import rows_of_scenario
 

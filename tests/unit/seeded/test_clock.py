@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phalanx.seeded.clock import SamplingClock
+from phalanx.seeded.draws import SamplingClock
 
 
 def gaps(clock: SamplingClock, count: int = 3000) -> np.ndarray:

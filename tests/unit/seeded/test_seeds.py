@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from phalanx.network.link import Link
 from phalanx.network.rule import AtLeast
-from phalanx.seeded.clock import SamplingClock
-from phalanx.seeded.draws import Draws, Seeds, Tables
+from phalanx.seeded.draws import Draws, SamplingClock, Seeds, Tables
 from tests.unit.network.models import model
 
 CHANGES = st.lists(

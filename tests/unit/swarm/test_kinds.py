@@ -153,4 +153,4 @@ def test_agents_of_one_group_share_what_is_compiled():
             rows.pair_terms(i)(x, sharing=rows.swarm.normal if part is RowPart.HALF else ())
     # Normal on either side, whole and half; adversary; sphere.
     assert len(rows._row_functions) == 6
-    assert rows.swarm.pairs.count == len(rows.swarm.safe_set.pairs)
+    assert len(rows.swarm.pairs.every) == len(rows.swarm.safe_set.pairs)

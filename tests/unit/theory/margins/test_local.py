@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from phalanx.guarantee.formula import Region, constants
 from phalanx.theory.expressions.compiled import CompiledFunction
-from phalanx.theory.margins.constants import constants
 from phalanx.theory.margins.integrated import RowPart
 from phalanx.theory.margins.local import UNKNOWN, local_margin
 from phalanx.theory.models.integrators import DoubleIntegrator, SingleIntegrator
@@ -120,7 +120,7 @@ def test_there_is_no_margin_where_a_kink_of_h_is_within_reach():
     assert margin(np.array([0.15, 0.0, 0.0, 0.0]))[0] == UNKNOWN
     assert margin(np.array([0.35, 0.0, 0.0, 0.0]))[0] < 1.0
     low, high = np.full(4, -1.0), np.full(4, 1.0)
-    found = constants(chain, low, high, [0.0, 0.0], np.zeros((1, 4)))
+    found = constants(chain, Region(low, high, np.zeros((1, 4))), [0.0, 0.0])
     assert found["c_g"].how == "sampled"
 
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from phalanx.theory.margins.constants import MarginConstants
+from phalanx.theory.margins.margin import MarginConstants
 
 gammas = st.floats(1e-6, 0.5)
 mus = st.floats(0.1, 50.0)

@@ -1,0 +1,247 @@
+"""Facts of x(0), before any run: rows with a solution, certificates, and a promised time.
+
+The rows are those of the scenario, or those that can be proven. The promise needs neither: boxes
+hold all states that the members of a pair can reach from x(0), with all inputs and all disturbances
+within their bounds. While h <= 0 over the boxes the pair is safe, under any filter, attack and
+network.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+from scipy.optimize import linprog
+
+from phalanx.arrays import Array, Index
+from phalanx.guarantee.certificate import highest_within
+from phalanx.guarantee.certificates import AgentCertificates, SwarmCertificates
+from phalanx.swarm.rows import SafetyRows, build_rows
+from phalanx.swarm.runnable import first_nominal
+from phalanx.swarm.swarm import Swarm, build_swarm
+from phalanx.theory.expressions.exact import dot, length
+from phalanx.theory.models.polytope import Polytope, constant_polytope
+from phalanx.theory.rows.decision import least_violation
+from phalanx.theory.rows.information import Information
+from phalanx.theory.rows.pairs import PairTerms, pair_rows
+from phalanx.theory.rows.row import Rows, joint_sum
+from phalanx.theory.rows.safety_filter import FilterInput
+from phalanx.theory.safety.pairs import spread
+
+_FEW_ROWS = 8
+"""Up to so many rows all vertices are enumerated: 2 ms for three inputs. For 32 rows that takes
+230 ms, and a linear program 2 ms."""
+_SHORTEST, _LONGEST, _BISECTIONS = 1e-6, 10.0, 20
+"""Range of sampling gaps [s], and steps of the search."""
+_HALVINGS = 16
+"""Bisections of the run's duration."""
+
+
+def rows_at_start(rows: SafetyRows) -> dict[str, bool]:
+    """Return for each normal agent whether K_i(x(0)) is non-empty, with nothing received yet.
+
+    Agents with a controller of their own have no K_i.
+    """
+    swarm = rows.swarm
+    x = swarm.start()
+    filtered = [i for i in swarm.normal if swarm.groups[i].controller is None]
+    return {swarm.names[i]: _feasible(rows, i, x) for i in filtered}
+
+
+def rigorous(swarm: Swarm) -> SafetyRows:
+    """Build the rows that can be proven: half rows for each pair, local margin."""
+    return with_safety(
+        swarm,
+        composition="pairs",
+        margin="local",
+        margin_scale=1.0,
+        eta=0.0,
+        information=Information.SPLIT,
+        neighbourhood=None,
+    )
+
+
+def with_safety(swarm: Swarm, **changes: object) -> SafetyRows:
+    """Build the rows of the same swarm with other settings in [safety]."""
+    safety = swarm.safety.model_copy(update=changes)
+    return build_rows(build_swarm(swarm.scenario.model_copy(update={"safety": safety})))
+
+
+def effort_at_start(rows: SafetyRows) -> float:
+    """Return the mean ‖u - u_nom‖ of normal agents at x(0), with nothing received yet."""
+    x = rows.swarm.start()
+    return float(np.mean([_effort(rows.seen_by(i), i, x) for i in rows.swarm.normal]))
+
+
+def _effort(rows: SafetyRows, i: int, x: Array) -> float:
+    view, u_nom = first_nominal(rows, i, x)
+    now = FilterInput(rows.swarm.time.latency, x, tuple(view.x), view.terms, u_nom, {})
+    return float(length(rows.filter(i)(now).decision.u - u_nom))
+
+
+def _feasible(rows: SafetyRows, i: int, x: Array) -> bool:
+    """Return whether K_i(x) is non-empty, with nothing received."""
+    rows = rows.seen_by(i)
+    swarm, seen = rows.swarm, rows.swarm.seen(i, x)
+    terms = rows.terms(i)(x, seen)
+    if swarm.safety.pairwise:
+        sharing = swarm.normal if swarm.safety.joint else ()
+        return _pairs_feasible(rows.pair_terms(i)(x, seen, sharing), terms.polytopes[i])
+    if (margin := rows.share_margin(i)) is not None:
+        return joint_sum(terms, swarm.normal) + margin(x, terms, swarm.normal) <= 0
+    return joint_sum(terms, swarm.normal if swarm.safety.joint else (i,)) <= 0
+
+
+def _pairs_feasible(terms: PairTerms, inputs: Polytope) -> bool:
+    every = pair_rows(terms, {})
+    # Rows of pairs far apart hold for every input.
+    binding = ~(dot(every.a[:, None], inputs.corners).max(axis=1, initial=-np.inf) <= every.bound)
+    rows = Rows(every.a[binding], every.bound[binding])
+    if not len(rows.bound) or not np.isfinite(rows.bound).all():
+        return not len(rows.bound)
+    if len(rows.bound) > _FEW_ROWS:
+        return _solvable(inputs, rows)
+    u = least_violation(inputs, rows)
+    return bool((rows.a @ u <= rows.bound).all())
+
+
+def _solvable(inputs: Polytope, rows: Rows) -> bool:
+    """Return whether some input satisfies the rows, by a linear program, to the solver's 1e-7."""
+    A, b = np.concatenate([inputs.A, rows.a]), np.concatenate([inputs.b, rows.bound])
+    found = linprog(np.zeros(A.shape[1]), A_ub=A, b_ub=b, bounds=(None, None))
+    return bool(found.status == 0)
+
+
+class ProvenRows:
+    """One agent's half rows for each pair with the local margin, at x(0), for any sampling gap."""
+
+    def __init__(self, rows: SafetyRows, i: int, x: Array) -> None:
+        """rows: from rigorous()."""
+        self._x, self._seen, self._sharing = x, rows.swarm.seen(i, x), rows.swarm.normal
+        self._terms = rows.pair_terms_of_gap(i)
+        self._inputs = rows.terms(i)(x, self._seen).polytopes[i]
+
+    def margin(self, gap: float) -> float:
+        """Return the largest margin of any row."""
+        return float(self._at(gap).margin.max(initial=0.0))
+
+    def feasible(self, gap: float) -> bool:
+        """Return whether K_i(x(0)) is non-empty."""
+        return _pairs_feasible(self._at(gap), self._inputs)
+
+    def _at(self, gap: float) -> PairTerms:
+        return self._terms(self._x, self._seen, self._sharing, [gap])
+
+
+def largest_gap(rows: Sequence[ProvenRows]) -> float | None:
+    """Return the largest feasible gap [s], by bisection, since the margin grows with the gap."""
+
+    def holds(gap: float) -> bool:
+        return all(row.feasible(gap) for row in rows)
+
+    low, high = _SHORTEST, _LONGEST
+    if not holds(low):
+        return None
+    for _ in range(_BISECTIONS):
+        middle = math.sqrt(low * high)
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
+
+
+class Promise(NamedTuple):
+    """The time for which all pairs are safe, proven before the run."""
+
+    time: float
+    """[s]; 0 if nothing is proven, at most the run's duration."""
+    pair: str
+    """Label of a pair that may be unsafe soon after; empty if there is none."""
+
+    def __str__(self) -> str:
+        """Return the promise as a sentence."""
+        if not self.time:
+            return f"Nothing is promised ahead: no time is proven for {self.pair} at the start."
+        rounded_down = np.floor(1e3 * self.time) / 1e3
+        meets = f" {self.pair} could be unsafe soon after, if its members did their worst."
+        return (
+            f"Promised for the first {rounded_down:.3f} s: until then every pair is safe, whatever "
+            f"all agents do within their inputs.{meets if self.pair else ''}"
+        )
+
+
+def promised(swarm: Swarm) -> Promise:
+    """Return the time that is promised from x(0) on. A pair without a bound makes it 0."""
+    x, safe, unknown = swarm.start(), 0.0, swarm.scenario.duration
+    first = _unproven(swarm, x, unknown)
+    if not len(first):
+        return Promise(unknown, "")
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (safe + unknown)
+        found = _unproven(swarm, x, middle)
+        if len(found):
+            first, unknown = found, middle
+        else:
+            safe = middle
+    return Promise(safe, swarm.safe_set.label(swarm.safe_set.pairs[int(first[0])]))
+
+
+def _unproven(swarm: Swarm, x: Array, time: float) -> Index:
+    """Return the pairs for which h <= 0 is not proven up to a time [s]; x: x(0), shape (n̄,)."""
+    certificates = swarm.once(SwarmCertificates)
+    ends, sorts, numbers = certificates.ends, certificates.sorts, swarm.pairs.numbers(x)
+    found = [np.empty(0, dtype=np.intp)]
+    for sort in np.unique(sorts).tolist():
+        which = np.flatnonzero(sorts == sort)
+        a, b = ends[which[0]].tolist()
+        alone = swarm.pairs.alone(a, b)
+        highest = highest_within(alone, certificates.bounds(alone), time)
+        h = highest(numbers, spread(swarm.pairs.begin, ends[which], alone.sizes))[:, 0]
+        found.append(which[~(h <= 0.0)])
+    return np.sort(np.concatenate(found))
+
+
+class CertifiedStart(NamedTuple):
+    """Certificates at x(0)."""
+
+    safe: bool
+    """True if every pair's h <= 0 at x(0)."""
+    refused: dict[str, str]
+    """Reasons, by label, of pairs that no input can certify."""
+    agents: dict[str, bool]
+    """By normal agent: True if an input was found at x(0) with which all its pairs are proven safe
+    until its next sample."""
+
+    @property
+    def holds(self) -> bool:
+        """True if certificates can cover every pair from the start of a run."""
+        return self.safe and not self.refused and all(self.agents.values())
+
+
+def certified_start(swarm: Swarm) -> CertifiedStart:
+    """Evaluate the certificates of the verdict at x(0)."""
+    certificates = swarm.once(SwarmCertificates)
+    agents = {i: certificates.of(i) for i in swarm.normal}
+    composed, x = swarm.safe_set, swarm.start()
+    refused = {}
+    for number, pair in enumerate(composed.pairs):
+        sides = [agents[l].refused for l in (pair.a, pair.b) if l in agents]
+        if all(number in side for side in sides):
+            refused[composed.label(pair)] = sides[0][number]
+    begun = {swarm.names[i]: _begins(swarm, i, each, x) for i, each in agents.items()}
+    h = swarm.pairs.choose(swarm.pairs.every).h(x)
+    return CertifiedStart(bool((h <= 0.0).all()), refused, begun)
+
+
+def _begins(swarm: Swarm, i: int, certificates: AgentCertificates, x: Array) -> bool:
+    """Return whether zero or a corner of U_i is certified; with a latency, zero alone."""
+    clock, latency = swarm.groups[i].clock, swarm.time.latency
+    dynamics = swarm.members[i].dynamics
+    zero = np.zeros(len(dynamics.inputs))
+    possible = [pair not in certificates.refused for pair in certificates.pairs]
+    inputs, needed = [zero], latency
+    if not latency:
+        state = ca.SX.sym("x", len(dynamics.states))
+        known = constant_polytope(*dynamics.input_polytope(state))
+        inputs += [] if known is None else list(known.corners)
+        needed = clock.period - clock.jitter
+    return any(bool((certificates(x, u)[possible] >= needed).all()) for u in inputs)
