@@ -25,7 +25,8 @@ NO_FIRST_WORD = re.compile(
 )
 DIALECT = re.compile(
     r"\b(whoever|whomever|whosever|beside|besides|alike|told|somebody|everybody|nobody|anybody"
-    r"|thereby|whence|anew|door|strikes?|scribe|harness|what (?:\w+ ){1,3}c[ao]mes? to|put to use"
+    r"|thereby|whence|anew|door|strikes?|struck|befalls?|befell|by and by|scribe|harness"
+    r"|what (?:\w+ ){1,3}c[ao]mes? to|put to use"
     r"|lean(?:s|ed)? on)\b",
     re.IGNORECASE,
 )
