@@ -10,7 +10,8 @@ import secrets
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from phalanx.faults.process import KillFault, PauseFault, RestartFault
+from phalanx.faults.commands import EFFECTS
+from phalanx.faults.fault import AgentFault
 from phalanx.guarantee.verdict import Outcome, Summary, read_summary
 from phalanx.launcher.engine import EngineError, Progress, RunOptions
 from phalanx.launcher.live import announced
@@ -93,7 +94,8 @@ def _programs(scenario: Scenario, folder: Path, options: RunOptions) -> list[Pro
 def _require_alone(scenario: Scenario) -> None:
     """Raise EngineError if a fault is of the process of one agent."""
     for n, fault in enumerate(scenario.faults):
-        if isinstance(fault, KillFault | RestartFault | PauseFault):
+        begins = fault.begins_with if isinstance(fault, AgentFault) else None
+        if begins and EFFECTS[begins].process:
             raise EngineError(
                 f"faults.{n}: expected one agent a process, to {fault.kind} one: leave "
                 "--agents-per-process out"

@@ -6,18 +6,17 @@ from typing import Annotated, get_args
 
 from pydantic import Field
 
-from phalanx.faults.clock import ClockFault
 from phalanx.faults.fault import AgentFault, LinkEnds, Occurrence, RunFacts
 from phalanx.faults.lies import LieFault, Lies
 from phalanx.faults.links import AnyLinkFault, LinkFault
-from phalanx.faults.onboard import ActuatorFault, SensorFault
+from phalanx.faults.onboard import AnyOnboardFault
 from phalanx.faults.process import ProcessFault
 from phalanx.network.link import Kind, Link, LinkModel, Stage
 from phalanx.network.rule import UsersRule
 from phalanx.network.table import LinkTable, Network
 
 AnyFault = Annotated[
-    AnyLinkFault | LieFault | ProcessFault | ClockFault | SensorFault | ActuatorFault,
+    AnyLinkFault | LieFault | ProcessFault | AnyOnboardFault,
     Field(discriminator="kind"),
 ]
 KINDS = frozenset(

@@ -6,9 +6,8 @@ from typing import Protocol
 from msgspec import Struct
 
 from phalanx.arrays import Array
-from phalanx.faults.clock import AgentClock
 from phalanx.faults.commands import Command, FaultState, ProcessChange
-from phalanx.faults.onboard import Sensors
+from phalanx.faults.onboard import AgentClock, Sensors
 from phalanx.swarm.state_codec import StateCodec
 from phalanx.swarm.swarm import Swarm
 from phalanx.wire.messages import Sample, last_sample

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from phalanx.faults.clock import AgentClock
+from phalanx.faults.onboard import AgentClock
 from phalanx.scenario.load import load
 from phalanx.swarm.swarm import build_swarm
 
