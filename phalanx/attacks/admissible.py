@@ -17,7 +17,7 @@ def shortfall(swarm: Swarm, attack: Attack) -> tuple[float, str]:
     In τ for a certificate that is too short, in m for a distance.
     """
     x = swarm.start()
-    apart, who = _nearest(swarm, x)
+    apart, who = nearest(swarm)
     if apart < attack.apart:
         reason = f"{who} start {apart:.3g} m apart, expected {attack.apart:g} m"
         return attack.apart - apart, reason
@@ -32,7 +32,12 @@ def shortfall(swarm: Swarm, attack: Attack) -> tuple[float, str]:
     return 0.0, ""
 
 
-def _nearest(swarm: Swarm, x: np.ndarray) -> tuple[float, str]:
+def nearest(swarm: Swarm) -> tuple[float, str]:
+    """Return the least distance of a normal agent from an adversary at x(0) [m], and their names.
+
+    Infinite without adversaries.
+    """
+    x = swarm.start()
     adversaries = [j for j, member in enumerate(swarm.members) if member.adversary]
     each: Iterable[tuple[float, str]] = (
         (swarm.apart(x, i, j), f"{swarm.names[i]} and {swarm.names[j]}")

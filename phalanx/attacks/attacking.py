@@ -7,14 +7,14 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import phalanx
-from phalanx.attacks.admissible import shortfall
-from phalanx.attacks.robustness import Evaluation, evaluate_rows
+from phalanx.attacks.admissible import nearest, shortfall
+from phalanx.attacks.robustness import Evaluation, evaluate
 from phalanx.attacks.shrinking import Fields, shrink, size_of
+from phalanx.guarantee.promised import promised
 from phalanx.guarantee.verdict import Outcome, Violation
 from phalanx.scenario.attack import Attack
 from phalanx.scenario.load import ScenarioError, digest, read_table, scenario_text, validate
 from phalanx.scenario.model import Scenario
-from phalanx.swarm.runnable import shared_rows
 from phalanx.swarm.swarm import Swarm, build_swarm
 
 _VERDICT, _TRAJECTORY, _ATTACKED = "Verdict: ", "Trajectory: ", "Attacked: "
@@ -24,7 +24,7 @@ class Kind(NamedTuple):
     """Properties that a candidate must share with the attack that is shrunk."""
 
     roles: tuple[str, ...]
-    """Of the first violating pair; "obstacle" for an obstacle or a limit."""
+    """Of the first violating pair, as _End has them."""
     apart: float
     """Least distance of adversaries from normal agents at the start [m]."""
 
@@ -47,12 +47,14 @@ class _Candidates:
         """Raises ScenarioError: the table is no scenario, or it is not violated."""
         scenario = validate(table, "attack")
         self.found: dict[str, float | None] = {}
-        swarm, evaluation = _run(scenario)
+        evaluation = evaluate(scenario)
         first = first_violation(evaluation)
         if first is None:
             reason = f"expected a violated run, got {evaluation.summary.outcome.value}"
             raise ScenarioError(f"{scenario.name}: {reason}")
-        self.kind = Kind(_roles(swarm, first), math.floor(10.0 * _apart(swarm)) / 10.0)
+        apart, _ = nearest(evaluation.swarm)
+        rounded_down = 0.0 if math.isinf(apart) else math.floor(10.0 * apart) / 10.0
+        self.kind = Kind(tuple(end.role for end in _ends(evaluation.swarm, first)), rounded_down)
         self.found[digest(scenario)] = first.first
 
     def __call__(self, table: Fields) -> float | None:
@@ -69,10 +71,14 @@ class _Candidates:
     def _failed(self, scenario: Scenario) -> float | None:
         if shortfall(build_swarm(scenario), Attack(apart=self.kind.apart))[0] > 0.0:
             return None
-        swarm, evaluation = _run(scenario)
+        evaluation = evaluate(scenario)
         first = first_violation(evaluation)
-        same = first is not None and _roles(swarm, first) == self.kind.roles
-        return first.first if first is not None and same else None
+        if (
+            first is None
+            or tuple(end.role for end in _ends(evaluation.swarm, first)) != self.kind.roles
+        ):
+            return None
+        return first.first
 
 
 def smallest(table: Fields, origin: Fields) -> Shrunk:
@@ -86,8 +92,8 @@ def smallest(table: Fields, origin: Fields) -> Shrunk:
     """
     candidates = _Candidates(table)
     small = shrink(table, origin, candidates)
-    _, evaluation = _run(validate(small, "attack"))
-    return Shrunk(small, evaluation, len(candidates.found), (size_of(table), size_of(small)))
+    sizes = size_of(table), size_of(small)
+    return Shrunk(small, evaluate(validate(small, "attack")), len(candidates.found), sizes)
 
 
 def first_violation(evaluation: Evaluation) -> Violation | None:
@@ -97,22 +103,58 @@ def first_violation(evaluation: Evaluation) -> Violation | None:
     return min(evaluation.summary.violations, key=lambda each: each.first, default=None)
 
 
-def attack_text(shrunk: Shrunk, attacked: str, command: str) -> str:
-    """Return the file of a shrunk attack, with comments that say what it shows."""
-    first, summary = first_violation(shrunk.evaluation), shrunk.evaluation.summary
+def attack_text(shrunk: Shrunk, origin: Fields, attacked: str, command: str) -> str:
+    """Return the file of a shrunk attack, with comments that say what it shows.
+
+    Args:
+        shrunk: the attack.
+        origin: table of the scenario attacked.
+        attacked: its name.
+        command: repeats the run.
+    """
+    swarm, summary = shrunk.evaluation.swarm, shrunk.evaluation.summary
+    first = first_violation(shrunk.evaluation)
     assert first is not None
-    lost = summary.certificates.uncovered_at
-    before = "" if lost is None else f" Its certificate was lost {first.first - lost:.3f} s before."
+    who = " and ".join(end.in_words for end in _ends(swarm, first))
+    apart, nearest_two = nearest(swarm)
+    rounded_down = math.floor(1e3 * promised(swarm).time) / 1e3
     lines = [
-        f"The pair {first.pair} leaves the safe set at {first.first:.3f} s, up to h = "
-        f"{first.worst:.3g}.{before}",
+        f"{who.capitalize()} are unsafe from {first.first:.3f} s on: h up to {first.worst:.3g}, "
+        "where 0 is allowed.",
+        f"Before the run, `phalanx check` promises safety for {rounded_down:.3f} s.",
+    ]
+    if summary.certificates.uncovered_at is not None:
+        lines.append(f"Certificates proved it until {summary.certificates.uncovered_at:.3f} s.")
+    if not math.isinf(apart):
+        start = f"{apart:.2f} m to a normal agent ({nearest_two})"
+        lines.append(f"At the start no adversary is nearer than {start}.")
+    lines += [
         f"{_ATTACKED}{attacked}; shrunk from {shrunk.sizes[0]} to {shrunk.sizes[1]} values in "
         f"{shrunk.runs} runs.",
+        f"Left out of it: {', '.join(_left_out(shrunk.table, origin)) or 'nothing'}.",
         f"{_VERDICT}{summary.outcome.value}",
         f"{_TRAJECTORY}{summary.trajectory}",
         f"Run it: {command}",
     ]
-    return "".join(f"# {line}\n" for line in lines) + "\n" + scenario_text(shrunk.table)
+    rest = {key: value for key, value in shrunk.table.items() if key != "name"}
+    description = f"An attack on {attacked}: {who}, unsafe at {first.first:.2f} s"
+    table = {"name": shrunk.table["name"], "description": description, **rest}
+    return "".join(f"# {line}\n" for line in lines) + "\n" + scenario_text(table)
+
+
+def _left_out(table: Fields, origin: Fields) -> list[str]:
+    """Return in words the agents, tables and fields of agents that an attack has no more."""
+    here, there = (
+        ({str(name) for group in each["agents"] for name in group.get("names", ())},
+         {field for group in each["agents"] for field in group})
+        for each in (table, origin)
+    )  # fmt: skip
+    agents, fields = sorted(there[0] - here[0]), sorted(there[1] - here[1])
+    return [
+        *(f"agent {name}" for name in agents),
+        *sorted(origin.keys() - table.keys() - {"attack", "description", "seed"}),
+        *(f"{field} of agents" for field in fields),
+    ]
 
 
 class Stated(NamedTuple):
@@ -161,21 +203,26 @@ def read_attack(file: Path, attacked: str | None) -> tuple[Fields, Fields, str]:
     return table, read_table(name), name
 
 
-def _run(scenario: Scenario) -> tuple[Swarm, Evaluation]:
-    rows = shared_rows(scenario)
-    return rows.swarm, evaluate_rows(rows)
+class _End(NamedTuple):
+    """A side of a pair."""
+
+    role: str
+    """"normal", "adversary", or "other" for an obstacle or a limit."""
+    label: str
+
+    @property
+    def in_words(self) -> str:
+        """Such as "normal agent 1", "adversary 4" or "obstacle 0"."""
+        prefix = {"normal": "normal agent ", "adversary": "adversary "}.get(self.role, "")
+        return prefix + self.label
 
 
-def _apart(swarm: Swarm) -> float:
-    """Least distance of a normal agent from an adversary at the start [m]; 0 without one."""
-    x = swarm.start()
-    others = [j for j, member in enumerate(swarm.members) if member.adversary]
-    return min((swarm.apart(x, i, j) for i in swarm.normal for j in others), default=0.0)
-
-
-def _roles(swarm: Swarm, violation: Violation) -> tuple[str, ...]:
-    """Return the roles of a violation's pair."""
+def _ends(swarm: Swarm, violation: Violation) -> tuple[_End, _End]:
+    """Return the two sides of a violation's pair."""
     composed = swarm.safe_set
     pair = next(pair for pair in composed.pairs if composed.label(pair) == violation.pair)
     roles = ["adversary" if member.adversary else "normal" for member in swarm.members]
-    return tuple(roles[l] if l < len(roles) else "obstacle" for l in (pair.a, pair.b))
+    roles += ["other"] * len(composed.obstacles)
+    return _End(roles[pair.a], composed.labels[pair.a]), _End(
+        roles[pair.b], composed.labels[pair.b]
+    )

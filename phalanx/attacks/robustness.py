@@ -35,6 +35,7 @@ _LONGEST = MULTIPLES[0] - 1.0
 class Evaluation:
     """A run without files, and how close it came to a violation."""
 
+    swarm: Swarm
     summary: Summary
     recording: Recording
     """Its states and steps."""
@@ -85,7 +86,7 @@ def evaluate_rows(rows: SafetyRows, scales: Mapping[str, float] | None = None) -
             del highest[violation.pair]
     tau = max(swarm.horizon(i) for i in swarm.normal)
     pairs = {label: robustness(h / known[label], left[label] / tau) for label, h in highest.items()}
-    return Evaluation(summary, recording, pairs, _of_adversaries(swarm, pairs))
+    return Evaluation(swarm, summary, recording, pairs, _of_adversaries(swarm, pairs))
 
 
 def robustness(h: float, left: float) -> float:

@@ -41,7 +41,7 @@ def shrink(
 
     table, origin, known = read_attack(file, attacked)
     found = smallest({**table, "name": name or table["name"]}, origin)
-    text = attack_text(found, known, f"phalanx run {out or 'FILE'}")
+    text = attack_text(found, origin, known, f"phalanx run {out or 'FILE'}")
     if out is None:
         echo(text)
         return 0

@@ -42,7 +42,9 @@ def test_a_scenario_that_states_nothing_is_no_attack(tmp_path: Path) -> None:
 def test_an_attack_that_ships_shrinks_no_further() -> None:
     file = next(file for file in CORPUS if file.stem == "turned-away")
     found = smallest(read_table(file), read_table("guaranteed"))
-    assert found.table == read_table(file)
+    shipped = read_table(file)
+    assert shipped.pop("description").startswith("An attack on guaranteed: normal agent 2 and ")
+    assert found.table == shipped
     assert found.evaluation.summary.trajectory == stated(file).trajectory
 
 
