@@ -10,7 +10,7 @@ import phalanx
 from phalanx.attacks.admissible import nearest, shortfall
 from phalanx.attacks.robustness import Evaluation, evaluate
 from phalanx.attacks.shrinking import Fields, shrink, size_of
-from phalanx.guarantee.promised import promised
+from phalanx.guarantee.start import promised
 from phalanx.guarantee.verdict import Outcome, Violation
 from phalanx.scenario.attack import Attack
 from phalanx.scenario.load import ScenarioError, digest, read_table, scenario_text, validate

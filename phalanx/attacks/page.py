@@ -31,7 +31,7 @@ def write_attack_page(
     """Write one HTML file that needs no other; return its path. Raises OSError."""
     name = str(search.space.table.get("name", "attack"))
     histories = [history for history in search.histories if history.finds]
-    parts = ['<main class="study">', f"<h1>Attacks on {escape(name)}</h1>"]
+    parts = ['<main class="study">', f"<h1>Attacks on {escape(name)}</h1>", note(_INTRODUCTION)]
     if histories:
         curve = drawing(_CURVE, svg_of(partial(search_figure, histories)))
         parts.append(section("Search", curve + _counts(histories)))
@@ -39,13 +39,17 @@ def write_attack_page(
         archived = search.archive.best_first
         parts.append(section("Archive: the best attack of each behaviour", _table(archived, files)))
         if archived:
-            parts.append(section("The best attack", _diagram(search, archived[0][1])))
+            parts.append(section("The best attack", _best(search, archived[0][1], files)))
     else:
         parts.append(note("No run yet."))
     path.write_text(document(f"Attacks on {name}", [*parts, "</main>"], "72rem"), encoding="utf-8")
     return path
 
 
+_INTRODUCTION = (
+    "A search changed some fields of the scenario, within bounds, to bring a pair of agents as "
+    "close as possible to h > 0, where it is unsafe."
+)
 _CURVE = (
     "The least robustness after each run. Below 0 a pair was unsafe, below 1 it was without a "
     "certificate, above 1 it was under one throughout."
@@ -99,16 +103,20 @@ def fresh(find: Find) -> str:
     return f"{find.fresh_violated} of {len(find.fresh)} [{low:.0%}, {high:.0%}]"
 
 
-def _diagram(search: Search, find: Find) -> str:
-    scenario = load(table_of(search.space.table, find))
-    found = evaluate(scenario)
+def _best(search: Search, find: Find, files: dict[str, Path]) -> str:
+    """Return its verdict, its paths, and the fields in which it differs from the scenario."""
+    found = evaluate(load(table_of(search.space.table, find)))
     caption = (
-        f"Paths seen from above up to {find.when:.3f} s, and the distance of each adversary to the "
-        f"nearest normal agent over time; {found.summary.outcome}, trajectory "
-        f"{found.summary.trajectory[:16]}."
+        f"Paths seen from above, from the dots on to {find.when:.3f} s, and the distance of each "
+        "adversary to the nearest normal agent over time. Adversaries are red."
     )
     t, x = found.recording.times, found.recording.x
-    return drawing(caption, svg_of(partial(space_time_figure, search.swarm, t, x, find.when)))
+    shown = drawing(caption, svg_of(partial(space_time_figure, search.swarm, t, x, find.when)))
+    file = files.get(find.row.trajectory)
+    command = f" Repeat it: phalanx run {file}" if file else ""
+    said = note(f"{found.summary.outcome}: {found.summary.reason}.{command}")
+    changed = [(path, str(value)) for path, value in find.row.overrides.items()]
+    return said + shown + table(("field", "value of this attack"), changed)
 
 
 def space_time_figure(swarm: Swarm, t: Array, x: Array, when: float) -> Figure:
@@ -123,7 +131,10 @@ def space_time_figure(swarm: Swarm, t: Array, x: Array, when: float) -> Figure:
     for i, member in enumerate(swarm.members):
         colour = ADVERSARY if member.adversary else NORMAL
         seen.plot(points[until, i, 0], points[until, i, 1], color=colour, linewidth=1.2)
-        seen.annotate(member.name, points[until, i, :2][-1], color=colour)
+        seen.plot(*points[0, i, :2], "o", color=colour, markersize=4)
+        seen.annotate(
+            member.name, points[0, i, :2], (5, 5), textcoords="offset points", color=colour
+        )
         if member.adversary:
             apart = np.linalg.norm(points[:, list(swarm.normal)] - points[:, [i]], axis=2)
             over_time.plot(t, apart.min(axis=1), color=colour, linewidth=1.2, label=member.name)

@@ -41,18 +41,11 @@ class Evaluation:
     """Its states and steps."""
     pairs: Mapping[str, float]
     """Robustness of each pair, by its label."""
-    adversaries: Mapping[str, float]
-    """The least robustness of an adversary's pairs, by its name."""
 
     @property
     def least(self) -> float:
         """The robustness of the run: that of its weakest pair."""
         return min(self.pairs.values(), default=np.inf)
-
-    @property
-    def weakest(self) -> str:
-        """The label of the weakest pair."""
-        return min(self.pairs, key=self.pairs.__getitem__, default="")
 
 
 def evaluate(scenario: Scenario, scales: Mapping[str, float] | None = None) -> Evaluation:
@@ -86,7 +79,7 @@ def evaluate_rows(rows: SafetyRows, scales: Mapping[str, float] | None = None) -
             del highest[violation.pair]
     tau = max(swarm.horizon(i) for i in swarm.normal)
     pairs = {label: robustness(h / known[label], left[label] / tau) for label, h in highest.items()}
-    return Evaluation(swarm, summary, recording, pairs, _of_adversaries(swarm, pairs))
+    return Evaluation(swarm, summary, recording, pairs)
 
 
 def robustness(h: float, left: float) -> float:
@@ -109,13 +102,3 @@ def scales_of(swarm: Swarm) -> dict[str, float]:
     kinds = swarm.pairs.kinds_of(swarm.pairs.every)
     least = {kind: float(size[kinds == kind].min()) for kind in set(kinds.tolist())}
     return {label: least[kind] or 1.0 for label, kind in zip(at_start, kinds.tolist(), strict=True)}
-
-
-def _of_adversaries(swarm: Swarm, pairs: Mapping[str, float]) -> dict[str, float]:
-    composed, found = swarm.safe_set, dict[str, float]()
-    for pair in composed.pairs:
-        for l in (pair.a, pair.b):
-            if l < len(swarm.members) and swarm.members[l].adversary:
-                value = pairs.get(composed.label(pair), np.inf)
-                found[swarm.names[l]] = min(found.get(swarm.names[l], np.inf), value)
-    return found

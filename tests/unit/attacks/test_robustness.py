@@ -49,8 +49,7 @@ def test_a_pursuer_that_begins_closer_has_less_robustness_on_the_same_scale():
     values = [each.least for each in found]
     assert values == sorted(values, reverse=True)
     assert values[0] > 1.0 > 0.0 > values[-1]
-    assert all(each.adversaries == {"2": each.least} for each in found)
-    assert {each.weakest for each in found} == {"1-2"}
+    assert all(each.pairs == {"1-2": each.least} for each in found)
 
 
 def test_a_pair_that_is_under_a_certificate_throughout_has_what_is_left_of_it():
