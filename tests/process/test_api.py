@@ -31,6 +31,11 @@ def test_the_public_names_are_there_and_documented():
         _ = phalanx.walk
 
 
+def test_to_import_phalanx_is_not_to_import_it():
+    check = "import phalanx, sys; sys.exit(any(m.startswith('phalanx.') for m in sys.modules))"
+    subprocess.run([sys.executable, "-c", check], cwd=Path(__file__).parents[2], check=True)
+
+
 def test_states_are_a_table_with_a_row_for_each_event(run: phalanx.Run):
     assert run.states.columns[:7] == [
         "run", "scenario", "seed", "t", "h_tot", "1.x", "1.y"
