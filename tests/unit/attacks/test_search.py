@@ -67,13 +67,13 @@ def test_every_optimiser_finds_an_attack_that_repeats_to_the_same_hash(
 
 @pytest.mark.slow
 def test_a_search_that_was_stopped_goes_on_where_it_was(scenario, tmp_path):
-    complete = Direct()
-    whole = searched(scenario, tmp_path / "whole", complete, budget=6)
+    complete, options = Direct(), {"budget": 3, "batch": 5, "fresh": 1}
+    whole = searched(scenario, tmp_path / "whole", complete, **options)
     with pytest.raises(KeyboardInterrupt):
-        searched(scenario, tmp_path / "cut", Direct(most=8), budget=6)
+        searched(scenario, tmp_path / "cut", Direct(most=8), **options)
     assert (tmp_path / "cut" / "attack.html").exists()
     rest = Direct()
-    again = searched(scenario, tmp_path / "cut", rest, budget=6)
+    again = searched(scenario, tmp_path / "cut", rest, **options)
     assert archive(again) == archive(whole)
     assert complete.done - 8 <= rest.done < complete.done
 
